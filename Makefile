@@ -1,0 +1,46 @@
+# Everything runs in .venv, which the first target makes. `make demo` and `make test` need nothing else.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+STAMP  := $(VENV)/.installed
+JOBS   ?= auto
+
+.PHONY: help demo test check format bench recordings clean
+
+help:
+	@echo "make demo        fly the mock rig, identify, compare, report"
+	@echo "make test        the tests"
+	@echo "make check       lint, formatting and types"
+	@echo "make bench       re-measure every figure that docs/benchmarks.md quotes"
+	@echo "make recordings  re-make the reference recordings that ship"
+
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "heli3dof needs Python 3.11 or newer; $(PYTHON) is older. Try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	@touch $@
+
+demo: $(STAMP)
+	$(BIN)/heli3dof demo
+
+test: $(STAMP)
+	$(BIN)/python -m pytest -n $(JOBS)
+
+check: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: $(STAMP)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+bench: $(STAMP)
+	$(BIN)/python -m tests.bench
+
+recordings: $(STAMP)
+	$(BIN)/python -m heli3dof_recordings.make
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info

@@ -1,0 +1,105 @@
+"""The errors of heli3dof: what happened, the likely cause, what to do.
+
+::
+
+    Heli3dofError              1    a fault of ours
+    ├── UsageError             2    a wrong option, plan or value
+    │   ├── ProfileError       2    a profile with an unknown, missing or impossible key
+    │   ├── PlanError          2    an experiment plan that makes no sense or leaves the envelope
+    │   └── OutputExists       2    we never overwrite without --force
+    ├── DeviceError            3    device missing, busy or not permitted
+    ├── SafetyTrip             4    the envelope or an e-stop ended the flight
+    ├── RecordingError         5    a recording or model file cannot be used
+    │   └── NoSpace            5    the disk is full: nothing more can be kept
+    └── CheckFailed            6    the thing asked for does not hold
+        └── UnstableLoop       6    the gain does not stabilise the chosen model
+
+Every error carries three sentences, and the command line prints all three.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class Heli3dofError(Exception):
+    """Base of all our errors: ``what`` happened, its likely ``cause`` and the ``fix`` to try.
+
+    ``exit_code`` is the process's exit status when the error reaches the command line.
+    """
+
+    exit_code = 1
+
+    def __init__(self, what: str, *, cause: str = "", fix: str = "") -> None:
+        super().__init__(what)
+        self.what = what
+        self.cause = cause
+        self.fix = fix
+
+    def __str__(self) -> str:
+        parts = [self.what]
+        if self.cause:
+            parts.append(f"Likely cause: {self.cause}")
+        if self.fix:
+            parts.append(f"Try: {self.fix}")
+        return "\n".join(parts)
+
+
+class UsageError(Heli3dofError):
+    exit_code = 2
+
+
+class ProfileError(UsageError):
+    pass
+
+
+class PlanError(UsageError):
+    pass
+
+
+class OutputExists(UsageError):
+    pass
+
+
+class DeviceError(Heli3dofError):
+    exit_code = 3
+
+
+class SafetyTrip(Heli3dofError):
+    exit_code = 4
+
+
+class RecordingError(Heli3dofError):
+    exit_code = 5
+
+
+class NoSpace(RecordingError):
+    pass
+
+
+class CheckFailed(Heli3dofError):
+    exit_code = 6
+
+
+class UnstableLoop(CheckFailed):
+    pass
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """The known word nearest to ``word``, or None when nothing is near.
+
+    >>> nearest("motr", ["mass", "motor", "loop"])
+    'motor'
+    """
+    matches = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
+    return matches[0] if matches else None
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """A half sentence for error messages: the nearest known word, else all of them."""
+    known = list(known)
+    match = nearest(word, known)
+    if match is not None:
+        return f"did you mean {match!r}?"
+    return "known: " + ", ".join(sorted(known))

@@ -1,0 +1,61 @@
+"""Drivers, found through the entry-point group ``heli3dof.drivers``.
+
+heli3dof never imports a driver package by name: ours and third parties' are found alike. A
+driver that fails to import is a warning when rigs are listed and an error only when it is asked
+for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint, entry_points
+
+from heli3dof.errors import DeviceError, UsageError, did_you_mean
+from heli3dof.rig.port import Driver, Rig
+from heli3dof.rig.profile import Profile
+from heli3dof.rig.url import DeviceUrl, parse_url
+
+GROUP = "heli3dof.drivers"
+
+
+def registered() -> dict[str, EntryPoint]:
+    """Scheme → entry point of every registered driver."""
+    return {e.name: e for e in entry_points(group=GROUP)}
+
+
+def load_driver(scheme: str) -> Driver:
+    """The driver for a URL scheme. Raises UsageError for an unknown one, naming the nearest."""
+    known = registered()
+    if scheme not in known:
+        raise UsageError(
+            f"There is no driver for {scheme + ':'!r}.",
+            cause=f"a typing error in the device URL; {did_you_mean(scheme, known)}",
+            fix="heli3dof devices",
+        )
+    try:
+        factory = known[scheme].load()
+        driver: Driver = factory()
+    except Exception as error:
+        raise DeviceError(
+            f"The driver for {scheme + ':'!r} does not load: {error}",
+            cause=f"its package ({known[scheme].value}) is broken or lacks a dependency.",
+            fix="pip install --force-reinstall the package that provides it",
+        ) from error
+    return driver
+
+
+def open_rig(url: str | DeviceUrl, profile: Profile) -> Rig:
+    """Open the rig that a device URL names."""
+    parsed = parse_url(url) if isinstance(url, str) else url
+    driver = load_driver(parsed.scheme)
+    parsed.check_options(driver.options)
+    return driver.open(parsed, profile)
+
+
+def find_rigs() -> Iterator[tuple[str, list[str], str | None]]:
+    """For each driver: its scheme, the URLs of the rigs present, and why it failed, if it did."""
+    for scheme in sorted(registered()):
+        try:
+            yield scheme, list(load_driver(scheme).find()), None
+        except Exception as error:
+            yield scheme, [], str(error)

@@ -1,0 +1,135 @@
+"""The rig's port: what the loop asks of any rig, on the bench or emulated.
+
+One exchange is one control period: the command takes effect at once, the sample is taken at the
+period's end. So sample k's voltage follows from sample k's angles and is held until k+1::
+
+    sample = rig.arm()
+    while flying:
+        command = controller(sample)
+        sample = rig.exchange(command, due_s)
+
+Where the device times the stream (``Identity.timebase == "device"``), ``due_s`` is ignored and
+the call returns with the device's next sample. Where the host does, the driver waits until
+``due_s`` with `heli3dof.rig.clock.wait_until` and asks then. Drivers register a `Driver` under
+the entry-point group ``heli3dof.drivers``, by the scheme of their URLs.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Protocol
+
+if TYPE_CHECKING:
+    from heli3dof.rig.profile import Profile
+    from heli3dof.rig.url import DeviceUrl
+
+
+class Flags(enum.IntFlag):
+    """What a sample says of the device's state."""
+
+    ENABLED = 1
+    """The amplifier is enabled: voltages reach the motors."""
+    FAULT = 2
+    """The amplifier reports a fault (overcurrent, over-temperature)."""
+    STALL = 4
+    """A motor draws current without turning."""
+    LATCHED = 8
+    """The watchdog expired; the output is zero until the device is armed again."""
+    ESTOP = 16
+    """An emergency stop is in force."""
+    SATURATED = 32
+    """The device clipped the command to its own limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who answers: printed by ``heli3dof devices`` and written into every recording."""
+
+    driver: str
+    model: str
+    serial: str
+    firmware: str
+    protocol: str
+    counts_per_rev: tuple[int, int, int]
+    """Roll, pitch, yaw; signed as in the profile."""
+    v_max: float
+    """V, the amplifier's limit."""
+    watchdog_s: float
+    """Seconds without a command until the device ramps to zero and latches."""
+    timebase: Literal["host", "device"]
+    emulated: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One period's voltages. The device echoes ``sequence`` in the sample that follows."""
+
+    sequence: int
+    v_front: float
+    """V"""
+    v_back: float
+    """V"""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One reading of the rig."""
+
+    sequence: int
+    """The sequence of the last command that the device carried out."""
+    device_time_s: float
+    """s on the device's clock."""
+    counts: tuple[int, int, int]
+    """Roll, pitch, yaw encoder counts since power-up (zero at the rest angles)."""
+    v_applied: tuple[float, float]
+    """V, front and back: what the device put out during the period that ended now."""
+    current: tuple[float, float]
+    """A, front and back; NaN where not measured."""
+    flags: Flags
+    host_time_s: float
+    """s on the host's monotonic clock when the sample arrived."""
+
+
+class Rig(Protocol):
+    """An open connection to one rig. Every method may raise DeviceError."""
+
+    @property
+    def identity(self) -> Identity: ...
+
+    def arm(self) -> Sample:
+        """Enable the amplifier at zero volts, clear latches, and return a first sample."""
+        ...
+
+    def exchange(self, command: Command, due_s: float) -> Sample:
+        """Put out the command now; return the sample at the period's end.
+
+        Where the host keeps time, ``due_s`` (host monotonic) is that end.
+        """
+        ...
+
+    def estop(self, reason: str) -> None:
+        """Zero volts now, whatever the state. Idempotent; holds until `arm`."""
+        ...
+
+    def close(self) -> None:
+        """Zero volts, disable the amplifier, release the port. Idempotent."""
+        ...
+
+
+class Driver(Protocol):
+    """What a driver package registers: how to find its rigs and how to open one."""
+
+    scheme: str
+    """The URL scheme, e.g. ``mock``."""
+    options: Sequence[str]
+    """Names of the options that the URL may carry, for error messages."""
+
+    def find(self) -> Sequence[str]:
+        """Device URLs of the rigs present now. Quick, and never moves anything."""
+        ...
+
+    def open(self, url: DeviceUrl, profile: Profile) -> Rig:
+        """Connect. Raises DeviceError (missing, busy, not permitted) or UsageError (options)."""
+        ...

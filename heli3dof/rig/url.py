@@ -1,0 +1,59 @@
+"""Device URLs: ``scheme:`` or ``scheme://where``, then ``?option=value&option=value``.
+
+``mock:?profile=P&hide=friction.coulomb.yaw:0.03&seed=1&speed=max`` ·
+``serial:///dev/ttyACM0?baud=921600`` · ``usb://VID:PID/SERIAL`` · ``quanser://BOARD/ID``
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from urllib.parse import parse_qsl
+
+from heli3dof.errors import UsageError, did_you_mean
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceUrl:
+    """A device URL taken apart; ``options`` keeps every value of a repeated option."""
+
+    text: str
+    scheme: str
+    where: str
+    options: Mapping[str, tuple[str, ...]]
+
+    def one(self, name: str, default: str | None = None) -> str | None:
+        """The last value of an option, or the default."""
+        values = self.options.get(name, ())
+        return values[-1] if values else default
+
+    def check_options(self, known: Iterable[str]) -> None:
+        """Raise UsageError for an option that the driver does not know."""
+        known = list(known)
+        for name in self.options:
+            if name not in known:
+                raise UsageError(
+                    f"{self.text}: the {self.scheme}: driver has no option {name!r}.",
+                    cause=f"a typing error; {did_you_mean(name, known)}",
+                    fix=f"heli3dof devices, or one of: {', '.join(known)}",
+                )
+
+
+def parse_url(text: str) -> DeviceUrl:
+    """Take a device URL apart. Raises UsageError when it has no scheme.
+
+    >>> parse_url("mock:?seed=1").one("seed")
+    '1'
+    """
+    scheme, colon, rest = text.partition(":")
+    if not colon or not scheme:
+        raise UsageError(
+            f"{text!r} is not a device URL.",
+            cause="the scheme is missing; a device is named by scheme and place.",
+            fix="--device mock: or --device serial:///dev/ttyACM0; heli3dof devices lists them",
+        )
+    where, _, query = rest.partition("?")
+    options: dict[str, tuple[str, ...]] = {}
+    for name, value in parse_qsl(query, keep_blank_values=True):
+        options[name] = (*options.get(name, ()), value)
+    return DeviceUrl(text, scheme, where.removeprefix("//"), options)

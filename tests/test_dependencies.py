@@ -1,0 +1,86 @@
+"""Dependencies point one way: cli → the verbs' packages → model, recording, rig → numpy."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+# Each package may import itself and what stands in its row, besides libraries.
+MAY_IMPORT = {
+    "errors": set(),
+    "axes": set(),
+    "rig": {"errors", "axes"},
+    "recording": {"errors", "axes", "rig"},
+    "model": {"errors", "axes", "rig", "recording"},
+    "experiment": {"errors", "axes", "rig", "recording", "model"},
+    "identify": {"errors", "axes", "rig", "recording", "model"},
+    "compare": {"errors", "axes", "rig", "recording", "model"},
+    "report": {"errors", "axes", "rig", "recording", "model", "identify", "compare"},
+    "cli": {
+        "errors", "axes", "rig", "recording", "model", "experiment", "identify", "compare", "report"
+    },
+}  # fmt: skip
+
+
+def imports_of(path: Path) -> set[str]:
+    """Absolute names of everything a file imports, wherever in the file."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {a.name for a in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            assert node.module is not None
+            names |= {f"{node.module}.{a.name}" for a in node.names}
+    return names
+
+
+def files(package: str) -> list[Path]:
+    folder = ROOT / "heli3dof" / package
+    return sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
+
+
+@pytest.mark.parametrize("package", sorted(MAY_IMPORT))
+def test_each_package_imports_only_what_lies_below_it(package: str) -> None:
+    allowed = MAY_IMPORT[package] | {package}
+    for path in files(package):
+        for name in imports_of(path):
+            parts = name.split(".")
+            if parts[0] == "heli3dof" and len(parts) > 1:
+                assert parts[1] in allowed, f"{path.relative_to(ROOT)} imports {name}"
+
+
+def test_every_package_stands_in_the_table() -> None:
+    found = {
+        p.stem if p.is_file() else p.name
+        for p in (ROOT / "heli3dof").iterdir()
+        if p.name not in {"__init__.py", "__main__.py", "__pycache__", "py.typed", "api.py"}
+    }
+    assert found == set(MAY_IMPORT)
+
+
+def test_heli3dof_never_imports_a_driver_package() -> None:
+    for path in (ROOT / "heli3dof").rglob("*.py"):
+        assert not any(n.startswith("heli3dof_drivers") for n in imports_of(path)), path
+
+
+def test_the_emulated_plant_shares_no_code_with_the_models() -> None:
+    banned = ("heli3dof.model", "heli3dof.identify", "heli3dof.compare", "heli3dof.experiment")
+    for path in (ROOT / "drivers").rglob("*.py"):
+        assert not any(n.startswith(banned) for n in imports_of(path)), path
+
+
+def test_heavy_libraries_are_not_imported_at_the_top_of_the_command_line() -> None:
+    heavy = {"numpy", "scipy", "control", "numba", "matplotlib", "mcap", "pydantic"}
+    for path in files("cli"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in tree.body:
+            names = set()
+            if isinstance(node, ast.Import):
+                names = {a.name.split(".")[0] for a in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                names = {node.module.split(".")[0]}
+            assert not names & heavy, f"{path.name} imports {names & heavy} at its top"
