@@ -30,8 +30,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from heli3dof.errors import ProfileError, did_you_mean
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Counts = Annotated[int, Field(strict=True)]
 
 K_G: tuple[tuple[float, ...], ...] = (
@@ -208,7 +208,9 @@ def profile_from_dict(data: Mapping[str, Any], *, source: str = "profile") -> Pr
 
 
 def _explain(error: ValidationError, source: str) -> ProfileError:
-    first = error.errors(include_url=False)[0]
+    # A misspelt key is both unknown and missing: the unknown one tells more.
+    errors = error.errors(include_url=False)
+    first = min(errors, key=lambda e: e["type"] != "extra_forbidden")
     path = [str(part) for part in first["loc"]]
     key = ".".join(path)
     section, known = _known_keys(path[:-1])
