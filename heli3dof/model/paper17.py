@@ -57,29 +57,15 @@ def dc_gains_deg() -> np.ndarray:
     return numerators_deg()[:, :, -1] / DENOMINATOR[-1]
 
 
-def realisation(
-    *, mended: bool = False, transposed: bool = False
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(A (8, 8), B (8, 2), C (3, 8)) in rad and V: one controllable canonical form per motor.
-
-    ``transposed`` reads the indices of T the other way, T_{i,j} from motor j to angle i, which
-    the six printed entries allow for two angles only; the third is left out.
-    """
+def realisation(*, mended: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(A (8, 8), B (8, 2), C (3, 8)) in rad and V: one controllable canonical form per motor."""
     num = np.deg2rad(numerators_deg(mended=mended))
     companion = np.zeros((4, 4))
     companion[0] = -np.array(DENOMINATOR[1:])
     companion[1:, :-1] = np.eye(3)
-    A = la.block_diag(companion, companion)
     B = np.zeros((8, 2))
     B[0, 0] = B[4, 1] = 1.0
-    C = np.zeros((3, 8))
-    for motor in range(2):
-        for angle in range(3):
-            if not transposed:
-                C[angle, 4 * motor : 4 * motor + 4] = num[motor, angle]
-            elif angle < 2:
-                C[motor, 4 * angle : 4 * angle + 4] = num[motor, angle]
-    return A, B, C
+    return la.block_diag(companion, companion), B, np.hstack([num[0], num[1]])
 
 
 def paper17_model(
