@@ -32,7 +32,8 @@ def register(app: typer.Typer) -> None:
 @verb
 def run_step(
     roll: Annotated[
-        float | None, typer.Option("--roll", "--elevation", help="Step to this roll angle, degrees.")
+        float | None,
+        typer.Option("--roll", "--elevation", help="Step to this roll angle, degrees."),
     ] = None,
     pitch: Annotated[
         float | None, typer.Option("--pitch", help="Step to this pitch angle, degrees.")
@@ -190,7 +191,9 @@ def _progress(talk: Talk, live: Live, name: str) -> Iterator[None]:
     def watch(task: Any) -> None:
         while not done.wait(REFRESH_S):
             r, p, y = (a * 57.29577951308232 for a in live.angle)
-            state = f"{live.phase}  roll {r:+6.1f}°  pitch {p:+6.1f}°  yaw {y:+7.1f}°  late {live.late}"
+            state = (
+                f"{live.phase}  roll {r:+6.1f}°  pitch {p:+6.1f}°  yaw {y:+7.1f}°  late {live.late}"
+            )
             bar.update(task, completed=live.done, total=live.total, state=state)
             bar.refresh()
 
