@@ -26,7 +26,7 @@ from heli3dof.compare.prediction import (
     rmse_deg,
     stitched,
 )
-from heli3dof.compare.replay import Replay, flown_rows, replay, why_not_replayed
+from heli3dof.compare.replay import Replay, replay, under_control, why_not_replayed
 from heli3dof.errors import Heli3dofError
 from heli3dof.model.base import Model
 from heli3dof.recording.recording import Recording
@@ -77,6 +77,9 @@ class FlightComparison:
     """One recording and every model against it."""
 
     recording: Recording
+    """As it was given."""
+    flown: Recording
+    """The part that a controller flew: what everything below is about."""
     experiment: Mapping[str, AxisMetrics]
     loop: str
     """``replayed`` or ``not replayed``."""
@@ -143,74 +146,70 @@ def compare_flight(
     recording: Recording, models: Sequence[Model], *, horizons_s: Sequence[float] = HORIZONS_S
 ) -> FlightComparison:
     """One recording against several models."""
-    why = why_not_replayed(recording)
-    fits = tuple(h for h in horizons_s if h < recording.duration)
+    flown = under_control(recording)
+    why = why_not_replayed(flown)
+    fits = tuple(h for h in horizons_s if h < flown.duration)
     reasons: list[list[str]] = [[] for _ in models]
     replays = [
-        None if why else _attempt(partial(replay, m, recording), reasons[i])
+        None if why else _attempt(partial(replay, m, flown), reasons[i])
         for i, m in enumerate(models)
     ]
     made = [
-        _attempt(partial(predictions, m, recording, fits), reasons[i]) if fits else None
+        _attempt(partial(predictions, m, flown, fits), reasons[i]) if fits else None
         for i, m in enumerate(models)
     ]
-    held = predictions(HeldStill(), recording, fits) if fits else None
+    held = predictions(HeldStill(), flown, fits) if fits else None
     rows = common_rows([p for p in (*made, held) if p is not None])
     return FlightComparison(
         recording=recording,
-        experiment=_metrics(recording, recording.t, recording.angle),
+        flown=flown,
+        experiment=_metrics(flown, flown.angle),
         loop="not replayed" if why else "replayed",
         why=why,
-        held_still=_prediction_error(recording, held, rows, fits),
+        held_still=_prediction_error(flown, held, rows, fits),
         models=tuple(
-            _model_comparison(recording, m, flown, p, rows, fits, tuple(reasons[i]))
-            for i, (m, flown, p) in enumerate(zip(models, replays, made, strict=True))
+            _model_comparison(flown, m, r, p, rows, fits, tuple(reasons[i]))
+            for i, (m, r, p) in enumerate(zip(models, replays, made, strict=True))
         ),
     )
 
 
 def _model_comparison(
-    recording: Recording,
+    flown: Recording,
     model: Model,
-    flown: Replay | None,
+    replayed: Replay | None,
     made: Predictions | None,
     rows: Mapping[float, np.ndarray],
     horizons_s: Sequence[float],
     cannot: tuple[str, ...],
 ) -> ModelComparison:
     metrics, rmse, trace = None, None, None
-    if flown is not None:
-        metrics = _metrics(recording, flown.t, flown.angle)
-        error = np.degrees(flown.angle - recording.angle[flown_rows(recording)])
+    if replayed is not None:
+        metrics = _metrics(flown, replayed.angle)
+        error = np.degrees(replayed.angle - flown.angle)
         # Not nanmean: a model that diverges has no RMSE, rather than that of its first seconds.
         rmse = np.sqrt(np.mean(error**2, axis=0))
-        trace = Trace(model.name, "replay", flown.t, flown.angle)
-        cannot = (*cannot, *_divergence(flown))
+        trace = Trace(model.name, "replay", replayed.t, replayed.angle)
+        cannot = (*cannot, *_divergence(replayed))
     elif made is not None:
-        trace = Trace(model.name, "prediction", *stitched(recording, made))
+        trace = Trace(model.name, "prediction", *stitched(flown, made))
     return ModelComparison(
         name=model.name,
         kind=model.kind,
         metrics=metrics,
         replay_rmse_deg=rmse,
-        diverged_at_s=None if flown is None else flown.diverged_at_s,
-        unstable_poles=() if flown is None else flown.unstable_poles,
-        prediction=_prediction_error(recording, made, rows, horizons_s),
+        diverged_at_s=None if replayed is None else replayed.diverged_at_s,
+        unstable_poles=() if replayed is None else replayed.unstable_poles,
+        prediction=_prediction_error(flown, made, rows, horizons_s),
         trace=trace,
         cannot=cannot,
     )
 
 
-def _metrics(recording: Recording, t: np.ndarray, angle: np.ndarray) -> Mapping[str, AxisMetrics]:
-    """Metrics of the experiment or of a replay, over the rows under control."""
-    rows = flown_rows(recording)
-    whole = len(t) == len(recording)
-    return flight_metrics(
-        t[rows] if whole else t,
-        angle[rows] if whole else angle,
-        recording.reference[rows],
-        resolution=recording.profile.encoder.rad_per_count,
-    )
+def _metrics(flown: Recording, angle: np.ndarray) -> Mapping[str, AxisMetrics]:
+    """Metrics of the experiment or of a replay over the same rows."""
+    grain = flown.profile.encoder.rad_per_count
+    return flight_metrics(flown.t, angle, flown.reference, resolution=grain)
 
 
 def _prediction_error(
@@ -229,14 +228,14 @@ def _prediction_error(
     )
 
 
-def _divergence(flown: Replay) -> list[str]:
+def _divergence(replayed: Replay) -> list[str]:
     found = []
-    if flown.unstable_poles:
-        p = flown.unstable_poles[0]
+    if replayed.unstable_poles:
+        p = replayed.unstable_poles[0]
         pole = f"{p.real:+.3f}" + (f" ± {abs(p.imag):.3f}j" if abs(p.imag) > 1e-9 else "")
         found.append(f"unstable in this loop: a pole at {pole} rad/s.")
-    if flown.diverged_at_s is not None:
-        found.append(f"diverges at {flown.diverged_at_s:.2f} s: no metrics.")
+    if replayed.diverged_at_s is not None:
+        found.append(f"diverges at {replayed.diverged_at_s:.2f} s: no metrics.")
     return found
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from heli3dof.axes import AXES, PITCH, ROLL, YAW
 from heli3dof.model.base import LoopTask, Model
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.row import CLOSED_LOOP
 
 DIVERGED_DEG = {ROLL: 180.0, PITCH: 180.0, YAW: 720.0}
 """A model this far from its reference has left every rig: it diverges."""
@@ -55,21 +56,22 @@ def why_not_replayed(recording: Recording) -> str | None:
 def loop_task(recording: Recording) -> LoopTask:
     """What the recorded flight was asked to do, at the profile's exact control period.
 
+    Give it the rows under control only (`under_control`).
+
     A recording with lost samples is filled with the last reference and extra voltage, as the
     controller would have held them. Raises ValueError for a recording that `why_not_replayed`.
     """
     if why := why_not_replayed(recording):
         raise ValueError(why)
-    profile, flown = recording.profile, flown_rows(recording)
-    t = recording.t[flown]
+    profile, t = recording.profile, recording.t
     grid = _grid(t, profile.dt)
     # Half a period of slack: a sample that came late still belongs to its own period.
     held = np.searchsorted(t, grid + 0.5 * profile.dt, side="right") - 1
     assert profile.controller is not None
     return LoopTask(
-        reference=recording.reference[flown][held],
-        extra=np.nan_to_num(recording.voltage_extra[flown][held]),
-        angle0=recording.angle[flown][0],
+        reference=recording.reference[held],
+        extra=np.nan_to_num(recording.voltage_extra[held]),
+        angle0=recording.angle[0],
         controller=profile.controller,
         V_o=profile.motor.V_o,
         v_max=profile.motor.v_max,
@@ -78,16 +80,26 @@ def loop_task(recording: Recording) -> LoopTask:
     )
 
 
-def flown_rows(recording: Recording) -> slice:
-    """The rows under control: from the first reference to the last (a ramp-down has none)."""
-    known = np.flatnonzero(~np.isnan(recording.reference).all(axis=1))
-    return slice(int(known[0]), int(known[-1]) + 1) if len(known) else slice(0, len(recording))
+def under_control(recording: Recording) -> Recording:
+    """The part that a controller flew: without the ramp to zero volts that ends a flight.
+
+    Recordings of ours say so in their ``phase``; of others, what has no reference at either end
+    is left out, where there is a reference at all.
+    """
+    if "phase" in recording.channels:
+        flown = recording.channels["phase"] == CLOSED_LOOP
+    else:
+        flown = ~np.isnan(recording.reference).all(axis=1)
+    rows = np.flatnonzero(flown)
+    if not len(rows):
+        return recording
+    return recording.rows(slice(int(rows[0]), int(rows[-1]) + 1))
 
 
 def replay(model: Model, recording: Recording) -> Replay:
     """Fly the model through the recording's task. Raises ValueError where the loop is unknown."""
-    task = loop_task(recording)
-    flown = recording.rows(flown_rows(recording))
+    flown = under_control(recording)
+    task = loop_task(flown)
     with np.errstate(over="ignore", invalid="ignore"):
         result = model.fly(task)
         away = np.abs(np.degrees(result.angle - np.nan_to_num(task.reference)))

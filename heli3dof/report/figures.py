@@ -75,7 +75,11 @@ def angle_figure(
             axes.plot(c.t, c.y, **c.line.kwargs())
             if c.dotted_starts:
                 start = np.isfinite(c.y) & ~np.isfinite(np.concatenate([[np.nan], c.y[:-1]]))
-                dot = {"color": c.line.color, "zorder": c.line.z + 1, "markersize": 4.5}
+                dot: dict[str, Any] = {
+                    "color": c.line.color,
+                    "zorder": c.line.z + 1,
+                    "markersize": 4.5,
+                }
                 axes.plot(c.t[start], c.y[start], "o", markeredgecolor="white", **dot)
         axes.set_ylim(*_limits(curves, frame))
         times = np.concatenate([c.t for c in curves])
@@ -95,7 +99,7 @@ def comparison_figures(flight: FlightComparison) -> dict[str, Figure]:
 
 def comparison_figure(flight: FlightComparison, axis: str) -> Figure:
     """One of Figures 7–9 for one recording."""
-    i, recording = AXES.index(axis), flight.recording
+    i, recording = AXES.index(axis), flight.flown
     curves = [Curve("experiment", recording.t, np.degrees(recording.angle[:, i]), EXPERIMENT)]
     if recording.has_reference(axis):
         reference = np.degrees(recording.reference[:, i])

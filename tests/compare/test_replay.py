@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.compare.replay import flown_rows, loop_task, replay, why_not_replayed
+from heli3dof.compare.replay import loop_task, replay, under_control, why_not_replayed
 from heli3dof.rig.profile import default_profile
 from tests.compare.fakes import FakeHover, flight
 
@@ -71,8 +71,12 @@ def test_the_ramp_down_at_the_end_is_not_flown() -> None:
     reference = recording.reference.copy()
     reference[-250:] = np.nan
     ramped = replace(recording, reference=reference)
-    assert flown_rows(ramped) == slice(0, len(recording) - 250)
+    assert len(under_control(ramped)) == len(recording) - 250
     assert len(replay(FakeHover(), ramped).t) == len(recording) - 250
+    # Our own recordings keep the ramp's reference, and say in their phase that nobody flew it.
+    phase = np.where(np.arange(len(recording)) < 4000, 0.0, 1.0)
+    ours = replace(recording, channels={"phase": phase})
+    assert len(replay(FakeHover(), ours).t) == 4000
 
 
 def test_a_model_that_diverges_says_when_and_is_cut_there() -> None:
