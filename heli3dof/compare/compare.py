@@ -18,6 +18,8 @@ import numpy as np
 from heli3dof.compare.metrics import METRICS, AxisMetrics, flight_metrics
 from heli3dof.compare.prediction import (
     HORIZONS_S,
+    STEPS_AVERAGED,
+    STEPS_DRAWN,
     HeldStill,
     Predictions,
     common_rows,
@@ -149,16 +151,17 @@ def compare_flight(
     flown = under_control(recording)
     why = why_not_replayed(flown)
     fits = tuple(h for h in horizons_s if h < flown.duration)
+    steps = STEPS_DRAWN if why else STEPS_AVERAGED  # a replay is drawn itself
     reasons: list[list[str]] = [[] for _ in models]
     replays = [
         None if why else _attempt(partial(replay, m, flown), reasons[i])
         for i, m in enumerate(models)
     ]
     made = [
-        _attempt(partial(predictions, m, flown, fits), reasons[i]) if fits else None
+        _attempt(partial(predictions, m, flown, fits, steps=steps), reasons[i]) if fits else None
         for i, m in enumerate(models)
     ]
-    held = predictions(HeldStill(), flown, fits) if fits else None
+    held = predictions(HeldStill(), flown, fits, steps=steps) if fits else None
     rows = common_rows([p for p in (*made, held) if p is not None])
     return FlightComparison(
         recording=recording,
@@ -223,7 +226,7 @@ def _prediction_error(
     every = rmse_deg(recording, made, rows)
     return PredictionError(
         ahead_deg={float(h): every[round(float(h), 9)] for h in horizons_s},
-        over_window_deg=over_window_deg(every, made.window_s),
+        over_window_deg=over_window_deg(every, made),
         window_s=made.window_s,
     )
 

@@ -19,8 +19,10 @@ from heli3dof.model.base import Model
 from heli3dof.recording.recording import Recording
 
 HORIZONS_S = (0.5, 1.0, 3.0)
-STEPS_PER_WINDOW = 12
-"""A stitched window is drawn and averaged at this many instants (every 0.25 s of 3 s)."""
+STEPS_DRAWN = 30
+"""Instants of a window that is drawn (every 0.1 s of 3 s)."""
+STEPS_AVERAGED = 12
+"""Instants of one that is only averaged (every 0.25 s): enough for a mean, and cheaper."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +31,13 @@ class Predictions:
 
     ahead: Mapping[float, np.ndarray]
     """By horizon in s: (N, 3) rad, row k predicted that long before; NaN where none."""
-    window_s: float
-    """The longest horizon: the length of a stitched window."""
+    instants_s: np.ndarray
+    """(M,) s: the instants of a window after its start, the last being its whole length."""
+
+    @property
+    def window_s(self) -> float:
+        """The longest horizon: the length of a stitched window."""
+        return float(self.instants_s[-1])
 
 
 class HeldStill:
@@ -47,18 +54,17 @@ class HeldStill:
         return held
 
 
-def window_horizons(longest_s: float) -> np.ndarray:
-    """(12,) s: the instants of a window, the last being its whole length."""
-    return longest_s * np.arange(1, STEPS_PER_WINDOW + 1) / STEPS_PER_WINDOW
-
-
 def predictions(
-    model: Model | HeldStill, recording: Recording, horizons_s: Sequence[float] = HORIZONS_S
+    model: Model | HeldStill,
+    recording: Recording,
+    horizons_s: Sequence[float] = HORIZONS_S,
+    *,
+    steps: int = STEPS_DRAWN,
 ) -> Predictions:
-    """Predict at each horizon asked for and at every instant of the stitched windows."""
-    longest = max(horizons_s)
-    wanted = {round(float(h), 9) for h in (*horizons_s, *window_horizons(longest))}
-    return Predictions({h: model.predict(recording, h) for h in sorted(wanted)}, longest)
+    """Predict at each horizon asked for, and at ``steps`` instants of windows of the longest."""
+    instants = np.round(max(horizons_s) * np.arange(1, steps + 1) / steps, 9)
+    wanted = sorted({round(float(h), 9) for h in (*horizons_s, *instants)})
+    return Predictions({h: model.predict(recording, h) for h in wanted}, instants)
 
 
 def common_rows(several: Sequence[Predictions]) -> Mapping[float, np.ndarray]:
@@ -83,16 +89,16 @@ def rmse_deg(
     }
 
 
-def over_window_deg(by_horizon: Mapping[float, np.ndarray], window_s: float) -> np.ndarray:
-    """(3,) degrees: the RMSE over the window from 0 (no error yet) to ``window_s``.
+def over_window_deg(by_horizon: Mapping[float, np.ndarray], made: Predictions) -> np.ndarray:
+    """(3,) degrees: the RMSE over a window, from 0 (no error yet) to its end.
 
-    The squares are averaged by the trapezoidal rule over the window's instants.
+    ``by_horizon`` is what `rmse_deg` gave. The squares are averaged over the window's instants by
+    the trapezoidal rule.
     """
-    h = window_horizons(window_s)
-    squares = np.array([by_horizon[round(float(x), 9)] ** 2 for x in h])
+    squares = np.array([by_horizon[float(h)] ** 2 for h in made.instants_s])
     squares = np.vstack([np.zeros((1, squares.shape[1])), squares])
-    mean = np.trapezoid(squares, np.concatenate([[0.0], h]), axis=0) / window_s
-    return np.asarray(np.sqrt(mean))
+    instants = np.concatenate([[0.0], made.instants_s])
+    return np.asarray(np.sqrt(np.trapezoid(squares, instants, axis=0) / made.window_s))
 
 
 def stitched(recording: Recording, made: Predictions) -> tuple[np.ndarray, np.ndarray]:
@@ -100,7 +106,7 @@ def stitched(recording: Recording, made: Predictions) -> tuple[np.ndarray, np.nd
 
     Each window starts on the measured angles and runs free for ``made.window_s``.
     """
-    h = [round(float(x), 9) for x in window_horizons(made.window_s)]
+    h = [float(x) for x in made.instants_s]
     steps = [0, *(max(1, round(x / recording.dt)) for x in h)]
     times, angles = [], []
     for start in range(0, len(recording) - 1, steps[-1]):

@@ -58,19 +58,19 @@ TABLE_II: tuple[Published, ...] = _differences()
 """Table II as printed: twelve differences between a model and the experiment, in degrees."""
 
 TEXT: tuple[Published, ...] = (
-    Published("roll", "experiment", "peak", 23, "section III, Fig 7", False, NO_EXPERIMENT),
-    Published("roll", "identification", "peak", 22, "section III, Fig 7", False, NO_IDENTIFICATION),
-    Published("roll", "hover", "peak", 12, "section III, Fig 7", True, HOVER_ROLL),
+    Published("roll", "experiment", "peak", 23, "Fig 7", False, NO_EXPERIMENT),
+    Published("roll", "identification", "peak", 22, "Fig 7", False, NO_IDENTIFICATION),
+    Published("roll", "hover", "peak", 12, "Fig 7", True, HOVER_ROLL),
     Published("roll", "hover", "error", 0, "Fig 7", True, HOVER_ROLL),
-    Published("pitch", "identification", "error", 3, "section III", False, NO_IDENTIFICATION),
-    Published("pitch", "hover", "peak", 0, "section III, Fig 8 (1e-15)", True, BY_SYMMETRY),
-    Published("pitch", "hover", "error", 0, "section III, Fig 8", True, BY_SYMMETRY),
-    Published("yaw", "experiment", "peak", 23, "section III, Fig 9", False, NO_EXPERIMENT),
-    Published("yaw", "experiment", "error", 7, "section III, Fig 9", False, NO_EXPERIMENT),
-    Published("yaw", "identification", "peak", 20, "section III, Fig 9", False, NO_IDENTIFICATION),
-    Published("yaw", "identification", "error", 7, "section III, Fig 9", False, NO_IDENTIFICATION),
-    Published("yaw", "hover", "peak", 0, "section III, Fig 9", True, BY_SYMMETRY),
-    Published("yaw", "hover", "error", 0, "section III, Fig 9", True, BY_SYMMETRY),
+    Published("pitch", "identification", "error", 3, "Fig 8", False, NO_IDENTIFICATION),
+    Published("pitch", "hover", "peak", 0, "Fig 8 (1e-15)", True, BY_SYMMETRY),
+    Published("pitch", "hover", "error", 0, "Fig 8", True, BY_SYMMETRY),
+    Published("yaw", "experiment", "peak", 23, "Fig 9", False, NO_EXPERIMENT),
+    Published("yaw", "experiment", "error", 7, "Fig 9", False, NO_EXPERIMENT),
+    Published("yaw", "identification", "peak", 20, "Fig 9", False, NO_IDENTIFICATION),
+    Published("yaw", "identification", "error", 7, "Fig 9", False, NO_IDENTIFICATION),
+    Published("yaw", "hover", "peak", 0, "Fig 9", True, BY_SYMMETRY),
+    Published("yaw", "hover", "error", 0, "Fig 9", True, BY_SYMMETRY),
 )
 """The figures given in the text: peaks and errors of the experiment and of both models."""
 

@@ -11,6 +11,7 @@ Every function takes arrays or what `compare` made of them, and returns a matplo
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -41,6 +42,8 @@ NUMBER = {"roll": 7, "pitch": 8, "yaw": 9}
 LABEL_GAP = 0.062
 """Room for one label at the right edge, as a share of the axes' height."""
 
+SUBTITLE_WIDTH = 104
+"""Characters of a subtitle that fit on one line."""
 MIN_SPAN = 2.0
 """No vertical axis shows less than this, in degrees or volts."""
 
@@ -53,6 +56,8 @@ class Curve:
     t: np.ndarray
     y: np.ndarray
     line: Line
+    cut_short: bool = False
+    """A cross at its last point: it diverged there."""
     dotted_starts: bool = False
     """A dot where each unbroken stretch begins: a prediction sets out from the data there."""
 
@@ -68,28 +73,42 @@ def angle_figure(
     import matplotlib
     from matplotlib.figure import Figure
 
+    said = textwrap.wrap(subtitle, SUBTITLE_WIDTH) or [""]
     with matplotlib.rc_context(RC):
-        figure = Figure(figsize=(8.6, 3.9))
-        axes = figure.add_axes((0.085, 0.135, 0.735, 0.685))
+        height = 3.75 + 0.18 * len(said)
+        top = 0.52 + 0.18 * len(said)
+        figure = Figure(figsize=(8.6, height))
+        axes = figure.add_axes((0.085, 0.52 / height, 0.735, (height - top - 0.52) / height))
         for c in curves:
             axes.plot(c.t, c.y, **c.line.kwargs())
-            if c.dotted_starts:
-                start = np.isfinite(c.y) & ~np.isfinite(np.concatenate([[np.nan], c.y[:-1]]))
-                dot: dict[str, Any] = {
-                    "color": c.line.color,
-                    "zorder": c.line.z + 1,
-                    "markersize": 4.5,
-                }
-                axes.plot(c.t[start], c.y[start], "o", markeredgecolor="white", **dot)
+            _marks(axes, c)
         axes.set_ylim(*_limits(curves, frame))
         times = np.concatenate([c.t for c in curves])
         axes.set_xlim(float(np.nanmin(times)), float(np.nanmax(times)))
         axes.set_xlabel("time (s)")
         axes.set_ylabel(ylabel)
         _label_ends(axes, curves)
-        figure.text(0.015, 0.945, title, fontsize=11.5, fontweight="bold", va="center")
-        figure.text(0.015, 0.88, subtitle, fontsize=9, color=SOFT, va="center")
+        _headline(figure, title, height)
+        for i, line in enumerate(said):
+            y = 1 - (0.46 + 0.18 * i) / height
+            figure.text(0.015, y, line, fontsize=9, color=SOFT, va="center")
     return figure
+
+
+def _headline(figure: Figure, title: str, height: float) -> None:
+    figure.text(0.015, 1 - 0.21 / height, title, fontsize=11.5, fontweight="bold", va="center")
+
+
+def _marks(axes: Axes, c: Curve) -> None:
+    """Dots where predictions set out from the data, a cross where a model diverged."""
+    style: dict[str, Any] = {"color": c.line.color, "zorder": c.line.z + 1, "clip_on": True}
+    finite = np.isfinite(c.y)
+    if c.dotted_starts:
+        start = finite & ~np.concatenate([[False], finite[:-1]])
+        axes.plot(c.t[start], c.y[start], "o", markersize=4.5, markeredgecolor="white", **style)
+    if c.cut_short and finite.any():
+        last = int(np.flatnonzero(finite)[-1])
+        axes.plot(c.t[last], c.y[last], "x", markersize=7, markeredgewidth=2, **style)
 
 
 def comparison_figures(flight: FlightComparison) -> dict[str, Figure]:
@@ -108,7 +127,8 @@ def comparison_figure(flight: FlightComparison, axis: str) -> Figure:
     for m, line in zip(flight.models, lines, strict=True):
         if m.trace is not None and not np.isnan(m.trace.angle[:, i]).all():
             y, free = np.degrees(m.trace.angle[:, i]), m.trace.kind == "prediction"
-            curves.append(Curve(m.name, m.trace.t, y, line, dotted_starts=free))
+            cut = m.diverged_at_s is not None
+            curves.append(Curve(m.name, m.trace.t, y, line, cut_short=cut, dotted_starts=free))
     what = "in closed loop" if flight.why is None else "predicted freely"
     return angle_figure(
         curves,
@@ -160,14 +180,7 @@ def flight_figure(recording: Recording) -> Figure:
             _label_ends(axes, curves, gap=0.17)
         column[-1].set_xlabel("time (s)")
         column[-1].set_xlim(float(recording.t[0]), float(recording.t[-1]))
-        figure.text(
-            0.015,
-            1 - 0.22 / height,
-            f"The flight · {recording.name}",
-            fontsize=11.5,
-            fontweight="bold",
-            va="center",
-        )
+        _headline(figure, f"The flight · {recording.name}", height)
         figure.align_ylabels()
     return figure
 

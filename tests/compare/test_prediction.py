@@ -30,10 +30,12 @@ def test_angles_held_still_are_wrong_by_slope_times_horizon() -> None:
 
 
 def test_over_the_window_a_ramp_is_wrong_by_its_end_over_root_three() -> None:
-    """√(1/T ∫₀ᵀ (a t)² dt) = aT/√3; the trapezoid over twelve instants adds 1/(2·12²)."""
+    """√(1/T ∫₀ᵀ (a t)² dt) = aT/√3; the trapezoid over 30 instants adds 1/(4·30²)."""
     recording = ramp()
-    error = rmse_deg(recording, predictions(HeldStill(), recording, (3.0,)))
-    assert over_window_deg(error, 3.0)[0] == pytest.approx(6.0 / np.sqrt(3), rel=0.004)
+    made = predictions(HeldStill(), recording, (3.0,))
+    assert over_window_deg(rmse_deg(recording, made), made)[0] == pytest.approx(
+        6.0 / np.sqrt(3), rel=0.0003
+    )
 
 
 def test_models_are_judged_on_the_same_rows() -> None:
