@@ -105,7 +105,7 @@ class _Flight:
         # Plain floats: indexing a list costs a tenth of indexing an array.
         self.reference = [tuple(row) for row in signals.reference.tolist()]
         self.extra = [tuple(row) for row in signals.extra.tolist()]
-        self.controller = Controller.from_profile(profile)
+        self.controller = Controller.of(profile)
         self.envelope = Envelope(profile)
         self.tally = _Tally()
         self.sequence = 0
@@ -117,7 +117,9 @@ class _Flight:
 
     def run(self) -> Outcome:
         ending: Ending = "completed"
-        detail, error, sample = "the plan was flown to its end", None, None
+        detail = "the plan was flown to its end"
+        error: BaseException | None = None
+        sample: Sample | None = None
         live = self.live
         live.total = len(self.reference)
         try:
@@ -154,7 +156,7 @@ class _Flight:
         reference, extra = self.reference[k], self.extra[k]
         command, voltage = self.controller.step(angle, reference, extra)
         t = sample.device_time_s - self.t0
-        why = self.reason_to_end(t, sample, angle, voltage)
+        why = self.reason_to_end(t, sample, angle, command, voltage)
         if why is not None:
             return sample, why
         after = self.exchange(voltage)
@@ -183,6 +185,7 @@ class _Flight:
         t: float,
         sample: Sample,
         angle: tuple[float, float, float],
+        command: tuple[float, float],
         voltage: tuple[float, float],
     ) -> tuple[Ending, str] | None:
         asked = self.stop()
@@ -190,7 +193,7 @@ class _Flight:
             return "interrupted", asked
         if sample.flags & (Flags.ESTOP | Flags.LATCHED | Flags.FAULT | Flags.STALL):
             return "tripped", _explain(sample.flags)
-        tripped = self.envelope.check(t, angle, self.controller.rate, voltage)
+        tripped = self.envelope.check(t, angle, self.controller.rates, command, voltage)
         return ("tripped", tripped) if tripped is not None else None
 
     def exchange(self, voltage: tuple[float, float]) -> Sample:

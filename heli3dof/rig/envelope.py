@@ -45,9 +45,18 @@ class Envelope:
         self._before: tuple[float, float] | None = None
 
     def check(
-        self, t: float, angle: Sequence[float], rate: Sequence[float], voltage: Sequence[float]
+        self,
+        t: float,
+        angle: Sequence[float],
+        rate: Sequence[float],
+        command: Sequence[float],
+        voltage: Sequence[float],
     ) -> str | None:
-        """Why the flight must end now, or None. Angles in rad, rates in rad/s, t in s, V."""
+        """Why the flight must end now, or None.
+
+        t in s; angle and rate (3,) in rad and rad/s; command and voltage (2,) in V, before and
+        after the controller's limiter.
+        """
         for i in range(3):
             if not self._low[i] <= angle[i] <= self._high[i]:
                 side = self._low[i] if angle[i] < self._low[i] else self._high[i]
@@ -61,9 +70,9 @@ class Envelope:
                     f"{degrees(self._rate[i]):.0f}°/s"
                 )
         for i in range(2):
-            if not isfinite(voltage[i]):
-                return f"the controller asked for {voltage[i]} V on the {MOTORS[i]} motor"
-            if abs(voltage[i]) > self._v_max * (1 + 1e-9):
+            if not isfinite(command[i]):
+                return f"the controller asked for {command[i]} V on the {MOTORS[i]} motor"
+            if not abs(voltage[i]) <= self._v_max * (1 + 1e-9):
                 return (
                     f"the {MOTORS[i]} motor was asked for {voltage[i]:.2f} V, beyond the "
                     f"amplifier's {self._v_max:g} V"

@@ -13,8 +13,8 @@ LEVEL = (0.0, 0.0, 0.0)
 HOVER = (7.456, 7.456)
 
 
-def check(t=0.0, angle=LEVEL, rate=LEVEL, voltage=HOVER):
-    return Envelope(default_profile()).check(t, angle, rate, voltage)
+def check(t=0.0, angle=LEVEL, rate=LEVEL, command=HOVER, voltage=HOVER):
+    return Envelope(default_profile()).check(t, angle, rate, command, voltage)
 
 
 def test_hovering_is_inside() -> None:
@@ -35,8 +35,9 @@ def test_rest_on_the_table_is_inside() -> None:
         ({"angle": (nan, 0, 0)}, "roll reached nan"),
         ({"rate": (0, radians(401), 0)}, "pitch turned at 401°/s"),
         ({"rate": (0, nan, 0)}, "pitch turned at nan"),
-        ({"voltage": (nan, 0)}, "nan V on the front motor"),
-        ({"voltage": (0, inf)}, "inf V on the back motor"),
+        ({"command": (nan, 0)}, "nan V on the front motor"),
+        ({"command": (0, inf)}, "inf V on the back motor"),
+        ({"voltage": (nan, 0)}, "front motor was asked for nan V"),
         ({"voltage": (0, -24.1)}, "back motor was asked for -24.10 V"),
         ({"t": 600.1}, "longer than the envelope's 600 s"),
     ],
@@ -49,6 +50,6 @@ def test_each_limit_ends_the_flight_and_says_so(change: dict, said: str) -> None
 
 def test_a_voltage_that_jumps_faster_than_the_slew_limit_ends_the_flight() -> None:
     envelope = Envelope(default_profile())  # 5000 V/s at 500 Hz: 10 V a period
-    assert envelope.check(0.0, LEVEL, LEVEL, (0.0, 0.0)) is None
-    assert envelope.check(0.002, LEVEL, LEVEL, (9.9, 0.0)) is None
-    assert "jumped at 5050 V/s" in (envelope.check(0.004, LEVEL, LEVEL, (9.9, -10.1)) or "")
+    assert envelope.check(0.0, LEVEL, LEVEL, HOVER, (0.0, 0.0)) is None
+    assert envelope.check(0.002, LEVEL, LEVEL, HOVER, (9.9, 0.0)) is None
+    assert "jumped at 5050 V/s" in (envelope.check(0.004, LEVEL, LEVEL, HOVER, (9.9, -10.1)) or "")
