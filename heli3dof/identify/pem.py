@@ -64,9 +64,7 @@ def pem(
     """Refine ``start`` (its K made stable if need be) on the segments ``data``."""
     u_s = np.vstack([u for u, _ in data]).std(axis=0) + 1e-12
     y_s = np.vstack([y for _, y in data]).std(axis=0) + 1e-12
-    scaled = [
-        (np.ascontiguousarray(u / u_s), np.ascontiguousarray(y / y_s)) for u, y in data
-    ]
+    scaled = [(np.ascontiguousarray(u / u_s), np.ascontiguousarray(y / y_s)) for u, y in data]
     n = start.order
     l = len(y_s)
     start = with_stable_predictor(start)
@@ -145,7 +143,9 @@ def with_stable_predictor(model: StateSpace, rho: float = 0.999) -> StateSpace:
         K = np.linalg.solve(C @ P @ C.T + S, C @ P @ A.T).T
         if np.abs(np.linalg.eigvals(A - K @ C)).max() <= rho:
             return replace(model, K=K)
-    return replace(model, A=model.A * rho / max(np.abs(np.linalg.eigvals(A)).max(), rho), K=0 * model.K)
+    return replace(
+        model, A=model.A * rho / max(np.abs(np.linalg.eigvals(A)).max(), rho), K=0 * model.K
+    )
 
 
 def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -211,9 +211,7 @@ def _tangent(W: np.ndarray, C: np.ndarray, fix_K: bool, m: int) -> np.ndarray:
             columns.append(np.concatenate([dW.ravel(), (-C @ X).ravel()]))
     gauge = np.array(columns).T
     if fix_K:
-        free = np.concatenate(
-            [np.tile(np.arange(w) < n + m, n), np.ones(l * n, bool)]
-        )
+        free = np.concatenate([np.tile(np.arange(w) < n + m, n), np.ones(l * n, bool)])
         Q, _ = np.linalg.qr(gauge[free], mode="complete")
         out = np.zeros((len(free), free.sum() - n * n))
         out[free] = Q[:, n * n :]

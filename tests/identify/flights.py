@@ -51,7 +51,11 @@ def _fly(ref, extra, w, P, K_g, V_o, v_max, dt, quantum, r0):
     om, z = 2 * np.pi * 20.0, 0.9
     # ω²s/(s² + 2ζωs + ω²) by Tustin
     c = 2.0 / dt
-    a0, a1, a2 = c * c + 2 * z * om * c + om * om, 2 * (om * om - c * c), c * c - 2 * z * om * c + om * om
+    a0, a1, a2 = (
+        c * c + 2 * z * om * c + om * om,
+        2 * (om * om - c * c),
+        c * c - 2 * z * om * c + om * om,
+    )
     y1, y2 = np.zeros(3), np.zeros(3)
     d1, d2 = np.zeros(3), np.zeros(3)
     lim, integ = np.zeros(3), np.zeros(2)
