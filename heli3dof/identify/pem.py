@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.identify.predictor import filter_states, free_responses, output_sensitivities
+from heli3dof.identify.stable import stable_plant, with_stable_predictor
 from heli3dof.identify.subspace import Pair, StateSpace
 
 CHUNK = 4096
@@ -59,35 +60,43 @@ def pem(
     *,
     max_iterations: int = 40,
     tolerance: float = 1e-5,
-    fix_K: bool = False,
+    output_error: bool = False,
 ) -> PemFit:
-    """Refine ``start`` (its K made stable if need be) on the segments ``data``."""
+    """Refine ``start`` (its K made stable if need be) on the segments ``data``.
+
+    Args:
+        data: segments at one rate, u (N, m) and y (N, l), deviations from fixed trims.
+        start: for instance from `heli3dof.identify.subspace.pbsid`.
+        max_iterations: accepted steps at most.
+        tolerance: stop when a step lowers V by less.
+        output_error: hold K = 0, so that e is a simulation error. Biased under feedback.
+    """
     u_s = np.vstack([u for u, _ in data]).std(axis=0) + 1e-12
     y_s = np.vstack([y for _, y in data]).std(axis=0) + 1e-12
     scaled = [(np.ascontiguousarray(u / u_s), np.ascontiguousarray(y / y_s)) for u, y in data]
     n = start.order
     l = len(y_s)
-    start = with_stable_predictor(start)
+    start = stable_plant(start) if output_error else with_stable_predictor(start)
     W = np.hstack([start.At, start.B * u_s, start.K * y_s])
     C = start.C / y_s[:, None]
     W, C = _balanced(W, C, n)
     point = _evaluate(scaled, W, C, start.d / y_s, np.diag(np.diag(start.S) / y_s**2))
-    lam, converged, it = 1e-3, False, 0
-    for it in range(1, max_iterations + 1):
-        T = _tangent(point.W, point.C, fix_K, len(u_s))
+    lam, converged, iterations = 1e-3, False, 0
+    while iterations < max_iterations:
+        iterations += 1
+        T = _tangent(point.W, point.C, output_error, len(u_s))
         H, g = _gram(scaled, point, T)
         scale = 1 / np.sqrt(np.maximum(np.diag(H), 1e-12 * np.diag(H).max()))
         Hs = H * scale[:, None] * scale
-        ok = False
+        new = point
         while lam < 1e8:
             step = scale * np.linalg.solve(Hs + lam * np.eye(len(g)), scale * g)
             W2, C2, d2 = _move(point, T, step, l)
             new = _evaluate(scaled, W2, C2, d2, point.S)
             if new.cost < point.cost:
-                ok = True
                 break
             lam *= 4
-        if not ok:
+        if not new.cost < point.cost:
             converged = True
             break
         gain = point.cost - new.cost
@@ -96,7 +105,7 @@ def pem(
         if gain < tolerance:
             converged = True
             break
-    T = _tangent(point.W, point.C, fix_K, len(u_s))
+    T = _tangent(point.W, point.C, output_error, len(u_s))
     H, _, M = _gram(scaled, point, T, scores=True)
     Hi = np.linalg.pinv(H, rcond=1e-12, hermitian=True)
     cov = Hi @ M @ Hi
@@ -115,36 +124,8 @@ def pem(
         T * unit[:, None],
         cov[: T.shape[1], : T.shape[1]],
         point.cost + float(np.log(y_s).sum()),
-        it,
+        iterations,
         converged,
-    )
-
-
-def with_stable_predictor(model: StateSpace, rho: float = 0.999) -> StateSpace:
-    """The model with K replaced by a Kalman gain where ρ(A − KC) exceeds ``rho``.
-
-    Regression on estimated states (PBSID) does not promise a stable predictor. The gain comes
-    from a Riccati equation with the process noise K S Kᵀ, a little inflated so that the filter
-    forgets even the modes that the noise does not reach.
-    """
-    from dataclasses import replace
-
-    from scipy.linalg import LinAlgError, solve_discrete_are
-
-    if np.abs(np.linalg.eigvals(model.At)).max() <= rho:
-        return model
-    A, C, S = model.A, model.C, model.S
-    Q = model.K @ S @ model.K.T
-    for inflate in (1e-6, 1e-4, 1e-2, 1.0):
-        try:
-            P = solve_discrete_are(A.T, C.T, Q + inflate * np.trace(Q) * np.eye(len(A)), S)
-        except LinAlgError:
-            continue
-        K = np.linalg.solve(C @ P @ C.T + S, C @ P @ A.T).T
-        if np.abs(np.linalg.eigvals(A - K @ C)).max() <= rho:
-            return replace(model, K=K)
-    return replace(
-        model, A=model.A * rho / max(np.abs(np.linalg.eigvals(A)).max(), rho), K=0 * model.K
     )
 
 
@@ -196,28 +177,26 @@ def _evaluate(data, W, C, d, S) -> _Point:  # type: ignore[no-untyped-def]
     return _Point(W, C, d, xs, es, S, 0.5 * float(logdet))
 
 
-def _tangent(W: np.ndarray, C: np.ndarray, fix_K: bool, m: int) -> np.ndarray:
+def _tangent(W: np.ndarray, C: np.ndarray, output_error: bool, m: int) -> np.ndarray:
     """(entries, p): an orthonormal basis of the directions that change the predictor."""
-    n, l = W.shape[0], C.shape[0]
-    w = W.shape[1]
-    At = W[:, :n]
-    columns = []
+    n, l, w = W.shape[0], C.shape[0], W.shape[1]
+    entries = n * w + l * n
+    At, eye = W[:, :n], np.eye(n)
+    # Gauge directions X ↦ (X Ã − Ã X, X B, X K, −C X), one column per entry of X.
+    gauge = np.empty((entries, n * n))
     for i in range(n):
         for j in range(n):
-            X = np.zeros((n, n))
-            X[i, j] = 1.0
-            dW = X @ W
-            dW[:, :n] -= At @ X
-            columns.append(np.concatenate([dW.ravel(), (-C @ X).ravel()]))
-    gauge = np.array(columns).T
-    if fix_K:
-        free = np.concatenate([np.tile(np.arange(w) < n + m, n), np.ones(l * n, bool)])
-        Q, _ = np.linalg.qr(gauge[free], mode="complete")
-        out = np.zeros((len(free), free.sum() - n * n))
-        out[free] = Q[:, n * n :]
-        return out
-    Q, _ = np.linalg.qr(gauge, mode="complete")
-    return np.asarray(Q[:, n * n :])
+            dW = np.zeros((n, w))
+            dW[i] = W[j]
+            dW[:, j] -= At[:, i]
+            gauge[:, i * n + j] = np.concatenate([dW.ravel(), -(C[:, i, None] * eye[j]).ravel()])
+    mask = np.ones(entries, dtype=bool)
+    if output_error:
+        mask[: n * w] = np.tile(np.arange(w) < n + m, n)
+    Q, _ = np.linalg.qr(gauge[mask], mode="complete")
+    T = np.zeros((entries, int(mask.sum()) - n * n))
+    T[mask] = Q[:, n * n :]
+    return T
 
 
 def _move(point: _Point, T: np.ndarray, step: np.ndarray, l: int):  # type: ignore[no-untyped-def]

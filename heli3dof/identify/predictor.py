@@ -18,7 +18,9 @@ from numba import njit
 
 
 @njit(cache=True)
-def filter_states(At, B, K, u, y, x0):
+def filter_states(
+    At: np.ndarray, B: np.ndarray, K: np.ndarray, u: np.ndarray, y: np.ndarray, x0: np.ndarray
+) -> np.ndarray:
     """States x̂ (N, n) of the predictor from x0 (n,), for u (N, m) and y (N, l)."""
     N, n = u.shape[0], At.shape[0]
     m, l = u.shape[1], y.shape[1]
@@ -41,7 +43,7 @@ def filter_states(At, B, K, u, y, x0):
 
 
 @njit(cache=True)
-def free_responses(At, C, N):
+def free_responses(At: np.ndarray, C: np.ndarray, N: int) -> np.ndarray:
     """(N, l, n): C Ã^k, how each entry of x̂[0] shows in ŷ[k]."""
     n, l = At.shape[0], C.shape[0]
     out = np.zeros((N, l, n))
@@ -64,7 +66,17 @@ def free_responses(At, C, N):
 
 
 @njit(cache=True, fastmath=True)
-def output_sensitivities(At, C, dW, dC, xi, x, u, y, out):
+def output_sensitivities(
+    At: np.ndarray,
+    C: np.ndarray,
+    dW: np.ndarray,
+    dC: np.ndarray,
+    xi: np.ndarray,
+    x: np.ndarray,
+    u: np.ndarray,
+    y: np.ndarray,
+    out: np.ndarray,
+) -> None:
     """Fill out (N, l, p) with ∂ŷ/∂θ and advance xi (n, p) past the last row.
 
     dW (n, n+m+l, p) holds ∂[Ã B K]/∂θ, dC (l, n, p) holds ∂C/∂θ.

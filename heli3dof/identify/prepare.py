@@ -12,6 +12,7 @@ that a linear model cannot use (`heli3dof.identify.usable`).
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -235,7 +236,7 @@ def _usable_runs(recording: Recording, source: int) -> tuple[list[Run], Recordin
     least = SEGMENT_MIN_S / clock.period_s
     found = [
         Run(source, int(a), int(b))
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        for a, b in itertools.pairwise(edges)
         if not bad[a] and b - a >= least
     ]
     used = sum(r.stop - r.start for r in found) / n

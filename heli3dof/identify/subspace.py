@@ -79,7 +79,7 @@ def varx(data: Sequence[Pair], p: int) -> Varx:
     if len(Z) < 2 * (q + 1):
         raise ValueError(f"{len(Z)} rows cannot carry a VARX of order {p} ({q + 1} columns)")
     scale = np.maximum(Z.std(axis=0), 1e-12)
-    R = np.linalg.qr(np.hstack([Z / scale, np.ones((len(Z), 1)), Y]), mode="r")
+    R = _triangle(np.hstack([Z / scale, np.ones((len(Z), 1)), Y]))
     theta, *_ = np.linalg.lstsq(R[: q + 1, : q + 1], R[: q + 1, q + 1 :], rcond=1e-12)
     theta[:q] /= scale[:, None]
     Xi = theta[:q].T.reshape(l, p, m + l).transpose(1, 0, 2)
@@ -98,7 +98,7 @@ def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray
             GK[i * l : (i + 1) * l, (j - i) * w : (j - i + 1) * w] = L.T @ fit.Xi[j]
     pasts = [past(u, y, p) for u, y in data if len(u) > p]
     mean = np.vstack(pasts).mean(axis=0)
-    R = np.linalg.qr(np.vstack([z - mean for z in pasts]), mode="r")
+    R = _triangle(np.vstack([z - mean for z in pasts]))
     U, s, _ = np.linalg.svd(GK @ R.T, full_matrices=False)
     T = U[:, :n_max].T @ GK / np.sqrt(s[:n_max, None])
     count = sum(len(z) for z in pasts)
@@ -129,3 +129,8 @@ def pbsid(data: Sequence[Pair], n: int, p: int) -> StateSpace:
     fit = varx(data, p)
     x, _ = states(data, fit, n)
     return realise(data, x, p, n)
+
+
+def _triangle(a: np.ndarray) -> np.ndarray:
+    """R of the QR factorisation: all that least squares needs, and small."""
+    return np.asarray(np.linalg.qr(a, mode="r"))

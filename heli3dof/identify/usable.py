@@ -9,6 +9,7 @@ free fall. Those rows are left out, and each one's reason is counted:
                   their limit for 0.25 s
 ``stop``          an angle that rests for 0.1 s, unmoved, within a count of its extreme beyond 25°
 ``motors_off``    both voltages zero for 0.1 s and more, and from there to the next lift-off
+``falling``       the end of a flight, from where roll last was half-way to level
 ``ramp_down``     the flight loop's own landing (channel ``phase``)
 
 Clipped voltages elsewhere are kept: what reached the motor was recorded, so the model's input is
@@ -22,7 +23,7 @@ import numpy as np
 from heli3dof.axes import AXES, ROLL
 from heli3dof.recording.recording import Recording
 
-REASONS = ("unread", "table", "take_off", "stop", "motors_off", "ramp_down")
+REASONS = ("unread", "table", "take_off", "stop", "motors_off", "falling", "ramp_down")
 ON_TABLE_BELOW = np.deg2rad(-15.0)
 NEAR_TABLE = np.deg2rad(1.0)
 STOP_BEYOND = np.deg2rad(25.0)
@@ -47,11 +48,13 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
     rows["motors_off"] = off.copy()
     rows["table"] = np.zeros(len(recording), dtype=bool)
     rows["take_off"] = np.zeros(len(recording), dtype=bool)
+    rows["falling"] = np.zeros(len(recording), dtype=bool)
     if ROLL in measured:
         roll = y[:, ROLL]
         table, take_off = _table(recording, off)
         rows["table"], rows["take_off"] = table, take_off
-        rows["motors_off"] |= _falling(off, roll)
+        rows["motors_off"] |= _dropping(off, roll)
+        rows["falling"] = _falling(roll)
     rows["stop"] = np.zeros(len(recording), dtype=bool)
     for i in measured:
         rows["stop"] |= _at_stop(y[:, i], still)
@@ -88,7 +91,7 @@ def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return table, take_off
 
 
-def _falling(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
+def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
     """Rows after the motors were cut, until the voltages are back and roll rises again."""
     out = off.copy()
     for end in np.flatnonzero(off[:-1] & ~off[1:]) + 1:
@@ -96,6 +99,16 @@ def _falling(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
         while k < len(roll) - 1 and roll[k + 1] <= roll[k]:
             out[k] = True
             k += 1
+    return out
+
+
+def _falling(roll: np.ndarray) -> np.ndarray:
+    """Rows at the end, where the arm came down from flight and never rose again."""
+    out = np.zeros(len(roll), dtype=bool)
+    if roll[0] < ON_TABLE_BELOW:
+        up = np.flatnonzero(roll > roll[0] / 2)
+        if len(up):
+            out[up[-1] + 1 :] = True
     return out
 
 
