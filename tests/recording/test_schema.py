@@ -60,9 +60,9 @@ def test_protobuf_reads_what_one_struct_pack_wrote(row: tuple[tuple, tuple]) -> 
 
 def test_zeros_are_written_too_so_that_every_message_has_the_same_length() -> None:
     zeros = RowPacker()(0, 0, [0] * len(SAMPLE.columns), [0] * len(COMMAND.columns))
-    assert (
-        len(zeros) == RowFormat().stride == (15 + 11 * 8 + 4 * 4 + 4) + (15 + 13 * 8 + 8) + 62 - 4
-    )
+    sample = 10 * 8 + 3 * 4 + 2 * 4 + 15  # doubles, counts, flags and sequence, tags
+    command = 13 * 8 + 2 * 4 + 15
+    assert len(zeros) == RowFormat().stride == 31 + sample + 31 + command
 
 
 def test_tags_are_one_byte_and_every_column_carries_its_unit() -> None:
