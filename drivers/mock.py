@@ -94,9 +94,7 @@ class Options:
             start="rest" if start == "rest" else "level",
             spread=_number(url, "spread", "0", 0, 0.5),
             rate_hz=_number(url, "rate_hz", "0", 10, 10000) if url.one("rate_hz") else None,
-            watchdog_s=_number(url, "watchdog_s", "0", 1e-3, 10)
-            if url.one("watchdog_s")
-            else None,
+            watchdog_s=_number(url, "watchdog_s", "0", 1e-3, 10) if url.one("watchdog_s") else None,
         )
 
 
@@ -130,7 +128,7 @@ class MockRig:
     """An open emulated rig; see `heli3dof.rig.port.Rig`."""
 
     def __init__(self, profile: Profile, options: Options | None = None) -> None:
-        from .emulator.body import REST_DEG, setup_of
+        from .emulator.body import setup_of
         from .emulator.device import WATCHDOG_S, Device
         from .emulator.hide import parse_hide
         from .emulator.plant import Plant
@@ -175,7 +173,6 @@ class MockRig:
             watchdog_s=watchdog_s,
             timebase="host" if self._real else "device",
             emulated=True,
-            rest_deg=REST_DEG,
         )
 
     @property

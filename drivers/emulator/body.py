@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 g = 9.81
 """m/s²"""
 
-REST_DEG = (-27.5, 0.0, 0.0)
-"""Roll, pitch, yaw of the rig at rest on its table: where the encoders read zero at power-up."""
 ROLL_STOP_DEG = 36.0
 PITCH_STOP_DEG = 32.0
 
@@ -114,6 +112,8 @@ class Setup:
     body: Body
     nominal: Body
     """the profile's body, before any spread"""
+    rest: tuple[float, float, float]
+    """rad, where the counts are zero"""
     start: tuple[float, float, float]
     """rad, the angles at the release"""
     low: tuple[float, float, float]
@@ -124,21 +124,21 @@ class Setup:
     """share of samples that never arrive"""
     jitter_s: float = 0.0
     """s, standard deviation of the sampling instants"""
-    notes: tuple[str, ...] = field(default=())
 
 
 def setup_of(profile: Profile, start: str) -> Setup:
-    """The rig of a profile at rest on its table (``rest``) or held level (``level``)."""
+    """The rig of a profile at rest on its table (``rest``) or held level (``level``).
+
+    Its table is where the profile says that the counts are zero.
+    """
     body = body_of(profile)
-    rest = tuple(math.radians(a) for a in REST_DEG)
+    rest = tuple(profile.encoder.rest_rad.tolist())
     roll_stop, pitch_stop = math.radians(ROLL_STOP_DEG), math.radians(PITCH_STOP_DEG)
     return Setup(
         body=body,
         nominal=body,
-        start=(rest[0], rest[1], rest[2]) if start == "rest" else (0.0, 0.0, 0.0),
+        rest=rest,
+        start=rest if start == "rest" else (0.0, 0.0, 0.0),
         low=(rest[0], -pitch_stop, -math.inf),
         high=(roll_stop, pitch_stop, math.inf),
     )
-
-
-assert len(fields(Body)) <= slots.BODY_SIZE

@@ -37,7 +37,9 @@ BODY, VOLTAGE, THRUST, TORQUE, DRY, MEASURE = (int(stage) for stage in slots.Sta
 
 
 @intrinsic
-def _call(typing_context: Any, address: Any, s: Any, body: Any, par: Any, mem: Any, out: Any) -> Any:
+def _call(
+    typing_context: Any, address: Any, s: Any, body: Any, par: Any, mem: Any, out: Any
+) -> Any:
     """Call the machine code at an address with five arrays."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -52,7 +54,7 @@ def _call(typing_context: Any, address: Any, s: Any, body: Any, par: Any, mem: A
 @njit
 def _hooks(stage, s, body, first, address, par, mem, out):  # type: ignore[no-untyped-def]
     for i in range(first[stage], first[stage + 1]):
-        _call(address[i], s, body, par[i], mem[i], out)
+        _call(address[i], s, body, par[i], mem[i], out)  # type: ignore[call-arg]
 
 
 @njit(error_model="numpy")

@@ -119,9 +119,7 @@ def gravity(body: np.ndarray, r: float, p: float) -> tuple[float, float]:
 
 
 @njit(cache=True)
-def solve(
-    m: tuple[float, ...], x: float, y: float, z: float
-) -> tuple[float, float, float]:
+def solve(m: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, float, float]:
     """M⁻¹ (x, y, z) for the symmetric M of `mass_matrix`, by Cramer's rule."""
     rr, rp, ry, pp, py, yy = m
     a, b, c = pp * yy - py * py, ry * py - rp * yy, rp * py - ry * pp
@@ -168,11 +166,12 @@ def energy(body: np.ndarray, q: np.ndarray, qd: np.ndarray) -> float:
     rr, rp, ry, pp, py, yy = mass_matrix(body, q[0], q[1])
     kinetic = 0.5 * (rr * qd[0] ** 2 + pp * qd[1] ** 2 + yy * qd[2] ** 2)
     kinetic += rp * qd[0] * qd[1] + ry * qd[0] * qd[2] + py * qd[1] * qd[2]
-    return kinetic + body[T_G] * math.sin(q[0]) + body[G_P] * math.cos(q[0]) * math.sin(q[1])
+    height: float = body[T_G] * math.sin(q[0]) + body[G_P] * math.cos(q[0]) * math.sin(q[1])
+    return float(kinetic + height)
 
 
 @njit(cache=True)
 def travel_momentum(body: np.ndarray, q: np.ndarray, qd: np.ndarray) -> float:
     """∂T/∂ψ̇ in N·m·s: the angular momentum about the vertical."""
     _, _, ry, _, py, yy = mass_matrix(body, q[0], q[1])
-    return ry * qd[0] + py * qd[1] + yy * qd[2]
+    return float(ry * qd[0] + py * qd[1] + yy * qd[2])

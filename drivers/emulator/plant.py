@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from . import slots
-from .body import REST_DEG, Body, Setup, spread_body
+from .body import Body, Setup, spread_body
 from .effects import Hidden
 from .noise import TorqueNoise
 
@@ -64,7 +64,8 @@ class Plant:
         streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
         if spread:
             setup = replace(setup, body=spread_body(setup.body, spread, streams[0]))
-        for h in hidden:
+        # Descending: what comes last on a signal's path is undone first.
+        for h in reversed(hidden):
             if h.effect.setup is not None:
                 setup = h.effect.setup(setup, h.axis, h.values)
         self.setup = setup
@@ -78,13 +79,14 @@ class Plant:
         self._start_V = start_V
         self._substeps = max(MIN_SUBSTEPS, math.ceil(dt / MAX_SUBSTEP_S - 1e-9))
         self._body = setup.body.vector()
+        self._body[slots.REST : slots.REST + 3] = setup.rest
         self._low, self._high = np.array(setup.low), np.array(setup.high)
         hover = setup.body.T_g / (2 * setup.body.L_a) if start_V else 0.0
         self._state = np.array([*setup.start, 0.0, 0.0, 0.0, hover, hover])
         self._w = np.zeros(3)
         self._v = np.zeros(2)
         self._angle = np.zeros(3)
-        self._rest = np.radians(REST_DEG)
+        self._rest = np.array(setup.rest)
         self._per_rad = 1 / rad_per_count
         self._first, self._address, self._par, self._mem = _attach(hidden)
         self._period, self._measure = _compiled()
@@ -133,12 +135,7 @@ class Plant:
 
 def _attach(hidden: tuple[Hidden, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Stage bounds, addresses, parameters and memories of the effects, by stage."""
-    calls = [
-        (stage, h)
-        for stage in slots.Stage
-        for h in hidden
-        if stage in h.effect.kernels
-    ]
+    calls = [(stage, h) for stage in slots.Stage for h in hidden if stage in h.effect.kernels]
     rows = max(1, len(calls))
     par = np.zeros((rows, slots.PARAMETER_SIZE))
     mem = np.zeros((rows, slots.MEMORY_SIZE))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from heli3dof.cli import rigs
+from heli3dof.cli import files, fly, rigs, simulate
 
 app = typer.Typer(
     name="heli3dof",
@@ -16,7 +16,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for family in (rigs,):
+for family in (fly, simulate, files, rigs):
     family.register(app)
 
 

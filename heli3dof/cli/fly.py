@@ -109,7 +109,9 @@ def _fly(
     if dry_run:
         _say_plan(talk, plan, profile, device, seed)
         return
-    path = output or default_path(plan.name)
+    if output is None:
+        output = default_path(plan.name)
+        output.parent.mkdir(exist_ok=True)
     live = Live()
     with _progress(talk, live, plan.name):
         flight = fly_plan(
@@ -117,7 +119,7 @@ def _fly(
             device=device,
             profile=profile,
             seed=seed,
-            output=path,
+            output=output,
             force=force,
             meta={"command_line": ["heli3dof", *sys.argv[1:]]},
             live=live,

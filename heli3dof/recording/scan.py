@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 import json
 import struct
+import threading
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -29,6 +30,7 @@ from heli3dof.recording.container import MAGIC
 _RECORD = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, length of the codec's name
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+_thread = threading.local()  # a decompressor is quick to use again, and belongs to one thread
 LARGEST_CHUNK = 1 << 30
 """bytes; a chunk that claims more is taken for damaged rather than given the memory."""
 
@@ -140,13 +142,15 @@ def _uncompress(codec: str, packed: bytes, size: int) -> bytes:
     if codec == "zstd":
         if zstandard.frame_content_size(packed) > size:
             raise DamagedChunk("a chunk is longer than it says")
-        data: bytes = zstandard.decompress(packed, size)
+        if not hasattr(_thread, "decompress"):
+            _thread.decompress = zstandard.ZstdDecompressor().decompress
+        data: bytes = _thread.decompress(packed, size)
         return data
     if codec == "lz4":
-        import lz4.frame
+        from lz4 import frame
 
         try:
-            plain: bytes = lz4.frame.decompress(packed)
+            plain: bytes = frame.decompress(packed)
         except RuntimeError as error:
             raise DamagedChunk(f"a chunk does not decompress: {error}") from error
         return plain
