@@ -42,7 +42,7 @@ NUMBER = {"roll": 7, "pitch": 8, "yaw": 9}
 LABEL_GAP = 0.062
 """Room for one label at the right edge, as a share of the axes' height."""
 
-SUBTITLE_WIDTH = 104
+SUBTITLE_WIDTH = 120
 """Characters of a subtitle that fit on one line."""
 MIN_SPAN = 2.0
 """No vertical axis shows less than this, in degrees or volts."""
@@ -88,14 +88,15 @@ def angle_figure(
         axes.set_xlabel("time (s)")
         axes.set_ylabel(ylabel)
         _label_ends(axes, curves)
-        _headline(figure, title, height)
+        headline(figure, title, height)
         for i, line in enumerate(said):
             y = 1 - (0.46 + 0.18 * i) / height
             figure.text(0.015, y, line, fontsize=9, color=SOFT, va="center")
     return figure
 
 
-def _headline(figure: Figure, title: str, height: float) -> None:
+def headline(figure: Figure, title: str, height: float) -> None:
+    """The title of a figure ``height`` inches high, at its upper left."""
     figure.text(0.015, 1 - 0.21 / height, title, fontsize=11.5, fontweight="bold", va="center")
 
 
@@ -180,7 +181,7 @@ def flight_figure(recording: Recording) -> Figure:
             _label_ends(axes, curves, gap=0.17)
         column[-1].set_xlabel("time (s)")
         column[-1].set_xlim(float(recording.t[0]), float(recording.t[-1]))
-        _headline(figure, f"The flight · {recording.name}", height)
+        headline(figure, f"The flight · {recording.name}", height)
         figure.align_ylabels()
     return figure
 
@@ -194,13 +195,18 @@ def _seen(flight: FlightComparison, axis: str) -> str:
             parts.append(f"peak: experiment {_deg(experiment)}")
         for m in flight.models:
             parts.append(f"{m.name} {_replay_seen(flight, m, axis)}")
-        return ",  ".join(p for p in parts if p)
+        return _list(parts)
     window = flight.held_still.window_s if flight.held_still else np.nan
     errors = [(m.name, m.prediction) for m in flight.models]
     for name, error in (*errors, ("held still", flight.held_still)):
         if error is not None:
             parts.append(f"{name} {_deg(error.over_window_deg[AXES.index(axis)])}")
-    return f"RMSE over {window:g} s windows: " + ",  ".join(parts) if parts else "no prediction"
+    return f"RMSE over {window:g} s windows: " + _list(parts) if parts else "no prediction"
+
+
+def _list(parts: Sequence[str]) -> str:
+    """Parts joined by commas; a line breaks between them only."""
+    return ",  ".join(p.replace(" ", "\u00a0") for p in parts if p)
 
 
 def _replay_seen(flight: FlightComparison, model: ModelComparison, axis: str) -> str:
