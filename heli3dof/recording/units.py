@@ -34,6 +34,9 @@ NEWTON_WINDOW_S = 0.25
 NEWTON_FACTOR = float(np.sqrt(180 / np.pi))
 """Halfway (as a ratio) between the right unit and the wrong one."""
 
+COUNTS_FACTOR = 4.0
+"""Raw counts taken for degrees move 4096/360 = 11 or 23 times too far, real rigs up to 2.7."""
+
 
 def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
     """Whether values (N,) lie on a grid of ``step`` through the first one, and show it.
@@ -91,15 +94,22 @@ def _check_angle(
             f"its values lie on the encoder's grid in {FULL_NAME[other]} "
             f"({TURN[other] / counts:.6f} per count), not in {FULL_NAME[unit]}",
         )  # fmt: skip
-    if axis != "yaw" and largest > TURN[unit] / 2:
-        if unit == "deg":
-            raise RecordingError(
-                f"{source}: {name} reaches {largest:.6g}°; the arm cannot turn that far.",
-                cause=f"raw encoder counts ({counts} per revolution), or roll and yaw swapped.",
-                fix="convert the counts to degrees, or correct the header line",
-            )
-        raise wrong_unit(source, name, unit, f"it reaches {largest:.6g}")
+    too_large = axis != "yaw" and largest > TURN[unit] / 2
     ratio = newton_ratio(axis, values * (2 * np.pi / TURN[unit]), columns, profile)
+    if unit == "deg" and (too_large or (ratio or 0) > COUNTS_FACTOR) and on_grid(values, 1, 10):
+        raise RecordingError(
+            f"{source}: {name} holds whole numbers up to {largest:.6g}, which are no degrees.",
+            cause=f"raw encoder counts ({counts} per revolution).",
+            fix=f"multiply them by {360 / counts:.6g} (and by the encoder's sign)",
+        )
+    if too_large and unit == "deg":
+        raise RecordingError(
+            f"{source}: {name} reaches {largest:.6g}°; the arm cannot turn that far.",
+            cause="another unit, or roll and yaw swapped.",
+            fix="convert the values to degrees, or correct the header line",
+        )
+    if too_large:
+        raise wrong_unit(source, name, unit, f"it reaches {largest:.6g}")
     if ratio is not None:
         small = unit == "deg" and ratio < 1 / NEWTON_FACTOR and largest < np.pi
         large = unit == "rad" and ratio > NEWTON_FACTOR
