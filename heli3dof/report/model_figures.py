@@ -156,6 +156,6 @@ def autocorrelation(
     e = residual - residual.mean()
     n = len(e)
     lags = np.arange(min(round(lags_s / dt), n - 1) + 1)
-    power = float(e @ e) or 1.0
-    r = np.array([float(e[: n - k] @ e[k:]) for k in lags]) / power
-    return lags * dt, r, 2.58 / float(np.sqrt(n))
+    spectrum = np.abs(np.fft.rfft(e, 2 * n)) ** 2  # padded, so that the ends do not meet
+    r = np.fft.irfft(spectrum)[: len(lags)]
+    return lags * dt, r / (r[0] or 1.0), 2.58 / float(np.sqrt(n))
