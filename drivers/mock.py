@@ -262,7 +262,7 @@ class MockRig:
         return Sample(
             device.sequence,
             device.plant.t,
-            device.plant.counts(),
+            device.plant.counts,
             device.v,
             device.current,
             device.flags,

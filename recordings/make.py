@@ -4,26 +4,37 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 from heli3dof_recordings import FOLDER, Reference, references
 
 
 def make(reference: Reference, folder: Path = FOLDER) -> Path:
-    """Run one reference's command and return the file that it wrote in ``folder``."""
+    """Fly one reference's command and return the file that it wrote in ``folder``.
+
+    What tells the machine is left out: these files are published.
+    """
     from heli3dof.cli.app import app
+    from heli3dof.recording.reader import read_recording
+    from heli3dof.recording.store import write_recording
 
     path = folder.resolve() / f"{reference.name}.mcap"
     before = Path.cwd()
-    os.chdir(FOLDER)
-    try:
-        words = [*reference.command, "-o", str(path), "--force", "--quiet"]
-        code = app(words, standalone_mode=False)
-    finally:
-        os.chdir(before)
-    if code:
-        sys.exit(f"{reference.name}: the command ended with exit code {code}")
-    return path
+    with tempfile.TemporaryDirectory() as scratch:
+        flown = Path(scratch) / path.name
+        os.chdir(FOLDER)
+        try:
+            code = app([*reference.command, "-o", str(flown), "--quiet"], standalone_mode=False)
+        finally:
+            os.chdir(before)
+        if code:
+            sys.exit(f"{reference.name}: the command ended with exit code {code}")
+        recording = read_recording(flown)
+    meta = {k: v for k, v in recording.meta.items() if k not in ("host", "git", "command_line")}
+    meta["command_line"] = ["heli3dof", *reference.command]
+    return write_recording(replace(recording, meta=meta), path, force=True)
 
 
 def main(wanted: list[str]) -> None:

@@ -33,6 +33,7 @@ R, R_DOT, F_FRONT, F_BACK = slots.R, slots.R_DOT, slots.F_FRONT, slots.F_BACK
 V_FRONT, V_BACK, T, H = slots.V_FRONT, slots.V_BACK, slots.T, slots.H
 V_START, CONTEXT_SIZE = slots.V_START, slots.CONTEXT_SIZE
 K_F, TAU_M, GAIN_F, GAIN_B = slots.K_F, slots.TAU_M, slots.GAIN_FRONT, slots.GAIN_BACK
+REST, PER_RAD = slots.REST, slots.COUNTS_PER_RAD
 BODY, VOLTAGE, THRUST, TORQUE, DRY, MEASURE = (int(stage) for stage in slots.Stage)
 
 
@@ -108,11 +109,23 @@ def _impulses(state, h, dry, low, high, body):  # type: ignore[no-untyped-def]
         state[i] = min(high[i], max(low[i], state[i]))
 
 
+@njit(error_model="numpy")
+def _counts(state, t, body, first, address, par, mem):  # type: ignore[no-untyped-def]
+    s = np.zeros(CONTEXT_SIZE)
+    s[T] = t
+    s[R : R + 6] = state[:6]
+    angle = state[:3].copy()
+    _hooks(MEASURE, s, body, first, address, par, mem, angle)
+    for i in range(3):
+        angle[i] = np.rint((angle[i] - body[REST + i]) * body[PER_RAD + i])
+    return int(angle[0]), int(angle[1]), int(angle[2])
+
+
 def _sources() -> str:
-    """A digest of the plant's sources: numba's cache does not see changes in what is called."""
+    """A digest of the sources that go in: numba's cache does not see changes in what is called."""
     h = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        h.update(path.read_bytes())
+    for name in ("kernel.py", "lagrange.py", "slots.py"):
+        h.update(Path(__file__).with_name(name).read_bytes())
     return h.hexdigest()
 
 
@@ -124,7 +137,7 @@ def _compile(digest: str) -> tuple[Any, Any]:
     ):
         """Advance ``state`` = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) by ``dt`` under the voltages ``v``.
 
-        The voltages (2,) in V and the random torques ``noise`` (3,) in N·m are held throughout;
+        Returns the encoders' counts at the end. The voltages (2,) in V and the random torques ``noise`` (3,) in N·m are held throughout;
         ``low`` and ``high`` (3,) are the stops in rad.
         """
         _ = digest
@@ -177,16 +190,13 @@ def _compile(digest: str) -> tuple[Any, Any]:
             dry[:] = 0.0
             _hooks(DRY, s, body, first, address, par, mem, dry)
             _impulses(state, h, dry, low, high, body)
+        return _counts(state, t + dt, body0, first, address, par, mem)
 
-    @njit(cache=True)
-    def measure(state, t, body, first, address, par, mem, angle):  # type: ignore[no-untyped-def]
-        """The angles (3,) in rad that the encoders see at time ``t`` (s), into ``angle``."""
+    @njit(cache=True, error_model="numpy")
+    def measure(state, t, body, first, address, par, mem):  # type: ignore[no-untyped-def]
+        """The encoders' counts (3 integers) at time ``t`` (s)."""
         _ = digest
-        s = np.zeros(CONTEXT_SIZE)
-        s[T] = t
-        s[R : R + 6] = state[:6]
-        angle[:] = state[:3]
-        _hooks(MEASURE, s, body, first, address, par, mem, angle)
+        return _counts(state, t, body, first, address, par, mem)
 
     return period, measure
 
@@ -200,5 +210,5 @@ def compiled() -> tuple[Any, Any]:
     period.compile(
         (one, one, one, number, number, whole, number, one, one, one, integers, integers, two, two)
     )
-    measure.compile((one, number, one, integers, integers, two, two, one))
+    measure.compile((one, number, one, integers, integers, two, two))
     return period, measure

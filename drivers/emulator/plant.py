@@ -80,16 +80,18 @@ class Plant:
         self._substeps = max(MIN_SUBSTEPS, math.ceil(dt / MAX_SUBSTEP_S - 1e-9))
         self._body = setup.body.vector()
         self._body[slots.REST : slots.REST + 3] = setup.rest
+        self._body[slots.COUNTS_PER_RAD : slots.COUNTS_PER_RAD + 3] = 1 / rad_per_count
         self._low, self._high = np.array(setup.low), np.array(setup.high)
         hover = setup.body.T_g / (2 * setup.body.L_a) if start_V else 0.0
         self._state = np.array([*setup.start, 0.0, 0.0, 0.0, hover, hover])
         self._w = np.zeros(3)
         self._v = np.zeros(2)
-        self._angle = np.zeros(3)
-        self._rest = np.array(setup.rest)
-        self._per_rad = 1 / rad_per_count
         self._first, self._address, self._par, self._mem = _attach(hidden)
-        self._period, self._measure = _compiled()
+        self._period, measure = _compiled()
+        self.counts: tuple[int, int, int] = measure(
+            self._state, 0.0, self._body, self._first, self._address, self._par, self._mem
+        )
+        """what the encoders have counted since power-up: roll, pitch, yaw"""
 
     def step(self, v_front: float, v_back: float) -> bool:
         """One control period under these voltages (V). False when its sample gets lost."""
@@ -101,22 +103,13 @@ class Plant:
             largest = LARGEST_JITTER * self.dt
             late = self.setup.jitter_s * self._timing.standard_normal()
             end += min(largest, max(-largest, late))
-        self._period(
+        self.counts = self._period(
             self._state, self._v, self._w, self.t, end - self.t, self._substeps, self._start_V,
             self._body, self._low, self._high, self._first, self._address, self._par, self._mem,
         )  # fmt: skip
         self.t = end
         lost = self.setup.lost_share
         return not (lost and self._timing.random() < lost)
-
-    def counts(self) -> tuple[int, int, int]:
-        """The encoders' counts since power-up."""
-        self._measure(
-            self._state, self.t, self._body, self._first, self._address, self._par, self._mem,
-            self._angle,
-        )  # fmt: skip
-        c = np.rint((self._angle - self._rest) * self._per_rad)
-        return int(c[0]), int(c[1]), int(c[2])
 
     @property
     def truth(self) -> Truth:

@@ -29,7 +29,9 @@ L_A, L_H, K_F, T_G, J_W, I_AA, I_BB, I_NN, I_AB, G_P = range(10)
 DJ_R, DJ_P, DJ_PSI, TAU_M, GAIN_FRONT, GAIN_BACK, V_REF = range(10, 17)
 REST = 17
 """rad, where the counts are zero; ``REST + axis``"""
-BODY_SIZE = 20
+COUNTS_PER_RAD = 20
+"""signed; ``COUNTS_PER_RAD + axis``"""
+BODY_SIZE = 24
 
 # An effect's own row of parameters: its axis (−1 without one), then its values.
 AXIS, A, B = 0, 1, 2

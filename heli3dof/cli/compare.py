@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from heli3dof.cli.console import Talk, verb
-from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet
+from heli3dof.cli.options import AsJson, Force, ProfileFile, Quiet
 
 if TYPE_CHECKING:
     from heli3dof.compare.compare import Comparison
+    from heli3dof.compare.reproduce import Reproduced
     from heli3dof.model.base import Model
     from heli3dof.recording.recording import Recording
 
@@ -49,14 +50,15 @@ def compare(
     if what:
         paths, names = split(what)
         recordings = load_all(talk, paths, profile)
-        identified: Sequence[Model] = ()
+        identified: list[Model] = []
         if not names:
             names = ["hover"]
             talk.note("No model was named: the hover model is compared alone.")
     else:
         names = ["hover"]
         with talk.working("Identifying from the recordings that ship …"):
-            recordings, identified = with_shipped()
+            recordings, shipped = with_shipped()
+        identified = [shipped.model]
 
     def models(recording: Recording) -> list[Model]:
         return [*models_for(names, recording), *identified]
@@ -66,13 +68,22 @@ def compare(
         found = against(recordings, models)
         figures = write_figures(found, folder, force=force)
     published = reproduce(hover_model(default_profile()))
-    from heli3dof.report.tables import comparison_renderables
-
-    talk.show(*comparison_renderables(found, published))
+    show_comparison(talk, found, published)
     for warning in found.warnings:
         talk.warn(warning)
     talk.note(f"Figures: {folder}")
     talk.emit({**to_json(found, published), "figures": [str(f) for f in figures]})
+
+
+def show_comparison(talk: Talk, found: Comparison, published: Sequence[Reproduced]) -> None:
+    """Every table of the comparison, then what the paper prints."""
+    from heli3dof.report.grid import to_rich
+    from heli3dof.report.tables import metrics_table, prediction_table, published_table, table_ii
+
+    for flight in found.flights:
+        grids = (metrics_table(flight), table_ii(flight), prediction_table(flight))
+        talk.show(*(to_rich(grid) for grid in grids if grid is not None))
+    talk.show(to_rich(published_table(published)))
 
 
 def write_figures(found: Comparison, folder: Path, *, force: bool) -> list[Path]:

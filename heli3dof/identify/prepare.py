@@ -257,7 +257,9 @@ def _common_period(recordings: Sequence[Recording]) -> float:
             cause="recordings of different rigs or loops.",
             fix="identify them apart: heli3dof identify ONE.mcap",
         )
-    return float(np.median(periods))
+    period, nominal = float(np.median(periods)), recordings[0].profile.dt
+    # Time stamps are rounded; where they agree with the profile, the profile is exact.
+    return nominal if abs(period / nominal - 1) < 1e-3 else period
 
 
 def _split(runs: list[Run], share: float) -> tuple[list[Run], list[Run]]:

@@ -35,7 +35,8 @@ class ResidualTest:
     p_value: float
     bound: float
     share: float
-    """Of the innovations' variance, what the tested past explains (mean over outputs)."""
+    """Of the innovations' variance, what the tested past explains (mean over outputs), less what
+    as many regressors explain of noise."""
     samples: int
 
     @property
@@ -74,7 +75,9 @@ def whiteness(innovations: Sequence[np.ndarray], h: int = 20) -> ResidualTest:
     for j in range(1, h + 1):
         R = sum(e[j:].T @ e[:-j] for e in es) / N
         Q += N**2 * float(np.trace(R.T @ Ri @ R @ Ri)) / (N - j)
-    return _result("whiteness", Q, l * l * h, N, Q / N / l)
+    # What the past explains, by regression: Q itself counts no share when lags are alike.
+    past = np.vstack([np.hstack([e[h - j : len(e) - j] for j in range(1, h + 1)]) for e in es])
+    return _result("whiteness", Q, l * l * h, N, np.vstack([e[h:] for e in es]), past)
 
 
 def past_inputs(
@@ -88,16 +91,26 @@ def past_inputs(
             Z.append(np.hstack([u[h - j : len(u) - j] for j in range(1, h + 1)]))
     e, z = np.vstack(E), np.vstack(Z)
     e, z = e - e.mean(axis=0), z - z.mean(axis=0)
+    LM = len(e) * _explained(e, z)
+    return _result("past inputs", LM, e.shape[1] * z.shape[1], len(e), e, z)
+
+
+def _explained(e: np.ndarray, z: np.ndarray) -> float:
+    """tr(S_e⁻¹ S_explained) of the regression of e on z."""
     q, _ = np.linalg.qr(z / (z.std(axis=0) + 1e-12))
-    explained = (q @ (q.T @ e)).T @ e
-    total = e.T @ e
-    N = len(e)
-    LM = N * float(np.trace(np.linalg.solve(total, explained)))
-    return _result("past inputs", LM, e.shape[1] * z.shape[1], N, LM / N / e.shape[1])
+    p = q.T @ e
+    return float(np.trace(np.linalg.solve(e.T @ e, p.T @ p)))
 
 
-def _result(name: str, statistic: float, dof: int, N: int, share: float) -> ResidualTest:
+def _result(
+    name: str, statistic: float, dof: int, N: int, e: np.ndarray, z: np.ndarray
+) -> ResidualTest:
     from scipy.stats import chi2
+
+    # Regressors explain their own number's worth of pure noise: take that off.
+    l, q = e.shape[1], z.shape[1]
+    raw = _explained(e, z) / l
+    share = max(0.0, (raw - q / len(e)) / max(1 - q / len(e), 1e-9))
 
     return ResidualTest(
         name,

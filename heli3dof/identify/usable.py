@@ -7,7 +7,7 @@ free fall. Those rows are left out, and each one's reason is counted:
 ``table``         on the table or within 1° of it, from the first row to lift-off and after landing
 ``take_off``      from lift-off until roll is half-way to level and the voltages have been off
                   their limit for 0.25 s
-``stop``          an angle that rests for 0.1 s, unmoved, within a count of its extreme beyond 25°
+``stop``          an angle that rests for 0.3 s within 0.2° of its extreme, beyond 25°
 ``motors_off``    both voltages zero for 0.1 s and more, and from there to the next lift-off
 ``falling``       the end of a flight, from where roll last was half-way to level
 ``ramp_down``     the flight loop's own landing (channel ``phase``)
@@ -29,6 +29,7 @@ NEAR_TABLE = np.deg2rad(1.0)
 STOP_BEYOND = np.deg2rad(25.0)
 SETTLED_S = 0.25
 STILL_S = 0.1
+AT_STOP_S = 0.3
 
 
 def clipped(recording: Recording) -> np.ndarray:
@@ -57,7 +58,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
         rows["falling"] = _falling(roll)
     rows["stop"] = np.zeros(len(recording), dtype=bool)
     for i in measured:
-        rows["stop"] |= _at_stop(y[:, i], still)
+        rows["stop"] |= _at_stop(y[:, i], recording.dt)
     phase = recording.channels.get("phase")
     rows["ramp_down"] = (
         np.zeros(len(recording), dtype=bool) if phase is None else np.asarray(phase) >= 1
@@ -112,23 +113,32 @@ def _falling(roll: np.ndarray) -> np.ndarray:
     return out
 
 
-def _at_stop(angle: np.ndarray, still: int) -> np.ndarray:
+def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
+    """Rows where the angle rests, on one and the same count, at its extreme."""
     out = np.zeros(len(angle), dtype=bool)
     same = np.concatenate([np.diff(angle) == 0, [False]])
     same[1:] |= same[:-1].copy()
+    resting = _long_runs(same, max(2, round(AT_STOP_S / dt)))
     with np.errstate(invalid="ignore"):
         for extreme in (np.nanmax(angle), np.nanmin(angle)):
             if abs(extreme) > STOP_BEYOND:
-                near = np.abs(angle - extreme) <= 1e-9 + 2 * np.pi / 4000
-                out |= _long_runs(near & same, still)
+                out |= resting & (np.abs(angle - extreme) <= np.deg2rad(0.2))
+    # `same` joins two plateaus that touch; a stop is one count, so each must be long by itself.
+    for a, b in _runs(out):
+        if np.ptp(angle[a:b]) > 0 and b - a < 3 * AT_STOP_S / dt:
+            out[a:b] = False
     return out
+
+
+def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _long_runs(mask: np.ndarray, at_least: int) -> np.ndarray:
     """The mask with every run of True shorter than ``at_least`` rows cleared."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
     out = np.zeros(len(mask), dtype=bool)
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
+    for a, b in _runs(mask):
         if b - a >= at_least:
             out[a:b] = True
     return out

@@ -12,6 +12,8 @@ next. `paper_gain` is the design that K_g came from.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,7 +100,15 @@ def step_response(
     return Response(t, x[:, :3], u)
 
 
-def _exact(A, B, x0, t, corners, reference, slope):  # type: ignore[no-untyped-def]
+def _exact(
+    A: np.ndarray,
+    B: np.ndarray,
+    x0: np.ndarray,
+    t: np.ndarray,
+    corners: np.ndarray,
+    reference: Callable[[float], np.ndarray],
+    slope: np.ndarray,
+) -> np.ndarray:
     """ẋ = A x + B r, ṙ piecewise constant: one matrix exponential per corner and per step."""
     n = len(A)
     M = np.zeros((n + 6, n + 6))
@@ -108,7 +118,7 @@ def _exact(A, B, x0, t, corners, reference, slope):  # type: ignore[no-untyped-d
     x = np.empty((len(t), n))
     starts = [0.0, *sorted({float(c) for c in corners if 0 < c < t[-1]}), np.inf]
     start_state = x0
-    for start, stop in zip(starts[:-1], starts[1:], strict=True):
+    for start, stop in itertools.pairwise(starts):
         z = np.concatenate([start_state, reference(start), np.where(start < corners, slope, 0.0)])
         inside = np.nonzero((t >= start) & (t < stop))[0]
         z_at = la.expm(M * (t[inside[0]] - start)) @ z if len(inside) else z
@@ -120,7 +130,15 @@ def _exact(A, B, x0, t, corners, reference, slope):  # type: ignore[no-untyped-d
     return x
 
 
-def _limited(hover, K, F, x0, t, reference, v_max):  # type: ignore[no-untyped-def]
+def _limited(
+    hover: Hover,
+    K: np.ndarray,
+    F: np.ndarray,
+    x0: np.ndarray,
+    t: np.ndarray,
+    reference: Callable[[float], np.ndarray],
+    v_max: float,
+) -> np.ndarray:
     B, V_o, Kp = hover.B, hover.V_o, K[:, :3]
 
     def slope(at: float, x: np.ndarray) -> np.ndarray:

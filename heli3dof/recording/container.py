@@ -61,6 +61,7 @@ class McapFile:
         self._chunks: list[ChunkIndex] = []
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
+        self._crc = 0
         self.good = 0
         self.row_count = 0
         for number, layout in enumerate(rows.layouts, 1):
@@ -137,7 +138,7 @@ class McapFile:
         """The summary and the closing magic."""
         before = self.good
         builder = RecordBuilder()
-        DataEnd(0).write(builder)
+        DataEnd(self._crc).write(builder)
         self._put(builder)
         start = self.good
         offsets: list[SummaryOffset] = []
@@ -183,11 +184,12 @@ class McapFile:
         )
 
     def _put(self, builder: RecordBuilder) -> None:
-        left = memoryview(builder.end())  # type: ignore[no-untyped-call]
-        total = len(left)
+        data = builder.end()  # type: ignore[no-untyped-call]
+        left = memoryview(data)
         while left:
             left = left[self._stream.write(left) :]
-        self.good += total
+        self.good += len(data)
+        self._crc = zlib.crc32(data, self._crc)
 
 
 def to_json(value: Any) -> str:

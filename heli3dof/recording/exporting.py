@@ -81,7 +81,7 @@ def _mat(recording: Recording, columns: dict[str, np.ndarray]) -> bytes:
     }
     variables["profile_json"] = to_json(recording.profile.to_dict())
     variables["meta_json"] = to_json(dict(recording.meta))
-    savemat(out, variables, oned_as="column", long_field_names=True, do_compression=True)
+    savemat(out, variables, oned_as="column", do_compression=True)  # type: ignore[arg-type]
     return out.getvalue()
 
 

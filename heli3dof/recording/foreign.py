@@ -35,8 +35,8 @@ def read_foreign(path: Path, found: Scan, profile: Profile | None) -> Recording:
             found.metadata[PROFILE].get("profile") or {}, source=f"the profile in {path}"
         )
     messages: dict[int, list[tuple[int, bytes]]] = {}
-    for channel, log_time, payload in found.messages():
-        messages.setdefault(channel, []).append((log_time, payload))
+    for number, log_time, payload in found.messages():
+        messages.setdefault(number, []).append((log_time, payload))
     tables: dict[int, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
     undecoded: list[str] = []
     for number, channel in found.channels.items():
@@ -158,7 +158,7 @@ def _protobuf_decoder(schema: Schema) -> Decoder:
         if file is not None:
             for needed in file.dependency:
                 add(needed)
-            pool.Add(file)  # type: ignore[no-untyped-call]
+            pool.Add(file)
 
     for name in list(waiting):
         add(name)

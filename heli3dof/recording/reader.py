@@ -7,6 +7,7 @@ gathered one by one; files of other programs go through `heli3dof.recording.fore
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from heli3dof.errors import ProfileError, RecordingError
 from heli3dof.recording.container import MAGIC, OUTCOME, PROFILE, PROVENANCE
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.scan import (
-    DamagedChunk,
+    Damaged,
     Scan,
     decode_chunk,
     read_bytes,
@@ -56,9 +57,11 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
             return foreign
         form = RowFormat(layouts)
         rows = _bulk_rows(found, form)
+        if not found.intact:
+            raise Damaged("the checksum over its data is wrong")
         if rows is None:
             rows = _gathered_rows(path, found, form)
-    except DamagedChunk as error:
+    except Damaged as error:
         raise RecordingError(
             f"{path} is damaged: {error}.",
             cause="the disk or a copy over the network changed some bytes.",
@@ -118,12 +121,13 @@ def our_layouts(found: Scan) -> list[Layout] | None:
 
 def found_names(found: Scan) -> list[str]:
     """The names of the further channels, from the MCAP channel's metadata."""
-    import json
-
     for channel in found.channels.values():
         if channel.topic == CHANNELS_TOPIC:
-            names: list[str] = json.loads(channel.metadata.get("columns", "[]"))
-            return names
+            try:
+                names: list[str] = json.loads(channel.metadata["columns"])
+                return names
+            except (KeyError, json.JSONDecodeError) as error:
+                raise Damaged("the names of its further channels are lost") from error
     return []
 
 
@@ -175,11 +179,11 @@ def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
         part = rows[layout.name]
         part["log_time"] = part["publish_time"] = times[0]
         if any(len(m[1]) != layout.payload.itemsize for m in column):
-            raise DamagedChunk(f"a message on {layout.topic} has a wrong length")
+            raise Damaged(f"a message on {layout.topic} has a wrong length")
         values = np.frombuffer(b"".join(m[1] for m in column), layout.payload)
         for name in layout.payload.names or ():
             if name.startswith("tag") and not (values[name] == part[name]).all():
-                raise DamagedChunk(f"a message on {layout.topic} has another layout")
+                raise Damaged(f"a message on {layout.topic} has another layout")
             part[name] = values[name]
     return rows
 

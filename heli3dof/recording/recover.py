@@ -19,7 +19,7 @@ from heli3dof.errors import RecordingError
 from heli3dof.recording.container import OUTCOME, McapFile
 from heli3dof.recording.output import new_file
 from heli3dof.recording.reader import chunk_rows, found_names, open_mcap, our_layouts
-from heli3dof.recording.scan import DamagedChunk, Scan, decode_chunk
+from heli3dof.recording.scan import Damaged, Scan, decode_chunk
 from heli3dof.recording.schema import SAMPLE, RowFormat
 from heli3dof.recording.writer import CHUNK_BYTES
 
@@ -58,7 +58,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
     output = path.with_name(f"{path.stem}.recovered.mcap") if output is None else Path(output)
     found = open_mcap(path)
     saved = salvage(path, found)
-    if found.whole and not saved.chunks_damaged:
+    if found.whole and found.intact and not saved.chunks_damaged:
         raise RecordingError(
             f"{path} is whole; there is nothing to recover.",
             cause="another file is torn, or this one was recovered already.",
@@ -104,8 +104,12 @@ def salvage(path: Path, found: Scan) -> Salvage:
     """Every row of ``found`` that can be trusted. Raises RecordingError for files not of ours."""
     try:
         layouts = our_layouts(found) if found.channels else None
-    except DamagedChunk:
-        layouts = None
+    except Damaged as error:
+        raise RecordingError(
+            f"{path} is damaged where its columns are described: {error}.",
+            cause="the disk or a copy over the network changed some bytes.",
+            fix="copy it again from where it was recorded",
+        ) from error
     if layouts is None:
         if found.channels or found.whole:
             raise RecordingError(
@@ -125,7 +129,7 @@ def salvage(path: Path, found: Scan) -> Salvage:
     for content in found.of(Opcode.CHUNK):
         try:
             rows = chunk_rows(decode_chunk(content), form)
-        except DamagedChunk:
+        except Damaged:
             rows = None
         if rows is None:
             damaged += 1

@@ -35,8 +35,8 @@ LARGEST_CHUNK = 1 << 30
 """bytes; a chunk that claims more is taken for damaged rather than given the memory."""
 
 
-class DamagedChunk(Exception):
-    """A chunk whose bytes are not what was written."""
+class Damaged(Exception):
+    """Bytes that are not what was written."""
 
 
 @dataclass(frozen=True)
@@ -54,24 +54,33 @@ class Scan:
         """The contents of all records of one kind, in order."""
         return (self.data[a:b] for kind, a, b in self.records if kind == opcode)
 
+    @property
+    def intact(self) -> bool:
+        """True when the checksum over the data section, where there is one, is right."""
+        end = next(((a, b) for kind, a, b in self.records if kind == Opcode.DATA_END), None)
+        if end is None:
+            return True
+        expected = int.from_bytes(self.data[end[0] : end[1]], "little")
+        return expected in (0, zlib.crc32(memoryview(self.data)[: end[0] - 9]))
+
     @cached_property
     def metadata(self) -> dict[str, dict[str, Any]]:
         """Name → contents of the metadata records, their JSON values decoded."""
         found: dict[str, dict[str, Any]] = {}
         for content in self.of(Opcode.METADATA):
-            record = Metadata.read(_stream(content))
+            record = _read(Metadata, content)
             found[record.name] = {k: _from_json(v) for k, v in record.metadata.items()}
         return found
 
     @cached_property
     def schemas(self) -> dict[int, Schema]:
         """Id → schema, wherever it stands (chunks are only opened where they must be)."""
-        return {s.id: s for s in (Schema.read(_stream(c)) for c in self._anywhere(Opcode.SCHEMA))}
+        return {s.id: s for s in (_read(Schema, c) for c in self._anywhere(Opcode.SCHEMA))}
 
     @cached_property
     def channels(self) -> dict[int, Channel]:
         """Id → channel."""
-        return {c.id: c for c in (Channel.read(_stream(c)) for c in self._anywhere(Opcode.CHANNEL))}
+        return {c.id: c for c in (_read(Channel, c) for c in self._anywhere(Opcode.CHANNEL))}
 
     def _anywhere(self, opcode: int) -> Iterator[bytes]:
         found = list(self.of(opcode))
@@ -121,18 +130,18 @@ def records_in(data: bytes, at: int = 0) -> tuple[list[tuple[int, int, int]], in
 
 
 def decode_chunk(content: bytes) -> bytes:
-    """The records inside a chunk, uncompressed. Raises DamagedChunk."""
+    """The records inside a chunk, uncompressed. Raises Damaged."""
     try:
         _, _, size, crc, name_length = _CHUNK.unpack_from(content)
         codec = content[32 : 32 + name_length].decode()
         packed = content[32 + name_length + 8 :]
         if size > LARGEST_CHUNK:
-            raise DamagedChunk(f"a chunk claims {size} bytes")
+            raise Damaged(f"a chunk claims {size} bytes")
         data = _uncompress(codec, packed, size)
     except (struct.error, UnicodeDecodeError, zstandard.ZstdError) as error:
-        raise DamagedChunk(f"a chunk does not decompress: {error}") from error
+        raise Damaged(f"a chunk does not decompress: {error}") from error
     if len(data) != size or (crc and zlib.crc32(data) != crc):
-        raise DamagedChunk("a chunk's checksum is wrong")
+        raise Damaged("a chunk's checksum is wrong")
     return data
 
 
@@ -141,7 +150,7 @@ def _uncompress(codec: str, packed: bytes, size: int) -> bytes:
         return packed
     if codec == "zstd":
         if zstandard.frame_content_size(packed) > size:
-            raise DamagedChunk("a chunk is longer than it says")
+            raise Damaged("a chunk is longer than it says")
         if not hasattr(_thread, "decompress"):
             _thread.decompress = zstandard.ZstdDecompressor().decompress
         data: bytes = _thread.decompress(packed, size)
@@ -152,20 +161,24 @@ def _uncompress(codec: str, packed: bytes, size: int) -> bytes:
         try:
             plain: bytes = frame.decompress(packed)
         except RuntimeError as error:
-            raise DamagedChunk(f"a chunk does not decompress: {error}") from error
+            raise Damaged(f"a chunk does not decompress: {error}") from error
         return plain
-    raise DamagedChunk(f"a chunk is compressed with {codec!r}")
+    raise Damaged(f"a chunk is compressed with {codec!r}")
 
 
 def _message(content: bytes) -> tuple[int, int, bytes]:
     if len(content) < _MESSAGE.size:
-        raise DamagedChunk("a message is shorter than its header")
+        raise Damaged("a message is shorter than its header")
     channel, _, log_time, _ = _MESSAGE.unpack_from(content)
     return channel, log_time, content[_MESSAGE.size :]
 
 
-def _stream(content: bytes) -> ReadDataStream:
-    return ReadDataStream(BytesIO(content))
+def _read(kind: Any, content: bytes) -> Any:
+    """One record by the library. Raises Damaged where its bytes make no sense."""
+    try:
+        return kind.read(ReadDataStream(BytesIO(content)))
+    except (McapError, struct.error, UnicodeDecodeError) as error:
+        raise Damaged(f"a {kind.__name__} record makes no sense: {error}") from error
 
 
 def _from_json(text: str) -> Any:
@@ -247,16 +260,3 @@ def what_is(data: bytes) -> str:
     if any(line.count(separator) >= 2 for separator in ",;\t"):
         return "a table in text, perhaps CSV"
     return "text"
-
-
-__all__ = [
-    "DamagedChunk",
-    "McapError",
-    "Scan",
-    "decode_chunk",
-    "missing",
-    "read_bytes",
-    "records_in",
-    "scan",
-    "what_is",
-]
