@@ -232,14 +232,15 @@ def _prediction_error(
 
 
 def _divergence(replayed: Replay) -> list[str]:
-    found = []
+    """One sentence on a model that the gain does not hold."""
+    said = []
     if replayed.unstable_poles:
         p = replayed.unstable_poles[0]
         pole = f"{p.real:+.3f}" + (f" ± {abs(p.imag):.3f}j" if abs(p.imag) > 1e-9 else "")
-        found.append(f"unstable in this loop: a pole at {pole} rad/s.")
+        said.append(f"unstable in this loop, with a pole at {pole} rad/s")
     if replayed.diverged_at_s is not None:
-        found.append(f"diverges at {replayed.diverged_at_s:.2f} s: no metrics.")
-    return found
+        said.append(f"diverges at {replayed.diverged_at_s:.2f} s, so it has no metrics")
+    return [f"{'; '.join(said)}."] if said else []
 
 
 def _attempt(work: Callable[[], T], reasons: list[str]) -> T | None:

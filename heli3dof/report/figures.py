@@ -12,7 +12,7 @@ Every function takes arrays or what `compare` made of them, and returns a matplo
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -302,8 +302,3 @@ def _start(block: list[float], gap: float) -> float:
 
 def _end(block: list[float], gap: float) -> float:
     return _start(block, gap) + gap * (len(block) - 1)
-
-
-def figure_files(figures: Mapping[str, Any], stem: str) -> dict[str, str]:
-    """File names without ending for Figures 7–9: ``stem-figure-7-roll`` and so on."""
-    return {axis: f"{stem}-figure-{NUMBER[axis]}-{axis}" for axis in figures}

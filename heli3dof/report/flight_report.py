@@ -30,12 +30,11 @@ from heli3dof.report.html import (
     table,
     warning,
 )
+from heli3dof.report.model_section import model_blocks
 from heli3dof.report.tables import (
+    flight_grids,
     metrics_of,
-    metrics_table,
-    prediction_table,
     published_table,
-    table_ii,
 )
 
 LONG = 200
@@ -49,19 +48,23 @@ def flight_report(
     comparison: Comparison | None = None,
     reproduced: Sequence[Reproduced] = (),
     extra: Iterable[Section] = (),
+    lede: Sequence[str] = (),
     title: str = "",
 ) -> str:
     """The whole HTML document.
 
     ``extra`` sections (an identification's, a diagnosis's) stand between the comparison and the
-    paper's numbers; ``reproduced`` is what `heli3dof.compare.reproduce.reproduce` returns.
+    paper's numbers, and ``lede`` sentences stand first, before what the comparison says;
+    ``reproduced`` is what `heli3dof.compare.reproduce.reproduce` returns.
     """
     names = ", ".join(r.name for r in recordings)
     found = _warnings(recordings, comparison)
+    short = [] if comparison is None else [in_a_sentence(f) for f in comparison.flights]
     sections = [
+        Section("In short", [key(s) for s in (*lede, *short)]),
         Section("Warnings", [warning(w) for w in found]),
         Section("The flight" if len(recordings) == 1 else "The flights", _flights(recordings)),
-        Section("Models", _models(models)),
+        Section("Models", model_blocks(models, recordings[0].profile if recordings else None)),
         Section("Comparison", [] if comparison is None else _comparison(comparison)),
         *extra,
         Section("The paper's numbers", [table(published_table(reproduced))] if reproduced else []),
@@ -121,22 +124,11 @@ def _plan_name(r: Recording) -> str | None:
     return None if plan is None else str(plan)
 
 
-def _models(models: Sequence[Model]) -> list[str]:
-    blocks = []
-    for m in models:
-        data = m.to_dict()
-        order = len(data["A"]) if isinstance(data.get("A"), (list, tuple)) else None
-        about = {"kind": m.kind, "order": order, "defect": data.get("defect")}
-        blocks += [subheading(m.name), facts(about)]
-    return blocks
-
-
 def _comparison(comparison: Comparison) -> list[str]:
     blocks = []
     for f in comparison.flights:
         if len(comparison.flights) > 1:
             blocks.append(subheading(f.recording.name))
-        blocks.append(key(in_a_sentence(f)))
         if f.why is not None:
             blocks.append(
                 paragraph(f"Not replayed, for {f.why}. The models predict freely instead.")
@@ -144,8 +136,7 @@ def _comparison(comparison: Comparison) -> list[str]:
         for axis, drawn in comparison_figures(f).items():
             alt = f"Figure {NUMBER[axis]}: {axis} of {f.recording.name}, experiment and models"
             blocks.append(figure(drawn, alt))
-        grids = [metrics_table(f) if f.why is None else None, table_ii(f), prediction_table(f)]
-        blocks += [table(g) for g in grids if g is not None]
+        blocks += [table(g) for g in flight_grids(f)]
     return blocks
 
 
@@ -156,7 +147,7 @@ def in_a_sentence(flight: FlightComparison) -> str:
     if flight.why is None:
         said = [_flown_in_words(flight, m) for m in flight.models]
         peak = flight.experiment["roll"].reported.peak_deg
-        return f"The experiment's roll peaks at {fixed(peak, 1, '°')}. " + " ".join(said)
+        return f"{flight.recording.name}: roll peaks at {fixed(peak, 1, '°')}. " + " ".join(said)
     said = []
     for m in flight.models:
         if m.prediction is None:
@@ -168,7 +159,8 @@ def in_a_sentence(flight: FlightComparison) -> str:
         ]
         said.append(f"{m.name} is off by {', '.join(errors)}.")
     window = flight.held_still.window_s if flight.held_still else 0.0
-    return f"Over free predictions of {window:g} s (RMSE): " + " ".join(said)
+    over = f"over free predictions of {window:g} s (RMSE)"
+    return f"{flight.recording.name}, {over}: " + " ".join(said)
 
 
 def _flown_in_words(flight: FlightComparison, m: ModelComparison) -> str:

@@ -115,7 +115,10 @@ def to_html(grid: Grid) -> str:
         for i, cell in enumerate(row):
             text = "" if i == 0 and _groups(grid) and not opens else html.escape(cell)
             cells.append(f"<td{_css(grid, i)}>{text}</td>")
-        row_class = ' class="opens"' if opens else ""
+        # An indented name is an aside to the row above it.
+        aside = any(cell.startswith("  ") for cell in row)
+        classes = " ".join(c for c, on in (("opens", opens), ("aside", aside)) if on)
+        row_class = f' class="{classes}"' if classes else ""
         body.append(f"<tr{row_class}>{''.join(cells)}</tr>")
         before = row[0]
     notes = "".join(f"<li>{html.escape(n)}</li>" for n in grid.notes)
