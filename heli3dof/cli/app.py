@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from heli3dof.cli import rigs
+from heli3dof.cli import compare, demo, files, fly, models, report, rigs, simulate
 
 app = typer.Typer(
     name="heli3dof",
@@ -16,7 +16,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for family in (rigs,):
+for family in (demo, fly, simulate, models, compare, report, files, rigs):
     family.register(app)
 
 

@@ -109,15 +109,17 @@ def _fly(
     if dry_run:
         _say_plan(talk, plan, profile, device, seed)
         return
-    path = output or default_path(plan.name)
+    if output is None:
+        output = default_path(plan.name)
+        output.parent.mkdir(exist_ok=True)
     live = Live()
-    with _progress(talk, live, plan.name):
+    with progress(talk, live, plan.name):
         flight = fly_plan(
             plan,
             device=device,
             profile=profile,
             seed=seed,
-            output=path,
+            output=output,
             force=force,
             meta={"command_line": ["heli3dof", *sys.argv[1:]]},
             live=live,
@@ -170,7 +172,7 @@ def _say_flight(talk: Talk, flight: Flight) -> None:
 
 
 @contextmanager
-def _progress(talk: Talk, live: Live, name: str) -> Iterator[None]:
+def progress(talk: Talk, live: Live, name: str) -> Iterator[None]:
     """A progress bar that looks at the loop ten times a second; the loop never looks at it."""
     if talk.quiet or not live_allowed():
         yield

@@ -14,11 +14,13 @@ from heli3dof.experiment.plan import Plan, Signals, check_plan
 from heli3dof.model.hover import hover_model
 from heli3dof.model.stability import check_loop
 from heli3dof.recording.memory import MemoryRecorder
+from heli3dof.recording.provenance import provenance
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.row import Row
 from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Identity, Rig
+from heli3dof.rig.port import Command, Identity, Rig
 from heli3dof.rig.profile import Profile, default_profile
 
 
@@ -94,14 +96,14 @@ def fly_plan(
     rig = open_rig(device, profile)
     try:
         opened(rig.identity)
-        about = {
-            "name": Path(output).stem if output else plan.name,
-            "device": device,
-            "seed": seed,
-            "plan": plan.to_dict(),
-            "identity": _identity(rig.identity),
-            **(meta or {}),
-        }
+        about = provenance(
+            source="flight",
+            plan=plan.to_dict(),
+            seed=seed,
+            identity=rig.identity,
+            device=device,
+            **{"name": Path(output).stem if output else plan.name, **(meta or {})},
+        )
         if output is None:
             return _fly_in_memory(rig, profile, signals, about, live)
         return _fly_to_file(rig, profile, signals, about, live, Path(output), force)
@@ -115,7 +117,7 @@ def _fly_in_memory(
     sink = MemoryRecorder()
     with asked_to_stop() as stop:
         outcome = fly(rig, profile, signals, sink, stop=stop, live=live)
-    about = {**meta, "outcome": outcome_dict(outcome)}
+    about = {**meta, "outcome": outcome.ending, "outcome_details": outcome_details(outcome)}
     return Flight(sink.recording(profile, about), outcome, None)
 
 
@@ -129,16 +131,27 @@ def _fly_to_file(
     force: bool,
 ) -> Flight:
     writer = RecordingWriter(path, profile, meta, force=force)
-    with asked_to_stop() as stop:
-        outcome = fly(rig, profile, signals, writer, stop=stop, live=live)
-        writer.close(outcome_dict(outcome))
+    with writer, asked_to_stop() as stop:
+        outcome = fly(rig, profile, signals, _ToFile(writer), stop=stop, live=live)
+        writer.outcome(outcome.ending, **outcome_details(outcome))
     return Flight(read_recording(path), outcome, path)
 
 
-def outcome_dict(outcome: Outcome) -> dict[str, Any]:
+class _ToFile:
+    def __init__(self, writer: RecordingWriter) -> None:
+        self._append = writer.append
+
+    def append(self, row: Row) -> None:
+        command = Command(row.command_sequence, row.voltage[0], row.voltage[1])
+        self._append(
+            row.t, row.sample, row.angle, row.lateness, row.reference, row.limited, row.command,
+            row.extra, command, row.applied, row.phase,
+        )  # fmt: skip
+
+
+def outcome_details(outcome: Outcome) -> dict[str, Any]:
     """The outcome as the recording keeps it, units in the keys."""
     return {
-        "ending": outcome.ending,
         "detail": outcome.detail,
         "periods": outcome.periods,
         "late": outcome.late,
@@ -146,7 +159,3 @@ def outcome_dict(outcome: Outcome) -> dict[str, Any]:
         "worst_lateness_s": outcome.worst_lateness_s,
         "landed": outcome.landed,
     }
-
-
-def _identity(identity: Identity) -> dict[str, Any]:
-    return {name: getattr(identity, name) for name in Identity.__slots__}

@@ -170,6 +170,7 @@ class _Flight:
                 extra,
                 command,
                 voltage,
+                self.sequence,
                 after.v_applied,
                 self.lateness,
                 CLOSED_LOOP,
@@ -225,35 +226,25 @@ class _Flight:
             return self._estop("the device did not answer")
         start = self.sent
         steps = max(1, round((limits.ramp_down_s if hurried else limits.landing_s) / self.dt))
+        keep: Callable[[Row], None] | None = self.sink.append
         try:
             for i in range(1, steps + 1):
                 share = 1 - i / steps
                 voltage = (start[0] * share, start[1] * share)
-                now = sample
-                t = now.device_time_s - self.t0
-                angle = self.angle(now)
-                sample = self.exchange(voltage)
-                nothing = (0.0, 0.0)
-                self.sink.append(
-                    Row(
-                        t,
-                        now,
-                        angle,
-                        self.controller.limited_reference,
-                        self.controller.limited_reference,
-                        nothing,
-                        voltage,
-                        voltage,
-                        sample.v_applied,
-                        self.lateness,
-                        RAMP_DOWN,
-                    )
-                )
+                before, sample = sample, self.exchange(voltage)
+                keep = _kept(keep, self.landing_row(before, voltage, sample))
                 self.clock(sample)
                 self.skip()
         except BaseException as problem:
             return self._estop(f"the ramp to zero failed: {problem}")
         return True
+
+    def landing_row(self, sample: Sample, voltage: tuple[float, float], after: Sample) -> Row:
+        held = self.controller.limited_reference
+        return Row(
+            sample.device_time_s - self.t0, sample, self.angle(sample), held, held, (0.0, 0.0),
+            voltage, voltage, self.sequence, after.v_applied, self.lateness, RAMP_DOWN,
+        )  # fmt: skip
 
     def _estop(self, why: str) -> bool:
         try:
@@ -262,6 +253,17 @@ class _Flight:
             # The device's own watchdog is what remains; the outcome says that nothing landed.
             return False
         return False
+
+
+def _kept(keep: Callable[[Row], None] | None, row: Row) -> Callable[[Row], None] | None:
+    """Keep a row of the ramp; a recorder that fails must not keep the motors from zero."""
+    if keep is None:
+        return None
+    try:
+        keep(row)
+    except Exception:
+        return None
+    return keep
 
 
 def _explain(flags: Flags) -> str:

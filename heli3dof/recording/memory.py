@@ -33,23 +33,36 @@ def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, 
     def column(values: list[Any], width: int) -> np.ndarray:
         return np.array(values, dtype=float).reshape(n, width)
 
-    counts = column([r.sample.counts for r in rows], 3)
+    def single(values: list[float]) -> np.ndarray:
+        return np.array(values, dtype=float)
+
+    def whole(values: list[int]) -> np.ndarray:
+        return np.array(values, dtype=np.int64)
+
+    counts = np.array([r.sample.counts for r in rows], dtype=np.int64).reshape(n, 3)
     limited = column([r.limited for r in rows], 3)
     sent = column([r.voltage for r in rows], 2)
+    current = column([r.sample.current for r in rows], 2)
     channels = {
-        "device_time_s": np.array([r.sample.device_time_s for r in rows]),
-        "lateness_s": np.array([r.lateness for r in rows]),
+        "device_time_s": single([r.sample.device_time_s for r in rows]),
+        "lateness_s": single([r.lateness for r in rows]),
         "roll_count": counts[:, 0],
         "pitch_count": counts[:, 1],
         "yaw_count": counts[:, 2],
+        "i_front_A": current[:, 0],
+        "i_back_A": current[:, 1],
+        "flags": whole([int(r.sample.flags) for r in rows]),
+        "sequence": whole([r.sample.sequence for r in rows]),
+        "host_time_s": single([r.sample.host_time_s for r in rows]),
         "roll_ref_limited_rad": limited[:, 0],
         "pitch_ref_limited_rad": limited[:, 1],
         "yaw_ref_limited_rad": limited[:, 2],
         "v_front_sent_V": sent[:, 0],
         "v_back_sent_V": sent[:, 1],
-        "flags": np.array([float(r.sample.flags) for r in rows]),
-        "phase": np.array([float(r.phase) for r in rows]),
+        "command_sequence": whole([r.command_sequence for r in rows]),
+        "phase": whole([r.phase for r in rows]),
     }
+    channels = {k: v for k, v in channels.items() if v.dtype.kind != "f" or not np.isnan(v).all()}
     return make_recording(
         np.array([r.t for r in rows]),
         column([r.applied for r in rows], 2),

@@ -30,6 +30,8 @@ class Row:
     """V, before the limiter"""
     voltage: tuple[float, float]
     """V, after it: what was sent"""
+    command_sequence: int
+    """The sequence it was sent with"""
     applied: tuple[float, float]
     """V, what the device says it put out until the next sample"""
     lateness: float

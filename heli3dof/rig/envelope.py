@@ -61,8 +61,8 @@ class Envelope:
             if not self._low[i] <= angle[i] <= self._high[i]:
                 side = self._low[i] if angle[i] < self._low[i] else self._high[i]
                 return (
-                    f"{AXES[i]} reached {degrees(angle[i]):.1f}°, beyond the envelope's "
-                    f"{degrees(side):.1f}°"
+                    f"{AXES[i]} reached {degrees(angle[i]):.2f}°, beyond the envelope's "
+                    f"{degrees(side):g}°"
                 )
             if not abs(rate[i]) <= self._rate[i]:
                 return (

@@ -28,10 +28,10 @@ def test_rest_on_the_table_is_inside() -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"angle": (radians(34.1), 0, 0)}, "roll reached 34.1°"),
-        ({"angle": (radians(-33), 0, 0)}, "roll reached -33.0°"),
-        ({"angle": (0, radians(-61), 0)}, "pitch reached -61.0°"),
-        ({"angle": (0, 0, radians(721))}, "yaw reached 721.0°"),
+        ({"angle": (radians(34.1), 0, 0)}, "roll reached 34.10°"),
+        ({"angle": (radians(-33), 0, 0)}, "roll reached -33.00°"),
+        ({"angle": (0, radians(-61), 0)}, "pitch reached -61.00°"),
+        ({"angle": (0, 0, radians(721))}, "yaw reached 721.00°"),
         ({"angle": (nan, 0, 0)}, "roll reached nan"),
         ({"rate": (0, radians(401), 0)}, "pitch turned at 401°/s"),
         ({"rate": (0, nan, 0)}, "pitch turned at nan"),

@@ -1,0 +1,203 @@
+"""The MCAP file around the rows: header, metadata, schemas, chunks of whole rows, summary.
+
+The records are the ``mcap`` library's; only the messages inside a chunk are ours, because they
+come as whole packed rows. A chunk with its message indexes is one write, so that a process that
+is killed leaves whole chunks behind, and the bulk of the work (compression, checksum, disk) runs
+without the interpreter's lock: the control loop in the same process keeps its deadlines.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Mapping
+from typing import Any, BinaryIO
+
+import numpy as np
+import zstandard
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from heli3dof.recording.schema import RowFormat
+
+MAGIC = b"\x89MCAP0\r\n"
+LIBRARY = "heli3dof"
+
+PROFILE = "heli3dof.profile"
+PROVENANCE = "heli3dof.provenance"
+OUTCOME = "heli3dof.outcome"
+
+
+class McapFile:
+    """Writes one recording to an unbuffered binary stream.
+
+    ``good`` is the offset behind the last record that was written whole: what lies beyond it
+    after a failed write may be cut off.
+    """
+
+    def __init__(
+        self,
+        stream: BinaryIO,
+        rows: RowFormat,
+        channel_names: Mapping[str, list[str]] | None = None,
+    ) -> None:
+        self._stream = stream
+        self._rows = rows
+        self._compress = zstandard.ZstdCompressor(level=3).compress
+        self._metadata: list[MetadataIndex] = []
+        self._chunks: list[ChunkIndex] = []
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
+        self._crc = 0
+        self.good = 0
+        self.row_count = 0
+        for number, layout in enumerate(rows.layouts, 1):
+            self._schemas.append(
+                Schema(number, layout.descriptor_set, "protobuf", layout.full_name)
+            )
+            names = (channel_names or {}).get(layout.name)
+            about = {} if names is None else {"columns": json.dumps(names)}
+            self._channels.append(Channel(number, layout.topic, "protobuf", about, number))
+
+    def start(self, metadata: Mapping[str, Mapping[str, Any]]) -> None:
+        """Magic, header and the metadata that stand first, then schemas and channels."""
+        builder = RecordBuilder()
+        builder.write(MAGIC)
+        Header(profile="", library=LIBRARY).write(builder)
+        self._put(builder)
+        for name, data in metadata.items():
+            self.add_metadata(name, data)
+        for record in (*self._schemas, *self._channels):
+            record.write(builder)
+        self._put(builder)
+
+    def add_metadata(self, name: str, data: Mapping[str, Any]) -> None:
+        """A Metadata record; every value is JSON text."""
+        builder = RecordBuilder()
+        Metadata(name, {k: to_json(v) for k, v in data.items()}).write(builder)
+        offset, length = self.good, builder.count
+        self._put(builder)
+        self._metadata.append(MetadataIndex(offset, length, name))
+
+    def write_chunk(self, data: bytes) -> None:
+        """One chunk of whole rows, with its message indexes, in one write."""
+        rows = np.frombuffer(data, self._rows.dtype)
+        times = rows[self._rows.layouts[0].name]["log_time"]
+        start, end = int(times.min()), int(times.max())
+        packed = self._compress(data)
+        builder = RecordBuilder()
+        Chunk(
+            compression="zstd",
+            data=packed,
+            message_start_time=start,
+            message_end_time=end,
+            uncompressed_crc=zlib.crc32(data),
+            uncompressed_size=len(data),
+        ).write(builder)
+        chunk_length = builder.count
+        index_at: dict[int, int] = {}
+        for channel, offset in enumerate(self._rows.offsets, 1):
+            index_at[channel] = self.good + builder.count
+            entries = np.empty((len(rows), 2), "<u8")
+            entries[:, 0] = times
+            entries[:, 1] = np.arange(len(rows)) * self._rows.stride + offset
+            builder.start_record(Opcode.MESSAGE_INDEX)
+            builder.write2(channel)
+            builder.write4(entries.nbytes)
+            builder.write(entries.tobytes())
+            builder.finish_record()  # type: ignore[no-untyped-call]
+        index = ChunkIndex(
+            message_start_time=start,
+            message_end_time=end,
+            chunk_start_offset=self.good,
+            chunk_length=chunk_length,
+            message_index_offsets=index_at,
+            message_index_length=builder.count - chunk_length,
+            compression="zstd",
+            compressed_size=len(packed),
+            uncompressed_size=len(data),
+        )
+        self._put(builder)
+        self._chunks.append(index)
+        self.row_count += len(rows)
+
+    def finish(self) -> None:
+        """The summary and the closing magic."""
+        before = self.good
+        builder = RecordBuilder()
+        DataEnd(self._crc).write(builder)
+        self._put(builder)
+        start = self.good
+        offsets: list[SummaryOffset] = []
+        for opcode, records in (
+            (Opcode.SCHEMA, self._schemas),
+            (Opcode.CHANNEL, self._channels),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, self._chunks),
+            (Opcode.METADATA_INDEX, self._metadata),
+        ):
+            group = builder.count
+            for record in records:
+                record.write(builder)
+            if builder.count > group:
+                offsets.append(SummaryOffset(opcode, start + group, builder.count - group))
+        offset_start = start + builder.count
+        for offset in offsets:
+            offset.write(builder)
+        summary = builder.end()  # type: ignore[no-untyped-call]
+        footer = RecordBuilder()
+        Footer(start, offset_start, 0).write(footer)
+        head = footer.end()[:-4]  # type: ignore[no-untyped-call]  # the checksum covers the footer up to itself
+        builder.write(summary)
+        Footer(start, offset_start, zlib.crc32(head, zlib.crc32(summary))).write(builder)
+        builder.write(MAGIC)
+        try:
+            self._put(builder)
+        except OSError:
+            self.good = before  # a data section that was declared ended is of no use alone
+            raise
+
+    def _statistics(self) -> Statistics:
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts={c.id: self.row_count for c in self._channels},
+            chunk_count=len(self._chunks),
+            message_count=self.row_count * len(self._channels),
+            metadata_count=len(self._metadata),
+            message_start_time=min((c.message_start_time for c in self._chunks), default=0),
+            message_end_time=max((c.message_end_time for c in self._chunks), default=0),
+            schema_count=len(self._schemas),
+        )
+
+    def _put(self, builder: RecordBuilder) -> None:
+        data = builder.end()  # type: ignore[no-untyped-call]
+        left = memoryview(data)
+        while left:
+            left = left[self._stream.write(left) :]
+        self.good += len(data)
+        self._crc = zlib.crc32(data, self._crc)
+
+
+def to_json(value: Any) -> str:
+    """JSON text of a value of ``Recording.meta``; numpy's scalars and arrays are allowed."""
+    return json.dumps(value, default=_plain, ensure_ascii=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    return str(value)

@@ -1,0 +1,79 @@
+"""New files: never over an existing one without force, never half written under the final name."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+from heli3dof.errors import NoSpace, OutputExists, UsageError
+
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+"""What the system answers when nothing more fits: disk, quota, largest file."""
+
+
+def check_output(path: Path, *, force: bool) -> None:
+    """Raise OutputExists or UsageError where ``path`` cannot be created."""
+    if path.is_dir():
+        raise UsageError(
+            f"{path} is a folder, not a file.",
+            cause="the file's name is missing after the folder.",
+            fix=f"-o {path / 'recording.mcap'}",
+        )
+    if path.exists() and not force:
+        raise OutputExists(
+            f"{path} exists and was left as it is.",
+            cause="an earlier run wrote it; heli3dof never overwrites unasked.",
+            fix=f"another name with -o, or --force to replace {path.name}",
+        )
+    if not path.parent.is_dir():
+        raise UsageError(
+            f"There is no folder {path.parent}.",
+            cause="a typing error in the output's path, or a folder not made yet.",
+            fix=f"mkdir -p {path.parent}",
+        )
+
+
+@contextlib.contextmanager
+def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
+    """A binary stream that becomes ``path`` when the block ends well, and vanishes when not.
+
+    Raises OutputExists, UsageError (no such folder, not permitted) or NoSpace.
+    """
+    path = Path(path)
+    check_output(path, force=force)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    with explained(path):
+        try:
+            with part.open("xb", buffering=0) as stream:
+                yield stream
+                os.fsync(stream.fileno())
+            if not force:
+                check_output(path, force=False)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def explained(path: Path) -> Iterator[None]:
+    """Turn the system's errors about ``path`` into ours."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in FULL:
+            raise NoSpace(
+                f"There is no space left for {path}.",
+                cause="the disk or the quota is full.",
+                fix=f"df -h {path.parent}; free some space, or write elsewhere with -o",
+            ) from error
+        if error.errno in {errno.EACCES, errno.EPERM, errno.EROFS}:
+            raise UsageError(
+                f"{path} may not be written: {error.strerror}.",
+                cause="the folder belongs to someone else or is read-only.",
+                fix="another place with -o",
+            ) from error
+        raise

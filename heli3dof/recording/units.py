@@ -1,0 +1,203 @@
+"""Are the angles in the unit that their name says? Three witnesses, the strongest first.
+
+1. The encoder's grid. Angles are counts: steps of 360/N degrees or 2π/N radians for N counts
+   per revolution. Steps that fit one unit's grid do not fit the other's.
+2. Size. Roll and pitch cannot turn further than half a revolution.
+3. Newton. Over windows of T, the second difference of an angle is the doubly integrated torque,
+
+       q(t+T) − 2 q(t) + q(t−T) = ∫ w(τ) M(t+τ)/J dτ,   w the triangle of height T and width 2T
+
+   with M/J from the voltages: L_a K_f (V_f + V_b)/J_roll, L_h K_f (V_f − V_b)/J_pitch. What else
+   acts changes the ratio of their scatter by a factor of a few (0.4 … 2.7 on real rigs); a wrong
+   unit by 57.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.errors import RecordingError
+from heli3dof.rig.profile import Profile
+
+TURN = {"deg": 360.0, "rad": 2 * np.pi}
+OTHER = {"deg": "rad", "rad": "deg"}
+FULL_NAME = {"deg": "degrees", "rad": "radians"}
+OFF_GRID = 0.2
+"""Share of a step: 90 % of on-grid values lie nearer to it than this, even printed with six
+digits; of values with no grid, 40 % do."""
+COMMON_COUNTS = (500, 512, 1000, 1024, 2000, 2048, 2500, 4000, 4096, 5000, 8000, 8192, 10000,
+                 16384, 20000)  # fmt: skip
+NEWTON_WINDOW_S = 0.25
+NEWTON_FACTOR = float(np.sqrt(180 / np.pi))
+"""Halfway (as a ratio) between the right unit and the wrong one."""
+
+COUNTS_FACTOR = 4.0
+"""Raw counts taken for degrees move 4096/360 = 11 or 23 times too far, real rigs up to 2.7."""
+
+
+def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
+    """Whether values (N,) lie on a grid of ``step`` through the first one, and show it.
+
+    Each distinct value counts once, or a long rest would outvote the motion; at least
+    ``levels`` of them must be seen, and more than half a step apart.
+    """
+    seen = np.unique(values)
+    steps = (seen - values[0]) / step
+    counts = np.rint(steps)
+    near = np.abs(steps - counts) < OFF_GRID
+    return len(seen) >= levels and bool(counts.any()) and float(near.mean()) >= 0.9
+
+
+def check_angles(source: str, columns: Mapping[str, np.ndarray], profile: Profile) -> list[str]:
+    """Raise RecordingError for angles in another unit than named; return warnings.
+
+    ``columns`` are those of the contract's log, checked to be finite.
+    """
+    warnings: list[str] = []
+    for axis in AXES:
+        for unit in ("deg", "rad"):
+            name = f"{axis}_{unit}"
+            if name not in columns:
+                continue
+            counts = abs(int(getattr(profile.encoder, axis)))
+            warnings += _check_angle(source, name, axis, unit, columns, counts, profile)
+            for ref_unit in ("deg", "rad"):
+                ref = f"{axis}_ref_{ref_unit}"
+                if ref in columns:
+                    _check_reference(source, name, columns[name] / TURN[unit],
+                                     ref, columns[ref] / TURN[ref_unit])  # fmt: skip
+    return warnings
+
+
+def _check_angle(
+    source: str,
+    name: str,
+    axis: str,
+    unit: str,
+    columns: Mapping[str, np.ndarray],
+    counts: int,
+    profile: Profile,
+) -> list[str]:
+    values = columns[name]
+    other = OTHER[unit]
+    largest = float(np.abs(values).max())
+    if np.ptp(values) == 0:
+        return [f"{name} never changes: the axis was locked or its encoder is not connected."]
+    if on_grid(values, TURN[unit] / counts):
+        return _coarser(name, values, unit, counts)
+    if on_grid(values, TURN[other] / counts, levels=4):
+        raise wrong_unit(
+            source, name, unit,
+            f"its values lie on the encoder's grid in {FULL_NAME[other]} "
+            f"({TURN[other] / counts:.6f} per count), not in {FULL_NAME[unit]}",
+        )  # fmt: skip
+    too_large = axis != "yaw" and largest > TURN[unit] / 2
+    ratio = newton_ratio(axis, values * (2 * np.pi / TURN[unit]), columns, profile)
+    if unit == "deg" and (too_large or (ratio or 0) > COUNTS_FACTOR) and on_grid(values, 1, 10):
+        raise RecordingError(
+            f"{source}: {name} holds whole numbers up to {largest:.6g}, which are no degrees.",
+            cause=f"raw encoder counts ({counts} per revolution).",
+            fix=f"multiply them by {360 / counts:.6g} (and by the encoder's sign)",
+        )
+    if too_large and unit == "deg":
+        raise RecordingError(
+            f"{source}: {name} reaches {largest:.6g}°; the arm cannot turn that far.",
+            cause="another unit, or roll and yaw swapped.",
+            fix="convert the values to degrees, or correct the header line",
+        )
+    if too_large:
+        raise wrong_unit(source, name, unit, f"it reaches {largest:.6g}")
+    if ratio is not None:
+        small = unit == "deg" and ratio < 1 / NEWTON_FACTOR and largest < np.pi
+        large = unit == "rad" and ratio > NEWTON_FACTOR
+        if small or large:
+            raise wrong_unit(
+                source, name, unit,
+                f"the angle moves {ratio:.2g} times as far as the voltages explain",
+            )  # fmt: skip
+    for n in COMMON_COUNTS:
+        if on_grid(values, TURN[unit] / n, levels=10):
+            return [
+                f"{name} lies on a grid of {n} counts per revolution, but the profile says "
+                f"{counts}: check [encoder] and the angle's scale."
+            ]
+    warnings = [
+        f"{name} does not lie on the encoder's grid of {360 / counts:.4f}°: "
+        "filtered, resampled or simulated without an encoder."
+    ]
+    if unit == "deg" and largest < 1.6 and ratio is None:
+        warnings.append(f"{name} stays within ±{largest:.2g}: check that it is not in radians.")
+    return warnings
+
+
+def _coarser(name: str, values: np.ndarray, unit: str, counts: int) -> list[str]:
+    """Warn where only every second (third …) count is ever seen in a good many."""
+    seen = np.unique(np.rint((values - values[0]) * counts / TURN[unit]).astype(np.int64))
+    divisor = int(np.gcd.reduce(seen))
+    if len(seen) < 10 or divisor < 2:
+        return []
+    return [
+        f"{name} lies on a grid of {counts / divisor:.6g} counts per revolution, but the profile "
+        f"says {counts}: check [encoder] and the angle's scale."
+    ]
+
+
+def _check_reference(
+    source: str, name: str, angle: np.ndarray, ref: str, reference: np.ndarray
+) -> None:
+    """A reference that the angle follows must not be 57 times larger or smaller (in turns)."""
+    spread = float(np.std(reference))
+    if spread == 0 or np.std(angle) == 0:
+        return
+    covariance = float(np.mean((angle - angle.mean()) * (reference - reference.mean())))
+    slope = covariance / spread**2
+    follows = covariance / (spread * float(np.std(angle))) > 0.5
+    if follows and not 1 / 15 < slope < 15:
+        raise RecordingError(
+            f"{source}: {name} follows {ref}, but {slope:.3g} times as far.",
+            cause=f"one of the two is in {'radians' if name.endswith('deg') else 'degrees'} "
+            f"in spite of its name (the factor would be {180 / np.pi:.3g}).",
+            fix=f"rename the column that is wrong, {name} or {ref}, to its true unit",
+        )
+
+
+def newton_ratio(
+    axis: str, angle: np.ndarray, columns: Mapping[str, np.ndarray], profile: Profile
+) -> float | None:
+    """Scatter of the angle's second differences over that of the doubly integrated torque.
+
+    ``angle`` (N,) in rad. About one in the right unit; None where it cannot be told (yaw, no
+    excitation, too short).
+    """
+    if axis == "yaw":
+        return None
+    dt = float(np.median(np.diff(columns["t_s"])))
+    n = max(1, round(NEWTON_WINDOW_S / dt))
+    if len(angle) < 8 * n:
+        return None
+    g, m, K_f = profile.geometry, profile.mass, profile.motor.K_f
+    V_f, V_b = columns["v_front_V"], columns["v_back_V"]
+    m_h = m.m_f + m.m_b
+    if axis == "roll":
+        acceleration = g.L_a * K_f * (V_f + V_b) / (m.m_w * g.L_w**2 + m_h * g.L_a**2)
+    else:
+        acceleration = g.L_h * K_f * (V_f - V_b) / (m_h * g.L_h**2)
+    box = np.convolve(acceleration, np.ones(n), "valid")
+    explained = dt**2 * np.convolve(box, np.ones(n), "valid")
+    moved = angle[2 * n :] - 2 * angle[n:-n] + angle[: -2 * n]
+    if np.std(explained) < 1e-3:  # rad: less than a count or so; nothing was asked of the axis
+        return None
+    return float(np.std(moved) / np.std(explained))
+
+
+def wrong_unit(source: str, name: str, unit: str, evidence: str) -> RecordingError:
+    """The error for an angle whose name lies."""
+    true_name = name.removesuffix(unit) + OTHER[unit]
+    return RecordingError(
+        f"{source}: {name} does not look like {FULL_NAME[unit]}: {evidence}.",
+        cause=f"the values are in {FULL_NAME[OTHER[unit]]}.",
+        fix=f"rename the column to {true_name} in the header line",
+    )

@@ -1,0 +1,228 @@
+"""`RecordingWriter`: keeps a flight while it is flown, and loses little whatever happens.
+
+The loop's side of a row is one ``struct.pack`` and one list append; a thread gathers the rows
+of ``CHUNK_S`` into chunks. A process that is killed loses the rows of the chunk in progress; a
+full disk is reported to the loop at its next `append`, with all earlier chunks kept.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO
+
+from heli3dof.errors import Heli3dofError, NoSpace, RecordingError
+from heli3dof.recording.container import OUTCOME, PROFILE, PROVENANCE, McapFile
+from heli3dof.recording.output import FULL, check_output, explained
+from heli3dof.recording.schema import RowFormat, RowPacker
+from heli3dof.rig.port import Command, Sample
+from heli3dof.rig.profile import Profile
+
+CHUNK_S = 0.15
+"""s of wall-clock time after which a chunk is closed and handed to the system."""
+CHUNK_BYTES = 32 * 1024
+"""Larger chunks would hold up the loop: 1 MiB by 3–6 ms, this by less than 0.5 ms."""
+
+
+class RecordingWriter:
+    """An open recording of a flight; use it as a context manager.
+
+    ::
+
+        with RecordingWriter(path, profile, provenance(source="flight", plan=…)) as recording:
+            …
+            recording.append(t, sample, angle, …)
+            recording.outcome("completed")
+
+    Leaving the block with an exception records the outcome ``error`` and what it said.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        profile: Profile,
+        meta: Mapping[str, Any] | None = None,
+        *,
+        force: bool = False,
+        start_ns: int | None = None,
+    ) -> None:
+        """Create the file, with the profile and ``meta`` (see ``provenance``) first.
+
+        ``start_ns`` is t = 0 in ns since the epoch (now). Raises OutputExists, UsageError, NoSpace.
+        """
+        self.path = Path(path)
+        self.start_ns = time.time_ns() if start_ns is None else start_ns
+        check_output(self.path, force=force)
+        self._rows: list[bytes] = []
+        self._pack = RowPacker()
+        self._count = 0
+        self._outcome: dict[str, Any] = {}
+        self._failure: BaseException | None = None
+        self._closed = False
+        self._closing = threading.Event()
+        self._format = RowFormat()
+        about = {"name": self.path.stem, **(meta or {}), "start_ns": self.start_ns}
+        ours_to_remove = not self.path.exists()
+        with explained(self.path):
+            self._stream: BinaryIO = self.path.open("wb" if force else "xb", buffering=0)
+            self._file = McapFile(self._stream, self._format)
+            try:
+                self._file.start({PROFILE: profile_record(profile), PROVENANCE: about})
+            except BaseException:
+                self._stream.close()
+                if ours_to_remove:  # what stood there before may be a device, or somebody's link
+                    self.path.unlink(missing_ok=True)
+                raise
+        # A daemon: a program that dies without closing must not hang on its recorder.
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    def append(
+        self,
+        t_s: float,
+        sample: Sample,
+        angle: Sequence[float],
+        lateness_s: float,
+        reference: Sequence[float],
+        reference_limited: Sequence[float],
+        v_cmd: Sequence[float],
+        v_extra: Sequence[float],
+        command: Command,
+        v_applied: Sequence[float],
+        phase: int = 0,
+    ) -> None:
+        """Keep row k: sample k, the command computed from it, and what came of it.
+
+        ``t_s`` on the clock that times the samples, from the flight's start; ``angle``,
+        ``reference`` (as asked) and ``reference_limited`` (3,) rad; ``lateness_s`` of this tick;
+        ``v_cmd`` (2,) V before the limiter, ``v_extra`` (2,) V of the experiment in it;
+        ``command`` as sent; ``v_applied`` (2,) V as the *next* sample reports it, NaN where the
+        device does not; ``phase`` the plan's part being flown (0xFFFFFFFF: ramp-down).
+
+        Raises NoSpace or RecordingError when the recorder could not keep earlier rows.
+        """
+        if self._failure is not None:
+            self._raise_failure()
+        self._rows.append(
+            self._pack(
+                self._count,
+                self.start_ns + int(t_s * 1e9),
+                (
+                    t_s, sample.device_time_s, lateness_s, *angle, *sample.counts, *v_applied,
+                    *sample.current, int(sample.flags) & 0xFFFFFFFF, sample.sequence & 0xFFFFFFFF,
+                ),
+                (
+                    sample.host_time_s, *reference, *reference_limited, *v_cmd,
+                    command.v_front, command.v_back, *v_extra,
+                    command.sequence & 0xFFFFFFFF, phase & 0xFFFFFFFF,
+                ),
+            )
+        )  # fmt: skip
+        self._count += 1
+
+    def outcome(self, outcome: str, **details: Any) -> None:
+        """Say how the flight ended: ``completed``, ``safety_trip``, ``estop``, ``interrupted`` …
+
+        Written last, when the recording is closed; the last call counts.
+        """
+        self._outcome = {"outcome": outcome, **details}
+
+    def close(self) -> None:
+        """Write what is left, the outcome and the summary, and see them onto the disk.
+
+        Raises NoSpace or RecordingError when not everything could be kept. Idempotent.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        self._closing.set()
+        self._thread.join()
+        try:
+            if self._failure is None or isinstance(self._failure, OSError):
+                self._finish()
+        finally:
+            self._stream.close()
+        if self._failure is not None:
+            self._raise_failure()
+
+    def __enter__(self) -> RecordingWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is not None and not self._outcome:
+            said = error.what if isinstance(error, Heli3dofError) else str(error)
+            self.outcome("error", reason=f"{type(error).__name__}: {said}")
+        try:
+            self.close()
+        except RecordingError as lost:
+            if error is None:
+                raise
+            error.add_note(str(lost))  # the first error is the one to report
+
+    def _run(self) -> None:
+        try:
+            while not self._closing.wait(CHUNK_S):
+                self._drain()
+            self._drain()
+        except BaseException as error:
+            self._failure = error
+
+    def _drain(self) -> None:
+        n = len(self._rows)
+        batch = self._rows[:n]
+        del self._rows[:n]  # appends meanwhile stay behind; both statements are atomic
+        per_chunk = max(1, CHUNK_BYTES // self._format.stride)
+        for i in range(0, n, per_chunk):
+            self._file.write_chunk(b"".join(batch[i : i + per_chunk]))
+
+    def _finish(self) -> None:
+        """Outcome and summary; after a failed write, behind the last whole chunk if they fit."""
+        outcome = {"outcome": "unknown", **self._outcome, "rows": self._file.row_count}
+        if self._failure is not None:
+            outcome["rows_lost"] = self._count - self._file.row_count
+        keep = self._file.good
+        try:
+            if self._failure is not None:
+                self._cut(keep)
+            self._file.add_metadata(OUTCOME, outcome)
+            self._file.finish()
+            os.fsync(self._stream.fileno())
+        except OSError as error:
+            self._failure = self._failure or error
+            self._cut(keep)
+
+    def _cut(self, size: int) -> None:
+        self._stream.truncate(size)
+        self._stream.seek(size)
+        self._file.good = size
+
+    def _raise_failure(self) -> None:
+        error = self._failure
+        kept = self._file.row_count
+        if isinstance(error, OSError) and error.errno in FULL:
+            raise NoSpace(
+                f"There is no space left for {self.path}: the first {kept} of {self._count} "
+                "samples are kept, the rest is lost.",
+                cause="the disk or the quota is full.",
+                fix=f"df -h {self.path.parent}; free some space, then heli3dof info {self.path} "
+                f"(and heli3dof recover {self.path} if it is torn)",
+            ) from error
+        raise RecordingError(
+            f"The recorder of {self.path} failed after {kept} of {self._count} samples: {error}",
+            cause="the disk was unplugged or has a fault.",
+            fix=f"heli3dof recover {self.path}",
+        ) from error
+
+
+def profile_record(profile: Profile) -> dict[str, Any]:
+    """The profile as its metadata record holds it."""
+    return {"name": profile.name, "profile": profile.to_dict()}

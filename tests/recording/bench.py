@@ -1,0 +1,37 @@
+"""What recording and reading cost; `make bench` and the tests call these."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from heli3dof.recording.reader import read_recording
+from heli3dof.recording.writer import RecordingWriter
+from heli3dof.rig.profile import default_profile
+from tests.recording.make import flight, tick
+
+
+def append_seconds(path: Path, ticks: int = 20000) -> list[float]:
+    """What each tick's `RecordingWriter.append` took, in seconds, with the recorder at work."""
+    rows = [tick(k) for k in range(ticks)]
+    costs: list[float] = []
+    with RecordingWriter(path, default_profile(), force=True) as writer:
+        for row in rows:
+            start = time.perf_counter()
+            writer.append(**row)
+            costs.append(time.perf_counter() - start)
+            time.sleep(1e-5)  # lets the recorder's thread in, as a real loop does
+    return costs
+
+
+def read_seconds(path: Path, repeats: int = 11) -> list[float]:
+    """What reading 60 s at 500 Hz into arrays takes, in seconds, again and again."""
+    from heli3dof.recording.store import write_recording
+
+    write_recording(flight(30000), path, force=True)
+    costs: list[float] = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        read_recording(path)
+        costs.append(time.perf_counter() - start)
+    return costs
