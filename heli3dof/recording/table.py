@@ -77,6 +77,11 @@ def recording_from_table(table: Table, profile: Profile, meta: Mapping[str, Any]
         table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max
     )
     warnings += units.check_angles(table.source, columns, profile)
+    if profile.loop_is_known and not any("_ref_" in name for name in columns.keys() & KNOWN):
+        warnings.append(
+            "The profile knows the loop ([controller]), but the log has no reference: "
+            "the loop cannot be replayed as it was flown."
+        )
 
     n = len(t)
     arrays: dict[str, np.ndarray] = {}

@@ -110,7 +110,7 @@ class RecordingWriter:
         self._rows.append(
             self._pack(
                 self._count,
-                self.start_ns + int(t_s * 1e9),
+                self.start_ns + int(t_s * 1e9 + 0.5),
                 (
                     t_s, sample.device_time_s, lateness_s, *angle, *sample.counts, *v_applied,
                     *sample.current, int(sample.flags) & 0xFFFFFFFF, sample.sequence & 0xFFFFFFFF,

@@ -99,14 +99,10 @@ def _flights(recordings: Sequence[Recording]) -> list[str]:
 def _summary(r: Recording) -> dict[str, Any]:
     """What a reader asks first about a flight."""
     gaps = np.diff(r.t) > 1.5 * r.dt
-    outcome = r.meta.get("outcome")
-    if isinstance(outcome, Mapping):
-        said = [str(outcome.get("ending", "")), str(outcome.get("detail", ""))]
-        outcome = ": ".join(s for s in said if s)
     return {
         "plan": _plan_name(r),
         "device": r.meta.get("device"),
-        "ended": outcome,
+        "ended": ": ".join(_ending(r)) or None,
         "duration": fixed(r.duration, 1, " s"),
         "samples": f"{len(r)} at {1 / r.dt:.6g} Hz"
         + (f", {gaps.sum()} gaps" if gaps.any() else ""),
@@ -115,6 +111,15 @@ def _summary(r: Recording) -> dict[str, Any]:
         "voltage": f"{fixed(float(np.nanmin(r.voltage)), 1)} to "
         f"{fixed(float(np.nanmax(r.voltage)), 1)} V (limit ±{r.profile.motor.v_max:g} V)",
     }
+
+
+def _ending(r: Recording) -> list[str]:
+    """How a flight ended and, where that was written down, why; empty for an imported log."""
+    outcome, details = r.meta.get("outcome"), r.meta.get("outcome_details", {})
+    if outcome is None:
+        return []
+    why = details.get("detail") or details.get("reason")
+    return [str(outcome), str(why)] if why else [str(outcome)]
 
 
 def _plan_name(r: Recording) -> str | None:
@@ -182,9 +187,9 @@ def _warnings(recordings: Sequence[Recording], comparison: Comparison | None) ->
     found = []
     for r in recordings:
         found += [f"{r.name}: {w}" for w in r.meta.get("warnings", ())]
-        outcome = r.meta.get("outcome")
-        if isinstance(outcome, Mapping) and outcome.get("ending") not in (None, "completed"):
-            found.append(f"{r.name}: the flight was cut short: {outcome.get('detail', '')}.")
+        ending = _ending(r)
+        if ending and ending[0] != "completed":
+            found.append(f"{r.name}: the flight did not end as planned; {': '.join(ending)}.")
     return found + list(comparison.warnings if comparison else ())
 
 

@@ -17,6 +17,9 @@ from heli3dof.recording.row import RAMP_DOWN
 from tests.cli.running import heli3dof
 
 LEVEL = "mock:?speed=max&seed=1&start=level"
+HELI3DOF = [sys.executable, "-m", "heli3dof"]
+PATIENT = "mock:?watchdog_s=5"
+"""In real time, with a watchdog that bears a busy machine."""
 QUICK = ("--settle", "0.5", "--duration", "3")
 
 
@@ -159,7 +162,7 @@ class RealTime:
 
     def __init__(self, path: Path) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "heli3dof", "run-step", "--roll", "5", "-o", str(path)],
+            [*HELI3DOF, "run-step", "--roll", "5", "--device", PATIENT, "-o", str(path)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

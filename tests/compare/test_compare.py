@@ -11,9 +11,14 @@ from heli3dof.compare.compare import compare
 from heli3dof.compare.document import to_json
 from heli3dof.compare.metrics import METRICS
 from heli3dof.compare.reproduce import reproduce
+from heli3dof.experiment.plan import step_plan
+from heli3dof.experiment.simulate import simulate
+from heli3dof.model.hover import hover_model
+from heli3dof.recording.load import load
 from heli3dof.recording.recording import Recording, make_recording
-from heli3dof.rig.profile import default_profile
+from heli3dof.rig.profile import default_profile, load_profile
 from tests.compare.fakes import FakeHover, WrongRate, flight
+from tests.paths import REAL_DATA, needs_real_data
 
 
 def unknown_loop(recording: Recording) -> Recording:
@@ -123,3 +128,46 @@ def test_the_document_of_an_unknown_loop_and_a_refused_model_is_valid_too() -> N
     assert found["models"][0]["axes"] is None
     assert found["models"][0]["prediction"]["rmse_deg"]["1"]["pitch"] is None
     assert found["experiment"]["roll"]["peak_deg"] is None
+
+
+def test_a_flight_simulated_on_the_hover_model_is_what_compare_replays() -> None:
+    """The same controller, grid and reference: what is left is the encoder's rounding."""
+    plan = step_plan((10.0, None, 20.0), settle_s=4.0, duration_s=8.0)
+    hover = hover_model(default_profile())
+    only = compare([simulate(plan, hover)], [hover], horizons_s=()).flights[0]
+    count = np.degrees(default_profile().encoder.rad_per_count)
+    rmse = only.models[0].replay_rmse_deg
+    assert rmse is not None
+    assert (rmse <= count / np.sqrt(12) * 1.3).all()
+    assert only.experiment["roll"].reported.kind == "step"
+    assert only.experiment["roll"].reported.start_s == pytest.approx(4.0)
+    for axis in AXES:
+        assert abs(only.difference(only.models[0], axis)["peak_deg"]) <= max(count)
+
+
+def test_the_hover_column_of_the_paper_comes_from_the_hover_model() -> None:
+    """The contract's sampled controller on the corrected model: 11.75° (the paper: 12°)."""
+    ours = {
+        (r.published.axis, r.published.quantity): r.ours_deg
+        for r in reproduce(hover_model(default_profile()))
+        if r.published.reproducible
+    }
+    assert ours["roll", "peak"] == pytest.approx(11.75, abs=0.03)
+    assert ours["roll", "error"] == pytest.approx(0.10, abs=0.03)
+    assert [ours[a, q] for a in ("pitch", "yaw") for q in ("peak", "error")] == [0, 0, 0, 0]
+
+
+@needs_real_data
+@pytest.mark.real_data
+def test_a_real_log_is_predicted_and_the_hover_model_is_worse_than_standing_still() -> None:
+    """rig-a 1b, over 3 s: the folder's own figures are hover 41/31/38°, held still 8.5/5/5°."""
+    rig = REAL_DATA / "rig-a"
+    log = load(rig / "closed-1b.csv", load_profile(rig / "profile.toml"))
+    only = compare([log], [hover_model(log.profile)]).flights[0]
+    assert only.loop == "not replayed"
+    assert only.held_still is not None
+    hover = only.models[0].prediction
+    assert hover is not None
+    assert only.held_still.over_window_deg == pytest.approx([9.5, 7.1, 7.4], abs=0.1)
+    assert (hover.over_window_deg > 3 * only.held_still.over_window_deg).all()
+    json.dumps(to_json(compare([log], [hover_model(log.profile)])), allow_nan=False)

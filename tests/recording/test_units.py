@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
 from heli3dof.recording.csv_log import read_csv
-from heli3dof.recording.units import check_angles, newton_ratio, on_grid
+from heli3dof.recording.units import check_angles, newton, on_grid
 from heli3dof.rig.profile import load_profile
 from tests.paths import REAL_DATA, needs_real_data
 from tests.recording.make import flight, log_columns, open_profile
@@ -61,8 +61,7 @@ def test_newtons_ratio_is_one_for_a_rigid_body_driven_by_its_voltages() -> None:
     a = 0.1188 * 2.0 / (1.15 * 0.1778)
     q = np.where(t >= 1, a * (t - 1) ** 2 / 2, 0.0)
     data = {"t_s": t, "v_front_V": V_f, "v_back_V": np.zeros_like(t)}
-    ratio = newton_ratio("pitch", q, data, PROFILE)
-    assert ratio == pytest.approx(1, abs=0.01)
+    assert newton("pitch", q, data, PROFILE) == pytest.approx((1, 1), abs=0.01)
 
 
 @pytest.mark.parametrize("factor", [1, 20])
@@ -128,17 +127,39 @@ def test_real_logs_under_a_wrong_unit_are_caught(rig: str) -> None:
                 check_angles(path.name, as_named(data, axis, "rad"), profile)
 
 
+@pytest.mark.parametrize("axis", ["roll", "pitch"])
+def test_a_wrong_sign_is_said(axis: str) -> None:
+    data = columns()
+    assert check_angles("log.csv", data, PROFILE) == []
+    data[f"{axis}_deg"] = -data[f"{axis}_deg"]
+    warnings = check_angles("log.csv", data, PROFILE)
+    assert any(f"{axis}_deg moves against its voltages" in w for w in warnings)
+
+
 @needs_real_data
 @pytest.mark.real_data
-def test_on_real_rigs_newtons_ratio_is_far_from_what_a_wrong_unit_makes() -> None:
-    ratios = []
+def test_on_real_rigs_newton_is_far_from_what_a_wrong_unit_or_sign_makes() -> None:
+    ratios, correlations = [], []
     for path in sorted(REAL_DATA.glob("rig-*/*.csv")):
         data = read_csv(path).columns
         profile = load_profile(path.parent / "profile.toml")
         for axis in ("roll", "pitch"):
             if f"{axis}_deg" in data:
-                ratio = newton_ratio(axis, np.deg2rad(data[f"{axis}_deg"]), data, profile)
-                if ratio is not None:
-                    ratios.append(ratio)
+                found = newton(axis, np.deg2rad(data[f"{axis}_deg"]), data, profile)
+                if found is not None:
+                    ratios.append(found[0])
+                    correlations.append(found[1])
     assert len(ratios) > 15
     assert 0.3 < min(ratios) < max(ratios) < 4, "the threshold is a factor of 7.6 either way"
+    assert min(correlations) > -0.2, "the warning comes at -0.4"
+
+
+@needs_real_data
+@pytest.mark.real_data
+@pytest.mark.parametrize("path", ["rig-a/closed-1b", "rig-b/closed-09"])
+def test_front_and_back_swapped_on_a_real_log_are_noticed(path: str) -> None:
+    data = dict(read_csv(REAL_DATA / f"{path}.csv").columns)
+    profile = load_profile((REAL_DATA / path).parent / "profile.toml")
+    data["v_front_V"], data["v_back_V"] = data["v_back_V"], data["v_front_V"]
+    warnings = check_angles("log.csv", data, profile)
+    assert [w for w in warnings if "front and back are swapped" in w]

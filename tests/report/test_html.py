@@ -64,7 +64,8 @@ def document() -> str:
     meta = {
         **recording.meta,
         "warnings": [f"the log {NASTY}"],
-        "outcome": {"ending": "tripped", "detail": "roll above 34°"},
+        "outcome": "tripped",
+        "outcome_details": {"detail": "roll above 34°", "periods": 5000},
         "versions": {"numpy": "2.1"},
         "plan": {"name": "step", "segments": [{"kind": "hold", "roll_deg": 0.0}] * 30},
     }
@@ -97,7 +98,7 @@ def test_the_report_holds_flight_models_comparison_paper_warnings_and_origin(doc
         "In short",
         "A sentence from elsewhere.",
         "Warnings",
-        "roll above 34°",
+        "the flight did not end as planned; tripped: roll above 34°",
         "unstable in this loop, with a pole at +1.469 rad/s",
         "The flight",
         "Models",
