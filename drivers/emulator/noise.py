@@ -6,7 +6,7 @@ standard deviation is σ and its correlation time τ_c at any control rate.
 
 Where σ comes from: flown by the contract's controller from level, the true plant without noise
 replays the angles of a noisy flight with this fit, 100 (1 − ‖y − ŷ‖/‖y − mean y‖), in percent
-for roll / pitch / yaw, mean of seeds 1–6 (lowest and highest pitch):
+for roll / pitch / yaw, mean of seeds 1–6 (lowest and highest pitch), plan seed 1:
 
 ==============  ======================  ===============
 plan            fit                     pitch
