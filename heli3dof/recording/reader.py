@@ -49,6 +49,8 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
     if not found.whole:
         raise torn(path, found)
     try:
+        if not found.intact:
+            raise Damaged("the checksum over its data is wrong")
         layouts = our_layouts(found)
         if layouts is None:
             from heli3dof.recording.foreign import read_foreign
@@ -57,8 +59,6 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
             return foreign
         form = RowFormat(layouts)
         rows = _bulk_rows(found, form)
-        if not found.intact:
-            raise Damaged("the checksum over its data is wrong")
         if rows is None:
             rows = _gathered_rows(path, found, form)
     except Damaged as error:
