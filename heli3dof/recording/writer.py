@@ -99,7 +99,7 @@ class RecordingWriter:
         ``reference`` (as asked) and ``reference_limited`` (3,) rad; ``lateness_s`` of this tick;
         ``v_cmd`` (2,) V before the limiter, ``v_extra`` (2,) V of the experiment in it;
         ``command`` as sent; ``v_applied`` (2,) V as the *next* sample reports it, NaN where the
-        device does not; ``phase`` the plan's part being flown (0xFFFFFFFF: ramp-down).
+        device does not; ``phase`` the plan's part being flown (``schema.RAMP_DOWN`` after it).
 
         Raises NoSpace or RecordingError when the recorder could not keep earlier rows.
         """
