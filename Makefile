@@ -11,7 +11,7 @@ help:
 	@echo "make demo        fly the mock rig, identify, compare, report"
 	@echo "make test        the tests"
 	@echo "make check       lint, formatting and types"
-	@echo "make bench       re-measure every figure that docs/benchmarks.md quotes"
+	@echo "make bench       re-measure every figure in docs/benchmarks.md (TOPIC=cli: that one)"
 	@echo "make recordings  re-make the reference recordings that ship"
 
 $(STAMP): pyproject.toml constraints.txt
@@ -37,7 +37,7 @@ format: $(STAMP)
 	$(BIN)/ruff format .
 
 bench: $(STAMP)
-	$(BIN)/python -m tests.bench
+	$(BIN)/python -m tests.bench $(TOPIC)
 
 recordings: $(STAMP)
 	$(BIN)/python -m heli3dof_recordings.make

@@ -1,0 +1,38 @@
+"""The reference recordings that ship; imported as ``heli3dof_recordings``.
+
+All were flown on the emulated rig; ``recordings.toml`` holds the command, profile and seed that
+made each, and ``python -m heli3dof_recordings.make`` makes them again.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Reference:
+    """One reference recording: its file, what it is for, and the command that makes it."""
+
+    name: str
+    use: str
+    """``identify``: fitted to; ``compare``: compared with."""
+    about: str
+    command: tuple[str, ...]
+    """The words after ``heli3dof``; paths are relative to this folder."""
+
+    @property
+    def path(self) -> Path:
+        return FOLDER / f"{self.name}.mcap"
+
+
+def references() -> tuple[Reference, ...]:
+    """Every reference recording, in the order of ``recordings.toml``."""
+    data: dict[str, Any] = tomllib.loads((FOLDER / "recordings.toml").read_text(encoding="utf-8"))
+    return tuple(
+        Reference(r["name"], r["use"], r["about"], tuple(r["command"])) for r in data["recording"]
+    )

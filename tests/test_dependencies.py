@@ -13,10 +13,11 @@ ROOT = Path(__file__).parent.parent
 MAY_IMPORT = {
     "errors": set(),
     "axes": set(),
-    "rig": {"errors", "axes"},
+    "toml_file": {"errors"},
+    "rig": {"errors", "axes", "toml_file"},
     "recording": {"errors", "axes", "rig"},
     "model": {"errors", "axes", "rig", "recording"},
-    "experiment": {"errors", "axes", "rig", "recording", "model"},
+    "experiment": {"errors", "axes", "toml_file", "rig", "recording", "model"},
     "identify": {"errors", "axes", "rig", "recording", "model"},
     "compare": {"errors", "axes", "rig", "recording", "model"},
     "report": {"errors", "axes", "rig", "recording", "model", "identify", "compare"},

@@ -49,6 +49,8 @@ class LoopResult:
     """(N, 2) V, after the limiter."""
     voltage_cmd: np.ndarray
     """(N, 2) V, before it."""
+    reference_limited: np.ndarray | None = None
+    """(N, 3) rad, the reference behind its rate limiter, where the simulation kept it."""
 
 
 class Model(Protocol):

@@ -20,18 +20,16 @@ v_max      motor.v_max              V, amplifier limit
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import Field, field_validator
 
-from heli3dof.errors import ProfileError, did_you_mean
+from heli3dof.errors import ProfileError
+from heli3dof.toml_file import Finite, Positive, Section, check, read_toml
 
-Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
-Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Counts = Annotated[int, Field(strict=True)]
 
 K_G: tuple[tuple[float, ...], ...] = (
@@ -41,11 +39,7 @@ K_G: tuple[tuple[float, ...], ...] = (
 """Eq (14) as printed: V/rad (×3), V·s/rad (×3), V/(rad·s) (×2); rows front, back (E7)."""
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Geometry(_Section):
+class Geometry(Section):
     """Arm lengths in metres."""
 
     L_w: Positive
@@ -53,7 +47,7 @@ class Geometry(_Section):
     L_h: Positive
 
 
-class Mass(_Section):
+class Mass(Section):
     """Point masses in kilograms."""
 
     m_w: Positive
@@ -61,7 +55,7 @@ class Mass(_Section):
     m_b: Positive
 
 
-class Motor(_Section):
+class Motor(Section):
     """Thrust per volt (N/V), hover voltage per motor (V), amplifier limit (V)."""
 
     K_f: Positive
@@ -69,12 +63,18 @@ class Motor(_Section):
     v_max: Positive
 
 
-class Encoder(_Section):
-    """Counts per revolution after ×4; negative where the count falls as the angle rises."""
+class Encoder(Section):
+    """Counts per revolution after ×4; negative where the count falls as the angle rises.
+
+    Counts are zero at power-up, with the rig at its rest angles: on the table, −27.5° in roll.
+    """
 
     roll: Counts
     pitch: Counts
     yaw: Counts
+    roll_rest_deg: Finite = -27.5
+    pitch_rest_deg: Finite = 0.0
+    yaw_rest_deg: Finite = 0.0
 
     @field_validator("roll", "pitch", "yaw")
     @classmethod
@@ -88,18 +88,24 @@ class Encoder(_Section):
         """(3,) rad per count, signed."""
         return 2 * np.pi / np.array([self.roll, self.pitch, self.yaw], dtype=float)
 
+    @property
+    def rest_rad(self) -> np.ndarray:
+        """(3,) rad: the angles at which the counts are zero."""
+        return np.radians([self.roll_rest_deg, self.pitch_rest_deg, self.yaw_rest_deg])
 
-class Loop(_Section):
+
+class Loop(Section):
     """The control rate in Hz."""
 
     rate_hz: Positive
 
 
-class Limits(_Section):
+class Limits(Section):
     """The safety envelope. Defaults suit the laboratory rig of the paper.
 
     Angles are absolute readings; a trip outside them ramps the motors to zero. ``roll_min_deg``
-    lies below the table (−27.5°), so that a start from rest is inside.
+    lies below the table (−27.5°), so that a start from rest is inside. The motors are ramped to
+    zero over ``ramp_down_s`` after a trip or an interrupt, over ``landing_s`` at a plan's end.
     """
 
     roll_min_deg: Finite = -32.0
@@ -112,9 +118,10 @@ class Limits(_Section):
     slew_max_V_per_s: Positive = 5000.0
     duration_max_s: Positive = 600.0
     ramp_down_s: Positive = 0.5
+    landing_s: Positive = 3.0
 
 
-class ControllerSpec(_Section):
+class ControllerSpec(Section):
     """Gains and filters of the contract's default controller; see ``heli3dof.model.controller``.
 
     ``K`` is 2 × 8, rows front and back, columns V per (r, p, ψ error; ṙ, ṗ, ψ̇; ∫r, ∫ψ error),
@@ -140,7 +147,7 @@ class ControllerSpec(_Section):
         return np.array(self.K, dtype=float)
 
 
-class Profile(_Section):
+class Profile(Section):
     """Everything about a rig that is known before a flight."""
 
     name: str = "unnamed"
@@ -180,74 +187,12 @@ def load_profile(path: str | Path) -> Profile:
     Raises ProfileError naming the key, the file and the nearest known key.
     """
     path = Path(path)
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ProfileError(
-            f"There is no profile {path}.",
-            cause="a typing error in the path, or another working directory.",
-            fix=f"ls {path.parent}",
-        ) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ProfileError(f"The profile {path} cannot be read: {error}.") from error
-    except tomllib.TOMLDecodeError as error:
-        raise ProfileError(
-            f"The profile {path} is not valid TOML: {error}.",
-            cause="a missing quote, bracket or equals sign.",
-            fix=f"edit {path}",
-        ) from error
-    return profile_from_dict(data, source=str(path))
+    return profile_from_dict(read_toml(path, "profile", ProfileError), source=str(path))
 
 
 def profile_from_dict(data: Mapping[str, Any], *, source: str = "profile") -> Profile:
     """Check a nested mapping (as TOML gives it) and build the profile."""
-    try:
-        return Profile.model_validate(data, strict=False)
-    except ValidationError as error:
-        raise _explain(error, source) from None
-
-
-def _explain(error: ValidationError, source: str) -> ProfileError:
-    # A misspelt key is both unknown and missing: the unknown one tells more.
-    errors = error.errors(include_url=False)
-    first = min(errors, key=lambda e: e["type"] != "extra_forbidden")
-    path = [str(part) for part in first["loc"]]
-    key = ".".join(path)
-    section, known = _known_keys(path[:-1])
-    where = f"in [{section}]" if section else "at the top level"
-    if first["type"] == "extra_forbidden":
-        return ProfileError(
-            f"{source}: unknown key {key!r}.",
-            cause=f"a typing error; {did_you_mean(path[-1], known)}",
-            fix=f"edit {source}; keys {where}: {', '.join(known)}",
-        )
-    if first["type"] == "missing":
-        return ProfileError(
-            f"{source}: the key {key!r} is missing.",
-            cause="the profile was cut short or written for another version.",
-            fix=f"add it to {source}; keys {where}: {', '.join(known)}",
-        )
-    return ProfileError(
-        f"{source}: {key} = {first['input']!r} cannot be: {first['msg']}.",
-        cause="a wrong unit or sign, or text where a number belongs.",
-        fix=f"edit {source}",
-    )
-
-
-def _known_keys(path: list[str]) -> tuple[str, list[str]]:
-    model: type[BaseModel] = Profile
-    names: list[str] = []
-    for part in path:
-        field = model.model_fields.get(part)
-        if field is None:
-            break
-        options = [field.annotation, *getattr(field.annotation, "__args__", ())]
-        inner = [o for o in options if isinstance(o, type) and issubclass(o, BaseModel)]
-        if not inner:
-            break
-        model = inner[0]
-        names.append(part)
-    return ".".join(names), list(model.model_fields)
+    return check(Profile, data, source, ProfileError)
 
 
 TABLE_I: Mapping[str, Any] = {

@@ -1,0 +1,144 @@
+"""The numbers of the emulated body: from a profile, and how a real rig departs from them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from . import slots
+
+if TYPE_CHECKING:
+    from heli3dof.rig.profile import Profile
+
+g = 9.81
+"""m/s²"""
+
+ROLL_STOP_DEG = 36.0
+PITCH_STOP_DEG = 32.0
+
+
+@dataclass(frozen=True)
+class Body:
+    """What `lagrange` and the motors need, SI; the symbols are `lagrange`'s."""
+
+    L_a: float
+    """m"""
+    L_h: float
+    """m"""
+    K_f: float
+    """N/V"""
+    T_g: float
+    """N·m, gravity torque of the level arm"""
+    J_w: float
+    """kg·m²"""
+    I_aa: float
+    """kg·m²"""
+    I_bb: float
+    """kg·m²"""
+    I_ab: float
+    """kg·m²"""
+    G_p: float
+    """N·m, gravity torque that tilts the level body towards its heavier motor"""
+    V_ref: float
+    """V at which a curved thrust map meets the straight one"""
+    dJ: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """kg·m², rotary inertia on the joints' shafts"""
+    tau_m: float = 0.0
+    """s, the rotors' time constant; 0 is no lag"""
+    gain: tuple[float, float] = (1.0, 1.0)
+    """thrust gain of the front and the back motor, relative to K_f"""
+
+    @property
+    def J(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw inertia of the level rig in kg·m², without ``dJ``."""
+        return self.J_w + self.I_bb, self.I_aa, self.J_w + self.I_bb + self.I_aa
+
+    def vector(self) -> np.ndarray:
+        """(BODY_SIZE,) in the places that `slots` names."""
+        b = np.zeros(slots.BODY_SIZE)
+        b[slots.L_A], b[slots.L_H] = self.L_a, self.L_h
+        b[slots.K_F], b[slots.T_G], b[slots.J_W] = self.K_f, self.T_g, self.J_w
+        b[slots.I_AA], b[slots.I_BB], b[slots.I_AB] = self.I_aa, self.I_bb, self.I_ab
+        b[slots.I_NN], b[slots.G_P] = self.I_aa + self.I_bb, self.G_p
+        b[slots.DJ_R], b[slots.DJ_P], b[slots.DJ_PSI] = self.dJ
+        b[slots.TAU_M], b[slots.V_REF] = self.tau_m, self.V_ref
+        b[slots.GAIN_FRONT], b[slots.GAIN_BACK] = self.gain
+        return b
+
+
+def body_of(profile: Profile) -> Body:
+    """The rigid body that a profile describes, with thrust linear in voltage and nothing else."""
+    m_f, m_b, m_w = profile.mass.m_f, profile.mass.m_b, profile.mass.m_w
+    L_w, L_a, L_h = profile.geometry.L_w, profile.geometry.L_a, profile.geometry.L_h
+    K_f, V_o = profile.motor.K_f, profile.motor.V_o
+    return Body(
+        L_a=L_a,
+        L_h=L_h,
+        K_f=K_f,
+        T_g=2 * L_a * K_f * V_o,
+        J_w=m_w * L_w**2,
+        I_aa=(m_f + m_b) * L_h**2,
+        I_bb=(m_f + m_b) * L_a**2,
+        I_ab=-(m_f - m_b) * L_a * L_h,
+        G_p=(m_f - m_b) * g * L_h,
+        V_ref=abs(V_o) or profile.motor.v_max,
+    )
+
+
+def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
+    """The body with K_f, T_g, J_w, I_aa and I_bb each drawn uniformly from ± ``spread``.
+
+    No two rigs are alike; geometry is easily measured and stays as it is.
+    """
+    k = 1 + spread * rng.uniform(-1, 1, size=5)
+    return replace(
+        body,
+        K_f=body.K_f * k[0],
+        T_g=body.T_g * k[1],
+        J_w=body.J_w * k[2],
+        I_aa=body.I_aa * k[3],
+        I_bb=body.I_bb * k[4],
+        I_ab=body.I_ab * math.sqrt(k[3] * k[4]),
+    )
+
+
+@dataclass(frozen=True)
+class Setup:
+    """An emulated rig before it is switched on; effects may change it once, in their order."""
+
+    body: Body
+    nominal: Body
+    """the profile's body, before any spread"""
+    rest: tuple[float, float, float]
+    """rad, where the counts are zero"""
+    start: tuple[float, float, float]
+    """rad, the angles at the release"""
+    low: tuple[float, float, float]
+    """rad, lower stops; the roll's is the table"""
+    high: tuple[float, float, float]
+    """rad, upper stops"""
+    lost_share: float = 0.0
+    """share of samples that never arrive"""
+    jitter_s: float = 0.0
+    """s, standard deviation of the sampling instants"""
+
+
+def setup_of(profile: Profile, start: str) -> Setup:
+    """The rig of a profile at rest on its table (``rest``) or held level (``level``).
+
+    Its table is where the profile says that the counts are zero.
+    """
+    body = body_of(profile)
+    rest = tuple(profile.encoder.rest_rad.tolist())
+    roll_stop, pitch_stop = math.radians(ROLL_STOP_DEG), math.radians(PITCH_STOP_DEG)
+    return Setup(
+        body=body,
+        nominal=body,
+        rest=rest,
+        start=rest if start == "rest" else (0.0, 0.0, 0.0),
+        low=(rest[0], -pitch_stop, -math.inf),
+        high=(roll_stop, pitch_stop, math.inf),
+    )

@@ -1,0 +1,95 @@
+"""The emulated electronics: amplifier limit, enable line, watchdog, emergency stop.
+
+The watchdog counts the device's own time. When no command came for ``watchdog_s`` it latches:
+the output ramps to zero over `RAMP_S` and stays there until the device is armed again.
+"""
+
+from __future__ import annotations
+
+from heli3dof.rig.port import Flags
+
+from .plant import Plant
+
+WATCHDOG_S = 0.1
+RAMP_S = 0.2
+FULL_CURRENT_A = 4.0
+"""A at the amplifier's limit"""
+
+
+class Device:
+    """What stands between the link and the plant."""
+
+    def __init__(
+        self, plant: Plant, *, v_max: float, watchdog_s: float = WATCHDOG_S, held: bool = False
+    ) -> None:
+        self.plant = plant
+        self.v_max = v_max
+        self.watchdog_s = watchdog_s
+        self.held = held
+        """True while a hand holds the rig: until the first command after arming"""
+        self.sequence = 0
+        self.enabled = self.latched = self.stopped = self.saturated = False
+        self.v = (0.0, 0.0)
+        """V, what the amplifier puts out"""
+        self._asked = (0.0, 0.0)
+        self._silent_s = 0.0
+
+    def arm(self) -> None:
+        """Enable at zero volts and clear what was latched."""
+        self.enabled, self.latched, self.stopped, self.saturated = True, False, False, False
+        self.v = self._asked = (0.0, 0.0)
+        self._silent_s = 0.0
+
+    def stop(self) -> None:
+        """Zero volts now, until armed."""
+        self.stopped, self.saturated = True, False
+        self.v = self._asked = (0.0, 0.0)
+
+    def disable(self) -> None:
+        self.enabled, self.saturated = False, False
+        self.v = self._asked = (0.0, 0.0)
+
+    def command(self, sequence: int, v_front: float, v_back: float) -> None:
+        """Take a command: from now on these voltages (V), within the limit, if enabled."""
+        self.sequence = sequence
+        if not self.enabled or self.stopped or self.latched:
+            return
+        limit = self.v_max
+        clipped = (max(-limit, min(limit, v_front)), max(-limit, min(limit, v_back)))
+        self.saturated = clipped != (v_front, v_back)
+        self.v = self._asked = clipped
+        self._silent_s = 0.0
+        self.held = False
+
+    def period(self) -> bool:
+        """One control period with the present output. False when its sample gets lost."""
+        if self._silent_s > self.watchdog_s and self.enabled and not self.stopped:
+            self.latched, self.saturated = True, False
+            left = max(0.0, 1 - (self._silent_s - self.watchdog_s) / RAMP_S)
+            self.v = (self._asked[0] * left, self._asked[1] * left)
+        self._silent_s += self.plant.dt
+        if self.held:
+            return True
+        return self.plant.step(*self.v)
+
+    @property
+    def current(self) -> tuple[float, float]:
+        """A, front and back: propeller load grows with the square of the speed."""
+        k = FULL_CURRENT_A / self.v_max**2
+        return k * self.v[0] * abs(self.v[0]), k * self.v[1] * abs(self.v[1])
+
+    @property
+    def flags(self) -> Flags:
+        value = 0
+        if self.enabled and not self.latched and not self.stopped:
+            value |= 1
+        if self.latched:
+            value |= 8
+        if self.stopped:
+            value |= 16
+        if self.saturated:
+            value |= 32
+        return _FLAGS[value]
+
+
+_FLAGS = [Flags(value) for value in range(64)]

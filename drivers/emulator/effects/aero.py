@@ -1,0 +1,118 @@
+"""What the air and the rotors do besides thrust along the body's normal.
+
+- Ground effect: near its table a rotor thrusts more, F (1 + a exp(−h/h₀)), h the height of the
+  body above the table, L_a (sin r − sin r_rest).
+- Inflow: a rotor that moves along its axis at v_n (m/s) thrusts less, F (1 − k v_n), with
+  v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇), front +, back −.
+- Reaction torque: both propellers turn the same way and twist the body about its normal n by κF.
+  By virtual work: Q_r = κF sin p, Q_p = 0, Q_ψ = κF cos r cos p.
+- Gyroscopic: their angular momentum H = k (V_f + V_b) n resists being turned: −ω × H, i.e.
+  Q_r = −H cos p ω_a, Q_p = −H ω_b, Q_ψ = −H sin r ω_b + H cos r sin p ω_a (it does no work).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..hooks import kernel
+from ..slots import (
+    F_BACK,
+    F_FRONT,
+    L_A,
+    L_H,
+    P_DOT,
+    PSI_DOT,
+    R_DOT,
+    REST,
+    V_BACK,
+    V_FRONT,
+    A,
+    B,
+    P,
+    R,
+    Stage,
+)
+from .base import Effect, Parameter
+
+
+@kernel
+def ground_effect(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    height = body[L_A] * (math.sin(s[R]) - math.sin(body[REST]))
+    k = 1 + par[A] * math.exp(-max(0.0, height) / par[B])
+    out[0] *= k
+    out[1] *= k
+
+
+@kernel
+def inflow(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    arm = math.cos(s[P]) * s[R_DOT] - math.cos(s[R]) * math.sin(s[P]) * s[PSI_DOT]
+    tilt = s[P_DOT] + math.sin(s[R]) * s[PSI_DOT]
+    for i in range(2):
+        side = 1.0 if i == 0 else -1.0
+        v_n = body[L_A] * arm + side * body[L_H] * tilt
+        out[i] *= min(2.0, max(0.0, 1 - par[A] * v_n))
+
+
+@kernel
+def reaction_torque(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    twist = par[A] * (s[F_FRONT] + s[F_BACK])
+    out[0] += twist * math.sin(s[P])
+    out[2] += twist * math.cos(s[R]) * math.cos(s[P])
+
+
+@kernel
+def gyroscopic(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    H = par[A] * (s[V_FRONT] + s[V_BACK])
+    sr, cr, sp, cp = math.sin(s[R]), math.cos(s[R]), math.sin(s[P]), math.cos(s[P])
+    w_a = s[P_DOT] + sr * s[PSI_DOT]
+    w_b = -cp * s[R_DOT] + cr * sp * s[PSI_DOT]
+    out[0] -= H * cp * w_a
+    out[1] -= H * w_b
+    out[2] += H * (cr * sp * w_a - sr * w_b)
+
+
+EFFECTS = (
+    Effect(
+        name="aero.ground_effect",
+        summary="More thrust near the table: F (1 + a exp(−h/h₀)).",
+        parameters=(
+            Parameter("thrust_share", "–", 0.0, 1.0, "a, at the table"),
+            Parameter("height_m", "m", 0.01, 1.0, "h₀", default=0.1),
+        ),
+        example="aero.ground_effect:0.2@0.1",
+        kernels={Stage.THRUST: ground_effect},
+        order=1,
+    ),
+    Effect(
+        name="aero.inflow",
+        summary="Less thrust when a rotor moves along its axis: F (1 − k v_n).",
+        parameters=(Parameter("loss_s_per_m", "s/m", 0.0, 2.0, "k"),),
+        example="aero.inflow:0.3",
+        kernels={Stage.THRUST: inflow},
+        order=2,
+    ),
+    Effect(
+        name="aero.reaction_torque",
+        summary="The propellers twist the body about its normal by κF.",
+        parameters=(Parameter("torque_per_thrust_m", "m", -0.2, 0.2, "κ, N·m per N"),),
+        example="aero.reaction_torque:0.02",
+        kernels={Stage.TORQUE: reaction_torque},
+    ),
+    Effect(
+        name="aero.gyroscopic",
+        summary="The propellers' angular momentum resists being turned: −ω × H.",
+        parameters=(Parameter("momentum_Nms_per_V", "N·m·s/V", -0.05, 0.05, "k"),),
+        example="aero.gyroscopic:0.001",
+        kernels={Stage.TORQUE: gyroscopic},
+    ),
+)

@@ -1,0 +1,60 @@
+"""What an effect is: its name, its parameters with units and bounds, and where it acts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from ..body import Setup
+from ..hooks import Kernel
+from ..slots import Stage
+
+ALL_AXES = ("roll", "pitch", "yaw")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect; outside ``low`` … ``high`` it is a typing error."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    meaning: str
+    default: float | None = None
+    """the value when it is left out; None: it must be given"""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One thing that a rig does and the base simulation does not.
+
+    ``kernels`` act while the rig runs, ``setup`` once before; effects of one stage act in
+    ascending ``order`` (the order of the signal's path, where it matters).
+    """
+
+    name: str
+    summary: str
+    parameters: tuple[Parameter, ...]
+    example: str
+    axes: tuple[str, ...] = ()
+    kernels: Mapping[Stage, Kernel] = field(default_factory=dict)
+    setup: Callable[[Setup, int, tuple[float, ...]], Setup] | None = None
+    order: int = 0
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """An effect switched on: on which axis (−1: none) and with which values."""
+
+    effect: Effect
+    axis: int
+    values: tuple[float, ...]
+
+    @property
+    def text(self) -> str:
+        """As `hide=` takes it."""
+        from heli3dof.axes import AXES
+
+        name = self.effect.name + (f".{AXES[self.axis]}" if self.axis >= 0 else "")
+        return name + ":" + "@".join(f"{v:g}" for v in self.values)

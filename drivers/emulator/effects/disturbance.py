@@ -1,0 +1,51 @@
+"""Torques from outside: a constant one, and one that comes and goes.
+
+Bias: τ. Periodic: τ sin(2π f t), t since the release.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..hooks import kernel
+from ..slots import AXIS, A, B, Stage, T
+from .base import ALL_AXES, Effect, Parameter
+
+
+@kernel
+def bias(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    out[int(par[AXIS])] += par[A]
+
+
+@kernel
+def periodic(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    out[int(par[AXIS])] += par[A] * math.sin(2 * math.pi * par[B] * s[T])
+
+
+EFFECTS = (
+    Effect(
+        name="bias.torque",
+        summary="A constant torque: a lopsided body, a tilted base, a draught.",
+        parameters=(Parameter("torque_Nm", "N·m", -0.5, 0.5, "the torque, + as the angle"),),
+        example="bias.torque.pitch:0.02",
+        axes=("pitch", "yaw"),
+        kernels={Stage.TORQUE: bias},
+    ),
+    Effect(
+        name="disturbance.periodic",
+        summary="A torque τ sin(2π f t).",
+        parameters=(
+            Parameter("torque_Nm", "N·m", 0.0, 1.0, "amplitude τ"),
+            Parameter("frequency_Hz", "Hz", 0.001, 50.0, "frequency f"),
+        ),
+        example="disturbance.periodic.yaw:0.02@0.5",
+        axes=ALL_AXES,
+        kernels={Stage.TORQUE: periodic},
+    ),
+)

@@ -1,0 +1,30 @@
+"""Air drag of the moving arm and body: −d |q̇| q̇."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..hooks import kernel
+from ..slots import AXIS, R_DOT, A, Stage
+from .base import ALL_AXES, Effect, Parameter
+
+
+@kernel
+def quadratic(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    axis = int(par[AXIS])
+    rate = s[R_DOT + axis]
+    out[axis] -= par[A] * abs(rate) * rate
+
+
+EFFECTS = (
+    Effect(
+        name="drag.quadratic",
+        summary="Air drag growing with the square of the rate: −d |q̇| q̇.",
+        parameters=(Parameter("drag_Nms2_per_rad2", "N·m·s²/rad²", 0.0, 10.0, "d"),),
+        example="drag.quadratic.yaw:0.2",
+        axes=ALL_AXES,
+        kernels={Stage.TORQUE: quadratic},
+    ),
+)

@@ -1,0 +1,98 @@
+"""What the encoders make of the angles, before they are counted.
+
+Backlash: play of full width w between the axis and its encoder; the encoder moves only when a
+flank carries it. Offset: the rig was not at its nominal rest when the counts were zeroed,
+reading = angle + offset; the table, and the hand that holds the rig level, stand at the same
+readings as ever and so at other true angles. Scale: a wrong number of lines, reading =
+rest + k (angle − rest).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..body import Setup
+from ..hooks import kernel
+from ..slots import AXIS, REST, A, Stage
+from .base import ALL_AXES, Effect, Parameter
+
+RAD_PER_DEG = np.pi / 180
+ROLL = 0
+
+
+@kernel
+def backlash(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    axis = int(par[AXIS])
+    half = 0.5 * par[A] * RAD_PER_DEG
+    if mem[0] == 0.0:
+        mem[0], mem[1] = 1.0, out[axis]
+    mem[1] = min(out[axis] + half, max(out[axis] - half, mem[1]))
+    out[axis] = mem[1]
+
+
+@kernel
+def scale(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    axis = int(par[AXIS])
+    rest = body[REST + axis]
+    out[axis] = rest + par[A] * (out[axis] - rest)
+
+
+@kernel
+def offset(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    out[int(par[AXIS])] += par[A] * RAD_PER_DEG
+
+
+def _scale(setup: Setup, axis: int, values: tuple[float, ...]) -> Setup:
+    start, rest = list(setup.start), setup.rest[axis]
+    start[axis] = rest + (start[axis] - rest) / values[0]
+    return replace(setup, start=(start[0], start[1], start[2]))
+
+
+def _offset(setup: Setup, axis: int, values: tuple[float, ...]) -> Setup:
+    shift = values[0] * RAD_PER_DEG
+    start, low = list(setup.start), list(setup.low)
+    start[axis] -= shift
+    if axis == ROLL:  # the table is what roll was zeroed on
+        low[axis] -= shift
+    return replace(setup, start=(start[0], start[1], start[2]), low=(low[0], low[1], low[2]))
+
+
+EFFECTS = (
+    Effect(
+        name="encoder.backlash",
+        summary="Play between the axis and its encoder.",
+        parameters=(Parameter("angle_deg", "°", 0.0, 10.0, "full width of the play"),),
+        example="encoder.backlash.pitch:0.5",
+        axes=ALL_AXES,
+        kernels={Stage.MEASURE: backlash},
+        order=1,
+    ),
+    Effect(
+        name="encoder.offset",
+        summary="The zero was set at the wrong angle: reading = angle + offset.",
+        parameters=(Parameter("angle_deg", "°", -20.0, 20.0, "the offset"),),
+        example="encoder.offset.pitch:2.0",
+        axes=ALL_AXES,
+        kernels={Stage.MEASURE: offset},
+        setup=_offset,
+        order=2,
+    ),
+    Effect(
+        name="encoder.scale",
+        summary="The count per revolution is wrong: reading = rest + k (angle − rest).",
+        parameters=(Parameter("scale", "–", 0.5, 2.0, "k"),),
+        example="encoder.scale.roll:1.05",
+        axes=ALL_AXES,
+        kernels={Stage.MEASURE: scale},
+        setup=_scale,
+        order=3,
+    ),
+)

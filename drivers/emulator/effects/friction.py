@@ -1,0 +1,48 @@
+"""Friction of the joints.
+
+Coulomb: a torque of constant size τ_c against the motion, −τ_c sgn(q̇); at rest it is whatever
+holds the joint still, up to τ_c (set-valued, see `kernel`). Viscous: −c q̇.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..hooks import kernel
+from ..slots import AXIS, R_DOT, A, Stage
+from .base import ALL_AXES, Effect, Parameter
+
+
+@kernel
+def coulomb(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    out[int(par[AXIS])] += par[A]
+
+
+@kernel
+def viscous(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    axis = int(par[AXIS])
+    out[axis] -= par[A] * s[R_DOT + axis]
+
+
+EFFECTS = (
+    Effect(
+        name="friction.coulomb",
+        summary="Dry friction with stiction: −τ_c sgn(q̇), and at rest up to ±τ_c.",
+        parameters=(Parameter("torque_Nm", "N·m", 0.0, 1.0, "τ_c"),),
+        example="friction.coulomb.yaw:0.03",
+        axes=ALL_AXES,
+        kernels={Stage.DRY_FRICTION: coulomb},
+    ),
+    Effect(
+        name="friction.viscous",
+        summary="Friction proportional to the rate: −c q̇.",
+        parameters=(Parameter("damping_Nms_per_rad", "N·m·s/rad", 0.0, 5.0, "c"),),
+        example="friction.viscous.yaw:0.05",
+        axes=ALL_AXES,
+        kernels={Stage.TORQUE: viscous},
+    ),
+)

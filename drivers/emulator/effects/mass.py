@@ -1,0 +1,72 @@
+"""Masses and inertias that are not what the profile says.
+
+- ``mass.imbalance``: the level arm's gravity torque T_g is larger by τ (+: heavier body).
+- ``inertia``: the axis' inertia, level, is ``ratio`` times the profile's. The difference sits as
+  rotary inertia on the joint's shaft (ΔJ in `lagrange`).
+- ``mass.change``: m kg are put onto the body, at L_a on the pitch axis, at time t₀: T_g grows by
+  m g L_a, I_bb and I_nn by m L_a². It is put down gently: the rates do not jump.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..body import Setup, g
+from ..hooks import kernel
+from ..slots import I_BB, I_NN, L_A, T_G, A, B, Stage, T
+from .base import ALL_AXES, Effect, Parameter
+
+
+def _imbalance(setup: Setup, axis: int, values: tuple[float, ...]) -> Setup:
+    body = setup.body
+    return replace(setup, body=replace(body, T_g=body.T_g + values[0]))
+
+
+def _inertia(setup: Setup, axis: int, values: tuple[float, ...]) -> Setup:
+    dJ = list(setup.body.dJ)
+    dJ[axis] += (values[0] - 1) * setup.nominal.J[axis]
+    return replace(setup, body=replace(setup.body, dJ=(dJ[0], dJ[1], dJ[2])))
+
+
+@kernel
+def change(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    if s[T] >= par[B]:
+        L_a = out[L_A]
+        out[T_G] += par[A] * G * L_a
+        out[I_BB] += par[A] * L_a * L_a
+        out[I_NN] += par[A] * L_a * L_a
+
+
+G = g
+
+EFFECTS = (
+    Effect(
+        name="mass.imbalance",
+        summary="The level arm's gravity torque differs from nominal (+: heavier body).",
+        parameters=(Parameter("torque_Nm", "N·m", -1.0, 1.0, "what is added to T_g"),),
+        example="mass.imbalance:0.1",
+        setup=_imbalance,
+    ),
+    Effect(
+        name="inertia",
+        summary="The axis' inertia differs from nominal.",
+        parameters=(Parameter("ratio", "–", 0.5, 2.0, "to the profile's, level"),),
+        example="inertia.yaw:1.2",
+        axes=ALL_AXES,
+        setup=_inertia,
+    ),
+    Effect(
+        name="mass.change",
+        summary="A mass is put onto the body during the flight.",
+        parameters=(
+            Parameter("mass_kg", "kg", -0.2, 0.5, "the mass, at L_a on the pitch axis"),
+            Parameter("time_s", "s", 0.0, 3600.0, "when"),
+        ),
+        example="mass.change:0.05@20",
+        kernels={Stage.BODY: change},
+    ),
+)

@@ -1,0 +1,51 @@
+"""Torques that depend on an angle alone.
+
+Pendulum: the centre of mass lies below the joint's axis, so gravity pulls the axis back:
+−k sin q (negative k: above the axis). Cable: the bundle at the slip ring twists: −k ψ.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..hooks import kernel
+from ..slots import AXIS, A, R, Stage
+from .base import Effect, Parameter
+
+
+@kernel
+def pendulum(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    axis = int(par[AXIS])
+    out[axis] -= par[A] * math.sin(s[R + axis])
+
+
+@kernel
+def cable(
+    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
+) -> None:
+    axis = int(par[AXIS])
+    out[axis] -= par[A] * s[R + axis]
+
+
+EFFECTS = (
+    Effect(
+        name="stiffness.pendulum",
+        summary="The centre of mass lies below the axis: −k sin q.",
+        parameters=(Parameter("torque_Nm", "N·m", -2.0, 5.0, "k"),),
+        example="stiffness.pendulum.roll:1.0",
+        axes=("roll", "pitch"),
+        kernels={Stage.TORQUE: pendulum},
+    ),
+    Effect(
+        name="stiffness.cable",
+        summary="The cable winds up with the travel: −k ψ.",
+        parameters=(Parameter("stiffness_Nm_per_rad", "N·m/rad", 0.0, 2.0, "k"),),
+        example="stiffness.cable.yaw:0.05",
+        axes=("yaw",),
+        kernels={Stage.TORQUE: cable},
+    ),
+)

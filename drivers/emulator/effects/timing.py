@@ -1,0 +1,39 @@
+"""When samples are taken, and whether they arrive.
+
+Jitter: sample k is taken at k dt + ε, ε normal with the given standard deviation (at most 0.4 of
+a period); the device's time stamps tell the true instants. Gaps: this share of the samples never
+arrives; the voltage stands meanwhile and the device's time jumps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..body import Setup
+from .base import Effect, Parameter
+
+
+def _gaps(setup: Setup, axis: int, values: tuple[float, ...]) -> Setup:
+    return replace(setup, lost_share=values[0])
+
+
+def _jitter(setup: Setup, axis: int, values: tuple[float, ...]) -> Setup:
+    return replace(setup, jitter_s=values[0])
+
+
+EFFECTS = (
+    Effect(
+        name="timing.gaps",
+        summary="Samples get lost; the voltage stands meanwhile.",
+        parameters=(Parameter("lost_share", "–", 0.0, 0.5, "share of the samples"),),
+        example="timing.gaps:0.01",
+        setup=_gaps,
+    ),
+    Effect(
+        name="timing.jitter",
+        summary="Samples are taken early or late; their time stamps tell the true instants.",
+        parameters=(Parameter("jitter_s", "s", 0.0, 0.01, "standard deviation"),),
+        example="timing.jitter:0.0002",
+        setup=_jitter,
+    ),
+)

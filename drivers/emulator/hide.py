@@ -1,0 +1,123 @@
+"""The grammar of ``hide=``: ``name[.axis]:value[@value]``, several with commas or repeated.
+
+``hide=friction.coulomb.yaw:0.03,mass.change:0.05@20``
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from heli3dof.axes import ALIASES, AXES
+from heli3dof.errors import UsageError, did_you_mean
+
+from .effects import Effect, Hidden, catalogue
+
+
+def parse_hide(texts: Iterable[str]) -> tuple[Hidden, ...]:
+    """The effects that the values of ``hide=`` name.
+
+    Raises UsageError for an unknown effect or axis (naming the nearest), a missing or superfluous
+    value, a value out of its range, and an effect given twice.
+    """
+    hidden: list[Hidden] = []
+    for text in texts:
+        for part in filter(None, (p.strip() for p in text.split(","))):
+            one = _parse_one(part)
+            if any(h.effect is one.effect and h.axis == one.axis for h in hidden):
+                raise UsageError(
+                    f"hide={part}: this effect is hidden twice.",
+                    cause="the same effect stands in hide= more than once.",
+                    fix="give it once, with the sum of both values",
+                )
+            hidden.append(one)
+    return tuple(sorted(hidden, key=lambda h: h.effect.order))
+
+
+def _parse_one(text: str) -> Hidden:
+    name, _, values = text.partition(":")
+    known = catalogue()
+    if name == "geometry":
+        raise UsageError(
+            "hide=geometry: the emulated rig cannot hide its geometry.",
+            cause="it is always the full nonlinear rigid body; geometry is what the linear hover "
+            "model lacks, so diagnose with --base hover finds it on any flight.",
+            fix="heli3dof diagnose REC --base hover",
+        )
+    effect, axis_name = known.get(name), ""
+    if effect is None and "." in name:
+        stem, _, axis_name = name.rpartition(".")
+        effect = known.get(stem)
+    if effect is None:
+        raise UsageError(
+            f"hide={text}: there is no effect {name!r}.",
+            cause=f"a typing error; {did_you_mean(name, _names(known.values()))}",
+            fix="see docs/mock.md for every effect with its unit and an example",
+        )
+    return Hidden(effect, _axis(effect, axis_name, text), _values(effect, values, text))
+
+
+def _names(effects: Iterable[Effect]) -> list[str]:
+    return [f"{e.name}.{a}" if a else e.name for e in effects for a in (e.axes or ("",))]
+
+
+def _axis(effect: Effect, name: str, text: str) -> int:
+    if not effect.axes:
+        if name:
+            raise UsageError(
+                f"hide={text}: {effect.name} has no axis.",
+                cause=f"{name!r} is not part of its name.",
+                fix=f"hide={effect.example}",
+            )
+        return -1
+    name = ALIASES.get(name, name)
+    if name not in effect.axes:
+        what = f"there is no axis {name!r} for" if name else "an axis is missing after"
+        raise UsageError(
+            f"hide={text}: {what} {effect.name}.",
+            cause=f"it acts on one axis; {did_you_mean(name, effect.axes)}",
+            fix=f"hide={effect.example}",
+        )
+    return AXES.index(name)
+
+
+def _values(effect: Effect, text: str, whole: str) -> tuple[float, ...]:
+    given = text.split("@") if text else []
+    if len(given) > len(effect.parameters):
+        raise UsageError(
+            f"hide={whole}: {len(given)} values for {effect.name}, which has "
+            f"{len(effect.parameters)}.",
+            cause="values are separated by @, effects by commas.",
+            fix=f"hide={effect.example}",
+        )
+    values: list[float] = []
+    for i, parameter in enumerate(effect.parameters):
+        label = f"{parameter.name} ({parameter.unit})"
+        if i >= len(given):
+            if parameter.default is None:
+                raise UsageError(
+                    f"hide={whole}: the value of {label} is missing.",
+                    cause="every effect is given with its size, after a colon.",
+                    fix=f"hide={effect.example}",
+                )
+            values.append(parameter.default)
+            continue
+        try:
+            value = float(given[i])
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise UsageError(
+                f"hide={whole}: {given[i]!r} is not a number for {label}.",
+                cause="a typing error; numbers have a decimal point and no unit.",
+                fix=f"hide={effect.example}",
+            )
+        if not parameter.low <= value <= parameter.high:
+            raise UsageError(
+                f"hide={whole}: {label} = {value:g} lies outside "
+                f"{parameter.low:g} … {parameter.high:g}.",
+                cause="another unit, or a value that no rig of this size has.",
+                fix=f"hide={effect.example}",
+            )
+        values.append(value)
+    return tuple(values)

@@ -1,0 +1,215 @@
+"""One control period of the plant, compiled.
+
+Each substep of length h: the voltages at the motors; the rotors' first-order lag, solved exactly;
+the rigid body by classical Runge–Kutta of fourth order; then dry friction and stops as impulses.
+
+Dry friction is set-valued: its torque is whatever holds the axis still, up to its limit. So after
+the smooth step each dry axis gets the impulse λ_i that stops it, clipped to ±τ_i h, and each axis
+at a stop the one-sided impulse that ends its outward motion (inelastic), iterated over the axes
+because M couples them (projected Gauss–Seidel). A friction torque constant over the substep also
+moves the angles by ½ h M⁻¹λ; with that correction an axis that sticks does not creep.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import njit
+from numba.extending import intrinsic
+
+from . import slots
+from .lagrange import accelerations, mass_matrix, solve
+
+SWEEPS = 30
+
+R, R_DOT, F_FRONT, F_BACK = slots.R, slots.R_DOT, slots.F_FRONT, slots.F_BACK
+V_FRONT, V_BACK, T, H = slots.V_FRONT, slots.V_BACK, slots.T, slots.H
+V_START, CONTEXT_SIZE = slots.V_START, slots.CONTEXT_SIZE
+K_F, TAU_M, GAIN_F, GAIN_B = slots.K_F, slots.TAU_M, slots.GAIN_FRONT, slots.GAIN_BACK
+REST, PER_RAD = slots.REST, slots.COUNTS_PER_RAD
+BODY, VOLTAGE, THRUST, TORQUE, DRY, MEASURE = (int(stage) for stage in slots.Stage)
+
+
+@intrinsic
+def _call(
+    typing_context: Any, address: Any, s: Any, body: Any, par: Any, mem: Any, out: Any
+) -> Any:
+    """Call the machine code at an address with five arrays."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        types = [context.get_value_type(t) for t in signature.args[1:]]
+        function = ir.FunctionType(context.get_value_type(numba.types.void), types)
+        builder.call(builder.inttoptr(args[0], function.as_pointer()), args[1:])
+        return context.get_dummy_value()
+
+    return numba.types.void(address, s, body, par, mem, out), generate
+
+
+@njit
+def _hooks(stage, s, body, first, address, par, mem, out):  # type: ignore[no-untyped-def]
+    for i in range(first[stage], first[stage + 1]):
+        _call(address[i], s, body, par[i], mem[i], out)  # type: ignore[call-arg]
+
+
+@njit(error_model="numpy")
+def _lag(state, target_f, target_b, tau, elapsed, force):  # type: ignore[no-untyped-def]
+    """The thrusts (2,) in N after ``elapsed`` s of τ_m Ḟ = target − F, from state[6:8]."""
+    left = 0.0 if tau <= 0.0 else math.exp(-elapsed / tau)
+    force[0] = target_f + (state[6] - target_f) * left
+    force[1] = target_b + (state[7] - target_b) * left
+
+
+@njit(error_model="numpy")
+def _impulses(state, h, dry, low, high, body):  # type: ignore[no-untyped-def]
+    """Dry friction (limits ``dry``, N·m) and the stops at ``low`` and ``high``, in place."""
+    active = False
+    for i in range(3):
+        active = active or dry[i] > 0.0 or state[i] <= low[i] or state[i] >= high[i]
+    if not active:
+        return
+    m = mass_matrix(body, state[0], state[1])
+    W = np.empty((3, 3))
+    W[0, 0], W[1, 0], W[2, 0] = solve(m, 1.0, 0.0, 0.0)
+    W[0, 1], W[1, 1], W[2, 1] = solve(m, 0.0, 1.0, 0.0)
+    W[0, 2], W[1, 2], W[2, 2] = solve(m, 0.0, 0.0, 1.0)
+    friction, contact = np.zeros(3), np.zeros(3)
+    for _sweep in range(SWEEPS):
+        change = 0.0
+        for i in range(3):
+            limit = dry[i] * h
+            stop = friction[i] - state[3 + i] / W[i, i]
+            step = min(limit, max(-limit, stop)) - friction[i]
+            friction[i] += step
+            for j in range(3):
+                state[3 + j] += W[j, i] * step
+            change += abs(step)
+            if state[i] <= low[i]:
+                step = max(0.0, contact[i] - state[3 + i] / W[i, i]) - contact[i]
+            elif state[i] >= high[i]:
+                step = min(0.0, contact[i] - state[3 + i] / W[i, i]) - contact[i]
+            else:
+                continue
+            contact[i] += step
+            for j in range(3):
+                state[3 + j] += W[j, i] * step
+            change += abs(step)
+        if change < 1e-15:
+            break
+    for i in range(3):
+        for j in range(3):
+            state[i] += 0.5 * h * W[i, j] * friction[j]
+    for i in range(3):
+        state[i] = min(high[i], max(low[i], state[i]))
+
+
+@njit(error_model="numpy")
+def _counts(state, t, body, first, address, par, mem):  # type: ignore[no-untyped-def]
+    s = np.zeros(CONTEXT_SIZE)
+    s[T] = t
+    s[R : R + 6] = state[:6]
+    angle = state[:3].copy()
+    _hooks(MEASURE, s, body, first, address, par, mem, angle)
+    for i in range(3):
+        angle[i] = np.rint((angle[i] - body[REST + i]) * body[PER_RAD + i])
+    return int(angle[0]), int(angle[1]), int(angle[2])
+
+
+def _sources() -> str:
+    """A digest of the sources that go in: numba's cache does not see changes in what is called."""
+    h = hashlib.sha256()
+    for name in ("kernel.py", "lagrange.py", "slots.py"):
+        h.update(Path(__file__).with_name(name).read_bytes())
+    return h.hexdigest()
+
+
+def _compile(digest: str) -> tuple[Any, Any]:
+    # The digest is a cell of the closures and so part of numba's cache key.
+    @njit(cache=True, error_model="numpy")
+    def period(  # type: ignore[no-untyped-def]
+        state, v, noise, t, dt, substeps, start_V, body0, low, high, first, address, par, mem
+    ):
+        """Advance ``state`` = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) by ``dt`` under the voltages ``v``.
+
+        Returns the encoders' counts at the end. The voltages (2,) in V and the random
+        torques ``noise`` (3,) in N·m are held throughout; ``low`` and ``high`` (3,) are the
+        stops in rad.
+        """
+        _ = digest
+        h = dt / substeps
+        s = np.zeros(CONTEXT_SIZE)
+        s[V_START] = start_V
+        s[H] = h
+        body = body0.copy()
+        volts, force = np.empty(2), np.empty(2)
+        torque, dry = np.empty(3), np.empty(3)
+        q, qd = np.empty(3), np.empty(3)
+        kq, kv = np.empty((4, 3)), np.empty((4, 3))
+        for step in range(substeps):
+            s[T] = t + step * h
+            s[R : R + 6] = state[:6]
+            s[V_FRONT], s[V_BACK] = v[0], v[1]
+            s[F_FRONT], s[F_BACK] = state[6], state[7]
+            if first[BODY + 1] > first[BODY]:
+                body[:] = body0
+                _hooks(BODY, s, body, first, address, par, mem, body)
+            volts[:] = v
+            _hooks(VOLTAGE, s, body, first, address, par, mem, volts)
+            s[V_FRONT], s[V_BACK] = volts[0], volts[1]
+            target_f = body[K_F] * body[GAIN_F] * volts[0]
+            target_b = body[K_F] * body[GAIN_B] * volts[1]
+            tau = body[TAU_M]
+            for stage in range(4):
+                part = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+                for i in range(3):
+                    q[i], qd[i] = state[i], state[3 + i]
+                    if stage > 0:
+                        q[i] += part * h * kq[stage - 1, i]
+                        qd[i] += part * h * kv[stage - 1, i]
+                    s[R + i], s[R_DOT + i] = q[i], qd[i]
+                s[T] = t + (step + part) * h
+                _lag(state, target_f, target_b, tau, part * h, force)
+                s[F_FRONT], s[F_BACK] = force[0], force[1]
+                _hooks(THRUST, s, body, first, address, par, mem, force)
+                s[F_FRONT], s[F_BACK] = force[0], force[1]
+                torque[:] = noise
+                _hooks(TORQUE, s, body, first, address, par, mem, torque)
+                kq[stage, :] = qd
+                accelerations(body, q, qd, force[0], force[1], torque, kv[stage])
+            for i in range(3):
+                state[i] += h / 6 * (kq[0, i] + 2 * kq[1, i] + 2 * kq[2, i] + kq[3, i])
+                state[3 + i] += h / 6 * (kv[0, i] + 2 * kv[1, i] + 2 * kv[2, i] + kv[3, i])
+            _lag(state, target_f, target_b, tau, h, force)
+            state[6], state[7] = force[0], force[1]
+            s[R : R + 6] = state[:6]
+            dry[:] = 0.0
+            _hooks(DRY, s, body, first, address, par, mem, dry)
+            _impulses(state, h, dry, low, high, body)
+        return _counts(state, t + dt, body0, first, address, par, mem)
+
+    @njit(cache=True, error_model="numpy")
+    def measure(state, t, body, first, address, par, mem):  # type: ignore[no-untyped-def]
+        """The encoders' counts (3 integers) at time ``t`` (s)."""
+        _ = digest
+        return _counts(state, t, body, first, address, par, mem)
+
+    return period, measure
+
+
+@cache
+def compiled() -> tuple[Any, Any]:
+    """``period`` and ``measure``, compiled for the types that `plant` calls them with."""
+    period, measure = _compile(_sources())
+    one, two, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
+    number, whole = numba.float64, numba.int64
+    period.compile(
+        (one, one, one, number, number, whole, number, one, one, one, integers, integers, two, two)
+    )
+    measure.compile((one, number, one, integers, integers, two, two))
+    return period, measure

@@ -1,0 +1,157 @@
+"""The plant: body, effects, noise and encoders, one control period at a time.
+
+Everything random comes from one seed, in separate streams (spread, noise, timing), so that
+switching one on leaves the others as they were. The integrator runs well below the control
+period: at least `MIN_SUBSTEPS` substeps of at most `MAX_SUBSTEP_S`.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from . import slots
+from .body import Body, Setup, spread_body
+from .effects import Hidden
+from .noise import TorqueNoise
+
+MIN_SUBSTEPS = 4
+MAX_SUBSTEP_S = 0.5e-3
+LARGEST_JITTER = 0.4
+"""of a period: samples keep their order"""
+
+log = logging.getLogger("heli3dof.mock")
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What no real rig tells. For tests and benches of this package: it does not pass the port."""
+
+    t: float
+    """s since the release"""
+    angle: tuple[float, float, float]
+    """rad"""
+    rate: tuple[float, float, float]
+    """rad/s"""
+    thrust: tuple[float, float]
+    """N, front and back"""
+    noise: tuple[float, float, float]
+    """N·m, the random torques of the last period"""
+    body: Body
+    hidden: tuple[Hidden, ...]
+
+
+class Plant:
+    """A rig's mechanics from voltages to encoder counts."""
+
+    def __init__(
+        self,
+        setup: Setup,
+        rad_per_count: np.ndarray,
+        *,
+        dt: float,
+        hidden: tuple[Hidden, ...] = (),
+        seed: int = 0,
+        noise: float = 1.0,
+        spread: float = 0.0,
+        start_V: float = 0.0,
+    ) -> None:
+        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
+        if spread:
+            setup = replace(setup, body=spread_body(setup.body, spread, streams[0]))
+        # Descending: what comes last on a signal's path is undone first.
+        for h in reversed(hidden):
+            if h.effect.setup is not None:
+                setup = h.effect.setup(setup, h.axis, h.values)
+        self.setup = setup
+        self.hidden = hidden
+        self.dt = dt
+        self.periods = 0
+        self.t = 0.0
+        self._noise = TorqueNoise(streams[1], dt, noise)
+        self._timing = streams[2]
+        self._early = 0.0
+        self._start_V = start_V
+        self._substeps = max(MIN_SUBSTEPS, math.ceil(dt / MAX_SUBSTEP_S - 1e-9))
+        self._body = setup.body.vector()
+        self._body[slots.REST : slots.REST + 3] = setup.rest
+        self._body[slots.COUNTS_PER_RAD : slots.COUNTS_PER_RAD + 3] = 1 / rad_per_count
+        self._low, self._high = np.array(setup.low), np.array(setup.high)
+        hover = setup.body.T_g / (2 * setup.body.L_a) if start_V else 0.0
+        self._state = np.array([*setup.start, 0.0, 0.0, 0.0, hover, hover])
+        self._w = np.zeros(3)
+        self._v = np.zeros(2)
+        self._first, self._address, self._par, self._mem = _attach(hidden)
+        self._period, measure = _compiled()
+        self.counts: tuple[int, int, int] = measure(
+            self._state, 0.0, self._body, self._first, self._address, self._par, self._mem
+        )
+        """what the encoders have counted since power-up: roll, pitch, yaw"""
+
+    def step(self, v_front: float, v_back: float) -> bool:
+        """One control period under these voltages (V). False when its sample gets lost."""
+        self._v[0], self._v[1] = v_front, v_back
+        self._w = self._noise.draw()
+        self.periods += 1
+        end = self.periods * self.dt
+        if self.setup.jitter_s:
+            largest = LARGEST_JITTER * self.dt
+            late = self.setup.jitter_s * self._timing.standard_normal()
+            end += min(largest, max(-largest, late))
+        self.counts = self._period(
+            self._state, self._v, self._w, self.t, end - self.t, self._substeps, self._start_V,
+            self._body, self._low, self._high, self._first, self._address, self._par, self._mem,
+        )  # fmt: skip
+        self.t = end
+        lost = self.setup.lost_share
+        return not (lost and self._timing.random() < lost)
+
+    @property
+    def truth(self) -> Truth:
+        s = [float(x) for x in self._state]
+        w = [float(x) for x in self._w]
+        return Truth(
+            t=self.t,
+            angle=(s[0], s[1], s[2]),
+            rate=(s[3], s[4], s[5]),
+            thrust=(s[6], s[7]),
+            noise=(w[0], w[1], w[2]),
+            body=self.setup.body,
+            hidden=self.hidden,
+        )
+
+
+def _attach(hidden: tuple[Hidden, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Stage bounds, addresses, parameters and memories of the effects, by stage."""
+    calls = [(stage, h) for stage in slots.Stage for h in hidden if stage in h.effect.kernels]
+    rows = max(1, len(calls))
+    par = np.zeros((rows, slots.PARAMETER_SIZE))
+    mem = np.zeros((rows, slots.MEMORY_SIZE))
+    address = np.zeros(rows, dtype=np.int64)
+    for i, (stage, h) in enumerate(calls):
+        address[i] = h.effect.kernels[stage].address
+        par[i, slots.AXIS] = h.axis
+        par[i, slots.A : slots.A + len(h.values)] = h.values
+    per_stage = [sum(1 for c in calls if c[0] is stage) for stage in slots.Stage]
+    first = np.concatenate([[0], np.cumsum(per_stage)]).astype(np.int64)
+    return first, address, par, mem
+
+
+def _compiled() -> tuple[Any, Any]:
+    """The compiled plant. The first use on a machine compiles it, which takes seconds: say so."""
+    timer = threading.Timer(
+        1.0, log.warning, ("Compiling the emulated rig; this happens once and takes a while …",)
+    )
+    timer.daemon = True
+    timer.start()
+    try:
+        from . import kernel
+
+        return kernel.compiled()
+    finally:
+        timer.cancel()

@@ -1,0 +1,56 @@
+"""Names for the places in the arrays that the compiled plant and the effects share.
+
+Compiled effects are cached on disk with these numbers baked in: append, never renumber.
+"""
+
+from __future__ import annotations
+
+import enum
+
+# The context `s` that every effect reads: time, substep, angles, rates, voltages, thrusts.
+T = 0
+"""s since the release"""
+H = 1
+"""s, the substep"""
+R, P, PSI = 2, 3, 4
+"""rad; ``R + axis``"""
+R_DOT, P_DOT, PSI_DOT = 5, 6, 7
+"""rad/s; ``R_DOT + axis``"""
+V_FRONT, V_BACK = 8, 9
+"""V at the motors, after the voltage stage"""
+F_FRONT, F_BACK = 10, 11
+"""N"""
+V_START = 12
+"""V on both motors before the release"""
+CONTEXT_SIZE = 16
+
+# The body's numbers; see `body.Body` for units and meaning.
+L_A, L_H, K_F, T_G, J_W, I_AA, I_BB, I_NN, I_AB, G_P = range(10)
+DJ_R, DJ_P, DJ_PSI, TAU_M, GAIN_FRONT, GAIN_BACK, V_REF = range(10, 17)
+REST = 17
+"""rad, where the counts are zero; ``REST + axis``"""
+COUNTS_PER_RAD = 20
+"""signed; ``COUNTS_PER_RAD + axis``"""
+BODY_SIZE = 24
+
+# An effect's own row of parameters: its axis (−1 without one), then its values.
+AXIS, A, B = 0, 1, 2
+PARAMETER_SIZE = 6
+MEMORY_SIZE = 1024
+
+
+class Stage(enum.IntEnum):
+    """Where in a substep an effect is called, and what its `out` holds then."""
+
+    BODY = 0
+    """once a substep; `out` is the body's numbers, to be changed in place"""
+    VOLTAGE = 1
+    """once a substep; `out` is the two motor voltages in V, to be changed in place"""
+    THRUST = 2
+    """at every evaluation; `out` is the two thrusts in N, to be changed in place"""
+    TORQUE = 3
+    """at every evaluation; `out` is the generalised torques in N·m, to be added to"""
+    DRY_FRICTION = 4
+    """once a substep; `out` is the largest dry-friction torque per axis in N·m, to be added to"""
+    MEASURE = 5
+    """once a sample; `out` is the three angles in rad that the encoders see, changed in place"""

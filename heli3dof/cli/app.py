@@ -1,0 +1,25 @@
+"""The command line: verbs by family, one file each. Heavy imports live inside the verbs."""
+
+from __future__ import annotations
+
+import typer
+
+from heli3dof.cli import compare, demo, files, fly, models, report, rigs, simulate
+
+app = typer.Typer(
+    name="heli3dof",
+    help="From a 3-DOF helicopter on the bench to a model that can be trusted.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+for family in (demo, fly, simulate, models, compare, report, files, rigs):
+    family.register(app)
+
+
+def main() -> None:
+    """Entry point of the ``heli3dof`` script."""
+    app()

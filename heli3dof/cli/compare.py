@@ -1,0 +1,101 @@
+"""``compare``: Table II and Figures 7–9, for any mix of recordings and models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from heli3dof.cli.console import Talk, verb
+from heli3dof.cli.options import AsJson, Force, ProfileFile, Quiet
+
+if TYPE_CHECKING:
+    from heli3dof.compare.compare import Comparison
+    from heli3dof.compare.reproduce import Reproduced
+    from heli3dof.model.base import Model
+    from heli3dof.recording.recording import Recording
+
+
+def register(app: typer.Typer) -> None:
+    app.command("compare")(compare)
+
+
+@verb
+def compare(
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[REC... MODEL...]", help="Recordings; model files or names."),
+    ] = None,
+    profile: ProfileFile = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FOLDER", help="Where the figures go."),
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Models against the experiment; with no argument, on the recordings that ship."""
+    from heli3dof.cli.loading import load_all, models_for, split, with_shipped
+    from heli3dof.compare.compare import compare as against
+    from heli3dof.compare.document import to_json
+    from heli3dof.compare.reproduce import reproduce
+    from heli3dof.model.hover import hover_model
+    from heli3dof.rig.profile import default_profile
+
+    talk = Talk(as_json=as_json, quiet=quiet)
+    if what:
+        paths, names = split(what)
+        recordings = load_all(talk, paths, profile)
+        identified: list[Model] = []
+        if not names:
+            names = ["hover"]
+            talk.note("No model was named: the hover model is compared alone.")
+    else:
+        names = ["hover"]
+        with talk.working("Identifying from the recordings that ship …"):
+            recordings, shipped = with_shipped()
+        identified = [shipped.model]
+
+    def models(recording: Recording) -> list[Model]:
+        return [*models_for(names, recording), *identified]
+
+    folder = output or Path("comparisons") / datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    with talk.working("Comparing …"):
+        found = against(recordings, models)
+        figures = write_figures(found, folder, force=force)
+    published = reproduce(hover_model(default_profile()))
+    show_comparison(talk, found, published)
+    for warning in found.warnings:
+        talk.warn(warning)
+    talk.note(f"Figures: {folder}")
+    talk.emit({**to_json(found, published), "figures": [str(f) for f in figures]})
+
+
+def show_comparison(talk: Talk, found: Comparison, published: Sequence[Reproduced]) -> None:
+    """Every table of the comparison, then what the paper prints."""
+    from heli3dof.report.grid import to_rich
+    from heli3dof.report.tables import metrics_table, prediction_table, published_table, table_ii
+
+    for flight in found.flights:
+        grids = (metrics_table(flight), table_ii(flight), prediction_table(flight))
+        talk.show(*(to_rich(grid) for grid in grids if grid is not None))
+    talk.show(to_rich(published_table(published)))
+
+
+def write_figures(found: Comparison, folder: Path, *, force: bool) -> list[Path]:
+    """Figures 7–9 of every recording, SVG and PNG; returns their paths."""
+    from heli3dof.report.figures import comparison_figures
+    from heli3dof.report.style import save
+
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for flight in found.flights:
+        for name, figure in comparison_figures(flight).items():
+            for ending in ("svg", "png"):
+                path = folder / f"{flight.recording.name}-{name}.{ending}"
+                written.append(save(figure, path, force=force))
+    return written

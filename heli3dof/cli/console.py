@@ -1,0 +1,139 @@
+"""What a verb says and where: results, progress and errors, for people or for scripts.
+
+With ``--json`` exactly one JSON document goes to stdout and everything else to stderr. There is
+no live display and no colour where stderr is not a terminal or ``NO_COLOR`` is set.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, ParamSpec
+
+import typer
+
+from heli3dof.errors import Heli3dofError
+
+if TYPE_CHECKING:
+    from rich.console import Console, RenderableType
+
+P = ParamSpec("P")
+INTERRUPTED = 130
+
+
+def live_allowed() -> bool:
+    """True where a progress bar may move: a terminal that does not refuse it."""
+    return sys.stderr.isatty() and not os.environ.get("NO_COLOR")
+
+
+class Talk:
+    """The voice of one verb: ``show`` results, ``note`` asides, ``emit`` the JSON document."""
+
+    def __init__(self, *, as_json: bool = False, quiet: bool = False) -> None:
+        self.as_json, self.quiet = as_json, quiet
+
+    @functools.cached_property
+    def err(self) -> Console:
+        from rich.console import Console
+
+        return Console(stderr=True, no_color=not live_allowed(), highlight=False)
+
+    @functools.cached_property
+    def out(self) -> Console:
+        from rich.console import Console
+
+        if self.as_json:
+            return self.err
+        return Console(no_color=bool(os.environ.get("NO_COLOR")) or None, highlight=False)
+
+    def show(self, *what: RenderableType) -> None:
+        """A result: a table or a sentence."""
+        if not self.quiet:
+            for each in what:
+                self.out.print(each, soft_wrap=isinstance(each, str))
+
+    def note(self, text: str) -> None:
+        """An aside on stderr: where a file went, what was assumed."""
+        if not self.quiet:
+            self.err.print(text, soft_wrap=True, markup=False)
+
+    def warn(self, text: str) -> None:
+        """A warning on stderr, even when quiet."""
+        self.err.print(f"Warning: {text}", soft_wrap=True, markup=False, style="yellow")
+
+    def emit(self, document: Mapping[str, Any]) -> None:
+        """The one JSON document, when asked for."""
+        if self.as_json:
+            print(json.dumps(jsonable(document), ensure_ascii=False, indent=2, allow_nan=False))
+
+    @contextmanager
+    def working(self, text: str) -> Iterator[None]:
+        """A spinner for something that takes over a second."""
+        if self.quiet or not live_allowed():
+            if not self.quiet:
+                self.note(text)
+            yield
+            return
+        with self.err.status(text):
+            yield
+
+
+def jsonable(value: Any) -> Any:
+    """Plain JSON types; what is not a finite number becomes null."""
+    if isinstance(value, Mapping):
+        return {str(k): jsonable(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [jsonable(v) for v in value]
+    if hasattr(value, "tolist"):
+        return jsonable(value.tolist())
+    if isinstance(value, float):
+        return value if value == value and abs(value) != float("inf") else None
+    if isinstance(value, (str, int, bool)) or value is None:
+        return value
+    if isinstance(value, complex):
+        return {"re": jsonable(value.real), "im": jsonable(value.imag)}
+    return str(value)
+
+
+def verb(function: Callable[P, None]) -> Callable[P, None]:
+    """Turn our errors into three sentences on stderr and the contract's exit code."""
+
+    @functools.wraps(function)
+    def run(*args: P.args, **kwargs: P.kwargs) -> None:
+        try:
+            function(*args, **kwargs)
+        except Heli3dofError as error:
+            report(error, as_json=bool(kwargs.get("as_json")))
+            raise typer.Exit(error.exit_code) from None
+        except KeyboardInterrupt:
+            Talk().warn("stopped with Ctrl-C")
+            raise typer.Exit(INTERRUPTED) from None
+        except BrokenPipeError:
+            # Whoever read our output has gone, as `| head` does; that is no fault.
+            sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+            raise typer.Exit(0) from None
+
+    return run
+
+
+def report(error: Heli3dofError, *, as_json: bool) -> None:
+    """An error: what happened, the likely cause, what to do."""
+    talk = Talk(as_json=as_json)
+    talk.err.print(f"Error: {error.what}", soft_wrap=True, markup=False, style="bold red")
+    if error.cause:
+        talk.err.print(f"Likely cause: {error.cause}", soft_wrap=True, markup=False)
+    if error.fix:
+        talk.err.print(f"Try: {error.fix}", soft_wrap=True, markup=False)
+    talk.emit(
+        {
+            "schema": "heli3dof.error/1",
+            "error": error.what,
+            "cause": error.cause,
+            "fix": error.fix,
+            "exit_code": error.exit_code,
+        }
+    )

@@ -1,0 +1,113 @@
+"""``demo``: the whole chain on the emulated rig, with no hardware and no arguments."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from heli3dof.cli.console import Talk, verb
+from heli3dof.cli.options import AsJson, Quiet, Seed
+
+if TYPE_CHECKING:
+    from heli3dof.experiment.plan import Plan
+    from heli3dof.recording.recording import Recording
+
+FOLDER = Path("heli3dof-demo")
+HIDDEN = (
+    "motor.lag:0.1,stiffness.pendulum.roll:1.0,stiffness.pendulum.pitch:0.01,"
+    "friction.viscous.roll:0.05,friction.viscous.pitch:0.01,friction.viscous.yaw:0.1"
+)
+"""What the demo's rig hides from the hover model: rotor lag, pendulums, friction."""
+
+
+def register(app: typer.Typer) -> None:
+    app.command("demo")(demo)
+
+
+@verb
+def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
+    """Fly the emulated rig, record, identify, compare and report. No hardware needed."""
+    from heli3dof.cli.compare import show_comparison, write_figures
+    from heli3dof.compare.compare import compare
+    from heli3dof.compare.reproduce import reproduce
+    from heli3dof.experiment.plan import load_plan, step_plan
+    from heli3dof.identify.api import identify
+    from heli3dof.model.hover import hover_model
+    from heli3dof.model.modelfile import save_model
+    from heli3dof.report.flight_report import flight_report
+    from heli3dof.report.html import write_page
+    from heli3dof.rig.profile import default_profile
+
+    talk = Talk(as_json=as_json, quiet=quiet)
+    folder = _fresh(FOLDER)
+    talk.note(
+        "An emulated rig that hides rotor lag, pendulums and friction from the hover model.\n"
+        f"Everything goes to {folder}/"
+    )
+    train = _flown(talk, load_plan("multisine"), folder / "multisine.mcap", seed)
+    step = _flown(
+        talk,
+        step_plan((10.0, None, 20.0), settle_s=10.0),
+        folder / "step-roll-10-yaw-20.mcap",
+        seed + 1,
+    )
+    with talk.working("Identifying a black-box model from the multisine flight …"):
+        found = identify(train, holdout=step, name="identification")
+        save_model(found.model, folder / "identification.json")
+    with talk.working("Comparing it and the hover model with the step flight …"):
+        hover = hover_model(step.profile)
+        comparison = compare([step], [hover, found.model])
+        write_figures(comparison, folder, force=False)
+    published = reproduce(hover_model(default_profile()))
+    show_comparison(talk, comparison, published)
+    with talk.working("Writing the report …"):
+        text = flight_report(
+            [step],
+            models=[hover, found.model],
+            comparison=comparison,
+            reproduced=published,
+            title="heli3dof demo",
+        )
+        report = write_page(text, folder / "report.html")
+    talk.note(f"Report: {report.resolve()}")
+    talk.emit(
+        {
+            "schema": "heli3dof.demo/1",
+            "folder": str(folder),
+            "report": str(report),
+            "recordings": [str(folder / f"{r.name}.mcap") for r in (train, step)],
+            "model": str(folder / "identification.json"),
+            "warnings": [*found.warnings, *comparison.warnings],
+        }
+    )
+
+
+def _flown(talk: Talk, plan: Plan, path: Path, seed: int) -> Recording:
+    from heli3dof.cli.fly import progress
+    from heli3dof.experiment.fly import fly_plan
+    from heli3dof.experiment.loop import Live
+
+    talk.note(f"Flying {plan.name}, {plan.duration_s:g} s, faster than real time …")
+    live = Live()
+    with progress(talk, live, plan.name):
+        flight = fly_plan(
+            plan,
+            device=f"mock:?speed=max&seed={seed}&hide={HIDDEN}",
+            seed=seed,
+            output=path,
+            live=live,
+        )
+    flight.raise_if_cut_short()
+    return flight.recording
+
+
+def _fresh(folder: Path) -> Path:
+    """The folder, or the next one that does not exist yet: an earlier demo is kept."""
+    number, path = 1, folder
+    while path.exists():
+        number += 1
+        path = folder.with_name(f"{folder.name}-{number}")
+    path.mkdir()
+    return path

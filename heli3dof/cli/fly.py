@@ -1,0 +1,211 @@
+"""The verbs that move motors: ``run-step`` and ``run``."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from heli3dof.cli.console import INTERRUPTED, Talk, live_allowed, verb
+from heli3dof.cli.options import AsJson, Device, DryRun, Force, Output, ProfileFile, Quiet, Seed
+
+if TYPE_CHECKING:
+    from heli3dof.experiment.fly import Flight
+    from heli3dof.experiment.loop import Live
+    from heli3dof.experiment.plan import Plan
+    from heli3dof.rig.profile import Profile
+
+MOCK = "mock:"
+REFRESH_S = 0.1
+
+
+def register(app: typer.Typer) -> None:
+    app.command("run-step")(run_step)
+    app.command("run")(run)
+
+
+@verb
+def run_step(
+    roll: Annotated[
+        float | None,
+        typer.Option("--roll", "--elevation", help="Step to this roll angle, degrees."),
+    ] = None,
+    pitch: Annotated[
+        float | None, typer.Option("--pitch", help="Step to this pitch angle, degrees.")
+    ] = None,
+    yaw: Annotated[
+        float | None, typer.Option("--yaw", "--travel", help="Step to this yaw angle, degrees.")
+    ] = None,
+    settle: Annotated[
+        float, typer.Option("--settle", min=0, help="Seconds to take off and level first.")
+    ] = 10.0,
+    duration: Annotated[float, typer.Option("--duration", help="Seconds after the step.")] = 20.0,
+    device: Device = MOCK,
+    profile: ProfileFile = None,
+    output: Output = None,
+    force: Force = False,
+    seed: Seed = 0,
+    dry_run: DryRun = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fly a step in closed loop and record it: heli3dof run-step --roll 10."""
+    from heli3dof.errors import UsageError
+    from heli3dof.experiment.plan import step_plan
+
+    if roll is None and pitch is None and yaw is None:
+        raise UsageError(
+            "run-step was not told where to step to.",
+            cause="none of --roll, --pitch and --yaw was given.",
+            fix="heli3dof run-step --roll 10",
+        )
+    plan = step_plan((roll, pitch, yaw), settle_s=settle, duration_s=duration)
+    talk = Talk(as_json=as_json, quiet=quiet)
+    _fly(talk, plan, device, profile, output, force, seed, dry_run)
+
+
+@verb
+def run(
+    plan: Annotated[str, typer.Argument(metavar="PLAN", help="A plan's TOML file, or its name.")],
+    device: Device = MOCK,
+    profile: ProfileFile = None,
+    output: Output = None,
+    force: Force = False,
+    seed: Seed = 0,
+    dry_run: DryRun = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fly any experiment: heli3dof run steps, or heli3dof run my-plan.toml."""
+    from heli3dof.experiment.plan import load_plan
+
+    talk = Talk(as_json=as_json, quiet=quiet)
+    _fly(talk, load_plan(plan), device, profile, output, force, seed, dry_run)
+
+
+def _fly(
+    talk: Talk,
+    plan: Plan,
+    device: str,
+    profile_file: Path | None,
+    output: Path | None,
+    force: bool,
+    seed: int,
+    dry_run: bool,
+) -> None:
+    import sys
+
+    from heli3dof.experiment.fly import fly_plan
+    from heli3dof.experiment.loop import Live
+    from heli3dof.rig.profile import default_profile, load_profile
+
+    profile = load_profile(profile_file) if profile_file else default_profile()
+    profile = profile.with_controller()
+    if dry_run:
+        _say_plan(talk, plan, profile, device, seed)
+        return
+    if output is None:
+        output = default_path(plan.name)
+        output.parent.mkdir(exist_ok=True)
+    live = Live()
+    with progress(talk, live, plan.name):
+        flight = fly_plan(
+            plan,
+            device=device,
+            profile=profile,
+            seed=seed,
+            output=output,
+            force=force,
+            meta={"command_line": ["heli3dof", *sys.argv[1:]]},
+            live=live,
+        )
+    _say_flight(talk, flight)
+    if flight.outcome.ending == "interrupted":
+        talk.warn(f"{flight.outcome.detail}; the motors were ramped to zero")
+        raise typer.Exit(INTERRUPTED)
+    flight.raise_if_cut_short()
+
+
+def default_path(name: str) -> Path:
+    """``flights/<UTC time>-<plan>.mcap``, in the folder where the command is run."""
+    stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    return Path("flights") / f"{stamp}-{name}.mcap"
+
+
+def _say_plan(talk: Talk, plan: Plan, profile: Profile, device: str, seed: int) -> None:
+    """The dry run: everything that would be refused is, and nothing is opened or moved."""
+    from heli3dof.experiment.fly import prepare
+    from heli3dof.rig.drivers import load_driver
+    from heli3dof.rig.url import parse_url
+
+    url = parse_url(device)
+    url.check_options(load_driver(url.scheme).options)
+    signals = prepare(plan, profile, seed)
+    talk.show(f"Dry run: {plan.name}, {plan.duration_s:g} s on {device}, {profile.name}")
+    for line in plan.summary():
+        talk.show(f"  {line}")
+    talk.show("The plan stays inside the envelope and the gain stabilises the hover model.")
+    talk.emit(
+        {
+            "schema": "heli3dof.dry_run/1",
+            "plan": plan.to_dict(),
+            "duration_s": plan.duration_s,
+            "periods": len(signals.t),
+            "device": device,
+            "profile": profile.to_dict(),
+        }
+    )
+
+
+def _say_flight(talk: Talk, flight: Flight) -> None:
+    """The summary at the end of a flight: peak, overshoot, error per axis, late periods."""
+    from heli3dof.cli.summary import flight_document, flight_table
+
+    talk.show(flight_table(flight))
+    talk.note(f"Recording: {flight.path}")
+    talk.emit(flight_document(flight))
+
+
+@contextmanager
+def progress(talk: Talk, live: Live, name: str) -> Iterator[None]:
+    """A progress bar that looks at the loop ten times a second; the loop never looks at it."""
+    if talk.quiet or not live_allowed():
+        yield
+        return
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[state]}"),
+        TimeRemainingColumn(),
+        console=talk.err,
+        auto_refresh=False,
+        transient=True,
+    )
+    done = threading.Event()
+
+    def watch(task: Any) -> None:
+        while not done.wait(REFRESH_S):
+            r, p, y = (a * 57.29577951308232 for a in live.angle)
+            state = (
+                f"{live.phase}  roll {r:+6.1f}°  pitch {p:+6.1f}°  yaw {y:+7.1f}°  late {live.late}"
+            )
+            bar.update(task, completed=live.done, total=live.total, state=state)
+            bar.refresh()
+
+    with bar:
+        watcher = threading.Thread(
+            target=watch, args=(bar.add_task(name, total=live.total, state="arming"),), daemon=True
+        )
+        watcher.start()
+        try:
+            yield
+        finally:
+            done.set()
+            watcher.join()

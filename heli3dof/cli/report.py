@@ -1,0 +1,56 @@
+"""``report``: one self-contained HTML file about some flights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from heli3dof.cli.console import Talk, verb
+from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet, Recordings
+
+
+def register(app: typer.Typer) -> None:
+    app.command("report")(report)
+
+
+@verb
+def report(
+    recordings: Recordings,
+    models: Annotated[
+        list[str] | None,
+        typer.Option("--model", metavar="M", help="A model's name or file. Repeatable."),
+    ] = None,
+    profile: ProfileFile = None,
+    output: Output = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """One self-contained HTML file: heli3dof report rec.mcap --model model.json."""
+    from heli3dof.cli.loading import load_all, models_for
+    from heli3dof.compare.compare import compare
+    from heli3dof.compare.reproduce import reproduce
+    from heli3dof.model.hover import hover_model
+    from heli3dof.recording.output import check_output
+    from heli3dof.report.flight_report import flight_report
+    from heli3dof.report.html import write_page
+    from heli3dof.rig.profile import default_profile
+
+    talk = Talk(as_json=as_json, quiet=quiet)
+    path = output or Path(f"{recordings[0].name.split('.')[0]}-report.html")
+    check_output(path, force=force)
+    loaded = load_all(talk, recordings, profile)
+    names = models or ["hover"]
+    with talk.working("Comparing and drawing …"):
+        found = compare(loaded, lambda recording: models_for(names, recording))
+        text = flight_report(
+            loaded,
+            models=models_for(names, loaded[0]),
+            comparison=found,
+            reproduced=reproduce(hover_model(default_profile())),
+        )
+    write_page(text, path, force=force)
+    talk.note(f"Report: {path}")
+    talk.emit({"schema": "heli3dof.report/1", "report": str(path), "warnings": found.warnings})

@@ -1,0 +1,250 @@
+"""What a step response shows: peak, overshoot, error, rise and settling time, per axis.
+
+A reference that stays constant for a while is a *segment*. With y the measured angle, y_r the
+set value and y_a the value the step starts from (degrees), s = sgn(y_r − y_a):
+
+    peak               y_pk = the extreme of y in the step's direction, s·y_pk = max s·y
+    overshoot          s·(y_pk − y_r)                          (negative: it fell short)
+    overshoot, percent 100 · overshoot / |y_r − y_a|
+    steady error       mean of y − y_r over the segment's last tenth ("measured minus set value")
+    rise time          from y_a + 10 % to y_a + 90 % of (y_r − y_a), crossings interpolated
+    settling time      from the step until y stays within ±2 % of |y_r − y_a| about y_r
+
+The paper uses "overshoot" in two ways (E10): section II-C defines it as the largest difference
+from the set value, section III and Table II print *peak values*. Both stand here, under
+``overshoot_deg`` and ``peak_deg``.
+
+Kinds of segment:
+
+``step``     the reference changed at its start. y_a is the previous set value.
+``start``    the recording's first segment, when it begins away from its set value (a flight from
+             rest, or the paper's run, whose reference is 10° from t = 0). y_a is the first angle.
+``hold``     the reference is where the angle began: the paper's pitch and yaw during a roll step.
+             The peak is the angle farthest from the set value and the overshoot its distance
+             (≥ 0); percent, rise and settling time are not defined.
+``moving``   the reference never rests (a ramp, a multisine): as ``hold``, about the moving set
+             value, without the steady error.
+``none``     there is no reference: nothing is defined.
+
+Which one is *reported* for an axis: its first ``step``; else its ``start``; else the ``hold`` or
+``moving`` reference, counted from the first change of *any* axis' reference, so that a take-off
+before the step does not drown what the step does. All segments are kept in ``AxisMetrics.steps``.
+What is not defined is NaN, never a made-up number.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from heli3dof.axes import AXES
+
+Kind = Literal["step", "start", "hold", "moving", "none"]
+
+MIN_STEP_DEG = 0.5
+"""A smaller difference between the first angle and the first set value is no step."""
+MIN_HOLD_S = 0.5
+"""A reference that rests for less than this, for most of the time, is moving."""
+SETTLING_BAND = 0.02
+STEADY_SHARE = 0.1
+"""The share of a segment, at its end, over which the steady error is averaged."""
+
+METRICS = (
+    "peak_deg",
+    "overshoot_deg",
+    "overshoot_percent",
+    "steady_error_deg",
+    "rise_time_s",
+    "settling_time_s",
+)
+
+
+@dataclass(frozen=True)
+class StepMetrics:
+    """One segment of one axis; see the module's docstring for the definitions."""
+
+    kind: Kind
+    start_s: float
+    """s on the recording's clock; rise is a duration, settling counts from here."""
+    stop_s: float
+    from_deg: float
+    """Where the step starts from: y_a."""
+    set_deg: float
+    """Where it should end: y_r. NaN for a moving reference."""
+    peak_deg: float = np.nan
+    overshoot_deg: float = np.nan
+    overshoot_percent: float = np.nan
+    steady_error_deg: float = np.nan
+    rise_time_s: float = np.nan
+    settling_time_s: float = np.nan
+
+    def values(self) -> dict[str, float]:
+        """The six metrics by name, in the order of `METRICS`."""
+        return {name: float(getattr(self, name)) for name in METRICS}
+
+
+@dataclass(frozen=True)
+class AxisMetrics:
+    """The segment that is reported for an axis, and all of them."""
+
+    reported: StepMetrics
+    steps: tuple[StepMetrics, ...]
+
+
+@dataclass(frozen=True)
+class _Segment:
+    kind: Kind
+    rows: slice
+    from_deg: float
+    set_deg: float
+
+
+NOTHING = StepMetrics("none", np.nan, np.nan, np.nan, np.nan)
+
+
+def flight_metrics(
+    t: np.ndarray,
+    angle: np.ndarray,
+    reference: np.ndarray,
+    *,
+    resolution: np.ndarray | None = None,
+) -> Mapping[str, AxisMetrics]:
+    """Metrics of all three axes of one flight, measured or simulated.
+
+    t (N,) s, angle (N, 3) rad, reference (N, 3) rad before the rate limiter, NaN where absent;
+    resolution (3,) rad is the encoder's step: a settling band narrower than that is widened to
+    it, since a quantised angle cannot stay inside.
+    """
+    changes = [_changes(reference[:, i]) for i in range(len(AXES))]
+    first = min((int(c[0]) for c in changes if len(c)), default=0)
+    grain = np.zeros(len(AXES)) if resolution is None else np.abs(resolution)
+    return {
+        axis: axis_metrics(
+            t, angle[:, i], reference[:, i], since_s=float(t[first]), resolution=float(grain[i])
+        )
+        for i, axis in enumerate(AXES)
+    }
+
+
+def axis_metrics(
+    t: np.ndarray,
+    angle: np.ndarray,
+    reference: np.ndarray,
+    *,
+    since_s: float = -np.inf,
+    resolution: float = 0.0,
+) -> AxisMetrics:
+    """Metrics of one axis: t (N,) s, angle (N,) rad, reference (N,) rad.
+
+    A ``hold`` is counted from ``since_s``; ``resolution`` (rad) is the encoder's step.
+    """
+    y, ref = np.degrees(angle), np.degrees(reference)
+    segments = _segments(t, y, ref)
+    steps = tuple(_measure(t, y, ref, s, np.degrees(resolution)) for s in segments)
+    for kind in ("step", "start"):
+        for step in steps:
+            if step.kind == kind:
+                return AxisMetrics(step, steps)
+    late = t >= since_s
+    if not segments or not late.any():
+        return AxisMetrics(NOTHING, steps)
+    first = int(np.argmax(late))
+    whole = segments[0]
+    if first >= whole.rows.stop:
+        return AxisMetrics(steps[0], steps)
+    rows = slice(max(first, whole.rows.start), whole.rows.stop)
+    return AxisMetrics(_measure(t, y, ref, replace(whole, rows=rows), 0.0), steps)
+
+
+def _changes(reference: np.ndarray) -> np.ndarray:
+    """Rows at which a reference takes a new value (rounding apart)."""
+    with np.errstate(invalid="ignore"):
+        return np.flatnonzero(np.abs(np.diff(reference)) > 1e-9) + 1
+
+
+def _segments(t: np.ndarray, y: np.ndarray, ref: np.ndarray) -> list[_Segment]:
+    """The constant stretches of a reference, or one moving or absent one."""
+    known = np.flatnonzero(~np.isnan(ref))
+    if not len(known):
+        return []
+    rows = slice(int(known[0]), int(known[-1]) + 1)
+    edges = [rows.start, *(int(c) for c in _changes(ref) if rows.start < c < rows.stop), rows.stop]
+    stretches = [slice(a, b) for a, b in itertools.pairwise(edges)]
+    long = [s for s in stretches if t[s.stop - 1] - t[s.start] >= MIN_HOLD_S]
+    resting = sum(t[s.stop - 1] - t[s.start] for s in long)
+    if len(stretches) > 1 and resting < 0.5 * (t[rows.stop - 1] - t[rows.start]):
+        return [_Segment("moving", rows, float(y[rows.start]), np.nan)]
+    segments: list[_Segment] = []
+    for s in stretches:
+        set_deg = float(ref[s.start])
+        if s is not stretches[0]:
+            previous = float(ref[s.start - 1])
+            if s in long and not np.isnan(previous) and not np.isnan(set_deg):
+                segments.append(_Segment("step", s, previous, set_deg))
+            continue
+        start = float(y[s.start])
+        kind: Kind = "start" if abs(set_deg - start) > MIN_STEP_DEG else "hold"
+        segments.append(_Segment(kind, s, start, set_deg))
+    return segments
+
+
+def _measure(
+    t: np.ndarray, y: np.ndarray, ref: np.ndarray, segment: _Segment, grain_deg: float
+) -> StepMetrics:
+    """The six numbers of one segment; y, ref in degrees."""
+    rows = segment.rows
+    t, y, ref = t[rows], y[rows], ref[rows]
+    base = StepMetrics(segment.kind, float(t[0]), float(t[-1]), segment.from_deg, segment.set_deg)
+    if not np.isfinite(y).all():
+        return base
+    if segment.kind in ("hold", "moving"):
+        far = int(np.argmax(np.abs(y - ref)))
+        error = _steady_error(t, y - ref) if segment.kind == "hold" else np.nan
+        return replace(
+            base,
+            peak_deg=float(y[far]),
+            overshoot_deg=float(abs(y[far] - ref[far])),
+            steady_error_deg=error,
+        )
+    size = segment.set_deg - segment.from_deg
+    s = np.sign(size)
+    peak = float(s * np.max(s * y))
+    overshoot = float(s * (peak - segment.set_deg))
+    progress = (y - segment.from_deg) / size
+    outside = np.abs(y - segment.set_deg) > max(SETTLING_BAND * abs(size), grain_deg)
+    return replace(
+        base,
+        peak_deg=peak,
+        overshoot_deg=overshoot,
+        overshoot_percent=100 * overshoot / abs(size),
+        steady_error_deg=_steady_error(t, y - segment.set_deg),
+        rise_time_s=_crossing(t, progress, 0.9) - _crossing(t, progress, 0.1),
+        settling_time_s=_settling(t, outside),
+    )
+
+
+def _steady_error(t: np.ndarray, error: np.ndarray) -> float:
+    """The mean over the segment's last tenth, degrees."""
+    return float(np.mean(error[t >= t[-1] - STEADY_SHARE * (t[-1] - t[0])]))
+
+
+def _crossing(t: np.ndarray, progress: np.ndarray, level: float) -> float:
+    """When ``progress`` first rises through ``level``; NaN if it never does or began above."""
+    above = progress >= level
+    k = int(np.argmax(above))
+    if not above[k] or k == 0:
+        return np.nan
+    share = (level - progress[k - 1]) / (progress[k] - progress[k - 1])
+    return float(t[k - 1] + share * (t[k] - t[k - 1]))
+
+
+def _settling(t: np.ndarray, outside: np.ndarray) -> float:
+    """From the step to the first sample after which none is outside; NaN if the last one is."""
+    if outside[-1]:
+        return np.nan
+    last = np.flatnonzero(outside)
+    return float(t[last[-1] + 1] - t[0]) if len(last) else 0.0

@@ -1,0 +1,127 @@
+"""Free prediction: the angles some time ahead, from states re-estimated from the data so far.
+
+    e_h[k] = y[k] − ŷ[k | angles up to k − h, voltages throughout],    RMSE_h = √(mean e_h²)
+
+This judges a model where the loop cannot be replayed. Three horizons are given, and the error
+*over* the longest one (from 0 to 3 s, the mean of the squares over all the instants between),
+which is what other people quote for these rigs. Beside every model stands the simplest predictor
+of all, angles held still: ŷ[k] = y[k − h]. A model that does not beat it knows nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from heli3dof.model.base import Model
+from heli3dof.recording.recording import Recording
+
+HORIZONS_S = (0.5, 1.0, 3.0)
+STEPS_DRAWN = 30
+"""Instants of a window that is drawn (every 0.1 s of 3 s)."""
+STEPS_AVERAGED = 12
+"""Instants of one that is only averaged (every 0.25 s): enough for a mean, and cheaper."""
+
+
+@dataclass(frozen=True, eq=False)
+class Predictions:
+    """A model's predictions of one recording at every instant of the windows, in rad."""
+
+    ahead: Mapping[float, np.ndarray]
+    """By horizon in s: (N, 3) rad, row k predicted that long before; NaN where none."""
+    instants_s: np.ndarray
+    """(M,) s: the instants of a window after its start, the last being its whole length."""
+
+    @property
+    def window_s(self) -> float:
+        """The longest horizon: the length of a stitched window."""
+        return float(self.instants_s[-1])
+
+
+class HeldStill:
+    """ŷ[k] = y[k − h]: the predictor that every model must beat."""
+
+    name = "angles held still"
+    kind = "held"
+
+    def predict(self, recording: Recording, horizon_s: float) -> np.ndarray:
+        """(N, 3) rad: the angle ``horizon_s`` earlier."""
+        h = max(1, round(horizon_s / recording.dt))
+        held = np.full_like(recording.angle, np.nan)
+        held[h:] = recording.angle[:-h]
+        return held
+
+
+def predictions(
+    model: Model | HeldStill,
+    recording: Recording,
+    horizons_s: Sequence[float] = HORIZONS_S,
+    *,
+    steps: int = STEPS_DRAWN,
+) -> Predictions:
+    """Predict at each horizon asked for, and at ``steps`` instants of windows of the longest."""
+    instants = np.round(max(horizons_s) * np.arange(1, steps + 1) / steps, 9)
+    wanted = sorted({round(float(h), 9) for h in (*horizons_s, *instants)})
+    return Predictions({h: model.predict(recording, h) for h in wanted}, instants)
+
+
+def common_rows(several: Sequence[Predictions]) -> Mapping[float, np.ndarray]:
+    """By horizon: (N, 3) where every predictor that models the axis at all has a prediction.
+
+    Models are judged on the same rows, so that one that starts late gains nothing by it.
+    """
+    rows: dict[float, np.ndarray] = {}
+    for h in several[0].ahead if several else ():
+        there = [np.isfinite(p.ahead[h]) for p in several]
+        rows[h] = np.logical_and.reduce([ok | ~ok.any(axis=0) for ok in there])
+    return rows
+
+
+def rmse_deg(
+    recording: Recording, made: Predictions, rows: Mapping[float, np.ndarray] | None = None
+) -> Mapping[float, np.ndarray]:
+    """By horizon: (3,) degrees, NaN for an axis that is not predicted or not measured."""
+    return {
+        h: _rms(np.degrees(y - recording.angle), None if rows is None else rows[h])
+        for h, y in made.ahead.items()
+    }
+
+
+def over_window_deg(by_horizon: Mapping[float, np.ndarray], made: Predictions) -> np.ndarray:
+    """(3,) degrees: the RMSE over a window, from 0 (no error yet) to its end.
+
+    ``by_horizon`` is what `rmse_deg` gave. The squares are averaged over the window's instants by
+    the trapezoidal rule.
+    """
+    squares = np.array([by_horizon[float(h)] ** 2 for h in made.instants_s])
+    squares = np.vstack([np.zeros((1, squares.shape[1])), squares])
+    instants = np.concatenate([[0.0], made.instants_s])
+    return np.asarray(np.sqrt(np.trapezoid(squares, instants, axis=0) / made.window_s))
+
+
+def stitched(recording: Recording, made: Predictions) -> tuple[np.ndarray, np.ndarray]:
+    """Windows laid end to end: t (M,) s and angle (M, 3) rad, a row of NaN between windows.
+
+    Each window starts on the measured angles and runs free for ``made.window_s``.
+    """
+    h = [float(x) for x in made.instants_s]
+    steps = [0, *(max(1, round(x / recording.dt)) for x in h)]
+    times, angles = [], []
+    for start in range(0, len(recording) - 1, steps[-1]):
+        rows = [start + s for s in steps if start + s < len(recording)]
+        path = [recording.angle[start]]
+        path += [made.ahead[x][k] for x, k in zip(h, rows[1:], strict=False)]
+        times += [*recording.t[rows], np.nan]
+        angles += [*path, np.full(3, np.nan)]
+    return np.array(times), np.array(angles)
+
+
+def _rms(error: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
+    """(3,) root mean square of the finite rows of each column; NaN where there is none."""
+    use = np.isfinite(error) if rows is None else np.isfinite(error) & rows
+    count = use.sum(axis=0)
+    total = np.where(use, error, 0.0) ** 2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(count > 0, np.sqrt(total.sum(axis=0) / count), np.nan))

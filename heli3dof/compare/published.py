@@ -1,0 +1,96 @@
+"""The paper's published numbers as data, each with whether it can be reproduced, and why.
+
+Section III and Table II of the paper. Table II's columns are headed with a model's name, yet
+hold the *difference* of that model from the experiment (E11), and its "overshoot" is a peak value
+(E10). Nothing that involves the experiment or the identified model can be reproduced: the
+recording was never published, neither were its sample rate, start or fit (E15), and the printed
+transfer functions (17) are unstable in the loop with K_g in every reading (E14).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Subject = Literal["experiment", "hover", "identification"]
+Quantity = Literal["peak", "error", "peak_difference", "error_difference"]
+
+NO_EXPERIMENT = "the experiment's recording was never published (E15)"
+NO_IDENTIFICATION = "eq (17) is misprinted and unstable in the loop with K_g in every reading (E14)"
+BY_SYMMETRY = "zero by symmetry: a roll step drives only V_F + V_B (E13)"
+HOVER_ROLL = "eqs (7)–(14) with errata E3–E6 mended, 10° step, K_g"
+
+
+@dataclass(frozen=True)
+class Published:
+    """One printed number: of whom, on which axis, what, and how it stands today."""
+
+    axis: str
+    subject: Subject
+    """For the differences: the model that is compared with the experiment."""
+    quantity: Quantity
+    value_deg: float
+    where: str
+    reproducible: bool
+    why: str
+
+
+def _differences() -> tuple[Published, ...]:
+    rows: tuple[tuple[str, tuple[float, float, float, float]], ...] = (
+        ("roll", (11, 1, 0, 1)),
+        ("pitch", (13, 8, 2, 1)),
+        ("yaw", (23, 3, 7, 0)),
+    )
+    columns: tuple[tuple[Subject, Quantity], ...] = (
+        ("hover", "peak_difference"),
+        ("identification", "peak_difference"),
+        ("hover", "error_difference"),
+        ("identification", "error_difference"),
+    )
+    return tuple(
+        Published(axis, subject, quantity, value, "Table II", False, NO_EXPERIMENT)
+        for axis, values in rows
+        for (subject, quantity), value in zip(columns, values, strict=True)
+    )
+
+
+TABLE_II: tuple[Published, ...] = _differences()
+"""Table II as printed: twelve differences between a model and the experiment, in degrees."""
+
+TEXT: tuple[Published, ...] = (
+    Published("roll", "experiment", "peak", 23, "Fig 7", False, NO_EXPERIMENT),
+    Published("roll", "identification", "peak", 22, "Fig 7", False, NO_IDENTIFICATION),
+    Published("roll", "hover", "peak", 12, "Fig 7", True, HOVER_ROLL),
+    Published("roll", "hover", "error", 0, "Fig 7", True, HOVER_ROLL),
+    Published("pitch", "identification", "error", 3, "Fig 8", False, NO_IDENTIFICATION),
+    Published("pitch", "hover", "peak", 0, "Fig 8 (1e-15)", True, BY_SYMMETRY),
+    Published("pitch", "hover", "error", 0, "Fig 8", True, BY_SYMMETRY),
+    Published("yaw", "experiment", "peak", 23, "Fig 9", False, NO_EXPERIMENT),
+    Published("yaw", "experiment", "error", 7, "Fig 9", False, NO_EXPERIMENT),
+    Published("yaw", "identification", "peak", 20, "Fig 9", False, NO_IDENTIFICATION),
+    Published("yaw", "identification", "error", 7, "Fig 9", False, NO_IDENTIFICATION),
+    Published("yaw", "hover", "peak", 0, "Fig 9", True, BY_SYMMETRY),
+    Published("yaw", "hover", "error", 0, "Fig 9", True, BY_SYMMETRY),
+)
+"""The figures given in the text: peaks and errors of the experiment and of both models."""
+
+CAVEATS: tuple[str, ...] = (
+    "Table II's columns are headed with a model's name but hold its difference from the "
+    "experiment (E11).",
+    "What the paper calls overshoot there is the peak value; its own definition is the largest "
+    "difference from the set value (E10). Both are shown.",
+    "The abstract gives 1°, 3°, 8° in roll, pitch, yaw; Table II says 1, 8, 3 (E12).",
+    "The identified model was judged on the recording that made it; no held-out flight, sample "
+    "rate or fit is given (E15).",
+    "Two explanations of the experiment's 23° are possible, neither is proven: a start from rest "
+    "at −27.5° with rotor lag, or a 20° yaw command that the hover run did not have.",
+)
+"""What a reader of the published table must know; shown wherever the table is."""
+
+
+def published(axis: str, subject: Subject, quantity: Quantity) -> Published | None:
+    """The printed number, or None where the paper prints none."""
+    for number in (*TEXT, *TABLE_II):
+        if (number.axis, number.subject, number.quantity) == (axis, subject, quantity):
+            return number
+    return None

@@ -1,0 +1,161 @@
+"""A whole flight: check, open the rig, fly the plan, keep the recording, say how it ended."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from heli3dof.errors import DeviceError, Heli3dofError, SafetyTrip
+from heli3dof.experiment.interrupts import asked_to_stop
+from heli3dof.experiment.loop import Live, Outcome, fly
+from heli3dof.experiment.plan import Plan, Signals, check_plan
+from heli3dof.model.hover import hover_model
+from heli3dof.model.stability import check_loop
+from heli3dof.recording.memory import MemoryRecorder
+from heli3dof.recording.provenance import provenance
+from heli3dof.recording.reader import read_recording
+from heli3dof.recording.recording import Recording
+from heli3dof.recording.row import Row
+from heli3dof.recording.writer import RecordingWriter
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.port import Command, Identity, Rig
+from heli3dof.rig.profile import Profile, default_profile
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A flight that took place: its recording, its file (None: kept in memory), its outcome."""
+
+    recording: Recording
+    outcome: Outcome
+    path: Path | None
+
+    def raise_if_cut_short(self) -> None:
+        """SafetyTrip, DeviceError or the exception that ended the flight; nothing if it is whole.
+
+        An interrupt raises KeyboardInterrupt. The recording is closed and complete either way.
+        """
+        outcome = self.outcome
+        kept = f"; the recording is kept in {self.path}" if self.path else ""
+        if outcome.ending == "interrupted":
+            raise KeyboardInterrupt(outcome.detail)
+        if outcome.ending == "tripped":
+            raise SafetyTrip(
+                f"The flight was ended for safety: {outcome.detail}{kept}.",
+                cause="the rig did what the plan did not intend, or the envelope is too tight.",
+                fix=f"heli3dof info {self.path}" if self.path else "look at flight.recording",
+            )
+        if outcome.ending == "device":
+            assert isinstance(outcome.error, DeviceError)
+            raise outcome.error
+        if outcome.ending == "error":
+            if isinstance(outcome.error, Heli3dofError):
+                raise outcome.error
+            raise Heli3dofError(
+                f"The flight was ended by a fault of ours: {outcome.detail}{kept}.",
+                cause="a mistake in heli3dof or in its driver.",
+                fix="report it, with the recording",
+            ) from outcome.error
+
+
+def prepare(plan: Plan, profile: Profile, seed: int) -> Signals:
+    """Everything that can be refused before a rig is opened: the plan, and the gain.
+
+    Raises PlanError, or UnstableLoop when the gain does not stabilise the hover model of this
+    profile.
+    """
+    signals = plan.render(profile.dt, seed)
+    check_plan(plan, signals, profile)
+    controller = profile.with_controller().controller
+    assert controller is not None
+    check_loop(hover_model(profile), controller, profile.dt)
+    return signals
+
+
+def fly_plan(
+    plan: Plan,
+    *,
+    device: str = "mock:?speed=max",
+    profile: Profile | None = None,
+    seed: int = 0,
+    output: str | Path | None = None,
+    force: bool = False,
+    meta: Mapping[str, Any] | None = None,
+    live: Live | None = None,
+    opened: Callable[[Identity], None] = lambda identity: None,
+) -> Flight:
+    """Fly a plan on a rig and record it (to ``output``, or in memory where that is None).
+
+    Returns however the flight ended (see `Flight.raise_if_cut_short`); raises only where nothing
+    flew: PlanError, UnstableLoop, DeviceError, OutputExists.
+    """
+    profile = (profile or default_profile()).with_controller()
+    signals = prepare(plan, profile, seed)
+    rig = open_rig(device, profile)
+    try:
+        opened(rig.identity)
+        about = provenance(
+            source="flight",
+            plan=plan.to_dict(),
+            seed=seed,
+            identity=rig.identity,
+            device=device,
+            **{"name": Path(output).stem if output else plan.name, **(meta or {})},
+        )
+        if output is None:
+            return _fly_in_memory(rig, profile, signals, about, live)
+        return _fly_to_file(rig, profile, signals, about, live, Path(output), force)
+    finally:
+        rig.close()
+
+
+def _fly_in_memory(
+    rig: Rig, profile: Profile, signals: Signals, meta: Mapping[str, Any], live: Live | None
+) -> Flight:
+    sink = MemoryRecorder()
+    with asked_to_stop() as stop:
+        outcome = fly(rig, profile, signals, sink, stop=stop, live=live)
+    about = {**meta, "outcome": outcome.ending, "outcome_details": outcome_details(outcome)}
+    return Flight(sink.recording(profile, about), outcome, None)
+
+
+def _fly_to_file(
+    rig: Rig,
+    profile: Profile,
+    signals: Signals,
+    meta: Mapping[str, Any],
+    live: Live | None,
+    path: Path,
+    force: bool,
+) -> Flight:
+    writer = RecordingWriter(path, profile, meta, force=force)
+    with writer, asked_to_stop() as stop:
+        outcome = fly(rig, profile, signals, _ToFile(writer), stop=stop, live=live)
+        writer.outcome(outcome.ending, **outcome_details(outcome))
+    return Flight(read_recording(path), outcome, path)
+
+
+class _ToFile:
+    def __init__(self, writer: RecordingWriter) -> None:
+        self._append = writer.append
+
+    def append(self, row: Row) -> None:
+        command = Command(row.command_sequence, row.voltage[0], row.voltage[1])
+        self._append(
+            row.t, row.sample, row.angle, row.lateness, row.reference, row.limited, row.command,
+            row.extra, command, row.applied, row.phase,
+        )  # fmt: skip
+
+
+def outcome_details(outcome: Outcome) -> dict[str, Any]:
+    """The outcome as the recording keeps it, units in the keys."""
+    return {
+        "detail": outcome.detail,
+        "periods": outcome.periods,
+        "late": outcome.late,
+        "missed": outcome.missed,
+        "worst_lateness_s": outcome.worst_lateness_s,
+        "landed": outcome.landed,
+    }

@@ -1,0 +1,177 @@
+"""A plan is data: it is read, summarised and checked against the envelope before anything moves.
+
+    name = "roll-step"
+    [[segment]]
+    kind = "step"
+    roll_deg = 10
+    duration_s = 20
+
+Rendering turns it into one row of references and extra voltages per control period, so that the
+loop has nothing left to decide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from heli3dof.axes import AXES
+from heli3dof.errors import PlanError, did_you_mean
+from heli3dof.experiment.segments import BaseSegment, Clock, kinds
+from heli3dof.rig.profile import Limits, Profile
+from heli3dof.toml_file import Section, check, read_toml
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """A rendered plan: what the loop is asked for in each control period."""
+
+    t: np.ndarray
+    """(N,) s"""
+    reference: np.ndarray
+    """(N, 3) rad, before the controller's rate limiter."""
+    extra: np.ndarray
+    """(N, 2) V, added to the controller's output."""
+
+
+class _Head(Section):
+    name: str
+    description: str = ""
+    segment: list[dict[str, Any]] = Field(min_length=1)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A named sequence of segments."""
+
+    name: str
+    segments: tuple[BaseSegment, ...]
+    description: str = ""
+
+    @property
+    def duration_s(self) -> float:
+        return sum(s.duration_s for s in self.segments)
+
+    def render(self, dt: float, seed: int) -> Signals:
+        """References and extra voltages for every control period of length ``dt`` seconds."""
+        rng = np.random.default_rng(seed)
+        before = np.zeros(3)
+        references, extras = [], []
+        for segment in self.segments:
+            clock = Clock(max(1, round(segment.duration_s / dt)), dt, rng)
+            reference, extra = segment.render(clock, before)
+            references.append(reference)
+            extras.append(extra)
+            before = reference[-1]
+        reference = np.concatenate(references)
+        return Signals(np.arange(len(reference)) * dt, reference, np.concatenate(extras))
+
+    def summary(self) -> list[str]:
+        """One line per segment."""
+        return [s.summary() for s in self.segments]
+
+    def to_dict(self) -> dict[str, Any]:
+        """What a TOML file of this plan would hold; goes into the recording."""
+        segments = [s.model_dump(mode="json", exclude_none=True) for s in self.segments]
+        return {"name": self.name, "description": self.description, "segment": segments}
+
+
+def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
+    """Refuse a plan that would leave the envelope. Raises PlanError naming the key to change."""
+    limits = profile.limits
+    if plan.duration_s > limits.duration_max_s:
+        raise PlanError(
+            f"The plan {plan.name!r} lasts {plan.duration_s:g} s; the envelope allows "
+            f"{limits.duration_max_s:g} s.",
+            cause="a duration in milliseconds, or a long plan on a cautious profile.",
+            fix="shorten it, or raise limits.duration_max_s in the profile",
+        )
+    for i, (axis, low, high) in enumerate(_ranges(limits)):
+        reference = np.degrees(signals.reference[:, i])
+        worst = reference[np.argmax(np.abs(reference))]
+        if reference.min() < low or reference.max() > high:
+            raise PlanError(
+                f"The plan {plan.name!r} asks for {axis} {worst:g}°, outside the envelope of "
+                f"{low:g}° to {high:g}°.",
+                cause="a typing error, or an angle that this rig's profile does not allow.",
+                fix=f"ask for less, or widen the {axis} limits in [limits] of the profile",
+            )
+    extra = float(np.abs(signals.extra).max())
+    if extra > profile.motor.v_max:
+        raise PlanError(
+            f"The plan {plan.name!r} adds up to {extra:.3g} V to the motors; the amplifier "
+            f"gives {profile.motor.v_max:g} V.",
+            cause="an amplitude that belongs to another amplifier.",
+            fix="lower the amplitudes of the plan",
+        )
+
+
+def _ranges(limits: Limits) -> list[tuple[str, float, float]]:
+    return [
+        ("roll", limits.roll_min_deg, limits.roll_max_deg),
+        ("pitch", -limits.pitch_max_deg, limits.pitch_max_deg),
+        ("yaw", -limits.yaw_max_deg, limits.yaw_max_deg),
+    ]
+
+
+def plan_from_dict(data: Mapping[str, Any], *, source: str = "plan") -> Plan:
+    """Check nested dicts (as TOML gives them) and build the plan. Raises PlanError."""
+    head = check(_Head, data, source, PlanError)
+    segments = [_segment(s, i, source) for i, s in enumerate(head.segment, start=1)]
+    return Plan(head.name, tuple(segments), head.description)
+
+
+def _segment(data: Mapping[str, Any], number: int, source: str) -> BaseSegment:
+    where = f"{source}, segment {number}"
+    kind = data.get("kind")
+    if not isinstance(kind, str) or kind not in kinds():
+        raise PlanError(
+            f"{where}: there is no segment of kind {kind!r}."
+            if kind is not None
+            else f"{where}: the key 'kind' is missing.",
+            cause=f"a typing error; {did_you_mean(str(kind), kinds())}",
+            fix=f"kinds: {', '.join(sorted(kinds()))}",
+        )
+    return check(kinds()[kind], data, where, PlanError)
+
+
+def named_plans() -> dict[str, Path]:
+    """Name → file of the plans that come with heli3dof."""
+    folder = Path(str(resources.files("heli3dof.experiment") / "plans"))
+    return {p.stem: p for p in sorted(folder.glob("*.toml"))}
+
+
+def load_plan(name_or_path: str | Path) -> Plan:
+    """A plan by the name of one that comes with heli3dof, or from a TOML file."""
+    text = str(name_or_path)
+    known = named_plans()
+    if text in known:
+        path = known[text]
+    elif text.endswith(".toml") or "/" in text or Path(text).exists():
+        path = Path(text)
+    else:
+        raise PlanError(
+            f"There is no plan named {text!r}.",
+            cause=f"a typing error; {did_you_mean(text, known)}",
+            fix=f"a TOML file, or one of: {', '.join(known)}",
+        )
+    return plan_from_dict(read_toml(path, "plan", PlanError), source=str(path))
+
+
+def step_plan(
+    target_deg: Sequence[float | None], *, settle_s: float = 10.0, duration_s: float = 20.0
+) -> Plan:
+    """Level off for ``settle_s`` (0: not at all), then step to the targets (roll, pitch, yaw)."""
+    given = {f"{a}_deg": float(v) for a, v in zip(AXES, target_deg, strict=True) if v is not None}
+    segments: list[dict[str, Any]] = []
+    if settle_s > 0:
+        segments.append({"kind": "hold", "duration_s": float(settle_s)})
+    segments.append({"kind": "step", "duration_s": float(duration_s), **given})
+    name = "-".join(["step", *(f"{k.removesuffix('_deg')}-{v:g}" for k, v in given.items())])
+    return plan_from_dict({"name": name, "segment": segments}, source="the step asked for")

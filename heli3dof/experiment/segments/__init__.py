@@ -1,0 +1,79 @@
+"""The kinds of segment that a plan is made of: one file each, found by name.
+
+A segment is a table of the plan's TOML. It says how long it lasts and renders the references
+(rad) and the voltages that the experiment adds (V) for its control periods. A new kind is one
+new file here with a class named ``Segment``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import cache
+from typing import ClassVar
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.toml_file import Finite, Positive, Section
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The control periods of one segment and the random numbers it may draw."""
+
+    n: int
+    dt: float
+    """s"""
+    rng: np.random.Generator
+
+    @property
+    def t(self) -> np.ndarray:
+        """(n,) s since the segment's start."""
+        return np.arange(self.n) * self.dt
+
+
+class BaseSegment(Section):
+    """What every segment has: a duration and, where they change, the references in degrees.
+
+    A reference that is not given stays where the segment before left it (zero at the start).
+    """
+
+    kind_help: ClassVar[str] = ""
+    kind: str
+    duration_s: Positive
+    roll_deg: Finite | None = None
+    pitch_deg: Finite | None = None
+    yaw_deg: Finite | None = None
+
+    def target(self, before: np.ndarray) -> np.ndarray:
+        """(3,) rad: the references at this segment's start."""
+        given = (self.roll_deg, self.pitch_deg, self.yaw_deg)
+        return np.array(
+            [b if g is None else np.radians(g) for g, b in zip(given, before, strict=True)]
+        )
+
+    @abstractmethod
+    def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """References (n, 3) in rad and extra voltages (n, 2) in V; ``before`` is (3,) rad."""
+
+    def summary(self) -> str:
+        """One line for a dry run."""
+        moves = [
+            f"{axis} {value:g}°"
+            for axis, value in zip(AXES, (self.roll_deg, self.pitch_deg, self.yaw_deg), strict=True)
+            if value is not None
+        ]
+        return f"{self.kind} {self.duration_s:g} s" + (f" to {', '.join(moves)}" if moves else "")
+
+
+@cache
+def kinds() -> dict[str, type[BaseSegment]]:
+    """Kind → class of every segment in this package."""
+    found: dict[str, type[BaseSegment]] = {}
+    for info in pkgutil.iter_modules(__path__):
+        module = importlib.import_module(f"{__name__}.{info.name}")
+        found[info.name] = module.Segment
+    return found

@@ -1,0 +1,70 @@
+"""``multisine``: sums of cosines added to the voltages, common and difference apart.
+
+    c(t) = A_c Σ_odd  cos(2π k f_0 t + φ_k) / σ_c,     V_front += c + d
+    d(t) = A_d Σ_even cos(2π k f_0 t + φ_k) / σ_d,     V_back  += c − d
+
+f_0 = 1/duration_s, the lines lie in ``band_Hz``, and common and difference take every other
+line, so that the two are orthogonal over the segment: roll answers to the sum, pitch to the
+difference. The lines' amplitudes fall as 1/f^``tilt``; of 32 drawn sets of phases the one with
+the lowest crest factor is flown. ``common_V`` and ``difference_V`` are RMS values.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydantic import field_validator
+
+from heli3dof.experiment.segments import BaseSegment, Clock
+from heli3dof.toml_file import Finite
+
+DRAWS = 32
+
+
+class Segment(BaseSegment):
+    kind: Literal["multisine"] = "multisine"
+    band_Hz: tuple[Finite, Finite] = (0.05, 5.0)
+    common_V: Finite = 0.5
+    difference_V: Finite = 0.5
+    tilt: Finite = 0.0
+
+    @field_validator("band_Hz")
+    @classmethod
+    def _rising(cls, value: tuple[float, float]) -> tuple[float, float]:
+        if not 0 < value[0] < value[1]:
+            raise ValueError("band_Hz is two rising frequencies")
+        return value
+
+    def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        f0 = 1 / (clock.n * clock.dt)
+        first = max(1, int(np.ceil(self.band_Hz[0] / f0)))
+        last = max(first + 1, int(min(self.band_Hz[1], 0.4 / clock.dt) / f0))
+        lines = np.arange(first, last + 1)
+        c = self.common_V * _low_crest(lines[0::2], self.tilt, clock)
+        d = self.difference_V * _low_crest(lines[1::2], self.tilt, clock)
+        reference = np.tile(self.target(before), (clock.n, 1))
+        return reference, np.column_stack([c + d, c - d])
+
+    def summary(self) -> str:
+        return (
+            super().summary() + f", {self.common_V:g} V common and {self.difference_V:g} V "
+            f"difference, {self.band_Hz[0]:g}–{self.band_Hz[1]:g} Hz"
+        )
+
+
+def _low_crest(lines: np.ndarray, tilt: float, clock: Clock) -> np.ndarray:
+    """(n,) of RMS one: the drawn set of phases with the smallest peak, starting near zero."""
+    best, best_peak = np.zeros(clock.n), np.inf
+    amplitude = lines.astype(float) ** -tilt
+    for _ in range(DRAWS):
+        phase = clock.rng.uniform(0, 2 * np.pi, len(lines))
+        spectrum = np.zeros(clock.n // 2 + 1, dtype=complex)
+        spectrum[lines] = amplitude * np.exp(1j * phase)
+        x = np.fft.irfft(spectrum, clock.n)
+        x /= np.sqrt(np.mean(x**2))
+        peak = float(np.abs(x).max())
+        if peak < best_peak:
+            # A periodic signal may start anywhere: at its quietest sample the motors do not jump.
+            best, best_peak = np.roll(x, -int(np.argmin(np.abs(x)))), peak
+    return best

@@ -1,0 +1,123 @@
+"""Are the innovations white, and free of what past voltages could explain?
+
+Whiteness (Hosking 1980, the multivariate portmanteau), h lags, l outputs:
+
+    Q = N² Σ_{j=1}^{h} tr(R_jᵀ R_0⁻¹ R_j R_0⁻¹)/(N − j)  ~  χ²(l² h),     R_j = (1/N) Σ e[k] e[k−j]ᵀ
+
+Past inputs (score test): e regressed on u[k−1], …, u[k−h],
+
+    LM = N tr(S_e⁻¹ S_explained)  ~  χ²(l m h)
+
+which is right however coloured u is, as long as e is white. Under feedback only *past* inputs may
+be tested: present and future ones answer e. On held-out data no degrees of freedom are lost. Both
+tests grow with the record: over minutes of flight they find nonlinearity that does no harm to a
+model's use, so the share of variance that the past explains is given with each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+LEVEL = 0.01
+
+
+@dataclass(frozen=True)
+class ResidualTest:
+    """One test. ``bound`` is the 99 % point; passed means statistic ≤ bound."""
+
+    name: str
+    statistic: float
+    degrees_of_freedom: int
+    p_value: float
+    bound: float
+    share: float
+    """Of the innovations' variance, what the tested past explains (mean over outputs), less what
+    as many regressors explain of noise."""
+    samples: int
+
+    @property
+    def passed(self) -> bool:
+        return self.statistic <= self.bound
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "statistic": self.statistic,
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "p_value": self.p_value,
+            "bound_99_percent": self.bound,
+            "explained_share": self.share,
+            "samples": self.samples,
+            "passed": self.passed,
+        }
+
+    def sentence(self) -> str:
+        """Printable."""
+        verdict = "passed" if self.passed else "not passed"
+        return (
+            f"{self.name}: {verdict} (χ²({self.degrees_of_freedom}) = {self.statistic:.4g}, "
+            f"99 % bound {self.bound:.4g}, p {self.p_value:.2g}; the past explains "
+            f"{100 * self.share:.1f} % of the innovations)"
+        )
+
+
+def whiteness(innovations: Sequence[np.ndarray], h: int = 20) -> ResidualTest:
+    """Portmanteau test over segments e (N_i, l)."""
+    es = [e - np.vstack(list(innovations)).mean(axis=0) for e in innovations if len(e) > 2 * h]
+    N = sum(len(e) for e in es)
+    l = es[0].shape[1]
+    R0 = sum(e.T @ e for e in es) / N
+    Ri = np.linalg.inv(R0)
+    Q = 0.0
+    for j in range(1, h + 1):
+        R = sum(e[j:].T @ e[:-j] for e in es) / N
+        Q += N**2 * float(np.trace(R.T @ Ri @ R @ Ri)) / (N - j)
+    # What the past explains, by regression: Q itself counts no share when lags are alike.
+    past = np.vstack([np.hstack([e[h - j : len(e) - j] for j in range(1, h + 1)]) for e in es])
+    return _result("whiteness", Q, l * l * h, N, np.vstack([e[h:] for e in es]), past)
+
+
+def past_inputs(
+    innovations: Sequence[np.ndarray], inputs: Sequence[np.ndarray], h: int = 20
+) -> ResidualTest:
+    """Score test of e (N_i, l) on u (N_i, m) over the same segments."""
+    E, Z = [], []
+    for e, u in zip(innovations, inputs, strict=True):
+        if len(e) > 2 * h:
+            E.append(e[h:])
+            Z.append(np.hstack([u[h - j : len(u) - j] for j in range(1, h + 1)]))
+    e, z = np.vstack(E), np.vstack(Z)
+    e, z = e - e.mean(axis=0), z - z.mean(axis=0)
+    LM = len(e) * _explained(e, z)
+    return _result("past inputs", LM, e.shape[1] * z.shape[1], len(e), e, z)
+
+
+def _explained(e: np.ndarray, z: np.ndarray) -> float:
+    """tr(S_e⁻¹ S_explained) of the regression of e on z."""
+    q, _ = np.linalg.qr(z / (z.std(axis=0) + 1e-12))
+    p = q.T @ e
+    return float(np.trace(np.linalg.solve(e.T @ e, p.T @ p)))
+
+
+def _result(
+    name: str, statistic: float, dof: int, N: int, e: np.ndarray, z: np.ndarray
+) -> ResidualTest:
+    from scipy.stats import chi2
+
+    # Regressors explain their own number's worth of pure noise: take that off.
+    l, q = e.shape[1], z.shape[1]
+    raw = _explained(e, z) / l
+    share = max(0.0, (raw - q / len(e)) / max(1 - q / len(e), 1e-9))
+
+    return ResidualTest(
+        name,
+        statistic,
+        dof,
+        float(chi2.sf(statistic, dof)),
+        float(chi2.ppf(1 - LEVEL, dof)),
+        share,
+        N,
+    )

@@ -1,0 +1,136 @@
+"""PBSID-opt: a state-space model in innovation form from closed-loop data, without iterations.
+
+With Ã = A − KC stable, the predictor forgets: after p steps ŷ depends on the past only through
+
+    ŷ[k] = Σ_{j=1..p} Ξ_j z[k−j] + d,     z = (u, y),     Ξ_j = C Ã^{j−1} [B K]
+
+1. Ξ by least squares (VARX, QR): the innovations are white, so feedback does no harm.
+2. The extended observability matrix times the controllability matrix, Γ 𝒦, is block upper
+   triangular Toeplitz in Ξ; x̂ = the first n right singular vectors of Γ 𝒦 Z_p.
+3. C, then e, then A, B, K by regressions on x̂.
+
+Source: Chiuso, "The role of vector autoregressive modeling in predictor-based subspace
+identification", Automatica 43 (2007) 1034–1048; van der Veen et al., IET Control Theory &
+Applications 7 (2013) 1339–1358.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """Innovation form about a trim: A (n, n), B (n, m), C (l, n), K (n, l), d (l,), S (l, l)."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    K: np.ndarray
+    d: np.ndarray
+    S: np.ndarray
+
+    @property
+    def order(self) -> int:
+        return int(self.A.shape[0])
+
+    @property
+    def At(self) -> np.ndarray:
+        """Ã = A − K C, the predictor's state matrix."""
+        return np.asarray(self.A - self.K @ self.C)
+
+
+@dataclass(frozen=True, eq=False)
+class Varx:
+    """The high-order predictor: Ξ (p, l, m+l), d (l,), innovations and how well it fits."""
+
+    Xi: np.ndarray
+    d: np.ndarray
+    innovations: tuple[np.ndarray, ...]
+    """Per segment, (N_i − p, l)."""
+    S: np.ndarray
+
+    @property
+    def p(self) -> int:
+        return int(self.Xi.shape[0])
+
+
+Pair = tuple[np.ndarray, np.ndarray]
+"""u (N, m) and y (N, l) of one unbroken segment."""
+
+
+def past(u: np.ndarray, y: np.ndarray, p: int) -> np.ndarray:
+    """(N − p, p(m+l)): row k − p holds z[k−1], …, z[k−p]."""
+    z = np.hstack([u, y])
+    n = len(z) - p
+    return np.hstack([z[p - j : p - j + n] for j in range(1, p + 1)])
+
+
+def varx(data: Sequence[Pair], p: int) -> Varx:
+    """The VARX predictor of order p by QR over all segments (rows that span a gap never mix)."""
+    usable = [(u, y) for u, y in data if len(u) > p]
+    m, l = data[0][0].shape[1], data[0][1].shape[1]
+    Z = np.vstack([past(u, y, p) for u, y in usable])
+    Y = np.vstack([y[p:] for _, y in usable])
+    q = Z.shape[1]
+    if len(Z) < 2 * (q + 1):
+        raise ValueError(f"{len(Z)} rows cannot carry a VARX of order {p} ({q + 1} columns)")
+    scale = np.maximum(Z.std(axis=0), 1e-12)
+    R = _triangle(np.hstack([Z / scale, np.ones((len(Z), 1)), Y]))
+    theta, *_ = np.linalg.lstsq(R[: q + 1, : q + 1], R[: q + 1, q + 1 :], rcond=1e-12)
+    theta[:q] /= scale[:, None]
+    Xi = theta[:q].T.reshape(l, p, m + l).transpose(1, 0, 2)
+    E = tuple(y[p:] - past(u, y, p) @ theta[:q] - theta[q] for u, y in usable)
+    e = np.vstack(E)
+    return Varx(Xi, theta[q], E, e.T @ e / len(e))
+
+
+def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray], np.ndarray]:
+    """The state sequences (N_i − p, n_max) of every segment, and the singular values."""
+    p, l, w = fit.Xi.shape
+    L = np.linalg.cholesky(np.linalg.inv(fit.S))
+    GK = np.zeros((p * l, p * w))
+    for i in range(p):
+        for j in range(i, p):
+            GK[i * l : (i + 1) * l, (j - i) * w : (j - i + 1) * w] = L.T @ fit.Xi[j]
+    pasts = [past(u, y, p) for u, y in data if len(u) > p]
+    mean = np.vstack(pasts).mean(axis=0)
+    R = _triangle(np.vstack([z - mean for z in pasts]))
+    U, s, _ = np.linalg.svd(GK @ R.T, full_matrices=False)
+    T = U[:, :n_max].T @ GK / np.sqrt(s[:n_max, None])
+    count = sum(len(z) for z in pasts)
+    return [(z - mean) @ T.T for z in pasts], s / np.sqrt(count)
+
+
+def realise(data: Sequence[Pair], x: Sequence[np.ndarray], p: int, n: int) -> StateSpace:
+    """A, B, C, K of order n by regression on the state sequences of `states`."""
+    usable = [(u[p:], y[p:]) for u, y in data if len(u) > p]
+    m = usable[0][0].shape[1]
+    X = np.vstack([xi[:, :n] for xi in x])
+    Y = np.vstack([y for _, y in usable])
+    one = np.ones((len(X), 1))
+    Cd, *_ = np.linalg.lstsq(np.hstack([X, one]), Y, rcond=None)
+    E = Y - np.hstack([X, one]) @ Cd
+    starts = np.cumsum([0, *(len(xi) for xi in x)])
+    rows, nexts = [], []
+    for (u, _), xi, a, b in zip(usable, x, starts[:-1], starts[1:], strict=True):
+        rows.append(np.hstack([xi[:-1, :n], u[:-1], E[a : b - 1], np.ones((len(xi) - 1, 1))]))
+        nexts.append(xi[1:, :n])
+    W, *_ = np.linalg.lstsq(np.vstack(rows), np.vstack(nexts), rcond=None)
+    A, B, K = W[:n].T, W[n : n + m].T, W[n + m : -1].T
+    return StateSpace(A, B, Cd[:n].T, K, Cd[n], E.T @ E / len(E))
+
+
+def pbsid(data: Sequence[Pair], n: int, p: int) -> StateSpace:
+    """PBSID-opt of order n with past window p."""
+    fit = varx(data, p)
+    x, _ = states(data, fit, n)
+    return realise(data, x, p, n)
+
+
+def _triangle(a: np.ndarray) -> np.ndarray:
+    """R of the QR factorisation: all that least squares needs, and small."""
+    return np.asarray(np.linalg.qr(a, mode="r"))

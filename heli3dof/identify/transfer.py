@@ -1,0 +1,119 @@
+"""Continuous-time transfer functions over a common denominator, printed as the paper prints (17).
+
+    T(s)_{i,j} = N_ij(s) / D(s),      i = 1 front, 2 back;  j = 1 roll, 2 pitch, 3 yaw
+
+D is monic. Inside, numerators are in rad/V; printed they are in degrees/V, like the paper's.
+Each coefficient has a standard deviation; a zero's follows from N(z) = 0: with ν the highest
+power, ∂z = −Σ_k z^{ν−k} ∂n_k / N′(z).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from heli3dof.axes import AXES, MOTORS
+
+DEGREES = float(np.rad2deg(1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class TransferFunctions:
+    """num (3, 2, k) rad/V from motor to axis, den (k,) monic, highest power first.
+
+    ``covariance`` is that of [den[1:], num.ravel()], (q, q), or None where it is not known.
+    """
+
+    num: np.ndarray
+    den: np.ndarray
+    covariance: np.ndarray | None = None
+
+    @property
+    def std(self) -> tuple[np.ndarray, np.ndarray]:
+        """Standard deviations (num, den), shaped alike; NaN where unknown."""
+        k = len(self.den)
+        if self.covariance is None:
+            return np.full(self.num.shape, np.nan), np.full(k, np.nan)
+        std = np.sqrt(np.maximum(np.diag(self.covariance), 0))
+        return std[k - 1 :].reshape(self.num.shape), np.concatenate([[0.0], std[: k - 1]])
+
+    def zeros(self, axis: int, motor: int) -> list[tuple[complex, float]]:
+        """Zeros (1/s) of one entry, each with the standard deviation of its size of error."""
+        n = _without_rounding(self.num[axis, motor], float(np.abs(self.num[axis]).max()))
+        k = len(self.den)
+        out = []
+        for z in np.roots(n):
+            std = np.nan
+            if self.covariance is not None:
+                first = k - 1 + (axis * 2 + motor + 1) * k - len(n)
+                cov = self.covariance[first : first + len(n), first : first + len(n)]
+                slope = np.polyval(np.polyder(n), z)
+                g = -(z ** np.arange(len(n) - 1, -1, -1)) / slope
+                var = g.real @ cov @ g.real + g.imag @ cov @ g.imag
+                std = float(np.sqrt(max(var, 0)))
+            out.append((complex(z), std))
+        return out
+
+    def lines(self, digits: int = 4) -> list[str]:
+        """One printable line per entry, front motor first, in degrees/V."""
+        den = polynomial(self.den, digits)
+        out = []
+        for j in range(2):
+            for i in range(3):
+                num = polynomial(self.num[i, j] * DEGREES, digits, float(np.abs(self.num[i]).max()))
+                out.append(f"T(s)_{{{j + 1},{i + 1}}} = ({num}) / ({den})")
+        return out
+
+    def to_json(self) -> dict[str, Any]:
+        """Coefficients (highest power first) with standard deviations, degrees/V; zeros in 1/s."""
+        num_std, den_std = self.std
+        entries = []
+        for j, motor in enumerate(MOTORS):
+            for i, axis in enumerate(AXES):
+                entries.append(
+                    {
+                        "input": f"v_{motor}_V",
+                        "output": f"{axis}_deg",
+                        "numerator": (self.num[i, j] * DEGREES).tolist(),
+                        "numerator_std": (num_std[i, j] * DEGREES).tolist(),
+                        "zeros": [
+                            {"re_per_s": z.real, "im_per_s": z.imag, "std_per_s": s}
+                            for z, s in self.zeros(i, j)
+                        ],
+                    }
+                )
+        return {
+            "unit": "deg/V",
+            "denominator": self.den.tolist(),
+            "denominator_std": den_std.tolist(),
+            "entries": entries,
+            "printed": self.lines(),
+        }
+
+
+def polynomial(coefficients: np.ndarray, digits: int = 4, scale: float = 0.0) -> str:
+    """``52s^3 + 6.568s^2 + 7.539s + 3.989``; leading coefficients that are rounding are dropped.
+
+    >>> polynomial(np.array([1.0, 1.379, 2.01, -1.072, 0.3533]))
+    's^4 + 1.379s^3 + 2.01s^2 - 1.072s + 0.3533'
+    """
+    c = _without_rounding(np.asarray(coefficients, dtype=float), scale)
+    terms: list[str] = []
+    for power, value in zip(range(len(c) - 1, -1, -1), c, strict=True):
+        if value == 0 and len(c) > 1:
+            continue
+        size = f"{abs(value):.{digits}g}"
+        letter = "" if power == 0 else "s" if power == 1 else f"s^{power}"
+        body = letter if letter and size == "1" else size + letter
+        sign = "-" if value < 0 else "+"
+        terms.append(
+            body if not terms and value >= 0 else f"-{body}" if not terms else f"{sign} {body}"
+        )
+    return " ".join(terms) if terms else "0"
+
+
+def _without_rounding(c: np.ndarray, scale: float) -> np.ndarray:
+    big = np.flatnonzero(np.abs(c) > 1e-9 * max(scale, float(np.abs(c).max()), 1e-300))
+    return c[big[0] :] if len(big) else np.zeros(1)

@@ -1,0 +1,144 @@
+"""Which rows of a flight a linear model may be fitted to, and why the others may not.
+
+A linear model about hover knows no table, no stops, no take-off at the amplifier's limit and no
+free fall. Those rows are left out, and each one's reason is counted:
+
+``unread``        a NaN in a voltage or an angle
+``table``         on the table or within 1° of it, from the first row to lift-off and after landing
+``take_off``      from lift-off until roll is half-way to level and the voltages have been off
+                  their limit for 0.25 s
+``stop``          an angle that rests for 0.3 s within 0.2° of its extreme, beyond 25°
+``motors_off``    both voltages zero for 0.1 s and more, and from there to the next lift-off
+``falling``       the end of a flight, from where roll last was half-way to level
+``ramp_down``     the flight loop's own landing (channel ``phase``)
+
+Clipped voltages elsewhere are kept: what reached the motor was recorded, so the model's input is
+still right. Their share is reported.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from heli3dof.axes import AXES, ROLL
+from heli3dof.recording.recording import Recording
+
+REASONS = ("unread", "table", "take_off", "stop", "motors_off", "falling", "ramp_down")
+ON_TABLE_BELOW = np.deg2rad(-15.0)
+NEAR_TABLE = np.deg2rad(1.0)
+STOP_BEYOND = np.deg2rad(25.0)
+SETTLED_S = 0.25
+STILL_S = 0.1
+AT_STOP_S = 0.3
+
+
+def clipped(recording: Recording) -> np.ndarray:
+    """(N,) bool: a voltage within 0.1 % of the amplifier's limit."""
+    limit = recording.profile.motor.v_max * 0.999
+    return np.asarray((np.abs(recording.voltage) >= limit).any(axis=1))
+
+
+def unusable(recording: Recording) -> dict[str, np.ndarray]:
+    """(N,) bool masks by reason; a row may have several."""
+    v, y = recording.voltage, recording.angle
+    measured = [i for i, a in enumerate(AXES) if a in recording.axes]
+    rows = {"unread": np.isnan(v).any(axis=1) | np.isnan(y[:, measured]).any(axis=1)}
+    still = max(2, round(STILL_S / recording.dt))
+
+    off = _long_runs((np.abs(v) <= 1e-9).all(axis=1), still)
+    rows["motors_off"] = off.copy()
+    rows["table"] = np.zeros(len(recording), dtype=bool)
+    rows["take_off"] = np.zeros(len(recording), dtype=bool)
+    rows["falling"] = np.zeros(len(recording), dtype=bool)
+    if ROLL in measured:
+        roll = y[:, ROLL]
+        table, take_off = _table(recording, off)
+        rows["table"], rows["take_off"] = table, take_off
+        rows["motors_off"] |= _dropping(off, roll)
+        rows["falling"] = _falling(roll)
+    rows["stop"] = np.zeros(len(recording), dtype=bool)
+    for i in measured:
+        rows["stop"] |= _at_stop(y[:, i], recording.dt)
+    phase = recording.channels.get("phase")
+    rows["ramp_down"] = (
+        np.zeros(len(recording), dtype=bool) if phase is None else np.asarray(phase) >= 1
+    )
+    return rows
+
+
+def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows on the table, and rows of take-off after each lift."""
+    roll = np.nan_to_num(recording.angle[:, ROLL], nan=0.0)
+    rest = float(roll.min())
+    n = len(roll)
+    none = np.zeros(n, dtype=bool)
+    if rest > ON_TABLE_BELOW:
+        return none, none
+    table = roll <= rest + NEAR_TABLE
+    # A dip to the lowest point of a flight is no table: the arm must rest there.
+    table = _long_runs(table, max(2, round(STILL_S / recording.dt)))
+    limit = clipped(recording)
+    settled = max(1, round(SETTLED_S / recording.dt))
+    take_off = none.copy()
+    for lift in np.flatnonzero(table[:-1] & ~table[1:]) + 1:
+        k = int(lift)
+        calm = 0
+        while k < n and not table[k]:
+            calm = 0 if limit[k] else calm + 1
+            if roll[k] > rest / 2 and calm >= settled:
+                break
+            k += 1
+        take_off[lift:k] = True
+    return table, take_off
+
+
+def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
+    """Rows after the motors were cut, until the voltages are back and roll rises again."""
+    out = off.copy()
+    for end in np.flatnonzero(off[:-1] & ~off[1:]) + 1:
+        k = int(end)
+        while k < len(roll) - 1 and roll[k + 1] <= roll[k]:
+            out[k] = True
+            k += 1
+    return out
+
+
+def _falling(roll: np.ndarray) -> np.ndarray:
+    """Rows at the end, where the arm came down from flight and never rose again."""
+    out = np.zeros(len(roll), dtype=bool)
+    if roll[0] < ON_TABLE_BELOW:
+        up = np.flatnonzero(roll > roll[0] / 2)
+        if len(up):
+            out[up[-1] + 1 :] = True
+    return out
+
+
+def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
+    """Rows where the angle rests, on one and the same count, at its extreme."""
+    out = np.zeros(len(angle), dtype=bool)
+    same = np.concatenate([np.diff(angle) == 0, [False]])
+    same[1:] |= same[:-1].copy()
+    resting = _long_runs(same, max(2, round(AT_STOP_S / dt)))
+    with np.errstate(invalid="ignore"):
+        for extreme in (np.nanmax(angle), np.nanmin(angle)):
+            if abs(extreme) > STOP_BEYOND:
+                out |= resting & (np.abs(angle - extreme) <= np.deg2rad(0.2))
+    # `same` joins two plateaus that touch; a stop is one count, so each must be long by itself.
+    for a, b in _runs(out):
+        if np.ptp(angle[a:b]) > 0 and b - a < 3 * AT_STOP_S / dt:
+            out[a:b] = False
+    return out
+
+
+def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _long_runs(mask: np.ndarray, at_least: int) -> np.ndarray:
+    """The mask with every run of True shorter than ``at_least`` rows cleared."""
+    out = np.zeros(len(mask), dtype=bool)
+    for a, b in _runs(mask):
+        if b - a >= at_least:
+            out[a:b] = True
+    return out

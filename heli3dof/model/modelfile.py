@@ -1,0 +1,239 @@
+"""Model files: JSON, schema ``heli3dof.model/1``; the format is in ``docs/model-file.md``.
+
+`save_model` and `read_model` hold any `Model`; `load_model` also takes the names of the models
+that come with the tool, made from the rig's profile.
+"""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import json
+import math
+import os
+import pkgutil
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from heli3dof.errors import (
+    Heli3dofError,
+    NoSpace,
+    OutputExists,
+    RecordingError,
+    UsageError,
+    did_you_mean,
+)
+from heli3dof.model import forms
+from heli3dof.model.base import Model
+from heli3dof.rig.profile import Profile
+
+SCHEMA = "heli3dof.model/1"
+
+
+def _hover(profile: Profile) -> Model:
+    from heli3dof.model.hover import hover_model
+
+    return hover_model(profile)
+
+
+def _hover_printed(profile: Profile) -> Model:
+    from heli3dof.model.hover import hover_model
+
+    return hover_model(profile, printed=True)
+
+
+def _paper_17(profile: Profile) -> Model:
+    from heli3dof.model.paper17 import paper17_model
+
+    return paper17_model(profile)
+
+
+def _paper_17_mended(profile: Profile) -> Model:
+    from heli3dof.model.paper17 import paper17_model
+
+    return paper17_model(profile, mended=True)
+
+
+BUILT_IN: Mapping[str, Callable[[Profile], Model]] = {
+    "hover": _hover,
+    "hover-printed": _hover_printed,
+    "paper-17": _paper_17,
+    "paper-17-mended": _paper_17_mended,
+}
+"""The models that come with the tool, by the name to give to ``--model``."""
+
+
+def load_model(name_or_path: str | Path, profile: Profile) -> Model:
+    """A built-in model for this rig, or the model in a file.
+
+    Raises UsageError for a name that is neither, naming the nearest, and RecordingError for a
+    file that is missing or no usable model file.
+    """
+    text = str(name_or_path)
+    if text in BUILT_IN:
+        return BUILT_IN[text](profile)
+    path = Path(name_or_path)
+    if not path.exists() and path.suffix == "" and len(path.parts) == 1:
+        raise UsageError(
+            f"There is no model {text!r}.",
+            cause=f"a typing error; {did_you_mean(text, BUILT_IN)}",
+            fix=f"--model with one of {', '.join(BUILT_IN)}, or the path of a model file (.json)",
+        )
+    return read_model(path)
+
+
+def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
+    """Write the model's file, whole or not at all, and return its path.
+
+    Raises OutputExists where the file is there already and ``force`` is not set.
+    """
+    return write_document({"schema": SCHEMA, **model.to_dict()}, Path(path), force=force)
+
+
+def write_document(data: Mapping[str, Any], path: Path, *, force: bool) -> Path:
+    """Write a JSON document atomically: a crash leaves the old file or the new one."""
+    text = json.dumps(jsonable(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    if path.exists() and not force:
+        raise OutputExists(
+            f"{path} exists already.",
+            cause="an earlier run wrote it; nothing is overwritten unasked.",
+            fix="--force, or another -o/--output",
+        )
+    temporary: str | None = None
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", dir=path.parent, prefix=f".{path.name}.", delete=False
+        ) as file:
+            temporary = file.name
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        umask = os.umask(0)
+        os.umask(umask)
+        os.chmod(temporary, 0o666 & ~umask)  # a temporary file is private; a model file is not
+        os.replace(temporary, path)
+    except OSError as error:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+        raise _cannot_write(path, error) from error
+    return path
+
+
+def _cannot_write(path: Path, error: OSError) -> Heli3dofError:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return NoSpace(
+            f"The disk is full: {path} was not written.",
+            cause="no space left where the file should go.",
+            fix=f"df -h {path.parent}",
+        )
+    return UsageError(
+        f"{path} cannot be written: {error.strerror}.",
+        cause="the folder is missing or not yours to write.",
+        fix=f"ls -ld {path.parent}",
+    )
+
+
+def read_model(path: str | Path) -> Model:
+    """The model in a file. Raises RecordingError saying what about the file cannot be used."""
+    path = Path(path)
+    data = _read_json(path)
+    schema = data.get("schema")
+    if schema != SCHEMA:
+        name, _, version = str(schema).partition("/")
+        if name == SCHEMA.partition("/")[0]:
+            raise _unusable(
+                path,
+                f"is version {version!r} of the model file; this heli3dof reads {SCHEMA!r}",
+                "it was written by another version of heli3dof.",
+                "pip install --upgrade heli3dof, or heli3dof identify again",
+            )
+        raise _unusable(
+            path,
+            "is not a model file: its 'schema' is "
+            + (f"{schema!r}" if schema is not None else "missing")
+            + f", not {SCHEMA!r}",
+            "it is some other JSON document, for instance what --json printed.",
+            "give the .json that heli3dof identify wrote",
+        )
+    form = data.get("form")
+    known = sorted(m.name for m in pkgutil.iter_modules(forms.__path__))
+    if form not in known:
+        raise _unusable(
+            path,
+            f"holds a model of the unknown form {form!r}",
+            f"a newer heli3dof wrote it, or a typing error; {did_you_mean(str(form), known)}",
+            "pip install --upgrade heli3dof",
+        )
+    reader = importlib.import_module(f"{forms.__name__}.{form}")
+    try:
+        model: Model = reader.from_dict(data)
+    except KeyError as error:
+        raise _unusable(
+            path,
+            f"lacks the key {error.args[0]!r}",
+            "it was cut short or edited by hand.",
+            "docs/model-file.md lists the keys; heli3dof identify writes a whole one",
+        ) from None
+    except (TypeError, ValueError) as error:
+        raise _unusable(
+            path,
+            f"does not hold together: {error}",
+            "it was edited by hand.",
+            "docs/model-file.md lists the shapes; heli3dof identify writes a whole one",
+        ) from None
+    return model
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise RecordingError(
+            f"There is no model file {path}.",
+            cause="a typing error in the path, or another working directory.",
+            fix=f"ls {path.parent}",
+        ) from None
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise _unusable(
+            path,
+            f"is not JSON ({error})",
+            "it is another kind of file (a recording?) or was cut short.",
+            "give the .json that heli3dof identify wrote",
+        ) from None
+    except OSError as error:
+        raise _unusable(
+            path, f"cannot be read: {error.strerror}", "permissions.", f"ls -l {path}"
+        ) from error
+    if not isinstance(data, dict):
+        raise _unusable(
+            path,
+            "holds no JSON object",
+            "it is some other JSON document.",
+            "give the .json that heli3dof identify wrote",
+        )
+    return data
+
+
+def _unusable(path: Path, what: str, cause: str, fix: str) -> RecordingError:
+    return RecordingError(f"{path} {what}.", cause=cause, fix=fix)
+
+
+def jsonable(value: Any) -> Any:
+    """Plain JSON content: arrays and numpy scalars as lists and numbers, NaN and ∞ as null."""
+    if isinstance(value, Mapping):
+        return {str(k): jsonable(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return jsonable(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [jsonable(v) for v in value]
+    if isinstance(value, np.generic):
+        return jsonable(value.item())
+    if isinstance(value, complex):
+        return [jsonable(value.real), jsonable(value.imag)]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

@@ -1,0 +1,224 @@
+"""The report of one or more flights: what flew, how the models did, what the paper says, warnings,
+and where everything came from. ``heli3dof report`` and ``heli3dof demo`` write it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.compare.compare import Comparison, FlightComparison, ModelComparison
+from heli3dof.compare.metrics import flight_metrics
+from heli3dof.compare.replay import under_control
+from heli3dof.compare.reproduce import Reproduced
+from heli3dof.model.base import Model
+from heli3dof.recording.recording import Recording
+from heli3dof.report.figures import NUMBER, comparison_figures, flight_figure
+from heli3dof.report.grid import fixed
+from heli3dof.report.html import (
+    Section,
+    facts,
+    figure,
+    key,
+    listing,
+    page,
+    paragraph,
+    subheading,
+    table,
+    warning,
+)
+from heli3dof.report.model_section import model_blocks
+from heli3dof.report.tables import (
+    flight_grids,
+    metrics_of,
+    published_table,
+)
+
+LONG = 200
+"""Characters of a value beyond which it is shown as a listing of its own."""
+
+
+def flight_report(
+    recordings: Sequence[Recording],
+    *,
+    models: Sequence[Model] = (),
+    comparison: Comparison | None = None,
+    reproduced: Sequence[Reproduced] = (),
+    extra: Iterable[Section] = (),
+    lede: Sequence[str] = (),
+    title: str = "",
+) -> str:
+    """The whole HTML document.
+
+    ``extra`` sections (an identification's, a diagnosis's) stand between the comparison and the
+    paper's numbers, and ``lede`` sentences stand first, before what the comparison says;
+    ``reproduced`` is what `heli3dof.compare.reproduce.reproduce` returns.
+    """
+    names = ", ".join(r.name for r in recordings)
+    found = _warnings(recordings, comparison)
+    short = [] if comparison is None else [in_a_sentence(f) for f in comparison.flights]
+    sections = [
+        Section("In short", [key(s) for s in (*lede, *short)]),
+        Section("Warnings", [warning(w) for w in found]),
+        Section("The flight" if len(recordings) == 1 else "The flights", _flights(recordings)),
+        Section("Models", model_blocks(models, recordings[0].profile if recordings else None)),
+        Section("Comparison", [] if comparison is None else _comparison(comparison)),
+        *extra,
+        Section("The paper's numbers", [table(published_table(reproduced))] if reproduced else []),
+        Section("Where it came from", _provenance(recordings)),
+    ]
+    seconds = sum(r.duration for r in recordings)
+    return page(
+        title or f"Flight report: {names}",
+        f"{len(recordings)} recording{'s' if len(recordings) != 1 else ''}, {seconds:.1f} s, "
+        f"{len(models)} model{'s' if len(models) != 1 else ''}",
+        sections,
+        footer="Angles in degrees: roll is the arm's elevation (+ body up), pitch the body's tilt "
+        "(+ front motor up), yaw the travel (+ counter-clockwise).",
+    )
+
+
+def _flights(recordings: Sequence[Recording]) -> list[str]:
+    blocks = []
+    for r in recordings:
+        if len(recordings) > 1:
+            blocks.append(subheading(r.name))
+        blocks.append(facts(_summary(r)))
+        blocks.append(figure(flight_figure(r), f"Angles and voltages of {r.name} over time"))
+        flown = under_control(r)
+        if any(r.has_reference(axis) for axis in AXES):
+            grain = r.profile.encoder.rad_per_count
+            metrics = flight_metrics(flown.t, flown.angle, flown.reference, resolution=grain)
+            blocks.append(table(metrics_of(metrics, "Every step")))
+    return blocks
+
+
+def _summary(r: Recording) -> dict[str, Any]:
+    """What a reader asks first about a flight."""
+    gaps = np.diff(r.t) > 1.5 * r.dt
+    return {
+        "plan": _plan_name(r),
+        "device": r.meta.get("device"),
+        "ended": ": ".join(_ending(r)) or None,
+        "duration": fixed(r.duration, 1, " s"),
+        "samples": f"{len(r)} at {1 / r.dt:.6g} Hz"
+        + (f", {gaps.sum()} gaps" if gaps.any() else ""),
+        "rig": r.profile.name,
+        "controller": "known" if r.profile.loop_is_known else "unknown: the loop is not replayed",
+        "voltage": f"{fixed(float(np.nanmin(r.voltage)), 1)} to "
+        f"{fixed(float(np.nanmax(r.voltage)), 1)} V (limit ±{r.profile.motor.v_max:g} V)",
+    }
+
+
+def _ending(r: Recording) -> list[str]:
+    """How a flight ended and, where that was written down, why; empty for an imported log."""
+    outcome, details = r.meta.get("outcome"), r.meta.get("outcome_details", {})
+    if outcome is None:
+        return []
+    why = details.get("detail") or details.get("reason")
+    return [str(outcome), str(why)] if why else [str(outcome)]
+
+
+def _plan_name(r: Recording) -> str | None:
+    plan = r.meta.get("plan")
+    if isinstance(plan, Mapping):
+        return str(plan.get("name", "")) or None
+    return None if plan is None else str(plan)
+
+
+def _comparison(comparison: Comparison) -> list[str]:
+    blocks = []
+    for f in comparison.flights:
+        if len(comparison.flights) > 1:
+            blocks.append(subheading(f.recording.name))
+        if f.why is not None:
+            blocks.append(
+                paragraph(f"Not replayed, for {f.why}. The models predict freely instead.")
+            )
+        for axis, drawn in comparison_figures(f).items():
+            alt = f"Figure {NUMBER[axis]}: {axis} of {f.recording.name}, experiment and models"
+            blocks.append(figure(drawn, alt))
+        blocks += [table(g) for g in flight_grids(f)]
+    return blocks
+
+
+def in_a_sentence(flight: FlightComparison) -> str:
+    """What the comparison says, for the reader who reads one sentence."""
+    if not flight.models:
+        return "No model was compared."
+    if flight.why is None:
+        said = [_flown_in_words(flight, m) for m in flight.models]
+        peak = flight.experiment["roll"].reported.peak_deg
+        return f"{flight.recording.name}: roll peaks at {fixed(peak, 1, '°')}. " + " ".join(said)
+    said = []
+    for m in flight.models:
+        if m.prediction is None:
+            said.append(f"{m.name} makes none.")
+            continue
+        errors = [
+            f"{fixed(m.prediction.over_window_deg[AXES.index(a)], 1, '°')} in {a}"
+            for a in flight.flown.axes
+        ]
+        said.append(f"{m.name} is off by {', '.join(errors)}.")
+    window = flight.held_still.window_s if flight.held_still else 0.0
+    over = f"over free predictions of {window:g} s (RMSE)"
+    return f"{flight.recording.name}, {over}: " + " ".join(said)
+
+
+def _flown_in_words(flight: FlightComparison, m: ModelComparison) -> str:
+    if m.diverged_at_s is not None:
+        return f"{m.name} diverges at {m.diverged_at_s:.1f} s."
+    if m.metrics is None or m.replay_rmse_deg is None:
+        return f"{m.name} was not flown."
+    difference = flight.difference(m, "roll")["peak_deg"]
+    rmse = ", ".join(fixed(v, 2, "°") for v in m.replay_rmse_deg)
+    where = ""
+    if np.isfinite(difference):
+        where = (
+            f" peaks {fixed(abs(difference), 1, '°')} {'higher' if difference > 0 else 'lower'},"
+        )
+    return f"{m.name}{where} and differs by {rmse} in roll, pitch and yaw over the flight (RMSE)."
+
+
+def _warnings(recordings: Sequence[Recording], comparison: Comparison | None) -> list[str]:
+    found = []
+    for r in recordings:
+        found += [f"{r.name}: {w}" for w in r.meta.get("warnings", ())]
+        ending = _ending(r)
+        if ending and ending[0] != "completed":
+            found.append(f"{r.name}: the flight did not end as planned; {': '.join(ending)}.")
+    return found + list(comparison.warnings if comparison else ())
+
+
+def _provenance(recordings: Sequence[Recording]) -> list[str]:
+    blocks = []
+    for r in recordings:
+        if len(recordings) > 1:
+            blocks.append(subheading(r.name))
+        short, long = _flat(r.meta)
+        blocks.append(facts({"data (SHA-256)": r.digest, **short}))
+        for name, value in long.items():
+            blocks += [paragraph(f"{name}:"), listing(value)]
+        blocks += [paragraph("profile:"), listing(r.profile.to_dict())]
+    return blocks
+
+
+def _flat(meta: Mapping[str, Any], prefix: str = "") -> tuple[dict[str, Any], dict[str, Any]]:
+    """Metadata as short values under dotted names, and what is too long for a line."""
+    short: dict[str, Any] = {}
+    long: dict[str, Any] = {}
+    for name, value in meta.items():
+        if name == "profile" or (name == "warnings" and not prefix):
+            continue
+        if isinstance(value, Mapping) and len(str(value)) <= 5 * LONG and name != "plan":
+            inner_short, inner_long = _flat(value, f"{prefix}{name}.")
+            short.update(inner_short)
+            long.update(inner_long)
+        elif isinstance(value, (Mapping, list, tuple)) and len(str(value)) > LONG:
+            long[f"{prefix}{name}"] = value
+        else:
+            short[f"{prefix}{name}"] = value
+    return short, long

@@ -1,0 +1,144 @@
+"""`Grid`: a table as plain strings, and its three renderings: terminal, Markdown, HTML.
+
+Whoever builds a table says once what stands in it; where it is shown is another matter.
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+NONE = "–"
+"""What stands where nothing is defined."""
+MINUS = "−"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A title, column heads, rows of cells and notes. The first ``text_columns`` align left."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    notes: Sequence[str] = ()
+    text_columns: int = 1
+    prose_columns: int = 0
+    """How many of the last columns hold sentences, and align left too."""
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(f"{self.title}: {len(row)} cells in {len(self.columns)} columns")
+
+    def is_number(self, column: int) -> bool:
+        """True for a column that aligns right."""
+        return self.text_columns <= column < len(self.columns) - self.prose_columns
+
+
+def fixed(value: float, digits: int = 2, unit: str = "", *, sign: bool = False) -> str:
+    """A number as people read it: a true minus, no signed zero, a dash for what is not defined.
+
+    >>> fixed(-0.001, sign=True), fixed(-1.5, 1, "°"), fixed(2.0, 1, sign=True), fixed(np.nan)
+    ('0.00', '−1.5°', '+2.0', '–')
+    """
+    if not np.isfinite(value):
+        return NONE
+    rounded = round(value, digits) + 0.0
+    text = f"{rounded:{'+' if sign and rounded else ''}.{digits}f}"
+    return text.replace("-", MINUS) + unit
+
+
+def short(value: float, unit: str = "") -> str:
+    """A number to a tenth without a trailing zero, for running text.
+
+    >>> short(10.04, "°"), short(-27.5)
+    ('10°', '−27.5')
+    """
+    text = fixed(value, 1)
+    return text if text == NONE else text.removesuffix(".0") + unit
+
+
+def to_rich(grid: Grid) -> Group:
+    """For the terminal; prints as text without colour where colour is off."""
+    from rich import box
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, header_style="bold")
+    for i, head in enumerate(grid.columns):
+        number = grid.is_number(i)
+        # A number's unit goes under its name, so that a row of them fits a narrow terminal.
+        lines = head.rsplit(" ", 1) if number else ["", head]
+        title = Text("\n".join(lines))
+        table.add_column(title, justify="right" if number else "left", no_wrap=number)
+    before: Sequence[str] = ()
+    for row in grid.rows:
+        if before and row[0] != before[0] and _groups(grid):
+            table.add_row()
+        shown = list(row)
+        if before and row[0] == before[0] and _groups(grid):
+            shown[0] = ""
+        table.add_row(*(Text(c) for c in shown))
+        before = row
+    notes = [Text(f"· {n}", style="dim") for n in grid.notes]
+    return Group(Text(grid.title, style="bold"), table, *notes)
+
+
+def to_markdown(grid: Grid) -> str:
+    """A Markdown table under its title in bold, with the notes as a list."""
+    lines = [f"**{_md(grid.title)}**", ""]
+    lines.append("| " + " | ".join(_md(c) for c in grid.columns) + " |")
+    marks = ["--:" if grid.is_number(i) else ":--" for i in range(len(grid.columns))]
+    lines.append("| " + " | ".join(marks) + " |")
+    lines += ["| " + " | ".join(_md(c) for c in row) + " |" for row in grid.rows]
+    if grid.notes:
+        lines += ["", *(f"- {_md(n)}" for n in grid.notes)]
+    return "\n".join(lines) + "\n"
+
+
+def to_html(grid: Grid) -> str:
+    """An HTML table with a caption; every text is escaped."""
+    heads = "".join(
+        f'<th scope="col"{_css(grid, i)}>{html.escape(c)}</th>' for i, c in enumerate(grid.columns)
+    )
+    body, before = [], None
+    for row in grid.rows:
+        opens = _groups(grid) and row[0] != before
+        cells = []
+        for i, cell in enumerate(row):
+            text = "" if i == 0 and _groups(grid) and not opens else html.escape(cell)
+            cells.append(f"<td{_css(grid, i)}>{text}</td>")
+        # An indented name is an aside to the row above it.
+        aside = any(cell.startswith("  ") for cell in row)
+        classes = " ".join(c for c, on in (("opens", opens), ("aside", aside)) if on)
+        row_class = f' class="{classes}"' if classes else ""
+        body.append(f"<tr{row_class}>{''.join(cells)}</tr>")
+        before = row[0]
+    notes = "".join(f"<li>{html.escape(n)}</li>" for n in grid.notes)
+    return (
+        f'<div class="table"><table><caption>{html.escape(grid.title)}</caption>'
+        f"<thead><tr>{heads}</tr></thead><tbody>{''.join(body)}</tbody></table></div>"
+        + (f'<ul class="notes">{notes}</ul>' if notes else "")
+    )
+
+
+def _groups(grid: Grid) -> bool:
+    """True where the first column repeats: its rows then stand together under one name."""
+    first = [row[0] for row in grid.rows]
+    return len(set(first)) < len(first)
+
+
+def _css(grid: Grid, column: int) -> str:
+    return ' class="n"' if grid.is_number(column) else ""
+
+
+def _md(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")

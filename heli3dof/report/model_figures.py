@@ -1,0 +1,161 @@
+"""Figures of models themselves: Bode diagrams with their uncertainty, and residual tests.
+
+Magnitude 20 log₁₀ |G(jω)| (dB) and phase arg G(jω) (degrees) over ω (rad/s). A band is ± two
+standard deviations of G where an identification gave them:
+
+    |G| ± 2σ_|G|,    arg G ± 2σ_|G|/|G|   (circular uncertainty, small against |G|)
+
+Residuals of a right model are white: the autocorrelation R(τ)/R(0) stays within ± 2.58/√N for 99 %
+of the lags. Arrays in, a matplotlib figure out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.report.figures import SYMBOLS, headline
+from heli3dof.report.style import BLUE, GRID, RC, SOFT, Line, model_lines
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MIN_PHASE_SPAN = 90.0
+"""No phase axis shows less, degrees: a sampled integrator's few degrees shall look like few."""
+LAGS_S = 0.5
+"""s; residuals are correlated up to this lag."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodeCurve:
+    """One model on one channel: G (M,) complex over the figure's ω, σ_|G| (M,) or None."""
+
+    label: str
+    kind: str
+    response: np.ndarray
+    std: np.ndarray | None = None
+
+
+def bode_figure(
+    omega: np.ndarray, channels: Mapping[str, Sequence[BodeCurve]], *, title: str
+) -> Figure:
+    """Bode diagrams side by side, one column for each channel: ω (M,) rad/s.
+
+    ``channels`` maps a channel's name, as ``roll / front (rad/V)``, to the models' curves.
+    """
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    n = len(channels)
+    with matplotlib.rc_context(RC):
+        height = 4.9
+        figure = Figure(figsize=(max(4.4, 3.0 * n), height))
+        grid = figure.subplots(
+            2,
+            n,
+            sharex=True,
+            squeeze=False,
+            gridspec_kw={
+                "hspace": 0.12,
+                "wspace": 0.3,
+                "left": 0.82 / figure.get_figwidth(),
+                "right": 1 - 0.12 / figure.get_figwidth(),
+                "top": 1 - 0.72 / height,
+                "bottom": 0.85 / height,
+            },
+        )
+        for (name, curves), (magnitude, phase) in zip(channels.items(), grid.T, strict=True):
+            for c, line in zip(curves, model_lines([c.kind for c in curves]), strict=True):
+                _bode_curve(magnitude, phase, omega, c, line)
+            magnitude.set_title(name, fontsize=9.5, color=SOFT, loc="left")
+            magnitude.set_xscale("log")
+            low, high = phase.get_ylim()
+            short = max(0.0, MIN_PHASE_SPAN - (high - low)) / 2
+            phase.set_ylim(low - short, high + short)
+            phase.set_xlabel("ω (rad/s)")
+        grid[0, 0].set_ylabel("magnitude (dB)")
+        grid[1, 0].set_ylabel("phase (°)")
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="lower center", ncols=max(1, len(labels)))
+        figure.align_ylabels()
+        headline(figure, title, height)
+    return figure
+
+
+def _bode_curve(magnitude, phase, omega, c: BodeCurve, line: Line) -> None:  # type: ignore[no-untyped-def]
+    size = np.abs(c.response)
+    angle = np.degrees(np.unwrap(np.angle(c.response)))
+    angle -= 360 * np.ceil(angle[0] / 360 - 1e-6)  # every curve sets out between −360° and 0°
+    magnitude.plot(omega, _db(size), label=c.label, **line.kwargs())
+    phase.plot(omega, angle, **line.kwargs())
+    if c.std is not None:
+        low, high = np.maximum(size - 2 * c.std, 0.05 * size), size + 2 * c.std
+        spread = np.degrees(np.minimum(2 * c.std / size, np.pi / 2))
+        shade = {"color": line.color, "alpha": 0.18, "linewidth": 0}
+        magnitude.fill_between(omega, _db(low), _db(high), **shade)
+        phase.fill_between(omega, angle - spread, angle + spread, **shade)
+
+
+def _db(size: np.ndarray) -> np.ndarray:
+    return np.asarray(20 * np.log10(np.maximum(size, 1e-300)))
+
+
+def residual_figure(t: np.ndarray, residual: np.ndarray, *, title: str) -> Figure:
+    """One-step residuals and their autocorrelation: t (N,) s, residual (N, 3) rad."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    there = [i for i in range(len(AXES)) if np.isfinite(residual[:, i]).any()]
+    dt = float(np.median(np.diff(t)))
+    with matplotlib.rc_context(RC):
+        height = 1.1 + 1.5 * max(len(there), 1)
+        figure = Figure(figsize=(8.6, height))
+        grid = figure.subplots(
+            max(len(there), 1),
+            2,
+            sharex="col",
+            squeeze=False,
+            gridspec_kw={
+                "hspace": 0.22,
+                "wspace": 0.24,
+                "left": 0.09,
+                "right": 0.985,
+                "top": 1 - 0.55 / height,
+                "bottom": 0.5 / height,
+                "width_ratios": (1.7, 1),
+            },
+        )
+        for i, (series, correlation) in zip(there, grid, strict=False):
+            e = residual[:, i]
+            series.plot(t, np.degrees(e) * 1e3, color=BLUE, linewidth=0.7)
+            series.set_ylabel(f"{AXES[i]} {SYMBOLS[AXES[i]]} (m°)")
+            lags, r, bound = autocorrelation(e[np.isfinite(e)], dt)
+            correlation.axhspan(-bound, bound, color=GRID, zorder=0)
+            correlation.vlines(lags[1:], 0, r[1:], color=BLUE, linewidth=1.0)  # R(0) is always 1
+            reach = 1.15 * max(3 * bound, float(abs(r[1:]).max(initial=0.0)))
+            correlation.set_ylim(-reach, reach)
+        grid[-1, 0].set_xlabel("time (s)")
+        grid[-1, 1].set_xlabel("lag (s)")
+        grid[0, 0].set_title("residual", fontsize=9.5, color=SOFT, loc="left")
+        grid[0, 1].set_title(
+            "autocorrelation; band: 99 % if white", fontsize=9.5, color=SOFT, loc="left"
+        )
+        figure.align_ylabels()
+        headline(figure, title, height)
+    return figure
+
+
+def autocorrelation(
+    residual: np.ndarray, dt: float, lags_s: float = LAGS_S
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Lags (L,) s, R(τ)/R(0) (L,), and the 99 % bound for white noise, 2.58/√N."""
+    e = residual - residual.mean()
+    n = len(e)
+    lags = np.arange(min(round(lags_s / dt), n - 1) + 1)
+    spectrum = np.abs(np.fft.rfft(e, 2 * n)) ** 2  # padded, so that the ends do not meet
+    r = np.fft.irfft(spectrum)[: len(lags)]
+    return lags * dt, r / (r[0] or 1.0), 2.58 / float(np.sqrt(n))

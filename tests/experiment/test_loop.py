@@ -1,0 +1,214 @@
+"""Whatever ends a flight, the motors end at zero and the recording says why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heli3dof.errors import DeviceError
+from heli3dof.experiment.loop import Outcome, fly
+from heli3dof.experiment.plan import step_plan
+from heli3dof.model.controller import Controller
+from heli3dof.recording.memory import MemoryRecorder
+from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN
+from heli3dof.rig.port import Command, Flags, Identity, Sample
+from heli3dof.rig.profile import Profile, default_profile
+
+PROFILE = default_profile()
+DT = PROFILE.dt
+ROLL_UP_ONE_DEGREE = 4096 / 360
+
+
+class ScriptedRig:
+    """A rig that stands still at level, until a script changes a sample or raises."""
+
+    def __init__(
+        self,
+        script: Callable[[int, Sample], Sample] = lambda k, s: s,
+        *,
+        late: Callable[[int], float] = lambda k: 0.0,
+        timebase: str = "device",
+    ) -> None:
+        self.script, self.late = script, late
+        self.identity = Identity(
+            "test", "scripted", "0", "0", "0", (4096, 4096, 8192), 24.0, 0.1, timebase, True
+        )
+        self.commands: list[Command] = []
+        self.stopped: list[str] = []
+        self.now = 0.0
+
+    def sample(self, sequence: int, applied: tuple[float, float]) -> Sample:
+        level = round(27.5 * ROLL_UP_ONE_DEGREE)
+        return Sample(
+            sequence, self.now, (level, 0, 0), applied, (np.nan, np.nan), Flags.ENABLED, self.now
+        )
+
+    def arm(self) -> Sample:
+        return self.script(0, self.sample(0, (0.0, 0.0)))
+
+    def exchange(self, command: Command, due_s: float) -> Sample:
+        self.commands.append(command)
+        k = len(self.commands)
+        device_timed = self.identity.timebase == "device"
+        self.now = (self.now + DT if device_timed else due_s) + self.late(k)
+        return self.script(k, self.sample(command.sequence, (command.v_front, command.v_back)))
+
+    def estop(self, reason: str) -> None:
+        self.stopped.append(reason)
+
+    def close(self) -> None:
+        pass
+
+
+def flown(
+    rig: ScriptedRig, *, profile: Profile = PROFILE, periods: int = 100, **keys: object
+) -> tuple[Outcome, MemoryRecorder]:
+    plan = step_plan((0.0, None, None), settle_s=0, duration_s=periods * profile.dt)
+    sink = MemoryRecorder()
+    outcome = fly(rig, profile, plan.render(profile.dt, 0), sink, **keys)
+    return outcome, sink
+
+
+def ends_at_zero(rig: ScriptedRig) -> bool:
+    last = rig.commands[-1]
+    return (last.v_front, last.v_back) == (0.0, 0.0)
+
+
+def test_a_plan_is_flown_to_its_end_and_landed_gently() -> None:
+    rig = ScriptedRig()
+    outcome, sink = flown(rig)
+    assert (outcome.ending, outcome.periods, outcome.landed) == ("completed", 100, True)
+    assert ends_at_zero(rig)
+    landing = [r for r in sink.rows if r.phase == RAMP_DOWN]
+    assert len(landing) == round(PROFILE.limits.landing_s / DT)
+    volts = [r.voltage[0] for r in landing]
+    assert volts == sorted(volts, reverse=True)
+    assert not rig.stopped
+
+
+def test_a_row_holds_the_sample_and_the_voltage_that_follows_from_it() -> None:
+    rig = ScriptedRig()
+    _, sink = flown(rig)
+    row = sink.rows[5]
+    assert row.sample.sequence == 5  # the sample that the fifth command brought
+    assert row.command_sequence == 6
+    assert row.voltage == (rig.commands[5].v_front, rig.commands[5].v_back)
+    assert row.applied == row.voltage
+    assert row.t == pytest.approx(5 * DT)
+
+
+def test_the_voltage_is_the_contracts_controller() -> None:
+    rig = ScriptedRig()
+    _, sink = flown(rig)
+    controller = Controller.of(PROFILE)
+    controller.reset(sink.rows[0].angle)
+    for row in sink.rows[:100]:
+        assert controller.step(row.angle, row.reference, row.extra) == (row.command, row.voltage)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda k, s: replace(s, counts=(s.counts[0] + 400, 0, 0)), "roll reached 35.17°"),
+        (lambda k, s: replace(s, counts=(s.counts[0], 0, 12 * (k - 39))), "yaw turned at"),
+        (lambda k, s: replace(s, counts=(s.counts[0], 200, 0)), "voltage jumped"),
+        (lambda k, s: replace(s, flags=s.flags | Flags.ESTOP), "emergency stop"),
+        (lambda k, s: replace(s, flags=s.flags | Flags.LATCHED), "watchdog"),
+        (lambda k, s: replace(s, flags=s.flags | Flags.FAULT), "fault"),
+        (lambda k, s: replace(s, flags=s.flags | Flags.STALL), "stalled"),
+    ],
+)
+def test_a_trip_ends_the_flight_with_a_ramp_to_zero(change: Callable, said: str) -> None:
+    rig = ScriptedRig(lambda k, s: change(k, s) if k >= 40 else s)
+    outcome, sink = flown(rig)
+    assert outcome.ending == "tripped"
+    assert said in outcome.detail
+    assert 40 <= outcome.periods < 60
+    assert ends_at_zero(rig)
+    ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
+    assert len(ramp) == round(PROFILE.limits.ramp_down_s / DT)
+
+
+def test_being_asked_to_stop_ends_the_flight_with_a_ramp_to_zero() -> None:
+    rig = ScriptedRig()
+    asked = iter([None] * 10 + ["stopped with Ctrl-C"] * 1000)
+    outcome, _ = flown(rig, stop=lambda: next(asked))
+    assert (outcome.ending, outcome.detail) == ("interrupted", "stopped with Ctrl-C")
+    assert ends_at_zero(rig)
+
+
+def test_a_fault_in_the_controller_ends_the_flight_with_a_ramp_to_zero(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    calls = iter(range(1000))
+    step = Controller.step
+
+    def broken(self: Controller, *a: object) -> object:
+        if next(calls) == 20:
+            raise ZeroDivisionError("division by zero")
+        return step(self, *a)
+
+    monkeypatch.setattr(Controller, "step", broken)
+    rig = ScriptedRig()
+    outcome, _ = flown(rig)
+    assert outcome.ending == "error"
+    assert "ZeroDivisionError" in outcome.detail
+    assert outcome.periods == 20
+    assert ends_at_zero(rig)
+
+
+def test_a_controller_that_asks_for_no_number_ends_the_flight(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    nothing = ((float("nan"), 0.0), (0.0, 0.0))
+    monkeypatch.setattr(Controller, "step", lambda self, *a: nothing)
+    rig = ScriptedRig()
+    outcome, _ = flown(rig)
+    assert outcome.ending == "tripped"
+    assert "nan V on the front motor" in outcome.detail
+
+
+def test_a_recorder_that_fails_never_keeps_the_motors_from_being_ramped_to_zero() -> None:
+    class Full(MemoryRecorder):
+        def append(self, row: object) -> None:
+            if len(self.rows) == 30:
+                raise OSError("no space left")
+            super().append(row)
+
+    rig = ScriptedRig()
+    plan = step_plan((0.0, None, None), settle_s=0, duration_s=0.2)
+    outcome = fly(rig, PROFILE, plan.render(DT, 0), Full())
+    assert outcome.ending == "error"
+    assert "no space left" in outcome.detail
+    assert ends_at_zero(rig)
+    assert outcome.landed
+
+
+def test_a_device_that_falls_silent_is_stopped_since_it_cannot_be_ramped() -> None:
+    def gone(k: int, sample: Sample) -> Sample:
+        if k == 30:
+            raise DeviceError("the cable is out")
+        return sample
+
+    rig = ScriptedRig(gone)
+    outcome, sink = flown(rig)
+    assert (outcome.ending, outcome.detail, outcome.landed) == ("device", "the cable is out", False)
+    assert rig.stopped
+    assert all(r.phase == CLOSED_LOOP for r in sink.rows)
+
+
+def test_missed_periods_are_skipped_and_never_flown_in_a_burst() -> None:
+    # The sample of period 10 comes 5.5 periods late, on a rig that the host times.
+    rig = ScriptedRig(late=lambda k: 5.5 * DT if k == 10 else 0.0, timebase="host")
+    outcome, sink = flown(rig)
+    assert outcome.missed == 5
+    assert outcome.late == 1
+    assert outcome.periods == 95
+    assert outcome.worst_lateness_s == pytest.approx(5.5 * DT)
+    t = np.array([r.t for r in sink.rows if r.phase == CLOSED_LOOP])
+    assert np.diff(t).min() > 0.4 * DT
+    # afterwards the samples are on the old grid again
+    np.testing.assert_allclose(np.mod(t[12:] + DT / 2, DT), DT / 2, atol=1e-9)

@@ -1,0 +1,150 @@
+"""Plans are data: read, summarised, rendered the same for the same seed, refused when unsafe."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from heli3dof.errors import PlanError
+from heli3dof.experiment.plan import (
+    check_plan,
+    load_plan,
+    named_plans,
+    plan_from_dict,
+    step_plan,
+)
+from heli3dof.experiment.segments import kinds
+from heli3dof.rig.profile import default_profile
+
+DT = 0.002
+
+
+def plan_of(*segments: dict) -> dict:
+    return {"name": "test", "segment": list(segments)}
+
+
+def test_a_step_holds_zero_then_the_target() -> None:
+    signals = step_plan((10.0, None, None), settle_s=1.0, duration_s=2.0).render(DT, 0)
+    assert signals.reference.shape == (1500, 3)
+    np.testing.assert_allclose(signals.reference[:500], 0)
+    np.testing.assert_allclose(np.degrees(signals.reference[500:]), [[10, 0, 0]] * 1000)
+    assert not signals.extra.any()
+
+
+def test_references_that_are_not_named_stay_where_they_were() -> None:
+    plan = plan_from_dict(
+        plan_of(
+            {"kind": "step", "roll_deg": 5, "yaw_deg": -20, "duration_s": 0.01},
+            {"kind": "step", "yaw_deg": 20, "duration_s": 0.01},
+            {"kind": "hold", "duration_s": 0.01},
+        )
+    )
+    np.testing.assert_allclose(np.degrees(plan.render(DT, 0).reference[-1]), [5, 0, 20])
+
+
+@pytest.mark.parametrize("name", sorted(named_plans()))
+def test_every_plan_that_ships_is_inside_the_default_envelope(name: str) -> None:
+    plan = load_plan(name)
+    assert plan.name == name
+    assert plan.description
+    check_plan(plan, plan.render(DT, 1), default_profile())
+    assert len(plan.summary()) == len(plan.segments)
+
+
+def test_a_plan_survives_the_trip_into_a_recording() -> None:
+    plan = load_plan("multisine")
+    assert plan_from_dict(plan.to_dict()) == plan
+
+
+def multisine(**keys: object) -> np.ndarray:
+    plan = plan_from_dict(plan_of({"kind": "multisine", "duration_s": 10.0, **keys}))
+    return plan.render(DT, 3).extra
+
+
+def test_a_multisine_has_the_rms_it_was_asked_for_and_the_halves_are_orthogonal() -> None:
+    extra = multisine(common_V=0.5, difference_V=0.2)
+    common, difference = extra.sum(axis=1) / 2, (extra[:, 0] - extra[:, 1]) / 2
+    assert np.sqrt(np.mean(common**2)) == pytest.approx(0.5)
+    assert np.sqrt(np.mean(difference**2)) == pytest.approx(0.2)
+    assert np.mean(common * difference) == pytest.approx(0, abs=1e-12)
+
+
+def test_a_multisine_has_power_in_its_band_alone() -> None:
+    extra = multisine(band_Hz=[0.5, 2.0])
+    power = np.abs(np.fft.rfft(extra[:, 0])) ** 2
+    f = np.fft.rfftfreq(len(extra), DT)
+    inside = (f >= 0.5) & (f <= 2.0 + 1e-9)
+    assert power[~inside].sum() < 1e-12 * power.sum()
+
+
+@given(seed=st.integers(0, 2**31))
+def test_the_same_seed_renders_the_same_plan_and_starts_quietly(seed: int) -> None:
+    plan = plan_from_dict(plan_of({"kind": "multisine", "duration_s": 2.0}))
+    a, b = plan.render(0.01, seed), plan.render(0.01, seed)
+    np.testing.assert_array_equal(a.extra, b.extra)
+    assert np.abs(a.extra[0]).max() < 0.5
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ({"name": "x"}, ["'segment'", "missing"]),
+        (plan_of({"duration_s": 1}), ["segment 1", "kind"]),
+        (plan_of({"kind": "stp", "duration_s": 1}), ["'stp'", "step"]),
+        (plan_of({"kind": "step", "duration": 1}), ["duration", "duration_s"]),
+        (plan_of({"kind": "step", "duration_s": -1}), ["duration_s", "greater than 0"]),
+        (plan_of({"kind": "step", "duration_s": 1, "roll_deg": "ten"}), ["roll_deg", "ten"]),
+        (plan_of({"kind": "hold", "duration_s": 1, "band_Hz": 3}), ["band_Hz"]),
+        (plan_of({"kind": "multisine", "duration_s": 1, "band_Hz": [2, 1]}), ["rising"]),
+    ],
+)
+def test_a_wrong_key_is_named(data: dict, said: list) -> None:
+    with pytest.raises(PlanError) as caught:
+        plan_from_dict(data, source="my.toml")
+    for part in [*said, "my.toml"]:
+        assert part in str(caught.value)
+
+
+def test_a_misspelt_name_is_answered_with_the_nearest_plan() -> None:
+    with pytest.raises(PlanError, match="did you mean 'steps'"):
+        load_plan("stepps")
+
+
+def test_a_plan_file_that_does_not_exist_is_named(tmp_path: Path) -> None:
+    with pytest.raises(PlanError, match="no plan"):
+        load_plan(tmp_path / "mine.toml")
+
+
+@pytest.mark.parametrize(
+    ("target", "said"),
+    [
+        ((400, None, None), "roll 400°"),
+        ((None, -61, None), "pitch -61°"),
+        ((None, None, 800), "yaw"),
+    ],
+)
+def test_a_target_outside_the_envelope_is_refused(target: tuple, said: str) -> None:
+    plan = step_plan(target)
+    with pytest.raises(PlanError, match=said):
+        check_plan(plan, plan.render(DT, 0), default_profile())
+
+
+def test_a_plan_longer_than_the_envelope_allows_is_refused() -> None:
+    plan = step_plan((1, None, None), duration_s=700)
+    with pytest.raises(PlanError, match=r"lasts 710 s; the envelope allows 600 s"):
+        check_plan(plan, plan.render(0.1, 0), default_profile())
+
+
+def test_more_volts_than_the_amplifier_gives_are_refused() -> None:
+    plan = plan_from_dict(plan_of({"kind": "multisine", "duration_s": 5, "common_V": 30}))
+    with pytest.raises(PlanError, match="the amplifier gives 24 V"):
+        check_plan(plan, plan.render(DT, 0), default_profile())
+
+
+def test_every_kind_of_segment_is_its_files_name() -> None:
+    for name, kind in kinds().items():
+        assert kind.model_fields["kind"].default == name

@@ -1,0 +1,55 @@
+"""The envelope ends a flight for each of its reasons, and names it."""
+
+from __future__ import annotations
+
+from math import inf, nan, radians
+
+import pytest
+
+from heli3dof.rig.envelope import Envelope
+from heli3dof.rig.profile import default_profile
+
+LEVEL = (0.0, 0.0, 0.0)
+HOVER = (7.456, 7.456)
+
+
+def check(t=0.0, angle=LEVEL, rate=LEVEL, command=HOVER, voltage=HOVER):
+    return Envelope(default_profile()).check(t, angle, rate, command, voltage)
+
+
+def test_hovering_is_inside() -> None:
+    assert check() is None
+
+
+def test_rest_on_the_table_is_inside() -> None:
+    assert check(angle=(radians(-27.5), 0.0, 0.0)) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"angle": (radians(34.1), 0, 0)}, "roll reached 34.10°"),
+        ({"angle": (radians(-33), 0, 0)}, "roll reached -33.00°"),
+        ({"angle": (0, radians(-61), 0)}, "pitch reached -61.00°"),
+        ({"angle": (0, 0, radians(721))}, "yaw reached 721.00°"),
+        ({"angle": (nan, 0, 0)}, "roll reached nan"),
+        ({"rate": (0, radians(401), 0)}, "pitch turned at 401°/s"),
+        ({"rate": (0, nan, 0)}, "pitch turned at nan"),
+        ({"command": (nan, 0)}, "nan V on the front motor"),
+        ({"command": (0, inf)}, "inf V on the back motor"),
+        ({"voltage": (nan, 0)}, "front motor was asked for nan V"),
+        ({"voltage": (0, -24.1)}, "back motor was asked for -24.10 V"),
+        ({"t": 600.1}, "longer than the envelope's 600 s"),
+    ],
+)
+def test_each_limit_ends_the_flight_and_says_so(change: dict, said: str) -> None:
+    why = check(**change)
+    assert why is not None
+    assert said in why
+
+
+def test_a_voltage_that_jumps_faster_than_the_slew_limit_ends_the_flight() -> None:
+    envelope = Envelope(default_profile())  # 5000 V/s at 500 Hz: 10 V a period
+    assert envelope.check(0.0, LEVEL, LEVEL, HOVER, (0.0, 0.0)) is None
+    assert envelope.check(0.002, LEVEL, LEVEL, HOVER, (9.9, 0.0)) is None
+    assert "jumped at 5050 V/s" in (envelope.check(0.004, LEVEL, LEVEL, HOVER, (9.9, -10.1)) or "")

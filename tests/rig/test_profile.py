@@ -1,0 +1,107 @@
+"""A profile is read exactly, or the wrong key is named with the file and the nearest known key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from heli3dof.errors import ProfileError
+from heli3dof.rig.profile import TABLE_I, default_profile, load_profile, profile_from_dict
+from tests.paths import REAL_DATA, needs_real_data
+
+GOOD = """
+[geometry]
+L_w = 0.4699
+L_a = 0.6604
+L_h = 0.1778
+[mass]
+m_w = 1.87
+m_f = 0.575
+m_b = 0.575
+[motor]
+K_f = 0.1188
+V_o = 7.456
+v_max = 24
+[encoder]
+roll = -4096
+pitch = 4096
+yaw = 8192
+[loop]
+rate_hz = 500
+"""
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    return path
+
+
+def test_the_built_in_profile_is_table_i(tmp_path: Path) -> None:
+    profile = load_profile(write(tmp_path, GOOD.replace("-4096", "4096")))
+    assert profile.geometry == default_profile().geometry
+    assert profile.mass == default_profile().mass
+    assert profile.motor == default_profile().motor
+
+
+def test_an_encoder_that_counts_down_has_a_negative_step(tmp_path: Path) -> None:
+    profile = load_profile(write(tmp_path, GOOD))
+    assert profile.encoder.rad_per_count[0] == pytest.approx(-2 * 3.141592653589793 / 4096)
+
+
+def test_without_a_controller_the_loop_is_unknown(tmp_path: Path) -> None:
+    assert not load_profile(write(tmp_path, GOOD)).loop_is_known
+
+
+def test_an_empty_controller_section_is_the_contracts_default(tmp_path: Path) -> None:
+    profile = load_profile(write(tmp_path, GOOD + "[controller]\n"))
+    assert profile.loop_is_known
+    assert profile.controller is not None
+    assert profile.controller.K_g[0].tolist() == [37.6, 13.2, -11.5, 20.9, 4.7, -16.1, 10.0, -1.0]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("L_w = 0.4699", "L_ww = 0.4699"), ["geometry.L_ww", "L_w"]),
+        (("K_f = 0.1188\n", ""), ["motor.K_f", "missing"]),
+        (("L_h = 0.1778", "L_h = -0.1778"), ["geometry.L_h", "greater than 0"]),
+        (("m_w = 1.87", 'm_w = "heavy"'), ["mass.m_w", "heavy"]),
+        (("m_w = 1.87", "m_w = nan"), ["mass.m_w", "finite"]),
+        (("yaw = 8192", "yaw = 0"), ["encoder.yaw", "zero"]),
+        (("yaw = 8192", "yaw = 8192.5"), ["encoder.yaw"]),
+        (("[loop]", "[lop]"), ["'lop'", "loop"]),
+        (("rate_hz = 500", "rate_hz ="), ["not valid TOML"]),
+    ],
+)
+def test_a_wrong_key_is_named_with_its_file(tmp_path: Path, change: tuple, said: list) -> None:
+    path = write(tmp_path, GOOD.replace(*change))
+    with pytest.raises(ProfileError) as caught:
+        load_profile(path)
+    assert caught.value.exit_code == 2
+    for part in [*said, str(path)]:
+        assert part in str(caught.value)
+
+
+def test_gains_of_the_wrong_shape_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ProfileError, match="2 rows of 8"):
+        load_profile(write(tmp_path, GOOD + "[controller]\nK = [[1.0, 2.0], [3.0, 4.0]]\n"))
+
+
+def test_a_profile_that_does_not_exist_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ProfileError, match="no profile"):
+        load_profile(tmp_path / "none.toml")
+
+
+def test_a_profile_survives_the_trip_into_a_recording() -> None:
+    profile = profile_from_dict(TABLE_I)
+    assert profile_from_dict(profile.to_dict()) == profile
+
+
+@needs_real_data
+@pytest.mark.parametrize("rig", ["rig-a", "rig-b"])
+def test_the_real_profiles_load(rig: str) -> None:
+    profile = load_profile(REAL_DATA / rig / "profile.toml")
+    assert profile.name == rig
+    assert not profile.loop_is_known
