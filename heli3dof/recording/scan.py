@@ -65,10 +65,17 @@ class Scan:
 
     @cached_property
     def metadata(self) -> dict[str, dict[str, Any]]:
-        """Name → contents of the metadata records, their JSON values decoded."""
+        """Name → contents of the metadata records, their JSON values decoded.
+
+        Records that make no sense are passed over, so that samples can be had without them;
+        ``intact`` tells that something is wrong.
+        """
         found: dict[str, dict[str, Any]] = {}
         for content in self.of(Opcode.METADATA):
-            record = _read(Metadata, content)
+            try:
+                record = _read(Metadata, content)
+            except Damaged:
+                continue
             found[record.name] = {k: _from_json(v) for k, v in record.metadata.items()}
         return found
 
