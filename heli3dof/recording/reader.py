@@ -81,14 +81,16 @@ def open_mcap(path: Path) -> Scan:
     data = read_bytes(path)
     if not data.startswith(MAGIC):
         kind = what_is(data)
-        log = "CSV" in kind or "MAT" in kind
+        ending = ".csv" if "CSV" in kind else ".mat" if "MAT" in kind else ""
+        named = path.with_suffix(ending) if ending else path
         raise RecordingError(
             f"{path} is not an MCAP recording; it is {kind}.",
             cause="a log that was not imported yet."
-            if log
+            if ending
             else "another file was meant, or the name's ending is wrong.",
-            fix=f"heli3dof import {path} --profile PROFILE.toml -o {path.stem}.mcap"
-            if log
+            fix=(f"mv {path} {named}; " if named != path else "")
+            + f"heli3dof import {named} --profile PROFILE.toml -o {path.stem}.mcap"
+            if ending
             else f"ls {path.parent}",
         )
     return scan(data)

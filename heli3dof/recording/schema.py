@@ -123,8 +123,6 @@ COMMAND = Layout(
     + _columns("v_front_extra_V v_back_extra_V")
     + _columns("command_sequence phase", "fixed32"),
 )
-RAMP_DOWN = 0xFFFFFFFF
-"""``phase`` of the rows in which the motors are ramped to zero."""
 CHANNELS_TOPIC = "/heli3dof/channels"
 MAX_CHANNELS = 2000
 """Field numbers up to here have tags of at most two bytes."""
