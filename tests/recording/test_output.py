@@ -15,7 +15,7 @@ from heli3dof.recording.output import new_file
 
 def test_a_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
     path = tmp_path / "a"
-    with pytest.raises(ZeroDivisionError), new_file(path) as stream:
+    with pytest.raises(ZeroDivisionError), new_file(path) as stream:  # noqa: PT012
         stream.write(b"half")
         raise ZeroDivisionError
     assert list(tmp_path.iterdir()) == []
@@ -27,7 +27,7 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
 
 def test_what_appeared_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "a"
-    with pytest.raises(OutputExists), new_file(path) as stream:
+    with pytest.raises(OutputExists), new_file(path) as stream:  # noqa: PT012
         stream.write(b"ours")
         path.write_bytes(b"theirs")
     assert path.read_bytes() == b"theirs"
