@@ -20,11 +20,13 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.compare.compare import FlightComparison, ModelComparison
+from heli3dof.compare.replay import under_control
 from heli3dof.recording.recording import Recording
 from heli3dof.report.grid import fixed
 from heli3dof.report.style import (
     BLUE,
     EXPERIMENT,
+    GRID,
     MEASURED,
     RC,
     REFERENCE,
@@ -180,6 +182,20 @@ def flight_figure(recording: Recording) -> Figure:
             axes.set_ylim(*_limits(curves, [c.label for c in curves]))
             axes.set_ylabel(ylabel)
             _label_ends(axes, curves, gap=0.17)
+        flown = under_control(recording)
+        if flown.t[-1] < recording.t[-1]:
+            for axes in column:
+                axes.axvspan(flown.t[-1], recording.t[-1], color=GRID, alpha=0.6, linewidth=0)
+            column[0].annotate(
+                "ramped to zero",
+                xy=(flown.t[-1], 1.0),
+                xycoords=("data", "axes fraction"),
+                xytext=(0, 3),
+                textcoords="offset points",
+                fontsize=8,
+                color=SOFT,
+                va="bottom",
+            )
         column[-1].set_xlabel("time (s)")
         column[-1].set_xlim(float(recording.t[0]), float(recording.t[-1]))
         headline(figure, f"The flight · {recording.name}", height)

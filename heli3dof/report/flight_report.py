@@ -4,6 +4,7 @@ and where everything came from. ``heli3dof report`` and ``heli3dof demo`` write 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -177,9 +178,8 @@ def _flown_in_words(flight: FlightComparison, m: ModelComparison) -> str:
     rmse = ", ".join(fixed(v, 2, "°") for v in m.replay_rmse_deg)
     where = ""
     if np.isfinite(difference):
-        where = (
-            f" peaks {fixed(abs(difference), 1, '°')} {'higher' if difference > 0 else 'lower'},"
-        )
+        apart = f"{fixed(abs(difference), 1, '°')} {'higher' if difference > 0 else 'lower'}"
+        where = f" peaks {apart if abs(difference) >= 0.05 else 'at the same height'},"
     return f"{m.name}{where} and differs by {rmse} in roll, pitch and yaw over the flight (RMSE)."
 
 
@@ -220,5 +220,7 @@ def _flat(meta: Mapping[str, Any], prefix: str = "") -> tuple[dict[str, Any], di
         elif isinstance(value, (Mapping, list, tuple)) and len(str(value)) > LONG:
             long[f"{prefix}{name}"] = value
         else:
-            short[f"{prefix}{name}"] = value
+            plain = value is None or isinstance(value, (str, int, float))
+            said = value if plain else json.dumps(value, ensure_ascii=False, default=str)
+            short[f"{prefix}{name}"] = said
     return short, long

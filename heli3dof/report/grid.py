@@ -137,7 +137,9 @@ def _groups(grid: Grid) -> bool:
 
 
 def _css(grid: Grid, column: int) -> str:
-    return ' class="n"' if grid.is_number(column) else ""
+    if grid.is_number(column):
+        return ' class="n"'
+    return ' class="t"' if column < grid.text_columns else ""
 
 
 def _md(text: str) -> str:
