@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.compare.compare import FlightComparison, ModelComparison
-from heli3dof.compare.replay import under_control
+from heli3dof.comparison.compare import FlightComparison, ModelComparison
+from heli3dof.comparison.replay import under_control
 from heli3dof.recording.recording import Recording
 from heli3dof.report.curves import Curve, angle_figure, headline, label_ends, limits
 from heli3dof.report.grid import fixed

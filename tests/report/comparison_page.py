@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from heli3dof.compare.reproduce import reproduce
+from heli3dof.comparison.reproduce import reproduce
 from heli3dof.model.hover import hover_model
 from heli3dof.report.grid import to_markdown
 from heli3dof.report.tables import published_table
