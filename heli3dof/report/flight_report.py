@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.axes import AXES
+from heli3dof.axes import AXES, ROLL
 from heli3dof.comparison.compare import Comparison, FlightComparison, ModelComparison
 from heli3dof.comparison.metrics import flight_metrics
 from heli3dof.comparison.replay import under_control
@@ -153,6 +153,7 @@ def in_a_sentence(flight: FlightComparison) -> str:
     if flight.why is None:
         said = [_flown_in_words(flight, m) for m in flight.models]
         peak = flight.experiment["roll"].reported.peak_deg
+        said.append(_predicted_in_words(flight))
         return f"{flight.recording.name}: roll peaks at {fixed(peak, 1, '°')}. " + " ".join(said)
     said = []
     for m in flight.models:
@@ -181,6 +182,21 @@ def _flown_in_words(flight: FlightComparison, m: ModelComparison) -> str:
         apart = f"{fixed(abs(difference), 1, '°')} {'higher' if difference > 0 else 'lower'}"
         where = f" peaks {apart if abs(difference) >= 0.05 else 'at the same height'},"
     return f"{m.name}{where} and differs by {rmse} in roll, pitch and yaw over the flight (RMSE)."
+
+
+def _predicted_in_words(flight: FlightComparison) -> str:
+    """Beside a replay, which a loop flatters: how far the models' own predictions of roll go off."""
+    if flight.held_still is None:
+        return ""
+    named = [(m.name, m.prediction) for m in flight.models]
+    off = [
+        f"{fixed(p.over_window_deg[ROLL], 1, '°')} ({name})"
+        for name, p in (*named, ("angles held still", flight.held_still))
+        if p is not None
+    ]
+    return (
+        f"Predicted freely over {flight.held_still.window_s:g} s, roll is off by {', '.join(off)}."
+    )
 
 
 def _warnings(recordings: Sequence[Recording], comparison: Comparison | None) -> list[str]:

@@ -160,9 +160,13 @@ def test_the_hover_model_s_response_is_the_double_integrator_s() -> None:
 def test_the_first_sentence_says_how_far_each_model_is_off() -> None:
     recording = flight(truth=FakeHover(thrust=0.8))
     same = FakeHover(name="same", thrust=0.8)
-    only = compare([recording], [FakeHover(), same], horizons_s=()).flights[0]
+    only = compare([recording], [FakeHover(), same]).flights[0]
     said = in_a_sentence(only)
     peak = only.difference(only.models[0], "roll")["peak_deg"]
     assert peak < 0
     assert f"hover peaks {-peak:.1f}° lower" in said
     assert "same peaks at the same height, and differs by 0.00°, 0.00°, 0.00°" in said
+    assert only.held_still is not None
+    still = only.held_still.over_window_deg[0]
+    assert "roll is off by" in said
+    assert f"{still:.1f}° (angles held still)." in said
