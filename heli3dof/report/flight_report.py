@@ -185,7 +185,7 @@ def _flown_in_words(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _predicted_in_words(flight: FlightComparison) -> str:
-    """Beside a replay, which a loop flatters: how far the models' own predictions of roll go off."""
+    """Beside a replay, which a loop flatters: how far free predictions of roll go off."""
     if flight.held_still is None:
         return ""
     named = [(m.name, m.prediction) for m in flight.models]
