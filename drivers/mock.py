@@ -187,8 +187,10 @@ class MockRig:
     def arm(self) -> Sample:
         """Enable at zero volts, clear latches; a rig held level is let go at the first command."""
         self._check_open()
-        self._catch_up(time.monotonic())
+        now = time.monotonic()
+        self._catch_up(now)
         self._device.arm()
+        self._last_s = now
         return self._sample()
 
     def exchange(self, command: Command, due_s: float) -> Sample:

@@ -137,8 +137,9 @@ def _compile(digest: str) -> tuple[Any, Any]:
     ):
         """Advance ``state`` = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) by ``dt`` under the voltages ``v``.
 
-        Returns the encoders' counts at the end. The voltages (2,) in V and the random torques ``noise`` (3,) in N·m are held throughout;
-        ``low`` and ``high`` (3,) are the stops in rad.
+        Returns the encoders' counts at the end. The voltages (2,) in V and the random
+        torques ``noise`` (3,) in N·m are held throughout; ``low`` and ``high`` (3,) are the
+        stops in rad.
         """
         _ = digest
         h = dt / substeps

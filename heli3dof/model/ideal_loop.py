@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -54,6 +54,17 @@ def paper_gain(hover: Hover) -> np.ndarray:
     return np.asarray(B.T @ P / LQR_R)
 
 
+def with_rotor_lag(hover: Hover, tau: float) -> Hover:
+    """The model with first-order rotors, τ V̇_r = V − V_r: two more states, V_r − V_o in V.
+
+    Not in the paper; one guess at why its rig overshot so much more than its model. tau in s.
+    """
+    A, B = np.zeros((8, 8)), np.zeros((8, 2))
+    A[:6, :6], A[:6, 6:], A[6:, 6:] = hover.A, hover.B, -np.eye(2) / tau
+    B[6:] = np.eye(2) / tau
+    return replace(hover, A=A, B=B, C=np.eye(3, 8))
+
+
 def loop_poles(hover: Hover, K: np.ndarray) -> np.ndarray:
     """(8,) rad/s, rightmost first: the poles of the loop with the gain K (2, 8)."""
     from heli3dof.model.loops import rightmost_first
@@ -70,15 +81,19 @@ def step_response(
     dt: float = 1e-3,
     rate_limit: float | None = None,
     angle0: np.ndarray | None = None,
+    x0: np.ndarray | None = None,
     v_max: float | None = None,
 ) -> Response:
     """The loop's answer to a step of the references to ``target`` (3,) rad at t = 0.
 
-    From rest at ``angle0`` (3,) rad, level by default. ``rate_limit`` (rad/s) makes the references
-    ramp from angle0. ``v_max`` (V, total) limits the voltages; then the response is by
-    Runge–Kutta 4 every ``dt``, otherwise it is exact.
+    From rest at ``angle0`` (3,) rad, level by default, or from the state ``x0``. ``rate_limit``
+    (rad/s) makes the references ramp from there. ``v_max`` (V, total) limits the voltages; then
+    the response is by Runge–Kutta 4 every ``dt``, otherwise it is exact.
     """
-    angle0 = np.zeros(3) if angle0 is None else np.asarray(angle0, dtype=float)
+    if x0 is None:
+        x0 = np.zeros(len(hover.A))
+        x0[:3] = 0.0 if angle0 is None else angle0
+    angle0 = hover.C @ x0
     target = np.asarray(target, dtype=float)
     corners = np.zeros(3) if rate_limit is None else abs(target - angle0) / rate_limit
     slope = np.zeros(3) if rate_limit is None else np.sign(target - angle0) * rate_limit
@@ -88,7 +103,7 @@ def step_response(
         return np.where(at < corners, angle0 + slope * at, target)
 
     A, B, F = closed_loop(hover.A, hover.B, hover.C, K)
-    x0 = np.concatenate([angle0, np.zeros(5)])
+    x0 = np.concatenate([x0, np.zeros(2)])
     if v_max is None:
         x = _exact(A, B, x0, t, corners, reference, slope)
     else:
@@ -97,7 +112,7 @@ def step_response(
     u = x @ F.T + r @ K[:, :3].T
     if v_max is not None:
         u = np.clip(u + hover.V_o, -v_max, v_max) - hover.V_o
-    return Response(t, x[:, :3], u)
+    return Response(t, x[:, : len(hover.A)] @ hover.C.T, u)
 
 
 def _exact(
@@ -139,13 +154,14 @@ def _limited(
     reference: Callable[[float], np.ndarray],
     v_max: float,
 ) -> np.ndarray:
-    B, V_o, Kp = hover.B, hover.V_o, K[:, :3]
+    A, B, C, V_o, Kp = hover.A, hover.B, hover.C, hover.V_o, K[:, :3]
+    n = len(A)
 
     def slope(at: float, x: np.ndarray) -> np.ndarray:
         r = reference(at)
         u = np.clip(F @ x + Kp @ r + V_o, -v_max, v_max) - V_o
-        e = r - x[:3]
-        return np.concatenate([hover.A @ x[:6] + B @ u, [e[i] for i in INTEGRATED]])
+        e = r - C @ x[:n]
+        return np.concatenate([A @ x[:n] + B @ u, [e[i] for i in INTEGRATED]])
 
     dt = t[1] - t[0]
     x = np.empty((len(t), len(x0)))

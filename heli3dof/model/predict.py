@@ -130,10 +130,11 @@ def noise(
     n, m, dt = model.order, int(axes.sum()), model.dt
     encoder = np.diag(recording.profile.encoder.rad_per_count[axes] ** 2 / 12)
     if model.K.any():
-        S = model.S if np.isfinite(model.S[np.ix_(axes, axes)]).all() else np.eye(3)
-        K = np.where(np.isfinite(model.K), model.K, 0.0)
-        full = np.where(np.isfinite(S), S, 0.0)
-        return K @ full @ K.T, full[np.ix_(axes, axes)], (K @ full)[:, axes]
+        S = np.where(np.isfinite(model.S), model.S, 0.0)
+        if np.linalg.eigvalsh(S[np.ix_(axes, axes)]).min() <= 0:  # not known
+            S = np.diag(recording.profile.encoder.rad_per_count**2 / 12)
+        K = model.K
+        return K @ S @ K.T, S[np.ix_(axes, axes)], (K @ S)[:, axes]
     if model.physical_state:
         q = np.diag(ACCELERATION**2)
         Q = np.block([[q * dt**3 / 3, q * dt**2 / 2], [q * dt**2 / 2, q * dt]])

@@ -74,18 +74,22 @@ def timing(t: np.ndarray) -> Timing:
     )
 
 
-def length_and_time(source: str, t: np.ndarray, period_s: float, where: Where) -> list[str]:
-    """Check that there are samples and that their time increases; warn of gaps and jitter.
-
-    ``period_s`` is the profile's control period.
-    """
-    if len(t) < MIN_SAMPLES:
+def long_enough(source: str, n: int) -> None:
+    """Raise RecordingError for fewer than ``MIN_SAMPLES``."""
+    if n < MIN_SAMPLES:
         raise RecordingError(
-            f"{source} has {len(t)} sample{'s' * (len(t) != 1)}; "
+            f"{source} has {n} sample{'s' * (n != 1)}; "
             f"nothing can be said with fewer than {MIN_SAMPLES}.",
             cause="the logging program was stopped at once, or the file was cut short.",
             fix="record again, or copy the whole file",
         )
+
+
+def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) -> list[str]:
+    """Check that time (N,) s increases and is in seconds; warn of gaps and jitter.
+
+    ``period_s`` is the profile's control period.
+    """
     dt = np.diff(t)
     if (dt <= 0).any():
         k = int(np.argmax(dt <= 0))

@@ -125,6 +125,8 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _fast(body: list[str], separator: str, names: list[str]) -> dict[str, np.ndarray] | None:
+    if not body:
+        return {name: np.empty(0) for name in names}
     try:
         table = np.loadtxt(
             body, delimiter=None if separator == " " else separator, comments=None, ndmin=2

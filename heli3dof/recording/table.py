@@ -55,6 +55,7 @@ def recording_from_table(table: Table, profile: Profile, meta: Mapping[str, Any]
     column, a number that is none, time that does not increase, angles in another unit.
     """
     check_names(table)
+    checks.long_enough(table.source, len(table.columns["t_s"]))
     columns = dict(table.columns)
     warnings = list(table.warnings)
     for name in sorted(KNOWN & columns.keys() - set(REQUIRED)):
@@ -71,11 +72,16 @@ def recording_from_table(table: Table, profile: Profile, meta: Mapping[str, Any]
     for name in sorted(KNOWN & columns.keys()):
         checks.finite(table.source, name, columns[name], table.where)
     t = columns["t_s"]
-    warnings += checks.length_and_time(table.source, t, profile.dt, table.where)
+    warnings += checks.time_increases(table.source, t, profile.dt, table.where)
     warnings += checks.voltages(
         table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max
     )
     warnings += units.check_angles(table.source, columns, profile)
+    if profile.loop_is_known and not any("_ref_" in name for name in columns.keys() & KNOWN):
+        warnings.append(
+            "The profile knows the loop ([controller]), but the log has no reference: "
+            "the loop cannot be replayed as it was flown."
+        )
 
     n = len(t)
     arrays: dict[str, np.ndarray] = {}

@@ -34,6 +34,12 @@ NEWTON_WINDOW_S = 0.25
 NEWTON_FACTOR = float(np.sqrt(180 / np.pi))
 """Halfway (as a ratio) between the right unit and the wrong one."""
 
+COUNTS_FACTOR = 4.0
+"""Raw counts taken for degrees move 4096/360 = 11 or 23 times too far, real rigs up to 2.7."""
+
+AGAINST = -0.4
+"""Real rigs: +0.3 … +0.8 in closed loop, −0.1 … 0 under a constant voltage."""
+
 
 def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
     """Whether values (N,) lie on a grid of ``step`` through the first one, and show it.
@@ -79,48 +85,72 @@ def _check_angle(
     profile: Profile,
 ) -> list[str]:
     values = columns[name]
-    other = OTHER[unit]
-    largest = float(np.abs(values).max())
     if np.ptp(values) == 0:
         return [f"{name} never changes: the axis was locked or its encoder is not connected."]
+    found = newton(axis, values * (2 * np.pi / TURN[unit]), columns, profile)
+    ratio = None if found is None else found[0]
+    warnings: list[str] = []
+    if found is not None and found[1] < AGAINST:
+        warnings.append(
+            f"{name} moves against its voltages (correlation {found[1]:.2f}): its sign is wrong"
+            + (", or front and back are swapped." if axis == "pitch" else ".")
+        )
     if on_grid(values, TURN[unit] / counts):
-        return _coarser(name, values, unit, counts)
+        return warnings + _coarser(name, values, unit, counts)
+    _refuse(source, name, axis, unit, values, counts, ratio)
+    for n in COMMON_COUNTS:
+        if on_grid(values, TURN[unit] / n, levels=10):
+            return [*warnings, _other_encoder(name, n, counts)]
+    warnings.append(
+        f"{name} does not lie on the encoder's grid of {360 / counts:.4f}°: filtered, resampled, "
+        "printed with few digits, or simulated without an encoder."
+    )
+    largest = float(np.abs(values).max())
+    if unit == "deg" and largest < 1.6 and ratio is None:
+        warnings.append(f"{name} stays within ±{largest:.2g}: check that it is not in radians.")
+    return warnings
+
+
+def _refuse(
+    source: str,
+    name: str,
+    axis: str,
+    unit: str,
+    values: np.ndarray,
+    counts: int,
+    ratio: float | None,
+) -> None:
+    """Raise RecordingError where a witness speaks against the unit of values off its grid."""
+    other = OTHER[unit]
     if on_grid(values, TURN[other] / counts, levels=4):
         raise wrong_unit(
             source, name, unit,
             f"its values lie on the encoder's grid in {FULL_NAME[other]} "
             f"({TURN[other] / counts:.6f} per count), not in {FULL_NAME[unit]}",
         )  # fmt: skip
-    if axis != "yaw" and largest > TURN[unit] / 2:
-        if unit == "deg":
-            raise RecordingError(
-                f"{source}: {name} reaches {largest:.6g}°; the arm cannot turn that far.",
-                cause=f"raw encoder counts ({counts} per revolution), or roll and yaw swapped.",
-                fix="convert the counts to degrees, or correct the header line",
-            )
+    largest = float(np.abs(values).max())
+    too_large = axis != "yaw" and largest > TURN[unit] / 2
+    too_far = ratio is not None and ratio > (COUNTS_FACTOR if unit == "deg" else NEWTON_FACTOR)
+    if unit == "deg" and (too_large or too_far) and on_grid(values, 1, levels=10):
+        raise RecordingError(
+            f"{source}: {name} holds whole numbers up to {largest:.6g}, which are no degrees.",
+            cause=f"raw encoder counts ({counts} per revolution).",
+            fix=f"multiply them by {360 / counts:.6g} (and by the encoder's sign)",
+        )
+    if unit == "deg" and too_large:
+        raise RecordingError(
+            f"{source}: {name} reaches {largest:.6g}°; the arm cannot turn that far.",
+            cause="another unit, or roll and yaw swapped.",
+            fix="convert the values to degrees, or correct the header line",
+        )
+    if too_large:
         raise wrong_unit(source, name, unit, f"it reaches {largest:.6g}")
-    ratio = newton_ratio(axis, values * (2 * np.pi / TURN[unit]), columns, profile)
-    if ratio is not None:
-        small = unit == "deg" and ratio < 1 / NEWTON_FACTOR and largest < np.pi
-        large = unit == "rad" and ratio > NEWTON_FACTOR
-        if small or large:
-            raise wrong_unit(
-                source, name, unit,
-                f"the angle moves {ratio:.2g} times as far as the voltages explain",
-            )  # fmt: skip
-    for n in COMMON_COUNTS:
-        if on_grid(values, TURN[unit] / n, levels=10):
-            return [
-                f"{name} lies on a grid of {n} counts per revolution, but the profile says "
-                f"{counts}: check [encoder] and the angle's scale."
-            ]
-    warnings = [
-        f"{name} does not lie on the encoder's grid of {360 / counts:.4f}°: "
-        "filtered, resampled or simulated without an encoder."
-    ]
-    if unit == "deg" and largest < 1.6 and ratio is None:
-        warnings.append(f"{name} stays within ±{largest:.2g}: check that it is not in radians.")
-    return warnings
+    too_near = unit == "deg" and ratio is not None and ratio < 1 / NEWTON_FACTOR
+    if (too_near and largest < np.pi) or (unit == "rad" and too_far):
+        raise wrong_unit(
+            source, name, unit,
+            f"the angle moves {ratio:.2g} times as far as the voltages explain",
+        )  # fmt: skip
 
 
 def _coarser(name: str, values: np.ndarray, unit: str, counts: int) -> list[str]:
@@ -129,10 +159,14 @@ def _coarser(name: str, values: np.ndarray, unit: str, counts: int) -> list[str]
     divisor = int(np.gcd.reduce(seen))
     if len(seen) < 10 or divisor < 2:
         return []
-    return [
-        f"{name} lies on a grid of {counts / divisor:.6g} counts per revolution, but the profile "
-        f"says {counts}: check [encoder] and the angle's scale."
-    ]
+    return [_other_encoder(name, counts / divisor, counts)]
+
+
+def _other_encoder(name: str, seen: float, expected: int) -> str:
+    return (
+        f"{name} lies on a grid of {seen:.6g} counts per revolution, but the profile says "
+        f"{expected}: check [encoder] and the angle's scale."
+    )
 
 
 def _check_reference(
@@ -154,19 +188,18 @@ def _check_reference(
         )
 
 
-def newton_ratio(
+def newton(
     axis: str, angle: np.ndarray, columns: Mapping[str, np.ndarray], profile: Profile
-) -> float | None:
-    """Scatter of the angle's second differences over that of the doubly integrated torque.
+) -> tuple[float, float] | None:
+    """How the angle's second differences scatter against the doubly integrated torque.
 
-    ``angle`` (N,) in rad. About one in the right unit; None where it cannot be told (yaw, no
-    excitation, too short).
+    ``angle`` (N,) in rad. The ratio of the two standard deviations, about one in the right unit,
+    and their correlation, positive with the right sign. None where it cannot be told: yaw, no
+    motion, no excitation, too short.
     """
-    if axis == "yaw":
-        return None
     dt = float(np.median(np.diff(columns["t_s"])))
     n = max(1, round(NEWTON_WINDOW_S / dt))
-    if len(angle) < 8 * n:
+    if axis == "yaw" or len(angle) < 8 * n:
         return None
     g, m, K_f = profile.geometry, profile.mass, profile.motor.K_f
     V_f, V_b = columns["v_front_V"], columns["v_back_V"]
@@ -175,12 +208,18 @@ def newton_ratio(
         acceleration = g.L_a * K_f * (V_f + V_b) / (m.m_w * g.L_w**2 + m_h * g.L_a**2)
     else:
         acceleration = g.L_h * K_f * (V_f - V_b) / (m_h * g.L_h**2)
-    box = np.convolve(acceleration, np.ones(n), "valid")
-    explained = dt**2 * np.convolve(box, np.ones(n), "valid")
-    moved = angle[2 * n :] - 2 * angle[n:-n] + angle[: -2 * n]
-    if np.std(explained) < 1e-3:  # rad: less than a count or so; nothing was asked of the axis
+    explained = dt**2 * _moving_sum(_moving_sum(acceleration, n), n)
+    moved = (angle[2 * n :] - 2 * angle[n:-n] + angle[: -2 * n])[: len(explained)]
+    explained = explained[: len(moved)]
+    if np.std(explained) < 1e-3 or np.std(moved) == 0:  # rad: about a count
         return None
-    return float(np.std(moved) / np.std(explained))
+    ratio = float(np.std(moved) / np.std(explained))
+    return ratio, float(np.corrcoef(moved, explained)[0, 1])
+
+
+def _moving_sum(x: np.ndarray, n: int) -> np.ndarray:
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    return total[n:] - total[:-n]
 
 
 def wrong_unit(source: str, name: str, unit: str, evidence: str) -> RecordingError:

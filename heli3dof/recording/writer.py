@@ -66,6 +66,7 @@ class RecordingWriter:
         self._closing = threading.Event()
         self._format = RowFormat()
         about = {"name": self.path.stem, **(meta or {}), "start_ns": self.start_ns}
+        ours_to_remove = not self.path.exists()
         with explained(self.path):
             self._stream: BinaryIO = self.path.open("wb" if force else "xb", buffering=0)
             self._file = McapFile(self._stream, self._format)
@@ -73,7 +74,8 @@ class RecordingWriter:
                 self._file.start({PROFILE: profile_record(profile), PROVENANCE: about})
             except BaseException:
                 self._stream.close()
-                self.path.unlink(missing_ok=True)
+                if ours_to_remove:  # what stood there before may be a device, or somebody's link
+                    self.path.unlink(missing_ok=True)
                 raise
         # A daemon: a program that dies without closing must not hang on its recorder.
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
@@ -108,7 +110,7 @@ class RecordingWriter:
         self._rows.append(
             self._pack(
                 self._count,
-                self.start_ns + int(t_s * 1e9),
+                self.start_ns + int(t_s * 1e9 + 0.5),
                 (
                     t_s, sample.device_time_s, lateness_s, *angle, *sample.counts, *v_applied,
                     *sample.current, int(sample.flags) & 0xFFFFFFFF, sample.sequence & 0xFFFFFFFF,

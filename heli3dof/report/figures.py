@@ -12,15 +12,16 @@ Every function takes arrays or what `compare` made of them, and returns a matplo
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.compare.compare import FlightComparison, ModelComparison
+from heli3dof.comparison.compare import FlightComparison, ModelComparison
 from heli3dof.recording.recording import Recording
+from heli3dof.report.grid import fixed
 from heli3dof.report.style import (
     BLUE,
     EXPERIMENT,
@@ -192,7 +193,7 @@ def _seen(flight: FlightComparison, axis: str) -> str:
     if flight.why is None:
         experiment = flight.experiment[axis].reported.peak_deg
         if np.isfinite(experiment):
-            parts.append(f"peak: experiment {_deg(experiment)}")
+            parts.append(f"peak: experiment {fixed(experiment, 1, '°')}")
         for m in flight.models:
             parts.append(f"{m.name} {_replay_seen(flight, m, axis)}")
         return _list(parts)
@@ -200,7 +201,8 @@ def _seen(flight: FlightComparison, axis: str) -> str:
     errors = [(m.name, m.prediction) for m in flight.models]
     for name, error in (*errors, ("held still", flight.held_still)):
         if error is not None:
-            parts.append(f"{name} {_deg(error.over_window_deg[AXES.index(axis)])}")
+            value = error.over_window_deg[AXES.index(axis)]
+            parts.append(f"{name} {fixed(value, 1, '°')}")
     return f"RMSE over {window:g} s windows: " + _list(parts) if parts else "no prediction"
 
 
@@ -217,15 +219,8 @@ def _replay_seen(flight: FlightComparison, model: ModelComparison, axis: str) ->
     peak = model.metrics[axis].reported.peak_deg
     difference = flight.difference(model, axis)["peak_deg"]
     if not np.isfinite(difference):
-        return _deg(peak)
-    return f"{_deg(peak)} ({difference:+.1f}°)".replace("-", "−")
-
-
-def _deg(value: float) -> str:
-    if not np.isfinite(value):
-        return "–"
-    # Half a tenth either side of zero would print as −0.0°.
-    return f"{value if abs(value) >= 0.05 else 0.0:.1f}°".replace("-", "−")
+        return fixed(peak, 1, "°")
+    return f"{fixed(peak, 1, '°')} ({fixed(difference, 1, '°', sign=True)})"
 
 
 def _limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]:
@@ -251,7 +246,9 @@ def _label_ends(axes: Axes, curves: Sequence[Curve], gap: float = LABEL_GAP) -> 
     ends: list[tuple[float, Curve]] = []
     for c in curves:
         finite = c.y[np.isfinite(c.y)]
-        if len(finite):
+        if c.cut_short:
+            _label_exit(axes, c)
+        elif len(finite):
             ends.append((float(np.clip((finite[-1] - low) / (high - low), 0, 1)), c))
     ends.sort(key=lambda e: e[0])
     places = spread(np.array([e[0] for e in ends]), gap)
@@ -274,6 +271,31 @@ def _label_ends(axes: Axes, curves: Sequence[Curve], gap: float = LABEL_GAP) -> 
                 "shrinkB": 1,
             },
         )
+
+
+def _label_exit(axes: Axes, c: Curve) -> None:
+    """The name of a curve that stops early, where it leaves the picture."""
+    from matplotlib import patheffects
+
+    low, high = axes.get_ylim()
+    with np.errstate(invalid="ignore"):
+        seen = np.flatnonzero((c.y >= low) & (c.y <= high))
+    if not len(seen):
+        return
+    t, y = float(c.t[seen[-1]]), float(c.y[seen[-1]])
+    below = y > low + 0.15 * (high - low)
+    halo = patheffects.withStroke(linewidth=3, foreground="white")
+    axes.annotate(
+        c.label,
+        xy=(t, y),
+        xytext=(9, -22 if below else 9),
+        textcoords="offset points",
+        color=c.line.color,
+        fontsize=9,
+        va="center",
+        zorder=9,
+        path_effects=[halo],
+    )
 
 
 def spread(places: np.ndarray, gap: float) -> np.ndarray:
@@ -302,8 +324,3 @@ def _start(block: list[float], gap: float) -> float:
 
 def _end(block: list[float], gap: float) -> float:
     return _start(block, gap) + gap * (len(block) - 1)
-
-
-def figure_files(figures: Mapping[str, Any], stem: str) -> dict[str, str]:
-    """File names without ending for Figures 7–9: ``stem-figure-7-roll`` and so on."""
-    return {axis: f"{stem}-figure-{NUMBER[axis]}-{axis}" for axis in figures}

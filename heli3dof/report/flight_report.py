@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.compare.compare import Comparison, FlightComparison, ModelComparison
-from heli3dof.compare.metrics import flight_metrics
-from heli3dof.compare.replay import under_control
-from heli3dof.compare.reproduce import Reproduced
+from heli3dof.comparison.compare import Comparison, FlightComparison, ModelComparison
+from heli3dof.comparison.metrics import flight_metrics
+from heli3dof.comparison.replay import under_control
+from heli3dof.comparison.reproduce import Reproduced
 from heli3dof.model.base import Model
 from heli3dof.recording.recording import Recording
 from heli3dof.report.figures import NUMBER, comparison_figures, flight_figure
@@ -30,12 +30,11 @@ from heli3dof.report.html import (
     table,
     warning,
 )
+from heli3dof.report.model_section import model_blocks
 from heli3dof.report.tables import (
+    flight_grids,
     metrics_of,
-    metrics_table,
-    prediction_table,
     published_table,
-    table_ii,
 )
 
 LONG = 200
@@ -49,19 +48,23 @@ def flight_report(
     comparison: Comparison | None = None,
     reproduced: Sequence[Reproduced] = (),
     extra: Iterable[Section] = (),
+    lede: Sequence[str] = (),
     title: str = "",
 ) -> str:
     """The whole HTML document.
 
     ``extra`` sections (an identification's, a diagnosis's) stand between the comparison and the
-    paper's numbers; ``reproduced`` is what `heli3dof.compare.reproduce.reproduce` returns.
+    paper's numbers, and ``lede`` sentences stand first, before what the comparison says;
+    ``reproduced`` is what `heli3dof.comparison.reproduce.reproduce` returns.
     """
     names = ", ".join(r.name for r in recordings)
     found = _warnings(recordings, comparison)
+    short = [] if comparison is None else [in_a_sentence(f) for f in comparison.flights]
     sections = [
+        Section("In short", [key(s) for s in (*lede, *short)]),
         Section("Warnings", [warning(w) for w in found]),
         Section("The flight" if len(recordings) == 1 else "The flights", _flights(recordings)),
-        Section("Models", _models(models)),
+        Section("Models", model_blocks(models, recordings[0].profile if recordings else None)),
         Section("Comparison", [] if comparison is None else _comparison(comparison)),
         *extra,
         Section("The paper's numbers", [table(published_table(reproduced))] if reproduced else []),
@@ -96,14 +99,10 @@ def _flights(recordings: Sequence[Recording]) -> list[str]:
 def _summary(r: Recording) -> dict[str, Any]:
     """What a reader asks first about a flight."""
     gaps = np.diff(r.t) > 1.5 * r.dt
-    outcome = r.meta.get("outcome")
-    if isinstance(outcome, Mapping):
-        said = [str(outcome.get("ending", "")), str(outcome.get("detail", ""))]
-        outcome = ": ".join(s for s in said if s)
     return {
         "plan": _plan_name(r),
         "device": r.meta.get("device"),
-        "ended": outcome,
+        "ended": ": ".join(_ending(r)) or None,
         "duration": fixed(r.duration, 1, " s"),
         "samples": f"{len(r)} at {1 / r.dt:.6g} Hz"
         + (f", {gaps.sum()} gaps" if gaps.any() else ""),
@@ -114,6 +113,15 @@ def _summary(r: Recording) -> dict[str, Any]:
     }
 
 
+def _ending(r: Recording) -> list[str]:
+    """How a flight ended and, where that was written down, why; empty for an imported log."""
+    outcome, details = r.meta.get("outcome"), r.meta.get("outcome_details", {})
+    if outcome is None:
+        return []
+    why = details.get("detail") or details.get("reason")
+    return [str(outcome), str(why)] if why else [str(outcome)]
+
+
 def _plan_name(r: Recording) -> str | None:
     plan = r.meta.get("plan")
     if isinstance(plan, Mapping):
@@ -121,22 +129,11 @@ def _plan_name(r: Recording) -> str | None:
     return None if plan is None else str(plan)
 
 
-def _models(models: Sequence[Model]) -> list[str]:
-    blocks = []
-    for m in models:
-        data = m.to_dict()
-        order = len(data["A"]) if isinstance(data.get("A"), (list, tuple)) else None
-        about = {"kind": m.kind, "order": order, "defect": data.get("defect")}
-        blocks += [subheading(m.name), facts(about)]
-    return blocks
-
-
 def _comparison(comparison: Comparison) -> list[str]:
     blocks = []
     for f in comparison.flights:
         if len(comparison.flights) > 1:
             blocks.append(subheading(f.recording.name))
-        blocks.append(key(in_a_sentence(f)))
         if f.why is not None:
             blocks.append(
                 paragraph(f"Not replayed, for {f.why}. The models predict freely instead.")
@@ -144,8 +141,7 @@ def _comparison(comparison: Comparison) -> list[str]:
         for axis, drawn in comparison_figures(f).items():
             alt = f"Figure {NUMBER[axis]}: {axis} of {f.recording.name}, experiment and models"
             blocks.append(figure(drawn, alt))
-        grids = [metrics_table(f) if f.why is None else None, table_ii(f), prediction_table(f)]
-        blocks += [table(g) for g in grids if g is not None]
+        blocks += [table(g) for g in flight_grids(f)]
     return blocks
 
 
@@ -156,7 +152,7 @@ def in_a_sentence(flight: FlightComparison) -> str:
     if flight.why is None:
         said = [_flown_in_words(flight, m) for m in flight.models]
         peak = flight.experiment["roll"].reported.peak_deg
-        return f"The experiment's roll peaks at {fixed(peak, 1, '°')}. " + " ".join(said)
+        return f"{flight.recording.name}: roll peaks at {fixed(peak, 1, '°')}. " + " ".join(said)
     said = []
     for m in flight.models:
         if m.prediction is None:
@@ -168,7 +164,8 @@ def in_a_sentence(flight: FlightComparison) -> str:
         ]
         said.append(f"{m.name} is off by {', '.join(errors)}.")
     window = flight.held_still.window_s if flight.held_still else 0.0
-    return f"Over free predictions of {window:g} s (RMSE): " + " ".join(said)
+    over = f"over free predictions of {window:g} s (RMSE)"
+    return f"{flight.recording.name}, {over}: " + " ".join(said)
 
 
 def _flown_in_words(flight: FlightComparison, m: ModelComparison) -> str:
@@ -190,9 +187,9 @@ def _warnings(recordings: Sequence[Recording], comparison: Comparison | None) ->
     found = []
     for r in recordings:
         found += [f"{r.name}: {w}" for w in r.meta.get("warnings", ())]
-        outcome = r.meta.get("outcome")
-        if isinstance(outcome, Mapping) and outcome.get("ending") not in (None, "completed"):
-            found.append(f"{r.name}: the flight was cut short: {outcome.get('detail', '')}.")
+        ending = _ending(r)
+        if ending and ending[0] != "completed":
+            found.append(f"{r.name}: the flight did not end as planned; {': '.join(ending)}.")
     return found + list(comparison.warnings if comparison else ())
 
 

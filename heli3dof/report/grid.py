@@ -43,14 +43,15 @@ class Grid:
 
 
 def fixed(value: float, digits: int = 2, unit: str = "", *, sign: bool = False) -> str:
-    """A number as people read it: a true minus, no negative zero, a dash for what is not defined.
+    """A number as people read it: a true minus, no signed zero, a dash for what is not defined.
 
-    >>> fixed(-0.001), fixed(-1.5, 1, "°"), fixed(2.0, 1, sign=True), fixed(float("nan"))
+    >>> fixed(-0.001, sign=True), fixed(-1.5, 1, "°"), fixed(2.0, 1, sign=True), fixed(np.nan)
     ('0.00', '−1.5°', '+2.0', '–')
     """
     if not np.isfinite(value):
         return NONE
-    text = f"{round(value, digits) + 0.0:{'+' if sign else ''}.{digits}f}"
+    rounded = round(value, digits) + 0.0
+    text = f"{rounded:{'+' if sign and rounded else ''}.{digits}f}"
     return text.replace("-", MINUS) + unit
 
 
@@ -115,7 +116,10 @@ def to_html(grid: Grid) -> str:
         for i, cell in enumerate(row):
             text = "" if i == 0 and _groups(grid) and not opens else html.escape(cell)
             cells.append(f"<td{_css(grid, i)}>{text}</td>")
-        row_class = ' class="opens"' if opens else ""
+        # An indented name is an aside to the row above it.
+        aside = any(cell.startswith("  ") for cell in row)
+        classes = " ".join(c for c, on in (("opens", opens), ("aside", aside)) if on)
+        row_class = f' class="{classes}"' if classes else ""
         body.append(f"<tr{row_class}>{''.join(cells)}</tr>")
         before = row[0]
     notes = "".join(f"<li>{html.escape(n)}</li>" for n in grid.notes)

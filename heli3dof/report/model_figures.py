@@ -24,6 +24,8 @@ from heli3dof.report.style import BLUE, GRID, RC, SOFT, Line, model_lines
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+MIN_PHASE_SPAN = 90.0
+"""No phase axis shows less, degrees: a sampled integrator's few degrees shall look like few."""
 LAGS_S = 0.5
 """s; residuals are correlated up to this lag."""
 
@@ -71,6 +73,9 @@ def bode_figure(
                 _bode_curve(magnitude, phase, omega, c, line)
             magnitude.set_title(name, fontsize=9.5, color=SOFT, loc="left")
             magnitude.set_xscale("log")
+            low, high = phase.get_ylim()
+            short = max(0.0, MIN_PHASE_SPAN - (high - low)) / 2
+            phase.set_ylim(low - short, high + short)
             phase.set_xlabel("ω (rad/s)")
         grid[0, 0].set_ylabel("magnitude (dB)")
         grid[1, 0].set_ylabel("phase (°)")
@@ -151,6 +156,6 @@ def autocorrelation(
     e = residual - residual.mean()
     n = len(e)
     lags = np.arange(min(round(lags_s / dt), n - 1) + 1)
-    power = float(e @ e) or 1.0
-    r = np.array([float(e[: n - k] @ e[k:]) for k in lags]) / power
-    return lags * dt, r, 2.58 / float(np.sqrt(n))
+    spectrum = np.abs(np.fft.rfft(e, 2 * n)) ** 2  # padded, so that the ends do not meet
+    r = np.fft.irfft(spectrum)[: len(lags)]
+    return lags * dt, r / (r[0] or 1.0), 2.58 / float(np.sqrt(n))

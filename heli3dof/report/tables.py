@@ -7,15 +7,24 @@ in a terminal, in Markdown or in HTML.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.compare.compare import FlightComparison, ModelComparison, PredictionError
-from heli3dof.compare.metrics import AxisMetrics, StepMetrics
-from heli3dof.compare.published import CAVEATS, NO_EXPERIMENT, Quantity, Subject, published
-from heli3dof.compare.reproduce import Reproduced
-from heli3dof.report.grid import NONE, Grid, fixed, short
+from heli3dof.comparison.compare import (
+    Comparison,
+    FlightComparison,
+    ModelComparison,
+    PredictionError,
+)
+from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
+from heli3dof.comparison.published import CAVEATS, NO_EXPERIMENT, Quantity, Subject, published
+from heli3dof.comparison.reproduce import Reproduced
+from heli3dof.report.grid import NONE, Grid, fixed, short, to_rich
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
 
 EXPERIMENT = "experiment"
 DIFFERENCE = "  Δ"
@@ -201,6 +210,29 @@ def published_table(rows: Iterable[Reproduced]) -> Grid:
         text_columns=3,
         prose_columns=2,
     )
+
+
+def flight_grids(flight: FlightComparison) -> list[Grid]:
+    """The tables of one flight: step metrics and Table II where it was replayed, predictions."""
+    replayed = metrics_table(flight) if flight.why is None else None
+    grids = (replayed, table_ii(flight), prediction_table(flight))
+    return [g for g in grids if g is not None]
+
+
+def comparison_grids(comparison: Comparison, reproduced: Sequence[Reproduced] = ()) -> list[Grid]:
+    """Every table of a comparison, flight by flight, and the published numbers last."""
+    grids = [g for flight in comparison.flights for g in flight_grids(flight)]
+    return [*grids, published_table(reproduced)] if reproduced else grids
+
+
+def comparison_renderables(
+    comparison: Comparison, reproduced: Sequence[Reproduced] = ()
+) -> list[RenderableType]:
+    """The same for a terminal, with a blank line after each."""
+    shown: list[RenderableType] = []
+    for grid in comparison_grids(comparison, reproduced):
+        shown += [to_rich(grid), ""]
+    return shown
 
 
 def _model_notes(flight: FlightComparison) -> list[str]:

@@ -17,6 +17,7 @@ from heli3dof.model.simulate import fly
 from heli3dof.recording.recording import Recording, make_recording
 from tests.model.examples import DEG, PROFILE, in_another_basis, step_task
 from tests.model.test_state import with_rotor_lag
+from tests.paths import REAL_DATA, needs_real_data
 
 HOVER = hover_model(PROFILE)
 GRID = PROFILE.encoder.rad_per_count
@@ -190,3 +191,38 @@ def test_sixty_seconds_at_500_hz_one_second_ahead_take_less_than_a_second() -> N
         start = time.perf_counter()
         predict(model, flight, 1.0)
         assert time.perf_counter() - start < 1.0
+
+
+def test_a_gain_without_a_noise_covariance_is_used_as_it_stands() -> None:
+    model, flight = innovation_model(), hover_flight()
+    for S in (np.full((3, 3), np.nan), np.zeros((3, 3))):
+        unknown = replace(model, S=S)
+        late = slice(3000, None)
+        np.testing.assert_allclose(
+            predict(unknown, flight, 0.1)[late], predict(model, flight, 0.1)[late], atol=1e-3
+        )
+
+
+def real_recording(name: str) -> Recording:
+    """One of rig-a's logs, with Table I's rig for a profile: nothing about it is fitted."""
+    table = np.genfromtxt(REAL_DATA / "rig-a" / name, delimiter=",", names=True)
+    return make_recording(
+        table["t_s"],
+        np.column_stack([table["v_front_V"], table["v_back_V"]]),
+        np.radians(np.column_stack([table[f"{a}_deg"] for a in ("roll", "pitch", "yaw")])),
+        PROFILE,
+    )
+
+
+@needs_real_data
+@pytest.mark.real_data
+def test_on_a_real_rig_the_hover_model_of_table_1_predicts_worse_than_standing_still() -> None:
+    # The paper's criticism of its hover model, on data that the authors never saw.
+    flight = real_recording("closed-1b.csv")
+    airborne = flight.between(3.0, np.inf)
+    error = (predict(HOVER, airborne, 1.0) - airborne.angle)[500:] / DEG
+    still = (airborne.angle[200:] - airborne.angle[:-200])[300:] / DEG
+    assert np.isfinite(error).all()
+    rms, rms_still = (np.sqrt(np.mean(e**2, axis=0)) for e in (error, still))
+    assert rms[0] > 1.3 * rms_still[0]
+    assert rms[0] < 20  # yet no open-loop replay: that drifts by far more

@@ -1,0 +1,130 @@
+"""``compare --json``: the comparison as one JSON document, schema ``heli3dof.comparison/1``.
+
+::
+
+    schema, horizons_s, warnings
+    flights[]      recording, digest, duration_s, profile
+                   loop ("replayed" | "not replayed"), why_not_replayed
+                   experiment.<axis>      the six metrics, the step they describe, all steps
+                   models[]               name, kind, cannot[], diverged_at_s, unstable_poles
+                     axes.<axis>          the six metrics, difference (the same six, model minus
+                                          experiment), replay_rmse_deg
+                     prediction           rmse_deg.<horizon>.<axis>, over_window_deg.<axis>
+                   held_still             prediction of the angles held still
+    published[]    what the paper prints, ours, reproducible and why
+
+The six metrics are ``peak_deg overshoot_deg overshoot_percent steady_error_deg rise_time_s
+settling_time_s``; `heli3dof.comparison.metrics` defines them. What is not defined is null.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.comparison.compare import (
+    Comparison,
+    FlightComparison,
+    ModelComparison,
+    PredictionError,
+)
+from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
+from heli3dof.comparison.reproduce import Reproduced
+
+SCHEMA = "heli3dof.comparison/1"
+
+
+def to_json(comparison: Comparison, published: Iterable[Reproduced] = ()) -> dict[str, Any]:
+    """A plain dict of JSON types: no NaN, no numpy."""
+    document: dict[str, Any] = {
+        "schema": SCHEMA,
+        "horizons_s": list(comparison.horizons_s),
+        "flights": [_flight(f) for f in comparison.flights],
+        "warnings": list(comparison.warnings),
+    }
+    rows = [{**asdict(r.published), "ours_deg": _number(r.ours_deg)} for r in published]
+    if rows:
+        document["published"] = rows
+    return document
+
+
+def _flight(flight: FlightComparison) -> dict[str, Any]:
+    recording = flight.recording
+    return {
+        "recording": recording.name,
+        "digest": recording.digest,
+        "duration_s": _number(recording.duration),
+        "profile": recording.profile.name,
+        "loop": flight.loop,
+        "why_not_replayed": flight.why,
+        "experiment": {axis: _axis(flight.experiment[axis]) for axis in AXES},
+        "models": [_model(flight, m) for m in flight.models],
+        "held_still": _prediction(flight.held_still),
+    }
+
+
+def _model(flight: FlightComparison, model: ModelComparison) -> dict[str, Any]:
+    axes = None
+    if model.metrics is not None and model.replay_rmse_deg is not None:
+        axes = {
+            axis: {
+                **_axis(model.metrics[axis]),
+                "difference": _numbers(flight.difference(model, axis)),
+                "replay_rmse_deg": _number(model.replay_rmse_deg[i]),
+            }
+            for i, axis in enumerate(AXES)
+        }
+    return {
+        "name": model.name,
+        "kind": model.kind,
+        "axes": axes,
+        "prediction": _prediction(model.prediction),
+        "diverged_at_s": model.diverged_at_s,
+        "unstable_poles": [{"real": p.real, "imag": p.imag} for p in model.unstable_poles],
+        "cannot": list(model.cannot),
+    }
+
+
+def _axis(metrics: AxisMetrics) -> dict[str, Any]:
+    return {
+        **_numbers(metrics.reported.values()),
+        "step": _step(metrics.reported),
+        "steps": [{**_step(s), **_numbers(s.values())} for s in metrics.steps],
+    }
+
+
+def _step(step: StepMetrics) -> dict[str, Any]:
+    return {
+        "kind": step.kind,
+        "start_s": _number(step.start_s),
+        "stop_s": _number(step.stop_s),
+        "from_deg": _number(step.from_deg),
+        "set_deg": _number(step.set_deg),
+    }
+
+
+def _prediction(error: PredictionError | None) -> dict[str, Any] | None:
+    if error is None:
+        return None
+    return {
+        "rmse_deg": {f"{h:g}": _per_axis(v) for h, v in error.ahead_deg.items()},
+        "over_window_deg": _per_axis(error.over_window_deg),
+        "window_s": error.window_s,
+    }
+
+
+def _per_axis(values: np.ndarray) -> dict[str, float | None]:
+    return {axis: _number(values[i]) for i, axis in enumerate(AXES)}
+
+
+def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: _number(v) for name, v in values.items()}
+
+
+def _number(value: float) -> float | None:
+    """JSON has no NaN: what is not defined is null."""
+    return float(value) if np.isfinite(value) else None

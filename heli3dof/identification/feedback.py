@@ -1,0 +1,104 @@
+"""Was there feedback? Are the voltages correlated with past output innovations?
+
+Both sides are whitened first, by autoregressions of order p: e from a VARX of the angles on past
+angles and voltages, w from an AR of the voltages on their own past alone. Without feedback w[k]
+is independent of e[k], e[k−1], …, and
+
+    Q = N Σ_{j=0}^{h−1} tr(R_jᵀ R_j)  ~  χ²(2·3·h),      R_j = corr(w[k], e[k−j])
+
+with both normalised to unit covariance (Haugh 1976; Söderström & Stoica 1989, section 12.10).
+j = 0 belongs here because sample k's voltage follows from sample k's angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from heli3dof.identification.subspace import Pair, past, varx
+
+LEVEL = 1e-3
+SHARE_MIN = 0.005
+"""Feedback that explains less of the voltage than this does no harm to any estimator."""
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """The verdict. ``share`` is the part of the voltages' innovation that past angles explain."""
+
+    statistic: float
+    degrees_of_freedom: int
+    p_value: float
+    share: float
+    present: bool
+    sentence: str
+
+
+def feedback_test(data: Sequence[Pair], *, p: int = 10, h: int = 5) -> Feedback:
+    """Test segments u (N, 2) V, y (N, 3) rad at one rate for feedback from y to u."""
+    from scipy.stats import chi2
+
+    long = [(u, y) for u, y in data if len(u) > 3 * p]
+    fit = varx(long, p)
+    w = _input_innovations(long, p)
+    e = fit.innovations
+    cov_w = np.mean(np.vstack([a.T @ a / len(a) for a in w]).reshape(-1, 2, 2), axis=0)
+    size = float(np.mean([np.var(u) for u, _ in long]))
+    dof = 2 * 3 * h
+    if np.trace(cov_w) < 1e-9 * size:
+        sentence = (
+            "The voltages follow exactly from their own past (a constant, a ramp, a periodic "
+            "signal): nothing in them answers the angles, so there is no feedback to account for."
+        )
+        return Feedback(0.0, dof, 1.0, 0.0, False, sentence)
+    Lw = _whitener(cov_w)
+    Le = _whitener(fit.S)
+    N = sum(len(a) - h for a in w)
+    q, share = 0.0, 0.0
+    for j in range(h):
+        R = (
+            sum(
+                (a[h:] @ Lw.T).T @ (b[h - j : len(b) - j] @ Le.T) for a, b in zip(w, e, strict=True)
+            )
+            / N
+        )
+        q += N * float(np.sum(R**2))
+        share += float(np.sum(R**2)) / 2
+    p_value = float(chi2.sf(q, dof))
+    present = p_value < LEVEL and share > SHARE_MIN
+    return Feedback(q, dof, p_value, share, present, _sentence(q, dof, p_value, share, present))
+
+
+def _input_innovations(data: Sequence[Pair], p: int) -> list[np.ndarray]:
+    none = [np.zeros((len(u), 0)) for u, _ in data]
+    Z = np.vstack([past(u, y, p) for (u, _), y in zip(data, none, strict=True)])
+    U = np.vstack([u[p:] for u, _ in data])
+    Z = np.hstack([Z, np.ones((len(Z), 1))])
+    theta, *_ = np.linalg.lstsq(Z, U, rcond=1e-10)
+    W = U - Z @ theta
+    ends = np.cumsum([len(u) - p for u, _ in data])[:-1]
+    return list(np.split(W, ends))
+
+
+def _whitener(cov: np.ndarray) -> np.ndarray:
+    """L with L cov Lᵀ = I (directions without variance are dropped)."""
+    lam, V = np.linalg.eigh(cov)
+    keep = lam > 1e-12 * lam.max()
+    return np.asarray((V[:, keep] / np.sqrt(lam[keep])).T)
+
+
+def _sentence(q: float, dof: int, p_value: float, share: float, present: bool) -> str:
+    shown = "below 1e-12" if p_value < 1e-12 else f"{p_value:.2g}"
+    numbers = f"χ²({dof}) = {q:.4g}, p {shown}, {100 * share:.1f} % of the voltages' innovation"
+    if present:
+        return (
+            f"Feedback: the voltages answer past output noise ({numbers}). Estimators that take "
+            "the input as independent of the noise (output error) are biased here; prediction "
+            "error on innovations is not."
+        )
+    return (
+        f"No feedback seen ({numbers}). Prediction error is used all the same; output error "
+        "would be consistent too."
+    )

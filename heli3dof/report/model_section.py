@@ -1,0 +1,123 @@
+"""What a report says of the models themselves: orders, poles, poles in the loop, Bode diagrams.
+
+The Bode diagrams show what the rig's symmetry separates: roll and the voltage of both motors
+together (V_F = V_B = V), pitch and yaw and the voltage difference (V_F = −V_B = V).
+
+    G(jω) = C (e^{jωΔt} I − A)⁻¹ B,     ω up to 80 % of π/Δt
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.model.base import Model
+from heli3dof.model.linear import LinearModel
+from heli3dof.report.grid import NONE, Grid, fixed
+from heli3dof.report.html import figure, table
+from heli3dof.report.model_figures import BodeCurve, bode_figure
+from heli3dof.rig.profile import Profile
+
+CHANNELS = {
+    "roll / both motors (rad/V)": ("roll", np.array([1.0, 1.0])),
+    "pitch / front − back (rad/V)": ("pitch", np.array([1.0, -1.0])),
+    "yaw / front − back (rad/V)": ("yaw", np.array([1.0, -1.0])),
+}
+LOWEST = 0.1
+"""rad/s: slower than any flight of a minute can tell."""
+HIGHEST = 100.0
+
+
+def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
+    """The blocks of the models' section; ``profile`` gives the loop, where it is known."""
+    if not models:
+        return []
+    blocks = [table(models_table(models, profile))]
+    linear = [m for m in models if isinstance(m, LinearModel)]
+    if linear:
+        omega, channels = bode_of(linear)
+        drawn = bode_figure(omega, channels, title="Bode diagrams of the models")
+        blocks.append(figure(drawn, "Magnitude and phase of every model over frequency"))
+    return blocks
+
+
+def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
+    """Name, kind, order and poles of each model, alone and in the profile's loop."""
+    rows = []
+    for m in models:
+        order, poles = NONE, NONE
+        if isinstance(m, LinearModel):
+            order, poles = str(m.order), poles_text(plant_poles(m))
+        loop = NONE
+        if profile is not None and profile.controller is not None:
+            loop = poles_text(m.loop_poles(profile.controller, profile.dt))
+        rows.append([m.name, m.kind.replace("_", " "), order, poles, loop])
+    return Grid(
+        "The models and their poles, in rad/s",
+        ["model", "kind", "order", "poles", "poles in the loop"],
+        rows,
+        notes=["A loop with a pole right of zero is unstable: such a model diverges when flown."],
+        text_columns=2,
+        prose_columns=2,
+    )
+
+
+def plant_poles(model: LinearModel) -> np.ndarray:
+    """(n,) rad/s: log(z)/Δt, or of the continuous model where the discrete one was made from it.
+
+    A chain of integrators has a repeated z = 1, whose logarithm would scatter.
+    """
+    if model.exact_hold:
+        return np.asarray(np.linalg.eigvals(model.continuous().A))
+    z = np.linalg.eigvals(model.A).astype(complex)
+    return np.asarray(np.log(z[np.abs(z) > 1e-12]) / model.dt)
+
+
+def poles_text(poles: np.ndarray, most: int = 12) -> str:
+    """Poles by their real part, rightmost first, conjugate pairs as one; slow ones in full.
+
+    >>> poles_text(np.array([-1.5 - 0.79j, -0.1, -1.5 + 0.79j, 0.0, 0.0]))
+    '0 (twice), −0.10, −1.50 ± 0.79j'
+    """
+    upper = sorted((p for p in poles if p.imag >= -1e-9), key=lambda p: (-p.real, p.imag))
+    words: list[str] = []
+    for p in upper:
+        at_zero = abs(p) < 5e-3
+        word = "0" if at_zero else fixed(p.real)
+        words.append(word if abs(p.imag) < 5e-3 else f"{word} ± {fixed(p.imag)}j")
+    said: list[str] = []
+    for word in dict.fromkeys(words):
+        n = words.count(word)
+        said.append(word if n == 1 else f"{word} ({'twice' if n == 2 else f'{n} times'})")
+    return ", ".join(said[:most]) + (", …" if len(said) > most else "")
+
+
+def bode_of(
+    models: Sequence[LinearModel], points: int = 240
+) -> tuple[np.ndarray, dict[str, list[BodeCurve]]]:
+    """ω (M,) rad/s and the curves of every channel that at least one model has."""
+    fastest = min(HIGHEST, *(0.8 * np.pi / m.dt for m in models))
+    omega = np.geomspace(LOWEST, fastest, points)
+    channels: dict[str, list[BodeCurve]] = {}
+    for m in models:
+        response = discrete_response(m.A, m.B, m.C, m.dt, omega)
+        for name, (axis, motors) in CHANNELS.items():
+            if axis in m.axes:
+                g = response[:, AXES.index(axis)] @ motors
+                channels.setdefault(name, []).append(BodeCurve(m.name, m.kind, g))
+    return omega, channels
+
+
+def discrete_response(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, dt: float, omega: np.ndarray
+) -> np.ndarray:
+    """(M, 3, 2) complex: the frequency response of a discrete model at ω (M,) rad/s."""
+    z = np.exp(1j * omega * dt)
+    n = len(A)
+    resolvent = np.linalg.solve(
+        z[:, None, None] * np.eye(n) - A,
+        np.broadcast_to(B.astype(complex), (len(z), n, B.shape[1])),
+    )
+    return np.asarray(C @ resolvent)

@@ -1,0 +1,167 @@
+"""Bad input gets a clear error and the right exit code, and nothing is lost."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+
+from tests.cli.running import heli3dof
+
+RIG = Path(__file__).parents[2] / "recordings" / "rig.toml"
+GRID = 360 / 4096
+
+
+def log(n: int = 4000, dt: float = 0.002, **columns: np.ndarray | None) -> str:
+    """A CSV log of a small wandering flight, with columns replaced or (None) left out."""
+    rng = np.random.default_rng(1)
+    t = np.arange(n) * dt
+    data: dict[str, np.ndarray | None] = {
+        "t_s": t,
+        "v_front_V": 7 + np.sin(t) + 0.1 * rng.standard_normal(n),
+        "v_back_V": 7 + np.cos(t) + 0.1 * rng.standard_normal(n),
+        "roll_deg": np.round(10 * np.sin(0.5 * t) / GRID) * GRID,
+        "pitch_deg": np.round(8 * np.sin(1.5 * t) / GRID) * GRID,
+        "yaw_deg": np.round(20 * np.sin(0.3 * t) / GRID) * GRID,
+    }
+    data.update(columns)
+    kept = {k: v for k, v in data.items() if v is not None}
+    out = io.StringIO()
+    out.write(",".join(kept) + "\n")
+    np.savetxt(out, np.column_stack(list(kept.values())), delimiter=",", fmt="%.8g")
+    return out.getvalue()
+
+
+def changed(column: str, row: int, value: float) -> str:
+    lines = log().splitlines()
+    names = lines[0].split(",")
+    cells = lines[row + 1].split(",")
+    cells[names.index(column)] = str(value)
+    lines[row + 1] = ",".join(cells)
+    return "\n".join(lines) + "\n"
+
+
+def radians_as_degrees() -> str:
+    n = 4000
+    t = np.arange(n) * 0.002
+    grid = np.radians(GRID)
+    return log(
+        roll_deg=np.round(np.radians(10) * np.sin(0.5 * t) / grid) * grid,
+        pitch_deg=np.round(np.radians(8) * np.sin(1.5 * t) / grid) * grid,
+        yaw_deg=np.round(np.radians(20) * np.sin(0.3 * t) / grid) * grid,
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "hints"),
+    [
+        (log(v_back_V=None), ["v_back_V"]),
+        (log().replace("v_back_V", "v_bak_V"), ["v_back_V", "v_bak_V"]),
+        (log(t_s=None), ["t_s"]),
+        (radians_as_degrees(), ["radian"]),
+        (changed("t_s", 100, 0.0), ["102"]),  # the file's line, the header being line 1
+        (changed("roll_deg", 50, float("nan")), ["roll_deg", "52"]),
+        (log(n=2), ["2"]),
+        ("", ["no table"]),
+    ],
+    ids=[
+        "missing",
+        "misspelt",
+        "no time",
+        "radians",
+        "time",
+        "nan",
+        "two samples",
+        "empty",
+    ],
+)
+def test_a_bad_log_is_refused_and_the_reason_named(text: str, hints: list, tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(text)
+    said = heli3dof("import", path, "--profile", RIG, "-o", tmp_path / "rec.mcap")
+    assert said.code == 5, said.err
+    for hint in hints:
+        assert hint in said.err
+    assert "Try:" in said.err
+    assert not (tmp_path / "rec.mcap").exists()
+
+
+def test_a_log_without_a_profile_is_told_to_name_one(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(log())
+    for verb in ("import", "identify", "info", "compare", "report"):
+        said = heli3dof(verb, path)
+        assert said.code == 2
+        assert "--profile" in said.err
+
+
+@pytest.mark.parametrize(
+    ("columns", "hints"),
+    [
+        ({"pitch_deg": None, "yaw_deg": None}, ["pitch"]),
+        ({"v_front_V": np.full(4000, 7.0), "v_back_V": np.full(4000, 7.0)}, ["constant"]),
+    ],
+    ids=["one angle only", "a constant input"],
+)
+def test_a_log_that_imports_but_cannot_carry_a_fit_says_why(
+    columns: dict, hints: list, tmp_path: Path
+) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text(log(**columns))
+    assert heli3dof("import", path, "--profile", RIG, "-o", tmp_path / "rec.mcap").code == 0
+    said = heli3dof("identify", tmp_path / "rec.mcap", "-o", tmp_path / "m.json")
+    assert said.code == 5, said.err
+    for hint in hints:
+        assert hint in said.err
+    assert not (tmp_path / "m.json").exists()
+
+
+def test_jitter_and_gaps_are_told_but_not_fatal(tmp_path: Path) -> None:
+    t = np.arange(4000) * 0.002
+    t[2000:] += 0.5
+    t += 0.0004 * np.random.default_rng(0).random(4000)
+    path = tmp_path / "log.csv"
+    path.write_text(log(t_s=t))
+    said = heli3dof("import", path, "--profile", RIG, "-o", tmp_path / "rec.mcap")
+    assert said.code == 0
+    assert "gap" in said.err
+    assert "Warning" in said.err
+
+
+def foreign_mcap(path: Path) -> None:
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("pose", "jsonschema", b"{}")
+        channel = writer.register_channel("/camera/pose", "json", schema)
+        writer.add_message(channel, 0, b'{"x": 1}', 0)
+        writer.finish()
+
+
+@pytest.mark.parametrize("verb", ["info", "identify", "compare", "report", "export"])
+def test_a_file_that_is_no_recording_is_exit_5(verb: str, tmp_path: Path) -> None:
+    text = tmp_path / "notes.mcap"
+    text.write_text("just some notes\n")
+    foreign_mcap(tmp_path / "foreign.mcap")
+    for path, hint in (
+        (tmp_path / "missing.mcap", "no recording"),
+        (text, "text"),
+        (tmp_path / "foreign.mcap", "/camera/pose"),
+    ):
+        said = heli3dof(verb, path)
+        assert said.code == 5, said.err
+        assert hint in said.err
+
+
+def test_a_model_file_that_is_none_is_exit_5(tmp_path: Path) -> None:
+    rec = tmp_path / "r.mcap"
+    heli3dof("simulate", "steps", "--model", "hover", "-o", rec)
+    for text, hint in (("{", "JSON"), ('{"schema": "heli3dof.model/99"}', "99"), ("[]", "model")):
+        model = tmp_path / "model.json"
+        model.write_text(text)
+        said = heli3dof("compare", rec, model, "-o", tmp_path / "out")
+        assert said.code == 5, said.err
+        assert hint in said.err

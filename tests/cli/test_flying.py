@@ -1,0 +1,212 @@
+"""``run-step``, ``run`` and ``simulate``: what they do, say and leave behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from heli3dof.recording.reader import read_recording
+from heli3dof.recording.row import RAMP_DOWN
+from tests.cli.running import heli3dof
+
+LEVEL = "mock:?speed=max&seed=1&start=level"
+HELI3DOF = [sys.executable, "-m", "heli3dof"]
+PATIENT = "mock:?watchdog_s=5"
+"""In real time, with a watchdog that bears a busy machine."""
+QUICK = ("--settle", "0.5", "--duration", "3")
+
+
+def test_run_step_records_and_sums_up(tmp_path: Path) -> None:
+    path = tmp_path / "step.mcap"
+    said = heli3dof("run-step", "--roll", "10", *QUICK, "--device", LEVEL, "-o", path, "--json")
+    assert said.code == 0
+    document = said.document
+    assert document["outcome"] == "completed"
+    assert document["periods"] == 1750
+    assert document["axes"]["roll"]["set_deg"] == 10
+    assert 11 < document["axes"]["roll"]["peak_deg"] < 13
+    recording = read_recording(path)
+    assert recording.digest == document["digest"]
+    assert recording.meta["outcome"] == "completed"
+    assert recording.meta["plan"]["segment"][-1]["roll_deg"] == 10
+    assert recording.profile.loop_is_known
+
+
+def test_the_summary_is_a_table_without_colour_where_nobody_watches(tmp_path: Path) -> None:
+    said = heli3dof("run-step", "--roll", "5", *QUICK, "--device", LEVEL, "-o", tmp_path / "a.mcap")
+    for word in ("roll", "peak", "overshoot", "late by more than 1 ms: 0 of 1750"):
+        assert word in said.out
+    assert "\x1b" not in said.out + said.err
+
+
+def test_elevation_and_travel_are_aliases(tmp_path: Path) -> None:
+    words = ("--dry-run", "--json", "--device", LEVEL)
+    ours = heli3dof("run-step", "--roll", "4", "--yaw", "9", *words).document
+    theirs = heli3dof("run-step", "--elevation", "4", "--travel", "9", *words).document
+    assert ours == theirs
+
+
+def test_a_dry_run_opens_and_writes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = heli3dof("run-step", "--roll", "10", "--dry-run")
+    assert said.code == 0
+    assert "step 20 s to roll 10°" in said.out
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "hints"),
+    [
+        (("run-step",), 2, ["heli3dof run-step --roll 10"]),
+        (("run-step", "--roll", "400"), 2, ["roll 400°", "-32° to 34°"]),
+        (("run-step", "--roll", "ten"), 2, ["--roll"]),
+        (("run", "stepps"), 2, ["did you mean 'steps'"]),
+        (("run", "steps", "--device", "mok:"), 2, ["did you mean 'mock'"]),
+        (("run", "steps", "--device", "mock"), 2, ["not a device URL"]),
+        (("run", "steps", "--device", "mock:?sped=max"), 2, ["did you mean 'speed'"]),
+        (("run", "steps", "--device", "mock:?hide=friction.colomb.yaw:1"), 2, ["friction.coulomb"]),
+        (("run", "steps", "--profile", "none.toml"), 2, ["no profile none.toml"]),
+        (("simulate", "steps", "--model", "hoover"), 2, ["did you mean 'hover'"]),
+        (("simulate", "steps", "--model", "hover-printed"), 6, ["1.469"]),
+    ],
+)
+def test_what_cannot_be_flown_is_refused_with_a_hint(
+    words: tuple, code: int, hints: list, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = heli3dof(*words)
+    assert said.code == code
+    for hint in hints:
+        assert hint in said.err
+    assert not list(tmp_path.rglob("*.mcap"))
+
+
+def test_a_gain_that_does_not_stabilise_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    profile = Path(__file__).parents[2] / "recordings" / "rig.toml"
+    front = [-37.6, 13.2, -11.5, 20.9, 4.7, -16.1, 10.0, -1.0]  # roll's gain has the wrong sign
+    rows = [front, [37.6, -13.2, 11.5, 20.9, -4.7, 16.1, 10.0, 1.0]]
+    bad = tmp_path / "bad.toml"
+    bad.write_text(profile.read_text() + f"\nK = {rows}\n")
+    path = tmp_path / "never.mcap"
+    said = heli3dof(
+        "run-step", "--roll", "5", "--profile", bad, "--device", LEVEL, "-o", path, "--json"
+    )
+    assert said.code == 6
+    assert said.document["exit_code"] == 6
+    assert "pole" in said.document["error"]
+    assert not path.exists()
+
+
+def test_a_trip_ends_with_exit_4_and_a_recording_that_says_why(tmp_path: Path) -> None:
+    path = tmp_path / "trip.mcap"
+    said = heli3dof("run-step", "--roll", "33", *QUICK, "--device", LEVEL, "-o", path)
+    assert said.code == 4
+    recording = read_recording(path)
+    assert recording.meta["outcome"] == "tripped"
+    assert "roll reached" in recording.meta["outcome_details"]["detail"]
+    assert (recording.voltage[-1] == 0).all()
+    assert (recording.channels["phase"][-200:] == RAMP_DOWN).all()
+
+
+def test_a_recording_is_never_overwritten_unless_forced(tmp_path: Path) -> None:
+    words = ("run-step", "--roll", "1", *QUICK, "--device", LEVEL, "-o", tmp_path / "a.mcap")
+    assert heli3dof(*words).code == 0
+    before = (tmp_path / "a.mcap").read_bytes()
+    said = heli3dof(*words)
+    assert said.code == 2
+    assert "--force" in said.err
+    assert (tmp_path / "a.mcap").read_bytes() == before
+    assert heli3dof(*words, "--force").code == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_said_to_be_full(tmp_path: Path) -> None:
+    full = tmp_path / "full.mcap"
+    full.symlink_to("/dev/full")
+    said = heli3dof("run-step", "--roll", "1", *QUICK, "--device", LEVEL, "-o", full, "--force")
+    assert said.code == 5
+    assert full.is_symlink()
+    assert "space" in said.err.lower()
+
+
+def test_the_same_seeds_fly_the_same_flight(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        heli3dof(
+            "run-step", "--yaw", "5", *QUICK, "--device", LEVEL, "-o", tmp_path / f"{name}.mcap"
+        )
+    a, b = (read_recording(tmp_path / f"{n}.mcap") for n in ("a", "b"))
+    assert a.digest == b.digest
+
+
+def test_simulate_records_like_a_flight(tmp_path: Path) -> None:
+    path = tmp_path / "sim.mcap"
+    said = heli3dof("simulate", "steps", "--model", "hover", "-o", path, "--json")
+    assert said.code == 0
+    recording = read_recording(path)
+    assert len(recording) == 30000
+    assert recording.meta["model"] == "hover"
+    assert np.degrees(recording.angle[0, 0]) == pytest.approx(-27.5, abs=0.1)
+
+
+class RealTime:
+    """A flight in a process of its own, in real time."""
+
+    def __init__(self, path: Path) -> None:
+        self.process = subprocess.Popen(
+            [*HELI3DOF, "run-step", "--roll", "5", "--device", PATIENT, "-o", str(path)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        deadline = time.monotonic() + 60
+        while not (path.exists() and path.stat().st_size > 20_000):
+            assert time.monotonic() < deadline, "the flight did not start"
+            assert self.process.poll() is None, self.process.communicate()
+            time.sleep(0.02)
+
+    def ends(self, number: int) -> tuple[int, str]:
+        os.kill(self.process.pid, number)
+        _, err = self.process.communicate(timeout=30)
+        return self.process.returncode, err
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ramps_the_motors_to_zero_and_closes_the_recording(
+    tmp_path: Path, number: int
+) -> None:
+    path = tmp_path / "stopped.mcap"
+    code, err = RealTime(path).ends(number)
+    assert code == 130
+    assert "ramped to zero" in err
+    recording = read_recording(path)
+    assert recording.meta["outcome"] == "interrupted"
+    assert (recording.voltage[-1] == 0).all()
+    ramp = recording.channels["phase"] == RAMP_DOWN
+    assert ramp.sum() == pytest.approx(250, abs=5)
+
+
+@pytest.mark.realtime
+def test_kill_9_in_mid_flight_loses_at_most_half_a_second(tmp_path: Path) -> None:
+    path = tmp_path / "killed.mcap"
+    flight = RealTime(path)
+    time.sleep(1.0)
+    flight.ends(signal.SIGKILL)
+    killed = time.time()
+    assert heli3dof("info", path, "--json").document["torn"]
+    assert heli3dof("identify", path).code == 5
+    said = heli3dof("recover", path, "--json")
+    assert said.code == 0
+    recording = read_recording(Path(said.document["file"]))
+    assert recording.meta["outcome"] == "recovered"
+    last = recording.meta["start_ns"] / 1e9 + recording.t[-1]
+    assert killed - last <= 0.5

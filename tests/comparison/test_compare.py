@@ -1,0 +1,173 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heli3dof.axes import AXES
+from heli3dof.comparison.compare import compare
+from heli3dof.comparison.document import to_json
+from heli3dof.comparison.metrics import METRICS
+from heli3dof.comparison.reproduce import reproduce
+from heli3dof.experiment.plan import step_plan
+from heli3dof.experiment.simulate import simulate
+from heli3dof.model.hover import hover_model
+from heli3dof.recording.load import load
+from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.rig.profile import default_profile, load_profile
+from tests.comparison.fakes import FakeHover, WrongRate, flight
+from tests.paths import REAL_DATA, needs_real_data
+
+
+def unknown_loop(recording: Recording) -> Recording:
+    profile = default_profile().model_copy(update={"controller": None})
+    return replace(recording, profile=profile)
+
+
+def test_the_true_model_differs_from_the_experiment_by_nothing() -> None:
+    result = compare([flight()], [FakeHover()])
+    (only,) = result.flights
+    assert only.loop == "replayed"
+    for axis in AXES:
+        difference = only.difference(only.models[0], axis)
+        defined = [d for d in difference.values() if np.isfinite(d)]
+        assert defined
+        assert defined == pytest.approx([0.0] * len(defined), abs=1e-6)
+    assert only.models[0].replay_rmse_deg == pytest.approx([0, 0, 0], abs=1e-6)
+
+
+def test_each_difference_is_the_model_s_minus_the_experiment_s() -> None:
+    result = compare([flight(truth=FakeHover(thrust=0.6))], [FakeHover()])
+    (only,) = result.flights
+    ours = only.model("hover").metrics
+    assert ours is not None
+    for name in METRICS:
+        expected = getattr(ours["roll"].reported, name) - getattr(
+            only.experiment["roll"].reported, name
+        )
+        assert only.difference(only.models[0], "roll")[name] == pytest.approx(expected)
+    assert only.difference(only.models[0], "roll")["peak_deg"] < -0.5  # a weak rig overshoots more
+
+
+def test_an_unknown_loop_gives_predictions_and_no_replay() -> None:
+    result = compare([unknown_loop(flight(duration_s=12.0))], [FakeHover()])
+    (only,) = result.flights
+    (model,) = only.models
+    assert only.loop == "not replayed"
+    assert model.metrics is None
+    assert model.prediction is not None
+    assert set(model.prediction.ahead_deg) == {0.5, 1.0, 3.0}
+    assert model.trace is not None
+    assert model.trace.kind == "prediction"
+    assert any("loop is unknown" in w for w in result.warnings)
+
+
+def test_what_one_model_cannot_do_stops_no_other() -> None:
+    result = compare([flight()], [WrongRate(), FakeHover()])
+    refused, flown = result.flights[0].models
+    assert refused.metrics is None
+    assert refused.prediction is None
+    assert refused.cannot == ("the model was made for 200 Hz, the recording is at 500 Hz",)
+    assert flown.metrics is not None
+    assert any("200 Hz" in w for w in result.warnings)
+
+
+def test_a_diverging_model_has_a_time_and_no_metrics() -> None:
+    printed = FakeHover(name="hover-printed", kind="hover_printed", yaw_sign=+1.0)
+    result = compare([flight(yaw_deg=5.0, duration_s=20.0)], [printed])
+    (model,) = result.flights[0].models
+    assert model.diverged_at_s is not None
+    assert model.metrics is not None
+    assert np.isnan(model.metrics["yaw"].reported.peak_deg)
+    assert model.replay_rmse_deg is not None
+    assert np.isnan(model.replay_rmse_deg).all()
+    assert "+1.469" in model.cannot[0]
+    assert "diverges at" in model.cannot[0]
+
+
+def test_models_may_be_made_for_each_recording() -> None:
+    recordings = [flight(name="a"), flight(name="b", duration_s=5.0)]
+    result = compare(recordings, lambda r: [FakeHover(name=f"hover of {r.name}")])
+    assert [f.models[0].name for f in result.flights] == ["hover of a", "hover of b"]
+
+
+def test_a_flight_shorter_than_a_horizon_is_predicted_at_the_others() -> None:
+    result = compare([flight(duration_s=2.0)], [FakeHover()])
+    prediction = result.flights[0].models[0].prediction
+    assert prediction is not None
+    assert set(prediction.ahead_deg) == {0.5, 1.0}
+
+
+def test_the_document_holds_the_six_metrics_and_their_differences_per_axis_and_model() -> None:
+    result = compare([flight(noise_deg=0.05)], [FakeHover()])
+    document = to_json(result, reproduce(FakeHover()))
+    text = json.dumps(document, allow_nan=False)  # raises on NaN
+    assert json.loads(text)["schema"] == "heli3dof.comparison/1"
+    axes = document["flights"][0]["models"][0]["axes"]
+    for axis in AXES:
+        assert set(METRICS) <= set(axes[axis])
+        assert set(axes[axis]["difference"]) == set(METRICS)
+        assert set(METRICS) <= set(document["flights"][0]["experiment"][axis])
+    assert axes["pitch"]["rise_time_s"] is None  # pitch has no step
+    assert axes["roll"]["peak_deg"] == pytest.approx(11.85, abs=0.03)
+
+
+def test_the_document_of_an_unknown_loop_and_a_refused_model_is_valid_too() -> None:
+    one_angle = np.column_stack([np.sin(np.arange(0, 5, 0.002)), *[np.full(2500, np.nan)] * 2])
+    log = make_recording(
+        np.arange(0, 5, 0.002),
+        np.zeros((2500, 2)),
+        one_angle,
+        default_profile().model_copy(update={"controller": None}),
+    )
+    document = to_json(compare([log], [FakeHover(), WrongRate()]))
+    json.dumps(document, allow_nan=False)
+    (found,) = document["flights"]
+    assert found["models"][0]["axes"] is None
+    assert found["models"][0]["prediction"]["rmse_deg"]["1"]["pitch"] is None
+    assert found["experiment"]["roll"]["peak_deg"] is None
+
+
+def test_a_flight_simulated_on_the_hover_model_is_what_compare_replays() -> None:
+    """The same controller, grid and reference: what is left is the encoder's rounding."""
+    plan = step_plan((10.0, None, 20.0), settle_s=4.0, duration_s=8.0)
+    hover = hover_model(default_profile())
+    only = compare([simulate(plan, hover)], [hover], horizons_s=()).flights[0]
+    count = np.degrees(default_profile().encoder.rad_per_count)
+    rmse = only.models[0].replay_rmse_deg
+    assert rmse is not None
+    assert (rmse <= count / np.sqrt(12) * 1.3).all()
+    assert only.experiment["roll"].reported.kind == "step"
+    assert only.experiment["roll"].reported.start_s == pytest.approx(4.0)
+    for axis in AXES:
+        assert abs(only.difference(only.models[0], axis)["peak_deg"]) <= max(count)
+
+
+def test_the_hover_column_of_the_paper_comes_from_the_hover_model() -> None:
+    """The contract's sampled controller on the corrected model: 11.75° (the paper: 12°)."""
+    ours = {
+        (r.published.axis, r.published.quantity): r.ours_deg
+        for r in reproduce(hover_model(default_profile()))
+        if r.published.reproducible
+    }
+    assert ours["roll", "peak"] == pytest.approx(11.75, abs=0.03)
+    assert ours["roll", "error"] == pytest.approx(0.10, abs=0.03)
+    assert [ours[a, q] for a in ("pitch", "yaw") for q in ("peak", "error")] == [0, 0, 0, 0]
+
+
+@needs_real_data
+@pytest.mark.real_data
+def test_a_real_log_is_predicted_and_the_hover_model_is_worse_than_standing_still() -> None:
+    """rig-a 1b, over 3 s: the folder's own figures are hover 41/31/38°, held still 8.5/5/5°."""
+    rig = REAL_DATA / "rig-a"
+    log = load(rig / "closed-1b.csv", load_profile(rig / "profile.toml"))
+    only = compare([log], [hover_model(log.profile)]).flights[0]
+    assert only.loop == "not replayed"
+    assert only.held_still is not None
+    hover = only.models[0].prediction
+    assert hover is not None
+    assert only.held_still.over_window_deg == pytest.approx([9.5, 7.1, 7.4], abs=0.1)
+    assert (hover.over_window_deg > 3 * only.held_still.over_window_deg).all()
+    json.dumps(to_json(compare([log], [hover_model(log.profile)])), allow_nan=False)

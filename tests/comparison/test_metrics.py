@@ -1,0 +1,190 @@
+"""Step metrics against numbers worked out by hand, and against what symmetry demands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from heli3dof.comparison.metrics import METRICS, StepMetrics, axis_metrics, flight_metrics
+
+T = np.arange(0, 20, 0.002)
+
+
+def second_order(t: np.ndarray, zeta: float = 0.5, omega: float = 2.0) -> np.ndarray:
+    """Unit step response of ω²/(s² + 2ζωs + ω²)."""
+    root = np.sqrt(1 - zeta**2)
+    late = np.maximum(t, 0)
+    wave = np.cos(omega * root * late) + zeta / root * np.sin(omega * root * late)
+    return np.where(t < 0, 0.0, 1 - np.exp(-zeta * omega * late) * wave)
+
+
+def first_order(t: np.ndarray, tau: float = 1.0) -> np.ndarray:
+    return np.where(t < 0, 0.0, 1 - np.exp(-np.maximum(t, 0) / tau))
+
+
+def step_at(
+    onset_s: float, y: np.ndarray, size_deg: float, level_deg: float = 0.0, t: np.ndarray = T
+) -> StepMetrics:
+    reference = np.radians(np.where(t < onset_s, level_deg, level_deg + size_deg))
+    return axis_metrics(t, np.radians(level_deg + size_deg * y), reference).reported
+
+
+def test_a_second_order_step_overshoots_by_exp_minus_pi_zeta_over_root() -> None:
+    # ζ = 0.5: exp(−π·0.5/√0.75) = 16.303 %
+    m = step_at(2.0, second_order(T - 2.0), 10.0)
+    assert m.kind == "step"
+    assert m.overshoot_percent == pytest.approx(16.303, abs=0.001)
+    assert m.overshoot_deg == pytest.approx(1.6303, abs=0.0001)
+    assert m.peak_deg == pytest.approx(11.6303, abs=0.0001)
+    assert m.steady_error_deg == pytest.approx(0.0, abs=1e-4)
+
+
+def test_a_second_order_step_rises_and_settles_when_the_formula_says() -> None:
+    # ζ = 0.5, ωt: 10 % at 0.5099, 90 % at 2.1482 (rise 1.6383/ω); last leaves ±2 % at 8.0764.
+    m = step_at(2.0, second_order(T - 2.0), 10.0)
+    assert m.rise_time_s == pytest.approx(1.6383 / 2, abs=0.0005)
+    assert m.settling_time_s == pytest.approx(8.0764 / 2, abs=0.003)
+
+
+def test_a_first_order_step_rises_in_tau_ln_9_and_settles_in_tau_ln_50() -> None:
+    m = step_at(1.0, first_order(T - 1.0, 0.8), -5.0)
+    assert m.rise_time_s == pytest.approx(0.8 * np.log(9), abs=1e-4)
+    assert m.settling_time_s == pytest.approx(0.8 * np.log(50), abs=0.003)
+    assert m.overshoot_deg == pytest.approx(0.0, abs=1e-6)
+    assert m.peak_deg == pytest.approx(-5.0, abs=1e-6)
+
+
+def test_both_readings_of_overshoot_stand_side_by_side() -> None:
+    """E10: the hover model's 10° step peaks at 11.85°; the paper prints 12° as its overshoot."""
+    m = step_at(0.0, 1.185 * first_order(T, 0.1), 10.0)
+    assert (m.kind, m.from_deg, m.set_deg) == ("start", 0.0, pytest.approx(10.0))
+    assert m.peak_deg == pytest.approx(11.85)
+    assert m.overshoot_deg == pytest.approx(1.85)
+    assert m.overshoot_percent == pytest.approx(18.5)
+
+
+def test_a_flight_from_rest_is_a_step_from_the_rest_angle() -> None:
+    y = np.radians(-27.5 + 37.5 * second_order(T))
+    m = axis_metrics(T, y, np.full_like(T, np.radians(10.0))).reported
+    assert (m.kind, m.from_deg) == ("start", -27.5)
+    assert m.overshoot_percent == pytest.approx(16.303, abs=0.001)
+    assert m.peak_deg == pytest.approx(10 + 0.16303 * 37.5, abs=0.001)
+
+
+def test_a_response_that_never_arrives_has_no_rise_or_settling_time() -> None:
+    m = step_at(0.0, 0.5 * first_order(T), 10.0)
+    assert np.isnan(m.rise_time_s)
+    assert np.isnan(m.settling_time_s)
+    assert m.overshoot_deg == pytest.approx(-5.0)  # it fell short
+    assert m.steady_error_deg == pytest.approx(-5.0)
+
+
+def test_a_held_axis_reports_its_farthest_angle_and_the_paper_s_largest_difference() -> None:
+    y = np.radians(np.where((T > 3) & (T < 4), -7.0, 2.0) * (T > 1))
+    m = axis_metrics(T, y, np.zeros_like(T)).reported
+    assert m.kind == "hold"
+    assert (m.peak_deg, m.overshoot_deg) == (pytest.approx(-7.0), pytest.approx(7.0))
+    assert m.steady_error_deg == pytest.approx(2.0)
+    assert np.isnan([m.overshoot_percent, m.rise_time_s, m.settling_time_s]).all()
+
+
+def test_a_held_axis_is_counted_from_the_first_step_of_any_axis() -> None:
+    """What the take-off does to pitch must not drown what the step does to it."""
+    roll_ref = np.radians(np.where(T < 5, 0.0, 10.0))
+    reference = np.column_stack([roll_ref, np.zeros_like(T), np.zeros_like(T)])
+    pitch = np.radians(np.where(T < 2, 12.0, 0.0) * (T > 0.1) + np.where(T > 6, 3.0, 0.0))
+    angle = np.column_stack([roll_ref, pitch, np.zeros_like(T)])
+    metrics = flight_metrics(T, angle, reference)
+    assert metrics["pitch"].reported.peak_deg == pytest.approx(3.0)
+    assert metrics["pitch"].steps[0].peak_deg == pytest.approx(12.0)
+    assert metrics["roll"].reported.kind == "step"
+
+
+def test_a_square_wave_gives_every_step_and_reports_the_first_commanded_one() -> None:
+    level = np.where((T // 5) % 2 == 0, -10.0, 10.0)
+    y = np.where(T < 5, -27.5 + 17.5 * first_order(T, 0.3), level)
+    for k in (1, 2, 3):
+        since = T - 5 * k
+        here = since >= 0
+        size = 20.0 if k % 2 else -20.0
+        y = np.where(here, -size / 2 + size * second_order(since, 0.5, 8.0), y)
+    m = axis_metrics(T, np.radians(y), np.radians(level))
+    assert [s.kind for s in m.steps] == ["start", "step", "step", "step"]
+    assert [s.set_deg for s in m.steps] == pytest.approx([-10, 10, -10, 10])
+    assert m.reported == m.steps[1]
+    assert m.reported.start_s == pytest.approx(5.0)
+    assert [s.overshoot_percent for s in m.steps[1:]] == pytest.approx([16.303] * 3, abs=0.01)
+
+
+def test_a_moving_reference_has_a_largest_difference_and_nothing_else() -> None:
+    ramp = np.radians(T)
+    m = axis_metrics(T, ramp + np.radians(np.where(T > 10, 4.0, 1.0)), ramp).reported
+    assert m.kind == "moving"
+    assert m.overshoot_deg == pytest.approx(4.0)
+    assert np.isnan([m.steady_error_deg, m.rise_time_s, m.settling_time_s]).all()
+
+
+def test_without_a_reference_nothing_is_defined() -> None:
+    m = axis_metrics(T, np.sin(T), np.full_like(T, np.nan)).reported
+    assert m.kind == "none"
+    assert np.isnan(list(m.values().values())).all()
+
+
+def test_a_response_that_turns_to_nan_has_no_metrics() -> None:
+    """A diverged model must not be measured on the part that did not diverge yet."""
+    y = np.where(T < 3, 10.0 * first_order(T), np.nan)
+    m = axis_metrics(T, np.radians(y), np.full_like(T, np.radians(10.0))).reported
+    assert np.isnan(list(m.values().values())).all()
+
+
+def test_a_settling_band_is_never_narrower_than_the_encoder() -> None:
+    """2 % of 2° is less than a count of 0.088°: the quantised angle could never settle in it."""
+    count = 360 / 4096
+    y = 2.0 * first_order(T, 0.5)
+    quantised = np.radians(np.round(y / count) * count)
+    reference = np.where(T < 0.0, 0.0, np.radians(2.0))
+    assert np.isfinite(
+        axis_metrics(T, quantised, reference, resolution=np.radians(count)).reported.settling_time_s
+    )
+
+
+sizes = st.floats(1.0, 40.0)
+dampings = st.floats(0.2, 0.9)
+speeds = st.floats(1.0, 5.0)
+
+
+@settings(max_examples=30, deadline=None)
+@given(size=sizes, zeta=dampings, omega=speeds)
+def test_the_mirrored_response_has_mirrored_metrics(size: float, zeta: float, omega: float) -> None:
+    y = second_order(T - 1, zeta, omega)
+    up, down = step_at(1.0, y, size).values(), step_at(1.0, y, -size).values()
+    for name in METRICS:
+        sign = -1.0 if name in ("peak_deg", "steady_error_deg") else 1.0
+        assert down[name] == pytest.approx(sign * up[name], nan_ok=True, abs=1e-9)
+
+
+@settings(max_examples=30, deadline=None)
+@given(size=sizes, zeta=dampings, factor=st.floats(0.2, 5.0))
+def test_a_slower_clock_stretches_times_and_nothing_else(
+    size: float, zeta: float, factor: float
+) -> None:
+    y = second_order(T - 1, zeta)
+    plain = step_at(1.0, y, size).values()
+    slow = step_at(factor, y, size, t=factor * T).values()
+    for name in METRICS:
+        scale = factor if name.endswith("_s") else 1.0
+        assert slow[name] == pytest.approx(scale * plain[name], nan_ok=True, rel=1e-6, abs=1e-6)
+
+
+@settings(max_examples=30, deadline=None)
+@given(size=sizes, zeta=dampings, level=st.floats(-20, 20))
+def test_a_shifted_level_shifts_the_peak_and_nothing_else(
+    size: float, zeta: float, level: float
+) -> None:
+    y = second_order(T - 1, zeta)
+    plain, shifted = step_at(1.0, y, size).values(), step_at(1.0, y, size, level).values()
+    for name in METRICS:
+        offset = level if name == "peak_deg" else 0.0
+        assert shifted[name] == pytest.approx(plain[name] + offset, nan_ok=True, abs=1e-6)

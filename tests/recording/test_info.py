@@ -1,0 +1,70 @@
+"""What is in a file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from heli3dof.errors import RecordingError
+from heli3dof.recording.exporting import export
+from heli3dof.recording.info import file_info, summary
+from heli3dof.recording.store import write_recording
+from tests.recording.make import flight, open_profile, write_flight
+
+
+def test_a_flight_is_summarised_with_its_plan_outcome_and_lateness(tmp_path: Path) -> None:
+    about = file_info(write_flight(tmp_path / "a.mcap", 1201))
+    json.dumps(about)
+    assert about["samples"] == 1201
+    assert about["duration_s"] == pytest.approx(2.4)
+    assert about["timing"]["rate_hz"] == pytest.approx(500)
+    assert about["timing"]["gaps"] == 0
+    assert about["profile"] == "table-1"
+    assert about["loop_is_known"]
+    assert about["plan"] == {"roll_deg": 10}
+    assert about["outcome"] == "completed"
+    assert about["lateness"]["max_s"] == pytest.approx(1200e-6)
+    assert about["lateness"]["late_ticks"] == 200  # 1001 … 1200 µs
+    assert about["angles"]["yaw"]["max_deg"] == pytest.approx(3 * 1200 * 360 / 8192)
+    assert about["torn"] is False
+    assert "roll_count" in about["channels"]
+
+
+def test_gaps_are_counted_and_warnings_shown(tmp_path: Path) -> None:
+    made = flight(500)
+    keep = np.ones(500, bool)
+    keep[[50, 51, 52, 200]] = False
+    log = export(made.rows(keep), tmp_path / "a.csv")
+    about = file_info(log, open_profile())
+    json.dumps(about)
+    assert about["timing"]["gaps"] == 2
+    assert about["timing"]["lost_share"] == pytest.approx(4 / 500)
+    assert about["timing"]["longest_gap_s"] == pytest.approx(0.008)
+    assert any("2 gaps" in w for w in about["warnings"])
+    assert not about["loop_is_known"]
+    assert about["provenance"]["log"]["file"] == "a.csv"
+
+
+def test_a_torn_file_is_summarised_as_far_as_it_goes(tmp_path: Path) -> None:
+    path = write_flight(tmp_path / "a.mcap", 500)
+    path.write_bytes(path.read_bytes()[:-1])
+    about = file_info(path)
+    assert about["torn"] is True
+    assert about["samples"] == 500
+    assert about["fix"] == f"heli3dof recover {path}"
+
+
+def test_a_file_torn_before_its_first_sample_is_an_error(tmp_path: Path) -> None:
+    path = write_flight(tmp_path / "a.mcap", 0)
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(RecordingError, match="torn"):
+        file_info(path)
+
+
+def test_the_same_data_have_the_same_digest_in_memory_and_in_a_file(tmp_path: Path) -> None:
+    made = flight(100)
+    about = file_info(write_recording(made, tmp_path / "a.mcap"))
+    assert about["digest"] == summary(made)["digest"]
