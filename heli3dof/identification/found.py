@@ -1,7 +1,8 @@
 """What every method hands back, whatever it fitted: the contract between a method and `identify`.
 
 A method is one module with a function ``fit(prepared, request) -> Found`` and a line in
-`heli3dof.identification.methods`. Preparation, validation, residual tests, JSON and printing are shared.
+`heli3dof.identification.methods`. Preparation, validation, residual tests, JSON and printing are
+shared.
 """
 
 from __future__ import annotations
