@@ -15,20 +15,23 @@ from pathlib import Path
 from typing import Any
 
 
-def compiled(function: Callable[..., Any], *, calls: tuple[Callable[..., Any], ...] = ()) -> Any:
+def compiled(
+    function: Callable[..., Any], *, calls: tuple[Callable[..., Any], ...] = (), **options: Any
+) -> Any:
     """``function`` under ``numba.njit``, cached; ``calls`` are the functions it calls.
 
-    Floating point is strict (no fastmath): the same numbers as in Python.
+    Floating point is strict (no fastmath): the same numbers as in Python. ``options`` go to numba,
+    for instance ``error_model="numpy"`` where no division by zero is to raise.
     """
     import numba
 
-    dispatcher: Any = numba.njit(cache=True)(function)
+    dispatcher: Any = numba.njit(cache=True, **options)(function)
     if calls:
         try:
             index = dispatcher._cache._cache_file
             index._source_stamp = (index._source_stamp, _sources(calls))
         except AttributeError:  # a numba whose cache is made otherwise: do without the cache
-            return numba.njit(function)
+            return numba.njit(**options)(function)
     return dispatcher
 
 

@@ -1,0 +1,137 @@
+"""The likelihood of recordings under a rig with given parameters, its score and information.
+
+    ℓ(θ, a) = Σ_k Σ_i ln Z_ik + ln prior(θ)
+
+from the filter of `heli3dof.model.kalman`; θ in the coordinates of `Free.inward` (logarithms, or
+units of the typical size), a (3,) the intensities of the angular acceleration noise, rad/s²/√Hz.
+The prior is N(start, spread²) per parameter: weak, there only so that a parameter of which the
+recordings say nothing stays where it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from heli3dof.identification.greybox.data import Data
+from heli3dof.model.rig_model import Structure
+
+ENCODER_NOISE = 0.1
+"""Standard deviation of what jitters before the encoder rounds, in encoder steps."""
+DIFFERENCE = 1e-4
+"""Step of the differences, in the coordinates (of the order of one)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """One run of the filter with everything kept."""
+
+    loglik: np.ndarray
+    """(3,) Σ ln Z by axis"""
+    m: np.ndarray
+    g: np.ndarray
+    w: np.ndarray
+    """(N, 3) predictions, scores ∂ln Z/∂m and informations −∂²ln Z/∂m²"""
+    K: np.ndarray
+    """(N, 3, 6)"""
+    X: np.ndarray | None
+    """(N, 6) states after the update, where asked for"""
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """Data and a structure. Stateless: every method takes the point."""
+
+    data: Data
+    structure: Structure
+
+    @cached_property
+    def prior_mean(self) -> np.ndarray:
+        """(n,) coordinates"""
+        return np.array([f.inward(f.start) for f in self.structure.free])
+
+    @cached_property
+    def prior_precision(self) -> np.ndarray:
+        """(n,) 1/variance in coordinates"""
+        free = self.structure.free
+        std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
+        return np.asarray(1.0 / std**2)
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n,), (n,) lowest and highest coordinates"""
+        free = self.structure.free
+        low = np.array([f.inward(f.low) for f in free])
+        return low, np.array([f.inward(f.high) for f in free])
+
+    @cached_property
+    def encoder_noise(self) -> np.ndarray:
+        """(3,) rad², the white noise R: within an encoder's step, or in place of it."""
+        step = self.data.rad_per_count
+        return np.asarray((ENCODER_NOISE * step) ** 2)
+
+    def values(self, theta: np.ndarray) -> np.ndarray:
+        """(n,) coordinates → values in their units."""
+        return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
+
+    def coordinates(self, values: np.ndarray) -> np.ndarray:
+        return np.array([f.inward(v) for f, v in zip(self.structure.free, values, strict=True)])
+
+    def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> Pass:
+        """The filter at θ and a; ``keep`` 0 the likelihood alone, 1 what `tangents` needs, 2 X."""
+        from heli3dof.model.kalman import filter_blocks
+
+        d = self.data
+        hooks = self.structure.hooks
+        s, par = self.structure.arrays(self.values(theta))
+        N = len(d.t)
+        n = N if keep else 1
+        m, g, w = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
+        K = np.zeros((n, 3, 6))
+        X = np.zeros((N if keep >= 2 else 1, 6))
+        loglik = np.zeros(3)
+        filter_blocks(
+            s, hooks.first, hooks.address, par, self.structure.memory, d.blocks, d.free, d.grid,
+            d.t, d.h, d.V, d.y, np.asarray(a, dtype=float) ** 2, self.encoder_noise, keep,
+            loglik, m, g, w, K, X,
+        )  # fmt: skip
+        return Pass(loglik, m, g, w, K, X if keep >= 2 else None)
+
+    def log_prior(self, theta: np.ndarray) -> float:
+        return float(-0.5 * (self.prior_precision * (theta - self.prior_mean) ** 2).sum())
+
+    def tangents(
+        self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None
+    ) -> np.ndarray:
+        """(n, N, 3) ∂m/∂θ along the coordinates ``which`` (all), the gains held."""
+        from heli3dof.model.kalman import follow
+
+        d = self.data
+        hooks = self.structure.hooks
+        low, high = self.bounds
+        which = np.arange(len(theta)) if which is None else which
+        step = np.where(theta + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)[which]
+        sets = [self.structure.arrays(self.values(theta + _unit(j, theta) * e))
+                for j, e in zip(which, step, strict=True)]  # fmt: skip
+        D = np.zeros((len(which), len(d.t), 3))
+        follow(
+            np.array([s for s, _ in sets]), hooks.first, hooks.address,
+            np.array([p for _, p in sets]), self.structure.memory, d.blocks, d.free,
+            d.t, d.h, d.V, d.y, at.m, at.g, at.w, at.K, D,
+        )  # fmt: skip
+        D /= step[:, None, None]
+        return D
+
+
+def score_and_information(at: Pass, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Σ g ∂m (n,) and Σ w ∂m ∂mᵀ (n, n): the likelihood's alone, without the prior."""
+    J = D.reshape(len(D), -1)
+    return J @ at.g.ravel(), (J * at.w.ravel()) @ J.T
+
+
+def _unit(j: int, theta: np.ndarray) -> np.ndarray:
+    e = np.zeros(len(theta))
+    e[j] = 1.0
+    return e

@@ -1,0 +1,344 @@
+"""The extended Kalman filter at the control rate, with encoders read as what they are: intervals.
+
+State x = (r, p, ψ, ṙ, ṗ, ψ̇); the rotors' thrusts are known from the voltages (their equation has
+no noise), so they are computed beforehand, exactly. White angular acceleration of intensity a_i²
+((rad/s²)²/Hz) drives each axis, so over a step h the covariance P grows by
+
+    P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ from ∂q̈/∂(q, q̇) every 20 ms
+
+An encoder of step Δ that reads y says that y − Δ/2 < q + n < y + Δ/2, with n a small white noise
+of variance R. With m and S = P_ii + R the prediction's mean and variance, α, β = (y ∓ Δ/2 − m)/√S
+and Z = Φ(β) − Φ(α) the probability of that reading,
+
+    g = ∂ ln Z/∂m = (φ(α) − φ(β)) / (Z √S)        w = −∂² ln Z/∂m² = g² − (α φ(α) − β φ(β)) / (Z S)
+
+are the score and the information of the reading, and x ← x + P_i g, P ← P − P_i P_iᵀ w is the
+posterior's mean and covariance (moments matched; P_i is P's column). An encoder that rests in the
+middle of its step says almost nothing, one that has just stepped says almost everything: white
+noise of variance Δ²/12 would say the same every time, hundreds of times a second. Where an angle
+is not on a grid (Δ = 0) the update is the ordinary one, g = (y − m)/S, w = 1/S.
+
+Σ ln Z is the likelihood. Along a change of the parameters, with the gains P_i held, the predictor
+obeys x ← x + P_i (g − w δm): `follow` runs it for any number of changed parameter sets, at a
+quarter of the filter's cost, and so gives ∂m/∂θ, the only thing that Gauss–Newton needs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from heli3dof.model import rigid_body
+from heli3dof.model import slots as _s
+from heli3dof.model.compiled import compiled
+from heli3dof.model.hooks import caller
+from heli3dof.model.rigid_body import accelerations, advance
+
+call = caller()
+R, T, F_FRONT, F_BACK, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.V_FRONT
+TAU_M, DELAY, K_F, GAIN_FRONT, GAIN_BACK = _s.TAU_M, _s.DELAY, _s.K_F, _s.GAIN_FRONT, _s.GAIN_BACK
+VOLTAGE, MEASURE = int(_s.Stage.VOLTAGE), int(_s.Stage.MEASURE)
+SETUP = int(_s.Stage.SETUP)
+RELINEARISE_S = 0.02
+RATE_0 = 1.0
+"""rad/s, how uncertain the rates are where a run starts."""
+SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
+
+
+def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
+    for i in range(first[SETUP], first[SETUP + 1]):
+        call(address[i], s, par[i], mem[i], s)
+
+
+setup = compiled(_setup, error_model="numpy")
+
+
+def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
+    """Rows lead … stop: f(V) K_f in ``target`` and the thrusts at each row's start in F (N, 2)."""
+    out = np.empty(2)
+    tau = s[TAU_M]
+    left, at = 0.0, -1.0
+    for k in range(lead, stop):
+        whole, part = 0, 0.0
+        if s[DELAY] > 0.0:
+            back = s[DELAY] / h[k]
+            whole = int(back)
+            part = back - whole
+        i = max(lead, k - whole)
+        j = max(lead, i - 1)
+        for m in range(2):
+            out[m] = (1.0 - part) * V[i, m] + part * V[j, m]
+        for e in range(first[VOLTAGE], first[VOLTAGE + 1]):
+            s[V_FRONT], s[V_FRONT + 1] = out[0], out[1]
+            call(address[e], s, par[e], mem[e], out)
+        target[k, 0] = s[K_F] * s[GAIN_FRONT] * out[0]
+        target[k, 1] = s[K_F] * s[GAIN_BACK] * out[1]
+        for m in range(2):
+            if k == lead:
+                F[k, m] = target[k, m]
+            else:
+                if h[k - 1] != at:
+                    at = h[k - 1]
+                    left = math.exp(-at / tau) if tau > 0.0 else 0.0
+                F[k, m] = target[k - 1, m] + (F[k - 1, m] - target[k - 1, m]) * left
+
+
+thrusts = compiled(_thrusts, error_model="numpy")
+
+
+def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
+    """x (6,) from row k to the next; ``decay`` (3,) keeps exp(−h/2τ) and exp(−h/τ) for its h."""
+    if decay[0] != h[k]:
+        decay[0] = h[k]
+        tau = s[TAU_M]
+        decay[1] = math.exp(-0.5 * h[k] / tau) if tau > 0.0 else 0.0
+        decay[2] = decay[1] * decay[1]
+    s[T] = t[k]
+    s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
+    for m in range(2):
+        # Without a lag the thrust is the target from the first instant.
+        w[5, m] = F[k, m] if s[TAU_M] > 0.0 else target[k, m]
+        w[6, m] = target[k, m] + (F[k, m] - target[k, m]) * decay[1]
+        w[7, m] = target[k, m] + (F[k, m] - target[k, m]) * decay[2]
+    advance(s, x, h[k], w[5], w[6], w[7], first, address, par, mem, free, w)
+
+
+step = compiled(
+    _step, calls=(rigid_body._advance,), error_model="numpy"
+)
+
+
+def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
+    """What the encoders should read, (3,) rad into m, and ∂m_i/∂q_i into ``slope``."""
+    for i in range(3):
+        m[i] = x[i]
+        slope[i] = 1.0
+    if first[MEASURE + 1] > first[MEASURE]:
+        for i in range(3):
+            slope[i] = x[i] + 1e-6
+            s[R + i], s[R + 3 + i] = x[i], x[3 + i]
+        for e in range(first[MEASURE], first[MEASURE + 1]):
+            call(address[e], s, par[e], mem[e], m)
+            call(address[e], s, par[e], mem[e], slope)
+        for i in range(3):
+            slope[i] = (slope[i] - m[i]) / 1e-6
+
+
+readings = compiled(_readings, error_model="numpy")
+
+
+def _tail(x: float) -> float:
+    """exp(x²/2) √(2π) Q(x), Mills' ratio of the normal distribution, x ≥ 0."""
+    if x < 5.0:
+        return SQRT2PI * 0.5 * math.erfc(x / SQRT2) * math.exp(0.5 * x * x)
+    d = x
+    for n in range(24, 0, -1):  # Laplace's continued fraction
+        d = x + n / d
+    return 1.0 / d
+
+
+tail = compiled(_tail, error_model="numpy")
+
+
+def _interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
+    """(ln Z, g, w) for a normal variable of mean 0 and variance S that lies in (lo, hi)."""
+    sd = math.sqrt(S)
+    a, b = lo / sd, hi / sd
+    sign = 1.0
+    if a + b < 0.0:  # mirrored, so that a is the nearer end and b > |a|
+        a, b = -b, -a
+        sign = -1.0
+    if a > 3.0:
+        # Everything relative to φ(a): Z = φ(a) (tail(a) − e tail(b)), e = φ(b)/φ(a).
+        e = math.exp(0.5 * (a * a - b * b))
+        z = tail(a) - e * tail(b)
+        logZ = -0.5 * a * a - math.log(SQRT2PI) + math.log(z)
+        ratio = (1.0 - e) / z
+        second = (a - b * e) / z
+    else:
+        Z = 0.5 * (math.erfc(a / SQRT2) - math.erfc(b / SQRT2))
+        fa = math.exp(-0.5 * a * a) / SQRT2PI
+        fb = math.exp(-0.5 * b * b) / SQRT2PI
+        logZ = math.log(Z)
+        ratio = (fa - fb) / Z
+        second = (a * fa - b * fb) / Z
+    return logZ, sign * ratio / sd, (ratio * ratio - second) / S
+
+
+interval = compiled(_interval, calls=(_tail,), error_model="numpy")
+
+
+def _grow(P, A, h, a2, Phi, W):  # type: ignore[no-untyped-def]
+    """P (6, 6) one step on; A (3, 6) = ∂q̈/∂(q, q̇); Phi and W (6, 6) are work space."""
+    for i in range(3):
+        for j in range(6):
+            Phi[i, j] = 0.5 * h * h * A[i, j]
+            Phi[3 + i, j] = h * A[i, j]
+        Phi[i, i] += 1.0
+        Phi[i, 3 + i] += h
+        Phi[3 + i, 3 + i] += 1.0
+    for i in range(6):
+        for j in range(6):
+            acc = 0.0
+            for n in range(6):
+                acc += Phi[i, n] * P[n, j]
+            W[i, j] = acc
+    for i in range(6):
+        for j in range(i + 1):
+            acc = 0.0
+            for n in range(6):
+                acc += W[i, n] * Phi[j, n]
+            P[i, j] = acc
+            P[j, i] = acc
+    for i in range(3):
+        P[i, i] += a2[i] * h * h * h / 3.0
+        P[i, 3 + i] += a2[i] * h * h / 2.0
+        P[3 + i, i] = P[i, 3 + i]
+        P[3 + i, 3 + i] += a2[i] * h
+
+
+grow = compiled(_grow, error_model="numpy")
+
+
+def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
+    """∂q̈/∂(q, q̇) (3, 6) into A, by differences."""
+    s[F_FRONT], s[F_BACK] = F[0], F[1]
+    for i in range(6):
+        s[R + i] = x[i]
+    accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
+    for j in range(6):
+        s[R + j] = x[j] + 1e-5
+        s[F_FRONT], s[F_BACK] = F[0], F[1]
+        accelerations(s, first, address, par, mem, free, w[0], w[1], w[3])
+        for i in range(3):
+            A[i, j] = (w[3, i] - w[2, i]) / 1e-5
+        s[R + j] = x[j]
+
+
+linearise = compiled(_linearise, calls=(rigid_body._accelerations,), error_model="numpy")
+
+
+def _filter(  # type: ignore[no-untyped-def]
+    s0, first, address, par, mem0, blocks, free, grid, t, h, V, y, a2, R2, keep,
+    loglik, M, G, W, K, X,
+):  # fmt: skip
+    """All blocks through the filter; see the module. ``keep`` 0: the likelihood alone.
+
+    ``loglik`` (3,) sums ln Z by axis. With keep ≥ 1: M (N, 3) predictions, G and W (N, 3) scores
+    and informations, K (N, 3, 6) the columns P_i; with keep ≥ 2: X (N, 6) states after the update.
+    """
+    N = V.shape[0]
+    target, F = np.empty((N, 2)), np.empty((N, 2))
+    x, P, A = np.empty(6), np.empty((6, 6)), np.empty((3, 6))
+    Phi, work = np.zeros((6, 6)), np.empty((6, 6))
+    m, slope, w = np.empty(3), np.empty(3), np.zeros((8, 3))
+    decay = np.full(3, -1.0)
+    for b in range(blocks.shape[0]):
+        s = s0.copy()
+        mem = mem0.copy()
+        setup(s, first, address, par, mem)
+        lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
+        thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
+        decay[0] = -1.0
+        P[:, :] = 0.0
+        for i in range(3):
+            x[i] = y[start, i] if y[start, i] == y[start, i] else 0.0
+            x[3 + i] = 0.0
+            if free[b, i]:
+                P[i, i] = grid[b, i] ** 2 + R2[i]
+                P[3 + i, 3 + i] = RATE_0**2
+        readings(s, x, first, address, par, mem, m, slope)
+        for i in range(3):
+            x[i] -= (m[i] - x[i]) / slope[i]
+        since = 1e9
+        for k in range(start, stop):
+            for i in range(3):
+                readings(s, x, first, address, par, mem, m, slope)
+                if not y[k, i] == y[k, i] or not free[b, i]:
+                    if keep >= 1:
+                        M[k, i] = m[i]
+                        G[k, i] = 0.0
+                        W[k, i] = 0.0
+                    continue
+                S = slope[i] * slope[i] * P[i, i] + R2[i]
+                e = y[k, i] - m[i]
+                if grid[b, i] > 0.0:
+                    half = 0.5 * grid[b, i]
+                    logZ, g, info = interval(e - half, e + half, S)
+                else:
+                    logZ = -0.5 * (e * e / S + math.log(2.0 * math.pi * S))
+                    g, info = e / S, 1.0 / S
+                loglik[i] += logZ
+                if keep >= 1:
+                    M[k, i], G[k, i], W[k, i] = m[i], g, info
+                for j in range(6):
+                    work[0, j] = slope[i] * P[j, i]
+                for j in range(6):
+                    if keep >= 1:
+                        K[k, i, j] = work[0, j]
+                    x[j] += work[0, j] * g
+                    for n in range(j + 1):
+                        P[j, n] -= work[0, j] * work[0, n] * info
+                        P[n, j] = P[j, n]
+            if keep >= 2:
+                for j in range(6):
+                    X[k, j] = x[j]
+            if k + 1 < stop:
+                if since >= RELINEARISE_S:
+                    since = 0.0
+                    s[T] = t[k]
+                    linearise(s, x, F[k], first, address, par, mem, free[b], w, A)
+                since += h[k]
+                step(s, x, k, t, h, V, target, F, first, address, par, mem, free[b], w, decay)
+                grow(P, A, h[k], a2, Phi, work)
+
+
+_CALLS = (
+    rigid_body._advance, _thrusts, _step, _readings, _interval, _tail, _grow, _linearise,
+)  # fmt: skip
+filter_blocks = compiled(_filter, calls=_CALLS, error_model="numpy", nogil=True)
+
+
+def _follow(  # type: ignore[no-untyped-def]
+    s0, first, address, pars, mem0, blocks, free, t, h, V, y, M, G, W, K, D
+):  # fmt: skip
+    """Predictions of other parameter sets under the filter's gains: D (J, N, 3) becomes m_j − m.
+
+    s0 (J, SIZE) and pars (J, hooks, PARAMETERS) hold the sets.
+    """
+    N = V.shape[0]
+    target, F = np.empty((N, 2)), np.empty((N, 2))
+    x = np.empty(6)
+    m, slope, w = np.empty(3), np.empty(3), np.zeros((8, 3))
+    decay = np.full(3, -1.0)
+    for v in range(s0.shape[0]):
+        par = pars[v]
+        for b in range(blocks.shape[0]):
+            s = s0[v].copy()
+            mem = mem0.copy()
+            setup(s, first, address, par, mem)
+            lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
+            thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
+            decay[0] = -1.0
+            for i in range(3):
+                x[i] = y[start, i] if y[start, i] == y[start, i] else 0.0
+                x[3 + i] = 0.0
+            readings(s, x, first, address, par, mem, m, slope)
+            for i in range(3):
+                x[i] -= (m[i] - x[i]) / slope[i]
+            for k in range(start, stop):
+                for i in range(3):
+                    readings(s, x, first, address, par, mem, m, slope)
+                    d = m[i] - M[k, i]
+                    D[v, k, i] = d
+                    g = G[k, i] - W[k, i] * d
+                    if g != 0.0:
+                        for j in range(6):
+                            x[j] += K[k, i, j] * g
+                if k + 1 < stop:
+                    step(s, x, k, t, h, V, target, F, first, address, par, mem, free[b], w, decay)
+
+
+follow = compiled(_follow, calls=_CALLS, error_model="numpy", nogil=True)
