@@ -34,22 +34,36 @@ def address(function: Hook) -> int:
 
 @cache
 def caller() -> Any:
-    """The intrinsic ``call(address, s, par, mem, out)`` for use in compiled kernels."""
+    """The intrinsic ``call(address, i, s, par, mem, out)`` for use in compiled kernels.
+
+    Calls ``address[i]`` with rows i of ``par`` and ``mem``; pointers, because slicing arrays in an
+    inner loop costs more than the effects do.
+    """
     import numba
     from llvmlite import ir
     from numba.extending import intrinsic
 
-    def call(typingctx: Any, where: Any, s: Any, par: Any, mem: Any, out: Any) -> Any:
+    def call(
+        typingctx: Any, address: Any, i: Any, s: Any, par: Any, mem: Any, out: Any
+    ) -> Any:
+        index = numba.types.intp
+
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            data = [
-                context.make_array(kind)(context, builder, value).data
-                for kind, value in zip(signature.args[1:], args[1:], strict=True)
-            ]
+            def array(n: int) -> Any:
+                return context.make_array(signature.args[n])(context, builder, args[n])
+
+            def row(n: int) -> Any:
+                a = array(n)
+                width = builder.extract_value(a.shape, 1)
+                return builder.gep(a.data, [builder.mul(args[1], width)])
+
+            where = builder.load(builder.gep(array(0).data, [args[1]]))
+            data = [array(2).data, row(3), row(4), array(5).data]
             function = ir.FunctionType(ir.VoidType(), [d.type for d in data])
             # A cfunc follows C's calling convention and returns nothing.
-            builder.call(builder.inttoptr(args[0], function.as_pointer()), data)
+            builder.call(builder.inttoptr(where, function.as_pointer()), data)
             return context.get_dummy_value()
 
-        return numba.types.void(where, s, par, mem, out), generate
+        return numba.types.void(address, index, s, par, mem, out), generate
 
     return intrinsic(call)

@@ -6,21 +6,31 @@ no noise), so they are computed beforehand, exactly. White angular acceleration 
 
     P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ from ∂q̈/∂(q, q̇) every 20 ms
 
-An encoder of step Δ that reads y says that y − Δ/2 < q + n < y + Δ/2, with n a small white noise
-of variance R. With m and S = P_ii + R the prediction's mean and variance, α, β = (y ∓ Δ/2 − m)/√S
-and Z = Φ(β) − Φ(α) the probability of that reading,
+An encoder of step Δ says one thing: in which step the angle is. While it rests it says the same
+thing again and again, and taking each sample for news (as white noise of variance Δ²/12, or by
+cutting the distribution to the step anew five hundred times a second) is what makes false causes.
+The news is in its edges. So the belief is a Gaussian N(m, S) for the angle *together with* "it is
+still in this step", of probability Z = Φ(β) − Φ(α), α, β = (lower, upper edge − m)/√S, and:
 
-    g = ∂ ln Z/∂m = (φ(α) − φ(β)) / (Z √S)        w = −∂² ln Z/∂m² = g² − (α φ(α) − β φ(β)) / (Z S)
+* it steps over the edge e between two samples: the angle was e, to within what the rate q̇ covers in
+  one period. The density of that is the flux N(e; m, S) E[q̇⁺] h, divided by the Z that had been
+  taken for granted; the state is updated by both factors. The second one cannot be left out:
+  instants chosen by the angle itself are not an unbiased sample.
+* it rests: nothing, until the belief has spread or drifted so far that Z has fallen below
+  `NEWS` of what it was when last looked at. Only then is the Gaussian replaced by the one with the
+  mean and variance of its part inside the step, and ln Z less its old value is added.
+* it jumps several steps, or nearly one per period: mean and variance of the part inside the new
+  step, and ln Z.
 
-are the score and the information of the reading, and x ← x + P_i g, P ← P − P_i P_iᵀ w is the
-posterior's mean and covariance (moments matched; P_i is P's column). An encoder that rests in the
-middle of its step says almost nothing, one that has just stepped says almost everything: white
-noise of variance Δ²/12 would say the same every time, hundreds of times a second. Where an angle
-is not on a grid (Δ = 0) the update is the ordinary one, g = (y − m)/S, w = 1/S.
+Every such event acts on one number c of the state (an angle or a rate), with score
+g = ∂ ln Z/∂c and information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, P_c being P's
+column. For the interval g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S); for the rate, with
+u = E q̇/σ and f = φ(u) + uΦ(u), g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f). Where angles are not on a
+grid (Δ = 0) every sample is an event with g = (y − m)/S, w = 1/S.
 
-Σ ln Z is the likelihood. Along a change of the parameters, with the gains P_i held, the predictor
-obeys x ← x + P_i (g − w δm): `follow` runs it for any number of changed parameter sets, at a
-quarter of the filter's cost, and so gives ∂m/∂θ, the only thing that Gauss–Newton needs.
+Σ ln Z is the likelihood. Along a change of the parameters, with the gains P_c held, the predictor
+obeys x ← x + P_c (g − w δc): `follow` runs it for any number of changed parameter sets and so
+gives ∂c/∂θ at the events, the only thing that Gauss–Newton needs.
 """
 
 from __future__ import annotations
@@ -42,6 +52,7 @@ TAU_M, DELAY, K_F, GAIN_FRONT, GAIN_BACK = _s.TAU_M, _s.DELAY, _s.K_F, _s.GAIN_F
 VOLTAGE, MEASURE = int(_s.Stage.VOLTAGE), int(_s.Stage.MEASURE)
 SETUP = int(_s.Stage.SETUP)
 RELINEARISE_S = 0.02
+NEWS = math.log(0.7)
 RATE_0 = 1.0
 """rad/s, how uncertain the rates are where a run starts."""
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
@@ -49,7 +60,7 @@ SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 
 def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
     for i in range(first[SETUP], first[SETUP + 1]):
-        call(address[i], s, par[i], mem[i], s)
+        call(address, i, s, par, mem, s)
 
 
 setup = compiled(_setup, error_model="numpy")
@@ -72,7 +83,7 @@ def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type:
             out[m] = (1.0 - part) * V[i, m] + part * V[j, m]
         for e in range(first[VOLTAGE], first[VOLTAGE + 1]):
             s[V_FRONT], s[V_FRONT + 1] = out[0], out[1]
-            call(address[e], s, par[e], mem[e], out)
+            call(address, e, s, par, mem, out)
         target[k, 0] = s[K_F] * s[GAIN_FRONT] * out[0]
         target[k, 1] = s[K_F] * s[GAIN_BACK] * out[1]
         for m in range(2):
@@ -120,8 +131,8 @@ def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-unty
             slope[i] = x[i] + 1e-6
             s[R + i], s[R + 3 + i] = x[i], x[3 + i]
         for e in range(first[MEASURE], first[MEASURE + 1]):
-            call(address[e], s, par[e], mem[e], m)
-            call(address[e], s, par[e], mem[e], slope)
+            call(address, e, s, par, mem, m)
+            call(address, e, s, par, mem, slope)
         for i in range(3):
             slope[i] = (slope[i] - m[i]) / 1e-6
 
@@ -168,6 +179,40 @@ def _interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
 
 
 interval = compiled(_interval, calls=(_tail,), error_model="numpy")
+
+
+def _flux(v: float, var: float) -> tuple[float, float, float]:
+    """(ln E[v⁺], g, w) of a rate with this mean and variance, v⁺ = max(v, 0)."""
+    sd = math.sqrt(var)
+    u = v / sd
+    phi = math.exp(-0.5 * u * u) / SQRT2PI
+    if u > -4.0:
+        Phi = 0.5 * math.erfc(-u / SQRT2)
+        f = phi + u * Phi
+        g = Phi / (sd * f)
+        return math.log(sd * f), g, g * g - phi / (var * f)
+    # Far on the wrong side: Mills' ratio T(u) = Φ/φ; f = φ (1 + u T).
+    T = tail(-u)
+    f = 1.0 + u * T
+    g = T / (sd * f)
+    return math.log(sd * f) - 0.5 * u * u - math.log(SQRT2PI), g, g * g - 1.0 / (var * f)
+
+
+flux = compiled(_flux, calls=(_tail,), error_model="numpy")
+
+
+def _learn(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
+    """x and P after an event on state c, read with ``scale``; P's scaled column is kept."""
+    for j in range(6):
+        column[j] = scale * P[j, c]
+    for j in range(6):
+        x[j] += column[j] * g
+        for n in range(j + 1):
+            P[j, n] -= column[j] * column[n] * w
+            P[n, j] = P[j, n]
+
+
+learn = compiled(_learn, error_model="numpy")
 
 
 def _grow(P, A, h, a2, Phi, W):  # type: ignore[no-untyped-def]
@@ -222,22 +267,27 @@ linearise = compiled(_linearise, calls=(rigid_body._accelerations,), error_model
 
 def _filter(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, grid, t, h, V, y, a2, R2, keep,
-    loglik, M, G, W, K, X,
+    loglik, row, state, C, G, W, K, X,
 ):  # fmt: skip
-    """All blocks through the filter; see the module. ``keep`` 0: the likelihood alone.
+    """All blocks through the filter; see the module. Returns the number of events E.
 
-    ``loglik`` (3,) sums ln Z by axis. With keep ≥ 1: M (N, 3) predictions, G and W (N, 3) scores
-    and informations, K (N, 3, 6) the columns P_i; with keep ≥ 2: X (N, 6) states after the update.
+    ``loglik`` (3,) sums ln Z by axis. With keep ≥ 1, for each event: its ``row``, its ``state``
+    (0–2 an angle's reading, 3–5 a rate's, 6–8 a rate's the other way), its prediction C, score G, information W and gain
+    K (6,); with keep ≥ 2: X (N, 6) states after the updates of a row.
     """
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
     x, P, A = np.empty(6), np.empty((6, 6)), np.empty((3, 6))
     Phi, work = np.zeros((6, 6)), np.empty((6, 6))
     m, slope, w = np.empty(3), np.empty(3), np.zeros((8, 3))
-    decay = np.full(3, -1.0)
+    column, decay = np.empty(6), np.full(3, -1.0)
+    last, logZ0 = np.empty(3), np.zeros(3)
+    seen = first[MEASURE + 1] > first[MEASURE]
+    E = 0
     for b in range(blocks.shape[0]):
         s = s0.copy()
         mem = mem0.copy()
+        axes = free[b]
         setup(s, first, address, par, mem)
         lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
         thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
@@ -246,8 +296,10 @@ def _filter(  # type: ignore[no-untyped-def]
         for i in range(3):
             x[i] = y[start, i] if y[start, i] == y[start, i] else 0.0
             x[3 + i] = 0.0
-            if free[b, i]:
-                P[i, i] = grid[b, i] ** 2 + R2[i]
+            last[i] = y[start, i]
+            logZ0[i] = 0.0
+            if axes[i]:
+                P[i, i] = grid[b, i] ** 2 / 12.0 if grid[b, i] > 0.0 else R2[i]
                 P[3 + i, 3 + i] = RATE_0**2
         readings(s, x, first, address, par, mem, m, slope)
         for i in range(3):
@@ -255,33 +307,66 @@ def _filter(  # type: ignore[no-untyped-def]
         since = 1e9
         for k in range(start, stop):
             for i in range(3):
-                readings(s, x, first, address, par, mem, m, slope)
-                if not y[k, i] == y[k, i] or not free[b, i]:
-                    if keep >= 1:
-                        M[k, i] = m[i]
-                        G[k, i] = 0.0
-                        W[k, i] = 0.0
+                if not y[k, i] == y[k, i] or not axes[i]:
                     continue
-                S = slope[i] * slope[i] * P[i, i] + R2[i]
-                e = y[k, i] - m[i]
-                if grid[b, i] > 0.0:
-                    half = 0.5 * grid[b, i]
-                    logZ, g, info = interval(e - half, e + half, S)
+                if seen:
+                    readings(s, x, first, address, par, mem, m, slope)
+                    at, scale = m[i], slope[i]
                 else:
+                    at, scale = x[i], 1.0
+                S = scale * scale * P[i, i]
+                e = y[k, i] - at
+                D = grid[b, i]
+                over = y[k, i] - last[i]
+                last[i] = y[k, i]
+                rate = 0.0
+                if D == 0.0:
+                    S += R2[i]
                     logZ = -0.5 * (e * e / S + math.log(2.0 * math.pi * S))
                     g, info = e / S, 1.0 / S
+                elif abs(over) < 0.5 * D:
+                    room = 0.5 * D - abs(e)
+                    if room > 0.0 and room * room > 1.5 * S:
+                        continue
+                    S += R2[i]
+                    logZ, g, info = interval(e - 0.5 * D, e + 0.5 * D, S)
+                    if logZ - logZ0[i] > NEWS:
+                        continue
+                    logZ -= logZ0[i]
+                    left = max(S * (1.0 - S * info), 1e-6 * S)
+                    logZ0[i] = interval(e - S * g - 0.5 * D, e - S * g + 0.5 * D, left)[0]
+                else:
+                    rate = 1.0 if over > 0.0 else -1.0
+                    speed = abs(scale * x[3 + i]) * h[k]
+                    if abs(over) < 1.5 * D and speed < 0.5 * D:
+                        e += rate * 0.5 * (speed - D)
+                        S += R2[i] + speed * speed / 12.0
+                        logZ = -0.5 * (e * e / S + math.log(2.0 * math.pi * S)) - logZ0[i]
+                        g, info = e / S, 1.0 / S
+                    else:
+                        rate = 0.0
+                        S += R2[i]
+                        logZ, g, info = interval(e - 0.5 * D, e + 0.5 * D, S)
+                    logZ0[i] = 0.0
                 loglik[i] += logZ
+                learn(x, P, i, scale, g, info, column)
                 if keep >= 1:
-                    M[k, i], G[k, i], W[k, i] = m[i], g, info
-                for j in range(6):
-                    work[0, j] = slope[i] * P[j, i]
-                for j in range(6):
+                    row[E], state[E], C[E], G[E], W[E] = k, i, at, g, info
+                    for j in range(6):
+                        K[E, j] = column[j]
+                E += 1
+                if rate != 0.0:
+                    scale *= rate
+                    at = scale * x[3 + i]
+                    logZ, g, info = flux(at, scale * scale * P[3 + i, 3 + i])
+                    loglik[i] += logZ + math.log(h[k])
+                    learn(x, P, 3 + i, scale, g, info, column)
                     if keep >= 1:
-                        K[k, i, j] = work[0, j]
-                    x[j] += work[0, j] * g
-                    for n in range(j + 1):
-                        P[j, n] -= work[0, j] * work[0, n] * info
-                        P[n, j] = P[j, n]
+                        up = 3 + i if rate > 0.0 else 6 + i
+                        row[E], state[E], C[E], G[E], W[E] = k, up, at, g, info
+                        for j in range(6):
+                            K[E, j] = column[j]
+                    E += 1
             if keep >= 2:
                 for j in range(6):
                     X[k, j] = x[j]
@@ -289,35 +374,40 @@ def _filter(  # type: ignore[no-untyped-def]
                 if since >= RELINEARISE_S:
                     since = 0.0
                     s[T] = t[k]
-                    linearise(s, x, F[k], first, address, par, mem, free[b], w, A)
+                    linearise(s, x, F[k], first, address, par, mem, axes, w, A)
                 since += h[k]
-                step(s, x, k, t, h, V, target, F, first, address, par, mem, free[b], w, decay)
+                step(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
                 grow(P, A, h[k], a2, Phi, work)
+    return E
 
 
 _CALLS = (
-    rigid_body._advance, _thrusts, _step, _readings, _interval, _tail, _grow, _linearise,
+    rigid_body._advance, _thrusts, _step, _readings, _interval, _tail, _flux, _learn, _grow,
+    _linearise,
 )  # fmt: skip
 filter_blocks = compiled(_filter, calls=_CALLS, error_model="numpy", nogil=True)
 
 
 def _follow(  # type: ignore[no-untyped-def]
-    s0, first, address, pars, mem0, blocks, free, t, h, V, y, M, G, W, K, D
+    s0, first, address, pars, mem0, blocks, free, t, h, V, y, row, state, C, G, W, K, D
 ):  # fmt: skip
-    """Predictions of other parameter sets under the filter's gains: D (J, N, 3) becomes m_j − m.
+    """Other parameter sets under the filter's gains: D (J, E) becomes c_j − c at each event.
 
     s0 (J, SIZE) and pars (J, hooks, PARAMETERS) hold the sets.
     """
-    N = V.shape[0]
+    N, E = V.shape[0], row.shape[0]
+    seen = first[MEASURE + 1] > first[MEASURE]
     target, F = np.empty((N, 2)), np.empty((N, 2))
     x = np.empty(6)
-    m, slope, w = np.empty(3), np.empty(3), np.zeros((8, 3))
+    m, slope, w = np.empty(3), np.ones(3), np.zeros((8, 3))
     decay = np.full(3, -1.0)
     for v in range(s0.shape[0]):
         par = pars[v]
+        n = 0
         for b in range(blocks.shape[0]):
             s = s0[v].copy()
             mem = mem0.copy()
+            axes = free[b]
             setup(s, first, address, par, mem)
             lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
             thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
@@ -329,16 +419,25 @@ def _follow(  # type: ignore[no-untyped-def]
             for i in range(3):
                 x[i] -= (m[i] - x[i]) / slope[i]
             for k in range(start, stop):
-                for i in range(3):
-                    readings(s, x, first, address, par, mem, m, slope)
-                    d = m[i] - M[k, i]
-                    D[v, k, i] = d
-                    g = G[k, i] - W[k, i] * d
-                    if g != 0.0:
-                        for j in range(6):
-                            x[j] += K[k, i, j] * g
+                while n < E and row[n] == k:
+                    c = state[n]
+                    if c < 3:
+                        if seen:
+                            readings(s, x, first, address, par, mem, m, slope)
+                            d = m[c] - C[n]
+                        else:
+                            d = x[c] - C[n]
+                    elif c < 6:
+                        d = slope[c - 3] * x[c] - C[n]
+                    else:
+                        d = -slope[c - 6] * x[c - 3] - C[n]
+                    D[v, n] = d
+                    g = G[n] - W[n] * d
+                    for j in range(6):
+                        x[j] += K[n, j] * g
+                    n += 1
                 if k + 1 < stop:
-                    step(s, x, k, t, h, V, target, F, first, address, par, mem, free[b], w, decay)
+                    step(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
 
 
 follow = compiled(_follow, calls=_CALLS, error_model="numpy", nogil=True)

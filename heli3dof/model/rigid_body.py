@@ -106,13 +106,13 @@ body_accelerations = compiled(_body_accelerations, error_model="numpy")
 def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type: ignore[no-untyped-def]
     force[0], force[1] = s[F_FRONT], s[F_BACK]
     for i in range(first[THRUST], first[THRUST + 1]):
-        call(address[i], s, par[i], mem[i], force)
+        call(address, i, s, par, mem, force)
     torque[0] = torque[1] = torque[2] = 0.0
     if first[TORQUE + 1] > first[TORQUE]:
         # Effects that depend on thrust see it as it really is.
         s[F_FRONT], s[F_BACK] = force[0], force[1]
         for i in range(first[TORQUE], first[TORQUE + 1]):
-            call(address[i], s, par[i], mem[i], torque)
+            call(address, i, s, par, mem, torque)
     body_accelerations(s, force, torque, free, a)
 
 

@@ -24,6 +24,8 @@ from heli3dof.identification.greybox.likelihood import (
 TOLERANCE = 1e-3
 """Of the log-likelihood: a step of 0.04 standard deviations."""
 ROUNDS = 40
+TRACE = True
+SLACK = 3.0
 NOISE_START = (0.02, 0.06, 0.02)
 """rad/s²/√Hz, roll, pitch, yaw: several times a quiet rig's, so that a poor start is survived."""
 NOISE_LOW, NOISE_HIGH = 1e-5, 30.0
@@ -67,6 +69,7 @@ def maximise(
     lam = 1e-3
     settled = False
     for count in range(1, rounds + 1):
+        if TRACE: print("round", count, lam, a, here if count>1 else None)
         a, moved = _better_noise(problem, theta, a, axes)
         at = problem.run(theta, a)
         here = float(at.loglik.sum()) + problem.log_prior(theta)
@@ -88,7 +91,8 @@ def maximise(
                 break
             trial = problem.run(new, a, keep=0)
             there = float(trial.loglik.sum()) + problem.log_prior(new)
-            if np.isfinite(there) and there > here:
+            if TRACE: print("   lam",lam,"gain",gain,"there-here",there-here)
+            if np.isfinite(there) and there > here - SLACK:
                 theta, accepted = new, True
                 lam = max(lam / 10, 1e-9)
                 break

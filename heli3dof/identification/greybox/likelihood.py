@@ -30,12 +30,16 @@ class Pass:
 
     loglik: np.ndarray
     """(3,) Σ ln Z by axis"""
-    m: np.ndarray
+    row: np.ndarray
+    """(E,) the row of each event"""
+    state: np.ndarray
+    """(E,) what it tells of; see `heli3dof.model.kalman`"""
+    c: np.ndarray
     g: np.ndarray
     w: np.ndarray
-    """(N, 3) predictions, scores ∂ln Z/∂m and informations −∂²ln Z/∂m²"""
+    """(E,) predictions, scores ∂ln Z/∂c and informations −∂²ln Z/∂c²"""
     K: np.ndarray
-    """(N, 3, 6)"""
+    """(E, 6)"""
     X: np.ndarray | None
     """(N, 6) states after the update, where asked for"""
 
@@ -87,17 +91,22 @@ class Likelihood:
         hooks = self.structure.hooks
         s, par = self.structure.arrays(self.values(theta))
         N = len(d.t)
-        n = N if keep else 1
-        m, g, w = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
-        K = np.zeros((n, 3, 6))
+        n = 6 * N if keep else 1
+        row, state = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+        c, g, w, K = np.empty(n), np.empty(n), np.empty(n), np.empty((n, 6))
         X = np.zeros((N if keep >= 2 else 1, 6))
         loglik = np.zeros(3)
-        filter_blocks(
+        E = filter_blocks(
             s, hooks.first, hooks.address, par, self.structure.memory, d.blocks, d.free, d.grid,
             d.t, d.h, d.V, d.y, np.asarray(a, dtype=float) ** 2, self.encoder_noise, keep,
-            loglik, m, g, w, K, X,
+            loglik, row, state, c, g, w, K, X,
         )  # fmt: skip
-        return Pass(loglik, m, g, w, K, X if keep >= 2 else None)
+        if not keep:
+            E = 0
+        return Pass(
+            loglik, row[:E].copy(), state[:E].copy(), c[:E].copy(), g[:E].copy(), w[:E].copy(),
+            K[:E].copy(), X if keep >= 2 else None,
+        )  # fmt: skip
 
     def log_prior(self, theta: np.ndarray) -> float:
         return float(-0.5 * (self.prior_precision * (theta - self.prior_mean) ** 2).sum())
@@ -105,7 +114,7 @@ class Likelihood:
     def tangents(
         self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None
     ) -> np.ndarray:
-        """(n, N, 3) ∂m/∂θ along the coordinates ``which`` (all), the gains held."""
+        """(n, E) ∂c/∂θ along the coordinates ``which`` (all), the gains held."""
         from heli3dof.model.kalman import follow
 
         d = self.data
@@ -115,20 +124,19 @@ class Likelihood:
         step = np.where(theta + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)[which]
         sets = [self.structure.arrays(self.values(theta + _unit(j, theta) * e))
                 for j, e in zip(which, step, strict=True)]  # fmt: skip
-        D = np.zeros((len(which), len(d.t), 3))
+        D = np.zeros((len(which), len(at.row)))
         follow(
             np.array([s for s, _ in sets]), hooks.first, hooks.address,
             np.array([p for _, p in sets]), self.structure.memory, d.blocks, d.free,
-            d.t, d.h, d.V, d.y, at.m, at.g, at.w, at.K, D,
+            d.t, d.h, d.V, d.y, at.row, at.state, at.c, at.g, at.w, at.K, D,
         )  # fmt: skip
-        D /= step[:, None, None]
+        D /= step[:, None]
         return D
 
 
 def score_and_information(at: Pass, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Σ g ∂m (n,) and Σ w ∂m ∂mᵀ (n, n): the likelihood's alone, without the prior."""
-    J = D.reshape(len(D), -1)
-    return J @ at.g.ravel(), (J * at.w.ravel()) @ J.T
+    """Σ g ∂c (n,) and Σ w ∂c ∂cᵀ (n, n): the likelihood's alone, without the prior."""
+    return D @ at.g, (D * at.w) @ D.T
 
 
 def _unit(j: int, theta: np.ndarray) -> np.ndarray:
