@@ -18,7 +18,7 @@ import numpy as np
 from heli3dof.identification.greybox.data import Data
 from heli3dof.model.rig_model import Structure
 
-ENCODER_NOISE = 0.1
+ENCODER_NOISE = 0.06
 """Standard deviation of what jitters before the encoder rounds, in encoder steps."""
 DIFFERENCE = 1e-4
 """Step of the differences, in the coordinates (of the order of one)."""
@@ -122,16 +122,17 @@ class Likelihood:
         low, high = self.bounds
         which = np.arange(len(theta)) if which is None else which
         step = np.where(theta + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)[which]
-        sets = [self.structure.arrays(self.values(theta + _unit(j, theta) * e))
-                for j, e in zip(which, step, strict=True)]  # fmt: skip
-        D = np.zeros((len(which), len(at.row)))
+        sets = [self.structure.arrays(self.values(theta))] + [
+            self.structure.arrays(self.values(theta + _unit(j, theta) * e))
+            for j, e in zip(which, step, strict=True)
+        ]
+        D = np.zeros((len(sets), len(at.row)))
         follow(
             np.array([s for s, _ in sets]), hooks.first, hooks.address,
             np.array([p for _, p in sets]), self.structure.memory, d.blocks, d.free,
             d.t, d.h, d.V, d.y, at.row, at.state, at.c, at.g, at.w, at.K, D,
         )  # fmt: skip
-        D /= step[:, None]
-        return D
+        return (D[1:] - D[0]) / step[:, None]
 
 
 def score_and_information(at: Pass, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
