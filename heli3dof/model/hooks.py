@@ -43,9 +43,7 @@ def caller() -> Any:
     from llvmlite import ir
     from numba.extending import intrinsic
 
-    def call(
-        typingctx: Any, address: Any, i: Any, s: Any, par: Any, mem: Any, out: Any
-    ) -> Any:
+    def call(typingctx: Any, address: Any, i: Any, s: Any, par: Any, mem: Any, out: Any) -> Any:
         index = numba.types.intp
 
         def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:

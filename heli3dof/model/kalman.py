@@ -36,7 +36,6 @@ gives ∂c/∂θ at the events, the only thing that Gauss–Newton needs.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -66,29 +65,38 @@ def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
 setup = compiled(_setup, error_model="numpy")
 
 
+def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
+    """The thrusts (2,) N that row k's voltages aim at, rows from ``lead`` on being known."""
+    whole, part = 0, 0.0
+    if s[DELAY] > 0.0:
+        back = s[DELAY] / h[k]
+        whole = int(back)
+        part = back - whole
+    i = max(lead, k - whole)
+    j = max(lead, i - 1)
+    for m in range(2):
+        out[m] = (1.0 - part) * V[i, m] + part * V[j, m]
+        s[V_FRONT + m] = out[m]
+    for e in range(first[VOLTAGE], first[VOLTAGE + 1]):
+        call(address, e, s, par, mem, out)
+    out[0] *= s[K_F] * s[GAIN_FRONT]
+    out[1] *= s[K_F] * s[GAIN_BACK]
+
+
+aim = compiled(_aim, error_model="numpy")
+
+
 def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
-    """Rows lead … stop: f(V) K_f in ``target`` and the thrusts at each row's start in F (N, 2)."""
+    """Rows lead … stop: what the voltages aim at, and the thrusts at each row's start, (N, 2) N."""
     out = np.empty(2)
     tau = s[TAU_M]
     left, at = 0.0, -1.0
     for k in range(lead, stop):
-        whole, part = 0, 0.0
-        if s[DELAY] > 0.0:
-            back = s[DELAY] / h[k]
-            whole = int(back)
-            part = back - whole
-        i = max(lead, k - whole)
-        j = max(lead, i - 1)
+        aim(s, V, h, lead, k, first, address, par, mem, out)
         for m in range(2):
-            out[m] = (1.0 - part) * V[i, m] + part * V[j, m]
-        for e in range(first[VOLTAGE], first[VOLTAGE + 1]):
-            s[V_FRONT], s[V_FRONT + 1] = out[0], out[1]
-            call(address, e, s, par, mem, out)
-        target[k, 0] = s[K_F] * s[GAIN_FRONT] * out[0]
-        target[k, 1] = s[K_F] * s[GAIN_BACK] * out[1]
-        for m in range(2):
+            target[k, m] = out[m]
             if k == lead:
-                F[k, m] = target[k, m]
+                F[k, m] = out[m]
             else:
                 if h[k - 1] != at:
                     at = h[k - 1]
@@ -96,7 +104,7 @@ def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type:
                 F[k, m] = target[k - 1, m] + (F[k - 1, m] - target[k - 1, m]) * left
 
 
-thrusts = compiled(_thrusts, error_model="numpy")
+thrusts = compiled(_thrusts, calls=(_aim,), error_model="numpy")
 
 
 def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
@@ -401,7 +409,7 @@ def _filter(  # type: ignore[no-untyped-def]
 
 
 _CALLS = (
-    rigid_body._advance, _thrusts, _step, _readings, _interval, _tail, _flux, _learn, _grow,
+    rigid_body._advance, _aim, _thrusts, _step, _readings, _interval, _tail, _flux, _learn, _grow,
     _linearise, _glide, rigid_body._accelerations,
 )  # fmt: skip
 filter_blocks = compiled(_filter, calls=_CALLS, error_model="numpy", nogil=True)

@@ -108,9 +108,7 @@ def maximise(
             break
     # At a small last step the pass and the tangents are those of the optimum.
     g, H = score_and_information(at, D)
-    return Optimum(
-        theta, a, here, H, at, D, (theta <= low) | (theta >= high), count, settled
-    )
+    return Optimum(theta, a, here, H, at, D, (theta <= low) | (theta >= high), count, settled)
 
 
 def _better_noise(

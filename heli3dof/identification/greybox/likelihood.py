@@ -15,11 +15,9 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.identification.greybox.data import Data
+from heli3dof.model.filtering import Data, encoder_noise
 from heli3dof.model.rig_model import Structure
 
-ENCODER_NOISE = 0.06
-"""Standard deviation of what jitters before the encoder rounds, in encoder steps."""
 DIFFERENCE = 1e-4
 """Step of the differences, in the coordinates (of the order of one)."""
 
@@ -73,8 +71,7 @@ class Likelihood:
     @cached_property
     def encoder_noise(self) -> np.ndarray:
         """(3,) rad², the white noise R: within an encoder's step, or in place of it."""
-        step = self.data.rad_per_count
-        return np.asarray((ENCODER_NOISE * step) ** 2)
+        return encoder_noise(self.data)
 
     def values(self, theta: np.ndarray) -> np.ndarray:
         """(n,) coordinates → values in their units."""
@@ -111,9 +108,7 @@ class Likelihood:
     def log_prior(self, theta: np.ndarray) -> float:
         return float(-0.5 * (self.prior_precision * (theta - self.prior_mean) ** 2).sum())
 
-    def tangents(
-        self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None
-    ) -> np.ndarray:
+    def tangents(self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None) -> np.ndarray:
         """(n, E) ∂c/∂θ along the coordinates ``which`` (all), the gains held."""
         from heli3dof.model.kalman import follow
 

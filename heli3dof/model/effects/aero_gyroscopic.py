@@ -12,7 +12,7 @@ import math
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import P, P_DOT, PSI_DOT, R, R_DOT, V_BACK, V_FRONT, A, Stage
+from heli3dof.model.slots import P_DOT, PSI_DOT, R_DOT, V_BACK, V_FRONT, A, P, R, Stage
 
 
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:

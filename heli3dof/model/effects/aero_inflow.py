@@ -10,13 +10,11 @@ import math
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import L_A, L_H, P, P_DOT, PSI_DOT, R, R_DOT, A, Stage
+from heli3dof.model.slots import L_A, L_H, P_DOT, PSI_DOT, R_DOT, A, P, R, Stage
 
 
 def thrust(s: Any, par: Any, mem: Any, out: Any) -> None:
-    heave = s[L_A] * (
-        math.cos(s[P]) * s[R_DOT] - math.cos(s[R]) * math.sin(s[P]) * s[PSI_DOT]
-    )
+    heave = s[L_A] * (math.cos(s[P]) * s[R_DOT] - math.cos(s[R]) * math.sin(s[P]) * s[PSI_DOT])
     tip = s[L_H] * (s[P_DOT] + math.sin(s[R]) * s[PSI_DOT])
     out[0] *= 1.0 - par[A] * (heave + tip)
     out[1] *= 1.0 - par[A] * (heave - tip)

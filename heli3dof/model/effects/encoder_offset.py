@@ -21,9 +21,7 @@ def measure(s: Any, par: Any, mem: Any, out: Any) -> None:
 EFFECT = Effect(
     name="encoder.offset",
     summary="The zero was set at the wrong angle: reading = angle + offset.",
-    parameters=(
-        Parameter("angle_deg", "°", 0.0, -20.0, 20.0, 1.0, "the offset", prior_std=3.0),
-    ),
+    parameters=(Parameter("angle_deg", "°", 0.0, -20.0, 20.0, 1.0, "the offset", prior_std=3.0),),
     hooks={Stage.MEASURE: measure},
     axes=AXES,
     order=2,

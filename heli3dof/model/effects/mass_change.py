@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import L_A, R, A, B, Stage, T
+from heli3dof.model.slots import L_A, A, B, R, Stage, T
 
 
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:

@@ -8,16 +8,41 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from heli3dof.errors import RecordingError
-from heli3dof.identification.prepare import GAP, Run
 from heli3dof.recording.recording import Recording
 
+GAP = 1.5
+"""A step of the clock longer than this many periods is a gap."""
 LEAD_S = 1.0
+ENCODER_NOISE = 0.06
+"""How well an encoder's edges lie where they should, standard deviation in encoder steps; of an
+angle that is on no grid, the noise of a reading in steps of the profile's encoder."""
 ON_GRID = 0.03
 """A reading this near a whole count, as a share of one, lies on the grid."""
+
+
+class Run(Protocol):
+    """Rows [start, stop) of recording number ``source``."""
+
+    @property
+    def source(self) -> int: ...
+    @property
+    def start(self) -> int: ...
+    @property
+    def stop(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """The plainest `Run`."""
+
+    source: int
+    start: int
+    stop: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +121,11 @@ def data_of(recordings: Sequence[Recording], runs: Sequence[Run]) -> Data:
         tuple(runs),
         np.abs(recordings[0].profile.encoder.rad_per_count),
     )  # fmt: skip
+
+
+def encoder_noise(data: Data) -> np.ndarray:
+    """(3,) rad², the variance R of what an event tells of the angle."""
+    return np.asarray((ENCODER_NOISE * data.rad_per_count) ** 2)
 
 
 def _lead(recording: Recording, start: int) -> int:
