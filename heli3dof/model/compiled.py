@@ -10,7 +10,10 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Callable
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -40,3 +43,18 @@ def _sources(functions: tuple[Callable[..., Any], ...]) -> str:
     for f in functions:
         h.update(Path(inspect.getfile(getattr(f, "py_func", f))).read_bytes())
     return h.hexdigest()
+
+
+@contextmanager
+def announced(sentence: str, after_s: float = 1.5) -> Iterator[None]:
+    """Says ``sentence`` (to the log, once) where what is done inside takes longer than that.
+
+    For first compilations, which take seconds and then never again.
+    """
+    timer = threading.Timer(after_s, logging.getLogger("heli3dof").warning, (sentence,))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

@@ -123,9 +123,9 @@ def data_of(recordings: Sequence[Recording], runs: Sequence[Run]) -> Data:
     )  # fmt: skip
 
 
-def encoder_noise(data: Data) -> np.ndarray:
-    """(3,) rad², the variance R of what an event tells of the angle."""
-    return np.asarray((ENCODER_NOISE * data.rad_per_count) ** 2)
+def encoder_noise(data: Data, steps: float = ENCODER_NOISE) -> np.ndarray:
+    """(3,) rad², the variance R of what an event tells of the angle: that many steps squared."""
+    return np.asarray((steps * data.rad_per_count) ** 2)
 
 
 def _lead(recording: Recording, start: int) -> int:

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.model.filtering import Data, encoder_noise
+from heli3dof.model.filtering import ENCODER_NOISE, Data, encoder_noise
 from heli3dof.model.rig_model import Structure
 
 DIFFERENCE = 1e-4
@@ -48,6 +48,8 @@ class Likelihood:
 
     data: Data
     structure: Structure
+    noise_steps: float = ENCODER_NOISE
+    """Standard deviation of a reading's noise in encoder steps."""
 
     @cached_property
     def prior_mean(self) -> np.ndarray:
@@ -71,7 +73,7 @@ class Likelihood:
     @cached_property
     def encoder_noise(self) -> np.ndarray:
         """(3,) rad², the white noise R: within an encoder's step, or in place of it."""
-        return encoder_noise(self.data)
+        return encoder_noise(self.data, self.noise_steps)
 
     def values(self, theta: np.ndarray) -> np.ndarray:
         """(n,) coordinates → values in their units."""
@@ -114,7 +116,7 @@ class Likelihood:
 
         d = self.data
         hooks = self.structure.hooks
-        low, high = self.bounds
+        _, high = self.bounds
         which = np.arange(len(theta)) if which is None else which
         step = np.where(theta + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)[which]
         sets = [self.structure.arrays(self.values(theta))] + [
