@@ -40,6 +40,8 @@ class GreyBoxModel:
     """(3,) rad/s² per √Hz: white angular acceleration on roll, pitch, yaw."""
     covariance: np.ndarray
     """(n, n) of the values; NaN where unknown."""
+    jitter_s: float = 0.0
+    """s: how far sampling instants scatter, standard deviation."""
     extra: Mapping[str, Any] = field(default_factory=dict)
     """Whatever else belongs in the model file: recordings, verdicts, versions."""
     kind: str = "greybox"

@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 STEP_S = 0.02
 NOISE = np.array([0.05, 0.15, 0.05])
 """(3,) rad/s²/√Hz where the model knows of none; see `heli3dof.model.predict`."""
-R, T, F_FRONT, V_FRONT, TAU_M = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M
+R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
 
 
 def _roll(s, first, address, par, mem, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]
-    """out[k + n] = readings n rows after X[k]; ``mean`` (N + 1, 2) the thrusts' running integral."""
+    """out[k + n]: readings n rows after X[k]; ``mean`` (N + 1, 2): the thrusts' integral."""
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((3, 3))
     m, slope = np.empty(3), np.empty(3)
     for k in range(X.shape[0] - n):
-        if not X[k, 0] == X[k, 0]:
+        if X[k, 0] != X[k, 0]:
             continue
         for j in range(6):
             x[j] = X[k, j]
@@ -133,7 +133,7 @@ def filtered(
         n = 6 * len(d.t)
         filter_blocks(
             s, hooks.first, hooks.address, par, model.structure.memory, d.blocks, d.free, d.grid,
-            d.t, d.h, d.V, d.y, a**2, encoder_noise(d), 2,
+            d.t, d.h, d.V, d.y, a**2, model.jitter_s, encoder_noise(d), 2,
             np.zeros(3), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64),
             np.empty(n), np.empty(n), np.empty(n), np.empty((n, 6)), states,
         )  # fmt: skip
@@ -149,6 +149,8 @@ def filtered(
     tau = float(s[TAU_M])
     late = tau * (1 - np.exp(-h / tau)) if tau > 0 else np.zeros(N)
     step = target * h[:, None] + (F - target) * late[:, None]
+    if s[SLEW] > 0:
+        step = 0.5 * (F + np.vstack([F[1:], target[-1:]])) * h[:, None]
     mean = np.vstack([np.zeros(2), np.cumsum(step, axis=0)])
     return t, V, mean, X, low, free
 

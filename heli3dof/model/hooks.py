@@ -22,7 +22,7 @@ Hook = Callable[[Any, Any, Any, Any], None]
 def _code(function: Hook) -> Any:
     import numba
 
-    pointer = numba.types.CPointer(numba.types.float64)
+    pointer = numba.types.CPointer(numba.types.float64)  # type: ignore[no-untyped-call]
     signature = numba.types.void(pointer, pointer, pointer, pointer)
     return numba.cfunc(signature, cache=True, error_model="numpy")(function)
 

@@ -22,6 +22,9 @@ still in this step", of probability Z = Φ(β) − Φ(α), α, β = (lower, uppe
 * it jumps several steps, or nearly one per period: mean and variance of the part inside the new
   step, and ln Z.
 
+A sample taken ``jitter`` (s, standard deviation) early or late reads an angle that is off by the
+rate times that: S grows by (jitter · q̇)². A log whose host was not a real-time one needs it.
+
 Every such event acts on one number c of the state (an angle or a rate), with score
 g = ∂ ln Z/∂c and information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, P_c being P's
 column. For the interval g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S); for the rate, with
@@ -48,6 +51,7 @@ from heli3dof.model.rigid_body import accelerations, advance
 call = caller()
 R, T, F_FRONT, F_BACK, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.V_FRONT
 TAU_M, DELAY, K_F, GAIN_FRONT, GAIN_BACK = _s.TAU_M, _s.DELAY, _s.K_F, _s.GAIN_FRONT, _s.GAIN_BACK
+SLEW = _s.SLEW
 VOLTAGE, MEASURE = int(_s.Stage.VOLTAGE), int(_s.Stage.MEASURE)
 SETUP = int(_s.Stage.SETUP)
 RELINEARISE_S = 0.02
@@ -63,6 +67,25 @@ def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
 
 
 setup = compiled(_setup, error_model="numpy")
+
+
+def _lagged(F: float, target: float, tau: float, slew: float, h: float) -> float:
+    """The rotor's F after h s of τ Ḟ = target − F, rising no faster than ``slew`` (0: as it likes).
+
+    Exact: where the limit binds, F rises in a straight line until target − F = slew τ.
+    """
+    if slew > 0.0 and target - F > slew * tau:
+        line = (target - F) / slew - tau
+        if h <= line:
+            return F + slew * h
+        F += slew * line
+        h -= line
+    if tau <= 0.0:
+        return target
+    return target + (F - target) * math.exp(-h / tau)
+
+
+lagged = compiled(_lagged, error_model="numpy")
 
 
 def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
@@ -97,6 +120,9 @@ def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type:
             target[k, m] = out[m]
             if k == lead:
                 F[k, m] = out[m]
+            elif s[SLEW] > 0.0:
+                slew = s[SLEW] * s[K_F] * s[GAIN_FRONT + m]
+                F[k, m] = lagged(F[k - 1, m], target[k - 1, m], tau, slew, h[k - 1])
             else:
                 if h[k - 1] != at:
                     at = h[k - 1]
@@ -104,7 +130,7 @@ def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type:
                 F[k, m] = target[k - 1, m] + (F[k - 1, m] - target[k - 1, m]) * left
 
 
-thrusts = compiled(_thrusts, calls=(_aim,), error_model="numpy")
+thrusts = compiled(_thrusts, calls=(_lagged, _aim), error_model="numpy")
 
 
 def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
@@ -121,10 +147,15 @@ def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
         w[5, m] = F[k, m] if s[TAU_M] > 0.0 else target[k, m]
         w[6, m] = target[k, m] + (F[k, m] - target[k, m]) * decay[1]
         w[7, m] = target[k, m] + (F[k, m] - target[k, m]) * decay[2]
+        if s[SLEW] > 0.0:
+            slew = s[SLEW] * s[K_F] * s[GAIN_FRONT + m]
+            w[5, m] = F[k, m]
+            w[6, m] = lagged(F[k, m], target[k, m], s[TAU_M], slew, 0.5 * h[k])
+            w[7, m] = lagged(F[k, m], target[k, m], s[TAU_M], slew, h[k])
     advance(s, x, h[k], w[5], w[6], w[7], first, address, par, mem, free, w)
 
 
-step = compiled(_step, calls=(rigid_body._advance,), error_model="numpy")
+step = compiled(_step, calls=(rigid_body._advance, _lagged), error_model="numpy")
 
 
 def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
@@ -136,6 +167,9 @@ def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay
     s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
     for m in range(2):
         s[F_FRONT + m] = target[k, m] + (F[k, m] - target[k, m]) * decay[1]
+        if s[SLEW] > 0.0:
+            slew = s[SLEW] * s[K_F] * s[GAIN_FRONT + m]
+            s[F_FRONT + m] = lagged(F[k, m], target[k, m], s[TAU_M], slew, 0.5 * h[k])
     for i in range(3):
         s[R + i] = x[i] + 0.5 * h[k] * x[3 + i]
         s[R + 3 + i] = x[3 + i]
@@ -145,7 +179,7 @@ def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay
         x[3 + i] += h[k] * w[2, i]
 
 
-glide = compiled(_glide, calls=(rigid_body._accelerations,), error_model="numpy")
+glide = compiled(_glide, calls=(rigid_body._accelerations, _lagged), error_model="numpy")
 
 
 def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
@@ -293,14 +327,14 @@ linearise = compiled(_linearise, calls=(rigid_body._accelerations,), error_model
 
 
 def _filter(  # type: ignore[no-untyped-def]
-    s0, first, address, par, mem0, blocks, free, grid, t, h, V, y, a2, R2, keep,
+    s0, first, address, par, mem0, blocks, free, grid, t, h, V, y, a2, jitter, R2, keep,
     loglik, row, state, C, G, W, K, X,
 ):  # fmt: skip
     """All blocks through the filter; see the module. Returns the number of events E.
 
     ``loglik`` (3,) sums ln Z by axis. With keep ≥ 1, for each event: its ``row``, its ``state``
-    (0–2 an angle's reading, 3–5 a rate's, 6–8 a rate's the other way), its prediction C, score G, information W and gain
-    K (6,); with keep ≥ 2: X (N, 6) states after the updates of a row.
+    (0–2 an angle's reading, 3–5 a rate's, 6–8 a rate's the other way), its prediction C, score G,
+    information W and gain K (6,); with keep ≥ 2: X (N, 6) states after the updates of a row.
     """
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
@@ -334,14 +368,15 @@ def _filter(  # type: ignore[no-untyped-def]
         since = 1e9
         for k in range(start, stop):
             for i in range(3):
-                if not y[k, i] == y[k, i] or not axes[i]:
+                if y[k, i] != y[k, i] or not axes[i]:
                     continue
                 if seen:
                     readings(s, x, first, address, par, mem, m, slope)
                     at, scale = m[i], slope[i]
                 else:
                     at, scale = x[i], 1.0
-                S = scale * scale * P[i, i]
+                v = scale * x[3 + i]
+                S = scale * scale * P[i, i] + jitter * jitter * v * v
                 e = y[k, i] - at
                 D = grid[b, i]
                 over = y[k, i] - last[i]
@@ -409,8 +444,8 @@ def _filter(  # type: ignore[no-untyped-def]
 
 
 _CALLS = (
-    rigid_body._advance, _aim, _thrusts, _step, _readings, _interval, _tail, _flux, _learn, _grow,
-    _linearise, _glide, rigid_body._accelerations,
+    rigid_body._advance, _lagged, _aim, _thrusts, _step, _readings, _interval, _tail, _flux, _learn,
+    _grow, _linearise, _glide, rigid_body._accelerations,
 )  # fmt: skip
 filter_blocks = compiled(_filter, calls=_CALLS, error_model="numpy", nogil=True)
 

@@ -53,6 +53,8 @@ R, P, R_DOT, P_DOT, PSI_DOT = _s.R, _s.P, _s.R_DOT, _s.P_DOT, _s.PSI_DOT
 L_A, L_H, T_G, G_P = _s.L_A, _s.L_H, _s.T_G, _s.G_P
 J_R, J_P, J_PSI = _s.J_R, _s.J_P, _s.J_PSI
 F_FRONT, F_BACK = _s.F_FRONT, _s.F_BACK
+SPEED_FRONT, SPEED_BACK = _s.SPEED_FRONT, _s.SPEED_BACK
+K_F, GAIN_FRONT, GAIN_BACK = _s.K_F, _s.GAIN_FRONT, _s.GAIN_BACK
 THRUST, TORQUE = int(_s.Stage.THRUST), int(_s.Stage.TORQUE)
 
 call = caller()
@@ -105,6 +107,8 @@ body_accelerations = compiled(_body_accelerations, error_model="numpy")
 
 def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type: ignore[no-untyped-def]
     force[0], force[1] = s[F_FRONT], s[F_BACK]
+    s[SPEED_FRONT] = s[F_FRONT] / (s[K_F] * s[GAIN_FRONT])
+    s[SPEED_BACK] = s[F_BACK] / (s[K_F] * s[GAIN_BACK])
     for i in range(first[THRUST], first[THRUST + 1]):
         call(address, i, s, par, mem, force)
     torque[0] = torque[1] = torque[2] = 0.0

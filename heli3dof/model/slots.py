@@ -42,6 +42,10 @@ REST = 29
 """rad, where the encoders count from; ``REST + axis``"""
 G_P = 32
 """N·m, gravity's torque on the level body, front motor heavier than back"""
+SLEW = 33
+"""V/s, the fastest that a rotor spins up; 0 where nothing limits it."""
+SPEED_FRONT, SPEED_BACK = 34, 35
+"""V, the rotors' speeds: the voltage that would keep them"""
 SIZE = 40
 
 AXIS, A, B, C, D = 0, 1, 2, 3, 4

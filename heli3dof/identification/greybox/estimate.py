@@ -10,7 +10,7 @@ not the whole sandwich H⁻¹ B H⁻¹, because with a hundred blocks each entry
 20 % and their average by 2 to 5 %.
 
 The Cramér–Rao bound beside each is that of the same rig read by encoders whose rounding is white
-noise of variance Δ²/12, at the process noise estimated.
+noise of variance Δ²/12, at the process noise estimated (its intensity scaled by √κ too).
 """
 
 from __future__ import annotations
@@ -103,7 +103,8 @@ class Estimate:
     @cached_property
     def bound(self) -> np.ndarray:
         """(n,) the Cramér–Rao bound on the standard deviations, in the units of the values."""
-        return cramer_rao(self.problem, self.optimum.theta, self.optimum.noise) * self.slopes
+        noise = self.optimum.noise * np.array([*[np.sqrt(self.inflation)] * 3, 1.0])
+        return np.asarray(cramer_rao(self.problem, self.optimum.theta, noise) * self.slopes)
 
     def interval(self, z: float = 1.96) -> np.ndarray:
         """(n, 2) confidence intervals; those of logarithms are symmetric in the logarithm."""
@@ -198,13 +199,16 @@ class Candidate:
 def score_test(found: Estimate, term: Term) -> Candidate:
     """Rao's score test of one more term: one linearisation, no fit (10 ms per parameter per 60 s).
 
-    The term is taken at its start, which for most is its absence.
+    The term is taken at its absence; at its start where it has none (logarithms), or where the
+    first bit of it changes nothing (`motor.saturation`), and then the score says little.
     """
     wider = Structure(found.structure.profile, (*found.structure.terms, term))
     problem = replace(found.problem, structure=wider)
     o = found.optimum
     old = len(o.theta)
-    theta = np.concatenate([o.theta, problem.prior_mean[old:]])
+    theta = np.concatenate(
+        [o.theta, [f.inward(f.start if f.log else f.null) for f in wider.free[old:]]]
+    )
     new = np.arange(old, len(theta))
     D = np.vstack([o.tangents, problem.tangents(theta, o.at, new)])
     g, H = score_and_information(o.at, D)

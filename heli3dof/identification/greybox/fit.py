@@ -29,9 +29,14 @@ SURE = 3.0
 that scale (its terms in P are left out of the score; their expectation is zero)."""
 NOISE_SETTLED = 0.05
 """Of the log intensity."""
-NOISE_START = (0.03, 0.06, 0.02)
-"""rad/s²/√Hz, roll, pitch, yaw: several times a quiet rig's, so that a poor start is survived."""
+NOISE_START = (0.03, 0.06, 0.02, 0.0)
+"""rad/s²/√Hz, roll, pitch, yaw: several times a quiet rig's, so that a poor start is survived;
+and s, the jitter of the sampling instants."""
 NOISE_LOW, NOISE_HIGH = 1e-5, 30.0
+JITTERS = (0.001, 0.002, 0.004, 0.008)
+"""s; tried in turn, in the rounds `JITTER_ROUNDS`."""
+JITTER_ROUNDS = (2, 5)
+JITTER_WORTH = 10.0
 _PROBE = 0.5  # step of the log intensity
 
 
@@ -42,7 +47,7 @@ class Optimum:
     theta: np.ndarray
     """(n,) coordinates"""
     noise: np.ndarray
-    """(3,) rad/s²/√Hz"""
+    """(4,) rad/s²/√Hz on roll, pitch, yaw; s of jitter"""
     loglik: float
     """Σ ln Z + ln prior"""
     information: np.ndarray
@@ -75,6 +80,8 @@ def maximise(
     for count in range(1, rounds + 1):
         if moved > NOISE_SETTLED or count % 4 == 0:
             a, moved = _better_noise(problem, theta, a, axes)
+        if count in JITTER_ROUNDS:
+            a = _better_jitter(problem, theta, a)
         at = problem.run(theta, a)
         here = float(at.loglik.sum()) + problem.log_prior(theta)
         D = problem.tangents(theta, at)
@@ -120,11 +127,25 @@ def _better_noise(
     taken over a factor of e^`_PROBE` either way.
     """
     mid = problem.run(theta, a, keep=0).loglik
-    up = problem.run(theta, a * np.exp(_PROBE), keep=0).loglik
-    down = problem.run(theta, a * np.exp(-_PROBE), keep=0).loglik
+    factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
+    up = problem.run(theta, a * factor, keep=0).loglik
+    down = problem.run(theta, a / factor, keep=0).loglik
     slope = (up - down) / (2 * _PROBE)
     bend = -(up - 2 * mid + down) / _PROBE**2
     with np.errstate(divide="ignore", invalid="ignore"):
         move = np.where(bend > 0, slope / bend, np.sign(slope))
     move = np.where(axes & np.isfinite(move), np.clip(move, -0.7, 1.0), 0.0)
-    return np.clip(a * np.exp(move), NOISE_LOW, NOISE_HIGH), float(np.abs(move).max())
+    better = np.clip(a[:3] * np.exp(move), NOISE_LOW, NOISE_HIGH)
+    return np.append(better, a[3]), float(np.abs(move).max())
+
+
+def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """The noise with the likeliest jitter; none unless it is worth `JITTER_WORTH`."""
+    best, best_loglik = 0.0, -np.inf
+    for jitter in (0.0, *JITTERS):
+        loglik = float(problem.run(theta, np.append(a[:3], jitter), keep=0).loglik.sum())
+        if loglik > best_loglik + (JITTER_WORTH if best_loglik > -np.inf else 0.0):
+            best, best_loglik = jitter, loglik
+        else:
+            break
+    return np.append(a[:3], best)

@@ -3,7 +3,8 @@
     ℓ(θ, a) = Σ_k Σ_i ln Z_ik + ln prior(θ)
 
 from the filter of `heli3dof.model.kalman`; θ in the coordinates of `Free.inward` (logarithms, or
-units of the typical size), a (3,) the intensities of the angular acceleration noise, rad/s²/√Hz.
+units of the typical size), a (4,) the noise: the intensities of the angular acceleration on roll,
+pitch and yaw, rad/s²/√Hz, and the jitter of the samples' instants, s.
 The prior is N(start, spread²) per parameter: weak, there only so that a parameter of which the
 recordings say nothing stays where it was.
 """
@@ -97,8 +98,8 @@ class Likelihood:
         loglik = np.zeros(3)
         E = filter_blocks(
             s, hooks.first, hooks.address, par, self.structure.memory, d.blocks, d.free, d.grid,
-            d.t, d.h, d.V, d.y, np.asarray(a, dtype=float) ** 2, self.encoder_noise, keep,
-            loglik, row, state, c, g, w, K, X,
+            d.t, d.h, d.V, d.y, np.asarray(a[:3], dtype=float) ** 2, float(a[3]),
+            self.encoder_noise, keep, loglik, row, state, c, g, w, K, X,
         )  # fmt: skip
         if not keep:
             E = 0
@@ -129,7 +130,7 @@ class Likelihood:
             np.array([p for _, p in sets]), self.structure.memory, d.blocks, d.free,
             d.t, d.h, d.V, d.y, at.row, at.state, at.c, at.g, at.w, at.K, D,
         )  # fmt: skip
-        return (D[1:] - D[0]) / step[:, None]
+        return np.asarray((D[1:] - D[0]) / step[:, None])
 
 
 def score_and_information(at: Pass, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

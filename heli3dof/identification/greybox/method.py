@@ -1,4 +1,4 @@
-"""The method ``greybox`` of `heli3dof.identification.identify`, and `fit_greybox` for one's own terms.
+"""The method ``greybox`` of `heli3dof.identification.identify`, and `fit_greybox` for other terms.
 
 `DEFAULT_TERMS` are what every rig has: pendulum stiffness, viscous friction, rotor lag, and the two
 constant torques that no rig is without (its trims). Others are switched on by name.
@@ -6,6 +6,7 @@ constant torques that no rig is without (its trims). Others are switched on by n
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from typing import Any
@@ -98,7 +99,7 @@ def usable_runs(recording: Recording, source: int) -> list[Stretch]:
     least = LEAST_RUN_S / recording.dt
     return [
         Stretch(source, int(a), int(b))
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        for a, b in itertools.pairwise(edges)
         if not bad[a] and b - a >= least
     ]
 
@@ -120,7 +121,8 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
         profile=found.structure.profile,
         terms=tuple(t.name for t in found.structure.terms),
         values=found.values,
-        noise=found.optimum.noise,
+        noise=found.optimum.noise[:3],
+        jitter_s=float(found.optimum.noise[3]),
         covariance=found.covariance,
         extra=extra,
     )
@@ -206,7 +208,10 @@ def _linear_figures(
 
     slope = np.array([(nearest(c.A) - p0) / e for c, e in zip(moved, steps, strict=True)]).T
     std = [
-        (np.sqrt(max(float(s.real @ cov @ s.real), 0)), np.sqrt(max(float(s.imag @ cov @ s.imag), 0)))
+        (
+            np.sqrt(max(float(s.real @ cov @ s.real), 0)),
+            np.sqrt(max(float(s.imag @ cov @ s.imag), 0)),
+        )
         for s in slope
     ]
     poles = sorted(

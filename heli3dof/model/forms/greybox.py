@@ -33,6 +33,7 @@ def to_dict(model: GreyBoxModel) -> dict[str, Any]:
         ],
         "covariance": model.covariance.tolist(),
         "acceleration_noise_rad_per_s2_per_sqrtHz": model.noise.tolist(),
+        "timing_jitter_s": model.jitter_s,
         "extra": dict(model.extra),
     }
 
@@ -57,6 +58,7 @@ def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
         values=values,
         noise=np.array(data["acceleration_noise_rad_per_s2_per_sqrtHz"], dtype=float),
         covariance=np.array(data["covariance"], dtype=float).reshape(n, n),
+        jitter_s=float(data.get("timing_jitter_s", 0.0)),
         extra=dict(data.get("extra", {})),
     )
     try:
