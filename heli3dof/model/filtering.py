@@ -78,8 +78,14 @@ class Data:
         return np.asarray(self.free.any(axis=0))
 
 
-def data_of(recordings: Sequence[Recording], runs: Sequence[Run]) -> Data:
-    """The runs of these recordings. Raises RecordingError where there are none."""
+def data_of(
+    recordings: Sequence[Recording], runs: Sequence[Run], *, read_every_s: float = 0.0
+) -> Data:
+    """The runs of these recordings. Raises RecordingError where there are none.
+
+    With ``read_every_s`` the angles are read that often only (the voltages count all the same):
+    for logs whose sampling instants are off by more than their period.
+    """
     if not runs:
         raise RecordingError(
             "There are no usable rows to fit.",
@@ -99,6 +105,8 @@ def data_of(recordings: Sequence[Recording], runs: Sequence[Run]) -> Data:
         h = np.where(np.abs(h - typical) < 2e-3 * typical, typical, h)
         y = rec.angle[rows].copy()
         y[: run.start - start] = np.nan
+        if (every := round(read_every_s / rec.dt)) > 1:
+            y[(np.arange(len(y)) - (run.start - start)) % every != 0] = np.nan
         parts.append((t - rec.t[0], h, rec.voltage[rows], y))
         n = run.stop - start
         blocks.append((at, at + run.start - start, at + n))

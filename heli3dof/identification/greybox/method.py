@@ -7,7 +7,7 @@ constant torques that no rig is without (its trims). Others are switched on by n
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
 
@@ -73,20 +73,27 @@ def fit(prepared: Prepared, request: Request) -> Found:
 
 
 def fit_greybox(
-    recordings: Recording | Sequence[Recording], names: Sequence[str] = DEFAULT_TERMS
+    recordings: Recording | Sequence[Recording],
+    names: Sequence[str] = DEFAULT_TERMS,
+    *,
+    read_every_s: float = 0.0,
+    start: Mapping[str, float] | None = None,
 ) -> Estimate:
     """Fit a rig with these terms to recordings; `model_of` makes the model of it.
 
     A recording may hold one angle only (the others count as held still), its loop may be unknown;
     all must be of one rig. Rows on the table, at a stop, unread or with the motors off are left
-    out. Raises RecordingError where nothing is left, UsageError for an unknown term.
+    out. ``start`` gives other starting values by parameter name; ``read_every_s`` see `data_of`.
+    Raises RecordingError where nothing is left, UsageError for an unknown term.
     """
     several = [recordings] if isinstance(recordings, Recording) else list(recordings)
     runs = [run for i, r in enumerate(several) for run in usable_runs(r, i)]
     structure = Structure(several[0].profile, terms(names)) if several else None
-    data = data_of(several, runs)
+    data = data_of(several, runs, read_every_s=read_every_s)
     assert structure is not None
-    return estimate(Likelihood(data, structure))
+    problem = Likelihood(data, structure)
+    theta = None if start is None else problem.coordinates(structure.values_of(start))
+    return estimate(problem, start=theta)
 
 
 def usable_runs(recording: Recording, source: int) -> list[Stretch]:
