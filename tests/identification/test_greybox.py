@@ -1,0 +1,159 @@
+"""The grey-box estimator on flights of the mock rig, whose code is not its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heli3dof.errors import RecordingError
+from heli3dof.identification.api import identify
+from heli3dof.identification.greybox.estimate import Estimate, score_test
+from heli3dof.identification.greybox.fit import maximise
+from heli3dof.identification.greybox.method import (
+    DEFAULT_TERMS,
+    fit_greybox,
+    model_of,
+    warnings,
+)
+from heli3dof.model.effects import term
+from heli3dof.recording.recording import Recording
+from tests.identification.mock_flights import Flight, fly
+
+ABSENT = (
+    "motor.delay", "motor.dead_zone", "motor.thrust_curve", "motor.thrust_mismatch",
+    "friction.coulomb.roll", "friction.coulomb.pitch", "friction.coulomb.yaw",
+    "stiffness.cable.yaw", "drag.quadratic.roll", "drag.quadratic.pitch", "drag.quadratic.yaw",
+    "aero.inflow", "motor.supply_sag", "encoder.offset.pitch",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def flight() -> Flight:
+    return fly(1011, "multisine")
+
+
+@pytest.fixture(scope="module")
+def found(flight: Flight) -> Estimate:
+    return fit_greybox(flight.recording)
+
+
+@pytest.fixture(scope="module")
+def steps() -> Flight:
+    return fly(1012, "steps")
+
+
+@pytest.fixture(scope="module")
+def from_steps(steps: Flight) -> Estimate:
+    return fit_greybox(steps.recording)
+
+
+def z_scores(found: Estimate, flight: Flight) -> np.ndarray:
+    truth = np.array([flight.truth[f.name] for f in found.free])
+    return (found.values - truth) / found.std
+
+
+def test_every_parameter_is_found_within_its_interval(found: Estimate, flight: Flight) -> None:
+    z = z_scores(found, flight)
+    assert found.optimum.converged
+    assert np.abs(z).max() < 3.5
+    assert np.sqrt((z**2).mean()) < 1.6
+
+
+def test_steps_alone_tell_the_rotors_lag_to_a_few_percent(from_steps: Estimate) -> None:
+    j = from_steps.structure.names.index("motor.lag.time_constant_s")
+    assert from_steps.values[j] == pytest.approx(0.1, rel=0.06)
+    assert from_steps.std[j] / 0.1 < 0.03
+
+
+def test_standard_deviations_are_near_the_bound(found: Estimate) -> None:
+    assert (found.std > 0.8 * found.bound).all()
+    assert (found.std < 1.5 * found.bound).all()
+
+
+def test_the_process_noise_is_found(found: Estimate, flight: Flight) -> None:
+    ratio = found.optimum.noise[:3] / flight.noise[:3]
+    assert ((ratio > 0.7) & (ratio < 1.6)).all()
+    assert found.optimum.noise[3] == 0.0  # the mock samples on time
+
+
+@pytest.mark.parametrize("name", ABSENT)
+def test_steps_alone_name_no_effect_that_is_not_there(from_steps: Estimate, name: str) -> None:
+    """With the encoder as white noise, `motor.delay` scores 180 here."""
+    assert score_test(from_steps, term(name)).score < 20
+
+
+def test_a_hidden_effect_stands_out_of_the_score_tests() -> None:
+    from tests.identification.mock_flights import HIDDEN
+
+    flight = fly(1013, "multisine", hide=HIDDEN + ",friction.coulomb.yaw:0.03")
+    found = fit_greybox(flight.recording)
+    scores = {n: score_test(found, term(n)).score for n in ABSENT}
+    assert max(scores, key=lambda n: scores[n]) == "friction.coulomb.yaw"
+    assert scores["friction.coulomb.yaw"] > 100
+    wider = fit_greybox(flight.recording, (*DEFAULT_TERMS, "friction.coulomb.yaw"))
+    j = wider.structure.names.index("friction.coulomb.yaw.torque_Nm")
+    assert wider.values[j] == pytest.approx(0.03, abs=4 * wider.std[j])
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_starts_a_factor_of_two_off_end_at_the_same_optimum(found: Estimate, factor: float) -> None:
+    theta = found.problem.prior_mean.copy()
+    for j, f in enumerate(found.free):
+        theta[j] = theta[j] + np.log(factor) if f.log else theta[j] * factor
+    again = maximise(found.problem, theta)
+    sd = found.std / found.slopes
+    assert (np.abs(again.theta - found.optimum.theta) / sd).max() < 0.1
+
+
+def test_two_recordings_tell_more_than_one(found: Estimate, flight: Flight) -> None:
+    # The same rig twice: half of the flight each against the whole of it.
+    r = flight.recording
+    first = fit_greybox(r.between(0, 38))
+    both = fit_greybox([r.between(0, 38), r.between(38, 80)])
+    assert (both.std < first.std).mean() > 0.9
+    np.testing.assert_allclose(both.values, found.values, atol=1.0 * found.std.max())
+
+
+def one_angle(recording: Recording, axis: int) -> Recording:
+    angle = np.full_like(recording.angle, np.nan)
+    angle[:, axis] = recording.angle[:, axis]
+    return replace(recording, angle=angle)
+
+
+def test_a_recording_of_pitch_alone_tells_of_pitch_and_says_what_it_cannot(flight: Flight) -> None:
+    part = one_angle(flight.recording.between(5, 60), 1)
+    found = fit_greybox(part)
+    names = found.structure.names
+    j = names.index("J_pitch")
+    assert found.values[j] == pytest.approx(flight.truth["J_pitch"], rel=0.05)
+    said = {n for n, v in zip(names, found.verdicts, strict=True) if not v.identifiable}
+    assert {"J_roll", "J_yaw", "T_g", "friction.viscous.yaw.damping_Nms_per_rad"} <= said
+    assert "J_pitch" not in said
+    assert any("heli3dof run" in w for w in warnings(found))
+
+
+def test_the_loop_need_not_be_known(flight: Flight, found: Estimate) -> None:
+    r = flight.recording
+    blind = replace(r, profile=r.profile.model_copy(update={"controller": None}))
+    np.testing.assert_array_equal(fit_greybox(blind).values, found.values)
+
+
+def test_a_flight_that_never_left_the_table_is_refused(flight: Flight) -> None:
+    r = flight.recording
+    with pytest.raises(RecordingError, match="usable rows"):
+        fit_greybox(replace(r, angle=np.tile(r.angle[0], (len(r), 1))))
+
+
+def test_the_model_replays_flights_it_was_not_fitted_to(flight: Flight, found: Estimate) -> None:
+    model = model_of(found, [flight.recording], "mine")
+    assert model.extra["recordings"][0]["sha256"] == flight.recording.digest
+    result = identify(flight.recording, method="greybox")
+    fit = result.metrics.replay.fit_percent
+    assert (fit > [97, 88, 95]).all()
+    shown = result.to_json()
+    lag = shown["parameters"]["motor.lag.time_constant_s"]
+    assert lag["std"] > 0
+    assert lag["cramer_rao_bound"] > 0
+    assert result.residuals[0].passed

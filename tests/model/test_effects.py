@@ -1,0 +1,124 @@
+"""Effects: found, named as the contract names them, absent at their null value."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from heli3dof.errors import UsageError
+from heli3dof.model import slots
+from heli3dof.model.effects import all_names, effects, term, terms
+from heli3dof.model.hooks import address
+from heli3dof.model.rig_model import Structure, context
+from heli3dof.rig.profile import default_profile
+
+CONTRACT = {
+    "friction.coulomb": ("torque_Nm", {"roll", "pitch", "yaw"}),
+    "friction.viscous": ("damping_Nms_per_rad", {"roll", "pitch", "yaw"}),
+    "drag.quadratic": ("drag_Nms2_per_rad2", {"roll", "pitch", "yaw"}),
+    "stiffness.pendulum": ("torque_Nm", {"roll", "pitch"}),
+    "stiffness.cable": ("stiffness_Nm_per_rad", {"yaw"}),
+    "bias.torque": ("torque_Nm", {"pitch", "yaw"}),
+    "mass.imbalance": ("torque_Nm", set()),
+    "inertia": ("ratio", {"roll", "pitch", "yaw"}),
+    "motor.lag": ("time_constant_s", set()),
+    "motor.delay": ("delay_s", set()),
+    "motor.dead_zone": ("voltage_V", set()),
+    "motor.thrust_curve": ("quadratic_share", set()),
+    "motor.thrust_gain": ("gain", set()),
+    "motor.thrust_mismatch": ("front_over_back", set()),
+    "motor.saturation": ("limit_V", set()),
+    "motor.supply_sag": ("sag_per_V", set()),
+    "mass.change": ("mass_kg", set()),
+    "encoder.offset": ("angle_deg", {"roll", "pitch", "yaw"}),
+    "encoder.scale": ("scale", {"roll", "pitch", "yaw"}),
+    "disturbance.periodic": ("torque_Nm", {"roll", "pitch", "yaw"}),
+}
+RNG = np.random.default_rng(0)
+
+
+@pytest.mark.parametrize("name", CONTRACT)
+def test_the_contracts_effects_have_the_contracts_names_axes_and_units(name: str) -> None:
+    parameter, axes = CONTRACT[name]
+    effect = effects()[name]
+    assert effect.parameters[0].name == parameter
+    assert set(effect.axes) == axes
+
+
+def test_a_mistyped_effect_is_answered_with_the_nearest() -> None:
+    with pytest.raises(UsageError, match=r"friction\.coulomb\.yaw"):
+        term("friction.colomb.yaw")
+    with pytest.raises(UsageError, match="needs an axis"):
+        term("friction.coulomb")
+    with pytest.raises(UsageError, match="named twice"):
+        terms(["motor.lag", "motor.lag"])
+
+
+def test_the_other_words_for_the_axes_are_understood() -> None:
+    assert term("friction.viscous.travel").name == "friction.viscous.yaw"
+
+
+@pytest.mark.parametrize("name", all_names())
+def test_machine_code_does_what_the_python_says(name: str) -> None:
+    t = term(name)
+    s = context(default_profile())
+    s[slots.R : slots.R + 6] = [0.2, -0.1, 0.7, 0.3, -0.4, 0.2]
+    s[slots.F_FRONT], s[slots.F_BACK], s[slots.T] = 1.1, 0.8, 12.0
+    s[slots.SPEED_FRONT], s[slots.SPEED_BACK] = 9.0, 7.0
+    par = np.zeros(slots.PARAMETERS)
+    par[slots.AXIS] = t.axis_index
+    for i, q in enumerate(t.effect.parameters):
+        par[slots.A + i] = q.null + 0.7 * q.typical
+    proto = ctypes.CFUNCTYPE(None, *[ctypes.POINTER(ctypes.c_double)] * 4)
+    for stage, hook in t.effect.hooks.items():
+        mine = s.copy() if stage is slots.Stage.SETUP else np.array([0.9, -0.6, 0.4])
+        theirs, mem = mine.copy(), np.zeros(slots.MEMORY)
+        hook(s, par, mem, mine)
+        pointers = [
+            a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in (s, par, mem, theirs)
+        ]
+        proto(address(hook))(*pointers)
+        np.testing.assert_allclose(theirs, mine, rtol=1e-14, atol=1e-16)
+
+
+@pytest.mark.parametrize("name", all_names())
+def test_at_its_null_value_an_effect_changes_nothing(name: str) -> None:
+    t = term(name)
+    par = np.zeros(slots.PARAMETERS)
+    par[slots.AXIS] = t.axis_index
+    for i, q in enumerate(t.effect.parameters):
+        par[slots.A + i] = q.null
+    s = context(default_profile())
+    s[slots.R : slots.R + 6] = RNG.normal(0, 0.3, 6)
+    for stage, hook in t.effect.hooks.items():
+        out = s.copy() if stage is slots.Stage.SETUP else np.array([0.9, 0.6, 0.4])
+        before = out.copy()
+        hook(s, par, np.zeros(slots.MEMORY), out)
+        np.testing.assert_allclose(out, before, rtol=1e-14)
+
+
+def test_parameters_start_inside_their_bounds() -> None:
+    structure = Structure(default_profile(), terms(all_names()))
+    for f in structure.free:
+        assert f.low <= f.start <= f.high, f.name
+        assert f.outward(f.inward(f.start)) == pytest.approx(f.start)
+
+
+def test_a_plugin_that_cannot_be_loaded_is_left_out_with_a_warning(monkeypatch, caplog) -> None:  # type: ignore[no-untyped-def]
+    import heli3dof.model.effects as package
+
+    class Broken:
+        value = "nowhere:EFFECT"
+
+        def load(self) -> None:
+            raise ImportError("no such module")
+
+    monkeypatch.setattr(package, "entry_points", lambda group: [Broken()])
+    package.effects.cache_clear()
+    try:
+        assert "motor.lag" in package.effects()
+        assert "nowhere:EFFECT" in caplog.text
+    finally:
+        package.effects.cache_clear()

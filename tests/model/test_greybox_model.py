@@ -1,0 +1,102 @@
+"""`GreyBoxModel`: flies like the mock without noise, linearises to the paper, goes through a file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from heli3dof.errors import RecordingError
+from heli3dof.experiment.plan import load_plan
+from heli3dof.experiment.simulate import simulate
+from heli3dof.model.greybox import GreyBoxModel, nominal
+from heli3dof.model.hover import hover_model
+from heli3dof.model.loops import sampled_loop_poles
+from heli3dof.model.modelfile import read_model, save_model
+from heli3dof.rig.profile import default_profile
+from tests.identification.mock_flights import HIDDEN, PARAMETERS, fly
+
+PROFILE = default_profile()
+
+
+@pytest.fixture(scope="module")
+def still() -> object:
+    return fly(1, "steps", noise=0.0, spread=0.0).recording
+
+
+def true_model() -> GreyBoxModel:
+    return nominal(PROFILE, tuple(n.rpartition(".")[0] for n in PARAMETERS), **PARAMETERS)
+
+
+def test_it_flies_as_the_mock_does_without_noise_to_an_encoder_count(still) -> None:  # type: ignore[no-untyped-def]
+    """From rest on the table, through take-off, to the end: two codes, one rig ({HIDDEN})."""
+    flown = simulate(load_plan("steps"), true_model())
+    away = np.abs(np.degrees(flown.angle - still.angle[: len(flown)]))
+    assert away.max(axis=0)[0] < 0.2
+    assert away.max() < 0.4
+    assert HIDDEN
+
+
+def test_it_predicts_the_noiseless_mock_three_seconds_ahead(still) -> None:  # type: ignore[no-untyped-def]
+    error = np.degrees(true_model().predict(still, 3.0) - still.angle)
+    settled = still.t > 12.0
+    rms = np.sqrt(np.nanmean(error[settled & (still.t < 70)] ** 2, axis=0))
+    assert (rms < [0.4, 0.4, 0.8]).all()
+
+
+def test_linearised_at_hover_the_nominal_rig_is_the_papers_hover_model() -> None:
+    linear = nominal(PROFILE).linear(PROFILE.dt)
+    hover = hover_model(PROFILE)
+    np.testing.assert_allclose(linear.A, hover.A, atol=1e-6)
+    np.testing.assert_allclose(linear.B, hover.B, atol=1e-6)
+    np.testing.assert_allclose(linear.u0, 7.456, atol=1e-6)
+    assert PROFILE.controller is not None
+    np.testing.assert_allclose(
+        nominal(PROFILE).loop_poles(PROFILE.controller, PROFILE.dt)[:6],
+        sampled_loop_poles(hover, PROFILE.controller, PROFILE.dt)[:6],
+        atol=1e-3,
+    )
+
+
+def test_a_delay_of_whole_periods_is_the_same_rig_that_many_samples_later() -> None:
+    late = nominal(PROFILE, ("motor.delay",), **{"motor.delay.delay_s": 3 * PROFILE.dt})
+    plain, shifted = nominal(PROFILE).linear(), late.linear()
+    impulse = [C @ np.linalg.matrix_power(A, k) @ B for A, B, C, k in (
+        (plain.A, plain.B, plain.C, 10), (shifted.A, shifted.B, shifted.C, 13))]  # fmt: skip
+    np.testing.assert_allclose(impulse[1], impulse[0], rtol=1e-9)
+
+
+def test_it_reads_back_from_its_file_to_the_last_bit(tmp_path: Path) -> None:
+    model = true_model()
+    back = read_model(save_model(model, tmp_path / "m.json"))
+    assert isinstance(back, GreyBoxModel)
+    np.testing.assert_array_equal(back.values, model.values)
+    assert back.terms == model.terms
+    assert back.profile == model.profile
+
+
+def test_a_file_with_an_unknown_term_is_refused_by_name(tmp_path: Path) -> None:
+    path = save_model(true_model(), tmp_path / "m.json")
+    data = json.loads(path.read_text())
+    data["terms"][0] = "motor.warp_drive"
+    path.write_text(json.dumps(data))
+    with pytest.raises(RecordingError, match=r"motor\.warp_drive"):
+        read_model(path)
+
+
+def test_a_file_whose_parameters_do_not_fit_its_terms_is_refused(tmp_path: Path) -> None:
+    path = save_model(true_model(), tmp_path / "m.json")
+    data = json.loads(path.read_text())
+    data["terms"].pop()
+    path.write_text(json.dumps(data))
+    with pytest.raises(RecordingError, match="its terms ask for"):
+        read_model(path)
+
+
+def test_a_rig_that_starts_level_is_held_by_its_thrusts() -> None:
+    model = true_model()
+    flown = simulate(load_plan("steps"), model, start="level")
+    still = np.degrees(np.abs(flown.angle[:50]).max(axis=0))
+    assert (still < 0.2).all()
