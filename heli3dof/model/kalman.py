@@ -365,6 +365,7 @@ def _filter(  # type: ignore[no-untyped-def]
         readings(s, x, first, address, par, mem, m, slope)
         for i in range(3):
             x[i] -= (m[i] - x[i]) / slope[i]
+        driven = a2 * axes  # a bearing that holds an axis takes its noise too
         since = 1e9
         for k in range(start, stop):
             for i in range(3):
@@ -439,7 +440,7 @@ def _filter(  # type: ignore[no-untyped-def]
                     linearise(s, x, F[k], first, address, par, mem, axes, w, A)
                 since += h[k]
                 step(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
-                grow(P, A, h[k], a2, Phi, work)
+                grow(P, A, h[k], driven, Phi, work)
     return E
 
 

@@ -19,7 +19,7 @@ from heli3dof.identification.greybox.method import (
 )
 from heli3dof.model.effects import term
 from heli3dof.recording.recording import Recording
-from tests.identification.mock_flights import Flight, fly
+from tests.identification.mock_flights import HIDDEN, Flight, fly
 
 ABSENT = (
     "motor.delay", "motor.dead_zone", "motor.thrust_curve", "motor.thrust_mismatch",
@@ -85,16 +85,29 @@ def test_steps_alone_name_no_effect_that_is_not_there(from_steps: Estimate, name
 
 
 def test_a_hidden_effect_stands_out_of_the_score_tests() -> None:
-    from tests.identification.mock_flights import HIDDEN
-
     flight = fly(1013, "multisine", hide=HIDDEN + ",friction.coulomb.yaw:0.03")
     found = fit_greybox(flight.recording)
     scores = {n: score_test(found, term(n)).score for n in ABSENT}
     assert max(scores, key=lambda n: scores[n]) == "friction.coulomb.yaw"
     assert scores["friction.coulomb.yaw"] > 100
-    wider = fit_greybox(flight.recording, (*DEFAULT_TERMS, "friction.coulomb.yaw"))
-    j = wider.structure.names.index("friction.coulomb.yaw.torque_Nm")
-    assert wider.values[j] == pytest.approx(0.03, abs=4 * wider.std[j])
+
+
+@pytest.mark.parametrize(
+    ("hide", "parameter", "value"),
+    [
+        ("motor.delay:0.02", "motor.delay.delay_s", 0.02),
+        ("motor.thrust_curve:0.4", "motor.thrust_curve.quadratic_share", 0.4),
+    ],
+)
+def test_a_hidden_effect_is_fitted_beside_the_others(
+    hide: str, parameter: str, value: float
+) -> None:
+    flight = fly(1014, "multisine", hide=f"{HIDDEN},{hide}")
+    name = hide.partition(":")[0]
+    found = fit_greybox(flight.recording, (*DEFAULT_TERMS, name))
+    j = found.structure.names.index(parameter)
+    assert abs(found.values[j] - value) < 3.5 * found.std[j]
+    assert found.std[j] < 0.1 * value
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])

@@ -1,4 +1,4 @@
-"""The nonlinear rigid body: numbers that can be worked out by hand, and what mechanics conserves."""
+"""The nonlinear rigid body: numbers worked out by hand, and what mechanics conserves."""
 
 from __future__ import annotations
 
