@@ -1,0 +1,26 @@
+"""A rotor that moves sideways through the air tips its body: τ_pitch = k ψ̇.
+
+Travelling at L_a ψ̇, the advancing blades lift more than the retreating ones, and propellers that
+turn the same way answer with a moment about the arm, k in N·m·s/rad.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import PSI_DOT, A, Stage
+
+
+def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[1] += par[A] * s[PSI_DOT]
+
+
+EFFECT = Effect(
+    name="aero.flapping",
+    summary="Travelling sideways tips the body: a torque kψ̇ on pitch.",
+    parameters=(Parameter("moment_Nms_per_rad", "N·m·s/rad", 0.0, -2.0, 2.0, 0.05, "k"),),
+    hooks={Stage.TORQUE: torque},
+    confused_with=("aero.gyroscopic",),
+    separated_by="large",
+)
