@@ -13,8 +13,8 @@ from heli3dof.cli.console import Talk, verb
 from heli3dof.cli.options import AsJson, Force, ProfileFile, Quiet
 
 if TYPE_CHECKING:
-    from heli3dof.compare.compare import Comparison
-    from heli3dof.compare.reproduce import Reproduced
+    from heli3dof.comparison.compare import Comparison
+    from heli3dof.comparison.reproduce import Reproduced
     from heli3dof.model.base import Model
     from heli3dof.recording.recording import Recording
 
@@ -40,9 +40,9 @@ def compare(
 ) -> None:
     """Models against the experiment; with no argument, on the recordings that ship."""
     from heli3dof.cli.loading import load_all, models_for, split, with_shipped
-    from heli3dof.compare.compare import compare as against
-    from heli3dof.compare.document import to_json
-    from heli3dof.compare.reproduce import reproduce
+    from heli3dof.comparison.compare import compare as against
+    from heli3dof.comparison.document import to_json
+    from heli3dof.comparison.reproduce import reproduce
     from heli3dof.model.hover import hover_model
     from heli3dof.rig.profile import default_profile
 

@@ -30,10 +30,10 @@ def register(app: typer.Typer) -> None:
 def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Fly the emulated rig, record, identify, compare and report. No hardware needed."""
     from heli3dof.cli.compare import show_comparison, write_figures
-    from heli3dof.compare.compare import compare
-    from heli3dof.compare.reproduce import reproduce
+    from heli3dof.comparison.compare import compare
+    from heli3dof.comparison.reproduce import reproduce
     from heli3dof.experiment.plan import load_plan, step_plan
-    from heli3dof.identify.api import identify
+    from heli3dof.identification.api import identify
     from heli3dof.model.hover import hover_model
     from heli3dof.model.modelfile import save_model
     from heli3dof.report.flight_report import flight_report

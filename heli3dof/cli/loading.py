@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from heli3dof.cli.console import Talk
 
 if TYPE_CHECKING:
-    from heli3dof.identify.api import Identification
+    from heli3dof.identification.api import Identification
     from heli3dof.model.base import Model
     from heli3dof.recording.recording import Recording
 
@@ -56,7 +56,7 @@ def with_shipped() -> tuple[list[Recording], Identification]:
     """The recordings that ship to compare with, and what is identified from the others."""
     from heli3dof_recordings import references
 
-    from heli3dof.identify.api import identify
+    from heli3dof.identification.api import identify
     from heli3dof.recording.reader import read_recording
 
     train = [read_recording(r.path) for r in references() if r.use == "identify"]

@@ -14,7 +14,7 @@ from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet, Reco
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from heli3dof.identify.api import Identification
+    from heli3dof.identification.api import Identification
 
 
 class Method(StrEnum):
@@ -51,7 +51,7 @@ def identify(
 ) -> None:
     """Models from recordings: heli3dof identify rec.mcap -o model.json."""
     from heli3dof.cli.loading import load_all
-    from heli3dof.identify.api import identify as fit
+    from heli3dof.identification.api import identify as fit
     from heli3dof.model.modelfile import save_model
     from heli3dof.recording.output import check_output
 

@@ -30,8 +30,8 @@ def report(
 ) -> None:
     """One self-contained HTML file: heli3dof report rec.mcap --model model.json."""
     from heli3dof.cli.loading import load_all, models_for
-    from heli3dof.compare.compare import compare
-    from heli3dof.compare.reproduce import reproduce
+    from heli3dof.comparison.compare import compare
+    from heli3dof.comparison.reproduce import reproduce
     from heli3dof.model.hover import hover_model
     from heli3dof.recording.output import check_output
     from heli3dof.report.flight_report import flight_report

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from heli3dof.compare.metrics import AxisMetrics
+    from heli3dof.comparison.metrics import AxisMetrics
     from heli3dof.experiment.fly import Flight
     from heli3dof.recording.recording import Recording
 
@@ -27,8 +27,8 @@ COLUMNS = {
 
 def metrics_of(recording: Recording) -> Mapping[str, AxisMetrics]:
     """Step metrics of what the controller flew (the ramp to zero left out)."""
-    from heli3dof.compare.metrics import flight_metrics
-    from heli3dof.compare.replay import under_control
+    from heli3dof.comparison.metrics import flight_metrics
+    from heli3dof.comparison.replay import under_control
 
     flown = under_control(recording)
     grain = recording.profile.encoder.rad_per_count

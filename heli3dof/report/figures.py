@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.compare.compare import FlightComparison, ModelComparison
+from heli3dof.comparison.compare import FlightComparison, ModelComparison
 from heli3dof.recording.recording import Recording
 from heli3dof.report.grid import fixed
 from heli3dof.report.style import (

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.compare.compare import Comparison, FlightComparison, ModelComparison
-from heli3dof.compare.metrics import flight_metrics
-from heli3dof.compare.replay import under_control
-from heli3dof.compare.reproduce import Reproduced
+from heli3dof.comparison.compare import Comparison, FlightComparison, ModelComparison
+from heli3dof.comparison.metrics import flight_metrics
+from heli3dof.comparison.replay import under_control
+from heli3dof.comparison.reproduce import Reproduced
 from heli3dof.model.base import Model
 from heli3dof.recording.recording import Recording
 from heli3dof.report.figures import NUMBER, comparison_figures, flight_figure
@@ -55,7 +55,7 @@ def flight_report(
 
     ``extra`` sections (an identification's, a diagnosis's) stand between the comparison and the
     paper's numbers, and ``lede`` sentences stand first, before what the comparison says;
-    ``reproduced`` is what `heli3dof.compare.reproduce.reproduce` returns.
+    ``reproduced`` is what `heli3dof.comparison.reproduce.reproduce` returns.
     """
     names = ", ".join(r.name for r in recordings)
     found = _warnings(recordings, comparison)

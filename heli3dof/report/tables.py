@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.compare.compare import (
+from heli3dof.comparison.compare import (
     Comparison,
     FlightComparison,
     ModelComparison,
     PredictionError,
 )
-from heli3dof.compare.metrics import AxisMetrics, StepMetrics
-from heli3dof.compare.published import CAVEATS, NO_EXPERIMENT, Quantity, Subject, published
-from heli3dof.compare.reproduce import Reproduced
+from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
+from heli3dof.comparison.published import CAVEATS, NO_EXPERIMENT, Quantity, Subject, published
+from heli3dof.comparison.reproduce import Reproduced
 from heli3dof.report.grid import NONE, Grid, fixed, short, to_rich
 
 if TYPE_CHECKING:

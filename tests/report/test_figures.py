@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from heli3dof.compare.compare import compare
+from heli3dof.comparison.compare import compare
 from heli3dof.errors import OutputExists, UsageError
 from heli3dof.recording.recording import make_recording
 from heli3dof.report.figures import (
@@ -23,7 +23,7 @@ from heli3dof.report.figures import (
 from heli3dof.report.model_figures import BodeCurve, autocorrelation, bode_figure, residual_figure
 from heli3dof.report.style import EXPERIMENT, HOVER, IDENTIFIED, model_lines, save, to_png, to_svg
 from heli3dof.rig.profile import default_profile
-from tests.compare.fakes import FakeHover, flight
+from tests.comparison.fakes import FakeHover, flight
 
 IDENTIFIED_MODEL = FakeHover(name="identification", kind="statespace", thrust=0.9)
 

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heli3dof.compare.compare import compare
-from heli3dof.compare.reproduce import reproduce
+from heli3dof.comparison.compare import compare
+from heli3dof.comparison.reproduce import reproduce
 from heli3dof.errors import OutputExists
 from heli3dof.model.hover import hover_model
 from heli3dof.report.flight_report import flight_report
 from heli3dof.report.html import Section, facts, paragraph, write_page
 from heli3dof.report.model_section import discrete_response, plant_poles, poles_text
 from heli3dof.rig.profile import default_profile
-from tests.compare.fakes import FakeHover, flight
+from tests.comparison.fakes import FakeHover, flight
 
 NASTY = '<script>alert("1")</script> & co'
 VOID = {"meta", "img", "br", "hr", "link", "input"}

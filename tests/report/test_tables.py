@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from heli3dof.compare.compare import FlightComparison, compare
-from heli3dof.compare.reproduce import reproduce
+from heli3dof.comparison.compare import FlightComparison, compare
+from heli3dof.comparison.reproduce import reproduce
 from heli3dof.report.grid import to_markdown
 from heli3dof.report.tables import (
     comparison_grids,
@@ -17,7 +17,7 @@ from heli3dof.report.tables import (
     table_ii,
 )
 from heli3dof.rig.profile import default_profile
-from tests.compare.fakes import FakeHover, WrongRate, flight
+from tests.comparison.fakes import FakeHover, WrongRate, flight
 
 IDENTIFIED = FakeHover(name="pbsid", kind="statespace", thrust=0.85)
 

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.compare.published import TABLE_II, TEXT, published
-from heli3dof.compare.reproduce import paper_step, reproduce
-from tests.compare.fakes import FakeHover
+from heli3dof.comparison.published import TABLE_II, TEXT, published
+from heli3dof.comparison.reproduce import paper_step, reproduce
+from tests.comparison.fakes import FakeHover
 
 
 def test_table_ii_stands_as_printed() -> None:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.identify.prepare import Prepared, Run
+from heli3dof.identification.prepare import Prepared, Run
 from heli3dof.model.base import LoopTask, Model
 from heli3dof.recording.recording import Recording
 

@@ -7,7 +7,7 @@ The voltage recorded at k is held until k+1, so over a longer interval of q samp
 
 Outputs are picked, never averaged or smoothed: a centred average of an encoder looks into the
 future and shows up as a false delay. Segments never reach across a gap in the clock or a row
-that a linear model cannot use (`heli3dof.identify.usable`).
+that a linear model cannot use (`heli3dof.identification.usable`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
-from heli3dof.identify.usable import REASONS, clipped, unusable
+from heli3dof.identification.usable import REASONS, clipped, unusable
 from heli3dof.recording.recording import Recording
 
 GAP = 1.5

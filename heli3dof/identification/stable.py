@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.identify.subspace import StateSpace
+from heli3dof.identification.subspace import StateSpace
 
 RHO = 0.999
 

@@ -1,9 +1,9 @@
 """`compare`: recordings and models side by side, as Table II and Figures 7–9 do.
 
-Where a recording's loop is known every model flies the same task (`heli3dof.compare.replay`) and
+Where a recording's loop is known every model flies the same task (`heli3dof.comparison.replay`) and
 its step metrics stand beside the experiment's, with their differences (what Table II really
 holds, E11). Where it is unknown the models are judged by free prediction only
-(`heli3dof.compare.prediction`), which is given for every recording.
+(`heli3dof.comparison.prediction`), which is given for every recording.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from heli3dof.compare.metrics import METRICS, AxisMetrics, flight_metrics
-from heli3dof.compare.prediction import (
+from heli3dof.comparison.metrics import METRICS, AxisMetrics, flight_metrics
+from heli3dof.comparison.prediction import (
     HORIZONS_S,
     STEPS_AVERAGED,
     STEPS_DRAWN,
@@ -28,7 +28,7 @@ from heli3dof.compare.prediction import (
     rmse_deg,
     stitched,
 )
-from heli3dof.compare.replay import Replay, replay, under_control, why_not_replayed
+from heli3dof.comparison.replay import Replay, replay, under_control, why_not_replayed
 from heli3dof.errors import Heli3dofError
 from heli3dof.model.base import Model
 from heli3dof.recording.recording import Recording
@@ -108,7 +108,7 @@ class FlightComparison:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Everything that `compare` found; see ``heli3dof.compare.document`` for its JSON."""
+    """Everything that `compare` found; see ``heli3dof.comparison.document`` for its JSON."""
 
     flights: tuple[FlightComparison, ...]
     horizons_s: tuple[float, ...]

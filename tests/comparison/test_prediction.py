@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.compare.prediction import (
+from heli3dof.comparison.prediction import (
     HeldStill,
     common_rows,
     over_window_deg,

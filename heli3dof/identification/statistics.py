@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.identify.pem import PemFit
-from heli3dof.identify.rates import continuous
-from heli3dof.identify.subspace import StateSpace
+from heli3dof.identification.pem import PemFit
+from heli3dof.identification.rates import continuous
+from heli3dof.identification.subspace import StateSpace
 from heli3dof.model.convert import Continuous, numerators
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heli3dof.compare.metrics import METRICS, StepMetrics, axis_metrics, flight_metrics
+from heli3dof.comparison.metrics import METRICS, StepMetrics, axis_metrics, flight_metrics
 
 T = np.arange(0, 20, 0.002)
 

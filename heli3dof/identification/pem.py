@@ -20,9 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.identify.predictor import filter_states, free_responses, output_sensitivities
-from heli3dof.identify.stable import stable_plant, with_stable_predictor
-from heli3dof.identify.subspace import Pair, StateSpace
+from heli3dof.identification.predictor import filter_states, free_responses, output_sensitivities
+from heli3dof.identification.stable import stable_plant, with_stable_predictor
+from heli3dof.identification.subspace import Pair, StateSpace
 
 CHUNK = 4096
 RHO_MAX = 1 - 1e-7
@@ -66,7 +66,7 @@ def pem(
 
     Args:
         data: segments at one rate, u (N, m) and y (N, l), deviations from fixed trims.
-        start: for instance from `heli3dof.identify.subspace.pbsid`.
+        start: for instance from `heli3dof.identification.subspace.pbsid`.
         max_iterations: accepted steps at most.
         tolerance: stop when a step lowers V by less.
         output_error: hold K = 0, so that e is a simulation error. Biased under feedback.

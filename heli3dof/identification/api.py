@@ -9,10 +9,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from heli3dof.errors import UsageError, did_you_mean
-from heli3dof.identify.feedback import Feedback, feedback_test
-from heli3dof.identify.prepare import Prepared, prepare, segments
-from heli3dof.identify.residuals import ResidualTest, past_inputs, whiteness
-from heli3dof.identify.search import (
+from heli3dof.identification.feedback import Feedback, feedback_test
+from heli3dof.identification.prepare import Prepared, prepare, segments
+from heli3dof.identification.residuals import ResidualTest, past_inputs, whiteness
+from heli3dof.identification.search import (
     INTERVALS_S,
     ORDERS,
     Candidate,
@@ -20,10 +20,10 @@ from heli3dof.identify.search import (
     decimated,
     search,
 )
-from heli3dof.identify.statistics import Pole, poles, polynomials, propagate, response_std
-from heli3dof.identify.tf4 import fit_tf4, state_space
-from heli3dof.identify.transfer import TransferFunctions
-from heli3dof.identify.validate import Metrics, metrics
+from heli3dof.identification.statistics import Pole, poles, polynomials, propagate, response_std
+from heli3dof.identification.tf4 import fit_tf4, state_space
+from heli3dof.identification.transfer import TransferFunctions
+from heli3dof.identification.validate import Metrics, metrics
 from heli3dof.model.linear import LinearModel
 from heli3dof.recording.recording import Recording
 
@@ -136,7 +136,7 @@ def identify(
         recordings: one or several, all three angles, the same sample interval; all are fitted
             together.
         method: ``pem`` (the one to use), ``pbsid``, ``tf4`` (the paper's form) or ``oe``.
-        order: number of states; None chooses (see `heli3dof.identify.search`). Not for tf4.
+        order: number of states; None chooses (see `heli3dof.identification.search`). Not for tf4.
         holdout: recordings to validate on. None sets aside the last quarter of each recording.
         intervals_s: sampling intervals (s) to try; each becomes a multiple of the control period.
         name: of the model; None names it after the method.
@@ -267,8 +267,8 @@ def _residual_tests(
     model: LinearModel, fit: StateSpaceFit | None, prepared: Prepared, interval_s: float
 ) -> tuple[ResidualTest, ...]:
     """On held-out data, at the interval of the fit, where innovations claim to be white."""
-    from heli3dof.identify.stable import with_stable_predictor
-    from heli3dof.identify.validate import WARM_UP_S
+    from heli3dof.identification.stable import with_stable_predictor
+    from heli3dof.identification.validate import WARM_UP_S
 
     d = decimated(prepared, prepared.held_out, interval_s)
     if fit is None:
@@ -284,7 +284,7 @@ def _residual_tests(
             e = _simulation_error(model, u + d.u_mean, y + d.y_mean, interval_s)
         else:
             assert fit is not None
-            from heli3dof.identify.predictor import filter_states
+            from heli3dof.identification.predictor import filter_states
 
             u1 = np.ascontiguousarray(u + d.u_mean - fit.u_mean)
             y1 = np.ascontiguousarray(y + d.y_mean - fit.y_mean)
@@ -306,7 +306,7 @@ def _simulation_error(
     model: LinearModel, u: np.ndarray, y: np.ndarray, interval_s: float
 ) -> np.ndarray:
     """y minus the simulation from the best initial state, (N, 3) rad."""
-    from heli3dof.identify.predictor import filter_states, free_responses
+    from heli3dof.identification.predictor import filter_states, free_responses
 
     at = model.at(interval_s)
     A, B = np.ascontiguousarray(at.A), np.ascontiguousarray(at.B)

@@ -3,8 +3,8 @@
 Two things decide how good a black box is in the loop, its order and the interval it is fitted at.
 Every 2 ms the encoder's grid is most of what an innovation holds; over 40 to 80 ms the rig's own
 motion is, and the voltages enter by their exact means. What is fitted is always the likelihood of
-the innovations (`heli3dof.identify.pem`); what *chooses* among the fits is the use that the model
-is made for:
+the innovations (`heli3dof.identification.pem`); what *chooses* among the fits is the use that the
+model is made for:
 
 * the loop is known: the replay of the *training* flights, mean fit over the axes. Replay is not
   what was minimised, so in spite of being in-sample it does not flatter the larger order, and it
@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 
 from heli3dof.errors import RecordingError
-from heli3dof.identify import validate
-from heli3dof.identify.pem import PemFit, pem
-from heli3dof.identify.prepare import Prepared, Run, segments
-from heli3dof.identify.rates import NoContinuousModel, at_rate, trims
-from heli3dof.identify.subspace import Pair, StateSpace, realise, states, varx
+from heli3dof.identification import validate
+from heli3dof.identification.pem import PemFit, pem
+from heli3dof.identification.prepare import Prepared, Run, segments
+from heli3dof.identification.rates import NoContinuousModel, at_rate, trims
+from heli3dof.identification.subspace import Pair, StateSpace, realise, states, varx
 from heli3dof.model.linear import LinearModel
 
 INTERVALS_S = (0.04, 0.08)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.compare.metrics import AxisMetrics, flight_metrics
-from heli3dof.compare.published import TABLE_II, TEXT, Published
+from heli3dof.comparison.metrics import AxisMetrics, flight_metrics
+from heli3dof.comparison.published import TABLE_II, TEXT, Published
 from heli3dof.model.base import LoopTask, Model
 from heli3dof.rig.profile import ControllerSpec, Profile, default_profile
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.compare.replay import loop_task, replay, under_control, why_not_replayed
+from heli3dof.comparison.replay import loop_task, replay, under_control, why_not_replayed
 from heli3dof.rig.profile import default_profile
-from tests.compare.fakes import FakeHover, flight
+from tests.comparison.fakes import FakeHover, flight
 
 
 def test_the_replay_of_the_true_model_is_the_flight_itself() -> None:

@@ -22,8 +22,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.identify.stable import kalman_gain, with_stable_predictor
-from heli3dof.identify.subspace import StateSpace
+from heli3dof.identification.stable import kalman_gain, with_stable_predictor
+from heli3dof.identification.subspace import StateSpace
 from heli3dof.model.convert import held, released
 
 FASTEST = 1e-3

@@ -14,7 +14,7 @@
     published[]    what the paper prints, ours, reproducible and why
 
 The six metrics are ``peak_deg overshoot_deg overshoot_percent steady_error_deg rise_time_s
-settling_time_s``; `heli3dof.compare.metrics` defines them. What is not defined is null.
+settling_time_s``; `heli3dof.comparison.metrics` defines them. What is not defined is null.
 """
 
 from __future__ import annotations
@@ -26,9 +26,14 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.compare.compare import Comparison, FlightComparison, ModelComparison, PredictionError
-from heli3dof.compare.metrics import AxisMetrics, StepMetrics
-from heli3dof.compare.reproduce import Reproduced
+from heli3dof.comparison.compare import (
+    Comparison,
+    FlightComparison,
+    ModelComparison,
+    PredictionError,
+)
+from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
+from heli3dof.comparison.reproduce import Reproduced
 
 SCHEMA = "heli3dof.comparison/1"
 

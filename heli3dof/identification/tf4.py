@@ -20,8 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.identify.subspace import Pair
-from heli3dof.identify.transfer import TransferFunctions
+from heli3dof.identification.subspace import Pair
+from heli3dof.identification.transfer import TransferFunctions
 from heli3dof.model.convert import held
 
 STARTS = ((0.3, 0.2, 0.3, 1.2), (0.7, 0.3, 0.7, 1.25), (1.0, 0.05, 2.0, 4.0), (2.0, 1.0, 5.0, 20.0))
