@@ -43,8 +43,8 @@ class TorqueNoise:
         self._a = math.exp(-dt / CORRELATION_S)
         self._sigma = scale * np.array(SIGMA_NM)
         self._w = self._sigma * rng.standard_normal(3)
-        self._block = np.empty((0, 3))
-        self._next = 0
+        # Now, not in the first period of a flight: a first use compiles.
+        self._fill()
 
     def draw(self) -> np.ndarray:
         """The torques of the next period."""
