@@ -101,7 +101,7 @@ class RecordingWriter:
         ``reference`` (as asked) and ``reference_limited`` (3,) rad; ``lateness_s`` of this tick;
         ``v_cmd`` (2,) V before the limiter, ``v_extra`` (2,) V of the experiment in it;
         ``command`` as sent; ``v_applied`` (2,) V as the *next* sample reports it, NaN where the
-        device does not; ``phase`` the plan's part being flown (0xFFFFFFFF: ramp-down).
+        device does not; ``phase`` as in ``heli3dof.recording.row``.
 
         Raises NoSpace or RecordingError when the recorder could not keep earlier rows.
         """
@@ -125,7 +125,7 @@ class RecordingWriter:
         self._count += 1
 
     def outcome(self, outcome: str, **details: Any) -> None:
-        """Say how the flight ended: ``completed``, ``safety_trip``, ``estop``, ``interrupted`` …
+        """Say how the flight ended: ``completed``, ``tripped``, ``interrupted``, ``device`` …
 
         Written last, when the recording is closed; the last call counts.
         """

@@ -72,7 +72,7 @@ def tick(k: int) -> dict[str, Any]:
             flags=Flags.ENABLED | Flags.SATURATED,
             host_time_s=100 + k * 0.002,
         ),
-        "angle": np.array(counts) * STEP,
+        "angle": tuple((np.array(counts) * STEP).tolist()),
         "lateness_s": 1e-6 * k,
         "reference": (0.1, 0.2, 0.3),
         "reference_limited": (0.01, 0.02, 0.03),
