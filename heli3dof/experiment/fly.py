@@ -18,7 +18,7 @@ from heli3dof.recording.provenance import provenance
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_rig, with_seed
 from heli3dof.rig.port import Identity, Rig
 from heli3dof.rig.profile import Profile, default_profile
 
@@ -87,11 +87,13 @@ def fly_plan(
 ) -> Flight:
     """Fly a plan on a rig and record it (to ``output``, or in memory where that is None).
 
+    ``seed`` draws the plan's random signals and, on an emulated rig whose URL names none, its noise.
     Returns however the flight ended (see `Flight.raise_if_cut_short`); raises only where nothing
     flew: PlanError, UnstableLoop, DeviceError, OutputExists.
     """
     profile = (profile or default_profile()).with_controller()
     signals = prepare(plan, profile, seed)
+    device = with_seed(device, seed)
     rig = open_rig(device, profile)
     try:
         opened(rig.identity)
