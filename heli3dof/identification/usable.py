@@ -5,8 +5,8 @@ free fall. Those rows are left out, and each one's reason is counted:
 
 ``unread``        a NaN in a voltage or an angle
 ``table``         on the table or within 1° of it, from the first row to lift-off and after landing
-``take_off``      from lift-off until roll is half-way to level and the voltages have been off
-                  their limit for 0.25 s
+``take_off``      from lift-off until roll is half-way to level, the voltages have been off their
+                  limit for 0.25 s, and 3 s have passed
 ``stop``          an angle that rests for 0.3 s within 0.2° of its extreme, beyond 25°
 ``motors_off``    both voltages zero for 0.1 s and more, and from there to the next lift-off
 ``falling``       the end of a flight, from where roll last was half-way to level
@@ -28,6 +28,7 @@ ON_TABLE_BELOW = np.deg2rad(-15.0)
 NEAR_TABLE = np.deg2rad(1.0)
 STOP_BEYOND = np.deg2rad(25.0)
 SETTLED_S = 0.25
+TAKE_OFF_S = 3.0
 STILL_S = 0.1
 AT_STOP_S = 0.3
 
@@ -58,7 +59,9 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
         rows["falling"] = _falling(roll)
     rows["stop"] = np.zeros(len(recording), dtype=bool)
     for i in measured:
-        rows["stop"] |= _at_stop(y[:, i], recording.dt)
+        # Roll's lower stop is the table, which has a reason of its own.
+        above = y[:, i] if i != ROLL else np.maximum(y[:, i], 0.0)
+        rows["stop"] |= _at_stop(above, recording.dt)
     phase = recording.channels.get("phase")
     rows["ramp_down"] = (
         np.zeros(len(recording), dtype=bool) if phase is None else np.asarray(phase) >= 1
@@ -79,13 +82,14 @@ def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarra
     table = _long_runs(table, max(2, round(STILL_S / recording.dt)))
     limit = clipped(recording)
     settled = max(1, round(SETTLED_S / recording.dt))
+    least = round(TAKE_OFF_S / recording.dt)
     take_off = none.copy()
     for lift in np.flatnonzero(table[:-1] & ~table[1:]) + 1:
         k = int(lift)
         calm = 0
         while k < n and not table[k]:
             calm = 0 if limit[k] else calm + 1
-            if roll[k] > rest / 2 and calm >= settled:
+            if roll[k] > rest / 2 and calm >= settled and k >= lift + least:
                 break
             k += 1
         take_off[lift:k] = True
