@@ -87,7 +87,7 @@ def fly_plan(
 ) -> Flight:
     """Fly a plan on a rig and record it (to ``output``, or in memory where that is None).
 
-    ``seed`` draws the plan's random signals and, on an emulated rig whose URL names none, its noise.
+    ``seed`` draws the plan's random signals, and an emulated rig's noise where its URL names none.
     Returns however the flight ended (see `Flight.raise_if_cut_short`); raises only where nothing
     flew: PlanError, UnstableLoop, DeviceError, OutputExists.
     """

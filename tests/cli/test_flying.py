@@ -150,7 +150,19 @@ def test_the_same_seeds_fly_the_same_flight(tmp_path: Path) -> None:
 def test_the_seed_reaches_the_emulated_rig_unless_its_url_names_one(tmp_path: Path) -> None:
     def digest(seed: int, device: str) -> str:
         path = tmp_path / f"{seed}-{len(device)}.mcap"
-        words = ("run-step", "--yaw", "5", *QUICK, "--device", device, "--seed", seed, "-o", path)
+        words = (
+            "run-step",
+            "--yaw",
+            "5",
+            *QUICK,
+            "--device",
+            device,
+            "--seed",
+            seed,
+            "-o",
+            path,
+            "--force",
+        )
         assert heli3dof(*words).code == 0
         return read_recording(path).digest
 
