@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from heli3dof.errors import UsageError
+
 from . import slots
 
 if TYPE_CHECKING:
@@ -129,11 +131,23 @@ class Setup:
 def setup_of(profile: Profile, start: str) -> Setup:
     """The rig of a profile at rest on its table (``rest``) or held level (``level``).
 
-    Its table is where the profile says that the counts are zero.
+    Its table is where the profile says that the counts are zero. Raises UsageError where that is
+    no place for a table.
     """
     body = body_of(profile)
     rest = tuple(profile.encoder.rest_rad.tolist())
     roll_stop, pitch_stop = math.radians(ROLL_STOP_DEG), math.radians(PITCH_STOP_DEG)
+    for axis, angle, low, high in (
+        ("roll", rest[0], -math.pi / 2, 0.0),
+        ("pitch", rest[1], -pitch_stop, pitch_stop),
+    ):
+        if not low <= angle <= high:
+            raise UsageError(
+                f"The emulated rig cannot rest at {axis} {math.degrees(angle):g}°.",
+                cause=f"it lies on its table between {math.degrees(low):g}° and "
+                f"{math.degrees(high):g}°; the profile's {axis}_rest_deg says otherwise.",
+                fix=f"correct encoder.{axis}_rest_deg in the profile",
+            )
     return Setup(
         body=body,
         nominal=body,

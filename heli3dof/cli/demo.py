@@ -29,7 +29,7 @@ def register(app: typer.Typer) -> None:
 @verb
 def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Fly the emulated rig, record, identify, compare and report. No hardware needed."""
-    from heli3dof.cli.compare import show_comparison, write_figures
+    from heli3dof.cli.compare import write_figures
     from heli3dof.comparison.compare import compare
     from heli3dof.comparison.reproduce import reproduce
     from heli3dof.experiment.plan import load_plan, step_plan
@@ -38,6 +38,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     from heli3dof.model.modelfile import save_model
     from heli3dof.report.flight_report import flight_report
     from heli3dof.report.html import write_page
+    from heli3dof.report.tables import comparison_renderables
     from heli3dof.rig.profile import default_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
@@ -61,7 +62,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
         comparison = compare([step], [hover, found.model])
         write_figures(comparison, folder, force=False)
     published = reproduce(hover_model(default_profile()))
-    show_comparison(talk, comparison, published)
+    talk.show(*comparison_renderables(comparison, published))
     with talk.working("Writing the report …"):
         text = flight_report(
             [step],

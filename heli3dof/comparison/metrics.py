@@ -17,8 +17,9 @@ from the set value, section III and Table II print *peak values*. Both stand her
 Kinds of segment:
 
 ``step``     the reference changed at its start. y_a is the previous set value.
-``start``    the recording's first segment, when it begins away from its set value (a flight from
-             rest, or the paper's run, whose reference is 10° from t = 0). y_a is the first angle.
+``start``    the first segment with a reference, when it begins away from its set value (a flight
+             from rest, or the paper's run, whose reference is 10° from t = 0). y_a is its first
+             angle.
 ``hold``     the reference is where the angle began: the paper's pitch and yaw during a roll step.
              The peak is the angle farthest from the set value and the overshoot its distance
              (≥ 0); percent, rise and settling time are not defined.
@@ -161,34 +162,33 @@ def axis_metrics(
 
 
 def _changes(reference: np.ndarray) -> np.ndarray:
-    """Rows at which a reference takes a new value (rounding apart)."""
+    """Rows at which a reference takes a new value (rounding apart), appears or goes."""
+    absent = np.isnan(reference)
     with np.errstate(invalid="ignore"):
-        return np.flatnonzero(np.abs(np.diff(reference)) > 1e-9) + 1
+        moved = np.abs(np.diff(reference)) > 1e-9
+    return np.flatnonzero(moved | (absent[1:] != absent[:-1])) + 1
 
 
 def _segments(t: np.ndarray, y: np.ndarray, ref: np.ndarray) -> list[_Segment]:
-    """The constant stretches of a reference, or one moving or absent one."""
+    """The constant stretches of a reference, or one moving one, or none where it is absent."""
     known = np.flatnonzero(~np.isnan(ref))
     if not len(known):
         return []
     rows = slice(int(known[0]), int(known[-1]) + 1)
     edges = [rows.start, *(int(c) for c in _changes(ref) if rows.start < c < rows.stop), rows.stop]
-    stretches = [slice(a, b) for a, b in itertools.pairwise(edges)]
+    stretches = [slice(a, b) for a, b in itertools.pairwise(edges) if not np.isnan(ref[a])]
     long = [s for s in stretches if t[s.stop - 1] - t[s.start] >= MIN_HOLD_S]
-    resting = sum(t[s.stop - 1] - t[s.start] for s in long)
-    if len(stretches) > 1 and resting < 0.5 * (t[rows.stop - 1] - t[rows.start]):
+    if len(stretches) > 1 and sum(s.stop - s.start for s in long) < 0.5 * len(known):
         return [_Segment("moving", rows, float(y[rows.start]), np.nan)]
     segments: list[_Segment] = []
     for s in stretches:
-        set_deg = float(ref[s.start])
-        if s is not stretches[0]:
-            previous = float(ref[s.start - 1])
-            if s in long and not np.isnan(previous) and not np.isnan(set_deg):
-                segments.append(_Segment("step", s, previous, set_deg))
-            continue
-        start = float(y[s.start])
-        kind: Kind = "start" if abs(set_deg - start) > MIN_STEP_DEG else "hold"
-        segments.append(_Segment(kind, s, start, set_deg))
+        set_deg, start = float(ref[s.start]), float(y[s.start])
+        previous = np.nan if s.start == rows.start else float(ref[s.start - 1])
+        if np.isnan(previous):
+            kind: Kind = "start" if abs(set_deg - start) > MIN_STEP_DEG else "hold"
+            segments.append(_Segment(kind, s, start, set_deg))
+        elif s in long:
+            segments.append(_Segment("step", s, previous, set_deg))
     return segments
 
 
@@ -202,7 +202,9 @@ def _measure(
     if not np.isfinite(y).all():
         return base
     if segment.kind in ("hold", "moving"):
-        far = int(np.argmax(np.abs(y - ref)))
+        if np.isnan(ref).all():
+            return base
+        far = int(np.nanargmax(np.abs(y - ref)))
         error = _steady_error(t, y - ref) if segment.kind == "hold" else np.nan
         return replace(
             base,

@@ -183,15 +183,24 @@ def _exact(
 def _ragged(
     path: Path, number: int, row: list[str], names: list[str], separator: str
 ) -> RecordingError:
-    commas = separator == "," and len(row) >= 2 * len(names) - 1
+    line = separator.join(row)
+    others = [s for s in SEPARATORS if s != separator and len(_cells(line, s)) == len(names)]
+    if others:
+        cause = f"its cells are separated by {SEPARATORS[others[0]]}, the header's by " + (
+            f"{SEPARATORS[separator]}."
+        )
+        fix = "write the same separator in every line"
+    elif separator == "," and len(row) >= 2 * len(names) - 1:
+        cause = "decimal commas in a table separated by commas."
+        fix = "export with decimal points, or with semicolons between the columns"
+    else:
+        cause = "a line that was written by two programs at once, or cut short."
+        fix = f"look at line {number} of {path.name}"
     return RecordingError(
-        f"{path}: line {number} has {len(row)} cells, the header line {len(names)}.",
-        cause="decimal commas in a table separated by commas."
-        if commas
-        else "a line that was written by two programs at once, or cut short.",
-        fix="export with decimal points, or with semicolons between the columns"
-        if commas
-        else f"look at line {number} of {path.name}",
+        f"{path}: line {number} has {len(row)} cell{'s' * (len(row) != 1)}, "
+        f"the header line {len(names)}.",
+        cause=cause,
+        fix=fix,
     )
 
 

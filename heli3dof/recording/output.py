@@ -45,6 +45,11 @@ def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
     """
     path = Path(path)
     check_output(path, force=force)
+    path = path.resolve()  # a link stays a link; what it names is replaced
+    if path.exists() and not path.is_file():  # /dev/stdout and its like are written, not replaced
+        with explained(path), path.open("wb", buffering=0) as stream:
+            yield stream
+        return
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     with explained(path):
         try:

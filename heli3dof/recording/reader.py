@@ -49,6 +49,8 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
     if not found.whole:
         raise torn(path, found)
     try:
+        if not found.intact:
+            raise Damaged("the checksum over its data is wrong")
         layouts = our_layouts(found)
         if layouts is None:
             from heli3dof.recording.foreign import read_foreign
@@ -57,8 +59,6 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
             return foreign
         form = RowFormat(layouts)
         rows = _bulk_rows(found, form)
-        if not found.intact:
-            raise Damaged("the checksum over its data is wrong")
         if rows is None:
             rows = _gathered_rows(path, found, form)
     except Damaged as error:
@@ -81,14 +81,16 @@ def open_mcap(path: Path) -> Scan:
     data = read_bytes(path)
     if not data.startswith(MAGIC):
         kind = what_is(data)
-        log = "CSV" in kind or "MAT" in kind
+        ending = ".csv" if "CSV" in kind else ".mat" if "MAT" in kind else ""
+        named = path.with_suffix(ending) if ending else path
         raise RecordingError(
             f"{path} is not an MCAP recording; it is {kind}.",
             cause="a log that was not imported yet."
-            if log
+            if ending
             else "another file was meant, or the name's ending is wrong.",
-            fix=f"heli3dof import {path} --profile PROFILE.toml -o {path.stem}.mcap"
-            if log
+            fix=(f"mv {path} {named}; " if named != path else "")
+            + f"heli3dof import {named} --profile PROFILE.toml -o {path.stem}.mcap"
+            if ending
             else f"ls {path.parent}",
         )
     return scan(data)

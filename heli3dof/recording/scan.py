@@ -41,7 +41,7 @@ class Damaged(Exception):
 
 @dataclass(frozen=True)
 class Scan:
-    """The records of an MCAP file's bytes: opcode, start and end of each content."""
+    """The records of an MCAP file's data section: opcode, start and end of each content."""
 
     data: bytes
     records: list[tuple[int, int, int]]
@@ -57,18 +57,25 @@ class Scan:
     @property
     def intact(self) -> bool:
         """True when the checksum over the data section, where there is one, is right."""
-        end = next(((a, b) for kind, a, b in self.records if kind == Opcode.DATA_END), None)
-        if end is None:
+        if not self.records or self.records[-1][0] != Opcode.DATA_END:
             return True
-        expected = int.from_bytes(self.data[end[0] : end[1]], "little")
-        return expected in (0, zlib.crc32(memoryview(self.data)[: end[0] - 9]))
+        _, start, end = self.records[-1]
+        expected = int.from_bytes(self.data[start:end], "little")
+        return expected in (0, zlib.crc32(memoryview(self.data)[: start - 9]))
 
     @cached_property
     def metadata(self) -> dict[str, dict[str, Any]]:
-        """Name → contents of the metadata records, their JSON values decoded."""
+        """Name → contents of the metadata records, their JSON values decoded.
+
+        Records that make no sense are passed over, so that samples can be had without them;
+        ``intact`` tells that something is wrong.
+        """
         found: dict[str, dict[str, Any]] = {}
         for content in self.of(Opcode.METADATA):
-            record = _read(Metadata, content)
+            try:
+                record = _read(Metadata, content)
+            except Damaged:
+                continue
             found[record.name] = {k: _from_json(v) for k, v in record.metadata.items()}
         return found
 
@@ -107,10 +114,12 @@ class Scan:
 
 
 def scan(data: bytes) -> Scan:
-    """Find the records of an MCAP file; ``data`` starts with MCAP's magic."""
+    """Find the records of an MCAP file's data section; ``data`` starts with MCAP's magic."""
     records, good = records_in(data, len(MAGIC))
-    whole = bool(records) and records[-1][0] == Opcode.FOOTER and data[good:] == MAGIC
-    return Scan(data, records, whole, good)
+    end = next((i for i, r in enumerate(records) if r[0] == Opcode.DATA_END), None)
+    ended = end is not None and records[-1][0] == Opcode.FOOTER and data[good:] == MAGIC
+    # The summary repeats schemas and channels without our checksum: it is not looked at.
+    return Scan(data, records if end is None else records[: end + 1], ended, good)
 
 
 def records_in(data: bytes, at: int = 0) -> tuple[list[tuple[int, int, int]], int]:

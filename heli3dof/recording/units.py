@@ -219,7 +219,8 @@ def newton(
 
 def _moving_sum(x: np.ndarray, n: int) -> np.ndarray:
     total = np.concatenate([[0.0], np.cumsum(x)])
-    return total[n:] - total[:-n]
+    sums: np.ndarray = total[n:] - total[:-n]
+    return sums
 
 
 def wrong_unit(source: str, name: str, unit: str, evidence: str) -> RecordingError:

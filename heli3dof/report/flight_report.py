@@ -4,12 +4,13 @@ and where everything came from. ``heli3dof report`` and ``heli3dof demo`` write 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from heli3dof.axes import AXES
+from heli3dof.axes import AXES, ROLL
 from heli3dof.comparison.compare import Comparison, FlightComparison, ModelComparison
 from heli3dof.comparison.metrics import flight_metrics
 from heli3dof.comparison.replay import under_control
@@ -152,6 +153,7 @@ def in_a_sentence(flight: FlightComparison) -> str:
     if flight.why is None:
         said = [_flown_in_words(flight, m) for m in flight.models]
         peak = flight.experiment["roll"].reported.peak_deg
+        said.append(_predicted_in_words(flight))
         return f"{flight.recording.name}: roll peaks at {fixed(peak, 1, '°')}. " + " ".join(said)
     said = []
     for m in flight.models:
@@ -177,10 +179,24 @@ def _flown_in_words(flight: FlightComparison, m: ModelComparison) -> str:
     rmse = ", ".join(fixed(v, 2, "°") for v in m.replay_rmse_deg)
     where = ""
     if np.isfinite(difference):
-        where = (
-            f" peaks {fixed(abs(difference), 1, '°')} {'higher' if difference > 0 else 'lower'},"
-        )
+        apart = f"{fixed(abs(difference), 1, '°')} {'higher' if difference > 0 else 'lower'}"
+        where = f" peaks {apart if abs(difference) >= 0.05 else 'at the same height'},"
     return f"{m.name}{where} and differs by {rmse} in roll, pitch and yaw over the flight (RMSE)."
+
+
+def _predicted_in_words(flight: FlightComparison) -> str:
+    """Beside a replay, which a loop flatters: how far free predictions of roll go off."""
+    if flight.held_still is None:
+        return ""
+    named = [(m.name, m.prediction) for m in flight.models]
+    off = [
+        f"{fixed(p.over_window_deg[ROLL], 1, '°')} ({name})"
+        for name, p in (*named, ("angles held still", flight.held_still))
+        if p is not None
+    ]
+    return (
+        f"Predicted freely over {flight.held_still.window_s:g} s, roll is off by {', '.join(off)}."
+    )
 
 
 def _warnings(recordings: Sequence[Recording], comparison: Comparison | None) -> list[str]:
@@ -220,5 +236,7 @@ def _flat(meta: Mapping[str, Any], prefix: str = "") -> tuple[dict[str, Any], di
         elif isinstance(value, (Mapping, list, tuple)) and len(str(value)) > LONG:
             long[f"{prefix}{name}"] = value
         else:
-            short[f"{prefix}{name}"] = value
+            plain = value is None or isinstance(value, (str, int, float))
+            said = value if plain else json.dumps(value, ensure_ascii=False, default=str)
+            short[f"{prefix}{name}"] = said
     return short, long

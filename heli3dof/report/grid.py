@@ -72,13 +72,22 @@ def to_rich(grid: Grid) -> Group:
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, header_style="bold")
+    # One space on either side of the (invisible) rule between columns is one too many for 80.
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+        pad_edge=False,
+        show_edge=False,
+        header_style="bold",
+    )
     for i, head in enumerate(grid.columns):
         number = grid.is_number(i)
         # A number's unit goes under its name, so that a row of them fits a narrow terminal.
         lines = head.rsplit(" ", 1) if number else ["", head]
         title = Text("\n".join(lines))
-        table.add_column(title, justify="right" if number else "left", no_wrap=number)
+        table.add_column(
+            title, justify="right" if number else "left", no_wrap=number, overflow="fold"
+        )
     before: Sequence[str] = ()
     for row in grid.rows:
         if before and row[0] != before[0] and _groups(grid):
@@ -137,7 +146,9 @@ def _groups(grid: Grid) -> bool:
 
 
 def _css(grid: Grid, column: int) -> str:
-    return ' class="n"' if grid.is_number(column) else ""
+    if grid.is_number(column):
+        return ' class="n"'
+    return ' class="t"' if column < grid.text_columns else ""
 
 
 def _md(text: str) -> str:

@@ -73,6 +73,7 @@ thead th { border-bottom: 1px solid var(--ink); }
 tbody tr + tr.opens td { border-top: 1px solid var(--line); }
 tr.aside td { color: var(--soft); padding-top: 0; }
 tr.aside td:nth-child(2) { padding-left: 1rem; }
+td.t { white-space: nowrap; }
 td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
 th.n { white-space: normal; }
 .notes { margin: .3rem 0 1.2rem; padding-left: 1.1rem; color: var(--soft); font-size: .85rem; }

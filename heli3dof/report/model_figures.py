@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.report.figures import SYMBOLS, headline
-from heli3dof.report.style import BLUE, GRID, RC, SOFT, Line, model_lines
+from heli3dof.report.curves import LABEL_WIDTH, headline
+from heli3dof.report.figures import SYMBOLS
+from heli3dof.report.style import BLUE, GRID, RC, SOFT, Line, model_lines, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -90,7 +91,7 @@ def _bode_curve(magnitude, phase, omega, c: BodeCurve, line: Line) -> None:  # t
     size = np.abs(c.response)
     angle = np.degrees(np.unwrap(np.angle(c.response)))
     angle -= 360 * np.ceil(angle[0] / 360 - 1e-6)  # every curve sets out between −360° and 0°
-    magnitude.plot(omega, _db(size), label=c.label, **line.kwargs())
+    magnitude.plot(omega, _db(size), label=plain(c.label, LABEL_WIDTH), **line.kwargs())
     phase.plot(omega, angle, **line.kwargs())
     if c.std is not None:
         low, high = np.maximum(size - 2 * c.std, 0.05 * size), size + 2 * c.std

@@ -86,6 +86,13 @@ IDENTIFIED = (
 )
 
 
+def plain(text: str, most: int = 200) -> str:
+    """Text from outside for a figure: at most so many characters, and a ``$`` is no mathematics."""
+    if len(text) > most:
+        text = text[: most - 1] + "…"
+    return text.replace("$", r"\$")
+
+
 def model_lines(kinds: list[str]) -> list[Line]:
     """A line for each model by its kind: the hover models keep theirs in every figure."""
     lines: list[Line] = []

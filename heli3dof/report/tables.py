@@ -229,10 +229,10 @@ def comparison_renderables(
     comparison: Comparison, reproduced: Sequence[Reproduced] = ()
 ) -> list[RenderableType]:
     """The same for a terminal, with a blank line after each."""
-    shown: list[RenderableType] = []
-    for grid in comparison_grids(comparison, reproduced):
-        shown += [to_rich(grid), ""]
-    return shown
+    from rich.padding import Padding
+
+    below = (0, 0, 1, 0)
+    return [Padding(to_rich(g), below) for g in comparison_grids(comparison, reproduced)]
 
 
 def _model_notes(flight: FlightComparison) -> list[str]:

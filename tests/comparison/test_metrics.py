@@ -132,6 +132,17 @@ def test_without_a_reference_nothing_is_defined() -> None:
     assert np.isnan(list(m.values().values())).all()
 
 
+def test_a_reference_that_is_absent_for_a_while_invents_nothing() -> None:
+    """Open loop from 5 to 10 s: what the angle does there belongs to no step."""
+    reference = np.radians(np.where(T < 5, 0.0, 10.0))
+    reference[(T >= 5) & (T < 10)] = np.nan
+    y = np.radians(np.where(T < 5, 0.0, np.where(T < 10, -20.0, 10.0)))
+    m = axis_metrics(T, y, reference)
+    assert [(s.kind, s.set_deg) for s in m.steps] == [("hold", 0.0), ("hold", pytest.approx(10.0))]
+    assert max(s.overshoot_deg for s in m.steps) == pytest.approx(0.0, abs=1e-9)
+    assert np.isfinite(m.reported.peak_deg)
+
+
 def test_a_response_that_turns_to_nan_has_no_metrics() -> None:
     """A diverged model must not be measured on the part that did not diverge yet."""
     y = np.where(T < 3, 10.0 * first_order(T), np.nan)

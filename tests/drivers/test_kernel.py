@@ -8,9 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from heli3dof_drivers.emulator.body import Setup, setup_of
+from heli3dof_drivers.emulator.effects import catalogue
 from heli3dof_drivers.emulator.hide import parse_hide
 from heli3dof_drivers.emulator.lagrange import energy, travel_momentum
 from heli3dof_drivers.emulator.plant import Plant
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from heli3dof.rig.profile import default_profile
 
@@ -175,3 +178,26 @@ def test_dry_friction_on_every_axis_at_once_holds_all_three():
     for _ in range(2000):
         p.step(7.456, 7.456)
     np.testing.assert_allclose(p.truth.angle, (0.2, 0.1, 0.0), atol=1e-9)
+
+
+EXAMPLES = [e.example for e in catalogue().values()]
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    st.lists(st.sampled_from(EXAMPLES), max_size=5, unique=True),
+    st.lists(st.tuples(st.floats(-24, 24), st.floats(-24, 24)), min_size=1, max_size=12),
+    st.sampled_from(["rest", "level"]),
+    st.integers(0, 5),
+)
+def test_whatever_is_hidden_and_commanded_it_stays_between_its_stops(hide, volts, start, seed):
+    p = Plant(
+        setup_of(PROFILE, start), GRID, dt=0.002, hidden=parse_hide(hide), seed=seed, spread=0.1
+    )
+    low, high = np.array(p.setup.low), np.array(p.setup.high)
+    for front, back in volts:
+        for _ in range(50):
+            p.step(front, back)
+            angle, rate = state(p)
+            assert np.all((low <= angle) & (angle <= high))
+            assert np.isfinite(rate).all()

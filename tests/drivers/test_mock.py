@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +13,8 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import DeviceError, ProfileError, UsageError
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
 from heli3dof.rig.drivers import find_rigs, open_rig
 from heli3dof.rig.port import Command, Flags
 from heli3dof.rig.profile import TABLE_I, default_profile, profile_from_dict
@@ -58,6 +63,14 @@ def test_a_level_roll_step_peaks_where_the_papers_equations_say():
     np.testing.assert_allclose(roll, falling, atol=360 / 4096)  # the encoder's grid
     # E13: a symmetric rig's roll step leaves pitch and yaw alone.
     assert np.abs(np.degrees(log.true[:, 1:])).max() < 1e-6
+
+
+def test_the_products_own_loop_flies_the_mock_to_the_same_counts():
+    plan = step_plan((10.0, None, 20.0), settle_s=0, duration_s=4)
+    device = "mock:?speed=max&start=level&seed=7&hide=motor.lag:0.05"
+    flight = fly_plan(plan, device=device)
+    log = fly(device, lambda t: np.radians([10.0, 0, 20.0]), seconds=4)
+    np.testing.assert_allclose(flight.recording.angle[:2000], log.angle, atol=1e-12)
 
 
 def test_from_rest_a_roll_step_overshoots_to_sixteen_degrees():
@@ -109,6 +122,28 @@ def test_a_number_for_speed_is_so_many_times_real_time():
         sample = rig.exchange(Command(k + 1, 0.0, 0.0), 0.0)
     assert sample.device_time_s == pytest.approx(2.0)
     assert 0.19 < time.monotonic() - start < 2.0
+
+
+def test_all_that_needs_compiling_is_compiled_before_the_motors_turn(tmp_path: Path):
+    # In a process of its own with an empty cache: a first flight must not stall in mid-air.
+    script = (
+        "import time\n"
+        "from heli3dof.rig.drivers import open_rig\n"
+        "from heli3dof.rig.port import Command\n"
+        "from heli3dof.rig.profile import default_profile\n"
+        "rig = open_rig('mock:?speed=max&hide=motor.lag:0.1,friction.coulomb.yaw:0.1', "
+        "default_profile())\n"
+        "rig.arm()\n"
+        "start = time.process_time()\n"
+        "for k in range(600): rig.exchange(Command(k + 1, 9.0, 9.0), 0.0)\n"
+        "print(time.process_time() - start)\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=True
+    )
+    assert float(done.stdout) < 0.08  # 600 exchanges; the smallest compilation takes 0.1 s
+    assert "Compiling the emulated rig" in done.stderr
 
 
 def test_a_host_that_skips_periods_finds_its_last_voltage_still_standing():
@@ -180,6 +215,24 @@ def test_a_profile_in_the_url_is_the_rigs_own_whatever_the_host_believes(tmp_pat
     assert rig.exchange(Command(1, 0, 0), 0.0).device_time_s == pytest.approx(1 / 200)
     with pytest.raises(ProfileError):
         open_mock("?profile=/nowhere/at/all.toml")
+
+
+@pytest.mark.parametrize(("key", "angle"), [("roll_rest_deg", 5.0), ("pitch_rest_deg", 40.0)])
+def test_a_table_that_cannot_be_is_refused_by_its_key(key, angle):
+    encoder = {"roll": 4096, "pitch": 4096, "yaw": 8192, key: angle}
+    with pytest.raises(UsageError, match=key):
+        open_rig("mock:", profile_from_dict({**TABLE_I, "encoder": encoder}))
+
+
+def test_another_table_is_another_start():
+    encoder = {"roll": -4096, "pitch": 4096, "yaw": 8192, "roll_rest_deg": -20.0}
+    profile = profile_from_dict({**TABLE_I, "encoder": encoder})
+    rig = open_rig("mock:?speed=max&noise=0", profile)
+    assert rig.arm().counts == (0, 0, 0)
+    assert np.degrees(rig.truth.angle[0]) == pytest.approx(-20.0)
+    for k in range(300):
+        sample = rig.exchange(Command(k + 1, 12.0, 12.0), 0.0)
+    assert sample.counts[0] < 0 < np.degrees(rig.truth.angle[0]) + 20
 
 
 def test_a_spread_rig_departs_from_its_profile_by_no_more_than_asked_and_by_its_seed():

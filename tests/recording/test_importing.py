@@ -179,6 +179,13 @@ def test_decimal_commas_in_a_comma_table_are_named_as_the_cause(tmp_path: Path) 
     assert "decimal commas" in caught.value.cause
 
 
+def test_another_separator_than_the_headers_is_named_as_the_cause(tmp_path: Path) -> None:
+    text = "t_s,v_front_V,v_back_V,roll_deg\n0 1 2 3\n0.002 1 2 3\n"
+    with pytest.raises(RecordingError, match="line 2 has 1 cell, the header line 4") as caught:
+        import_log(write(tmp_path, text), PROFILE)
+    assert "separated by spaces, the header's by commas" in caught.value.cause
+
+
 def gappy() -> dict[str, Any]:
     keep = np.ones(1500, bool)
     keep[100:110] = keep[700] = False

@@ -125,6 +125,21 @@ def test_a_damaged_chunk_is_left_out_and_counted(tmp_path: Path, whole: Path) ->
     assert np.diff(back.t).max() > 0.1, "the gap stays a gap"
 
 
+def test_samples_are_saved_even_where_the_profile_is_lost(tmp_path: Path, whole: Path) -> None:
+    content = whole.read_bytes()
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content.replace(b"heli3dof.profile", b"heli3dof.\xffrofile", 1))
+    with pytest.raises(RecordingError, match="damaged"):
+        read_recording(path)
+    result = recover(path)
+    assert result.samples == 400
+    with pytest.raises(RecordingError, match="no profile") as caught:
+        read_recording(result.path)
+    assert "--profile" in caught.value.fix
+    good = read_recording(whole)
+    assert read_recording(result.path, good.profile).digest == good.digest
+
+
 def test_a_whole_file_needs_no_recovery(whole: Path) -> None:
     with pytest.raises(RecordingError, match="is whole"):
         recover(whole)

@@ -17,7 +17,9 @@ from heli3dof.recording.schema import (
     RowFormat,
     RowPacker,
     channels_layout,
+    tag_value,
 )
+from tests.paths import ROOT
 
 HEADER = 31  # opcode 1, length 8, channel 2, sequence 4, log and publish time 8 each
 
@@ -100,3 +102,18 @@ def test_channels_may_have_any_names_and_more_than_fifteen() -> None:
     message = protobuf_class(layout).FromString(row["Channels"].tobytes()[HEADER:])
     got = [getattr(message, c.proto_name) for c in layout.columns]
     np.testing.assert_array_equal(got, np.arange(len(names)) + 0.5)
+
+
+def test_the_page_on_recordings_names_every_field_and_every_first_byte() -> None:
+    page = (ROOT / "docs" / "recording.md").read_text()
+    for layout in (SAMPLE, COMMAND):
+        assert f"`{layout.full_name}`" in page
+        assert f"`{layout.topic}`" in page
+        for column in layout.columns:
+            assert f"`{column.name}`" in page, column.name
+    bytes_of_a_sample = page.split("sample   ")[1].split("115 bytes")[0].split()
+    expected: list[str] = []
+    for number, column in enumerate(SAMPLE.columns, 1):
+        expected += [f"{tag_value(number, column.kind):02x}", column.name]
+    assert bytes_of_a_sample == expected
+    assert (SAMPLE.payload.itemsize, COMMAND.payload.itemsize) == (115, 127)

@@ -12,14 +12,8 @@ from hypothesis import strategies as st
 from heli3dof.comparison.compare import compare
 from heli3dof.errors import OutputExists, UsageError
 from heli3dof.recording.recording import make_recording
-from heli3dof.report.figures import (
-    Curve,
-    angle_figure,
-    comparison_figure,
-    comparison_figures,
-    flight_figure,
-    spread,
-)
+from heli3dof.report.curves import Curve, angle_figure, spread
+from heli3dof.report.figures import comparison_figure, comparison_figures, flight_figure
 from heli3dof.report.model_figures import BodeCurve, autocorrelation, bode_figure, residual_figure
 from heli3dof.report.style import EXPERIMENT, HOVER, IDENTIFIED, model_lines, save, to_png, to_svg
 from heli3dof.rig.profile import default_profile
@@ -158,3 +152,14 @@ def test_importing_the_figures_does_not_import_matplotlib() -> None:
         "sys.exit('matplotlib' in sys.modules or 'rich' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_name_with_dollar_signs_or_without_end_is_only_a_name() -> None:
+    recording = flight(duration_s=1.0, name=r"cost $\frac{ $5" + 200 * "x")
+    model = FakeHover(name="a$_b$" + 60 * "y", kind="statespace")
+    figure = comparison_figure(compare([recording], [model]).flights[0], "roll")
+    assert to_svg(figure)
+    assert all(len(t.get_text()) < 25 for t in figure.axes[0].texts)
+    omega = np.geomspace(0.1, 10, 5)
+    curve = BodeCurve(model.name, "statespace", 1 / (1j * omega))
+    assert to_svg(bode_figure(omega, {"roll": [curve]}, title="$"))

@@ -12,7 +12,7 @@ from heli3dof.comparison.compare import compare
 from heli3dof.comparison.reproduce import reproduce
 from heli3dof.errors import OutputExists
 from heli3dof.model.hover import hover_model
-from heli3dof.report.flight_report import flight_report
+from heli3dof.report.flight_report import flight_report, in_a_sentence
 from heli3dof.report.html import Section, facts, paragraph, write_page
 from heli3dof.report.model_section import discrete_response, plant_poles, poles_text
 from heli3dof.rig.profile import default_profile
@@ -155,3 +155,18 @@ def test_the_hover_model_s_response_is_the_double_integrator_s() -> None:
     m = hover_model(default_profile())
     g = discrete_response(m.A, m.B, m.C, m.dt, np.array([1.0]))[0, 0].sum()
     assert abs(g) == pytest.approx(2 * 0.6604 * 0.1188 / 0.9145, rel=1e-3)
+
+
+def test_the_first_sentence_says_how_far_each_model_is_off() -> None:
+    recording = flight(truth=FakeHover(thrust=0.8))
+    same = FakeHover(name="same", thrust=0.8)
+    only = compare([recording], [FakeHover(), same]).flights[0]
+    said = in_a_sentence(only)
+    peak = only.difference(only.models[0], "roll")["peak_deg"]
+    assert peak < 0
+    assert f"hover peaks {-peak:.1f}° lower" in said
+    assert "same peaks at the same height, and differs by 0.00°, 0.00°, 0.00°" in said
+    assert only.held_still is not None
+    still = only.held_still.over_window_deg[0]
+    assert "roll is off by" in said
+    assert f"{still:.1f}° (angles held still)." in said

@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 
 import pytest
+from rich.console import Console
 
 from heli3dof.comparison.compare import FlightComparison, compare
 from heli3dof.comparison.reproduce import reproduce
-from heli3dof.report.grid import to_markdown
+from heli3dof.report.grid import to_markdown, to_rich
 from heli3dof.report.tables import (
     comparison_grids,
     comparison_renderables,
@@ -88,11 +90,21 @@ def test_every_table_renders_in_a_terminal_and_in_markdown(compared: FlightCompa
     published = reproduce(FakeHover())
     grids = comparison_grids(result, published)
     assert len(grids) == 4
-    assert len(comparison_renderables(result, published)) == 8
+    assert len(comparison_renderables(result, published)) == 4
     for grid in grids:
         lines = to_markdown(grid).splitlines()
         body = [line for line in lines if line.startswith("|")]
         assert len(body) == len(grid.rows) + 2
+
+
+def test_the_widest_table_fits_a_terminal_of_80_columns(compared: FlightComparison) -> None:
+    out = io.StringIO()
+    Console(file=out, width=80, no_color=True).print(to_rich(metrics_table(compared)))
+    text = out.getvalue()
+    assert "experiment" in text
+    assert "…" not in text
+    peak = compared.experiment["roll"].reported.peak_deg
+    assert f"{peak:.2f}" in text
 
 
 def test_a_step_is_named_by_where_it_goes_and_when(compared: FlightComparison) -> None:

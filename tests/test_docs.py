@@ -1,0 +1,37 @@
+"""The pages link to what is there, and name verbs and options that exist."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+
+from heli3dof.cli.app import app
+from tests.paths import ROOT
+
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_every_link_to_a_file_leads_somewhere(page) -> None:
+    for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
+        if not target.startswith("http"):
+            assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+def verbs() -> set[str]:
+    return {c.name for c in app.registered_commands if c.name}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_every_command_that_a_page_shows_is_a_verb(page) -> None:
+    text = page.read_text(encoding="utf-8")
+    code = [*re.findall(r"```.*?```", text, re.DOTALL), *re.findall(r"`[^`\n]+`", text)]
+    shown = re.findall(r"(?:^|`)heli3dof ([a-z][a-z-]+)", "\n".join(code), re.MULTILINE)
+    assert set(shown) <= verbs()
+
+
+def test_the_readme_names_every_verb() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    for verb in verbs():
+        assert f"`{verb}" in text, verb
