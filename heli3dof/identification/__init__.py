@@ -6,9 +6,9 @@ who want the data themselves; `METHODS`. docs/identification.md says what was ch
 
 from heli3dof.identification.api import identify
 from heli3dof.identification.feedback import Feedback, feedback_test
-from heli3dof.identification.result import Identification
 from heli3dof.identification.methods import METHODS
 from heli3dof.identification.prepare import Prepared, prepare
+from heli3dof.identification.result import Identification
 
 __all__ = [
     "METHODS",

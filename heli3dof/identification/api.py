@@ -13,9 +13,9 @@ from heli3dof.errors import UsageError
 from heli3dof.identification import methods
 from heli3dof.identification.feedback import feedback_test
 from heli3dof.identification.found import Found, Request
-from heli3dof.identification.result import Identification, pole_json
 from heli3dof.identification.prepare import Prepared, Run, prepare, segments
 from heli3dof.identification.residuals import ResidualTest, past_inputs, whiteness
+from heli3dof.identification.result import Identification, pole_json
 from heli3dof.identification.search import INTERVALS_S
 from heli3dof.identification.validate import WARM_UP_S, metrics
 from heli3dof.model.base import Model
