@@ -17,6 +17,7 @@ from heli3dof.identification.prepare import Prepared, Run, prepare, segments
 from heli3dof.identification.residuals import ResidualTest, past_inputs, whiteness
 from heli3dof.identification.result import Identification, pole_json
 from heli3dof.identification.search import INTERVALS_S
+from heli3dof.identification.threads import one_thread
 from heli3dof.identification.validate import WARM_UP_S, metrics
 from heli3dof.model.base import Model
 from heli3dof.model.linear import LinearModel
@@ -30,6 +31,7 @@ BEYOND = 2.0
 """Held-out motion larger than that fitted by this factor is worth a warning."""
 
 
+@one_thread
 def identify(
     recordings: Recording | Sequence[Recording],
     *,
