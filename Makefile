@@ -5,13 +5,14 @@ BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 JOBS   ?= auto
 
-.PHONY: help demo test check format bench recordings clean
+.PHONY: help demo test check format bench pages recordings clean
 
 help:
 	@echo "make demo        fly the mock rig, identify, compare, report"
 	@echo "make test        the tests"
 	@echo "make check       lint, formatting and types"
 	@echo "make bench       re-measure every figure in docs/benchmarks.md (TOPIC=cli: that one)"
+	@echo "make pages       compute the tables in docs/ again"
 	@echo "make recordings  re-make the reference recordings that ship"
 
 $(STAMP): pyproject.toml constraints.txt
@@ -38,6 +39,12 @@ format: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m tests.bench $(TOPIC)
+
+# The computed parts of the pages; tests hold the committed text to what these write.
+pages: $(STAMP)
+	$(BIN)/python -m heli3dof.model.paper_numbers docs/paper.md
+	$(BIN)/python -m heli3dof_drivers.emulator.page docs/mock.md
+	$(BIN)/python -m tests.report.comparison_page
 
 recordings: $(STAMP)
 	$(BIN)/python -m heli3dof_recordings.make
