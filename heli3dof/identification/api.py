@@ -93,7 +93,7 @@ def identify(
 
 def residual_tests(found: Found, prepared: Prepared) -> tuple[ResidualTest, ...]:
     """Whiteness and past inputs on held-out data; empty where there is too little of it."""
-    settle = round(WARM_UP_S / found.interval_s)
+    settle = round(WARM_UP_S / (found.test_interval_s or found.interval_s))
     E, U = [], []
     for e, u in zip(*found.innovations(prepared, prepared.held_out), strict=True):
         if len(e) > settle + TEST_ROWS:

@@ -36,6 +36,12 @@ class Parameter:
     value: float
     std: float
     unit: str
+    bound: float = np.nan
+    """The Cramér–Rao bound on ``std``; NaN where the method knows none."""
+    nominal: float = np.nan
+    """What the profile says; NaN where it says nothing."""
+    verdict: str = ""
+    """Why it should not be relied on; empty where it may be."""
 
 
 Innovations = tuple[list[np.ndarray], list[np.ndarray]]
@@ -60,3 +66,7 @@ class Found:
     warnings: tuple[str, ...] = ()
     response: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     """ω (F,) rad/s → G (F, 3, 2) and its standard deviation, rad/V."""
+    test_interval_s: float | None = None
+    """s between the errors that ``innovations`` gives, where that is not ``interval_s``."""
+    correlation: np.ndarray | None = None
+    """(n, n) between the ``parameters``, in their order."""

@@ -23,6 +23,10 @@ class Method:
 
 
 METHODS: dict[str, Method] = {
+    "greybox": Method(
+        "physical parameters by maximum likelihood (extended Kalman filter, encoder edges)",
+        "heli3dof.identification.greybox.method",
+    ),
     "pem": Method(
         "prediction error in innovation form, started from PBSID-opt",
         "heli3dof.identification.blackbox",

@@ -99,9 +99,18 @@ class Identification:
         }
         if self.found.parameters:
             document["parameters"] = {
-                name: {"value": p.value, "std": p.std, "unit": p.unit}
+                name: {
+                    "value": p.value,
+                    "std": p.std,
+                    "unit": p.unit,
+                    "cramer_rao_bound": p.bound,
+                    "nominal": p.nominal,
+                    "verdict": p.verdict,
+                }
                 for name, p in self.found.parameters.items()
             }
+        if self.found.correlation is not None:
+            document["correlation"] = self.found.correlation
         if self.poles:
             document["poles"] = [pole_json(p) for p in self.poles]
         if self.found.transfer is not None:

@@ -10,25 +10,31 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-from collections.abc import Callable
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 
-def compiled(function: Callable[..., Any], *, calls: tuple[Callable[..., Any], ...] = ()) -> Any:
+def compiled(
+    function: Callable[..., Any], *, calls: tuple[Callable[..., Any], ...] = (), **options: Any
+) -> Any:
     """``function`` under ``numba.njit``, cached; ``calls`` are the functions it calls.
 
-    Floating point is strict (no fastmath): the same numbers as in Python.
+    Floating point is strict (no fastmath): the same numbers as in Python. ``options`` go to numba,
+    for instance ``error_model="numpy"`` where no division by zero is to raise.
     """
     import numba
 
-    dispatcher: Any = numba.njit(cache=True)(function)
+    dispatcher: Any = numba.njit(cache=True, **options)(function)
     if calls:
         try:
             index = dispatcher._cache._cache_file
             index._source_stamp = (index._source_stamp, _sources(calls))
         except AttributeError:  # a numba whose cache is made otherwise: do without the cache
-            return numba.njit(function)
+            return numba.njit(**options)(function)
     return dispatcher
 
 
@@ -37,3 +43,18 @@ def _sources(functions: tuple[Callable[..., Any], ...]) -> str:
     for f in functions:
         h.update(Path(inspect.getfile(getattr(f, "py_func", f))).read_bytes())
     return h.hexdigest()
+
+
+@contextmanager
+def announced(sentence: str, after_s: float = 1.5) -> Iterator[None]:
+    """Says ``sentence`` (to the log, once) where what is done inside takes longer than that.
+
+    For first compilations, which take seconds and then never again.
+    """
+    timer = threading.Timer(after_s, logging.getLogger("heli3dof").warning, (sentence,))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

@@ -1,0 +1,144 @@
+"""The likelihood of recordings under a rig with given parameters, its score and information.
+
+    ℓ(θ, a) = Σ_k Σ_i ln Z_ik + ln prior(θ)
+
+from the filter of `heli3dof.model.kalman`; θ in the coordinates of `Free.inward` (logarithms, or
+units of the typical size), a (4,) the noise: the intensities of the angular acceleration on roll,
+pitch and yaw, rad/s²/√Hz, and the jitter of the samples' instants, s.
+The prior is N(start, spread²) per parameter: weak, there only so that a parameter of which the
+recordings say nothing stays where it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from heli3dof.model.filtering import ENCODER_NOISE, Data, encoder_noise
+from heli3dof.model.rig_model import Structure
+
+DIFFERENCE = 1e-4
+"""Step of the differences, in the coordinates (of the order of one)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """One run of the filter with everything kept."""
+
+    loglik: np.ndarray
+    """(3,) Σ ln Z by axis"""
+    row: np.ndarray
+    """(E,) the row of each event"""
+    state: np.ndarray
+    """(E,) what it tells of; see `heli3dof.model.kalman`"""
+    c: np.ndarray
+    g: np.ndarray
+    w: np.ndarray
+    """(E,) predictions, scores ∂ln Z/∂c and informations −∂²ln Z/∂c²"""
+    K: np.ndarray
+    """(E, 6)"""
+    X: np.ndarray | None
+    """(N, 6) states after the update, where asked for"""
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihood:
+    """Data and a structure. Stateless: every method takes the point."""
+
+    data: Data
+    structure: Structure
+    noise_steps: float = ENCODER_NOISE
+    """Standard deviation of a reading's noise in encoder steps."""
+
+    @cached_property
+    def prior_mean(self) -> np.ndarray:
+        """(n,) coordinates"""
+        return np.array([f.inward(f.start) for f in self.structure.free])
+
+    @cached_property
+    def prior_precision(self) -> np.ndarray:
+        """(n,) 1/variance in coordinates"""
+        free = self.structure.free
+        std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
+        return np.asarray(1.0 / std**2)
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n,), (n,) lowest and highest coordinates"""
+        free = self.structure.free
+        low = np.array([f.inward(f.low) for f in free])
+        return low, np.array([f.inward(f.high) for f in free])
+
+    @cached_property
+    def encoder_noise(self) -> np.ndarray:
+        """(3,) rad², the white noise R: within an encoder's step, or in place of it."""
+        return encoder_noise(self.data, self.noise_steps)
+
+    def values(self, theta: np.ndarray) -> np.ndarray:
+        """(n,) coordinates → values in their units."""
+        return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
+
+    def coordinates(self, values: np.ndarray) -> np.ndarray:
+        return np.array([f.inward(v) for f, v in zip(self.structure.free, values, strict=True)])
+
+    def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> Pass:
+        """The filter at θ and a; ``keep`` 0 the likelihood alone, 1 what `tangents` needs, 2 X."""
+        from heli3dof.model.kalman import filter_blocks
+
+        d = self.data
+        hooks = self.structure.hooks
+        s, par = self.structure.arrays(self.values(theta))
+        N = len(d.t)
+        n = 6 * N if keep else 1
+        row, state = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+        c, g, w, K = np.empty(n), np.empty(n), np.empty(n), np.empty((n, 6))
+        X = np.zeros((N if keep >= 2 else 1, 6))
+        loglik = np.zeros(3)
+        E = filter_blocks(
+            s, hooks.first, hooks.address, par, self.structure.memory, d.blocks, d.free, d.grid,
+            d.t, d.h, d.V, d.y, np.asarray(a[:3], dtype=float) ** 2, float(a[3]),
+            self.encoder_noise, keep, loglik, row, state, c, g, w, K, X,
+        )  # fmt: skip
+        if not keep:
+            E = 0
+        return Pass(
+            loglik, row[:E].copy(), state[:E].copy(), c[:E].copy(), g[:E].copy(), w[:E].copy(),
+            K[:E].copy(), X if keep >= 2 else None,
+        )  # fmt: skip
+
+    def log_prior(self, theta: np.ndarray) -> float:
+        return float(-0.5 * (self.prior_precision * (theta - self.prior_mean) ** 2).sum())
+
+    def tangents(self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None) -> np.ndarray:
+        """(n, E) ∂c/∂θ along the coordinates ``which`` (all), the gains held."""
+        from heli3dof.model.kalman import follow
+
+        d = self.data
+        hooks = self.structure.hooks
+        _, high = self.bounds
+        which = np.arange(len(theta)) if which is None else which
+        step = np.where(theta + DIFFERENCE > high, -DIFFERENCE, DIFFERENCE)[which]
+        sets = [self.structure.arrays(self.values(theta))] + [
+            self.structure.arrays(self.values(theta + _unit(j, theta) * e))
+            for j, e in zip(which, step, strict=True)
+        ]
+        D = np.zeros((len(sets), len(at.row)))
+        follow(
+            np.array([s for s, _ in sets]), hooks.first, hooks.address,
+            np.array([p for _, p in sets]), self.structure.memory, d.blocks, d.free,
+            d.t, d.h, d.V, d.y, at.row, at.state, at.c, at.g, at.w, at.K, D,
+        )  # fmt: skip
+        return np.asarray((D[1:] - D[0]) / step[:, None])
+
+
+def score_and_information(at: Pass, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Σ g ∂c (n,) and Σ w ∂c ∂cᵀ (n, n): the likelihood's alone, without the prior."""
+    return D @ at.g, (D * at.w) @ D.T
+
+
+def _unit(j: int, theta: np.ndarray) -> np.ndarray:
+    e = np.zeros(len(theta))
+    e[j] = 1.0
+    return e

@@ -1,0 +1,29 @@
+"""The propellers twist the body about its normal by κF, κ in N·m per N.
+
+The couple κF along the normal n does work κF ω_n = κF (sin p ṙ + cos r cos p ψ̇), so
+τ_roll = κF sin p and τ_yaw = κF cos r cos p.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import F_BACK, F_FRONT, A, P, R, Stage
+
+
+def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
+    couple = par[A] * (s[F_FRONT] + s[F_BACK])
+    out[0] += couple * math.sin(s[P])
+    out[2] += couple * math.cos(s[R]) * math.cos(s[P])
+
+
+EFFECT = Effect(
+    name="aero.reaction_torque",
+    summary="The propellers twist the body about its normal by κF.",
+    parameters=(Parameter("torque_per_thrust_m", "m", 0.0, -0.3, 0.3, 0.02, "κ"),),
+    hooks={Stage.TORQUE: torque},
+    confused_with=("bias.torque.yaw", "encoder.offset.pitch"),
+    separated_by="large",
+)

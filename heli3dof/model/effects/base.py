@@ -1,0 +1,90 @@
+"""What an effect is: a name, its parameters, and small functions that act in a stage of the rig.
+
+An effect is one file in this folder (or an object registered under the entry-point group
+``heli3dof.effects``) with ``EFFECT = Effect(...)``. Its docstring holds the equation. Nothing
+else has to know of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from heli3dof.axes import AXES
+from heli3dof.model.hooks import Hook
+from heli3dof.model.slots import Stage
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect, in ``unit``.
+
+    Attributes:
+        null: the value at which the effect is absent.
+        low, high: what is physically possible; estimates stay inside. Friction may come out
+            slightly negative where there is none: an interval that is cut off at zero is wrong.
+        typical: a size that matters on a rig: starts, steps and weak priors follow from it.
+        log: estimated as its logarithm (for what is positive and never absent).
+        prior_std: standard deviation of the weak prior about ``start``, in ``unit`` (of the
+            logarithm where ``log``).
+        start: where a fit starts; None is ``null`` (``typical`` where ``log``).
+    """
+
+    name: str
+    unit: str
+    null: float
+    low: float
+    high: float
+    typical: float
+    meaning: str
+    log: bool = False
+    prior_std: float | None = None
+    start: float | None = None
+
+    @property
+    def started(self) -> float:
+        if self.start is not None:
+            return self.start
+        return self.typical if self.log else self.null
+
+    @property
+    def spread(self) -> float:
+        """The prior's standard deviation: ten times the typical size where none is given."""
+        if self.prior_std is not None:
+            return self.prior_std
+        return 1.5 if self.log else 10 * self.typical
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One physical effect of the contract's table.
+
+    ``axes`` is empty for an effect without one. ``order`` places it among the effects of the same
+    stage (along the signal's path). ``separated_by`` names the plan that shows it best.
+    """
+
+    name: str
+    summary: str
+    parameters: tuple[Parameter, ...]
+    hooks: Mapping[Stage, Hook]
+    axes: tuple[str, ...] = ()
+    order: int = 0
+    confused_with: tuple[str, ...] = ()
+    separated_by: str = ""
+    extra: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Term:
+    """An effect on its axis (None where it has none): what is switched on and off."""
+
+    effect: Effect
+    axis: str | None = None
+
+    @property
+    def name(self) -> str:
+        return self.effect.name if self.axis is None else f"{self.effect.name}.{self.axis}"
+
+    @property
+    def axis_index(self) -> int:
+        return -1 if self.axis is None else AXES.index(self.axis)

@@ -1,0 +1,26 @@
+"""A constant torque: a lopsided body on pitch, a base that is not level or a draught on yaw.
+
+τ = τ_b, in N·m, positive in the angle's direction. On roll it is part of T_g (`mass.imbalance`).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import AXIS, A, Stage
+
+
+def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[int(par[AXIS])] += par[A]
+
+
+EFFECT = Effect(
+    name="bias.torque",
+    summary="A constant torque.",
+    parameters=(Parameter("torque_Nm", "N·m", 0.0, -1.0, 1.0, 0.02, "τ_b"),),
+    hooks={Stage.TORQUE: torque},
+    axes=("pitch", "yaw"),
+    confused_with=("encoder.offset", "motor.thrust_mismatch"),
+    separated_by="large",
+)

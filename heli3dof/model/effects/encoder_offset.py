@@ -1,0 +1,30 @@
+"""The encoder's zero was set at the wrong angle: reading = angle + offset.
+
+On roll it cannot be told from T_g and the pendulum, which turn with it; on pitch it tilts the
+thrust, a torque on yaw in proportion to it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from heli3dof.axes import AXES
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import AXIS, A, Stage
+
+
+def measure(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[int(par[AXIS])] += par[A] * math.pi / 180.0
+
+
+EFFECT = Effect(
+    name="encoder.offset",
+    summary="The zero was set at the wrong angle: reading = angle + offset.",
+    parameters=(Parameter("angle_deg", "°", 0.0, -20.0, 20.0, 1.0, "the offset", prior_std=3.0),),
+    hooks={Stage.MEASURE: measure},
+    axes=AXES,
+    order=2,
+    confused_with=("bias.torque", "mass.imbalance"),
+    separated_by="large",
+)

@@ -1,0 +1,26 @@
+"""The count per revolution is wrong: reading = rest + k (angle − rest)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.axes import AXES
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import AXIS, REST, A, Stage
+
+
+def measure(s: Any, par: Any, mem: Any, out: Any) -> None:
+    i = int(par[AXIS])
+    out[i] = s[REST + i] + par[A] * (out[i] - s[REST + i])
+
+
+EFFECT = Effect(
+    name="encoder.scale",
+    summary="The count per revolution is wrong: reading = rest + k (angle − rest).",
+    parameters=(Parameter("scale", "–", 1.0, 0.4, 2.5, 0.05, "k", prior_std=0.3),),
+    hooks={Stage.MEASURE: measure},
+    axes=AXES,
+    order=1,
+    confused_with=("inertia",),
+    separated_by="large",
+)

@@ -1,0 +1,26 @@
+"""An axis' inertia differs from nominal: J → ratio · J.
+
+The base parameters J_roll, J_pitch, J_yaw already hold it; it is here for simulating with it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.axes import AXES
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import AXIS, J_R, A, Stage
+
+
+def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[J_R + int(par[AXIS])] *= par[A]
+
+
+EFFECT = Effect(
+    name="inertia",
+    summary="The axis' inertia differs from nominal.",
+    parameters=(Parameter("ratio", "–", 1.0, 0.3, 3.0, 0.15, "to nominal", prior_std=0.3),),
+    hooks={Stage.SETUP: setup},
+    axes=AXES,
+    confused_with=("motor.thrust_gain",),
+)

@@ -1,0 +1,30 @@
+"""A mass is put onto the body, at L_a on the pitch axis, during the flight.
+
+From its time on: τ_roll = −m g L_a cos r. Its inertia, m L_a² on roll and yaw, is left out: a few
+per cent of the weight's effect on a slow flight.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import L_A, A, B, R, Stage, T
+
+
+def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
+    if s[T] >= par[B]:
+        out[0] -= par[A] * 9.81 * s[L_A] * math.cos(s[R])
+
+
+EFFECT = Effect(
+    name="mass.change",
+    summary="A mass is put onto the body during the flight.",
+    parameters=(
+        Parameter("mass_kg", "kg", 0.0, -0.3, 1.0, 0.02, "the mass"),
+        Parameter("time_s", "s", 0.0, 0.0, 3600.0, 10.0, "when", prior_std=1e4),
+    ),
+    hooks={Stage.TORQUE: torque},
+    confused_with=("mass.imbalance",),
+)

@@ -1,0 +1,26 @@
+"""The voltage reaches the motors later, by a constant: V(t − T).
+
+Between two samples the motor sees the earlier voltage for a part of the interval; over one
+interval the two are averaged in proportion, which is exact to second order in the interval.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import DELAY, A, Stage
+
+
+def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[DELAY] += par[A]
+
+
+EFFECT = Effect(
+    name="motor.delay",
+    summary="The voltage reaches the motors later.",
+    parameters=(Parameter("delay_s", "s", 0.0, 0.0, 0.2, 0.01, "the delay", start=0.002),),
+    hooks={Stage.SETUP: setup},
+    confused_with=("motor.lag",),
+    separated_by="multisine",
+)

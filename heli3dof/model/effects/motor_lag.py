@@ -1,0 +1,29 @@
+"""The rotors follow the voltage late: τ_m Ḟ_i = f(V_i) − F_i, each rotor by itself.
+
+Solved exactly between samples: the voltage is held, so F approaches f(V) as exp(−t/τ_m).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import TAU_M, A, Stage
+
+
+def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[TAU_M] = par[A]
+
+
+EFFECT = Effect(
+    name="motor.lag",
+    summary="The rotors follow the voltage with a first-order lag.",
+    parameters=(
+        Parameter(
+            "time_constant_s", "s", 0.0, 1e-3, 1.0, 0.1, "τ_m", log=True, prior_std=1.0, start=0.08
+        ),
+    ),
+    hooks={Stage.SETUP: setup},
+    confused_with=("motor.delay",),
+    separated_by="multisine",
+)

@@ -1,0 +1,33 @@
+"""Thrust grows as a power of the rotor's speed: F = K_f V_o (Ω/V_o)^n, Ω the lagged voltage.
+
+Unlike `motor.thrust_curve`, which bends the voltage *before* the rotor's lag, this bends the speed
+behind it. Backwards the propeller gives next to nothing, and is taken to give nothing. The
+thrust at the profile's V_o is the straight line's, whatever n.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import K_F, V_O, A, Stage
+
+
+def thrust(s: Any, par: Any, mem: Any, out: Any) -> None:
+    hover = s[K_F] * abs(s[V_O])
+    for i in range(2):
+        if out[i] <= 0.0:
+            out[i] = 0.0
+        else:
+            out[i] = hover * (out[i] / hover) ** par[A]
+
+
+EFFECT = Effect(
+    name="motor.rotor_curve",
+    summary="Thrust grows as a power of the rotor's speed, behind the lag.",
+    parameters=(Parameter("exponent", "–", 1.0, 0.4, 4.0, 0.5, "n", prior_std=1.0, start=1.5),),
+    hooks={Stage.THRUST: thrust},
+    order=1,
+    confused_with=("motor.thrust_curve", "motor.dead_zone"),
+    separated_by="large",
+)

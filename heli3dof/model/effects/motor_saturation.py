@@ -1,0 +1,27 @@
+"""The motors get no more than a limit below the amplifier's own: V → clip(V, ±limit)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import A, Stage
+
+
+def voltage(s: Any, par: Any, mem: Any, out: Any) -> None:
+    for i in range(2):
+        if out[i] > par[A]:
+            out[i] = par[A]
+        elif out[i] < -par[A]:
+            out[i] = -par[A]
+
+
+EFFECT = Effect(
+    name="motor.saturation",
+    summary="The motors get no more than this, whatever the amplifier's limit.",
+    parameters=(Parameter("limit_V", "V", 100.0, 1.0, 100.0, 10.0, "the limit", start=12.0),),
+    hooks={Stage.VOLTAGE: voltage},
+    order=3,
+    confused_with=("motor.supply_sag",),
+    separated_by="large",
+)

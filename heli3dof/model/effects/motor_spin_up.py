@@ -1,0 +1,30 @@
+"""The amplifier's current limit: a rotor spins up no faster than a number of volts per second.
+
+dΩ/dt ≤ 1/p with Ω in V, p the slowness in s/V; downwards nothing holds it. The rotor's equation is
+solved exactly: a straight line while the limit binds, then the exponential of `motor.lag`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import SLEW, A, Stage
+
+
+def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
+    if par[A] > 1e-6:
+        out[SLEW] = 1.0 / par[A]
+
+
+EFFECT = Effect(
+    name="motor.spin_up",
+    summary="A rotor spins up no faster than so many volts per second.",
+    parameters=(
+        Parameter("slowness_s_per_V", "s/V", 0.0, 0.0, 0.5, 0.02, "p, 1/slew", start=0.015),
+    ),
+    hooks={Stage.SETUP: setup},
+    order=1,
+    confused_with=("motor.lag", "motor.delay", "motor.saturation"),
+    separated_by="large",
+)

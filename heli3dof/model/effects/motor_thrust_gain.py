@@ -1,0 +1,27 @@
+"""Both motors thrust k times as much as the profile's K_f says.
+
+Not identifiable beside T_g and the three inertias, all of which are estimated in units of K_f
+(see `heli3dof.model.rigid_body`); it is here for simulating with it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import GAIN_BACK, GAIN_FRONT, A, Stage
+
+
+def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[GAIN_FRONT] *= par[A]
+    out[GAIN_BACK] *= par[A]
+
+
+EFFECT = Effect(
+    name="motor.thrust_gain",
+    summary="Both motors thrust k times as much as K_f says.",
+    parameters=(Parameter("gain", "–", 1.0, 0.2, 4.0, 0.2, "k", prior_std=0.15),),
+    hooks={Stage.SETUP: setup},
+    confused_with=("mass.imbalance", "inertia"),
+    separated_by="",
+)

@@ -1,0 +1,29 @@
+"""The centre of mass lies below the axis: τ = −k sin q, q the angle of roll or pitch.
+
+k = m g d in N·m, with d the distance of the moving mass's centre below the axis. On the roll axis
+it makes the arm a pendulum of ω_n = √(k/J_roll), 1.0 to 1.8 rad/s on identified rigs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import AXIS, A, R, Stage
+
+
+def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
+    i = int(par[AXIS])
+    out[i] -= par[A] * math.sin(s[R + i])
+
+
+EFFECT = Effect(
+    name="stiffness.pendulum",
+    summary="The centre of mass lies below the axis: −k sin q.",
+    parameters=(Parameter("torque_Nm", "N·m", 0.0, -3.0, 10.0, 0.5, "k, times sin of the angle"),),
+    hooks={Stage.TORQUE: torque},
+    axes=("roll", "pitch"),
+    confused_with=("aero.ground_effect", "motor.dead_zone", "motor.thrust_curve"),
+    separated_by="large",
+)

@@ -1,0 +1,75 @@
+"""The form ``greybox``: `GreyBoxModel`, its terms and parameters by name, with covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from heli3dof.errors import ProfileError, UsageError
+from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.rig.profile import profile_from_dict
+
+
+def to_dict(model: GreyBoxModel) -> dict[str, Any]:
+    """Plain JSON-able content; see ``docs/model-file.md``."""
+    std = model.std
+    return {
+        "form": "greybox",
+        "name": model.name,
+        "kind": model.kind,
+        "profile": model.profile.to_dict(),
+        "terms": list(model.terms),
+        "parameters": [
+            {
+                "name": f.name,
+                "value": float(v),
+                "std": float(s),
+                "unit": f.unit,
+                "nominal": float(f.start) if f.term is None else None,
+            }
+            for f, v, s in zip(model.structure.free, model.values, std, strict=True)
+        ],
+        "covariance": model.covariance.tolist(),
+        "acceleration_noise_rad_per_s2_per_sqrtHz": model.noise.tolist(),
+        "timing_jitter_s": model.jitter_s,
+        "extra": dict(model.extra),
+    }
+
+
+def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
+    """Back from `to_dict`. Raises KeyError (missing), TypeError or ValueError (does not fit).
+
+    A term that this heli3dof does not know is a ValueError that names it.
+    """
+    names = tuple(str(t) for t in data["terms"])
+    try:
+        profile = profile_from_dict(data["profile"], source="the model's profile")
+    except ProfileError as error:
+        raise ValueError(error.what) from error
+    values = np.array([p["value"] for p in data["parameters"]], dtype=float)
+    n = len(values)
+    model = GreyBoxModel(
+        name=str(data["name"]),
+        kind=str(data["kind"]),
+        profile=profile,
+        terms=names,
+        values=values,
+        noise=np.array(data["acceleration_noise_rad_per_s2_per_sqrtHz"], dtype=float),
+        covariance=np.array(data["covariance"], dtype=float).reshape(n, n),
+        jitter_s=float(data.get("timing_jitter_s", 0.0)),
+        extra=dict(data.get("extra", {})),
+    )
+    try:
+        expected = model.structure.names
+    except UsageError as error:
+        raise ValueError(f"{error.what} {error.cause}") from error
+    given = tuple(p["name"] for p in data["parameters"])
+    if given != expected:
+        raise ValueError(
+            f"its parameters are {', '.join(given)}, its terms ask for {', '.join(expected)}"
+        )
+    if model.noise.shape != (3,) or not np.isfinite(model.values).all():
+        raise ValueError("a parameter or the noise holds null where a number belongs")
+    return model

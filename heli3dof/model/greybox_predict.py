@@ -1,0 +1,175 @@
+"""Prediction by a `GreyBoxModel`: the filter's states, rolled forward through what was put out.
+
+The states come from the filter that the model was fitted with (`heli3dof.model.kalman`), each from
+readings up to its own row only. From each the rig runs free for the horizon, in steps of at most
+20 ms with the thrusts' exact mean over each step. On the table, where the readings say all, the
+state is the reading at rest, and no prediction falls through it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from heli3dof.model import kalman, rigid_body
+from heli3dof.model import slots as _s
+from heli3dof.model.compiled import compiled
+from heli3dof.model.filtering import Stretch, data_of, encoder_noise
+from heli3dof.model.greybox_fly import ON_TABLE_BELOW
+from heli3dof.model.kalman import filter_blocks, readings, setup, thrusts
+from heli3dof.model.rigid_body import accelerations
+from heli3dof.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from heli3dof.model.greybox import GreyBoxModel
+
+STEP_S = 0.02
+NOISE = np.array([0.05, 0.15, 0.05])
+"""(3,) rad/s²/√Hz where the model knows of none; see `heli3dof.model.predict`."""
+R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
+
+
+def _roll(s, first, address, par, mem, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]
+    """out[k + n]: readings n rows after X[k]; ``mean`` (N + 1, 2): the thrusts' integral."""
+    setup(s, first, address, par, mem)
+    x, w = np.empty(6), np.zeros((3, 3))
+    m, slope = np.empty(3), np.empty(3)
+    for k in range(X.shape[0] - n):
+        if X[k, 0] != X[k, 0]:
+            continue
+        for j in range(6):
+            x[j] = X[k, j]
+        a = k
+        while a < k + n:
+            b = min(a + stride, k + n)
+            h = t[b] - t[a]
+            s[T] = t[a]
+            for i in range(2):
+                s[F_FRONT + i] = (mean[b, i] - mean[a, i]) / h
+                s[V_FRONT + i] = V[a, i]
+            for i in range(3):
+                s[R + i] = x[i] + 0.5 * h * x[3 + i]
+                s[R + 3 + i] = x[3 + i]
+            accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
+            # The rate at the middle, for what depends on it.
+            for i in range(3):
+                s[R + 3 + i] = x[3 + i] + 0.5 * h * w[2, i]
+            for i in range(2):
+                s[F_FRONT + i] = (mean[b, i] - mean[a, i]) / h
+            accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
+            for i in range(3):
+                x[i] += h * x[3 + i] + 0.5 * h * h * w[2, i]
+                x[3 + i] += h * w[2, i]
+            if x[0] < low:
+                x[0] = low
+                if x[3] < 0.0:
+                    x[3] = 0.0
+            a = b
+        readings(s, x, first, address, par, mem, m, slope)
+        for i in range(3):
+            out[k + n, i] = m[i]
+
+
+_roll_compiled = compiled(
+    _roll,
+    calls=(rigid_body._accelerations, rigid_body._body_accelerations, kalman._readings),
+    error_model="numpy",
+)
+
+
+def predict(model: GreyBoxModel, recording: Recording, horizon_s: float) -> np.ndarray:
+    """(N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
+
+    NaN where there is none yet, and on an axis that was not measured.
+    """
+    N = len(recording)
+    n = max(1, round(horizon_s / recording.dt))
+    out = np.full((N, 3), np.nan)
+    if n >= N:
+        return out
+    if recording not in model._filtered:
+        model._filtered[recording] = filtered(model, recording)
+    t, V, mean, X, low, free = model._filtered[recording]
+    hooks = model.structure.hooks
+    s, par = model.structure.arrays(model.values)
+    stride = max(1, round(STEP_S / recording.dt))
+    _roll_compiled(
+        s, hooks.first, hooks.address, par, model.structure.memory, free, t, V, mean, X, low, n,
+        stride, out,
+    )  # fmt: skip
+    out[:, ~free] = np.nan
+    return out
+
+
+def filtered(
+    model: GreyBoxModel, recording: Recording
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
+    """(t, V, the thrusts' running integral, states X (N, 6), lowest roll, axes that move)."""
+    N = len(recording)
+    y, V = recording.angle, held(recording.voltage)
+    t = recording.t - recording.t[0]
+    h = np.append(np.diff(t), recording.dt)
+    low, table = _table(recording)
+    off = ~table & np.isfinite(y).any(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], off.astype(int), [0]])))
+    runs = [
+        Stretch(0, int(a), int(b))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        if b - a > 2
+    ]
+    X = np.full((N, 6), np.nan)
+    X[table, :3] = y[table]
+    X[table, 3:] = 0.0
+    hooks = model.structure.hooks
+    s, par = model.structure.arrays(model.values)
+    free = np.isfinite(y).any(axis=0)
+    if runs:
+        d = data_of([replace(recording, voltage=V)], runs)
+        a = np.where(model.noise > 0, model.noise, NOISE)
+        states = np.zeros((len(d.t), 6))
+        n = 6 * len(d.t)
+        filter_blocks(
+            s, hooks.first, hooks.address, par, model.structure.memory, d.blocks, d.free, d.grid,
+            d.t, d.h, d.V, d.y, a**2, model.jitter_s, encoder_noise(d), 2,
+            np.zeros(3), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64),
+            np.empty(n), np.empty(n), np.empty(n), np.empty((n, 6)), states,
+        )  # fmt: skip
+        for run, (_, start, stop) in zip(runs, d.blocks, strict=True):
+            X[run.start : run.stop] = states[start:stop]
+    X[:, :3][:, ~free] = 0.0  # an axis that was not measured is held level
+    X[:, 3:][:, ~free] = 0.0
+    s, par = model.structure.arrays(model.values)
+    mem = model.structure.memory
+    setup(s, hooks.first, hooks.address, par, mem)
+    target, F = np.empty((N, 2)), np.empty((N, 2))
+    thrusts(s, V, h, 0, N, hooks.first, hooks.address, par, mem, target, F)
+    tau = float(s[TAU_M])
+    late = tau * (1 - np.exp(-h / tau)) if tau > 0 else np.zeros(N)
+    step = target * h[:, None] + (F - target) * late[:, None]
+    if s[SLEW] > 0:
+        step = 0.5 * (F + np.vstack([F[1:], target[-1:]])) * h[:, None]
+    mean = np.vstack([np.zeros(2), np.cumsum(step, axis=0)])
+    return t, V, mean, X, low, free
+
+
+def _table(recording: Recording) -> tuple[float, np.ndarray]:
+    """Where the table is (rad; −∞: nowhere), and the rows on it."""
+    roll = recording.angle[:, 0]
+    if np.isnan(roll).all() or not np.nanmin(roll) < ON_TABLE_BELOW:
+        return -math.inf, np.zeros(len(roll), dtype=bool)
+    low = float(np.nanmin(roll))
+    with np.errstate(invalid="ignore"):
+        return low, np.asarray(roll <= low + 2.5 * abs(recording.profile.encoder.rad_per_count[0]))
+
+
+def held(voltage: np.ndarray) -> np.ndarray:
+    """(N, 2) V, contiguous; what was not read stays at the last value."""
+    v = np.array(voltage, dtype=float, order="C")
+    for j in range(v.shape[1]):
+        good = np.isfinite(v[:, j])
+        index = np.maximum.accumulate(np.where(good, np.arange(len(v)), -1))
+        v[:, j] = np.where(index >= 0, v[index, j], 0.0)
+    return v
