@@ -3,7 +3,9 @@
 Manual: SLICOT's pages of IB01AD, IB01BD. The combined method ('C' in IB01BD, so 'M' in IB01AD) is
 the one of their own example program and of SLICOT's moen4; NOBR must exceed the order, which is
 the rig's eight, and is left at 2 N as the interfaces to these routines have it; 'C', the
-Cholesky algorithm, is the fast default. 'K' asks for the Kalman gain.
+Cholesky algorithm, is the fast default. 'C' of JOBCK asks for the covariances, from which the gain
+follows by the same Riccati equation: asked for the gain itself, version 1.1.1 damages its own heap
+at these sizes.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ BLOCK_ROWS = 16
 
 def main(task_file: str, found_file: str) -> None:
     import ctrlsys
+    from scipy.linalg import solve_discrete_are
 
     task = read_task(Path(task_file))
     factor = round(INTERVAL_S / task.dt)
@@ -37,11 +40,13 @@ def main(task_file: str, found_file: str) -> None:
         )
         if info:
             sys.exit(f"IB01AD: info {info}")
-        A, C, B, D, _, Ry, _, K, _, info = ctrlsys.ib01bd(
-            "C", "A", "K", BLOCK_ROWS, ORDER, m, l, len(U), np.asfortranarray(R), 0.0
+        A, C, B, D, Q, Ry, S, _, _, info = ctrlsys.ib01bd(
+            "C", "A", "C", BLOCK_ROWS, ORDER, m, l, len(U), np.asfortranarray(R), 0.0
         )
         if info:
             sys.exit(f"IB01BD: info {info}")
+        P = solve_discrete_are(A.T, C.T, Q, Ry, s=S)
+        K = np.linalg.solve(C @ P @ C.T + Ry, (A @ P @ C.T + S).T).T
     write_linear(
         Path(found_file), meter,
         f"IB01AD 'M', IB01BD 'C', order {ORDER}, {BLOCK_ROWS} block rows, "

@@ -1,10 +1,12 @@
 """The two files between the bench and a peer: the task that it reads, the model that it writes.
 
-A model is one of three things, told apart by ``kind``:
+A model is one of four things, told apart by ``kind``:
 
-``discrete``     x[k+1] = A x[k] + B (u[k] − u0) + K e[k],  y[k] = C x[k] + D (u[k] − u0) + y0 + e[k],
-                 samples every ``interval_s``, u[k] the mean voltage over [k, k+1), cov e = S
+``discrete``     x[k+1] = A x[k] + B (u[k] − u0) + K e[k],  y[k] = C x[k] + D (u[k] − u0) + y0
+                 + e[k], samples every ``interval_s``, u[k] the mean voltage over [k, k+1),
+                 cov e = S
 ``continuous``   ẋ = A x + B u + c,  y = C x
+``exact``        as ``discrete``, but at the control rate and without D: our own methods
 ``physical``     `rigid.NAMES` with values and standard deviations (NaN where the peer has none)
 
 Every model comes with the CPU time of the fit alone (no import, no reading), the peak memory of
@@ -95,6 +97,11 @@ def write_linear(
     _write(path, kind, meter, setting, interval_s=interval_s, **arrays)
 
 
+def write_exact(path: Path, meter: Meter, setting: str, **arrays: Any) -> None:
+    """A, B, C, K, S, u0, y0 of a `LinearModel`, and poles (n, 4: re, im, std re, std im; 1/s)."""
+    _write(path, "exact", meter, setting, **arrays)
+
+
 def write_physical(
     path: Path, meter: Meter, setting: str, values: np.ndarray, stds: np.ndarray
 ) -> None:
@@ -102,9 +109,7 @@ def write_physical(
 
 
 def _write(path: Path, kind: str, meter: Meter, setting: str, **arrays: Any) -> None:
-    np.savez(
-        path, kind=kind, setting=setting, cpu_s=meter.cpu_s, peak_MB=meter.peak_MB, **arrays
-    )
+    np.savez(path, kind=kind, setting=setting, cpu_s=meter.cpu_s, peak_MB=meter.peak_MB, **arrays)
 
 
 def read_found(path: Path) -> Found:

@@ -4,9 +4,9 @@
 - *one step*: fit % of predictions 40 ms ahead on the same flights, the lowest axis. Near 100 for
   any model, and shown for just that reason;
 - *poles*: those of the model about level hover, each true pole paired with one of the model's so
-  that the sum of relative distances is least. The *rotor* column is the error of the two at
-  −1/τ in %, their mean; the *body* column is the RMS distance of the other five but the yaw
-  integrator, in rad/s; its own distance from zero is *drift*, rad/s;
+  that the sum of |s − ŝ| / (|s| + |ŝ| + 0.1 rad/s) is least. The *rotor* column is the mean error
+  of the two at −1/τ in % (of one where the model has only one); the *body* column is the RMS
+  distance of the other five but the yaw integrator, in rad/s; its own from zero is *drift*, rad/s;
 - *parameters*: median of |error| in % over the ten of `rigid.NAMES`;
 - *coverage*: how many of the 95 % intervals hold the truth: of the ten parameters where a fit has
   them, else of the poles' real and imaginary parts.
@@ -32,6 +32,8 @@ from tests.bench.peers.rigid_model import RigidModel
 
 ONE_STEP_S = 0.04
 NORMAL_95 = 1.959964
+SLOW_RAD_S = 0.1
+"""rad/s: poles slower than this are alike."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +58,7 @@ def judge(found: Found, truth: np.ndarray, known: np.ndarray, held_out: Prepared
     try:
         linear = linear_model(found, known, held_out.dt)
     except NoContinuousModel:
-        nothing = Verdict(np.full(3, np.nan), *[np.nan] * 4, np.empty(0), (0, 0))
-        return nothing
+        return Verdict(np.full(3, np.nan), *[np.nan] * 4, np.empty(0), (0, 0))
     flown: object = linear
     if found.kind == "physical":
         flown = RigidModel(found.arrays["values"], known)
@@ -70,7 +71,7 @@ def judge(found: Found, truth: np.ndarray, known: np.ndarray, held_out: Prepared
         errors = values / truth - 1
         if np.isfinite(stds).any():
             covered = int((np.abs(values - truth) <= NORMAL_95 * stds).sum()), len(truth)
-    elif "poles" in found.arrays:
+    elif "poles" in found.arrays and np.isfinite(found.arrays["poles"][:, 2:]).any():
         covered = poles_covered(found.arrays["poles"], true_poles(truth, known))
     return Verdict(
         replay_fit(flown, held_out), one_step_fit(linear, held_out), rotor, body, drift, errors,
@@ -86,6 +87,20 @@ def flights(recordings: list[Recording]) -> Prepared:
 def replay_fit(model: object, held_out: Prepared) -> np.ndarray:
     """(3,) %, pooled over the flights."""
     return validate.score(validate.replays(model, held_out, held_out.held_out)).fit_percent  # type: ignore[arg-type]
+
+
+def replay_of(quiet: list[Recording], held_out: Prepared) -> np.ndarray:
+    """(3,) %, the replay fit of the true rig itself: its flights without noise."""
+    pairs = []
+    for run in held_out.held_out:
+        rows = slice(run.start, run.stop)
+        pairs.append(
+            (
+                held_out.recordings[run.source].angle[rows],
+                quiet[run.source % len(quiet)].angle[rows],
+            )
+        )
+    return validate.score(pairs).fit_percent
 
 
 def one_step_fit(model: Model, held_out: Prepared) -> float:
@@ -152,10 +167,9 @@ def paired(own: np.ndarray, true: np.ndarray) -> np.ndarray:
     """(8,) the model's pole for each true one; NaN where it has too few."""
     from scipy.optimize import linear_sum_assignment
 
-    scale = np.maximum(np.abs(true), 0.1)
-    distance = np.abs(own[None, :] - true[:, None]) / scale[:, None]
-    # Far is far: a missing pole must not pull the others out of their pairs.
-    rows, columns = linear_sum_assignment(np.minimum(distance, 3.0))
+    # From 0 to 1 whatever is compared: one lost pole must not pull the others out of their pairs.
+    size = np.abs(own[None, :]) + np.abs(true[:, None]) + SLOW_RAD_S
+    rows, columns = linear_sum_assignment(np.abs(own[None, :] - true[:, None]) / size)
     out = np.full(len(true), np.nan, dtype=complex)
     out[rows] = own[columns]
     return out
@@ -165,8 +179,14 @@ def pole_errors(own: np.ndarray, true: np.ndarray) -> tuple[float, float, float]
     """(rotor %, body rad/s, drift rad/s) of a model's poles (rad/s)."""
     near = paired(own, true)
     off = np.abs(near - true)
-    rotor = 100 * float(np.mean(off[:2] / np.abs(true[:2])))
-    return rotor, float(np.sqrt(np.mean(off[2:7] ** 2))), float(off[7])
+    rotor = off[:2] / np.abs(true[:2])
+    rotor = rotor[np.isfinite(rotor)]
+    body = off[2:7]
+    return (
+        100 * float(rotor.mean()) if len(rotor) else np.nan,
+        float(np.sqrt(np.mean(body**2))),
+        float(off[7]),
+    )
 
 
 def poles_covered(poles: np.ndarray, true: np.ndarray) -> tuple[int, int]:

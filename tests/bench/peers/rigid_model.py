@@ -50,9 +50,7 @@ def _compiled() -> Any:
 
     @numba.njit
     def slope(x, v, P):  # type: ignore[no-untyped-def]
-        return np.array(
-            derivative(x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], v[2], v[3], P)
-        )
+        return np.array(derivative(x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], v[2], v[3], P))
 
     @numba.njit
     def fly(P, x, p, s, dt, reference, extra, zero, grid, angle, voltage, cmd):  # type: ignore[no-untyped-def]
