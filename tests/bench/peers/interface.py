@@ -15,7 +15,7 @@ the process that fitted, and the setting it ran with.
 
 from __future__ import annotations
 
-import resource
+import re
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -24,6 +24,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+PROC_STATUS = Path("/proc/self/status")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,20 +64,28 @@ def read_task(path: Path) -> Task:
 
 @dataclass
 class Meter:
-    """What a fit cost. A child process's share counts where ``children`` is set."""
+    """What a fit cost this process."""
 
     cpu_s: float = np.nan
     peak_MB: float = np.nan
-    children: bool = False
 
     @contextmanager
     def fitting(self) -> Iterator[None]:
         start = time.process_time()
         yield
-        if not self.children:
-            self.cpu_s = time.process_time() - start
-        who = resource.RUSAGE_CHILDREN if self.children else resource.RUSAGE_SELF
-        self.peak_MB = resource.getrusage(who).ru_maxrss / 1024  # kB on Linux
+        self.cpu_s = time.process_time() - start
+        self.peak_MB = peak_MB()
+
+
+def peak_MB(status: str = "") -> float:
+    """The process's own peak from /proc/self/status; NaN where there is none (not Linux).
+
+    getrusage will not do: a child begins with the peak of the process that started it.
+    """
+    if not status and PROC_STATUS.exists():
+        status = PROC_STATUS.read_text(encoding="ascii")
+    found = re.search(r"VmHWM:\s*(\d+) kB", status)
+    return int(found[1]) / 1024 if found else np.nan
 
 
 @dataclass(frozen=True, eq=False)

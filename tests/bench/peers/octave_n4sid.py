@@ -12,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tests.bench.peers.interface import Meter, read_task, write_linear
+from tests.bench.peers.interface import Meter, peak_MB, read_task, write_linear
 from tests.bench.peers.sampling import held_means
 
 INTERVAL_S = 0.04
@@ -26,7 +26,11 @@ start = cputime;
 cpu_s = cputime - start;
 [A, B, C, D] = ssdata(sys);
 K = info.K; S = info.Ry;
-save('-v7', 'found.mat', 'A', 'B', 'C', 'D', 'K', 'S', 'cpu_s');
+status = '';
+if (exist('/proc/self/status', 'file'))
+  status = fileread('/proc/self/status');
+end
+save('-v7', 'found.mat', 'A', 'B', 'C', 'D', 'K', 'S', 'cpu_s', 'status');
 """
 
 
@@ -37,16 +41,14 @@ def main(task_file: str, found_file: str) -> None:
     factor = round(INTERVAL_S / task.dt)
     u, y = held_means(task.voltage, task.angle, factor)
     u0, y0 = u.mean(axis=0), y.mean(axis=0)
-    meter = Meter(children=True)
     with tempfile.TemporaryDirectory() as folder:
         savemat(f"{folder}/task.mat", {"u": u - u0, "y": y - y0, "T": INTERVAL_S, "order": ORDER})
-        with meter.fitting():
-            subprocess.run(
-                ["octave", "--no-gui", "--norc", "--quiet", "--eval", SCRIPT],
-                cwd=folder, check=True, capture_output=True,
-            )  # fmt: skip
+        subprocess.run(
+            ["octave", "--no-gui", "--norc", "--quiet", "--eval", SCRIPT],
+            cwd=folder, check=True, capture_output=True,
+        )  # fmt: skip
         got = loadmat(f"{folder}/found.mat")
-    meter.cpu_s = float(got["cpu_s"].item())
+    meter = Meter(float(got["cpu_s"].item()), peak_MB(str(got["status"].item())))
     write_linear(
         Path(found_file), meter, f"n4sid(dat, {ORDER}), every {INTERVAL_S * 1e3:g} ms",
         interval_s=INTERVAL_S, u0=u0, y0=y0, **{name: got[name] for name in "ABCDKS"},
