@@ -2,6 +2,9 @@
 
 Manual: AeroID's README and the docstrings of ``identify`` and ``filter_states``.
 - ``output_error``: weights are "inverse measurement noise standard deviations": the encoders'.
+  The bench starts it *at the truth*: from where the others start it came to rest in another
+  minimum, half of its parameters off by more than their size, so that what would have been
+  measured is the search and not the criterion.
 - ``filter_error``: process noise as continuous power spectral density, measurement noise as
   variance. It has to be told both; here it is told the *true* ones, which no user knows. Its
   ``sigma2``, near 1 where they fit, is part of the setting that is reported.
