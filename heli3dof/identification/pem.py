@@ -61,6 +61,7 @@ def pem(
     max_iterations: int = 40,
     tolerance: float = 1e-5,
     output_error: bool = False,
+    rho_max: float = RHO_MAX,
 ) -> PemFit:
     """Refine ``start`` (its K made stable if need be) on the segments ``data``.
 
@@ -69,6 +70,7 @@ def pem(
         start: for instance from `heli3dof.identification.subspace.pbsid`.
         max_iterations: accepted steps at most.
         tolerance: stop when a step lowers V by less.
+        rho_max: the largest ρ(Ã) allowed; steps beyond it are refused.
         output_error: hold K = 0, so that e is a simulation error. Biased under feedback.
     """
     u_s = np.vstack([u for u, _ in data]).std(axis=0) + 1e-12
@@ -76,11 +78,11 @@ def pem(
     scaled = [(np.ascontiguousarray(u / u_s), np.ascontiguousarray(y / y_s)) for u, y in data]
     n = start.order
     l = len(y_s)
-    start = stable_plant(start) if output_error else with_stable_predictor(start)
+    start = stable_plant(start, rho_max) if output_error else with_stable_predictor(start, rho_max)
     W = np.hstack([start.At, start.B * u_s, start.K * y_s])
     C = start.C / y_s[:, None]
     W, C = _balanced(W, C, n)
-    point = _evaluate(scaled, W, C, start.d / y_s, np.diag(np.diag(start.S) / y_s**2))
+    point = _evaluate(scaled, W, C, start.d / y_s, np.diag(np.diag(start.S) / y_s**2), rho_max)
     lam, converged, iterations = 1e-3, False, 0
     while iterations < max_iterations:
         iterations += 1
@@ -92,7 +94,7 @@ def pem(
         while lam < 1e8:
             step = scale * np.linalg.solve(Hs + lam * np.eye(len(g)), scale * g)
             W2, C2, d2 = _move(point, T, step, l)
-            new = _evaluate(scaled, W2, C2, d2, point.S)
+            new = _evaluate(scaled, W2, C2, d2, point.S, rho_max)
             if new.cost < point.cost:
                 break
             lam *= 4
@@ -149,14 +151,14 @@ def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndar
     return np.hstack([Ti @ At @ T, Ti @ W[:, n:]]), C @ T
 
 
-def _evaluate(data, W, C, d, S) -> _Point:  # type: ignore[no-untyped-def]
+def _evaluate(data, W, C, d, S, rho_max) -> _Point:  # type: ignore[no-untyped-def]
     """Innovations with the best initial states, and the criterion (inf where Ã is unstable)."""
     n = W.shape[0]
     m = data[0][0].shape[1]
     At, B, K = (np.ascontiguousarray(a) for a in np.split(W, [n, n + m], axis=1))
     C = np.ascontiguousarray(C)
     bad = _Point(W, C, d, [], [], S, np.inf)
-    if not np.all(np.isfinite(W)) or np.abs(np.linalg.eigvals(At)).max() > RHO_MAX:
+    if not np.all(np.isfinite(W)) or np.abs(np.linalg.eigvals(At)).max() > rho_max:
         return bad
     xs, es = [], []
     Wh = np.linalg.cholesky(np.linalg.inv(S)).T

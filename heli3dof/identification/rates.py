@@ -29,6 +29,7 @@ from heli3dof.model.convert import held, released
 FASTEST = 1e-3
 """Modes with z below this have died within one sample."""
 SLOWEST_NEGATIVE = -0.5
+WELL_CONDITIONED = 1e6
 VOLT_FOR_RADIAN = 20.0
 """V of trim that count as much as 1 rad of trim, in the smallest change."""
 
@@ -56,8 +57,21 @@ def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
-    """(A, B) in continuous time of a model at interval T (s). Raises NoContinuousModel."""
+    """(A, B) in continuous time of a model at interval T (s). Raises NoContinuousModel.
+
+    Mode by mode, s = log(z)/T and b_s = b_z s/(z − 1), which is fast enough to differentiate by;
+    by the matrix logarithm where modes nearly coincide.
+    """
     A, B, _ = with_real_logarithm(model.A, model.B)
+    z, V = np.linalg.eig(A)
+    if np.linalg.cond(V) < WELL_CONDITIONED:
+        z = z.astype(complex)
+        s = np.log(z) / T
+        # s/(z − 1) → 1/T as z → 1 (a pure integrator)
+        one = np.abs(z - 1) < 1e-12
+        gain = np.where(one, 1 / T, s / np.where(one, 1, z - 1))
+        Vi = np.linalg.inv(V)
+        return np.real(V * s @ Vi), np.real(V * gain @ Vi @ B)
     found = released(A, B, T)
     if found is None:
         raise NoContinuousModel("its matrix has no real logarithm")

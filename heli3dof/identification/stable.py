@@ -37,7 +37,7 @@ def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
     if spectral_radius(model.At) <= rho:
         return model
     Q = model.K @ model.S @ model.K.T
-    for inflate in (1e-6, 1e-4, 1e-2, 1.0):
+    for inflate in (1e-6, 1e-4, 1e-2, 1.0, 1e2, 1e4):
         noise = Q + inflate * np.trace(Q) * np.eye(model.order)
         K = kalman_gain(model.A, model.C, noise, model.S)
         if K is not None and spectral_radius(model.A - K @ model.C) <= rho:
@@ -49,5 +49,7 @@ def stable_plant(model: StateSpace, rho: float = RHO) -> StateSpace:
     """K = 0, and poles of A beyond ``rho`` drawn back to it: what output error can simulate."""
     lam, V = np.linalg.eig(model.A)
     size = np.maximum(np.abs(lam), 1e-300)
-    A = np.real(V * (lam * np.minimum(1.0, rho / size)) @ np.linalg.inv(V))
+    # A hair inside, so that rounding cannot put it outside.
+    inside = rho * (1 - 1e-4)
+    A = np.real(V * (lam * np.minimum(1.0, inside / size)) @ np.linalg.inv(V))
     return replace(model, A=A, K=np.zeros_like(model.K))

@@ -5,8 +5,8 @@ free fall. Those rows are left out, and each one's reason is counted:
 
 ``unread``        a NaN in a voltage or an angle
 ``table``         on the table or within 1° of it, from the first row to lift-off and after landing
-``take_off``      from lift-off until roll is half-way to level and the voltages have been off
-                  their limit for 0.25 s
+``take_off``      from lift-off until roll is half-way to level, the voltages have been off their
+                  limit for 0.25 s, and 3 s have passed
 ``stop``          an angle that rests for 0.3 s within 0.2° of its extreme, beyond 25°
 ``motors_off``    both voltages zero for 0.1 s and more, and from there to the next lift-off
 ``falling``       the end of a flight, from where roll last was half-way to level
@@ -18,6 +18,8 @@ still right. Their share is reported.
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL
@@ -28,8 +30,10 @@ ON_TABLE_BELOW = np.deg2rad(-15.0)
 NEAR_TABLE = np.deg2rad(1.0)
 STOP_BEYOND = np.deg2rad(25.0)
 SETTLED_S = 0.25
+TAKE_OFF_S = 3.0
 STILL_S = 0.1
 AT_STOP_S = 0.3
+AT_EXTREME = np.deg2rad(0.2)
 
 
 def clipped(recording: Recording) -> np.ndarray:
@@ -58,7 +62,9 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
         rows["falling"] = _falling(roll)
     rows["stop"] = np.zeros(len(recording), dtype=bool)
     for i in measured:
-        rows["stop"] |= _at_stop(y[:, i], recording.dt)
+        # Roll's lower stop is the table, which has a reason of its own.
+        above = y[:, i] if i != ROLL else np.maximum(y[:, i], 0.0)
+        rows["stop"] |= _at_stop(above, recording.dt)
     phase = recording.channels.get("phase")
     rows["ramp_down"] = (
         np.zeros(len(recording), dtype=bool) if phase is None else np.asarray(phase) >= 1
@@ -79,13 +85,14 @@ def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarra
     table = _long_runs(table, max(2, round(STILL_S / recording.dt)))
     limit = clipped(recording)
     settled = max(1, round(SETTLED_S / recording.dt))
+    least = round(TAKE_OFF_S / recording.dt)
     take_off = none.copy()
     for lift in np.flatnonzero(table[:-1] & ~table[1:]) + 1:
         k = int(lift)
         calm = 0
         while k < n and not table[k]:
             calm = 0 if limit[k] else calm + 1
-            if roll[k] > rest / 2 and calm >= settled:
+            if roll[k] > rest / 2 and calm >= settled and k >= lift + least:
                 break
             k += 1
         take_off[lift:k] = True
@@ -116,18 +123,15 @@ def _falling(roll: np.ndarray) -> np.ndarray:
 def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
     """Rows where the angle rests, on one and the same count, at its extreme."""
     out = np.zeros(len(angle), dtype=bool)
-    same = np.concatenate([np.diff(angle) == 0, [False]])
-    same[1:] |= same[:-1].copy()
-    resting = _long_runs(same, max(2, round(AT_STOP_S / dt)))
+    changes = np.flatnonzero(np.diff(angle) != 0) + 1
+    edges = np.concatenate([[0], changes, [len(angle)]])
+    for a, b in itertools.pairwise(edges):
+        if b - a >= AT_STOP_S / dt:
+            out[a:b] = True
     with np.errstate(invalid="ignore"):
-        for extreme in (np.nanmax(angle), np.nanmin(angle)):
-            if abs(extreme) > STOP_BEYOND:
-                out |= resting & (np.abs(angle - extreme) <= np.deg2rad(0.2))
-    # `same` joins two plateaus that touch; a stop is one count, so each must be long by itself.
-    for a, b in _runs(out):
-        if np.ptp(angle[a:b]) > 0 and b - a < 3 * AT_STOP_S / dt:
-            out[a:b] = False
-    return out
+        extremes = [x for x in (np.nanmax(angle), np.nanmin(angle)) if abs(x) > STOP_BEYOND]
+        near = [np.abs(angle - x) <= AT_EXTREME for x in extremes]
+    return np.asarray(out & np.logical_or.reduce(near) if near else np.zeros_like(out))
 
 
 def _runs(mask: np.ndarray) -> list[tuple[int, int]]:

@@ -25,6 +25,9 @@ HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
 WARM_UP_S = 2.0
 """The filter finds the state in this time where no usable rows lead in."""
 LEAD_IN_S = 10.0
+AFTER_TAKE_OFF_S = 2.0
+"""Seconds of a flight from the table that are left out of the replay's score, besides those of
+take-off itself: a linear model knows no table, and how it came up from −27.5° echoes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,6 +160,7 @@ def replays(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Measured angles over the runs, and the loop replayed from each recording's first row."""
     out = []
+    settle = round(AFTER_TAKE_OFF_S / prepared.dt)
     for source in sorted({r.source for r in runs}):
         recording = prepared.recordings[source]
         task = loop_task(recording)
@@ -169,8 +173,16 @@ def replays(
         for r in runs:
             if r.source == source:
                 mine[r.start : r.stop] = True
+        if prepared.reports[source].left_out["table"] > 0:
+            first = min(r.start for r in runs if r.source == source)
+            mine[: _first_usable(prepared, source, first) + settle] = False
         out.append((recording.angle[mine], angle[mine]))
     return out
+
+
+def _first_usable(prepared: Prepared, source: int, otherwise: int) -> int:
+    runs = [r.start for r in (*prepared.train, *prepared.held_out) if r.source == source]
+    return min(runs, default=otherwise)
 
 
 def metrics(model: Model, prepared: Prepared, runs: Sequence[Run]) -> Metrics:

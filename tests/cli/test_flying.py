@@ -147,6 +147,30 @@ def test_the_same_seeds_fly_the_same_flight(tmp_path: Path) -> None:
     assert a.digest == b.digest
 
 
+def test_the_seed_reaches_the_emulated_rig_unless_its_url_names_one(tmp_path: Path) -> None:
+    def digest(seed: int, device: str) -> str:
+        path = tmp_path / f"{seed}-{len(device)}.mcap"
+        words = (
+            "run-step",
+            "--yaw",
+            "5",
+            *QUICK,
+            "--device",
+            device,
+            "--seed",
+            seed,
+            "-o",
+            path,
+            "--force",
+        )
+        assert heli3dof(*words).code == 0
+        return read_recording(path).digest
+
+    free = "mock:?speed=max&start=level"
+    assert digest(1, free) != digest(2, free)
+    assert digest(1, free) == digest(2, LEVEL)
+
+
 def test_simulate_records_like_a_flight(tmp_path: Path) -> None:
     path = tmp_path / "sim.mcap"
     said = heli3dof("simulate", "steps", "--model", "hover", "-o", path, "--json")
