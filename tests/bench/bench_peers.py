@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from heli3dof.identification.api import METHODS
+from heli3dof.identification import METHODS
 from tests.bench import Figure, Table, at_least
 from tests.bench.peers import flights, judge
 from tests.bench.peers.interface import Found, Task, read_found, read_task, write_task

@@ -113,9 +113,16 @@ def write_exact(path: Path, meter: Meter, setting: str, **arrays: Any) -> None:
 
 
 def write_physical(
-    path: Path, meter: Meter, setting: str, values: np.ndarray, stds: np.ndarray
+    path: Path,
+    meter: Meter,
+    setting: str,
+    values: np.ndarray,
+    stds: np.ndarray,
+    model_file: str = "",
 ) -> None:
-    _write(path, "physical", meter, setting, values=values, stds=stds)
+    """``model_file``: a model of ours that holds more than the ten numbers; it is what flies."""
+    more = {"model_file": model_file} if model_file else {}
+    _write(path, "physical", meter, setting, values=values, stds=stds, **more)
 
 
 def _write(path: Path, kind: str, meter: Meter, setting: str, **arrays: Any) -> None:

@@ -25,6 +25,7 @@ from heli3dof.identification.subspace import StateSpace
 from heli3dof.model.base import Model
 from heli3dof.model.convert import held
 from heli3dof.model.linear import LinearModel
+from heli3dof.model.modelfile import read_model
 from heli3dof.recording.recording import Recording
 from tests.bench.peers import rigid
 from tests.bench.peers.interface import Found
@@ -61,7 +62,8 @@ def judge(found: Found, truth: np.ndarray, known: np.ndarray, held_out: Prepared
         return Verdict(np.full(3, np.nan), *[np.nan] * 4, np.empty(0), (0, 0))
     flown: object = linear
     if found.kind == "physical":
-        flown = RigidModel(found.arrays["values"], known)
+        file = found.arrays.get("model_file")
+        flown = RigidModel(found.arrays["values"], known) if file is None else read_model(str(file))
     lam = np.linalg.eigvals(linear.A).astype(complex)
     own_s = np.log(np.where(np.abs(lam) < 1e-12, 1e-12, lam)) / linear.dt
     rotor, body, drift = pole_errors(own_s, true_poles(truth, known))

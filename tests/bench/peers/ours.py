@@ -36,6 +36,7 @@ PHYSICAL = dict(
 
 def main(method: str, flight_file: str, held_out_file: str, found_file: str) -> None:
     from heli3dof.identification.api import identify
+    from heli3dof.model.modelfile import save_model
     from heli3dof.recording.reader import read_recording
 
     flight = read_recording(flight_file)
@@ -47,7 +48,9 @@ def main(method: str, flight_file: str, held_out_file: str, found_file: str) -> 
     document = result.to_json()
     if "parameters" in document:
         values, stds = ten_parameters(document["parameters"])
-        write_physical(found, meter, f"identify(method={method!r})", values, stds)
+        file = save_model(result.model, found.with_suffix(".json"), force=True)
+        setting = f"identify(method={method!r}), every {result.interval_s * 1e3:g} ms"
+        write_physical(found, meter, setting, values, stds, model_file=str(file))
         return
     m = result.model
     poles = [[p.value.real, p.value.imag, p.std_real, p.std_imag] for p in result.poles]
