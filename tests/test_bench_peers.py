@@ -13,7 +13,7 @@ from heli3dof.model.convert import held
 from heli3dof.rig.profile import default_profile
 from tests.bench import Table, bench_peers
 from tests.bench.__main__ import SLOW, rendered, topics
-from tests.bench.peers import flights, interface, judge, ours, rigid, sampling
+from tests.bench.peers import flights, interface, judge, ours, rigid, sampling, tools
 from tests.bench.peers.interface import Found, Meter, Task, read_found
 from tests.bench.peers.rigid_model import RigidModel
 
@@ -158,11 +158,11 @@ def test_the_grey_boxs_parameters_are_found_by_name() -> None:
 def test_a_peer_that_is_not_there_is_skipped_with_the_command_that_gets_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    octave = next(t for t in bench_peers.TOOLS if t.module == "octave_n4sid")
-    monkeypatch.setattr(bench_peers, "PEERS_PYTHON", ROOT / "nowhere")
+    octave = next(t for t in tools.TOOLS if t.module == "octave_n4sid")
+    monkeypatch.setattr(tools, "PEERS_PYTHON", ROOT / "nowhere")
     assert "make bench-peers" in octave.missing()
-    monkeypatch.setattr(bench_peers, "PEERS_PYTHON", ROOT)
-    monkeypatch.setattr(bench_peers.shutil, "which", lambda name: None)
+    monkeypatch.setattr(tools, "PEERS_PYTHON", ROOT)
+    monkeypatch.setattr(tools.shutil, "which", lambda name: None)
     assert "apt install octave octave-control" in octave.missing()
     row = bench_peers.table("steps", [], [""] * (len(bench_peers.HEAD) - 1)).rows
     assert any("Octave is not installed here" in cell for line in row for cell in line)

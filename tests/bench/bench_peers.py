@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
-import shutil
 import statistics
 import subprocess
 import sys
@@ -17,14 +15,21 @@ from pathlib import Path
 
 import numpy as np
 
-from heli3dof.identification import METHODS
 from tests.bench import Figure, Table, at_least
 from tests.bench.peers import flights, judge
-from tests.bench.peers.interface import Found, Task, read_found, read_task, write_task
+from tests.bench.peers.interface import Found, read_found
 from tests.bench.peers.rigid_model import RigidModel
-
-ROOT = Path(__file__).parent.parent.parent
-PEERS_PYTHON = ROOT / ".venv-peers" / "bin" / "python"
+from tests.bench.peers.tools import (
+    FILTER_ERROR,
+    GREYBOX,
+    OUTPUT_ERROR,
+    TIME_LIMIT_S,
+    TOOLS,
+    VALIDATION,
+    Tool,
+    prepare_task,
+    run,
+)
 
 TITLE = "Other people's tools on the same flights"
 COMMAND = "make bench-peers"
@@ -32,10 +37,7 @@ PLANS = ("multisine", "steps")
 SEEDS = (1, 2, 3, 4, 5)
 SLOW_SEEDS = (1, 2)
 """For fits of minutes; one run flies them all."""
-HELD_OUT = (("multisine", 101), ("steps", 102))
-TIME_LIMIT_S = 2400
-KEPT = ROOT / "bench-out" / "peers"
-"""Slow fits are kept here, and used again where neither the flight nor the code has changed."""
+HELD_OUT = (VALIDATION, ("steps", 102))
 WORKERS = max(1, (os.cpu_count() or 2) // 2)
 
 INTRO = f"""The mock rig with masses, K_f and V_o 5 or 6 % off its profile, hiding
@@ -49,55 +51,9 @@ lowest axis. *Rotor*: error of the pole at −1/τ. *Body*: RMS distance of the 
 intervals that hold the truth (of the parameters, else of the poles). What each column means
 exactly, and the setting of each tool with the page of its manual, stands in
 [tests/bench/peers](../tests/bench/peers). Black boxes get exact means of the voltage every 40 ms
-(ours choose 40 or 80 ms), AeroID every 20 ms. Physical fits start from the profile, with what it
-does not say off by a factor of two. Two kindnesses: AeroID's output error starts at the truth, and
-its filter error is told the true noise."""
-
-
-@dataclass(frozen=True)
-class Tool:
-    """A row of the table, and how its process is started."""
-
-    name: str
-    module: str
-    arguments: tuple[str, ...] = ()
-    slow: bool = False
-    starts_at_truth: bool = False
-
-    @property
-    def ours(self) -> bool:
-        return self.module == "ours"
-
-    def missing(self) -> str:
-        """Why it cannot run here, or an empty string."""
-        if self.ours:
-            known = self.arguments[0] in METHODS
-            return "" if known else f"heli3dof has no method {self.arguments[0]!r} yet"
-        if not PEERS_PYTHON.exists():
-            return "its environment is not there: make bench-peers"
-        if self.module == "octave_n4sid" and shutil.which("octave") is None:
-            return "Octave is not installed here: apt install octave octave-control"
-        return ""
-
-
-GREYBOX = Tool("**heli3dof greybox**", "ours", ("greybox",))
-OUTPUT_ERROR = Tool(
-    "AeroID output error, started at the truth", "aeroid_fit", ("output_error",), slow=True,
-    starts_at_truth=True,
-)  # fmt: skip
-FILTER_ERROR = Tool("AeroID filter error", "aeroid_fit", ("filter_error",), slow=True)
-TOOLS = (
-    GREYBOX,
-    Tool("**heli3dof pem**", "ours", ("pem",)),
-    Tool("**heli3dof pbsid**", "ours", ("pbsid",)),
-    Tool("**heli3dof tf4** (the paper's form)", "ours", ("tf4",)),
-    Tool("**heli3dof oe**", "ours", ("oe",)),
-    Tool("Octave n4sid", "octave_n4sid"),
-    Tool("ctrlsys (SLICOT IB01)", "ctrlsys_ib01"),
-    Tool("PySINDy", "pysindy_regression"),
-    OUTPUT_ERROR,
-    FILTER_ERROR,
-)
+(ours choose 40 or 80 ms), AeroID every 20 ms. Physical fits start from the profile's
+numbers, and a factor of two off where it has none. Two kindnesses: AeroID's output error starts at
+the truth, and its filter error is told the true noise."""
 
 
 @dataclass(frozen=True)
@@ -138,59 +94,6 @@ def measure() -> list[Figure | Table]:
     truth_row = row_of_truth(judge.replay_of(quiet, held_out), held_out)
     tables = [table(plan, [f for f in fits if f.plan == plan], truth_row) for plan in PLANS]
     return [*tables, settings(fits), *claims(fits)]
-
-
-def prepare_task(plan: str, seed: int, folder: Path) -> None:
-    """Fly, keep the flight, and cut the tasks from its usable rows: one for each start."""
-    recording = flights.fly(plan, seed, folder)
-    run = max(judge.flights([recording]).train, key=lambda r: r.stop - r.start)
-    rows = recording.rows(slice(run.start, run.stop))
-    for name, start in (("nominal", flights.nominal()), ("truth", flights.truth())):
-        task = Task(
-            rows.t, rows.voltage, rows.angle, start, flights.known(),
-            np.abs(recording.profile.encoder.rad_per_count), flights.acceleration_noise(),
-        )  # fmt: skip
-        write_task(folder / f"{plan}-{seed}-{name}.npz", task)
-
-
-def run(tool: Tool, plan: str, seed: int, folder: Path) -> Path:
-    """The fit in a process of its own. Raises CalledProcessError or TimeoutExpired."""
-    out = folder / f"{plan}-{seed}-{tool.module}-{'-'.join(tool.arguments)}.npz"
-    if tool.ours:
-        validation = folder / f"{HELD_OUT[0][0]}-{HELD_OUT[0][1]}.mcap"
-        files = [folder / f"{plan}-{seed}.mcap", validation, out]
-    else:
-        start = "truth" if tool.starts_at_truth else "nominal"
-        files = [folder / f"{plan}-{seed}-{start}.npz", out]
-    kept = KEPT / f"{fingerprint(tool, files[0])}.npz"
-    if tool.slow and kept.exists():
-        return kept
-    python = sys.executable if tool.ours else str(PEERS_PYTHON)
-    threads = dict.fromkeys(
-        ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"
-    )
-    subprocess.run(
-        [python, "-m", f"tests.bench.peers.{tool.module}", *tool.arguments, *map(str, files)],
-        cwd=ROOT, env={**os.environ, **threads}, check=True, capture_output=True, text=True,
-        timeout=TIME_LIMIT_S,
-    )  # fmt: skip
-    if tool.slow:
-        KEPT.mkdir(parents=True, exist_ok=True)
-        shutil.copy(out, kept)
-    return out
-
-
-def fingerprint(tool: Tool, task_file: Path) -> str:
-    """Of the flight and of all code that a peer's fit depends on: equal ones give equal fits."""
-    h = hashlib.sha256(" ".join(tool.arguments).encode())
-    if not tool.ours:
-        task = read_task(task_file)
-        for name in sorted(vars(task)):
-            h.update(np.ascontiguousarray(getattr(task, name)).tobytes())
-    for name in (tool.module, "rigid", "sampling"):
-        h.update((Path(__file__).parent / "peers" / f"{name}.py").read_bytes())
-    h.update((ROOT / "constraints-peers.txt").read_bytes())
-    return h.hexdigest()[:16]
 
 
 def judged(tool: Tool, plan: str, seed: int, folder: Path, held_out: judge.Prepared) -> Fit:
