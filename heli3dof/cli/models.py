@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from heli3dof.cli.console import Talk, verb
 from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet, Recordings
-
-if TYPE_CHECKING:
-    from rich.table import Table
-
-    from heli3dof.identification.api import Identification
 
 
 class Method(StrEnum):
@@ -43,6 +38,9 @@ def identify(
         typer.Option("--holdout", metavar="REC", help="Validate on this recording. Repeatable."),
     ] = None,
     name: Annotated[str | None, typer.Option("--name", help="The model's name.")] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="FILE", help="Figures and tables, HTML.")
+    ] = None,
     profile: ProfileFile = None,
     output: Output = None,
     force: Force = False,
@@ -54,52 +52,37 @@ def identify(
     from heli3dof.identification.api import identify as fit
     from heli3dof.model.modelfile import save_model
     from heli3dof.recording.output import check_output
+    from heli3dof.report.grid import to_rich
+    from heli3dof.report.html import page as html_page
+    from heli3dof.report.html import write_page
+    from heli3dof.report.identification_section import (
+        identification_section,
+        identification_tables,
+    )
 
     talk = Talk(as_json=as_json, quiet=quiet)
     path = output or Path(f"{recordings[0].name.split('.')[0]}-{method.value}.json")
     check_output(path, force=force)
+    if report is not None:
+        check_output(report, force=force)
     train = load_all(talk, recordings, profile)
     test = load_all(talk, holdout or [], profile)
     with talk.working(f"Identifying ({method.value}) from {len(train)} recording(s) …"):
         found = fit(train, method=method.value, order=order, holdout=test or None, name=name)
     save_model(found.model, path, force=force)
+    if report is not None:
+        names = ", ".join(r.name for r in train)
+        title = f"Identification from {names}"
+        write_page(html_page(title, "", [identification_section(found)]), report, force=force)
     for sentence in found.sentences():
         if not sentence.startswith("Warning: "):
             talk.show(sentence)
-    talk.show(_poles(found), _fits(found))
-    talk.show("\n".join(found.transfer.lines()))
+    talk.show(*(to_rich(grid) for grid in identification_tables(found)))
+    if found.found.transfer is not None:
+        talk.show("\n".join(found.transfer.lines()))
     for warning in found.warnings:
         talk.warn(warning)
     talk.note(f"Model: {path}")
+    if report is not None:
+        talk.note(f"Report: {report}")
     talk.emit({"schema": "heli3dof.identification/1", "models": [found.to_json(str(path))]})
-
-
-def _poles(found: Identification) -> Table:
-    from rich.table import Table
-
-    table = Table("pole, 1/s", "standard deviation", title="Poles, continuous time")
-    for pole in found.poles:
-        value, im = pole.value, abs(pole.value.imag)
-        text = f"{value.real:+.4g}" + (f" {'+' if value.imag > 0 else '-'} {im:.4g}j" if im else "")
-        std = f"{pole.std_real:.2g}" + (f", {pole.std_imag:.2g}j" if im else "")
-        table.add_row(text, std if pole.std_real == pole.std_real else "–")
-    return table
-
-
-def _fits(found: Identification) -> Table:
-    from rich.table import Table
-
-    from heli3dof.axes import AXES
-
-    metrics = found.metrics
-    scores = {
-        ("one step" if h == 0 else f"{h:g} s ahead"): s for h, s in metrics.prediction.items()
-    }
-    scores["loop replay"] = metrics.replay
-    table = Table(
-        "axis", *scores, title="Fit on held-out data, %", caption=metrics.replay_note or None
-    )
-    for i, axis in enumerate(AXES):
-        cells = [float(s.fit_percent[i]) for s in scores.values()]
-        table.add_row(axis, *(f"{v:.1f}" if v == v else "–" for v in cells))
-    return table

@@ -18,9 +18,12 @@ TEST = [r.path for r in references() if r.use == "compare"]
 @pytest.fixture(scope="module")
 def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     path = tmp_path_factory.mktemp("identify") / "model.json"
+    page = path.with_name("identification.html")
     said = heli3dof(
         "identify",
         *TRAIN,
+        "--report",
+        page,
         "--holdout",
         TEST[0],
         "--order",
@@ -50,6 +53,13 @@ def test_identify_writes_a_model_and_scores_it_on_held_out_data(identified: tupl
     assert "step-roll-10" in model["validation"]
     assert model["residual_tests"]
     assert model["feedback"]["present"] is True
+
+
+def test_the_identification_report_shows_bands_and_residuals(identified: tuple) -> None:
+    text = identified[0].with_name("identification.html").read_text(encoding="utf-8")
+    for words in ("Poles, continuous time", "Residual tests", "Bode diagrams", "Innovations"):
+        assert words in text
+    assert text.count("<figure") == 2
 
 
 def test_compare_gives_every_metric_and_its_difference(identified: tuple, tmp_path: Path) -> None:
