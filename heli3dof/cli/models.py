@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from heli3dof.cli.console import Talk, verb
 from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet, Recordings
+
+if TYPE_CHECKING:
+    from heli3dof.identification.api import Identification
+    from heli3dof.recording.recording import Recording
 
 
 class Method(StrEnum):
@@ -53,12 +58,7 @@ def identify(
     from heli3dof.model.modelfile import save_model
     from heli3dof.recording.output import check_output
     from heli3dof.report.grid import to_rich
-    from heli3dof.report.html import page as html_page
-    from heli3dof.report.html import write_page
-    from heli3dof.report.identification_section import (
-        identification_section,
-        identification_tables,
-    )
+    from heli3dof.report.identification_section import identification_tables
 
     talk = Talk(as_json=as_json, quiet=quiet)
     path = output or Path(f"{recordings[0].name.split('.')[0]}-{method.value}.json")
@@ -71,9 +71,8 @@ def identify(
         found = fit(train, method=method.value, order=order, holdout=test or None, name=name)
     save_model(found.model, path, force=force)
     if report is not None:
-        names = ", ".join(r.name for r in train)
-        title = f"Identification from {names}"
-        write_page(html_page(title, "", [identification_section(found)]), report, force=force)
+        with talk.working("Drawing the report …"):
+            _write_report(found, train, test, report, force=force)
     for sentence in found.sentences():
         if not sentence.startswith("Warning: "):
             talk.show(sentence)
@@ -86,3 +85,29 @@ def identify(
     if report is not None:
         talk.note(f"Report: {report}")
     talk.emit({"schema": "heli3dof.identification/1", "models": [found.to_json(str(path))]})
+
+
+def _write_report(
+    found: Identification,
+    train: Sequence[Recording],
+    test: Sequence[Recording],
+    path: Path,
+    *,
+    force: bool,
+) -> None:
+    """The identification's section; with held-out recordings, how the model does on them too."""
+    from heli3dof.comparison.compare import compare
+    from heli3dof.model.modelfile import load_model
+    from heli3dof.report.flight_report import flight_report
+    from heli3dof.report.html import page, write_page
+    from heli3dof.report.identification_section import identification_section
+
+    title = f"Identification from {', '.join(r.name for r in train)}"
+    section = identification_section(found)
+    if not test:
+        write_page(page(title, "", [section]), path, force=force)
+        return
+    models = [load_model("hover", test[0].profile), found.model]
+    compared = compare(test, models)
+    text = flight_report(test, models=models, comparison=compared, extra=[section], title=title)
+    write_page(text, path, force=force)
