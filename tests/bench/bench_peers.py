@@ -47,13 +47,14 @@ judged on two flights that none has seen (`multisine` seed 101, `steps` seed 102
 seeds. CPU is that of the fit alone, one thread; memory the process's peak, libraries and all.
 *Replay*: fit of the closed loop flown on the model, roll / pitch / yaw; one step: 40 ms ahead, the
 lowest axis. *Rotor*: error of the pole at −1/τ. *Body*: RMS distance of the other five poles in
-1/s. *Parameters*: median error of ten physical parameters, K_f being known. *Coverage*: 95 %
+1/s. *Parameters*: median error of ten physical parameters, in units of K_f. *Coverage*: 95 %
 intervals that hold the truth (of the parameters, else of the poles). What each column means
 exactly, and the setting of each tool with the page of its manual, stands in
 [tests/bench/peers](../tests/bench/peers). Black boxes get exact means of the voltage every 40 ms
 (ours choose 40 or 80 ms), AeroID every 20 ms. Physical fits start from the profile's
 numbers, and a factor of two off where it has none. Two kindnesses: AeroID's output error starts at
-the truth, and its filter error is told the true noise."""
+the truth, and its filter error is told the true noise. AeroID's fits take minutes and are kept
+(bench-out/peers) until a flight or an adapter changes: the time beside the title may lack them."""
 
 
 @dataclass(frozen=True)
