@@ -4,14 +4,17 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 JOBS   ?= auto
+PEERS  := .venv-peers
 
-.PHONY: help demo test check format bench recordings clean
+.PHONY: help demo test check format bench bench-peers pages recordings clean
 
 help:
 	@echo "make demo        fly the mock rig, identify, compare, report"
 	@echo "make test        the tests"
 	@echo "make check       lint, formatting and types"
 	@echo "make bench       re-measure every figure in docs/benchmarks.md (TOPIC=cli: that one)"
+	@echo "make bench-peers other people's tools on the same flights (long; Octave where installed)"
+	@echo "make pages       compute the tables in docs/ again"
 	@echo "make recordings  re-make the reference recordings that ship"
 
 $(STAMP): pyproject.toml constraints.txt
@@ -39,8 +42,23 @@ format: $(STAMP)
 bench: $(STAMP)
 	$(BIN)/python -m tests.bench $(TOPIC)
 
+# Peers pin libraries of their own, so they get an environment of their own.
+$(PEERS)/.installed: constraints-peers.txt
+	$(PYTHON) -m venv $(PEERS)
+	$(PEERS)/bin/python -m pip install --quiet --requirement constraints-peers.txt
+	@touch $@
+
+bench-peers: $(STAMP) $(PEERS)/.installed
+	$(BIN)/python -m tests.bench peers
+
+# The computed parts of the pages; tests hold the committed text to what these write.
+pages: $(STAMP)
+	$(BIN)/python -m heli3dof.model.paper_numbers docs/paper.md
+	$(BIN)/python -m heli3dof_drivers.emulator.page docs/mock.md
+	$(BIN)/python -m tests.report.comparison_page
+
 recordings: $(STAMP)
 	$(BIN)/python -m heli3dof_recordings.make
 
 clean:
-	rm -rf $(VENV) build dist *.egg-info
+	rm -rf $(VENV) $(PEERS) build dist *.egg-info

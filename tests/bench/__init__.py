@@ -1,8 +1,9 @@
 """Every figure that the docs quote, measured: ``make bench`` writes docs/benchmarks.md.
 
-A bench is one file here, ``bench_<topic>.py``, with ``TITLE``, optionally ``INTRO``, and
-``measure() -> list[Figure]``. Figures are kept in docs/benchmarks.json, so that one topic can be
-measured again without the others, and the page is rendered from that file alone.
+A bench is one file here, ``bench_<topic>.py``, with ``TITLE``, optionally ``INTRO`` and
+``COMMAND``, and ``measure()``, a list of `Figure` and `Table`. They are kept in
+docs/benchmarks.json, so that one topic can be measured again without the others, and the page is
+rendered from that file alone.
 """
 
 from __future__ import annotations
@@ -19,6 +20,15 @@ class Figure:
     bar: str = ""
     met: bool | None = None
     how: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Measured things side by side, where one number a row would not do."""
+
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
 
 
 def at_most(what: str, value: float, bar: float, unit: str, *, how: str = "") -> Figure:

@@ -37,7 +37,7 @@ def one_fit(job: tuple[int, str, float]) -> dict[str, Any]:
     from heli3dof.identification.greybox.estimate import cramer_rao, score_test
     from heli3dof.identification.greybox.method import fit_greybox
     from heli3dof.model.effects import effects, term
-    from tests.identification.mock_flights import fly
+    from tests.identification.known_flights import fly
 
     seed, plan, noise = job
     flight = fly(seed, plan, noise=noise)
@@ -71,7 +71,7 @@ def one_replay(seed: int) -> np.ndarray:
     """(2, 3): fit % of the replayed loop on a flight not fitted, by the model and by the truth."""
     from heli3dof.comparison.replay import loop_task, under_control
     from heli3dof.identification.greybox.method import fit_greybox, model_of
-    from tests.identification.mock_flights import HIDDEN, fly
+    from tests.identification.known_flights import HIDDEN, fly
 
     def flown(seed: int, noise: float = 1.0) -> Any:
         return fly(seed, "multisine", spread=0.0, hide=HIDDEN + REPLAYED, noise=noise).recording
@@ -92,7 +92,7 @@ def one_start(seed: int) -> float:
     """How far from the nominal start's optimum another start ends, in standard deviations."""
     from heli3dof.identification.greybox.fit import maximise
     from heli3dof.identification.greybox.method import fit_greybox
-    from tests.identification.mock_flights import fly
+    from tests.identification.known_flights import fly
 
     found = fit_greybox(fly(seed, "multisine").recording)
     rng = np.random.default_rng(seed)
@@ -113,7 +113,7 @@ def one_start(seed: int) -> float:
 def fit_seconds() -> float:
     """CPU seconds of a fit of a 90 s recording at 500 Hz, from the recording to the intervals."""
     from heli3dof.identification.greybox.method import fit_greybox
-    from tests.identification.mock_flights import fly, long_plan
+    from tests.identification.known_flights import fly, long_plan
 
     recording = fly(1, long_plan()).recording
     fit_greybox(recording)

@@ -1,0 +1,59 @@
+"""ctrlsys: SLICOT's IB01AD and IB01BD, MOESP for A and C, N4SID for B and D, black box.
+
+Manual: SLICOT's pages of IB01AD, IB01BD. The combined method ('C' in IB01BD, so 'M' in IB01AD) is
+the one of their own example program and of SLICOT's moen4; NOBR must exceed the order, which is
+the rig's eight, and is left at 2 N as the interfaces to these routines have it; 'C', the
+Cholesky algorithm, is the fast default. 'C' of JOBCK asks for the covariances, from which the gain
+follows by the same Riccati equation: asked for the gain itself, version 1.1.1 damages its own heap
+at these sizes.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from tests.bench.peers.interface import Meter, read_task, write_linear
+from tests.bench.peers.sampling import held_means
+
+INTERVAL_S = 0.04
+ORDER = 8
+BLOCK_ROWS = 16
+
+
+def main(task_file: str, found_file: str) -> None:
+    import ctrlsys
+    from scipy.linalg import solve_discrete_are
+
+    task = read_task(Path(task_file))
+    factor = round(INTERVAL_S / task.dt)
+    u, y = held_means(task.voltage, task.angle, factor)
+    u0, y0 = u.mean(axis=0), y.mean(axis=0)
+    U, Y = np.asfortranarray(u - u0), np.asfortranarray(y - y0)
+    m, l = U.shape[1], Y.shape[1]
+    meter = Meter()
+    with meter.fitting():
+        _, R, _, _, info = ctrlsys.ib01ad(
+            "M", "C", "N", "O", "N", "N", BLOCK_ROWS, m, l, U, Y, 0.0, -1.0
+        )
+        if info:
+            sys.exit(f"IB01AD: info {info}")
+        A, C, B, D, Q, Ry, S, _, _, info = ctrlsys.ib01bd(
+            "C", "A", "C", BLOCK_ROWS, ORDER, m, l, len(U), np.asfortranarray(R), 0.0
+        )
+        if info:
+            sys.exit(f"IB01BD: info {info}")
+        P = solve_discrete_are(A.T, C.T, Q, Ry, s=S)
+        K = np.linalg.solve(C @ P @ C.T + Ry, (A @ P @ C.T + S).T).T
+    write_linear(
+        Path(found_file), meter,
+        f"IB01AD 'M', IB01BD 'C', order {ORDER}, {BLOCK_ROWS} block rows, "
+        f"every {INTERVAL_S * 1e3:g} ms",
+        interval_s=INTERVAL_S, u0=u0, y0=y0, A=A, B=B, C=C, D=D, K=K, S=Ry,
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,107 @@
+"""The rig whose truth is known, and its flights.
+
+The emulated rig is not the one that its profile describes: masses, thrust gain and hover voltage
+are off by 5 or 6 %, as on a real bench, so that no fit may start at the truth. It hides the
+effects of `HIDE`; everything else about it is `heli3dof_drivers.emulator`.
+"""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.recording.recording import Recording
+from heli3dof.rig.profile import TABLE_I, Profile, default_profile, profile_from_dict
+from tests.bench.peers import rigid
+
+HIDDEN = {
+    "motor.lag": 0.1,
+    "stiffness.pendulum.roll": 1.0,
+    "stiffness.pendulum.pitch": 0.01,
+    "friction.viscous.roll": 0.05,
+    "friction.viscous.pitch": 0.01,
+    "friction.viscous.yaw": 0.1,
+}
+HIDE = ",".join(f"{name}:{value:g}" for name, value in HIDDEN.items())
+OFF_NOMINAL = {"m_w": 1.05, "m_f": 0.94, "m_b": 0.94, "K_f": 1.06, "V_o": 0.95}
+GUESS = {"k_r": 0.5, "k_p": 0.02, "c_r": 0.1, "c_p": 0.005, "c_y": 0.05, "tau_m": 0.05}
+"""Where physical fits start what the profile does not say: off by a factor of two."""
+NOISE_NM = (0.035, 0.0035, 0.015)
+"""N·m, docs/mock.md: the random torques' standard deviation; correlated over `CORRELATION_S`."""
+CORRELATION_S = 0.01
+
+
+def rig_profile() -> dict[str, Any]:
+    """What the rig really is, as a profile's nested dict."""
+    data = copy.deepcopy({k: v for k, v in TABLE_I.items() if k != "controller"})
+    for section in ("mass", "motor"):
+        for key, value in data[section].items():
+            data[section][key] = value * OFF_NOMINAL.get(key, 1.0)
+    return data
+
+
+def physics_of(profile: Profile) -> dict[str, float]:
+    """The inertias (kg·m²) and the gravity torque (N·m) of a profile, from its point masses."""
+    g, m = profile.geometry, profile.mass
+    J_p = (m.m_f + m.m_b) * g.L_h**2
+    J_r = m.m_w * g.L_w**2 + (m.m_f + m.m_b) * g.L_a**2
+    T_g = 2 * g.L_a * profile.motor.K_f * profile.motor.V_o
+    return {"J_r": J_r, "J_p": J_p, "J_y": J_r + J_p, "T_g": T_g}
+
+
+def nominal() -> np.ndarray:
+    """In the order of `rigid.NAMES`: what a physical fit starts from."""
+    start = {**physics_of(default_profile()), **GUESS}
+    return np.array([start[name] for name in rigid.NAMES])
+
+
+def known() -> np.ndarray:
+    """In the order of `rigid.KNOWN`, of the nominal profile."""
+    p = default_profile()
+    return np.array([p.geometry.L_a, p.geometry.L_h, p.motor.K_f])
+
+
+def truth() -> np.ndarray:
+    """In the order of `rigid.NAMES`: torques and inertias on the scale where K_f is nominal."""
+    rig = profile_from_dict(rig_profile(), source="the bench's rig")
+    scale = default_profile().motor.K_f / rig.motor.K_f
+    torques = {
+        **physics_of(rig),
+        "k_r": HIDDEN["stiffness.pendulum.roll"],
+        "k_p": HIDDEN["stiffness.pendulum.pitch"],
+        "c_r": HIDDEN["friction.viscous.roll"],
+        "c_p": HIDDEN["friction.viscous.pitch"],
+        "c_y": HIDDEN["friction.viscous.yaw"],
+    }
+    return np.array([*[scale * torques[n] for n in rigid.NAMES[:-1]], HIDDEN["motor.lag"]])
+
+
+def acceleration_noise() -> np.ndarray:
+    """(3,) rad/s² per √Hz, two-sided: σ √(2 τ_c) / J of the true rig."""
+    J = physics_of(profile_from_dict(rig_profile(), source="the bench's rig"))
+    inertia = np.array([J["J_r"], J["J_p"], J["J_y"]])
+    return np.asarray(np.array(NOISE_NM) * np.sqrt(2 * CORRELATION_S) / inertia)
+
+
+def fly(plan: str, seed: int, folder: Path, *, noise: float = 1.0) -> Recording:
+    """A flight from level, kept as an MCAP file of its own in ``folder``."""
+    rig = folder / "rig.toml"
+    if not rig.exists():
+        rig.write_text(_toml(rig_profile()), encoding="utf-8")
+    device = f"mock:?speed=max&start=level&profile={rig}&hide={HIDE}&seed={seed}&noise={noise:g}"
+    output = folder / f"{plan}-{seed}{'' if noise else '-quiet'}.mcap"
+    flight = fly_plan(load_plan(plan), device=device, seed=seed, output=output)
+    flight.raise_if_cut_short()
+    return flight.recording
+
+
+def _toml(data: dict[str, Any]) -> str:
+    lines = [f'name = "{data["name"]}"']
+    for section in ("geometry", "mass", "motor", "encoder", "loop"):
+        lines += ["", f"[{section}]", *[f"{k} = {v!r}" for k, v in data[section].items()]]
+    return "\n".join(lines) + "\n"

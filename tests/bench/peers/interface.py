@@ -1,0 +1,142 @@
+"""The two files between the bench and a peer: the task that it reads, the model that it writes.
+
+A model is one of four things, told apart by ``kind``:
+
+``discrete``     x[k+1] = A x[k] + B (u[k] − u0) + K e[k],  y[k] = C x[k] + D (u[k] − u0) + y0
+                 + e[k], samples every ``interval_s``, u[k] the mean voltage over [k, k+1),
+                 cov e = S
+``continuous``   ẋ = A x + B u + c,  y = C x
+``exact``        as ``discrete``, but at the control rate and without D: our own methods
+``physical``     `rigid.NAMES` with values and standard deviations (NaN where the peer has none)
+
+Every model comes with the CPU time of the fit alone (no import, no reading), the peak memory of
+the process that fitted, and the setting it ran with.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+PROC_STATUS = Path("/proc/self/status")
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One unbroken flight from rest, N samples, and what everybody knows of the rig."""
+
+    t: np.ndarray
+    """(N,) s"""
+    voltage: np.ndarray
+    """(N, 2) V, held from k to k + 1."""
+    angle: np.ndarray
+    """(N, 3) rad, measured before voltage k acts."""
+    nominal: np.ndarray
+    """(len(rigid.NAMES),): where physical fits start, in the order of `rigid.NAMES`."""
+    known: np.ndarray
+    """(len(rigid.KNOWN),): what they are told, in the order of `rigid.KNOWN`."""
+    rad_per_count: np.ndarray
+    """(3,) rad"""
+    acceleration_noise: np.ndarray
+    """(3,) rad/s² per √Hz: the true intensity of the random accelerations."""
+
+    @property
+    def dt(self) -> float:
+        """s"""
+        return float(np.median(np.diff(self.t)))
+
+
+def write_task(path: Path, task: Task) -> None:
+    np.savez(path, **{f.name: getattr(task, f.name) for f in fields(task)})
+
+
+def read_task(path: Path) -> Task:
+    with np.load(path) as kept:
+        return Task(**{f.name: kept[f.name] for f in fields(Task)})
+
+
+@dataclass
+class Meter:
+    """What a fit cost this process."""
+
+    cpu_s: float = np.nan
+    peak_MB: float = np.nan
+
+    @contextmanager
+    def fitting(self) -> Iterator[None]:
+        start = time.process_time()
+        yield
+        self.cpu_s = time.process_time() - start
+        self.peak_MB = peak_MB()
+
+
+def peak_MB(status: str = "") -> float:
+    """The process's own peak from /proc/self/status; NaN where there is none (not Linux).
+
+    getrusage will not do: a child begins with the peak of the process that started it.
+    """
+    if not status and PROC_STATUS.exists():
+        status = PROC_STATUS.read_text(encoding="ascii")
+    found = re.search(r"VmHWM:\s*(\d+) kB", status)
+    return int(found[1]) / 1024 if found else np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a peer wrote."""
+
+    kind: str
+    setting: str
+    cpu_s: float
+    peak_MB: float
+    arrays: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
+def write_linear(
+    path: Path, meter: Meter, setting: str, *, interval_s: float = 0.0, **arrays: Any
+) -> None:
+    """A, B, C and, where there are, D, K, S, u0, y0, c; continuous where interval_s is 0."""
+    kind = "discrete" if interval_s else "continuous"
+    _write(path, kind, meter, setting, interval_s=interval_s, **arrays)
+
+
+def write_exact(path: Path, meter: Meter, setting: str, **arrays: Any) -> None:
+    """A, B, C, K, S, u0, y0 of a `LinearModel`, and poles (n, 4: re, im, std re, std im; 1/s)."""
+    _write(path, "exact", meter, setting, **arrays)
+
+
+def write_physical(
+    path: Path,
+    meter: Meter,
+    setting: str,
+    values: np.ndarray,
+    stds: np.ndarray,
+    model_file: str = "",
+) -> None:
+    """``model_file``: a model of ours that holds more than the ten numbers; it is what flies."""
+    more = {"model_file": model_file} if model_file else {}
+    _write(path, "physical", meter, setting, values=values, stds=stds, **more)
+
+
+def _write(path: Path, kind: str, meter: Meter, setting: str, **arrays: Any) -> None:
+    np.savez(path, kind=kind, setting=setting, cpu_s=meter.cpu_s, peak_MB=meter.peak_MB, **arrays)
+
+
+def read_found(path: Path) -> Found:
+    head = ("kind", "setting", "cpu_s", "peak_MB")
+    with np.load(path) as kept:
+        arrays = {name: kept[name] for name in kept.files if name not in head}
+        return Found(
+            str(kept["kind"]),
+            str(kept["setting"]),
+            float(kept["cpu_s"]),
+            float(kept["peak_MB"]),
+            arrays,
+        )

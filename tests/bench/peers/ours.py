@@ -1,0 +1,80 @@
+"""Our own methods, in a process of their own like everybody else.
+
+``python -m tests.bench.peers.ours METHOD FLIGHT.mcap HELD_OUT.mcap FOUND.npz``. The time is that
+of `identify` as a whole: preparing, every order and interval that it tries, and its own scores on
+the held-out flight. Machine code is compiled before (the bench flies every method once unwatched).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.bench.peers import rigid
+from tests.bench.peers.interface import Meter, write_exact, write_physical
+
+PHYSICAL = dict(
+    zip(
+        rigid.NAMES,
+        (
+            "J_roll", "J_pitch", "J_yaw", "T_g",
+            "stiffness.pendulum.roll.torque_Nm", "stiffness.pendulum.pitch.torque_Nm",
+            "friction.viscous.roll.damping_Nms_per_rad",
+            "friction.viscous.pitch.damping_Nms_per_rad",
+            "friction.viscous.yaw.damping_Nms_per_rad",
+            "motor.lag.time_constant_s",
+        ),
+        strict=True,
+    )
+)  # fmt: skip
+"""What the grey box calls the ten parameters; it holds K_f at its nominal value, too."""
+
+
+def main(method: str, flight_file: str, held_out_file: str, found_file: str) -> None:
+    from heli3dof.identification.api import identify
+    from heli3dof.model.modelfile import save_model
+    from heli3dof.recording.reader import read_recording
+
+    flight = read_recording(flight_file)
+    held_out = read_recording(held_out_file)
+    meter = Meter()
+    with meter.fitting():
+        result: Any = identify(flight, method=method, holdout=held_out)  # type: ignore[arg-type]
+    found = Path(found_file)
+    document = result.to_json()
+    if "parameters" in document:
+        values, stds = ten_parameters(document["parameters"])
+        file = save_model(result.model, found.with_suffix(".json"), force=True)
+        setting = f"identify(method={method!r}), every {result.interval_s * 1e3:g} ms"
+        write_physical(found, meter, setting, values, stds, model_file=str(file))
+        return
+    m = result.model
+    poles = [[p.value.real, p.value.imag, p.std_real, p.std_imag] for p in result.poles]
+    write_exact(
+        found, meter,
+        f"identify(method={method!r}), order {m.order}, every {result.interval_s * 1e3:g} ms",
+        A=m.A, B=m.B, C=m.C, K=m.K, S=m.S, u0=m.u0, y0=m.y0, poles=np.array(poles),
+    )  # fmt: skip
+
+
+def ten_parameters(
+    document: Mapping[str, Any] | Sequence[Mapping[str, Any]],
+) -> tuple[np.ndarray, np.ndarray]:
+    """(values, stds), each (10,), of ``parameters`` in ``identify --json``, by name or as a list.
+
+    One that the fit left out is zero, as the model has it; one without std has NaN.
+    """
+    if not isinstance(document, Mapping):
+        document = {str(p.get("parameter", p.get("name"))): p for p in document}
+    found = [document.get(PHYSICAL[name], {"value": 0.0}) for name in rigid.NAMES]
+    values = np.array([float(p["value"]) for p in found])
+    stds = [p.get("std") for p in found]
+    return values, np.array([np.nan if s is None else float(s) for s in stds])
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

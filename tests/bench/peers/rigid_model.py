@@ -1,0 +1,73 @@
+"""`RigidModel`: `rigid`'s equations flown in the contract's loop, to judge physical fits by.
+
+RK4 at a quarter of the control period under the held voltage. The peers' own simulators are not
+used: every fit is judged by the same code.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from heli3dof.model.base import LoopResult, LoopTask
+from heli3dof.model.controller import N_OUT, control_law, parameters, state_at_rest
+from tests.bench.peers import rigid
+
+SUBSTEPS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class RigidModel:
+    """values in the order of `rigid.NAMES`, known in that of `rigid.KNOWN`."""
+
+    values: np.ndarray
+    known: np.ndarray
+
+    def fly(self, task: LoopTask) -> LoopResult:
+        """The loop from rest at ``task.angle0``, rotors at hover."""
+        N = len(task.reference)
+        grid = np.zeros(3) if task.rad_per_count is None else np.abs(task.rad_per_count)
+        p = parameters(task.controller, task.V_o, task.v_max, task.dt)
+        angle, voltage, cmd = np.empty((N, 3)), np.empty((N, 2)), np.empty((N, 2))
+        _compiled()(
+            (*map(float, self.values), *map(float, self.known)),
+            np.concatenate([task.angle0, np.zeros(5)]),
+            np.array(p), np.array(state_at_rest(p, task.angle0.tolist())), task.dt,
+            np.nan_to_num(task.reference), np.nan_to_num(task.extra), np.array(task.angle0), grid,
+            angle, voltage, cmd,
+        )  # fmt: skip
+        return LoopResult(np.arange(N) * task.dt, angle, voltage, cmd)
+
+
+@cache
+def _compiled() -> Any:
+    import numba
+
+    derivative, law = numba.njit(rigid.derivative), numba.njit(control_law)
+
+    @numba.njit
+    def slope(x, v, P):  # type: ignore[no-untyped-def]
+        return np.array(derivative(x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7], v[2], v[3], P))
+
+    @numba.njit
+    def fly(P, x, p, s, dt, reference, extra, zero, grid, angle, voltage, cmd):  # type: ignore[no-untyped-def]
+        y, v = np.empty(3), np.empty(N_OUT)
+        h = dt / SUBSTEPS
+        for k in range(reference.shape[0]):
+            for i in range(3):
+                angle[k, i] = y[i] = x[i]
+                if grid[i] > 0.0:
+                    y[i] = zero[i] + np.rint((x[i] - zero[i]) / grid[i]) * grid[i]
+            law(p, s, y, reference[k], extra[k], v)
+            cmd[k], voltage[k] = v[:2], v[2:]
+            for _ in range(SUBSTEPS):
+                k1 = slope(x, v, P)
+                k2 = slope(x + h / 2 * k1, v, P)
+                k3 = slope(x + h / 2 * k2, v, P)
+                k4 = slope(x + h * k3, v, P)
+                x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+    return fly
