@@ -17,7 +17,8 @@ from heli3dof.model import kalman
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
 from heli3dof.model.controller import N_OUT, control_law, parameters, state_at_rest
-from heli3dof.model.kalman import aim, readings, setup, step
+from heli3dof.model.rotor import aim
+from heli3dof.model.stepping import readings, setup, step
 
 if TYPE_CHECKING:
     from heli3dof.model.greybox import GreyBoxModel
@@ -60,7 +61,7 @@ def _fly(  # type: ignore[no-untyped-def]
 
 _fly_compiled = compiled(
     _fly,
-    calls=(control_law, kalman._aim, kalman._readings, kalman._step, *kalman._CALLS),
+    calls=(control_law, *kalman._CALLS),
     error_model="numpy",
 )
 

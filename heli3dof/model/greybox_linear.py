@@ -15,9 +15,10 @@ import numpy as np
 
 from heli3dof.errors import CheckFailed
 from heli3dof.model import slots
-from heli3dof.model.kalman import aim, readings, setup, step
 from heli3dof.model.linear import LinearModel
 from heli3dof.model.rigid_body import accelerations
+from heli3dof.model.rotor import aim
+from heli3dof.model.stepping import readings, setup, step
 
 if TYPE_CHECKING:
     from heli3dof.model.greybox import GreyBoxModel

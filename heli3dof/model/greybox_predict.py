@@ -14,13 +14,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from heli3dof.model import kalman, rigid_body
+from heli3dof.model import rigid_body, stepping
 from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
 from heli3dof.model.filtering import Stretch, data_of, encoder_noise
 from heli3dof.model.greybox_fly import ON_TABLE_BELOW
-from heli3dof.model.kalman import filter_blocks, readings, setup, thrusts
+from heli3dof.model.kalman import filter_blocks
 from heli3dof.model.rigid_body import accelerations
+from heli3dof.model.rotor import thrusts
+from heli3dof.model.stepping import readings, setup
 from heli3dof.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -75,7 +77,7 @@ def _roll(s, first, address, par, mem, free, t, V, mean, X, low, n, stride, out)
 
 _roll_compiled = compiled(
     _roll,
-    calls=(rigid_body._accelerations, rigid_body._body_accelerations, kalman._readings),
+    calls=(rigid_body._accelerations, rigid_body._body_accelerations, stepping._readings),
     error_model="numpy",
 )
 

@@ -6,30 +6,9 @@ no noise), so they are computed beforehand, exactly. White angular acceleration 
 
     P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ from ∂q̈/∂(q, q̇) every 20 ms
 
-An encoder of step Δ says one thing: in which step the angle is. While it rests it says the same
-thing again and again, and taking each sample for news (as white noise of variance Δ²/12, or by
-cutting the distribution to the step anew five hundred times a second) is what makes false causes.
-The news is in its edges. So the belief is a Gaussian N(m, S) for the angle *together with* "it is
-still in this step", of probability Z = Φ(β) − Φ(α), α, β = (lower, upper edge − m)/√S, and:
-
-* it steps over the edge e between two samples: the angle was e, to within what the rate q̇ covers in
-  one period. The density of that is the flux N(e; m, S) E[q̇⁺] h, divided by the Z that had been
-  taken for granted; the state is updated by both factors. The second one cannot be left out:
-  instants chosen by the angle itself are not an unbiased sample.
-* it rests: nothing, until the belief has spread or drifted so far that Z has fallen below
-  `NEWS` of what it was when last looked at. Only then is the Gaussian replaced by the one with the
-  mean and variance of its part inside the step, and ln Z less its old value is added.
-* it jumps several steps, or nearly one per period: mean and variance of the part inside the new
-  step, and ln Z.
-
-A sample taken ``jitter`` (s, standard deviation) early or late reads an angle that is off by the
-rate times that: S grows by (jitter · q̇)². A log whose host was not a real-time one needs it.
-
-Every such event acts on one number c of the state (an angle or a rate), with score
-g = ∂ ln Z/∂c and information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, P_c being P's
-column. For the interval g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S); for the rate, with
-u = E q̇/σ and f = φ(u) + uΦ(u), g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f). Where angles are not on a
-grid (Δ = 0) every sample is an event with g = (y − m)/S, w = 1/S.
+What the encoders say acts on x and P as events (`heli3dof.model.encoder_events`), each on one
+number c of the state, with a score g = ∂ ln Z/∂c and an information w = −∂² ln Z/∂c²:
+x ← x + P_c g, P ← P − P_c P_cᵀ w, P_c being P's column.
 
 Σ ln Z is the likelihood. Along a change of the parameters, with the gains P_c held, the predictor
 obeys x ← x + P_c (g − w δc): `follow` runs it for any number of changed parameter sets and so
@@ -42,238 +21,19 @@ import math
 
 import numpy as np
 
-from heli3dof.model import rigid_body
+from heli3dof.model import encoder_events, rigid_body, rotor, stepping
 from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
-from heli3dof.model.hooks import caller
-from heli3dof.model.rigid_body import accelerations, advance
+from heli3dof.model.encoder_events import NEWS, flux, interval, learn
+from heli3dof.model.rigid_body import accelerations
+from heli3dof.model.rotor import thrusts
+from heli3dof.model.stepping import glide, readings, setup, step
 
-call = caller()
-R, T, F_FRONT, F_BACK, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.V_FRONT
-TAU_M, DELAY, K_F, GAIN_FRONT, GAIN_BACK = _s.TAU_M, _s.DELAY, _s.K_F, _s.GAIN_FRONT, _s.GAIN_BACK
-SLEW = _s.SLEW
-VOLTAGE, MEASURE = int(_s.Stage.VOLTAGE), int(_s.Stage.MEASURE)
-SETUP = int(_s.Stage.SETUP)
+R, T, F_FRONT, F_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK
+MEASURE = int(_s.Stage.MEASURE)
 RELINEARISE_S = 0.02
-NEWS = math.log(0.7)
 RATE_0 = 1.0
 """rad/s, how uncertain the rates are where a run starts."""
-SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
-
-
-def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
-    for i in range(first[SETUP], first[SETUP + 1]):
-        call(address, i, s, par, mem, s)
-
-
-setup = compiled(_setup, error_model="numpy")
-
-
-def _lagged(F: float, target: float, tau: float, slew: float, h: float) -> float:
-    """The rotor's F after h s of τ Ḟ = target − F, rising no faster than ``slew`` (0: as it likes).
-
-    Exact: where the limit binds, F rises in a straight line until target − F = slew τ.
-    """
-    if slew > 0.0 and target - F > slew * tau:
-        line = (target - F) / slew - tau
-        if h <= line:
-            return F + slew * h
-        F += slew * line
-        h -= line
-    if tau <= 0.0:
-        return target
-    return target + (F - target) * math.exp(-h / tau)
-
-
-lagged = compiled(_lagged, error_model="numpy")
-
-
-def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
-    """The thrusts (2,) N that row k's voltages aim at, rows from ``lead`` on being known."""
-    whole, part = 0, 0.0
-    if s[DELAY] > 0.0:
-        back = s[DELAY] / h[k]
-        whole = int(back)
-        part = back - whole
-    i = max(lead, k - whole)
-    j = max(lead, i - 1)
-    for m in range(2):
-        out[m] = (1.0 - part) * V[i, m] + part * V[j, m]
-        s[V_FRONT + m] = out[m]
-    for e in range(first[VOLTAGE], first[VOLTAGE + 1]):
-        call(address, e, s, par, mem, out)
-    out[0] *= s[K_F] * s[GAIN_FRONT]
-    out[1] *= s[K_F] * s[GAIN_BACK]
-
-
-aim = compiled(_aim, error_model="numpy")
-
-
-def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
-    """Rows lead … stop: what the voltages aim at, and the thrusts at each row's start, (N, 2) N."""
-    out = np.empty(2)
-    tau = s[TAU_M]
-    left, at = 0.0, -1.0
-    for k in range(lead, stop):
-        aim(s, V, h, lead, k, first, address, par, mem, out)
-        for m in range(2):
-            target[k, m] = out[m]
-            if k == lead:
-                F[k, m] = out[m]
-            elif s[SLEW] > 0.0:
-                slew = s[SLEW] * s[K_F] * s[GAIN_FRONT + m]
-                F[k, m] = lagged(F[k - 1, m], target[k - 1, m], tau, slew, h[k - 1])
-            else:
-                if h[k - 1] != at:
-                    at = h[k - 1]
-                    left = math.exp(-at / tau) if tau > 0.0 else 0.0
-                F[k, m] = target[k - 1, m] + (F[k - 1, m] - target[k - 1, m]) * left
-
-
-thrusts = compiled(_thrusts, calls=(_lagged, _aim), error_model="numpy")
-
-
-def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """x (6,) from row k to the next; ``decay`` (3,) keeps exp(−h/2τ) and exp(−h/τ) for its h."""
-    if decay[0] != h[k]:
-        decay[0] = h[k]
-        tau = s[TAU_M]
-        decay[1] = math.exp(-0.5 * h[k] / tau) if tau > 0.0 else 0.0
-        decay[2] = decay[1] * decay[1]
-    s[T] = t[k]
-    s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
-    for m in range(2):
-        # Without a lag the thrust is the target from the first instant.
-        w[5, m] = F[k, m] if s[TAU_M] > 0.0 else target[k, m]
-        w[6, m] = target[k, m] + (F[k, m] - target[k, m]) * decay[1]
-        w[7, m] = target[k, m] + (F[k, m] - target[k, m]) * decay[2]
-        if s[SLEW] > 0.0:
-            slew = s[SLEW] * s[K_F] * s[GAIN_FRONT + m]
-            w[5, m] = F[k, m]
-            w[6, m] = lagged(F[k, m], target[k, m], s[TAU_M], slew, 0.5 * h[k])
-            w[7, m] = lagged(F[k, m], target[k, m], s[TAU_M], slew, h[k])
-    advance(s, x, h[k], w[5], w[6], w[7], first, address, par, mem, free, w)
-
-
-step = compiled(_step, calls=(rigid_body._advance, _lagged), error_model="numpy")
-
-
-def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """As `_step`, by the midpoint rule: a third of the work, for differences of two runs."""
-    if decay[0] != h[k]:
-        decay[0] = h[k]
-        decay[1] = math.exp(-0.5 * h[k] / s[TAU_M]) if s[TAU_M] > 0.0 else 0.0
-    s[T] = t[k]
-    s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
-    for m in range(2):
-        s[F_FRONT + m] = target[k, m] + (F[k, m] - target[k, m]) * decay[1]
-        if s[SLEW] > 0.0:
-            slew = s[SLEW] * s[K_F] * s[GAIN_FRONT + m]
-            s[F_FRONT + m] = lagged(F[k, m], target[k, m], s[TAU_M], slew, 0.5 * h[k])
-    for i in range(3):
-        s[R + i] = x[i] + 0.5 * h[k] * x[3 + i]
-        s[R + 3 + i] = x[3 + i]
-    accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
-    for i in range(3):
-        x[i] += h[k] * x[3 + i] + 0.5 * h[k] * h[k] * w[2, i]
-        x[3 + i] += h[k] * w[2, i]
-
-
-glide = compiled(_glide, calls=(rigid_body._accelerations, _lagged), error_model="numpy")
-
-
-def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
-    """What the encoders should read, (3,) rad into m, and ∂m_i/∂q_i into ``slope``."""
-    for i in range(3):
-        m[i] = x[i]
-        slope[i] = 1.0
-    if first[MEASURE + 1] > first[MEASURE]:
-        for i in range(3):
-            slope[i] = x[i] + 1e-6
-            s[R + i], s[R + 3 + i] = x[i], x[3 + i]
-        for e in range(first[MEASURE], first[MEASURE + 1]):
-            call(address, e, s, par, mem, m)
-            call(address, e, s, par, mem, slope)
-        for i in range(3):
-            slope[i] = (slope[i] - m[i]) / 1e-6
-
-
-readings = compiled(_readings, error_model="numpy")
-
-
-def _tail(x: float) -> float:
-    """exp(x²/2) √(2π) Q(x), Mills' ratio of the normal distribution, x ≥ 0."""
-    if x < 5.0:
-        return SQRT2PI * 0.5 * math.erfc(x / SQRT2) * math.exp(0.5 * x * x)
-    d = x
-    for n in range(24, 0, -1):  # Laplace's continued fraction
-        d = x + n / d
-    return 1.0 / d
-
-
-tail = compiled(_tail, error_model="numpy")
-
-
-def _interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
-    """(ln Z, g, w) for a normal variable of mean 0 and variance S that lies in (lo, hi)."""
-    sd = math.sqrt(S)
-    a, b = lo / sd, hi / sd
-    sign = 1.0
-    if a + b < 0.0:  # mirrored, so that a is the nearer end and b > |a|
-        a, b = -b, -a
-        sign = -1.0
-    if a > 3.0:
-        # Everything relative to φ(a): Z = φ(a) (tail(a) − e tail(b)), e = φ(b)/φ(a).
-        e = math.exp(0.5 * (a * a - b * b))
-        z = tail(a) - e * tail(b)
-        logZ = -0.5 * a * a - math.log(SQRT2PI) + math.log(z)
-        ratio = (1.0 - e) / z
-        second = (a - b * e) / z
-    else:
-        Z = 0.5 * (math.erfc(a / SQRT2) - math.erfc(b / SQRT2))
-        fa = math.exp(-0.5 * a * a) / SQRT2PI
-        fb = math.exp(-0.5 * b * b) / SQRT2PI
-        logZ = math.log(Z)
-        ratio = (fa - fb) / Z
-        second = (a * fa - b * fb) / Z
-    return logZ, sign * ratio / sd, (ratio * ratio - second) / S
-
-
-interval = compiled(_interval, calls=(_tail,), error_model="numpy")
-
-
-def _flux(v: float, var: float) -> tuple[float, float, float]:
-    """(ln E[v⁺], g, w) of a rate with this mean and variance, v⁺ = max(v, 0)."""
-    sd = math.sqrt(var)
-    u = v / sd
-    phi = math.exp(-0.5 * u * u) / SQRT2PI
-    if u > -4.0:
-        Phi = 0.5 * math.erfc(-u / SQRT2)
-        f = phi + u * Phi
-        g = Phi / (sd * f)
-        return math.log(sd * f), g, g * g - phi / (var * f)
-    # Far on the wrong side: Mills' ratio T(u) = Φ/φ; f = φ (1 + u T).
-    T = tail(-u)
-    f = 1.0 + u * T
-    g = T / (sd * f)
-    return math.log(sd * f) - 0.5 * u * u - math.log(SQRT2PI), g, g * g - 1.0 / (var * f)
-
-
-flux = compiled(_flux, calls=(_tail,), error_model="numpy")
-
-
-def _learn(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
-    """x and P after an event on state c, read with ``scale``; P's scaled column is kept."""
-    for j in range(6):
-        column[j] = scale * P[j, c]
-    for j in range(6):
-        x[j] += column[j] * g
-        for n in range(j + 1):
-            P[j, n] -= column[j] * column[n] * w
-            P[n, j] = P[j, n]
-
-
-learn = compiled(_learn, error_model="numpy")
 
 
 def _grow(P, A, h, a2, Phi, W):  # type: ignore[no-untyped-def]
@@ -445,8 +205,9 @@ def _filter(  # type: ignore[no-untyped-def]
 
 
 _CALLS = (
-    rigid_body._advance, _lagged, _aim, _thrusts, _step, _readings, _interval, _tail, _flux, _learn,
-    _grow, _linearise, _glide, rigid_body._accelerations,
+    rigid_body._advance, rigid_body._accelerations, rigid_body._body_accelerations,
+    rotor._lagged, rotor._aim, rotor._thrusts, stepping._setup, stepping._step, stepping._glide,
+    stepping._readings, encoder_events._interval, _grow, _linearise,
 )  # fmt: skip
 filter_blocks = compiled(_filter, calls=_CALLS, error_model="numpy", nogil=True)
 

@@ -11,9 +11,10 @@ from scipy.stats import norm
 
 from heli3dof.identification.greybox.fit import _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.model.encoder_events import flux, interval
 from heli3dof.model.filtering import Data
-from heli3dof.model.kalman import flux, interval, lagged
 from heli3dof.model.rig_model import Structure
+from heli3dof.model.rotor import lagged
 from heli3dof.rig.profile import default_profile
 
 STEP = 2 * np.pi / 4096

@@ -1,4 +1,10 @@
-"""The count per revolution is wrong: reading = rest + k (angle − rest)."""
+"""The count per revolution is wrong: reading = rest + k (angle − rest).
+
+Nearly the same as other inertias and stiffness; only the sines and cosines tell. Beware of its
+score: it stretches the variance of what is read as well, which the tangents of the innovations
+leave out, so both its score and its fit are biased. Counts against the profile are the way to
+find it.
+"""
 
 from __future__ import annotations
 

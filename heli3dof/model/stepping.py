@@ -1,0 +1,98 @@
+"""One sample of a rig with effects: set up, a step forward, and what the encoders should read.
+
+Common to the filter, the closed loop and the predictions. Arguments ``first``, ``address``,
+``par``, ``mem`` are the effects that are on (`heli3dof.model.rig_model`); ``target`` and ``F``
+(N, 2) N are what the voltages aim at and the thrusts at each row's start (`heli3dof.model.rotor`).
+"""
+
+from __future__ import annotations
+
+import math
+
+from heli3dof.model import rigid_body, rotor
+from heli3dof.model import slots as _s
+from heli3dof.model.compiled import compiled
+from heli3dof.model.hooks import caller
+from heli3dof.model.rigid_body import accelerations, advance
+from heli3dof.model.rotor import lagged
+
+call = caller()
+R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
+TAU_M, K_F, GAIN_FRONT, SLEW = _s.TAU_M, _s.K_F, _s.GAIN_FRONT, _s.SLEW
+SETUP, MEASURE = int(_s.Stage.SETUP), int(_s.Stage.MEASURE)
+
+
+def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
+    for i in range(first[SETUP], first[SETUP + 1]):
+        call(address, i, s, par, mem, s)
+
+
+setup = compiled(_setup, error_model="numpy")
+
+
+def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
+    """x (6,) from row k to the next; ``decay`` (3,) keeps exp(−h/2τ) and exp(−h/τ) for its h."""
+    if decay[0] != h[k]:
+        decay[0] = h[k]
+        tau = s[TAU_M]
+        decay[1] = math.exp(-0.5 * h[k] / tau) if tau > 0.0 else 0.0
+        decay[2] = decay[1] * decay[1]
+    s[T] = t[k]
+    s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
+    for m in range(2):
+        # Without a lag the thrust is the target from the first instant.
+        w[5, m] = F[k, m] if s[TAU_M] > 0.0 else target[k, m]
+        w[6, m] = target[k, m] + (F[k, m] - target[k, m]) * decay[1]
+        w[7, m] = target[k, m] + (F[k, m] - target[k, m]) * decay[2]
+        if s[SLEW] > 0.0:
+            slew = s[SLEW] * s[K_F] * s[GAIN_FRONT + m]
+            w[5, m] = F[k, m]
+            w[6, m] = lagged(F[k, m], target[k, m], s[TAU_M], slew, 0.5 * h[k])
+            w[7, m] = lagged(F[k, m], target[k, m], s[TAU_M], slew, h[k])
+    advance(s, x, h[k], w[5], w[6], w[7], first, address, par, mem, free, w)
+
+
+step = compiled(_step, calls=(rigid_body._advance, rotor._lagged), error_model="numpy")
+
+
+def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
+    """As `_step`, by the midpoint rule: a third of the work, for differences of two runs."""
+    if decay[0] != h[k]:
+        decay[0] = h[k]
+        decay[1] = math.exp(-0.5 * h[k] / s[TAU_M]) if s[TAU_M] > 0.0 else 0.0
+    s[T] = t[k]
+    s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
+    for m in range(2):
+        s[F_FRONT + m] = target[k, m] + (F[k, m] - target[k, m]) * decay[1]
+        if s[SLEW] > 0.0:
+            slew = s[SLEW] * s[K_F] * s[GAIN_FRONT + m]
+            s[F_FRONT + m] = lagged(F[k, m], target[k, m], s[TAU_M], slew, 0.5 * h[k])
+    for i in range(3):
+        s[R + i] = x[i] + 0.5 * h[k] * x[3 + i]
+        s[R + 3 + i] = x[3 + i]
+    accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
+    for i in range(3):
+        x[i] += h[k] * x[3 + i] + 0.5 * h[k] * h[k] * w[2, i]
+        x[3 + i] += h[k] * w[2, i]
+
+
+glide = compiled(_glide, calls=(rigid_body._accelerations, rotor._lagged), error_model="numpy")
+
+
+def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
+    """What the encoders should read, (3,) rad into m, and ∂m_i/∂q_i into ``slope``."""
+    for i in range(3):
+        m[i] = x[i]
+        slope[i] = 1.0
+    if first[MEASURE + 1] > first[MEASURE]:
+        for i in range(3):
+            slope[i] = x[i] + 1e-6
+            s[R + i], s[R + 3 + i] = x[i], x[3 + i]
+        for e in range(first[MEASURE], first[MEASURE + 1]):
+            call(address, e, s, par, mem, m)
+            call(address, e, s, par, mem, slope)
+        for i in range(3):
+            slope[i] = (slope[i] - m[i]) / 1e-6
+
+
+readings = compiled(_readings, error_model="numpy")
