@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 
 class Method(StrEnum):
+    greybox = "greybox"
     pem = "pem"
     pbsid = "pbsid"
     tf4 = "tf4"
@@ -33,7 +34,10 @@ def identify(
     recordings: Recordings,
     method: Annotated[
         Method,
-        typer.Option(help="pem: prediction error; pbsid: subspace; tf4: the paper's form; oe."),
+        typer.Option(
+            help="greybox: physical parameters; pem: prediction error; pbsid: subspace; "
+            "tf4: the paper's form; oe."
+        ),
     ] = Method.pem,
     order: Annotated[
         int | None, typer.Option("--order", help="Number of states; chosen when not given.")

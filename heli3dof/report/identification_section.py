@@ -24,8 +24,40 @@ LOWEST = 0.1
 
 def identification_tables(found: Identification) -> list[Grid]:
     """The tables that a terminal shows: those that have something to say."""
-    grids = [poles_table(found), fits_table(found), residuals_table(found)]
+    grids = [
+        parameters_table(found),
+        poles_table(found),
+        fits_table(found),
+        residuals_table(found),
+    ]
     return [g for g in grids if g.rows]
+
+
+def parameters_table(found: Identification) -> Grid:
+    """Physical parameters with standard deviation and its bound, beside the profile's values."""
+
+    def number(x: float, digits: int = 4) -> str:
+        return f"{x:.{digits}g}".replace("-", "−") if np.isfinite(x) else NONE
+
+    rows = [
+        [
+            name,
+            number(p.value),
+            number(p.std, 2),
+            number(p.bound, 2),
+            number(p.nominal),
+            p.unit,
+            "not identifiable" if p.verdict else "",
+        ]
+        for name, p in found.found.parameters.items()
+    ]
+    header = ["parameter", "value", "standard deviation", "CRB", "nominal", "unit", ""]
+    notes = [
+        "CRB: the Cramér–Rao bound on the standard deviation, at the noise found. nominal: the "
+        "profile's value, or an effect's absence. Torques and inertias are in units of the "
+        "profile's K_f."
+    ]
+    return Grid("Physical parameters", header, rows, notes=notes, text_columns=1)
 
 
 def poles_table(found: Identification) -> Grid:
@@ -117,9 +149,10 @@ def identification_section(found: Identification) -> Section:
     errors, _ = found.found.innovations(found.prepared, found.prepared.held_out)
     if errors:
         e = max(errors, key=len)
-        settled = round(WARM_UP_S / found.interval_s)  # the filter finds its state first
+        interval_s = found.found.test_interval_s or found.interval_s
+        settled = round(WARM_UP_S / interval_s)  # the filter finds its state first
         e = e[settled:] if len(e) > 2 * settled else e
-        t = np.arange(len(e)) * found.interval_s
+        t = np.arange(len(e)) * interval_s
         drawn = residual_figure(t, e, title="Innovations on held-out data")
         blocks.append(figure(drawn, "Innovations and their autocorrelation"))
     return Section(f"Identification: {found.model.name}", blocks)
