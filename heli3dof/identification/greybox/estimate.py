@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.identification.greybox.fit import Optimum, maximise
+from heli3dof.identification.greybox.fit import OTHER_ROUNDS, Optimum, maximise
 from heli3dof.identification.greybox.likelihood import Likelihood, score_and_information
 from heli3dof.model.effects import Term
 from heli3dof.model.filtering import Data
@@ -154,7 +154,7 @@ def estimate(
             theta = problem.prior_mean.copy()
             for j, f in enumerate(problem.structure.free):
                 theta[j] += np.log(factor) if f.log else 0.0
-            other = maximise(problem, theta, noise)
+            other = maximise(problem, theta, noise, rounds=OTHER_ROUNDS)
             if (other.converged, other.loglik) > (best.converged, best.loglik):
                 best = other
     return Estimate(problem, best)

@@ -23,7 +23,9 @@ from heli3dof.identification.greybox.likelihood import (
 
 TOLERANCE = 2e-3
 """Of the log-likelihood: a step of 0.04 standard deviations."""
-ROUNDS = 40
+ROUNDS = 25
+OTHER_ROUNDS = 12
+"""For starts beside the first, which are tried where that does not settle."""
 SURE = 3.0
 """A step that wins no more than this is taken without asking the likelihood, which is rough at
 that scale (its terms in P are left out of the score; their expectation is zero)."""
