@@ -20,12 +20,49 @@ from heli3dof.report.model_figures import BodeCurve, bode_figure, residual_figur
 POINTS = 200
 LOWEST = 0.1
 """rad/s: slower than any flight of a minute can tell."""
+MIXED = 0.8
+"""A correlation worth a word."""
 
 
 def identification_tables(found: Identification) -> list[Grid]:
     """The tables that a terminal shows: those that have something to say."""
-    grids = [poles_table(found), fits_table(found), residuals_table(found)]
+    grids = [
+        parameters_table(found),
+        poles_table(found),
+        fits_table(found),
+        residuals_table(found),
+    ]
     return [g for g in grids if g.rows]
+
+
+def parameters_table(found: Identification) -> Grid:
+    """Physical parameters beside the profile's, each with its deviation and the bound on it."""
+    rows, notes = [], ["σ: standard deviation; bound: the Cramér–Rao bound on it."]
+    for name, p in found.found.parameters.items():
+        numbers = (p.value, p.std, p.bound, p.nominal)
+        rows.append([_short(name), *(_cell(v) for v in numbers), p.unit])
+        if p.verdict:
+            notes.append(p.verdict)
+    notes += _mixed(list(found.found.parameters), found.found.correlation)
+    heads = ["parameter", "value", "σ", "bound", "nominal", "unit"]
+    return Grid("Parameters", heads, rows, notes=notes, text_columns=1, prose_columns=1)
+
+
+def _short(name: str) -> str:
+    """``motor.lag.time_constant_s`` → ``motor.lag``: the unit stands in a column of its own."""
+    return name.rpartition(".")[0] or name
+
+
+def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
+    """A sentence for every pair of parameters that trade off against each other."""
+    if correlation is None:
+        return []
+    return [
+        f"{_short(names[i])} and {_short(names[j])} trade off: {correlation[i, j]:+.2f} correlated."
+        for i in range(len(names))
+        for j in range(i)
+        if abs(correlation[i, j]) > MIXED
+    ]
 
 
 def poles_table(found: Identification) -> Grid:
@@ -40,7 +77,8 @@ def poles_table(found: Identification) -> Grid:
         known = pole.std_real == pole.std_real
         std = f"{pole.std_real:.2g}" + (f", {pole.std_imag:.2g}j" if pair else "")
         rows.append([value.replace("-", "−"), std if known else NONE])
-    return Grid("Poles, continuous time", ["pole, 1/s", "standard deviation"], rows, notes=[])
+    heads = ["pole, 1/s", "standard deviation"]
+    return Grid("Poles, continuous time", heads, rows, notes=[], text_columns=0)
 
 
 def fits_table(found: Identification) -> Grid:
