@@ -19,7 +19,7 @@ from heli3dof.identification.greybox.method import (
 )
 from heli3dof.model.effects import term
 from heli3dof.recording.recording import Recording
-from tests.identification.mock_flights import HIDDEN, Flight, fly
+from tests.identification.known_flights import HIDDEN, Flight, fly
 
 ABSENT = (
     "motor.delay", "motor.dead_zone", "motor.thrust_curve", "motor.thrust_mismatch",

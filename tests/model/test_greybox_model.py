@@ -17,7 +17,7 @@ from heli3dof.model.hover import hover_model
 from heli3dof.model.loops import sampled_loop_poles
 from heli3dof.model.modelfile import read_model, save_model
 from heli3dof.rig.profile import default_profile
-from tests.identification.mock_flights import PARAMETERS, fly
+from tests.identification.known_flights import PARAMETERS, fly
 
 PROFILE = default_profile()
 
