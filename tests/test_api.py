@@ -63,7 +63,7 @@ def test_fly_record_identify_compare_and_report_in_python(tmp_path: Path) -> Non
         device=device.format(2),
         output=tmp_path / "step.mcap",
     )
-    found = h3.identify(train.recording, holdout=test.recording, order=8)
+    found = h3.identify(train.recording, holdout=test.recording)
     h3.save_model(found.model, tmp_path / "m.json")
     model = h3.load_model(tmp_path / "m.json", test.recording.profile)
     compared = h3.compare(
@@ -79,5 +79,5 @@ def test_fly_record_identify_compare_and_report_in_python(tmp_path: Path) -> Non
 
 def test_a_flight_that_says_too_little_gives_a_model_that_is_warned_of() -> None:
     flight = h3.fly_plan(h3.step_plan((10.0, None, None)), device="mock:?speed=max&seed=1")
-    found = h3.identify(flight.recording)
+    found = h3.identify(flight.recording, method="pem")
     assert any("heli3dof run multisine" in w and "roll" in w for w in found.warnings)

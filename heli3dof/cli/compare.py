@@ -56,8 +56,7 @@ def compare(
     else:
         names = ["hover"]
         with talk.working("Identifying from the recordings that ship …"):
-            recordings, shipped = with_shipped()
-        identified = [shipped.model]
+            recordings, identified = with_shipped()
 
     def models(recording: Recording) -> list[Model]:
         return [*models_for(names, recording), *identified]

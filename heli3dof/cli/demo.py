@@ -30,14 +30,16 @@ def register(app: typer.Typer) -> None:
 def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Fly the emulated rig, record, identify, compare and report. No hardware needed."""
     from heli3dof.cli.compare import write_figures
+    from heli3dof.cli.loading import both
     from heli3dof.comparison.compare import compare
     from heli3dof.comparison.reproduce import reproduce
     from heli3dof.experiment.plan import load_plan, step_plan
-    from heli3dof.identification.api import identify
     from heli3dof.model.hover import hover_model
     from heli3dof.model.modelfile import save_model
     from heli3dof.report.flight_report import flight_report
+    from heli3dof.report.grid import to_rich
     from heli3dof.report.html import write_page
+    from heli3dof.report.identification_section import identification_section, parameters_table
     from heli3dof.report.tables import comparison_renderables
     from heli3dof.rig.profile import default_profile
 
@@ -55,21 +57,23 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
         seed + 1,
         start="level",  # a linear model about level is not judged by a take-off from the table
     )
-    with talk.working("Identifying a black-box model from the multisine flight …"):
-        found = identify(train, holdout=step, name="identification")
-        save_model(found.model, folder / "identification.json")
-    with talk.working("Comparing it and the hover model with the step flight …"):
-        hover = hover_model(step.profile)
-        comparison = compare([step], [hover, found.model])
+    with talk.working("Identifying a black box and a grey box from the multisine flight …"):
+        found = both([train], [step])
+    saved = [save_model(f.model, folder / f"{f.model.name.replace(' ', '-')}.json") for f in found]
+    talk.show(to_rich(parameters_table(found[-1])))
+    with talk.working("Comparing them and the hover model with the step flight …"):
+        models = [hover_model(step.profile), *(f.model for f in found)]
+        comparison = compare([step], models)
         write_figures(comparison, folder, force=False)
     published = reproduce(hover_model(default_profile()))
     talk.show(*comparison_renderables(comparison, published))
     with talk.working("Writing the report …"):
         text = flight_report(
             [step],
-            models=[hover, found.model],
+            models=models,
             comparison=comparison,
             reproduced=published,
+            extra=[identification_section(f) for f in found],
             title="heli3dof demo",
         )
         report = write_page(text, folder / "report.html")
@@ -80,8 +84,8 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
             "folder": str(folder),
             "report": str(report),
             "recordings": [str(folder / f"{r.name}.mcap") for r in (train, step)],
-            "model": str(folder / "identification.json"),
-            "warnings": [*found.warnings, *comparison.warnings],
+            "models": [str(path) for path in saved],
+            "warnings": [*(w for f in found for w in f.warnings), *comparison.warnings],
         }
     )
 

@@ -52,13 +52,22 @@ def models_for(names: Sequence[str], recording: Recording) -> list[Model]:
     return [load_model(name, recording.profile) for name in names]
 
 
-def with_shipped() -> tuple[list[Recording], Identification]:
+def with_shipped() -> tuple[list[Recording], list[Model]]:
     """The recordings that ship to compare with, and what is identified from the others."""
     from heli3dof_recordings import references
 
-    from heli3dof.identification.api import identify
     from heli3dof.recording.reader import read_recording
 
     train = [read_recording(r.path) for r in references() if r.use == "identify"]
     test = [read_recording(r.path) for r in references() if r.use == "compare"]
-    return test, identify(train, holdout=test, name="identification")
+    return test, [found.model for found in both(train, test)]
+
+
+def both(train: Sequence[Recording], test: Sequence[Recording]) -> list[Identification]:
+    """A black box, as the paper identified one, and the grey box, from the same recordings."""
+    from heli3dof.identification.api import identify
+
+    return [
+        identify(train, holdout=test, method=method, name=name)
+        for method, name in (("pem", "identification"), ("greybox", "grey box"))
+    ]

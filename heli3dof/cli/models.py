@@ -34,13 +34,14 @@ def identify(
     recordings: Recordings,
     method: Annotated[
         Method,
-        typer.Option(
-            help="greybox: physical parameters; pem: prediction error; pbsid: subspace; "
-            "tf4: the paper's form; oe."
-        ),
-    ] = Method.pem,
+        typer.Option(help="greybox: physical; pem, pbsid, oe: black boxes; tf4: the paper's form."),
+    ] = Method.greybox,
     order: Annotated[
-        int | None, typer.Option("--order", help="Number of states; chosen when not given.")
+        int | None, typer.Option("--order", help="States of a black box; chosen when not given.")
+    ] = None,
+    terms: Annotated[
+        str | None,
+        typer.Option("--terms", metavar="+A,-B", help="Effects to add to or leave out of greybox."),
     ] = None,
     holdout: Annotated[
         list[Path] | None,
@@ -59,6 +60,7 @@ def identify(
     """Models from recordings: heli3dof identify rec.mcap -o model.json."""
     from heli3dof.cli.loading import load_all
     from heli3dof.identification.api import identify as fit
+    from heli3dof.identification.greybox.method import chosen_terms
     from heli3dof.model.modelfile import save_model
     from heli3dof.recording.output import check_output
     from heli3dof.report.grid import to_rich
@@ -72,7 +74,14 @@ def identify(
     train = load_all(talk, recordings, profile)
     test = load_all(talk, holdout or [], profile)
     with talk.working(f"Identifying ({method.value}) from {len(train)} recording(s) …"):
-        found = fit(train, method=method.value, order=order, holdout=test or None, name=name)
+        found = fit(
+            train,
+            method=method.value,
+            order=order,
+            terms=None if terms is None else chosen_terms(terms),
+            holdout=test or None,
+            name=name,
+        )
     save_model(found.model, path, force=force)
     if report is not None:
         with talk.working("Drawing the report …"):

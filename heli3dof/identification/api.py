@@ -37,19 +37,24 @@ BEYOND = 2.0
 def identify(
     recordings: Recording | Sequence[Recording],
     *,
-    method: str = "pem",
+    method: str = "greybox",
     order: int | None = None,
+    terms: Sequence[str] | None = None,
     holdout: Recording | Sequence[Recording] | None = None,
     intervals_s: Sequence[float] = INTERVALS_S,
     name: str | None = None,
 ) -> Identification:
-    """Identify a black-box model from recordings of one rig.
+    """Identify a model from recordings of one rig.
 
     Args:
-        recordings: one or several, all three angles, the same sample interval; all are fitted
-            together.
-        method: ``pem`` (the one to use), ``pbsid``, ``tf4`` (the paper's form) or ``oe``.
-        order: number of states; None chooses (see `heli3dof.identification.search`).
+        recordings: one or several of the same sample interval; all are fitted together. Black
+            boxes need all three angles; the grey box also uses recordings that lack some, beside
+            at least one that does not.
+        method: ``greybox`` (physical parameters), or a black box: ``pem``, ``pbsid``, ``tf4`` (the
+            paper's form), ``oe``.
+        order: number of states of a black box; None chooses (`heli3dof.identification.search`).
+        terms: effects of the grey box, by name, as ``motor.lag`` or ``friction.viscous.yaw``; None
+            takes those that every rig has (`heli3dof.identification.greybox.method`).
         holdout: recordings to validate on. None sets aside the last quarter of each recording.
         intervals_s: sampling intervals (s) to try; each becomes a multiple of the control period.
         name: of the model; None names it after the method.
@@ -69,10 +74,31 @@ def identify(
             cause="the rig itself has eight: six of its body, two of its rotors.",
             fix="leave --order out to have it chosen",
         )
-    prepared = prepare(_several(recordings), held_out=_several(holdout))
+    if order is not None and about.physical:
+        raise UsageError(
+            f"--order {order} says nothing to {method}: its states are the rig's.",
+            cause="the option belongs to the black-box methods.",
+            fix="--method pem --order …, or leave --order out",
+        )
+    if terms is not None and not about.physical:
+        raise UsageError(
+            f"{method} has no physical terms to choose from.",
+            cause="the option belongs to the grey box.",
+            fix="--method greybox --terms …, or leave --terms out",
+        )
+    whole, partial = _by_angles(_several(recordings), apart=about.physical)
+    prepared = prepare(whole, held_out=_several(holdout))
     near = segments(prepared, prepared.train, max(1, round(FEEDBACK_TEST_S / prepared.dt)))
     feedback = feedback_test([(s.u, s.y) for s in near])
-    found = methods.fit(prepared, Request(method, order, tuple(intervals_s), name or method))
+    request = Request(
+        method,
+        order,
+        tuple(intervals_s),
+        name or method,
+        None if terms is None else tuple(terms),
+        tuple(partial),
+    )
+    found = methods.fit(prepared, request)
     said = [*recording_warnings(prepared), *extrapolation_warnings(prepared), *found.warnings]
     if about.assumes_open_loop and feedback.present:
         said.append(methods.OPEN_LOOP_WARNING)
@@ -175,6 +201,16 @@ def _with_provenance(found: Found, method: str, prepared: Prepared) -> Model:
         "poles": [pole_json(p) for p in found.poles],
     }
     return replace(model, extra=extra)
+
+
+def _by_angles(
+    recordings: Sequence[Recording], *, apart: bool
+) -> tuple[list[Recording], list[Recording]]:
+    """Recordings with all three angles, and the others where a method can use those."""
+    whole = [r for r in recordings if len(r.axes) == len(AXES)]
+    if not apart or not whole:
+        return list(recordings), []
+    return whole, [r for r in recordings if len(r.axes) < len(AXES)]
 
 
 def _several(recordings: Recording | Sequence[Recording] | None) -> list[Recording]:

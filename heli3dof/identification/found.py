@@ -17,6 +17,7 @@ from heli3dof.identification.search import Candidate
 from heli3dof.identification.statistics import Pole
 from heli3dof.identification.transfer import TransferFunctions
 from heli3dof.model.base import Model
+from heli3dof.recording.recording import Recording
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,10 @@ class Request:
     order: int | None
     intervals_s: tuple[float, ...]
     name: str
+    terms: tuple[str, ...] | None = None
+    """Effects of a physical model by name; None: what the method takes by itself."""
+    partial: tuple[Recording, ...] = ()
+    """Recordings that lack an angle, for methods that can use them."""
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,20 @@ from heli3dof.identification.prepare import Prepared
 
 @dataclass(frozen=True)
 class Method:
-    """``assumes_open_loop``: biased where the voltages answer the angles."""
+    """``assumes_open_loop``: biased where the voltages answer the angles. ``physical``: has terms
+    that can be switched on and off, and can use recordings that lack an angle."""
 
     sentence: str
     module: str
     assumes_open_loop: bool = False
+    physical: bool = False
 
 
 METHODS: dict[str, Method] = {
     "greybox": Method(
         "physical parameters by maximum likelihood (extended Kalman filter, encoder edges)",
         "heli3dof.identification.greybox.method",
+        physical=True,
     ),
     "pem": Method(
         "prediction error in innovation form, started from PBSID-opt",
@@ -46,7 +49,8 @@ METHODS: dict[str, Method] = {
 OPEN_LOOP_WARNING = (
     "Output error takes the voltages as independent of the disturbances, but in closed loop they "
     "answer them, and yaw integrates, so simulated errors pile up: its parameters are biased and "
-    "its standard deviations are far too small. It is here to reproduce the paper; use pem."
+    "its standard deviations are far too small. It is here to reproduce the paper; use greybox or "
+    "pem."
 )
 
 

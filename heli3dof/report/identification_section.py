@@ -20,6 +20,8 @@ from heli3dof.report.model_figures import BodeCurve, bode_figure, residual_figur
 POINTS = 200
 LOWEST = 0.1
 """rad/s: slower than any flight of a minute can tell."""
+MIXED = 0.8
+"""A correlation worth a word."""
 
 
 def identification_tables(found: Identification) -> list[Grid]:
@@ -34,30 +36,33 @@ def identification_tables(found: Identification) -> list[Grid]:
 
 
 def parameters_table(found: Identification) -> Grid:
-    """Physical parameters with standard deviation and its bound, beside the profile's values."""
+    """Physical parameters beside the profile's, each with its deviation and the bound on it."""
+    rows, notes = [], ["σ: standard deviation; bound: the Cramér–Rao bound on it."]
+    for name, p in found.found.parameters.items():
+        numbers = (p.value, p.std, p.bound, p.nominal)
+        rows.append([_short(name), *(_cell(v) for v in numbers), p.unit])
+        if p.verdict:
+            notes.append(p.verdict)
+    notes += _mixed(list(found.found.parameters), found.found.correlation)
+    heads = ["parameter", "value", "σ", "bound", "nominal", "unit"]
+    return Grid("Parameters", heads, rows, notes=notes, text_columns=1, prose_columns=1)
 
-    def number(x: float, digits: int = 4) -> str:
-        return f"{x:.{digits}g}".replace("-", "−") if np.isfinite(x) else NONE
 
-    rows = [
-        [
-            name,
-            number(p.value),
-            number(p.std, 2),
-            number(p.bound, 2),
-            number(p.nominal),
-            p.unit,
-            "not identifiable" if p.verdict else "",
-        ]
-        for name, p in found.found.parameters.items()
+def _short(name: str) -> str:
+    """``motor.lag.time_constant_s`` → ``motor.lag``: the unit stands in a column of its own."""
+    return name.rpartition(".")[0] or name
+
+
+def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
+    """A sentence for every pair of parameters that trade off against each other."""
+    if correlation is None:
+        return []
+    return [
+        f"{_short(names[i])} and {_short(names[j])} trade off: {correlation[i, j]:+.2f} correlated."
+        for i in range(len(names))
+        for j in range(i)
+        if abs(correlation[i, j]) > MIXED
     ]
-    header = ["parameter", "value", "standard deviation", "CRB", "nominal", "unit", ""]
-    notes = [
-        "CRB: the Cramér–Rao bound on the standard deviation, at the noise found. nominal: the "
-        "profile's value, or an effect's absence. Torques and inertias are in units of the "
-        "profile's K_f."
-    ]
-    return Grid("Physical parameters", header, rows, notes=notes, text_columns=1)
 
 
 def poles_table(found: Identification) -> Grid:
@@ -72,7 +77,8 @@ def poles_table(found: Identification) -> Grid:
         known = pole.std_real == pole.std_real
         std = f"{pole.std_real:.2g}" + (f", {pole.std_imag:.2g}j" if pair else "")
         rows.append([value.replace("-", "−"), std if known else NONE])
-    return Grid("Poles, continuous time", ["pole, 1/s", "standard deviation"], rows, notes=[])
+    heads = ["pole, 1/s", "standard deviation"]
+    return Grid("Poles, continuous time", heads, rows, notes=[], text_columns=0)
 
 
 def fits_table(found: Identification) -> Grid:

@@ -22,11 +22,11 @@ SEEDS = (1, 2, 3, 4)
 BARS = {"multisine": 85.0, "steps": 79.0, "large": 61.0}
 """One point below the best black boxes that were measured before the project began."""
 INTRO = f"""
-Fit in closed-loop replay, 100 (1 − ‖y − ŷ‖/‖y − mean y‖), of `identify` (prediction error, order
-and interval chosen from the training flight alone) on a flight of the same plan with other seeds,
-from level. The emulated rig hides `{HIDE}`. Seeds {", ".join(map(str, SEEDS))}, each with seed +
-100 for the held-out flight; means. *Truth* is the emulated rig itself, flown again without noise:
-no model can do much better.
+Fit in closed-loop replay, 100 (1 − ‖y − ŷ‖/‖y − mean y‖), of `identify --method pem` (prediction
+error, order and interval chosen from the training flight alone) on a flight of the same plan with
+other seeds, from level. The emulated rig hides `{HIDE}`. Seeds {", ".join(map(str, SEEDS))}, each
+with seed + 100 for the held-out flight; means. *Truth* is the emulated rig itself, flown again
+without noise: no model can do much better.
 """
 
 
@@ -53,7 +53,7 @@ def measure() -> list[Figure]:
             train, test = flight(plan, seed), flight(plan, seed + 100)
             truths.append(fit_percent(test, flight(plan, seed + 100, noise=0.0)))
             start = time.perf_counter()
-            found = identify(train, holdout=test)
+            found = identify(train, holdout=test, method="pem")
             seconds.append(time.perf_counter() - start)
             fits.append(found.metrics.replay.fit_percent)
         mean, truth = np.mean(fits, axis=0), np.mean(truths, axis=0)

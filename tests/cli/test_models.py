@@ -26,6 +26,8 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
         page,
         "--holdout",
         TEST[0],
+        "--method",
+        "pem",
         "--order",
         "8",
         "-o",
@@ -53,6 +55,38 @@ def test_identify_writes_a_model_and_scores_it_on_held_out_data(identified: tupl
     assert "step-roll-10" in model["validation"]
     assert model["residual_tests"]
     assert model["feedback"]["present"] is True
+
+
+def test_the_default_is_the_grey_box_and_its_parameters_have_intervals(tmp_path: Path) -> None:
+    path = tmp_path / "grey.json"
+    said = heli3dof("identify", *TRAIN, "--holdout", TEST[1], "-o", path, "--json")
+    assert said.code == 0, said.err
+    (model,) = said.document["models"]
+    assert model["kind"] == "greybox"
+    lag = model["parameters"]["motor.lag.time_constant_s"]
+    assert lag["unit"] == "s"
+    assert lag["value"] == pytest.approx(0.1, abs=4 * lag["std"])
+    assert 0 < lag["cramer_rao_bound"] < 0.01
+    assert model["fit_percent"]["pitch"]["closed_loop_replay"] > 90
+    said = heli3dof("compare", TEST[1], path, "hover", "-o", tmp_path / "out", "--json")
+    assert [m["name"] for m in said.document["flights"][0]["models"]] == ["greybox", "hover"]
+    flown = heli3dof("simulate", "steps", "--model", path, "-o", tmp_path / "sim.mcap", "--json")
+    assert flown.code == 0, flown.err
+
+
+def test_terms_are_added_and_left_out_by_name(tmp_path: Path) -> None:
+    words = ("identify", TRAIN[0], "-o", tmp_path / "m.json", "--force", "--json")
+    said = heli3dof(*words, "--terms", "+friction.coulomb.yaw,-bias.torque.pitch")
+    assert said.code == 0, said.err
+    names = said.document["models"][0]["parameters"]
+    assert "friction.coulomb.yaw.torque_Nm" in names
+    assert "bias.torque.pitch.torque_Nm" not in names
+    for wrong, hint in (("+friction.colomb.yaw", "friction.coulomb"), ("-motor.dela", "motor.lag")):
+        said = heli3dof(*words, "--terms", wrong)
+        assert said.code == 2
+        assert hint in said.err
+    assert heli3dof(*words, "--order", "8").code == 2
+    assert heli3dof(*words, "--method", "pem", "--terms", "motor.lag").code == 2
 
 
 def test_the_identification_report_shows_bands_and_residuals(identified: tuple) -> None:
@@ -90,7 +124,7 @@ def test_compare_alone_works_on_the_recordings_that_ship(
     monkeypatch.chdir(tmp_path)
     said = heli3dof("compare")
     assert said.code == 0, said.err
-    for words in ("Table II", "identification", "hover", "never published"):
+    for words in ("Table II", "identification", "grey box", "hover", "never published"):
         assert words in said.out
     assert len(list(tmp_path.glob("comparisons/*/*.svg"))) == 6
 
@@ -122,7 +156,7 @@ def test_the_demo_does_the_whole_chain_and_keeps_an_earlier_one(
     assert said.code == 0, said.err
     document = json.loads(said.out)
     assert Path(document["report"]).stat().st_size > 100_000
-    for made in (*document["recordings"], document["model"]):
+    for made in (*document["recordings"], *document["models"]):
         assert Path(made).exists()
     (tmp_path / "heli3dof-demo" / "mine.txt").write_text("kept")
     from heli3dof.cli.demo import FOLDER, _fresh

@@ -15,7 +15,7 @@ from tests.identification.mock_flights import mock_flight
 
 @pytest.mark.parametrize(("plan", "pitch"), [("multisine", 85.0), ("steps", 79.0), ("large", 61.0)])
 def test_the_loop_is_replayed_as_well_as_by_the_best_black_boxes(plan: str, pitch: float) -> None:
-    found = identify(mock_flight(plan, 1), holdout=mock_flight(plan, 11))
+    found = identify(mock_flight(plan, 1), holdout=mock_flight(plan, 11), method="pem")
     fit = found.metrics.replay.fit_percent
     assert fit[0] > 95
     assert fit[1] > pitch

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
 
 from heli3dof.errors import RecordingError, UsageError
-from heli3dof.identification import Identification, identify
+from heli3dof.identification import Identification
+from heli3dof.identification import identify as identify_any
 from heli3dof.identification.feedback import Feedback
 from heli3dof.identification.validate import metrics
 from heli3dof.recording.recording import Recording
 from tests.identification.flights import flight, linear_truth
 from tests.paths import needs_real_data
+
+identify = partial(identify_any, method="pem")
 
 
 @pytest.fixture(scope="module")

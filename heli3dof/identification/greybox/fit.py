@@ -22,7 +22,7 @@ from heli3dof.identification.greybox.likelihood import (
 )
 
 TOLERANCE = 2e-3
-"""Of the log-likelihood: a step of 0.04 standard deviations."""
+"""Of the log-likelihood: a step of 0.06 standard deviations."""
 ROUNDS = 25
 OTHER_ROUNDS = 12
 """For starts beside the first, which are tried where that does not settle."""

@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.identification.found import Found, Innovations, Parameter, Request
 from heli3dof.identification.greybox.estimate import Estimate, estimate
+from heli3dof.identification.greybox.fit import NOISE_START
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.prepare import Prepared, Run
 from heli3dof.identification.statistics import Pole
@@ -45,16 +47,18 @@ LEAST_RUN_S = 0.5
 
 
 def fit(prepared: Prepared, request: Request) -> Found:
-    """The grey box with `DEFAULT_TERMS` on the prepared training runs."""
+    """The grey box on the prepared training runs, and on what recordings of fewer angles hold."""
     first = prepared.recordings[0]
-    with announced("Compiling the grey-box estimator; this happens once and takes a while …"):
-        problem = Likelihood(
-            data_of(prepared.recordings, prepared.train),
-            Structure(first.profile, terms(DEFAULT_TERMS)),
-        )
-        found = estimate(problem)
-    sources = sorted({r.source for r in prepared.train})
-    model = model_of(found, [prepared.recordings[i] for i in sources], request.name)
+    chosen = DEFAULT_TERMS if request.terms is None else request.terms
+    several = [*prepared.recordings, *request.partial]
+    runs: list[Stretch] = [Stretch(r.source, r.start, r.stop) for r in prepared.train]
+    for i, recording in enumerate(request.partial, start=len(prepared.recordings)):
+        runs += usable_runs(recording, i)
+    problem = Likelihood(data_of(several, runs), Structure(first.profile, terms(chosen)))
+    compile_first(problem)
+    found = estimate(problem)
+    sources = sorted({r.source for r in runs})
+    model = model_of(found, [several[i] for i in sources], request.name)
     linear = model.linear(prepared.dt)
     poles_, transfer, response = _linear_figures(found, prepared.dt)
     return Found(
@@ -70,6 +74,41 @@ def fit(prepared: Prepared, request: Request) -> Found:
         test_interval_s=TEST_INTERVAL_S,
         correlation=found.correlation,
     )
+
+
+def compile_first(problem: Likelihood) -> None:
+    """Compile what the estimator runs, saying so where that takes a while; once per process."""
+    from heli3dof.model.kalman import filter_blocks
+
+    if filter_blocks.signatures:
+        return
+    with announced("Compiling the grey-box estimator; this happens once and takes a while …"):
+        theta = problem.prior_mean
+        problem.tangents(theta, problem.run(theta, np.array(NOISE_START)), np.arange(1))
+
+
+def chosen_terms(words: str) -> tuple[str, ...]:
+    """Terms from ``+name,-name`` (changes of `DEFAULT_TERMS`) or ``name,name`` (these alone).
+
+    Raises UsageError for an unknown name (naming the nearest), or for one to leave out that is
+    not there.
+    """
+    names = [w.strip() for w in words.split(",") if w.strip()]
+    chosen = [] if names and names[0][0] not in "+-" else list(DEFAULT_TERMS)
+    for word in names:
+        name = word.lstrip("+-")
+        if word.startswith("-"):
+            if name not in chosen:
+                raise UsageError(
+                    f"--terms: there is no {name!r} to leave out.",
+                    cause=f"a typing error; {did_you_mean(name, chosen)}",
+                    fix=f"the terms by default: {', '.join(DEFAULT_TERMS)}",
+                )
+            chosen.remove(name)
+        elif name not in chosen:
+            chosen.append(name)
+    terms(chosen)
+    return tuple(chosen)
 
 
 def fit_greybox(
