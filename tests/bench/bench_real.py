@@ -8,6 +8,7 @@ from pathlib import Path
 
 import heli3dof as h3
 from heli3dof.report.grid import to_markdown
+from heli3dof.report.identification_section import parameters_table
 from heli3dof.report.tables import prediction_table
 from tests.bench import Figure
 from tests.paths import REAL_DATA, ROOT
@@ -51,11 +52,17 @@ def measure() -> list[Figure]:
     for trial in TRIALS:
         train = [trial.load(n) for n in trial.train]
         test = [trial.load(n) for n in trial.test]
-        found = h3.identify(train, holdout=test, name="identification")
-        compared = h3.compare(test, [h3.hover_model(trial.profile), found.model])
+        found = [
+            h3.identify(train, holdout=test, method=method, name=name)
+            for method, name in (("pem", "black box"), ("greybox", "grey box"))
+        ]
+        models = [h3.hover_model(trial.profile), *(f.model for f in found)]
+        compared = h3.compare(test, models)
         tables = [to_markdown(t) for f in compared.flights if (t := prediction_table(f))]
-        said = [s.replace("\n", " ") for s in found.sentences()]
-        blocks[trial.rig] = "\n".join([*(f"- {s}" for s in said), "", *tables])
+        tables.append(to_markdown(parameters_table(found[-1])))
+        said = [s.replace("\n", " ") for s in found[0].sentences()]
+        said += [f"Grey box: {w}" for w in found[-1].warnings]
+        blocks[trial.rig] = "\n".join([*(f"- {s}" for s in dict.fromkeys(said)), "", *tables])
         for flight in compared.flights:
             for model in flight.models:
                 assert model.prediction is not None

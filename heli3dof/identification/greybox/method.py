@@ -193,7 +193,7 @@ def warnings(found: Estimate) -> tuple[str, ...]:
     if not o.converged:
         said.append(
             f"The fit had not settled after {o.rounds} rounds: the recordings hold something that "
-            "no term explains, or too little. heli3dof diagnose says which."
+            "no term explains, or too little. Try others: heli3dof identify … --terms +NAME"
         )
     said += [
         f"{f.name} went to its bound, {v:.4g} {f.unit}: another effect is taking its place."
@@ -204,7 +204,7 @@ def warnings(found: Estimate) -> tuple[str, ...]:
         said.append(
             f"The scores scatter {found.inflation:.1f} times as much as the noise model allows: "
             "the recordings hold motion that no term explains. Standard deviations account for it, "
-            "biases they cannot. heli3dof diagnose says more."
+            "biases they cannot. Try other terms: heli3dof identify … --terms +NAME"
         )
     return tuple(said)
 
