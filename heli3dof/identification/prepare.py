@@ -210,9 +210,9 @@ def _check_content(recording: Recording) -> None:
         there = ", ".join(recording.axes) or "no angle"
         raise RecordingError(
             f"{recording.name} holds {there}; {', '.join(missing)} was not measured.",
-            cause="a one-axis experiment. Black-box models join two motors to three angles and "
-            "need all three.",
-            fix="heli3dof run multisine, and identify from that recording",
+            cause="a one-axis experiment. Black boxes join two motors to three angles; the grey box "
+            "takes such a recording beside one that holds all three.",
+            fix="heli3dof run multisine, and identify from that recording (grey box: from both)",
         )
     if np.nanstd(recording.voltage, axis=0).max() < 1e-9:
         raise RecordingError(
