@@ -210,8 +210,8 @@ def _check_content(recording: Recording) -> None:
         there = ", ".join(recording.axes) or "no angle"
         raise RecordingError(
             f"{recording.name} holds {there}; {', '.join(missing)} was not measured.",
-            cause="a one-axis experiment. Black boxes join two motors to three angles; the grey box "
-            "takes such a recording beside one that holds all three.",
+            cause="a one-axis experiment. Black boxes join two motors to three angles; the grey "
+            "box takes such a recording beside one that holds all three.",
             fix="heli3dof run multisine, and identify from that (grey box: from both)",
         )
     if np.nanstd(recording.voltage, axis=0).max() < 1e-9:
