@@ -75,3 +75,9 @@ def test_fly_record_identify_compare_and_report_in_python(tmp_path: Path) -> Non
     assert "step" in page
     flown = h3.simulate(h3.step_plan((5.0, None, None)), model, start="level")
     assert np.isfinite(flown.angle).all()
+
+
+def test_a_flight_that_says_too_little_gives_a_model_that_is_warned_of() -> None:
+    flight = h3.fly_plan(h3.step_plan((10.0, None, None)), device="mock:?speed=max&seed=1")
+    found = h3.identify(flight.recording)
+    assert any("heli3dof run multisine" in w and "roll" in w for w in found.warnings)

@@ -26,7 +26,8 @@ def verbs() -> set[str]:
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
 def test_every_command_that_a_page_shows_is_a_verb(page) -> None:
     text = page.read_text(encoding="utf-8")
-    shown = re.findall(r"(?:^|`)(?:\.venv/bin/)?heli3dof ([a-z][a-z-]+)", text, re.MULTILINE)
+    code = [*re.findall(r"```.*?```", text, re.DOTALL), *re.findall(r"`[^`\n]+`", text)]
+    shown = re.findall(r"(?:^|`)heli3dof ([a-z][a-z-]+)", "\n".join(code), re.MULTILINE)
     assert set(shown) <= verbs()
 
 

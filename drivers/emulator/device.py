@@ -55,9 +55,10 @@ class Device:
         if not self.enabled or self.stopped or self.latched:
             return
         limit = self.v_max
-        clipped = (max(-limit, min(limit, v_front)), max(-limit, min(limit, v_back)))
-        self.saturated = clipped != (v_front, v_back)
-        self.v = self._asked = clipped
+        self.saturated = not (-limit <= v_front <= limit and -limit <= v_back <= limit)
+        if self.saturated:
+            v_front, v_back = max(-limit, min(limit, v_front)), max(-limit, min(limit, v_back))
+        self.v = self._asked = (v_front, v_back)
         self._silent_s = 0.0
         self.held = False
 

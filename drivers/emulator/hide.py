@@ -41,8 +41,8 @@ def _parse_one(text: str) -> Hidden:
         raise UsageError(
             "hide=geometry: the emulated rig cannot hide its geometry.",
             cause="it is always the full nonlinear rigid body; geometry is what the linear hover "
-            "model lacks, so diagnose with --base hover finds it on any flight.",
-            fix="heli3dof diagnose REC --base hover",
+            "model lacks on any flight.",
+            fix="leave it out; large steps show it: heli3dof run large",
         )
     effect, axis_name = known.get(name), ""
     if effect is None and "." in name:

@@ -31,9 +31,10 @@ SWEEPS = 30
 
 R, R_DOT, F_FRONT, F_BACK = slots.R, slots.R_DOT, slots.F_FRONT, slots.F_BACK
 V_FRONT, V_BACK, T, H = slots.V_FRONT, slots.V_BACK, slots.T, slots.H
-V_START, CONTEXT_SIZE = slots.V_START, slots.CONTEXT_SIZE
+V_START, CONTEXT_SIZE, BODY_SIZE = slots.V_START, slots.CONTEXT_SIZE, slots.BODY_SIZE
 K_F, TAU_M, GAIN_F, GAIN_B = slots.K_F, slots.TAU_M, slots.GAIN_FRONT, slots.GAIN_BACK
 REST, PER_RAD = slots.REST, slots.COUNTS_PER_RAD
+LOW, HIGH = slots.LOW, slots.HIGH
 BODY, VOLTAGE, THRUST, TORQUE, DRY, MEASURE = (int(stage) for stage in slots.Stage)
 
 
@@ -67,8 +68,9 @@ def _lag(state, target_f, target_b, tau, elapsed, force):  # type: ignore[no-unt
 
 
 @njit(error_model="numpy")
-def _impulses(state, h, dry, low, high, body):  # type: ignore[no-untyped-def]
-    """Dry friction (limits ``dry``, N·m) and the stops at ``low`` and ``high``, in place."""
+def _impulses(state, h, dry, body):  # type: ignore[no-untyped-def]
+    """Dry friction (limits ``dry``, N·m) and the body's stops, in place."""
+    low, high = body[LOW : LOW + 3], body[HIGH : HIGH + 3]
     active = False
     for i in range(3):
         active = active or dry[i] > 0.0 or state[i] <= low[i] or state[i] >= high[i]
@@ -133,33 +135,34 @@ def _compile(digest: str) -> tuple[Any, Any]:
     # The digest is a cell of the closures and so part of numba's cache key.
     @njit(cache=True, error_model="numpy")
     def period(  # type: ignore[no-untyped-def]
-        state, v, noise, t, dt, substeps, start_V, body0, low, high, first, address, par, mem
+        state, v_f, v_b, noise, t, dt, substeps, start_V, body0, first, address, par, mem
     ):
-        """Advance ``state`` = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) by ``dt`` under the voltages ``v``.
+        """Advance ``state`` = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) by ``dt`` s.
 
-        Returns the encoders' counts at the end. The voltages (2,) in V and the random
-        torques ``noise`` (3,) in N·m are held throughout; ``low`` and ``high`` (3,) are the
-        stops in rad.
+        Returns the encoders' counts at the end. The voltages ``v_f``, ``v_b`` in V and the
+        random torques ``noise`` (3,) in N·m are held throughout.
         """
         _ = digest
         h = dt / substeps
-        s = np.zeros(CONTEXT_SIZE)
+        # One allocation, many views: this runs for every control period.
+        work = np.zeros(CONTEXT_SIZE + BODY_SIZE + 40)
+        s, rest = work[:CONTEXT_SIZE], work[CONTEXT_SIZE + BODY_SIZE :]
+        body = work[CONTEXT_SIZE : CONTEXT_SIZE + BODY_SIZE]
+        volts, force, torque, dry = rest[0:2], rest[2:4], rest[4:7], rest[7:10]
+        q, qd = rest[10:13], rest[13:16]
+        kq, kv = rest[16:28].reshape(4, 3), rest[28:40].reshape(4, 3)
+        body[:] = body0
         s[V_START] = start_V
         s[H] = h
-        body = body0.copy()
-        volts, force = np.empty(2), np.empty(2)
-        torque, dry = np.empty(3), np.empty(3)
-        q, qd = np.empty(3), np.empty(3)
-        kq, kv = np.empty((4, 3)), np.empty((4, 3))
         for step in range(substeps):
             s[T] = t + step * h
             s[R : R + 6] = state[:6]
-            s[V_FRONT], s[V_BACK] = v[0], v[1]
+            s[V_FRONT], s[V_BACK] = v_f, v_b
             s[F_FRONT], s[F_BACK] = state[6], state[7]
             if first[BODY + 1] > first[BODY]:
                 body[:] = body0
                 _hooks(BODY, s, body, first, address, par, mem, body)
-            volts[:] = v
+            volts[0], volts[1] = v_f, v_b
             _hooks(VOLTAGE, s, body, first, address, par, mem, volts)
             s[V_FRONT], s[V_BACK] = volts[0], volts[1]
             target_f = body[K_F] * body[GAIN_F] * volts[0]
@@ -190,7 +193,7 @@ def _compile(digest: str) -> tuple[Any, Any]:
             s[R : R + 6] = state[:6]
             dry[:] = 0.0
             _hooks(DRY, s, body, first, address, par, mem, dry)
-            _impulses(state, h, dry, low, high, body)
+            _impulses(state, h, dry, body)
         return _counts(state, t + dt, body0, first, address, par, mem)
 
     @njit(cache=True, error_model="numpy")
@@ -209,7 +212,7 @@ def compiled() -> tuple[Any, Any]:
     one, two, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     number, whole = numba.float64, numba.int64
     period.compile(
-        (one, one, one, number, number, whole, number, one, one, one, integers, integers, two, two)
+        (one, number, number, one, number, number, whole, number, one, integers, integers, two, two)
     )
     measure.compile((one, number, one, integers, integers, two, two))
     return period, measure

@@ -27,6 +27,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numba import njit
 
 SIGMA_NM = (0.035, 0.0035, 0.015)
 """N·m, standard deviation on roll, pitch, yaw at ``noise=1``"""
@@ -42,11 +43,11 @@ class TorqueNoise:
         self._a = math.exp(-dt / CORRELATION_S)
         self._sigma = scale * np.array(SIGMA_NM)
         self._w = self._sigma * rng.standard_normal(3)
-        self._block = np.empty((0, 3))
-        self._next = 0
+        # Now, not in the first period of a flight: a first use compiles.
+        self._fill()
 
     def draw(self) -> np.ndarray:
-        """The torques of the next period; a view that later draws overwrite no sooner than 512."""
+        """The torques of the next period."""
         if self._next == len(self._block):
             self._fill()
         row: np.ndarray = self._block[self._next]
@@ -55,9 +56,16 @@ class TorqueNoise:
 
     def _fill(self) -> None:
         drive = self._sigma * math.sqrt(1 - self._a**2) * self._rng.standard_normal((BLOCK, 3))
-        block = np.empty((BLOCK, 3))
-        w = self._w
-        for k in range(BLOCK):
-            block[k] = w
-            w = self._a * w + drive[k]
-        self._w, self._block, self._next = w, block, 0
+        self._block = _correlate(self._w, self._a, drive)
+        self._next = 0
+
+
+@njit(cache=True)
+def _correlate(w: np.ndarray, a: float, drive: np.ndarray) -> np.ndarray:
+    """The next torques, one row a period; ``w`` (3,) becomes the one after them."""
+    block = np.empty_like(drive)
+    for k in range(len(drive)):
+        for i in range(3):
+            block[k, i] = w[i]
+            w[i] = a * w[i] + drive[k, i]
+    return block

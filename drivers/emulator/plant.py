@@ -33,7 +33,7 @@ class Truth:
     """What no real rig tells. For tests and benches of this package: it does not pass the port."""
 
     t: float
-    """s since the release"""
+    """s on the device's clock, which starts with its first period in motion"""
     angle: tuple[float, float, float]
     """rad"""
     rate: tuple[float, float, float]
@@ -75,17 +75,16 @@ class Plant:
         self.t = 0.0
         self._noise = TorqueNoise(streams[1], dt, noise)
         self._timing = streams[2]
-        self._early = 0.0
         self._start_V = start_V
         self._substeps = max(MIN_SUBSTEPS, math.ceil(dt / MAX_SUBSTEP_S - 1e-9))
         self._body = setup.body.vector()
         self._body[slots.REST : slots.REST + 3] = setup.rest
+        self._body[slots.LOW : slots.LOW + 3] = setup.low
+        self._body[slots.HIGH : slots.HIGH + 3] = setup.high
         self._body[slots.COUNTS_PER_RAD : slots.COUNTS_PER_RAD + 3] = 1 / rad_per_count
-        self._low, self._high = np.array(setup.low), np.array(setup.high)
         hover = setup.body.T_g / (2 * setup.body.L_a) if start_V else 0.0
         self._state = np.array([*setup.start, 0.0, 0.0, 0.0, hover, hover])
         self._w = np.zeros(3)
-        self._v = np.zeros(2)
         self._first, self._address, self._par, self._mem = _attach(hidden)
         self._period, measure = _compiled()
         self.counts: tuple[int, int, int] = measure(
@@ -95,7 +94,6 @@ class Plant:
 
     def step(self, v_front: float, v_back: float) -> bool:
         """One control period under these voltages (V). False when its sample gets lost."""
-        self._v[0], self._v[1] = v_front, v_back
         self._w = self._noise.draw()
         self.periods += 1
         end = self.periods * self.dt
@@ -104,8 +102,8 @@ class Plant:
             late = self.setup.jitter_s * self._timing.standard_normal()
             end += min(largest, max(-largest, late))
         self.counts = self._period(
-            self._state, self._v, self._w, self.t, end - self.t, self._substeps, self._start_V,
-            self._body, self._low, self._high, self._first, self._address, self._par, self._mem,
+            self._state, v_front, v_back, self._w, self.t, end - self.t, self._substeps,
+            self._start_V, self._body, self._first, self._address, self._par, self._mem,
         )  # fmt: skip
         self.t = end
         lost = self.setup.lost_share

@@ -9,7 +9,7 @@ import enum
 
 # The context `s` that every effect reads: time, substep, angles, rates, voltages, thrusts.
 T = 0
-"""s since the release"""
+"""s on the device's clock, which starts with its first period in motion"""
 H = 1
 """s, the substep"""
 R, P, PSI = 2, 3, 4
@@ -31,7 +31,9 @@ REST = 17
 """rad, where the counts are zero; ``REST + axis``"""
 COUNTS_PER_RAD = 20
 """signed; ``COUNTS_PER_RAD + axis``"""
-BODY_SIZE = 24
+LOW, HIGH = 24, 27
+"""rad, the stops; ``LOW + axis``"""
+BODY_SIZE = 32
 
 # An effect's own row of parameters: its axis (−1 without one), then its values.
 AXIS, A, B = 0, 1, 2

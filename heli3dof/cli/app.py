@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import typer
 
 from heli3dof.cli import compare, demo, files, fly, models, report, rigs, simulate
@@ -22,4 +24,7 @@ for family in (demo, fly, simulate, models, compare, report, files, rigs):
 
 def main() -> None:
     """Entry point of the ``heli3dof`` script."""
+    # Before numpy is imported. Our matrices are small: several BLAS threads gain nothing, and on
+    # a busy machine they wait for each other, which made an identification ten times slower.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     app()

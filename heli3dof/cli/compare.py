@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,7 +13,6 @@ from heli3dof.cli.options import AsJson, Force, ProfileFile, Quiet
 
 if TYPE_CHECKING:
     from heli3dof.comparison.compare import Comparison
-    from heli3dof.comparison.reproduce import Reproduced
     from heli3dof.model.base import Model
     from heli3dof.recording.recording import Recording
 
@@ -44,6 +42,7 @@ def compare(
     from heli3dof.comparison.document import to_json
     from heli3dof.comparison.reproduce import reproduce
     from heli3dof.model.hover import hover_model
+    from heli3dof.report.tables import comparison_renderables
     from heli3dof.rig.profile import default_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
@@ -68,22 +67,11 @@ def compare(
         found = against(recordings, models)
         figures = write_figures(found, folder, force=force)
     published = reproduce(hover_model(default_profile()))
-    show_comparison(talk, found, published)
+    talk.show(*comparison_renderables(found, published))
     for warning in found.warnings:
         talk.warn(warning)
     talk.note(f"Figures: {folder}")
     talk.emit({**to_json(found, published), "figures": [str(f) for f in figures]})
-
-
-def show_comparison(talk: Talk, found: Comparison, published: Sequence[Reproduced]) -> None:
-    """Every table of the comparison, then what the paper prints."""
-    from heli3dof.report.grid import to_rich
-    from heli3dof.report.tables import metrics_table, prediction_table, published_table, table_ii
-
-    for flight in found.flights:
-        grids = (metrics_table(flight), table_ii(flight), prediction_table(flight))
-        talk.show(*(to_rich(grid) for grid in grids if grid is not None))
-    talk.show(to_rich(published_table(published)))
 
 
 def write_figures(found: Comparison, folder: Path, *, force: bool) -> list[Path]:

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 INTERRUPTED = 130
+TRACEBACK = "HELI3DOF_TRACEBACK"
+"""Set in the environment, it shows where a fault of ours happened."""
 
 
 def live_allowed() -> bool:
@@ -116,6 +118,16 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
             # Whoever read our output has gone, as `| head` does; that is no fault.
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115
             raise typer.Exit(0) from None
+        except Exception as error:
+            if os.environ.get(TRACEBACK) or isinstance(error, typer.Exit):
+                raise
+            fault = Heli3dofError(
+                f"heli3dof failed: {type(error).__name__}: {error}",
+                cause="a fault of ours.",
+                fix=f"{TRACEBACK}=1 heli3dof … shows where; please report it",
+            )
+            report(fault, as_json=bool(kwargs.get("as_json")))
+            raise typer.Exit(fault.exit_code) from error
 
     return run
 

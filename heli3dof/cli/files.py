@@ -152,7 +152,8 @@ def _info_table(about: Mapping[str, Any]) -> Any:
     table.add_row("profile", f"{about['profile']}; its loop is {known}")
     if about["lateness"]:
         late = about["lateness"]
-        table.add_row("timing", ", ".join(f"{k} {v:.3g}" for k, v in late.items()))
+        worst, ticks = late["max_s"] * 1e3, late["late_ticks"]
+        table.add_row("lateness", f"at most {worst:.2f} ms; {ticks} periods late by over 1 ms")
     plan = about["plan"]
     if plan:
         table.add_row("plan", plan["name"] if isinstance(plan, Mapping) else str(plan))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,9 +13,8 @@ from heli3dof.cli.console import Talk, verb
 from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet, Recordings
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from heli3dof.identification.api import Identification
+    from heli3dof.recording.recording import Recording
 
 
 class Method(StrEnum):
@@ -43,6 +43,9 @@ def identify(
         typer.Option("--holdout", metavar="REC", help="Validate on this recording. Repeatable."),
     ] = None,
     name: Annotated[str | None, typer.Option("--name", help="The model's name.")] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="FILE", help="Figures and tables, HTML.")
+    ] = None,
     profile: ProfileFile = None,
     output: Output = None,
     force: Force = False,
@@ -54,52 +57,57 @@ def identify(
     from heli3dof.identification.api import identify as fit
     from heli3dof.model.modelfile import save_model
     from heli3dof.recording.output import check_output
+    from heli3dof.report.grid import to_rich
+    from heli3dof.report.identification_section import identification_tables
 
     talk = Talk(as_json=as_json, quiet=quiet)
     path = output or Path(f"{recordings[0].name.split('.')[0]}-{method.value}.json")
     check_output(path, force=force)
+    if report is not None:
+        check_output(report, force=force)
     train = load_all(talk, recordings, profile)
     test = load_all(talk, holdout or [], profile)
     with talk.working(f"Identifying ({method.value}) from {len(train)} recording(s) …"):
         found = fit(train, method=method.value, order=order, holdout=test or None, name=name)
     save_model(found.model, path, force=force)
+    if report is not None:
+        with talk.working("Drawing the report …"):
+            _write_report(found, train, test, report, force=force)
     for sentence in found.sentences():
         if not sentence.startswith("Warning: "):
             talk.show(sentence)
-    talk.show(_poles(found), _fits(found))
-    talk.show("\n".join(found.transfer.lines()))
+    talk.show(*(to_rich(grid) for grid in identification_tables(found)))
+    if found.found.transfer is not None:
+        talk.show("\n".join(found.transfer.lines()))
     for warning in found.warnings:
         talk.warn(warning)
     talk.note(f"Model: {path}")
+    if report is not None:
+        talk.note(f"Report: {report}")
     talk.emit({"schema": "heli3dof.identification/1", "models": [found.to_json(str(path))]})
 
 
-def _poles(found: Identification) -> Table:
-    from rich.table import Table
+def _write_report(
+    found: Identification,
+    train: Sequence[Recording],
+    test: Sequence[Recording],
+    path: Path,
+    *,
+    force: bool,
+) -> None:
+    """The identification's section; with held-out recordings, how the model does on them too."""
+    from heli3dof.comparison.compare import compare
+    from heli3dof.model.modelfile import load_model
+    from heli3dof.report.flight_report import flight_report
+    from heli3dof.report.html import page, write_page
+    from heli3dof.report.identification_section import identification_section
 
-    table = Table("pole, 1/s", "standard deviation", title="Poles, continuous time")
-    for pole in found.poles:
-        value, im = pole.value, abs(pole.value.imag)
-        text = f"{value.real:+.4g}" + (f" {'+' if value.imag > 0 else '-'} {im:.4g}j" if im else "")
-        std = f"{pole.std_real:.2g}" + (f", {pole.std_imag:.2g}j" if im else "")
-        table.add_row(text, std if pole.std_real == pole.std_real else "–")
-    return table
-
-
-def _fits(found: Identification) -> Table:
-    from rich.table import Table
-
-    from heli3dof.axes import AXES
-
-    metrics = found.metrics
-    scores = {
-        ("one step" if h == 0 else f"{h:g} s ahead"): s for h, s in metrics.prediction.items()
-    }
-    scores["loop replay"] = metrics.replay
-    table = Table(
-        "axis", *scores, title="Fit on held-out data, %", caption=metrics.replay_note or None
-    )
-    for i, axis in enumerate(AXES):
-        cells = [float(s.fit_percent[i]) for s in scores.values()]
-        table.add_row(axis, *(f"{v:.1f}" if v == v else "–" for v in cells))
-    return table
+    title = f"Identification from {', '.join(r.name for r in train)}"
+    section = identification_section(found)
+    if not test:
+        write_page(page(title, "", [section]), path, force=force)
+        return
+    models = [load_model("hover", test[0].profile), found.model]
+    compared = compare(test, models)
+    text = flight_report(test, models=models, comparison=compared, extra=[section], title=title)
+    write_page(text, path, force=force)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.axes import AXES
@@ -9,20 +10,11 @@ from heli3dof.axes import AXES
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from rich.table import Table
+    from rich.console import Group
 
     from heli3dof.comparison.metrics import AxisMetrics
     from heli3dof.experiment.fly import Flight
     from heli3dof.recording.recording import Recording
-
-COLUMNS = {
-    "set_deg": ("set", "°"),
-    "peak_deg": ("peak", "°"),
-    "overshoot_deg": ("overshoot", "°"),
-    "steady_error_deg": ("steady error", "°"),
-    "rise_time_s": ("rise", " s"),
-    "settling_time_s": ("settling", " s"),
-}
 
 
 def metrics_of(recording: Recording) -> Mapping[str, AxisMetrics]:
@@ -35,21 +27,13 @@ def metrics_of(recording: Recording) -> Mapping[str, AxisMetrics]:
     return flight_metrics(flown.t, flown.angle, flown.reference, resolution=grain)
 
 
-def recording_table(recording: Recording, title: str, caption: str | None = None) -> Table:
-    """A rich table of step metrics, a row per axis."""
-    from rich.table import Table
+def recording_table(recording: Recording, title: str, note: str | None = None) -> Group:
+    """Step metrics for the terminal, a row for every step of every axis."""
+    from heli3dof.report.grid import to_rich
+    from heli3dof.report.tables import metrics_of as metrics_grid
 
-    table = Table(title=title, caption=caption)
-    table.add_column("axis")
-    for heading, _ in COLUMNS.values():
-        table.add_column(heading, justify="right")
-    for axis, metrics in metrics_of(recording).items():
-        values = [getattr(metrics.reported, name) for name in COLUMNS]
-        units = [unit for _, unit in COLUMNS.values()]
-        table.add_row(
-            axis, *(f"{v:.2f}{u}" if v == v else "–" for v, u in zip(values, units, strict=True))
-        )
-    return table
+    grid = metrics_grid(metrics_of(recording), title)
+    return to_rich(replace(grid, notes=[*grid.notes, note]) if note else grid)
 
 
 def recording_document(recording: Recording) -> dict[str, Any]:
@@ -61,7 +45,7 @@ def recording_document(recording: Recording) -> dict[str, Any]:
     }
 
 
-def flight_table(flight: Flight) -> Table | str:
+def flight_table(flight: Flight) -> Group | str:
     """The metrics, how the flight ended, and how punctual the loop was."""
     outcome = flight.outcome
     if not outcome.periods:

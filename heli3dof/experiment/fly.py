@@ -17,10 +17,9 @@ from heli3dof.recording.memory import MemoryRecorder
 from heli3dof.recording.provenance import provenance
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
-from heli3dof.recording.row import Row
 from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Command, Identity, Rig
+from heli3dof.rig.drivers import open_rig, with_seed
+from heli3dof.rig.port import Identity, Rig
 from heli3dof.rig.profile import Profile, default_profile
 
 
@@ -88,11 +87,13 @@ def fly_plan(
 ) -> Flight:
     """Fly a plan on a rig and record it (to ``output``, or in memory where that is None).
 
+    ``seed`` draws the plan's random signals, and an emulated rig's noise where its URL names none.
     Returns however the flight ended (see `Flight.raise_if_cut_short`); raises only where nothing
     flew: PlanError, UnstableLoop, DeviceError, OutputExists.
     """
     profile = (profile or default_profile()).with_controller()
     signals = prepare(plan, profile, seed)
+    device = with_seed(device, seed)
     rig = open_rig(device, profile)
     try:
         opened(rig.identity)
@@ -132,21 +133,9 @@ def _fly_to_file(
 ) -> Flight:
     writer = RecordingWriter(path, profile, meta, force=force)
     with writer, asked_to_stop() as stop:
-        outcome = fly(rig, profile, signals, _ToFile(writer), stop=stop, live=live)
+        outcome = fly(rig, profile, signals, writer, stop=stop, live=live)
         writer.outcome(outcome.ending, **outcome_details(outcome))
     return Flight(read_recording(path), outcome, path)
-
-
-class _ToFile:
-    def __init__(self, writer: RecordingWriter) -> None:
-        self._append = writer.append
-
-    def append(self, row: Row) -> None:
-        command = Command(row.command_sequence, row.voltage[0], row.voltage[1])
-        self._append(
-            row.t, row.sample, row.angle, row.lateness, row.reference, row.limited, row.command,
-            row.extra, command, row.applied, row.phase,
-        )  # fmt: skip
 
 
 def outcome_details(outcome: Outcome) -> dict[str, Any]:

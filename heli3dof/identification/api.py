@@ -17,7 +17,8 @@ from heli3dof.identification.prepare import Prepared, Run, prepare, segments
 from heli3dof.identification.residuals import ResidualTest, past_inputs, whiteness
 from heli3dof.identification.result import Identification, pole_json
 from heli3dof.identification.search import INTERVALS_S
-from heli3dof.identification.validate import WARM_UP_S, metrics
+from heli3dof.identification.threads import one_thread
+from heli3dof.identification.validate import WARM_UP_S, Metrics, metrics
 from heli3dof.model.base import Model
 from heli3dof.model.linear import LinearModel
 from heli3dof.recording.recording import Recording
@@ -26,10 +27,13 @@ FEEDBACK_TEST_S = 0.02
 TEST_ROWS = 60
 """A segment shorter than this, at the interval of the fit, is not tested for whiteness."""
 __all__ = ["Identification", "identify"]
+USEFUL_S = 0.5
+"""s; a model that cannot tell this far ahead is of no use in a loop."""
 BEYOND = 2.0
 """Held-out motion larger than that fitted by this factor is worth a warning."""
 
 
+@one_thread
 def identify(
     recordings: Recording | Sequence[Recording],
     *,
@@ -73,11 +77,13 @@ def identify(
     if about.assumes_open_loop and feedback.present:
         said.append(methods.OPEN_LOOP_WARNING)
     model = _with_provenance(found, method, prepared)
+    scores = metrics(model, prepared, prepared.held_out)
+    said += useless_warnings(scores, prepared)
     return Identification(
         method=method,
         model=model,
         found=found,
-        metrics=metrics(model, prepared, prepared.held_out),
+        metrics=scores,
         residuals=residual_tests(found, prepared),
         feedback=feedback,
         prepared=prepared,
@@ -110,7 +116,7 @@ def recording_warnings(prepared: Prepared) -> list[str]:
         if c.jitter_s > 0.05 * c.period_s:
             out.append(
                 f"{r.name}: samples come {c.jitter_s * 1e3:.2g} ms early or late "
-                f"({100 * c.jitter_s / c.period_s:.0f} % of the period). Try: heli3dof doctor"
+                f"({100 * c.jitter_s / c.period_s:.0f} % of the period), which blurs every rate."
             )
         if c.lost_share > 0.01:
             out.append(f"{r.name}: {100 * c.lost_share:.1f} % of the samples are missing.")
@@ -137,6 +143,21 @@ def extrapolation_warnings(prepared: Prepared) -> list[str]:
         "the figures on held-out data are an extrapolation. Fit a recording that moves it as far."
         for axis, a, b in zip(AXES, fitted, tested, strict=True)
         if b > BEYOND * a
+    ]
+
+
+def useless_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
+    """Axes on which the model tells less than their mean does, although they were moved."""
+    score = scores.prediction.get(USEFUL_S)
+    if score is None or not prepared.held_out:
+        return []
+    bad = [a for a, fit in zip(AXES, score.fit_percent, strict=True) if fit < 0]
+    if not bad:
+        return []
+    return [
+        f"{USEFUL_S:g} s ahead the model tells less than the mean does of {' and '.join(bad)}: the "
+        "recordings hardly move what they are fitted to or judged on. Do not use it there; fly "
+        "something richer: heli3dof run multisine"
     ]
 
 

@@ -18,6 +18,8 @@ still right. Their share is reported.
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL
@@ -31,6 +33,7 @@ SETTLED_S = 0.25
 TAKE_OFF_S = 3.0
 STILL_S = 0.1
 AT_STOP_S = 0.3
+AT_EXTREME = np.deg2rad(0.2)
 
 
 def clipped(recording: Recording) -> np.ndarray:
@@ -120,18 +123,15 @@ def _falling(roll: np.ndarray) -> np.ndarray:
 def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
     """Rows where the angle rests, on one and the same count, at its extreme."""
     out = np.zeros(len(angle), dtype=bool)
-    same = np.concatenate([np.diff(angle) == 0, [False]])
-    same[1:] |= same[:-1].copy()
-    resting = _long_runs(same, max(2, round(AT_STOP_S / dt)))
+    changes = np.flatnonzero(np.diff(angle) != 0) + 1
+    edges = np.concatenate([[0], changes, [len(angle)]])
+    for a, b in itertools.pairwise(edges):
+        if b - a >= AT_STOP_S / dt:
+            out[a:b] = True
     with np.errstate(invalid="ignore"):
-        for extreme in (np.nanmax(angle), np.nanmin(angle)):
-            if abs(extreme) > STOP_BEYOND:
-                out |= resting & (np.abs(angle - extreme) <= np.deg2rad(0.2))
-    # `same` joins two plateaus that touch; a stop is one count, so each must be long by itself.
-    for a, b in _runs(out):
-        if np.ptp(angle[a:b]) > 0 and b - a < 3 * AT_STOP_S / dt:
-            out[a:b] = False
-    return out
+        extremes = [x for x in (np.nanmax(angle), np.nanmin(angle)) if abs(x) > STOP_BEYOND]
+        near = [np.abs(angle - x) <= AT_EXTREME for x in extremes]
+    return np.asarray(out & np.logical_or.reduce(near) if near else np.zeros_like(out))
 
 
 def _runs(mask: np.ndarray) -> list[tuple[int, int]]:

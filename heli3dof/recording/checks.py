@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from heli3dof.errors import RecordingError
+from heli3dof.recording.jitter import motion_jitter
 
 MIN_SAMPLES = 10
 """Fewer say nothing about anything."""
@@ -130,6 +131,21 @@ def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) ->
             f"{1e3 * found.period_s:.4g} ms."
         )
     return warnings
+
+
+def punctual(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -> list[str]:
+    """A warning where the motion says that samples were not taken when ``t`` (N,) s says.
+
+    angle (N, 3) rad; see `heli3dof.recording.jitter`.
+    """
+    found = motion_jitter(t, angle, rad_per_count)
+    if not found.found:
+        return []
+    return [
+        f"The clock looks even, but the angles were sampled ±{1e3 * found.sigma_s:.2g} ms (RMS) "
+        "off it: all axes jump together in proportion to their rates. The logging host was late "
+        "and caught up; every rate taken from this log is noisy, and fits must allow for it."
+    ]
 
 
 def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> list[str]:

@@ -89,10 +89,13 @@ class Recording:
 
     @property
     def digest(self) -> str:
-        """SHA-256 over the measured arrays: the same data give the same digest in any format."""
+        """SHA-256 over time, voltages and angles, to 1e-9: the same flight in any format.
+
+        (Degrees in a CSV move the last bits of an angle; those must not make another flight.)
+        """
         h = hashlib.sha256()
         for a in (self.t, self.voltage, self.angle):
-            h.update(np.ascontiguousarray(a, dtype="<f8").tobytes())
+            h.update((np.round(a, 9) + 0.0).astype("<f8").tobytes())
         return h.hexdigest()
 
     def between(self, start_s: float, stop_s: float) -> Recording:

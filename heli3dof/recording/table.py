@@ -103,6 +103,7 @@ def recording_from_table(table: Table, profile: Profile, meta: Mapping[str, Any]
                 if name in columns:
                     arrays[array][:, i] = columns[name] * factor
                     used.add(name)
+    warnings += checks.punctual(t, arrays["angle"], profile.encoder.rad_per_count)
     channels = {name: values for name, values in columns.items() if name not in used}
     about = {**meta, "warnings": [*meta.get("warnings", []), *warnings]}
     return Recording(t=t, profile=profile, channels=channels, meta=about, **arrays)

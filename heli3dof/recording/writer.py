@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
@@ -18,8 +18,8 @@ from typing import Any, BinaryIO
 from heli3dof.errors import Heli3dofError, NoSpace, RecordingError
 from heli3dof.recording.container import OUTCOME, PROFILE, PROVENANCE, McapFile
 from heli3dof.recording.output import FULL, check_output, explained
+from heli3dof.recording.row import Row
 from heli3dof.recording.schema import RowFormat, RowPacker
-from heli3dof.rig.port import Command, Sample
 from heli3dof.rig.profile import Profile
 
 CHUNK_S = 0.15
@@ -35,7 +35,7 @@ class RecordingWriter:
 
         with RecordingWriter(path, profile, provenance(source="flight", plan=…)) as recording:
             …
-            recording.append(t, sample, angle, …)
+            recording.append(row)
             recording.outcome("completed")
 
     Leaving the block with an exception records the outcome ``error`` and what it said.
@@ -81,44 +81,26 @@ class RecordingWriter:
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
-    def append(
-        self,
-        t_s: float,
-        sample: Sample,
-        angle: Sequence[float],
-        lateness_s: float,
-        reference: Sequence[float],
-        reference_limited: Sequence[float],
-        v_cmd: Sequence[float],
-        v_extra: Sequence[float],
-        command: Command,
-        v_applied: Sequence[float],
-        phase: int = 0,
-    ) -> None:
-        """Keep row k: sample k, the command computed from it, and what came of it.
-
-        ``t_s`` on the clock that times the samples, from the flight's start; ``angle``,
-        ``reference`` (as asked) and ``reference_limited`` (3,) rad; ``lateness_s`` of this tick;
-        ``v_cmd`` (2,) V before the limiter, ``v_extra`` (2,) V of the experiment in it;
-        ``command`` as sent; ``v_applied`` (2,) V as the *next* sample reports it, NaN where the
-        device does not; ``phase`` as in ``heli3dof.recording.row``.
+    def append(self, row: Row) -> None:
+        """Keep a row: a sample, the command computed from it, and what came of it.
 
         Raises NoSpace or RecordingError when the recorder could not keep earlier rows.
         """
         if self._failure is not None:
             self._raise_failure()
+        sample = row.sample
         self._rows.append(
             self._pack(
                 self._count,
-                self.start_ns + int(t_s * 1e9 + 0.5),
+                self.start_ns + int(row.t * 1e9),
                 (
-                    t_s, sample.device_time_s, lateness_s, *angle, *sample.counts, *v_applied,
-                    *sample.current, int(sample.flags) & 0xFFFFFFFF, sample.sequence & 0xFFFFFFFF,
+                    row.t, sample.device_time_s, row.lateness, *row.angle, *sample.counts,
+                    *row.applied, *sample.current, int(sample.flags) & 0xFFFFFFFF,
+                    sample.sequence & 0xFFFFFFFF,
                 ),
                 (
-                    sample.host_time_s, *reference, *reference_limited, *v_cmd,
-                    command.v_front, command.v_back, *v_extra,
-                    command.sequence & 0xFFFFFFFF, phase & 0xFFFFFFFF,
+                    sample.host_time_s, *row.reference, *row.limited, *row.command, *row.voltage,
+                    *row.extra, row.command_sequence & 0xFFFFFFFF, row.phase,
                 ),
             )
         )  # fmt: skip

@@ -52,6 +52,14 @@ def open_rig(url: str | DeviceUrl, profile: Profile) -> Rig:
     return driver.open(parsed, profile)
 
 
+def with_seed(url: str, seed: int) -> str:
+    """The URL with ``seed`` for a driver that draws at random and was given none."""
+    parsed = parse_url(url)
+    if "seed" not in load_driver(parsed.scheme).options or "seed" in parsed.options:
+        return url
+    return f"{url}{'&' if '?' in url else '?'}seed={seed}"
+
+
 def find_rigs() -> Iterator[tuple[str, list[str], str | None]]:
     """For each driver: its scheme, the URLs of the rigs present, and why it failed, if it did."""
     for scheme in sorted(registered()):

@@ -85,8 +85,11 @@ def main(wanted: list[str]) -> None:
     for topic in wanted or topics():
         print(f"{topic} …", file=sys.stderr, flush=True)
         kept = measure(topic)
+        if not kept["figures"]:
+            print("  not measured here: what it needs is absent", file=sys.stderr)
+            continue
         store[topic] = kept
-        for f in kept["figures"]:
+        for f in kept["figures"]:  # type: ignore[attr-defined]
             print(f"  {f['what']}: {f['value']}  {f['bar']}", file=sys.stderr)
         STORE.write_text(json.dumps(store, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
         PAGE.write_text(render(store), encoding="utf-8")

@@ -102,8 +102,8 @@ def test_effects_act_in_the_order_of_the_signals_path_whatever_the_order_given()
         ("motor.lag:0.1@3", "2 values"),
         ("mass.change:0.05", "time_s (s) is missing"),
         ("motor.lag:0.1,motor.lag:0.2", "hidden twice"),
-        ("geometry", "--base hover"),
-        ("geometry:1", "--base hover"),
+        ("geometry", "run large"),
+        ("geometry:1", "run large"),
         ("sorcery", "known"),
     ],
 )

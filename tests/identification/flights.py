@@ -13,6 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from heli3dof.model.convert import held
+from heli3dof.model.linear import LinearModel
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import Profile, default_profile
 
@@ -95,6 +97,25 @@ def _fly(ref, extra, w, P, K_g, V_o, v_max, dt, quantum, r0):
             x[0] = -0.48
             x[3] = max(x[3], 0.0)
     return angle, volt, cmd
+
+
+def linear_truth(dt: float) -> LinearModel:
+    """The rig above linearised about level flight: what a linear model can at best be."""
+    q = PHYSICS
+    A = np.zeros((8, 8))
+    A[:3, 3:6] = np.eye(3)
+    A[3, [0, 3, 6, 7]] = np.array([-q["k_r"], -q["c_r"], q["L_a"], q["L_a"]]) / q["J_r"]
+    A[4, [1, 4, 6, 7]] = np.array([-q["k_p"], -q["c_p"], q["L_h"], -q["L_h"]]) / q["J_p"]
+    A[5, [1, 5]] = np.array([-q["T_g"], -q["c_y"]]) / q["J_y"]
+    A[6, 6] = A[7, 7] = -1 / q["tau"]
+    B = np.zeros((8, 2))
+    B[6, 0] = B[7, 1] = q["K_f"] / q["tau"]
+    A, B = held(A, B, dt)
+    hover = np.full(2, q["T_g"] / (2 * q["L_a"] * q["K_f"]))
+    none = np.zeros((8, 3))
+    return LinearModel(
+        "truth", "statespace", A, B, np.eye(3, 8), none, np.eye(3), hover, np.zeros(3), dt
+    )
 
 
 def steps(n: int, dt: float, size_deg: float, period_s: float, rng: np.random.Generator):

@@ -100,7 +100,7 @@ def test_the_answer_does_not_depend_on_the_start_s_coordinates(fitted) -> None: 
 
 def test_an_offset_goes_into_d_and_nowhere_else(fitted) -> None:  # type: ignore[no-untyped-def]
     data, fit = fitted
-    shifted = [(u, y + [0.01, -0.02, 0.03]) for u, y in data]
+    shifted = [(u, y + np.array([0.01, -0.02, 0.03])) for u, y in data]
     again = pem(shifted, pbsid(shifted, 5, 12))
     assert again.cost == pytest.approx(fit.cost, abs=1e-3)
 

@@ -54,7 +54,7 @@ def test_an_offset_of_the_outputs_does_not_move_the_poles() -> None:
     system = integrating_system()
     u, y = record(system, 6000, 1)
     a = pbsid([(u, y)], 5, 15)
-    b = pbsid([(u, y + [0.3, -0.2, 0.1])], 5, 15)
+    b = pbsid([(u, y + np.array([0.3, -0.2, 0.1]))], 5, 15)
     np.testing.assert_allclose(sorted_poles(a.A), sorted_poles(b.A), atol=1e-6)
 
 

@@ -18,7 +18,7 @@ def append_seconds(path: Path, ticks: int = 20000) -> list[float]:
     with RecordingWriter(path, default_profile(), force=True) as writer:
         for row in rows:
             start = time.perf_counter()
-            writer.append(**row)
+            writer.append(row)
             costs.append(time.perf_counter() - start)
             time.sleep(1e-5)  # lets the recorder's thread in, as a real loop does
     return costs

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.recording.row import Row
 from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.port import Command, Flags, Sample
+from heli3dof.rig.port import Flags, Sample
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
 
 STEP = 2 * np.pi / np.array([4096, 4096, 8192])
@@ -58,37 +59,40 @@ def flight(
     )
 
 
-def tick(k: int) -> dict[str, Any]:
-    """The arguments of `RecordingWriter.append` for row k: every value tells where it belongs."""
+def tick(k: int) -> Row:
+    """Row k as the loop hands it over: every value tells where it belongs."""
     counts = (-k, 2 * k, 3 * k)
-    return {
-        "t_s": k * 0.002,
-        "sample": Sample(
-            sequence=k,
-            device_time_s=5 + k * 0.002,
-            counts=counts,
-            v_applied=(0.0, 0.0),  # of the period that ended: the writer must not take these
-            current=(0.25, 0.5),
-            flags=Flags.ENABLED | Flags.SATURATED,
-            host_time_s=100 + k * 0.002,
-        ),
-        "angle": tuple((np.array(counts) * STEP).tolist()),
-        "lateness_s": 1e-6 * k,
-        "reference": (0.1, 0.2, 0.3),
-        "reference_limited": (0.01, 0.02, 0.03),
-        "v_cmd": (30.0 + k, -30.0),
-        "v_extra": (0.5, -0.5),
-        "command": Command(k + 1, 24.0, -24.0),
-        "v_applied": (23.9, -23.9),
-        "phase": 7,
-    }
+    sample = Sample(
+        sequence=k,
+        device_time_s=5 + k * 0.002,
+        counts=counts,
+        v_applied=(0.0, 0.0),  # of the period that ended: the writer must not take these
+        current=(0.25, 0.5),
+        flags=Flags.ENABLED | Flags.SATURATED,
+        host_time_s=100 + k * 0.002,
+    )
+    roll, pitch, yaw = (np.array(counts) * STEP).tolist()
+    return Row(
+        t=k * 0.002,
+        sample=sample,
+        angle=(roll, pitch, yaw),
+        reference=(0.1, 0.2, 0.3),
+        limited=(0.01, 0.02, 0.03),
+        extra=(0.5, -0.5),
+        command=(30.0 + k, -30.0),
+        voltage=(24.0, -24.0),
+        command_sequence=k + 1,
+        applied=(23.9, -23.9),
+        lateness=1e-6 * k,
+        phase=7,
+    )
 
 
 def write_flight(path: Path, n: int = 300, *, outcome: str | None = "completed") -> Path:
     """A small flight through the writer that the loop uses."""
     with RecordingWriter(path, default_profile(), {"plan": {"roll_deg": 10}, "seed": 3}) as writer:
         for k in range(n):
-            writer.append(**tick(k))
+            writer.append(tick(k))
         if outcome:
             writer.outcome(outcome)
     return path

@@ -10,6 +10,7 @@ import statistics
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +64,7 @@ def test_a_device_that_does_not_report_its_output_is_taken_at_its_command(tmp_pa
     with RecordingWriter(path, default_profile()) as writer:
         for k in range(20):
             row = tick(k)
-            writer.append(**{**row, "v_applied": (float("nan"), float("nan"))})
+            writer.append(replace(row, applied=(float("nan"), float("nan"))))
     assert (read_recording(path).voltage == [24, -24]).all()
 
 
@@ -73,7 +74,7 @@ def test_an_exception_in_the_loop_is_the_outcome_and_nothing_is_lost(tmp_path: P
     def fly() -> None:
         with RecordingWriter(path, default_profile()) as writer:
             for k in range(50):
-                writer.append(**tick(k))
+                writer.append(tick(k))
             raise ZeroDivisionError("in the controller")
 
     with pytest.raises(ZeroDivisionError):
@@ -87,7 +88,7 @@ def test_an_exception_in_the_loop_is_the_outcome_and_nothing_is_lost(tmp_path: P
 def test_the_last_outcome_counts_and_closing_twice_is_nothing(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     writer = RecordingWriter(path, default_profile())
-    writer.append(**tick(0))
+    writer.append(tick(0))
     writer.outcome("completed")
     writer.outcome("safety_trip", axis="pitch", limit_deg=60.0)
     writer.close()
@@ -117,7 +118,7 @@ def test_rows_reach_the_system_while_the_flight_goes_on(tmp_path: Path) -> None:
     with RecordingWriter(path, default_profile()) as writer:
         start = path.stat().st_size
         for k in range(20):
-            writer.append(**tick(k))
+            writer.append(tick(k))
         deadline = time.monotonic() + 5
         while path.stat().st_size == start and time.monotonic() < deadline:
             time.sleep(0.01)
@@ -149,7 +150,7 @@ def test_a_full_disk_reaches_the_loop_and_everything_before_is_kept(
     k = 0
     with pytest.raises(NoSpace, match="no space left") as caught:  # noqa: PT012
         while k < 20000:
-            writer.append(**tick(k))
+            writer.append(tick(k))
             k += 1
             time.sleep(1e-4)
     assert k < 20000, "the loop was told while it flew"
@@ -172,7 +173,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
 writer = RecordingWriter(sys.argv[1], default_profile())
 try:
     for k in range(40_000):
-        writer.append(**tick(k))
+        writer.append(tick(k))
     writer.close()
 except NoSpace:
     try:
@@ -205,7 +206,7 @@ def test_the_recorders_own_fault_is_not_lost(
 
     monkeypatch.setattr(McapFile, "write_chunk", broken)
     writer = RecordingWriter(tmp_path / "a.mcap", default_profile())
-    writer.append(**tick(0))
+    writer.append(tick(0))
     with pytest.raises(RecordingError, match="a bug in the writer thread"):
         writer.close()
 
@@ -222,7 +223,7 @@ print("flying", flush=True)
 while True:
     while time.monotonic() < start + k * 0.002:
         time.sleep(2e-4)
-    writer.append(**tick(k))
+    writer.append(tick(k))
     k += 1
     print(k, flush=True)
 """

@@ -1,6 +1,6 @@
 """Torques from outside: a constant one, and one that comes and goes.
 
-Bias: τ. Periodic: τ sin(2π f t), t since the release.
+Bias: τ. Periodic: τ sin(2π f t), t on the device's clock.
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ EFFECTS = (
         summary="A mass is put onto the body during the flight.",
         parameters=(
             Parameter("mass_kg", "kg", -0.2, 0.5, "the mass, at L_a on the pitch axis"),
-            Parameter("time_s", "s", 0.0, 3600.0, "when"),
+            Parameter("time_s", "s", 0.0, 3600.0, "when, on the device's clock"),
         ),
         example="mass.change:0.05@20",
         kernels={Stage.BODY: change},

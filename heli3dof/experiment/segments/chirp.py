@@ -1,0 +1,47 @@
+"""``chirp``: a sine whose frequency rises, on the voltages.
+
+    s(t) = sin φ(t),  φ(t) = 2π f_1 (k^(t/T) − 1) T / ln k,  k = f_2/f_1    (exponential sweep)
+    V_front += (common_V + difference_V) s,   V_back += (common_V − difference_V) s
+
+The instantaneous frequency is f_1 k^(t/T): every octave gets the same time. On pitch it tells a
+lag from a delay: their phases part at high frequency.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from pydantic import field_validator
+
+from heli3dof.experiment.segments import BaseSegment, Clock
+from heli3dof.toml_file import Finite
+
+
+class Segment(BaseSegment):
+    kind: Literal["chirp"] = "chirp"
+    band_Hz: tuple[Finite, Finite] = (0.1, 8.0)
+    common_V: Finite = 0.0
+    difference_V: Finite = 1.0
+
+    @field_validator("band_Hz")
+    @classmethod
+    def _rising(cls, value: tuple[float, float]) -> tuple[float, float]:
+        if not 0 < value[0] < value[1]:
+            raise ValueError("band_Hz is two rising frequencies")
+        return value
+
+    def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        f1, f2 = self.band_Hz
+        T = clock.n * clock.dt
+        k = f2 / f1
+        phase = 2 * np.pi * f1 * T / np.log(k) * (k ** (clock.t / T) - 1)
+        front, back = self.common_V + self.difference_V, self.common_V - self.difference_V
+        reference = np.tile(self.target(before), (clock.n, 1))
+        return reference, np.sin(phase)[:, None] * np.array([front, back])
+
+    def summary(self) -> str:
+        return (
+            super().summary() + f", {self.common_V:g} V common and {self.difference_V:g} V "
+            f"difference, {self.band_Hz[0]:g} to {self.band_Hz[1]:g} Hz"
+        )

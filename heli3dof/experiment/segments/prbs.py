@@ -1,0 +1,44 @@
+"""``prbs``: pseudo-random binary voltages, common and difference drawn apart.
+
+    c(t) = ± common_V,  d(t) = ± difference_V,  each switching at most every ``bit_s``
+    V_front += c + d,   V_back += c − d
+
+Two different maximum-length sequences (shift registers with linear feedback), started at random:
+a period has as many ups as downs but one, and its autocorrelation is a spike.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from heli3dof.experiment.segments import BaseSegment, Clock
+from heli3dof.toml_file import Finite, Positive
+
+
+class Segment(BaseSegment):
+    kind: Literal["prbs"] = "prbs"
+    bit_s: Positive = 0.1
+    common_V: Finite = 0.5
+    difference_V: Finite = 0.5
+
+    def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        from scipy.signal import max_len_seq
+
+        hold = max(1, round(self.bit_s / clock.dt))
+        bits = -(-clock.n // hold)
+        shapes = []
+        for order, amplitude in ((9, self.common_V), (10, self.difference_V)):
+            state = clock.rng.integers(0, 2, order)
+            state[0] = 1  # all zeros would never leave zero
+            sequence, _ = max_len_seq(order, state=state, length=bits)
+            shapes.append(amplitude * np.repeat(2.0 * sequence - 1, hold)[: clock.n])
+        c, d = shapes
+        return np.tile(self.target(before), (clock.n, 1)), np.column_stack([c + d, c - d])
+
+    def summary(self) -> str:
+        return (
+            super().summary() + f", ±{self.common_V:g} V common and ±{self.difference_V:g} V "
+            f"difference, bits of {self.bit_s:g} s"
+        )

@@ -1,0 +1,28 @@
+"""``ramp``: the references move at a constant rate to new values, or the voltages to an offset.
+
+    r_ref(t) = r_0 + (r_1 − r_0) t/T,     V_extra(t) = common_V · t/T (front and back alike)
+
+A slow ramp shows friction, a dead zone and the static thrust curve. The offset in voltage is
+what the loop has to make up for: it ends with the segment.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from heli3dof.experiment.segments import BaseSegment, Clock
+from heli3dof.toml_file import Finite
+
+
+class Segment(BaseSegment):
+    kind: Literal["ramp"] = "ramp"
+    common_V: Finite = 0.0
+    difference_V: Finite = 0.0
+
+    def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        share = ((np.arange(clock.n) + 1) / clock.n)[:, None]
+        reference = before + (self.target(before) - before) * share
+        front, back = self.common_V + self.difference_V, self.common_V - self.difference_V
+        return reference, share * np.array([front, back])

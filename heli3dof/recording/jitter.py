@@ -1,0 +1,125 @@
+"""Samples that were not taken when the log says: found from the motion itself.
+
+A log may carry an even clock although its host sampled in bursts. If sample k was really taken
+δ_k later than t_k, every angle is off by the same time::
+
+    y_i(t_k + δ_k) ≈ y_i(t_k) + ẏ_i δ_k
+
+Each angle is fitted by a parabola over ± `HALF_WINDOW_S`; e_i is what is left at the middle, over
+√(1 − h) for the middle's own weight h in the fit. Encoder steps and the rig's own motion are not
+shared between axes, δ is. So over pairs of axes
+
+    σ_t² = Σ u e_i e_j w / Σ u w²,      w = ẏ_i ẏ_j,    u = 1 / (s_i² s_j²),  s² = q²/12 + (τ ẏ)²
+
+where u weighs by what scatters (q the encoder's step, τ = `SCALE_S`). With one axis alone it is
+the slope of e² against ẏ². The standard deviation is a jackknife over blocks of a second. Bursts
+longer than the window are seen in part only: the true jitter is then larger.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+HALF_WINDOW_S = 0.03
+SCALE_S = 1e-3
+LEAST = 2
+"""Samples on either side of the middle, at least: a parabola takes three."""
+BLOCK_S = 1.0
+SIGNIFICANT = 4.0
+"""Standard deviations from zero at which jitter is believed."""
+WORTH_SAYING_S = 2e-4
+
+
+@dataclass(frozen=True)
+class MotionJitter:
+    """What the motion says of the clock: σ_t and the standard deviation of σ_t², both by s."""
+
+    sigma_s: float
+    variance_std_s2: float
+
+    @property
+    def found(self) -> bool:
+        """True when there is jitter beyond doubt, and enough to matter."""
+        surely = self.sigma_s**2 > SIGNIFICANT * self.variance_std_s2
+        return bool(surely and self.sigma_s > WORTH_SAYING_S)
+
+
+NONE_FOUND = MotionJitter(0.0, np.inf)
+
+
+def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -> MotionJitter:
+    """σ_t of samples with times t (N,) s and angles (N, 3) rad (NaN: not measured).
+
+    ``rad_per_count`` (3,): an axis that moves less than two steps in the window says nothing.
+    """
+    dt = float(np.median(np.diff(t)))
+    half = max(LEAST, round(HALF_WINDOW_S / dt))
+    axes = [i for i in range(3) if np.isfinite(angle[:, i]).all()]
+    if not axes or len(t) < 20 * half:
+        return NONE_FOUND
+    left, rates = [], []
+    for i in axes:
+        e, rate = _left_over(t, angle[:, i], half)
+        moves = np.abs(rate) * 2 * half * dt > 2 * abs(rad_per_count[i])
+        left.append(np.where(moves, e, np.nan))
+        rates.append(rate)
+    blocks = ((t[half:-half] - t[0]) / BLOCK_S).astype(int)
+    if len(axes) == 1:
+        return _alone(left[0], rates[0], blocks)
+    top = np.zeros(blocks[-1] + 1)
+    below = np.zeros_like(top)
+    for j in range(len(axes)):
+        for i in range(j):
+            w = rates[i] * rates[j]
+            product = left[i] * left[j]
+            u = 1 / (_scatter(rates[i], rad_per_count[i]) * _scatter(rates[j], rad_per_count[j]))
+            there = np.isfinite(product)
+            top += np.bincount(blocks[there], (u * product * w)[there], len(top))
+            below += np.bincount(blocks[there], (u * w * w)[there], len(top))
+    return _jackknife(top, below)
+
+
+def _left_over(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
+    """(N − 2 half,) what a local parabola leaves in the middle, rescaled, and its slope there."""
+    width = 2 * half + 1
+    windows = np.lib.stride_tricks.sliding_window_view
+    T = windows(t, width) - t[half:-half, None]
+    scale = float(np.abs(T).max())
+    X = np.stack([np.ones_like(T), T / scale, (T / scale) ** 2], axis=2)
+    G = np.swapaxes(X, 1, 2) @ X
+    fit = np.linalg.solve(G, np.einsum("nkj,nk->nj", X, windows(y, width))[..., None])[..., 0]
+    own = np.linalg.inv(G)[:, 0, 0]
+    return (y[half:-half] - fit[:, 0]) / np.sqrt(1 - own), fit[:, 1] / scale
+
+
+def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
+    """(N,) rad², the variance that weighs one axis: its encoder's, and a likely jitter's."""
+    return np.asarray(step**2 / 12 + (SCALE_S * rate) ** 2)
+
+
+def _alone(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJitter:
+    """One axis: e² = const + σ_t² ẏ², least squares."""
+    there = np.isfinite(e)
+    if there.sum() < 100:
+        return NONE_FOUND
+    y, x = e[there] ** 2, rate[there] ** 2
+    w = x - x.mean()
+    count = blocks[-1] + 1
+    top = np.bincount(blocks[there], (y - y.mean()) * w, count)
+    below = np.bincount(blocks[there], w * w, count)
+    return _jackknife(top, below)
+
+
+def _jackknife(top: np.ndarray, below: np.ndarray) -> MotionJitter:
+    """Σ top / Σ below, and its standard deviation from leaving blocks out one at a time."""
+    kept = below > 0
+    top, below = top[kept], below[kept]
+    n = len(top)
+    if n < 5:
+        return NONE_FOUND
+    whole = top.sum() / below.sum()
+    without = (top.sum() - top) / (below.sum() - below)
+    std = float(np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2)))
+    return MotionJitter(float(np.sqrt(max(whole, 0.0))), std)

@@ -1,0 +1,152 @@
+"""What an identification found, as tables for the terminal and as a section of the HTML report.
+
+Poles with standard deviations, parameters where the method has them, the fits on held-out data,
+the residual tests, the orders that were tried; Bode diagrams of three channels with bands of two
+standard deviations, and the innovations of the first held-out segment with their autocorrelation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.errors import UsageError
+from heli3dof.identification.result import Identification
+from heli3dof.identification.validate import WARM_UP_S
+from heli3dof.report.grid import NONE, Grid, fixed
+from heli3dof.report.html import Section, figure, paragraph, table, warning
+from heli3dof.report.model_figures import BodeCurve, bode_figure, residual_figure
+
+POINTS = 200
+LOWEST = 0.1
+"""rad/s: slower than any flight of a minute can tell."""
+
+
+def identification_tables(found: Identification) -> list[Grid]:
+    """The tables that a terminal shows: those that have something to say."""
+    grids = [poles_table(found), fits_table(found), residuals_table(found)]
+    return [g for g in grids if g.rows]
+
+
+def poles_table(found: Identification) -> Grid:
+    """Continuous-time poles, a conjugate pair once, each part with its standard deviation."""
+    rows = []
+    for pole in found.poles:
+        re, im = pole.value.real, pole.value.imag
+        if im < 0:
+            continue
+        pair = im > 0
+        value = f"{re:+.4g}" + (f" ± {im:.4g}j" if pair else "")
+        known = pole.std_real == pole.std_real
+        std = f"{pole.std_real:.2g}" + (f", {pole.std_imag:.2g}j" if pair else "")
+        rows.append([value.replace("-", "−"), std if known else NONE])
+    return Grid("Poles, continuous time", ["pole, 1/s", "standard deviation"], rows, notes=[])
+
+
+def fits_table(found: Identification) -> Grid:
+    """Fit in percent per axis: one step and further ahead, and in closed-loop replay."""
+    metrics = found.metrics
+    scores = {
+        ("one step" if h == 0 else f"{h:g} s ahead"): s for h, s in metrics.prediction.items()
+    }
+    scores["loop replay"] = metrics.replay
+    rows = [
+        [axis, *(fixed(float(s.fit_percent[i]), 1) for s in scores.values())]
+        for i, axis in enumerate(AXES)
+    ]
+    notes = [f"{found.prepared.split}."]
+    if metrics.replay_note:
+        notes.append(f"Loop replay: {metrics.replay_note}.")
+    return Grid("Fit on held-out data, %", ["axis", *scores], rows, notes=notes, text_columns=1)
+
+
+def residuals_table(found: Identification) -> Grid:
+    """Whiteness, and independence of past inputs, with the bounds they are held to."""
+    rows = [
+        [
+            test.name,
+            "passed" if test.passed else "not passed",
+            f"{test.statistic:.4g}",
+            f"{test.bound:.4g}",
+            f"{test.p_value:.2g}",
+            f"{100 * test.share:.1f}",
+        ]
+        for test in found.residuals
+    ]
+    return Grid(
+        "Residual tests, on held-out data",
+        ["test", "verdict", "χ²", "99 % bound", "p", "explained %"],
+        rows,
+        notes=["Explained: the share of the innovations that the tested past accounts for."],
+        text_columns=2,
+    )
+
+
+def candidates_table(found: Identification) -> Grid:
+    """The orders and intervals that were tried."""
+    rows = [
+        [
+            str(c.order),
+            f"{1e3 * c.interval_s:g}",
+            _cell(c.score),
+            _cell(c.log_likelihood),
+            c.problem,
+        ]
+        for c in found.found.candidates
+    ]
+    return Grid(
+        "Orders and intervals that were tried, on the training recordings",
+        ["order", "interval ms", "score %", "log likelihood", "problem"],
+        rows,
+        notes=[],
+        text_columns=0,
+        prose_columns=1,
+    )
+
+
+def identification_section(found: Identification) -> Section:
+    """The HTML section of one identification."""
+    blocks = [paragraph(s) for s in found.sentences() if not s.startswith("Warning: ")]
+    blocks += [warning(w) for w in found.warnings]
+    blocks += [table(grid) for grid in identification_tables(found)]
+    if found.found.candidates:
+        blocks.append(table(candidates_table(found)))
+    bode = bode_with_bands(found)
+    if bode is not None:
+        blocks.append(figure(bode, "Bode diagrams with bands of two standard deviations"))
+    errors, _ = found.found.innovations(found.prepared, found.prepared.held_out)
+    if errors:
+        e = max(errors, key=len)
+        settled = round(WARM_UP_S / found.interval_s)  # the filter finds its state first
+        e = e[settled:] if len(e) > 2 * settled else e
+        t = np.arange(len(e)) * found.interval_s
+        drawn = residual_figure(t, e, title="Innovations on held-out data")
+        blocks.append(figure(drawn, "Innovations and their autocorrelation"))
+    return Section(f"Identification: {found.model.name}", blocks)
+
+
+def bode_with_bands(found: Identification):  # type: ignore[no-untyped-def]
+    """Roll, pitch and yaw against the front motor; None for a model without a linear response."""
+    omega = np.geomspace(LOWEST, 0.8 * np.pi / found.interval_s, POINTS)
+    try:
+        response, std = found.frequency_response(omega)
+    except UsageError:
+        return None
+    channels = {
+        f"{axis} / front (rad/V)": [
+            BodeCurve(
+                found.model.name,
+                found.model.kind,
+                response[:, i, 0],
+                std[:, i, 0] if np.isfinite(std[:, i, 0]).all() else None,
+            )
+        ]
+        for i, axis in enumerate(AXES)
+    }
+    return bode_figure(omega, channels, title=f"Bode diagrams of {found.model.name}")
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}" if np.isfinite(value) else NONE
+    return NONE if value is None else str(value)

@@ -1,0 +1,131 @@
+"""``identify``, ``compare``, ``report`` and ``demo`` from the command line."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from heli3dof_recordings import references
+
+from tests.cli.running import heli3dof
+
+TRAIN = [r.path for r in references() if r.use == "identify"]
+TEST = [r.path for r in references() if r.use == "compare"]
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
+    path = tmp_path_factory.mktemp("identify") / "model.json"
+    page = path.with_name("identification.html")
+    said = heli3dof(
+        "identify",
+        *TRAIN,
+        "--report",
+        page,
+        "--holdout",
+        TEST[0],
+        "--order",
+        "8",
+        "-o",
+        path,
+        "--name",
+        "ours",
+        "--json",
+    )
+    assert said.code == 0, said.err
+    return path, said.document
+
+
+def test_identify_writes_a_model_and_scores_it_on_held_out_data(identified: tuple) -> None:
+    path, document = identified
+    (model,) = document["models"]
+    assert model["file"] == str(path)
+    assert path.exists()
+    assert model["kind"] == "statespace"
+    assert len(model["poles"]) == 8
+    assert all(p["re_std_per_s"] > 0 for p in model["poles"])
+    for axis in ("roll", "pitch", "yaw"):
+        fit = model["fit_percent"][axis]
+        assert set(fit) >= {"one_step", "0.1_s", "0.5_s", "1_s", "closed_loop_replay"}
+        assert fit["one_step"] > 90
+    assert "step-roll-10" in model["validation"]
+    assert model["residual_tests"]
+    assert model["feedback"]["present"] is True
+
+
+def test_the_identification_report_shows_bands_and_residuals(identified: tuple) -> None:
+    text = identified[0].with_name("identification.html").read_text(encoding="utf-8")
+    for words in ("Poles, continuous time", "Residual tests", "Bode diagrams", "Innovations"):
+        assert words in text
+    assert text.count("<figure") >= 6  # the flight, three angles, Bode twice, innovations
+
+
+def test_compare_gives_every_metric_and_its_difference(identified: tuple, tmp_path: Path) -> None:
+    path, _ = identified
+    said = heli3dof("compare", *TEST, "hover", path, "-o", tmp_path / "out", "--json")
+    assert said.code == 0, said.err
+    document = said.document
+    assert [f["recording"] for f in document["flights"]] == [p.stem for p in TEST]
+    for flight in document["flights"]:
+        assert flight["loop"] == "replayed"
+        assert [m["name"] for m in flight["models"]] == ["hover", "ours"]
+        for model in flight["models"]:
+            for axis in ("roll", "pitch", "yaw"):
+                found, experiment = model["axes"][axis], flight["experiment"][axis]
+                for key in ("peak_deg", "overshoot_deg", "steady_error_deg", "rise_time_s"):
+                    assert key in found
+                    assert key in found["difference"]
+                peak = found["peak_deg"] - experiment["peak_deg"]
+                assert math.isclose(found["difference"]["peak_deg"], peak, abs_tol=1e-9)
+    written = {Path(f).name for f in document["figures"]}
+    assert len(written) == 2 * 3 * 2
+    assert all((tmp_path / "out" / name).stat().st_size > 2000 for name in written)
+
+
+def test_compare_alone_works_on_the_recordings_that_ship(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = heli3dof("compare")
+    assert said.code == 0, said.err
+    for words in ("Table II", "identification", "hover", "never published"):
+        assert words in said.out
+    assert len(list(tmp_path.glob("comparisons/*/*.svg"))) == 6
+
+
+def test_models_without_recordings_are_refused() -> None:
+    said = heli3dof("compare", "hover")
+    assert said.code == 2
+    assert "no recording" in said.err
+
+
+def test_report_is_one_file_that_needs_nothing_else(identified: tuple, tmp_path: Path) -> None:
+    path, _ = identified
+    page = tmp_path / "r.html"
+    said = heli3dof("report", TEST[1], "--model", "hover", "--model", path, "-o", page)
+    assert said.code == 0, said.err
+    text = page.read_text(encoding="utf-8")
+    assert "step-yaw-20" in text
+    assert "ours" in text
+    for outside in ('src="http', 'href="http', "<script", "@import", "url(http"):
+        assert outside not in text
+    assert heli3dof("report", TEST[1], "-o", page).code == 2
+
+
+def test_the_demo_does_the_whole_chain_and_keeps_an_earlier_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    said = heli3dof("demo", "--json")
+    assert said.code == 0, said.err
+    document = json.loads(said.out)
+    assert Path(document["report"]).stat().st_size > 100_000
+    for made in (*document["recordings"], document["model"]):
+        assert Path(made).exists()
+    (tmp_path / "heli3dof-demo" / "mine.txt").write_text("kept")
+    from heli3dof.cli.demo import FOLDER, _fresh
+
+    assert _fresh(FOLDER).name == "heli3dof-demo-2"
+    assert (tmp_path / "heli3dof-demo" / "mine.txt").read_text() == "kept"

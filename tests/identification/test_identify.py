@@ -1,0 +1,192 @@
+"""The whole of `identify`, on flights whose physics these tests wrote themselves."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from heli3dof.errors import RecordingError, UsageError
+from heli3dof.identification import Identification, identify
+from heli3dof.identification.feedback import Feedback
+from heli3dof.identification.validate import metrics
+from heli3dof.recording.recording import Recording
+from tests.identification.flights import flight, linear_truth
+from tests.paths import needs_real_data
+
+
+@pytest.fixture(scope="module")
+def flights() -> tuple[Recording, Recording]:
+    return flight("multisine", seed=1, seconds=60, rest=True), flight(
+        "multisine", seed=101, seconds=40, rest=True
+    )
+
+
+@pytest.fixture(scope="module")
+def found(flights: tuple[Recording, Recording]) -> Identification:
+    return identify(flights[0], holdout=flights[1])
+
+
+def test_the_model_replays_held_out_flights_nearly_as_well_as_the_linearised_truth() -> None:
+    """Three flights of 60 s, seeds 101–103: 88.4 % in pitch for the truth, 87.6 % for the model."""
+    held_out = [flight("multisine", seed=s, seconds=60, rest=True) for s in (101, 102, 103)]
+    found = identify(flight("multisine", seed=1, seconds=60, rest=True), holdout=held_out)
+    p = found.prepared
+    truth = metrics(linear_truth(p.dt), p, p.held_out).replay.fit_percent
+    np.testing.assert_array_less(truth - 2.0, found.metrics.replay.fit_percent)
+
+
+def test_the_rotor_lag_and_both_pendula_are_among_the_poles(found: Identification) -> None:
+    """−10, −10; −0.027 ± 0.992j; −0.165 ± 0.723j, within four standard deviations."""
+    for truth in (-0.027 + 0.992j, -0.165 + 0.723j):
+        near = min(found.poles, key=lambda p: abs(p.value - truth))
+        assert abs(near.value.real - truth.real) < 4 * near.std_real
+        assert abs(near.value.imag - truth.imag) < 4 * near.std_imag
+    lag = [p for p in found.poles if -16 < p.value.real < -6]
+    assert len(lag) >= 2
+
+
+def test_predictions_far_ahead_tell_more_than_one_step(found: Identification) -> None:
+    fits = {h: s.fit_percent[1] for h, s in found.metrics.prediction.items()}
+    assert fits[0.0] > 98
+    assert fits[0.0] > fits[0.1] > fits[0.5] > fits[1.0]
+    assert fits[1.0] > 60
+
+
+def test_feedback_is_found_and_said(found: Identification) -> None:
+    assert isinstance(found.feedback, Feedback)
+    assert found.feedback.present
+    assert found.feedback.sentence in found.sentences()
+
+
+def test_the_json_holds_what_the_contract_asks(found: Identification) -> None:
+    document = json.loads(json.dumps(found.to_json("m.json"), allow_nan=False))
+    assert document["kind"] == "statespace"
+    assert document["file"] == "m.json"
+    assert len(document["poles"]) == found.order
+    assert all(p["re_std_per_s"] > 0 for p in document["poles"])
+    transfer = document["transfer_function"]
+    assert len(transfer["entries"]) == 6
+    assert len(transfer["denominator_std"]) == len(transfer["denominator"])
+    assert {"whiteness", "past_inputs"} == set(document["residual_tests"])
+    assert document["fit_percent"]["pitch"]["closed_loop_replay"] > 80
+
+
+def test_the_transfer_functions_are_those_of_the_model(found: Identification) -> None:
+    import control
+
+    s = 1.3j
+    tf = found.transfer
+    by_hand = np.array(
+        [[np.polyval(tf.num[i, j], s) / np.polyval(tf.den, s) for j in range(2)] for i in range(3)]
+    )
+    model = found.model.to_transfer_function()  # type: ignore[attr-defined]
+    assert isinstance(model, control.TransferFunction)
+    np.testing.assert_allclose(model(s), by_hand, rtol=1e-3)
+    G, std = found.frequency_response(np.array([1.3]))
+    np.testing.assert_allclose(G[0], by_hand, rtol=1e-6)
+    assert (std > 0).all()
+    assert (std[0, :2] < np.abs(G[0, :2]).max()).all()
+
+
+def test_the_model_says_what_it_was_made_from(
+    found: Identification, flights: tuple[Recording, Recording]
+) -> None:
+    extra = found.model.extra  # type: ignore[attr-defined]
+    assert extra["recordings"] == [{"name": "multisine-1", "sha256": flights[0].digest}]
+
+
+def test_one_recording_is_split_and_that_is_said(flights: tuple[Recording, Recording]) -> None:
+    found = identify(flights[0], order=8, intervals_s=[0.08])
+    assert "last 25 %" in found.prepared.split
+    assert found.metrics.replay.fit_percent[1] > 80
+
+
+def test_output_error_is_warned_of_and_is_worse(
+    flights: tuple[Recording, Recording], found: Identification
+) -> None:
+    oe = identify(flights[0], holdout=flights[1], method="oe", order=8, intervals_s=[0.04])
+    assert any("Output error takes the voltages" in w for w in oe.warnings)
+    assert oe.model.kind == "oe"
+    assert oe.metrics.prediction[1.0].fit_percent[1] < found.metrics.prediction[1.0].fit_percent[1]
+
+
+def test_the_paper_s_form_is_unstable_in_the_loop(flights: tuple[Recording, Recording]) -> None:
+    tf4 = identify(flights[0], holdout=flights[1], method="tf4")
+    assert tf4.model.kind == "tf4"
+    assert tf4.metrics.replay_note == "the loop with this model diverges"
+    assert len(tf4.poles) == 4
+    assert tf4.transfer.lines()[0].startswith("T(s)_{1,1} = (")
+    assert "s^4" in tf4.transfer.lines()[0]
+
+
+def test_pbsid_says_that_it_has_no_deviations(flights: tuple[Recording, Recording]) -> None:
+    found = identify(flights[0], holdout=flights[1], method="pbsid", order=8)
+    document = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    assert document["poles"][0]["re_std_per_s"] is None
+    assert any("no standard deviations" in w for w in found.warnings)
+
+
+def test_the_same_recordings_give_the_same_model(flights: tuple[Recording, Recording]) -> None:
+    a, b = (identify(flights[0], order=6, intervals_s=[0.08]) for _ in range(2))
+    np.testing.assert_array_equal(a.model.A, b.model.A)  # type: ignore[attr-defined]
+
+
+def test_several_recordings_are_fitted_together() -> None:
+    short = [flight("multisine", seed=s, seconds=25) for s in (1, 2, 3)]
+    found = identify(short, holdout=flight("multisine", seed=9, seconds=30), order=8)
+    assert found.metrics.replay.fit_percent[1] > 80
+
+
+def test_an_unknown_method_names_the_nearest() -> None:
+    with pytest.raises(UsageError, match="did you mean 'pem'"):
+        identify(flight(seconds=6), method="pen")
+
+
+@pytest.mark.parametrize("order", [0, 21])
+def test_an_impossible_order_is_refused(order: int) -> None:
+    with pytest.raises(UsageError, match=f"--order {order}"):
+        identify(flight(seconds=6), order=order)
+
+
+def test_a_one_angle_recording_is_refused_by_name() -> None:
+    rec = flight(seconds=10)
+    rec.angle[:, 1:] = np.nan
+    with pytest.raises(RecordingError, match="pitch, yaw was not measured"):
+        identify(rec)
+
+
+def test_held_out_motion_far_beyond_the_training_is_warned_of() -> None:
+    small = flight("steps", seed=1, seconds=40, noise=0.3)
+    found = identify(small, holdout=flight("large", seed=2, seconds=40), order=6)
+    assert any("extrapolation" in w for w in found.warnings)
+
+
+def test_a_noisier_flight_has_wider_deviations() -> None:
+    quiet, loud = (
+        identify(flight("multisine", seed=4, seconds=50, noise=x), order=8, intervals_s=[0.08])
+        for x in (0.3, 2.0)
+    )
+
+    def spread(f: Identification) -> float:
+        near = min(f.poles, key=lambda p: abs(p.value - (-0.165 + 0.723j)))
+        return near.std_real
+
+    assert spread(loud) > 2 * spread(quiet)
+
+
+@needs_real_data
+@pytest.mark.real_data
+def test_rig_b_predicts_half_a_second_on_a_recording_no_fit_has_seen() -> None:
+    from heli3dof.recording.load import load
+    from heli3dof.rig.profile import load_profile
+    from tests.paths import REAL_DATA
+
+    profile = load_profile(REAL_DATA / "rig-b" / "profile.toml")
+    recs = [
+        load(REAL_DATA / "rig-b" / f"closed-{k}.csv", profile) for k in ("03", "05", "08", "13")
+    ]
+    found = identify(recs[:3], holdout=recs[3], intervals_s=[0.04], order=8)
+    assert found.metrics.prediction[0.5].fit_percent.min() > 75
+    assert "no [controller]" in found.metrics.replay_note

@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import numpy as np
+
+from heli3dof.identification.usable import clipped, unusable
+from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.rig.profile import default_profile
+
+DT = 0.002
+
+
+def flight(
+    roll_deg: np.ndarray, volts: np.ndarray | float = 7.0, pitch_deg: float = 0.0
+) -> Recording:
+    n = len(roll_deg)
+    t = np.arange(n) * DT
+    angle = np.deg2rad(np.column_stack([roll_deg, pitch_deg + np.sin(t), np.cos(t)]))
+    voltage = np.broadcast_to(np.reshape(volts, (-1, 1)), (n, 2)).copy()
+    return make_recording(t, voltage, angle, default_profile())
+
+
+def from_the_table() -> np.ndarray:
+    """1 s on the table, 1 s of climb, 8 s of level flight."""
+    level = 0.5 * np.sin(np.arange(4000) * DT)
+    return np.concatenate([np.full(500, -27.5), np.linspace(-27.5, 0, 500), level])
+
+
+def test_rest_and_take_off_are_left_out_and_level_flight_is_kept() -> None:
+    rows = unusable(flight(from_the_table()))
+    assert rows["table"][:500].all()
+    assert not rows["table"][520:].any()
+    # lift-off is 1° above the table, 18 samples into the climb; three seconds later it is over
+    bad = rows["table"] | rows["take_off"]
+    assert bad[:2010].all()
+    assert not bad[2030:].any()
+
+
+def test_take_off_lasts_as_long_as_the_amplifier_is_at_its_limit() -> None:
+    roll = from_the_table()
+    volts = np.where(np.arange(len(roll)) < 3000, 24.0, 7.0)
+    rec = flight(roll, volts)
+    rows = unusable(rec)
+    assert rows["take_off"][2900]
+    assert not rows["take_off"][3000 + 130]
+    assert clipped(rec).sum() == 3000
+
+
+def test_a_flight_that_starts_level_loses_nothing() -> None:
+    rows = unusable(flight(10 * np.sin(np.arange(5000) * DT)))
+    assert not any(m.any() for m in rows.values())
+
+
+def test_motors_off_lasts_until_the_arm_rises_again() -> None:
+    roll = np.concatenate([np.zeros(1000), np.linspace(0, -10, 500), np.linspace(-10, 0, 1000)])
+    volts = np.full(2500, 7.0)
+    volts[1000:1300] = 0.0
+    rows = unusable(flight(roll, volts))
+    assert rows["motors_off"][1000:1490].all()
+    assert not rows["motors_off"][:1000].any()
+    assert not rows["motors_off"][1510:].any()
+
+
+def test_a_single_zero_volt_sample_is_no_motor_cut() -> None:
+    volts = np.full(2500, 7.0)
+    volts[1000] = 0.0
+    assert not unusable(flight(np.sin(np.arange(2500) * DT), volts))["motors_off"].any()
+
+
+def test_the_fall_at_the_end_is_left_out() -> None:
+    roll = np.concatenate([from_the_table(), np.linspace(0, -27, 400)])
+    rows = unusable(flight(roll))
+    assert rows["falling"][-150:].all()
+    assert not rows["falling"][:4900].any()
+
+
+def test_an_angle_on_its_stop_is_left_out_and_a_turning_point_is_not() -> None:
+    n = 5000
+    roll = 20 + 16 * np.sin(np.arange(n) * DT * 2)
+    roll[2000:2400] = 36.0
+    rows = unusable(flight(np.round(roll * 4096 / 360) * 360 / 4096))
+    assert rows["stop"][2010:2390].all()
+    assert rows["stop"].sum() < 450
+
+
+def test_the_flight_loop_s_own_ramp_down_is_left_out() -> None:
+    rec = flight(np.sin(np.arange(3000) * DT))
+    rec.channels["phase"] = np.where(np.arange(3000) < 2500, 0.0, 1.0)  # type: ignore[index]
+    rows = unusable(rec)
+    assert rows["ramp_down"].sum() == 500
