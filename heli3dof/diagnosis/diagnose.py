@@ -16,7 +16,7 @@ import numpy as np
 
 from heli3dof.diagnosis.catalogue import Probe, Reach, candidates, probes
 from heli3dof.diagnosis.gain import log_likelihood, noise_floor_deg, rmse_deg
-from heli3dof.diagnosis.nulls import formula_nulls, loop_is_known, simulated_nulls
+from heli3dof.diagnosis.nulls import DISTRUSTED, formula_nulls, loop_is_known, simulated_nulls
 from heli3dof.diagnosis.screen import Screen, screen
 from heli3dof.diagnosis.select import MOST, Choice, choose, without
 from heli3dof.identification.greybox.estimate import Estimate
@@ -137,7 +137,9 @@ def _probes(found: Estimate, recordings: Sequence[Recording]) -> list[Probe]:
 def _unseen(seen: Screen) -> tuple[str, ...]:
     """Candidates of which the recordings say nothing: z is zero for want of information."""
     names = dict.fromkeys(p.name for p in seen.probes)
-    dark = [n for n in names if all(seen.z[i] == 0 for i, p in enumerate(seen.probes) if p.name == n)]
+    dark = [
+        n for n in names if all(seen.z[i] == 0 for i, p in enumerate(seen.probes) if p.name == n)
+    ]
     return tuple(dark)
 
 
@@ -164,8 +166,10 @@ def _values(found: Estimate, choice: Choice) -> dict[str, tuple[float, float]]:
 def _off_nominal(found: Estimate) -> tuple[str, ...]:
     """Base parameters off by more than the profile's tolerance, surely (two standard deviations).
 
-    All in units of K_f: where they are all off together by one factor, K_f is what is off.
+    None where the fit is not to be trusted (see `nulls`). All in units of K_f: where they are all off together by one factor, K_f is what is off.
     """
+    if found.inflation > DISTRUSTED:
+        return ()
     tolerance = found.structure.profile.tolerance
     ratio = np.array([v / f.start for f, v in zip(found.free[:4], found.values[:4], strict=True)])
     spread = found.std[:4] / np.abs([f.start for f in found.free[:4]])

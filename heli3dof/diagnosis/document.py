@@ -13,7 +13,13 @@ from heli3dof.model.effects import term
 def document(d: Diagnosis, model: str | None = None) -> dict[str, Any]:
     """JSON-able; ``model`` is the extended model's path, None where it was not written."""
     calibration = [
-        {"parameter": f.name, "nominal": f.start, "value": float(v), "std": float(s), "unit": f.unit}
+        {
+            "parameter": f.name,
+            "nominal": f.start,
+            "value": float(v),
+            "std": float(s),
+            "unit": f.unit,
+        }
         for f, v, s in zip(d.final.free[:4], d.final.values[:4], d.final.std[:4], strict=True)
     ]
     return {

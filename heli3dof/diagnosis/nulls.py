@@ -10,7 +10,9 @@ over the probes of each null follows an extreme-value law; its Gumbel fit (by mo
 
     P(max Z² ≤ x) = exp(−exp(−(x − μ)/β)),    β = √6 σ/π,   μ = mean − 0.5772 β
 
-gives the threshold at `FALSE_ALARMS`, and how sure a finding is. Where the loop is unknown no
+gives the threshold at `FALSE_ALARMS`, and how sure a finding is. Where the scores scatter κ > 2
+times as much as the noise model allows (steps alone, whose encoders chatter), the fitted base is
+biased and so are flights of it: Z is divided by √κ as well. Where the loop is unknown no
 flight can be simulated: z is divided by the root of the inflation and the threshold is Bonferroni's
 over the probes, at twice its value.
 """
@@ -32,6 +34,8 @@ from heli3dof.recording.recording import Recording
 
 FALSE_ALARMS = 0.003
 """Of the nulls: the share that may exceed the threshold (extrapolated by the Gumbel law)."""
+DISTRUSTED = 2.0
+"""Inflation of the base fit above which its own flights are no measure of it."""
 EULER = 0.5772156649
 
 
@@ -85,13 +89,14 @@ def simulated_nulls(
         progress(b + 1, flights)
     Z = np.array(z)
     mean, std = Z.mean(axis=0), np.maximum(Z.std(axis=0, ddof=1), 1.0)
+    distrust = float(np.sqrt(found.inflation)) if found.inflation > DISTRUSTED else 1.0
     # Each null against the others, as the recording is against all.
     rest = (Z.sum(axis=0) - Z) / (flights - 1)
     largest = (((Z - rest) / std) ** 2).max(axis=1)
     beta = float(np.sqrt(6) * largest.std(ddof=1) / np.pi)
     mu = float(largest.mean() - EULER * beta)
     threshold = mu - beta * float(np.log(-np.log(1 - FALSE_ALARMS)))
-    return Nulls(mean, std, threshold, mu, beta, flights, "simulated", largest)
+    return Nulls(mean, std * distrust, threshold, mu, beta, flights, "simulated", largest)
 
 
 def formula_nulls(found: Estimate, probes: Sequence[Probe]) -> Nulls:

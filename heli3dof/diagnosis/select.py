@@ -57,7 +57,7 @@ def choose(found: Estimate, seen: Screen, nulls: Nulls, first_score: float | Non
     rows = max(found.problem.data.rows, 2)
     fits = []
     for term, Z2, i in ranked[:FITTED]:
-        if Z2 < 0.1 * ranked[0][1]:
+        if 0.1 * ranked[0][1] > Z2:
             continue
         fit = extended(found, term, seen.probes[i].values, float(seen.amplitude[i]))
         n = len(term.effect.parameters)
