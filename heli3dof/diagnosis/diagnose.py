@@ -80,7 +80,8 @@ def diagnose(
     base = fit_greybox(train, ())
     known = loop_is_known(train)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
-    found, choices = base, []
+    found = base
+    choices: list[Choice] = []
     unseen: tuple[str, ...] = ()
     method = ""
     while len(choices) < MOST:

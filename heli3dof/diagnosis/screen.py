@@ -75,7 +75,7 @@ def traces(found: Estimate, probes: Sequence[Probe], data: Data, at: Pass) -> np
     wanted = {p.term.name: p.term for p in probes if p.term.name not in held}
     wide = Structure(structure.profile, (*structure.terms, *wanted.values()))
     null = np.concatenate([found.values, [f.null for f in wide.free[len(found.values) :]]])
-    where = {}
+    where: dict[str, list[int]] = {}
     for i, f in enumerate(wide.free):
         if f.term is not None:
             where.setdefault(f.term, []).append(i)
