@@ -30,7 +30,7 @@ Says = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """A cause: its term, the fit in which it was taken, and what it gains where it was not fitted."""
+    """A cause: its term, the fit in which it was taken, and what it gains on the test flights."""
 
     choice: Choice
     values: dict[str, tuple[float, float]]
@@ -167,7 +167,8 @@ def _values(found: Estimate, choice: Choice) -> dict[str, tuple[float, float]]:
 def _off_nominal(found: Estimate) -> tuple[str, ...]:
     """Base parameters off by more than the profile's tolerance, surely (two standard deviations).
 
-    None where the fit is not to be trusted (see `nulls`). All in units of K_f: where they are all off together by one factor, K_f is what is off.
+    None where the fit is not to be trusted (see `nulls`).
+    All in units of K_f: where they are all off together by one factor, K_f is what is off.
     """
     if found.inflation > DISTRUSTED:
         return ()

@@ -36,7 +36,10 @@ def document(d: Diagnosis, model: str | None = None) -> dict[str, Any]:
             for a in AXES
         },
         "calibration": calibration,
-        "findings": [_finding(f) for f in d.findings] + [_off(d, n) for n in d.calibration_findings],
+        "findings": [
+            *(_finding(f) for f in d.findings),
+            *(_off(d, n) for n in d.calibration_findings),
+        ],
         "not_identifiable": list(d.not_identifiable),
         "leftover": [],
         "next_experiment": _next(d),
