@@ -20,10 +20,13 @@ MAY_IMPORT = {
     "experiment": {"errors", "axes", "toml_file", "rig", "recording", "model"},
     "identification": {"errors", "axes", "rig", "recording", "model"},
     "comparison": {"errors", "axes", "rig", "recording", "model"},
+    "diagnosis": {
+        "errors", "axes", "rig", "recording", "model", "identification", "comparison",
+    },
     "report": {"errors", "axes", "rig", "recording", "model", "identification", "comparison"},
     "cli": {
         "errors", "axes", "rig", "recording", "model", "experiment", "identification",
-        "comparison", "report",
+        "comparison", "diagnosis", "report",
     },
 }  # fmt: skip
 

@@ -1,0 +1,97 @@
+"""The candidates: every effect on every axis that the base does not hold already, with its probes.
+
+A probe is a set of values of an effect's parameters at which its trace in the innovations is
+looked for. An effect that is a straight multiple of something (friction, a stiffness, a torque)
+needs one, a small one. One that changes its shape with its size or has a second parameter (a lag,
+a limit, a dead zone, a frequency, an instant) needs several.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.model.effects import Term, effects
+
+IN_BASE = ("mass.imbalance", "inertia", "motor.thrust_gain")
+"""The base simulation's own parameters, under other names."""
+SMALL = 0.1
+"""Of the typical size: a probe small enough to be a tangent."""
+FREQUENCIES_HZ = np.geomspace(0.1, 6.0, 8)
+INSTANTS = 8
+CLIPPED = (0.98, 0.92, 0.85, 0.75)
+"""Where a lower limit than the amplifier's is looked for, as a share of the highest voltage."""
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A term at these values of its parameters (in their units); ``size`` is what the amplitude of
+    its trace is measured in: the value of its first parameter away from absent."""
+
+    term: Term
+    values: tuple[float, ...]
+    size: float
+
+    @property
+    def name(self) -> str:
+        return self.term.name
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What the recordings reach: without it some effects have no place to be looked for."""
+
+    highest_V: float
+    duration_s: float
+    frequencies_Hz: tuple[float, ...] = tuple(float(f) for f in FREQUENCIES_HZ)
+
+
+def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[Term]:
+    """Every term that may be added to a base which holds the terms named ``without``.
+
+    ``axes`` are those that were measured.
+    """
+    out = []
+    for effect in effects().values():
+        if effect.name in IN_BASE:
+            continue
+        where: list[str | None] = [a for a in AXES if a in effect.axes and a in axes]
+        if not effect.axes:
+            where = [None]
+        out += [t for t in (Term(effect, a) for a in where) if t.name not in without]
+    return out
+
+
+def probes(term: Term, reach: Reach) -> list[Probe]:
+    """Where to look for a term, the plainest first; see the module."""
+    q = term.effect.parameters
+    null = tuple(p.null for p in q)
+
+    def at(*values: float) -> Probe:
+        full = (*values, *null[len(values) :])
+        return Probe(term, full, full[0] - null[0])
+
+    name = term.effect.name
+    if name == "motor.lag":
+        return [at(v) for v in (0.02, 0.06, 0.15, 0.3)]
+    if name == "motor.delay":
+        return [at(v) for v in (0.004, 0.015, 0.04)]
+    if name == "motor.dead_zone":
+        return [at(v) for v in (0.3, 1.5)]
+    if name == "motor.saturation":
+        return [at(share * reach.highest_V) for share in CLIPPED]
+    if name == "aero.ground_effect":
+        return [at(SMALL * q[0].typical, h) for h in (0.05, 0.1, 0.25)]
+    if name == "mass.change":
+        step = reach.duration_s / (INSTANTS + 1)
+        return [at(SMALL * q[0].typical, step * (i + 1)) for i in range(INSTANTS)]
+    if name == "disturbance.periodic":
+        return [
+            at(SMALL * q[0].typical, f, phase)
+            for f in reach.frequencies_Hz
+            for phase in (0.0, np.pi / 2)
+        ]
+    return [at(null[0] + SMALL * q[0].typical)]

@@ -1,0 +1,109 @@
+"""A closed-loop flight of a fitted rig with its own process noise and encoders, compiled.
+
+What a recording would have looked like had the fitted rig been all there is: the same references,
+extra voltages, controller, sample times and encoder steps, and random accelerations of the fitted
+intensity a (rad/s²/√Hz), over a step h
+
+    Δq̇ = a √h ξ,     Δq = h/2 Δq̇,     ξ ~ N(0, 1)
+
+(the exact pair less a part of a√(h³/12), a thousandth of an encoder step). Effects take part as in
+the filter. It starts at rest at the recording's first angles, on the table where those say so.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from heli3dof.model import kalman
+from heli3dof.model.compiled import compiled
+from heli3dof.model.controller import N_OUT, control_law, parameters, state_at_rest
+from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.model.greybox_fly import true_angles
+from heli3dof.model.greybox_linear import balance
+from heli3dof.model.kalman import aim, readings, setup, step
+from heli3dof.recording.recording import Recording
+
+ON_TABLE_BELOW = math.radians(-15.0)
+_law = compiled(control_law)
+
+
+def _fly(  # type: ignore[no-untyped-def]
+    s, first, address, par, mem, free, x, F, low, p, c, reference, extra, grid0, grid, t, h, kick,
+    angle, voltage,
+):  # fmt: skip
+    setup(s, first, address, par, mem)
+    y, slope, out, force = np.empty(3), np.empty(3), np.empty(N_OUT), np.empty(2)
+    w, decay = np.zeros((8, 3)), np.full(3, -1.0)
+    N = reference.shape[0]
+    target = np.empty((N, 2))
+    for k in range(N):
+        readings(s, x, first, address, par, mem, y, slope)
+        for i in range(3):
+            if grid[i] > 0.0:
+                y[i] = grid0[i] + np.rint((y[i] - grid0[i]) / grid[i]) * grid[i]
+            angle[k, i] = y[i]
+        _law(p, c, y, reference[k], extra[k], out)
+        voltage[k, 0], voltage[k, 1] = out[2], out[3]
+        aim(s, voltage, h, 0, k, first, address, par, mem, force)
+        target[k, 0], target[k, 1] = force[0], force[1]
+        step(s, x, k, t, h, voltage, target, F, first, address, par, mem, free, w, decay)
+        if k + 1 < N:
+            F[k + 1, 0], F[k + 1, 1] = w[7, 0], w[7, 1]
+        for i in range(3):
+            x[3 + i] += kick[k, i]
+            x[i] += 0.5 * h[k] * kick[k, i]
+        if x[0] < low:
+            x[0] = low
+            if x[3] < 0.0:
+                x[3] = 0.0
+
+
+_fly_compiled = compiled(
+    _fly,
+    calls=(control_law, kalman._aim, kalman._readings, kalman._step, *kalman._CALLS),
+    error_model="numpy",
+    nogil=True,
+)
+
+
+def noisy_flight(
+    model: GreyBoxModel, recording: Recording, rng: np.random.Generator, rows: int | None = None
+) -> Recording:
+    """The recording's task flown on the model: the first ``rows`` rows, with other noise.
+
+    Angles lie on the encoders' grid through the recording's first readings. The recording's
+    profile must name a controller and all three axes must be measured; raises ValueError else.
+    """
+    profile = recording.profile
+    if profile.controller is None or len(recording.axes) < 3:
+        raise ValueError("the loop of this recording is unknown")
+    n = len(recording) if rows is None else min(rows, len(recording))
+    part = recording.rows(slice(0, n))
+    t = part.t - part.t[0]
+    h = np.append(np.diff(t), profile.dt)
+    read0 = np.array(part.angle[0])
+    grid = np.abs(profile.encoder.rad_per_count)
+    hooks = model.structure.hooks
+    s, par = model.structure.arrays(model.values)
+    on_table = bool(read0[0] < ON_TABLE_BELOW)
+    x = np.concatenate([true_angles(model, read0), np.zeros(3)])
+    if not on_table:
+        x[:3] += rng.uniform(-0.5, 0.5, 3) * grid
+    F = np.zeros((max(n, 1), 2))
+    if not on_table:
+        F[0] = balance(model, x[:3])
+    p = parameters(profile.controller, profile.motor.V_o, profile.motor.v_max, profile.dt)
+    angle, voltage = np.empty((n, 3)), np.empty((n, 2))
+    kick = rng.standard_normal((n, 3)) * model.noise * np.sqrt(h)[:, None]
+    _fly_compiled(
+        s, hooks.first, hooks.address, par, model.structure.memory, np.ones(3, dtype=bool), x, F,
+        x[0] if on_table else -np.inf, np.array(p),
+        np.array(state_at_rest(p, [float(a) for a in read0])),
+        np.ascontiguousarray(np.nan_to_num(part.reference, nan=0.0)),
+        np.ascontiguousarray(np.nan_to_num(part.voltage_extra, nan=0.0)),
+        read0, grid, t, h, kick, angle, voltage,
+    )  # fmt: skip
+    return replace(part, angle=angle, voltage=voltage)
