@@ -3,7 +3,10 @@
 1. The base: the profile's rigid body, its T_g and inertias refitted.
 2. The screen of every candidate, against simulated nulls of the recordings' own fit.
 3. Causes one by one by full fits (`heli3dof.diagnosis.select`); after each, nulls and screen anew.
-4. What it gains on held-out recordings, against the base refitted; what does not pay is dropped.
+4. What it gains on held-out recordings, against the base refitted.
+
+Work in progress, and no verb yet: integrity checks, the unknown (`leftover`), intervals of the gain
+and dropping what does not pay are still to come, and so is a table of hits and false alarms.
 """
 
 from __future__ import annotations

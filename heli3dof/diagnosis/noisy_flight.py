@@ -17,13 +17,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.model import kalman
+from heli3dof.model import kalman, rotor, stepping
 from heli3dof.model.compiled import compiled
 from heli3dof.model.controller import N_OUT, control_law, parameters, state_at_rest
 from heli3dof.model.greybox import GreyBoxModel
 from heli3dof.model.greybox_fly import true_angles
 from heli3dof.model.greybox_linear import balance
-from heli3dof.model.kalman import aim, readings, setup, step
+from heli3dof.model.rotor import aim
+from heli3dof.model.stepping import readings, setup, step
 from heli3dof.recording.recording import Recording
 
 ON_TABLE_BELOW = math.radians(-15.0)
@@ -63,7 +64,7 @@ def _fly(  # type: ignore[no-untyped-def]
 
 _fly_compiled = compiled(
     _fly,
-    calls=(control_law, kalman._aim, kalman._readings, kalman._step, *kalman._CALLS),
+    calls=(control_law, rotor._aim, stepping._readings, stepping._step, *kalman._CALLS),
     error_model="numpy",
     nogil=True,
 )

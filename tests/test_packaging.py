@@ -1,0 +1,18 @@
+"""The wheel holds every package of the tree."""
+
+from __future__ import annotations
+
+import tomllib
+
+from tests.paths import ROOT
+
+
+def test_every_package_of_the_tree_stands_in_pyproject() -> None:
+    data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    mapped = {v: k for k, v in data["tool"]["setuptools"]["package-dir"].items()}
+    found = set()
+    for top in ("heli3dof", *mapped):
+        for init in (ROOT / top).rglob("__init__.py"):
+            parts = init.parent.relative_to(ROOT).parts
+            found.add(".".join([mapped.get(parts[0], parts[0]), *parts[1:]]))
+    assert set(data["tool"]["setuptools"]["packages"]) == found
