@@ -56,4 +56,5 @@ def log_likelihood(model: GreyBoxModel, recordings: Sequence[Recording]) -> floa
     """Σ ln Z of the recordings under the model as it stands."""
     runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
     problem = Likelihood(data_of(recordings, runs), model.structure)
-    return float(problem.run(problem.coordinates(model.values), model.noise, keep=0).loglik.sum())
+    noise = np.append(model.noise, model.jitter_s)
+    return float(problem.run(problem.coordinates(model.values), noise, keep=0).loglik.sum())
