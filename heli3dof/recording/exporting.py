@@ -18,7 +18,7 @@ from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.recording.container import to_json
 from heli3dof.recording.csv_log import write_csv
-from heli3dof.recording.output import check_output, new_file
+from heli3dof.recording.output import check_output, write_file
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.table import ANGLES, VOLTAGES
 
@@ -49,11 +49,7 @@ def export(recording: Recording, path: str | Path, *, force: bool = False) -> Pa
             cause=f"a typing error; {did_you_mean(ending, FORMATS)}",
             fix=f"-o {path.stem}.csv (or {', '.join(FORMATS[1:])})",
         )
-    with new_file(path, force=force) as stream:
-        left = memoryview(data)
-        while left:
-            left = left[stream.write(left) :]
-    return path
+    return write_file(path, data, force=force)
 
 
 def contract_columns(recording: Recording) -> dict[str, np.ndarray]:

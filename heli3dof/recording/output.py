@@ -63,6 +63,15 @@ def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
             part.unlink(missing_ok=True)
 
 
+def write_file(path: str | Path, data: bytes, *, force: bool = False) -> Path:
+    """Write a whole file at once, as `new_file` does, and return its path."""
+    with new_file(path, force=force) as stream:
+        left = memoryview(data)
+        while left:
+            left = left[stream.write(left) :]
+    return Path(path)
+
+
 @contextlib.contextmanager
 def explained(path: Path) -> Iterator[None]:
     """Turn the system's errors about ``path`` into ours."""

@@ -17,7 +17,7 @@ from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING, Any
 
-from heli3dof.errors import OutputExists
+from heli3dof.recording.output import write_file
 from heli3dof.report.grid import Grid, to_html
 from heli3dof.report.style import to_svg
 
@@ -185,12 +185,5 @@ def page(title: str, subtitle: str, sections: Iterable[Section], *, footer: str 
 def write_page(text: str, path: str | Path, *, force: bool = False) -> Path:
     """Write the document. Raises OutputExists unless ``force``."""
     path = Path(path)
-    if path.exists() and not force:
-        raise OutputExists(
-            f"{path} exists and is not overwritten.",
-            cause="an earlier report has this name.",
-            fix="give another --output, or --force",
-        )
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
+    return write_file(path, text.encode("utf-8"), force=force)

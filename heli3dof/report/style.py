@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from heli3dof.errors import OutputExists, UsageError
+from heli3dof.errors import UsageError
+from heli3dof.recording.output import check_output, write_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -140,12 +141,7 @@ def save(figure: Figure, path: str | Path, *, force: bool = False) -> Path:
             cause="figures are SVG or PNG.",
             fix=f"use {path.with_suffix('.svg').name} or {path.with_suffix('.png').name}",
         )
-    if path.exists() and not force:
-        raise OutputExists(
-            f"{path} exists and is not overwritten.",
-            cause="an earlier comparison wrote it.",
-            fix="give another --output, or --force",
-        )
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(to_svg(figure).encode("utf-8") if path.suffix == ".svg" else to_png(figure))
-    return path
+    check_output(path, force=force)  # before the figure is drawn, which takes a while
+    data = to_svg(figure).encode("utf-8") if path.suffix == ".svg" else to_png(figure)
+    return write_file(path, data, force=force)
