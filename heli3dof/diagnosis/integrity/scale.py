@@ -6,11 +6,15 @@ If an encoder reads k times its angle and the thrust is K times the profile's, t
     g_r = K k_r          g_p = K k_p          g_ψ = K k_ψ / k_p
 
 **Counts.** The wrong number of edges gives k = 2 or 4, or their inverses. Each axis and k is
-compared with no k at all, all with K common and free, by χ² = Σ (log g − …)² / σ² +
-(log K / σ_K)² + (log K h / σ_K)²; σ = `SCATTER` allows for lag, friction, inertia and an unequal
-thrust curve, σ_K = `SPREAD` for the thrust gain and the counterweight. J_roll and J_yaw are of the same masses, so that one of the two is off by a factor is
-no inertia. The best is named when it beats all else by `MARGIN`; a rig whose pitch answers half as
-strongly because it is half as heavy is told by its yaw.
+compared with no k at all, all with K common and free, by
+
+    χ² = Σ (log g − log K − …)² / σ² + (log K)² / σ_K² + (log K h)² / σ_K²
+
+σ = `SCATTER` allows for lag, friction, inertia and an unequal thrust curve, σ_K = `SPREAD` for the
+thrust gain and the counterweight. Roll's factor is tried by reading roll anew, since its angle is
+in every equation. J_roll and J_yaw are of the same masses, so that one of the two is off by a
+factor is no inertia; pitch's factor must show in yaw too, or it may be friction, play or inertia.
+The best is named when it beats all else by `MARGIN`.
 
 **Amplifier.** T_g is fixed by V_o. If the amplifier multiplies by K what the log says, every answer
 is K and the hover voltage is h = 1/K. So K h = 1 with K off by more than `ANOTHER_RIG` is the
@@ -35,6 +39,8 @@ from heli3dof.recording.units import counts_seen
 
 GOOD, PRECISE = 0.7, 0.08
 """R² and relative standard deviation of an answer whose size is believed."""
+DRIVEN = (0.04, 0.1, 0.02)
+"""rad/s² by axis: an axis pushed less than this is at the mercy of friction and play."""
 SCATTER, SPREAD = 0.2, 0.35
 MARGIN, FITS = 5.0, 6.0
 UNSUSPECTED = 2.5
@@ -49,7 +55,10 @@ def believed(answers: dict[str, Response]) -> dict[str, Response]:
     return {
         a: x
         for a, x in answers.items()
-        if x.gain > 0 and x.explained > GOOD and x.std < PRECISE * x.gain
+        if x.gain > 0
+        and x.explained > GOOD
+        and x.std < PRECISE * x.gain
+        and x.drive > DRIVEN[AXES.index(a)]
     }
 
 
@@ -77,7 +86,7 @@ def counts(view: View) -> Iterable[Fault]:
         return
     tried = {("", 1.0): (plain, good)}
     if len(good) > 1:
-        for axis in [a for a in good if a != "roll"]:
+        for axis in [a for a in good if a == "yaw" or (a == "pitch" and "yaw" in good)]:
             for k in FACTORS:
                 fit = misfit(_logs(good), {axis: float(np.log(k))}, view.hover_ratio)
                 tried[axis, k] = fit, good
