@@ -17,7 +17,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from heli3dof.axes import AXES, ROLL
+from heli3dof.axes import AXES, PITCH, ROLL
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.diagnosis.integrity.response import driven, inertias
 from heli3dof.diagnosis.integrity.view import View
@@ -27,7 +27,8 @@ SMOOTH_S = 0.5
 HOLDS_NM = np.array([0.4, 0.04, 0.2])
 """A real rig's roll was seen to stick for 1.3 s at a turning point, against ± 0.25 N·m."""
 RISEN = np.radians(25.0)
-LEFT_OUT = ("unread", "stop", "motors_off", "ramp_down")
+LEFT_OUT = ("unread", "motors_off", "ramp_down")
+STOP_BEYOND = np.radians(25.0)
 TABLE_BELOW = np.radians(-15.0)
 
 
@@ -96,6 +97,8 @@ def _why(
 ) -> tuple[int, int, str] | None:
     r = view.recording
     q = float(r.angle[a, i])
+    if (i == ROLL and q > STOP_BEYOND) or (i == PITCH and abs(q) > STOP_BEYOND):
+        return None
     on_table = i == ROLL and q < TABLE_BELOW and q <= np.nanmin(r.angle[:, ROLL]) + 1e-9
     if on_table:
         T_g = 2 * r.profile.geometry.L_a * r.profile.motor.K_f * r.profile.motor.V_o

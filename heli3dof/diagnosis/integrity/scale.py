@@ -39,7 +39,7 @@ from heli3dof.recording.units import counts_seen
 
 GOOD, PRECISE = 0.7, 0.08
 """R² and relative standard deviation of an answer whose size is believed."""
-DRIVEN = (0.04, 0.1, 0.02)
+DRIVEN = (0.04, 0.1, 0.015)
 """rad/s² by axis: an axis pushed less than this is at the mercy of friction and play."""
 SCATTER, SPREAD = 0.2, 0.35
 MARGIN, FITS = 5.0, 6.0

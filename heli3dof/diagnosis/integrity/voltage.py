@@ -43,7 +43,8 @@ def limit(view: View) -> Iterable[Fault]:
     top = float(np.nanmax(np.abs(v)))
     if top > BEYOND * v_max:
         beyond = float((np.abs(v) > BEYOND * v_max).any(axis=1).mean())
-        percent = abs(top - 100) < 0.5
+        h = view.hover_ratio
+        percent = top < 100.5 and h is not None and 0.8 < h * v_max / 100 < 1.25
         yield Fault(
             "voltage.limit", Kind.BAD_DATA, r.name,
             f"{r.name}: the voltage reaches {top:.4g} V and is beyond the profile's ±{v_max:.4g} V "
