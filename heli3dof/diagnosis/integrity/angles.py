@@ -12,6 +12,7 @@ import numpy as np
 
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, refused
+from heli3dof.diagnosis.integrity.jump import FEW, leaps
 from heli3dof.diagnosis.integrity.view import View
 from heli3dof.errors import RecordingError
 from heli3dof.recording import units
@@ -22,6 +23,8 @@ def angles(view: View) -> Iterable[Fault]:
     if view.read.sum() < 20:
         return
     for i in view.measured:
+        if 0 < len(leaps(view, i)[1]) <= FEW:
+            continue  # a jump looks like motion that no voltage explains, whatever the unit
         found = [*unit(view, i)]
         yield from found or grid(view, i)
 

@@ -21,6 +21,8 @@ OFF, WORTH_SAYING = 0.02, 0.002
 """Share by which the rate may differ from the profile's, and from which on it is said."""
 DEVICE_OFF = 0.005
 REPEATED = 0.02
+NEAR = 51
+"""Rows around one in which the voltage must change now and then."""
 
 
 def clock(view: View) -> Iterable[Fault]:
@@ -112,13 +114,13 @@ def repeated(view: View) -> Iterable[Fault]:
     the same; a constant voltage (open loop) says nothing here.
     """
     r = view.recording
-    if len(r) < 20:
+    if len(r) < 2 * NEAR:
         return
     same = (np.diff(r.voltage, axis=0) == 0).all(axis=1)
     same &= ((np.diff(r.angle, axis=0) == 0) | np.isnan(r.angle[1:])).all(axis=1)
     told = ~view.clipped[1:] & (np.abs(r.voltage[1:]) > 1e-9).any(axis=1)
     changes = (np.diff(r.voltage, axis=0) != 0).any(axis=1)
-    told &= np.convolve(changes.astype(float), np.ones(51), "same") > 5
+    told &= np.convolve(changes.astype(float), np.ones(NEAR), "same") > NEAR / 10
     if told.sum() < 100:
         return
     share = float((same & told).sum() / told.sum())

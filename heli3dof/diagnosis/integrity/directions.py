@@ -8,6 +8,7 @@ u_r ∝ S, u_p ∝ D, u_ψ ∝ −sin p S:
     front and back swapped   g_p < 0 and g_ψ > 0     (D changes its sign, the thrust's tilt not)
     yaw's sign wrong         g_p > 0 and g_ψ < 0
     voltages' sign wrong     the rig hovers on negative voltage (h < 0); all three turn round
+    V_o's sign wrong         h < 0, and nothing turns round
 
 A sign counts when the answer is `SURE` standard deviations from zero, explains half the motion,
 and the voltages push at all. A recording that drives an axis with nothing but noise cannot tell;
@@ -44,12 +45,18 @@ def directions(view: View) -> Iterable[Fault]:
     s = {a: sign(view.responses.get(a)) for a in AXES}
     if h is not None and h < -0.3:
         V_o = r.profile.motor.V_o
+        pushed = s["roll"] >= 0 and s["pitch"] >= 0
         yield _fault(
             view, "voltage.sign", None,
             f"{r.name}: the rig flies on {h * V_o:.3g} V per motor; the profile says {V_o:.3g} V.",
-            "the voltages are logged with the wrong sign.", "change the sign of both voltages",
+            "the profile's V_o has the wrong sign: every axis answers its voltages the right way "
+            "(the paper's Table I gives T_g the wrong sign)."
+            if pushed
+            else "the voltages are logged with the wrong sign.",
+            f"set motor.V_o = {h * V_o:.3g}" if pushed else "change the sign of both voltages",
         )  # fmt: skip
-        s = {a: -x for a, x in s.items()}
+        if not pushed:
+            s = {a: -x for a, x in s.items()}
     roll = _roll(view, s["roll"])
     if roll:
         yield _fault(

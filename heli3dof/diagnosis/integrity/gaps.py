@@ -24,7 +24,9 @@ def gaps(view: View) -> Iterable[Fault]:
         return
     missing = np.diff(view.ticks.number) - 1
     sizes = [int(n) for n in missing[missing > 0]]
-    unread = int((~view.read).sum())
+    columns = np.column_stack([r.voltage, r.angle])
+    logged = columns[:, np.isfinite(columns).any(axis=0)]
+    unread = int((~np.isfinite(logged)).any(axis=1).sum())
     lost = view.ticks.lost + unread
     if lost <= 0:
         return

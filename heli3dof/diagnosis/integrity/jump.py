@@ -19,25 +19,34 @@ from heli3dof.diagnosis.integrity.view import View
 COUNTS = 16
 ANGLE = np.radians(1.5)
 RATE = np.radians(600.0)
+FEW = 20
+"""More jumps than this may be another unit."""
 WRAP = np.radians(5.0)
+
+
+def leaps(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
+    """(N − 1,) rad, by how much each sample of axis i leaves its neighbours' motion, and the
+    indices of those that do so by more than any arm could."""
+    r = view.recording
+    change = np.diff(r.angle[:, i])
+    n = np.maximum(np.diff(view.ticks.number), 1)
+    d = np.where(np.isfinite(change), change, 0.0) / n
+    if len(d) < 5:
+        return np.zeros_like(d), np.empty(0, dtype=np.int64)
+    around = np.empty_like(d)
+    around[1:-1] = 0.5 * (d[2:] + d[:-2])
+    around[0], around[-1] = d[1], d[-2]
+    # A spike's neighbours are its own return: take whichever is nearer.
+    off = np.minimum(np.abs(d - around), np.abs(d)) * n
+    least = max(COUNTS * abs(float(r.profile.encoder.rad_per_count[i])), ANGLE, RATE * r.dt)
+    return off, np.flatnonzero(off > least)
 
 
 def jumps(view: View) -> Iterable[Fault]:
     r = view.recording
-    n = np.maximum(np.diff(view.ticks.number), 1)
     for i in view.measured:
-        q = r.angle[:, i]
-        change = np.diff(q)
-        d = np.where(np.isfinite(change), change, 0.0) / n
-        if len(d) < 5:
-            continue
-        around = np.empty_like(d)
-        around[1:-1] = 0.5 * (d[2:] + d[:-2])
-        around[0], around[-1] = d[1], d[-2]
-        # A spike's neighbours are its own return: take whichever is nearer.
-        off = np.minimum(np.abs(d - around), np.abs(d)) * n
-        least = max(COUNTS * abs(float(r.profile.encoder.rad_per_count[i])), ANGLE, RATE * r.dt)
-        at = np.flatnonzero(off > least)
+        change = np.diff(r.angle[:, i])
+        off, at = leaps(view, i)
         if not len(at):
             continue
         k = int(at[np.argmax(off[at])])

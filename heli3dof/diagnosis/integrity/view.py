@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +20,7 @@ class View:
     """Lazy quantities of one recording; N samples."""
 
     def __init__(self, recording: Recording) -> None:
-        self.recording = recording
+        self.recording = _finite(recording)
 
     @cached_property
     def measured(self) -> list[int]:
@@ -77,3 +78,14 @@ class View:
     def responses(self) -> dict[str, Response]:
         """Axis → how it answers the voltages, where it was measured and driven."""
         return responses(self.recording, self.airborne, self.ticks.number, self.ticks.period_s)
+
+
+def _finite(r: Recording) -> Recording:
+    """Infinity is no reading either: NaN in its place."""
+    if not (np.isinf(r.angle).any() or np.isinf(r.voltage).any()):
+        return r
+    return replace(
+        r,
+        angle=np.where(np.isinf(r.angle), np.nan, r.angle),
+        voltage=np.where(np.isinf(r.voltage), np.nan, r.voltage),
+    )

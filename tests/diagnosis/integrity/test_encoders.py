@@ -67,6 +67,14 @@ def test_voltages_with_the_wrong_sign() -> None:
     assert only(with_voltage(flight(), -1)).check == "voltage.sign"
 
 
+def test_a_profile_s_hover_voltage_with_the_wrong_sign() -> None:
+    r = flight()
+    motor = r.profile.motor.model_copy(update={"V_o": -r.profile.motor.V_o})
+    fault = only(replace(r, profile=r.profile.model_copy(update={"motor": motor})))
+    assert fault.check == "voltage.sign"
+    assert fault.fix.startswith("set motor.V_o = 7.4")
+
+
 @pytest.mark.parametrize("plan", ["rich", "steps"])
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("k", [0.25, 0.5, 2.0, 4.0])

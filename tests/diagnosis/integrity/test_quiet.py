@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import heli3dof as h3
+from heli3dof.axes import AXES, MOTORS
 from heli3dof.diagnosis.integrity import Kind, checks, integrity
 from tests.diagnosis.integrity.flights import flight, names
 from tests.paths import REAL_DATA, needs_real_data
@@ -55,6 +60,29 @@ def test_a_minute_at_500_hz_takes_less_than_half_a_second() -> None:
         integrity(r)
         took.append(time.process_time() - start)
     assert min(took) < 0.5
+
+
+@given(
+    first=st.integers(0, 16_000), rows=st.integers(0, 3000),
+    missing=st.lists(st.sampled_from(["roll", "pitch", "yaw", "front", "back"]), max_size=4),
+    bad=st.sampled_from([np.nan, np.inf, 0.0]),
+)  # fmt: skip
+@settings(max_examples=40)
+def test_no_scrap_of_a_recording_makes_a_check_stumble(
+    first: int, rows: int, missing: list[str], bad: float
+) -> None:
+    r = flight("run-step").rows(slice(first, first + rows))
+    angle, voltage = r.angle.copy(), r.voltage.copy()
+    for name in missing:
+        if name in AXES:
+            angle[:, AXES.index(name)] = np.nan
+        else:
+            voltage[:, MOTORS.index(name)] = bad
+    angle[::700] = bad
+    for fault in integrity(replace(r, angle=angle, voltage=voltage)):
+        assert fault.kind in Kind.ORDER
+        assert fault.sentence
+        assert fault.fix
 
 
 def test_every_check_says_what_it_tells() -> None:
