@@ -50,6 +50,7 @@ def diagnose(
     from heli3dof.cli.loading import load_all
     from heli3dof.diagnosis.diagnose import diagnose as find
     from heli3dof.diagnosis.document import document as to_document
+    from heli3dof.diagnosis.next_experiment import next_of
     from heli3dof.errors import UsageError
     from heli3dof.model.modelfile import save_model
     from heli3dof.recording.output import check_output
@@ -70,7 +71,9 @@ def diagnose(
     with saying(talk) as says:
         found = find(train, test or None, quick=quick, seed=seed, says=says)
         save_model(found.model, path, force=force)
-    document = to_document(found, str(path))
+        says("Simulating what to fly next …")
+        upcoming = None if quick else next_of(found, seed=seed)
+    document = to_document(found, str(path), upcoming)
     for each in diagnosis_tables(document):
         talk.show(to_rich(each) if isinstance(each, Grid) else each)
     talk.note(f"Model: {path}")
