@@ -1,9 +1,10 @@
 """Which plan to fly next: the one whose simulated outcome tells the tied causes apart soonest.
 
-Each tied cause i is taken for the truth in turn, at the size that the recordings give it. Every
-plan is flown on that truth in closed loop, with its process noise and encoders, and the flight is
+Each tied cause i is taken for the truth in turn, at the size that its own fit gives it. Every plan
+is flown on that truth in closed loop, with its process noise and encoders, and the flight is
 screened for all of them from the base fit (`heli3dof.diagnosis.screen`): with z_j the score of
-cause j, other parameters of the base refitted to first order,
+cause j, other parameters of the base refitted to first order, less what it is on the same flight of
+the base alone (what quantisation and feedback fake),
 
     margin_i = z_i² − max_{j≠i} z_j²,      margin = min_i margin_i,      rank by margin / duration
 
@@ -20,16 +21,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.catalogue import Probe, Reach, probes
+from heli3dof.diagnosis.catalogue import Probe, probes
+from heli3dof.diagnosis.corrected import in_threads, look
 from heli3dof.diagnosis.diagnose import Diagnosis
 from heli3dof.diagnosis.noisy_flight import noisy_flight
-from heli3dof.diagnosis.screen import Screen, screen
-from heli3dof.diagnosis.select import TIE
+from heli3dof.diagnosis.screen import Screen
+from heli3dof.diagnosis.select import TIE, Contender
 from heli3dof.errors import CheckFailed, UsageError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.experiment.simulate import simulate
@@ -45,10 +46,39 @@ from heli3dof.rig.profile import Profile
 
 MOST = 4
 """Tied causes that are simulated; a tie of more is told by its first ones."""
-SEEN = 2.0
-"""|z| below which the recordings' size of a cause is worthless, and the catalogue's is taken"""
 HOPELESS = 0.5
 """Certainty below which no plan is promised to settle it."""
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A term at these values of its parameters (in their units)."""
+
+    term: Term
+    values: tuple[float, ...]
+
+    @classmethod
+    def fitted(cls, contender: Contender) -> Cause:
+        """At the size that its own fit gives it."""
+        every = contender.problem.values(contender.optimum.theta)
+        n = len(contender.term.effect.parameters)
+        return cls(contender.term, tuple(float(v) for v in every[-n:]))
+
+    @classmethod
+    def typical(cls, name: str) -> Cause:
+        """At the catalogue's size, on the side of absence that is possible. Raises UsageError."""
+        t = term(name)
+        first, *rest = t.effect.parameters
+        size = first.typical if first.null + first.typical < first.high else -first.typical
+        size = size if first.log else first.null + size
+        size = size if first.start is None else first.start
+        return cls(t, (size, *(p.typical for p in rest)))
+
+    @property
+    def probe(self) -> Probe:
+        """Where it is, beside where a search would look for it."""
+        first = self.term.effect.parameters[0]
+        return Probe(self.term, self.values, self.values[0] - first.null)
 
 
 @dataclass(frozen=True)
@@ -78,40 +108,33 @@ class NextExperiment:
 
 def recommend(
     base: Estimate,
-    names: Sequence[str],
+    causes: Sequence[Cause],
     *,
     plans: Sequence[str] | None = None,
     seed: int = 0,
-    typical: bool = False,
 ) -> NextExperiment:
-    """The plan that tells the causes ``names`` apart, all of them absent from ``base``.
+    """The plan that tells the causes apart, all of them absent from ``base``.
 
-    With ``typical`` the causes are simulated at their catalogue's size instead of the one that the
-    recordings give: for what these could not show. Plans that leave the envelope on any of the
-    truths are left out. Raises UsageError for an unknown name, or where no plan can be flown.
+    Plans that leave the envelope on any of the truths are left out. Raises UsageError where no
+    plan can be flown.
     """
-    rivals = [term(n) for n in names][:MOST]
-    looked = [probes(t, _reach(base)) for t in rivals]
-    seen = None if typical else screen(base, [p for group in looked for p in group])
-    sizes = [_typical(t) if seen is None else _size(t, seen) for t in rivals]
-    truths = [_truth(base, t, v) for t, v in zip(rivals, sizes, strict=True)]
-    # Each cause is looked for at the size that it has, too, not only where a search would look.
-    for group, t, v in zip(looked, rivals, sizes, strict=True):
-        group.append(Probe(t, v, v[0] - t.effect.parameters[0].null))
-    profile = base.structure.profile.with_controller()
+    causes = list(causes)[:MOST]
+    names = [c.term.name for c in causes]
+    V = base.problem.data.V
+    looked = [[*probes(c.term, V), c.probe] for c in causes]
     flown = [load_plan(p) for p in (named_plans() if plans is None else plans)]
-    jobs = [(plan, i) for plan in flown for i in range(len(truths))]
-    with ThreadPoolExecutor(max_workers=2) as pool:
-        margins = list(
-            pool.map(lambda job: _margin(base, profile, job[0], truths, looked, job[1], seed), jobs)
-        )
+    profile = base.structure.profile.with_controller()
+    worlds = [_world(base, c) for c in (None, *causes)]
+    jobs = [(plan, world) for plan in flown for world in worlds]
+    every = in_threads(lambda j: _scores(base, profile, *jobs[j], looked, seed), len(jobs))
     outlooks = []
     for k, plan in enumerate(flown):
-        mine = margins[k * len(truths) : (k + 1) * len(truths)]
-        if None not in mine:
-            m = tuple(float(x) for x in mine if x is not None)
-            sure = float(np.mean([_chance(x) for x in m]))
-            outlooks.append(Outlook(plan.name, plan.duration_s, m, sure))
+        nothing, *seen = every[k * len(worlds) : (k + 1) * len(worlds)]
+        if nothing is None or any(z is None for z in seen):
+            continue
+        margins = _margins([z - nothing for z in seen if z is not None], looked)
+        sure = float(np.mean([_chance(m) for m in margins]))
+        outlooks.append(Outlook(plan.name, plan.duration_s, margins, sure))
     if not outlooks:
         raise UsageError(
             f"No plan can be flown to separate {', '.join(names)}.",
@@ -132,16 +155,17 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
     """
     if found.verdict == "bad_data":
         return None
-    base = found.base
+    base: Estimate = found.base
     try:
         for finding in found.findings:
-            choice = finding.choice
-            if choice.tied_with:
-                return recommend(base, [choice.term.name, *choice.tied_with], seed=seed)
-            base = choice.fit
+            best, *others = finding.choice.contenders
+            if finding.choice.tied_with:
+                tied = [c for c in others if c.term.name in finding.choice.tied_with]
+                return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
+            base = Estimate(best.problem, best.optimum)
         if found.findings or not found.not_identifiable:
             return None
-        return recommend(found.base, found.not_identifiable[:1], seed=seed, typical=True)
+        return recommend(base, [Cause.typical(found.not_identifiable[0])], seed=seed)
     except UsageError:
         return None
 
@@ -171,37 +195,43 @@ def _chance(margin: float) -> float:
     return 0.5 * (1 + math.erf((margin - TIE) / (2 * math.sqrt(2 * margin))))
 
 
-def _margin(
+def _scores(
     base: Estimate,
     profile: Profile,
     plan: Plan,
-    truths: Sequence[GreyBoxModel],
+    world: GreyBoxModel,
     looked: Sequence[Sequence[Probe]],
-    i: int,
     seed: int,
-) -> float | None:
-    """Of truth ``i`` over the others on a flight of the plan; None where it cannot be flown."""
-    flight = _flight(profile, plan, truths[i], seed)
-    if flight is None:
+) -> np.ndarray | None:
+    """(P,) z of every probe on a flight of the plan in that world; None where none can be flown."""
+    flight = _flight(profile, plan, world, seed)
+    runs = [] if flight is None else usable_runs(flight, 0)
+    if flight is None or not runs:
         return None
-    runs = usable_runs(flight, 0)
-    if not runs:
-        return None
-    seen = screen(base, [p for group in looked for p in group], data_of([flight], runs))
-    Z2, at = [], 0
-    for group in looked:
-        Z2.append(float(np.max(seen.z[at : at + len(group)] ** 2)))
-        at += len(group)
-    return Z2[i] - max((z for j, z in enumerate(Z2) if j != i), default=0.0)
+    problem = replace(base.problem, data=data_of([flight], runs))
+    o = base.optimum
+    here = look(problem, o.theta, o.noise, whole=False)
+    probes = [p for group in looked for p in group]
+    return Screen(problem, o.theta, here, probes).see(here, prior=False).z
 
 
-def _flight(profile: Profile, plan: Plan, truth: GreyBoxModel, seed: int) -> Recording | None:
-    """The plan flown on the truth with its noise; None where it is refused or would trip."""
+def _margins(seen: Sequence[np.ndarray], looked: Sequence[Sequence[Probe]]) -> tuple[float, ...]:
+    """Of each truth over the others, from the scores (P,) of each truth's flight."""
+    ends = np.cumsum([len(group) for group in looked])[:-1]
+    out = []
+    for i, z in enumerate(seen):
+        best = [float(part.max()) for part in np.split(z**2, ends)]
+        out.append(best[i] - max((b for j, b in enumerate(best) if j != i), default=0.0))
+    return tuple(out)
+
+
+def _flight(profile: Profile, plan: Plan, world: GreyBoxModel, seed: int) -> Recording | None:
+    """The plan flown in that world with its noise; None where it is refused or would trip."""
     try:
-        calm = simulate(plan, truth, profile=profile, seed=seed)
+        calm = simulate(plan, world, profile=profile, seed=seed)
     except (UsageError, CheckFailed):
         return None
-    flight = noisy_flight(truth, calm, np.random.default_rng([seed, 5]))
+    flight = noisy_flight(world, calm, np.random.default_rng([seed, 5]))
     return flight if _inside(flight, profile) else None
 
 
@@ -213,38 +243,13 @@ def _inside(flight: Recording, profile: Profile) -> bool:
     return all(envelope.check(0.0, a, still, volts, volts) is None for a in every.tolist())
 
 
-def _reach(base: Estimate) -> Reach:
-    data = base.problem.data
-    return Reach(float(np.nanmax(np.abs(data.V))), float(data.t[-1] - data.t[0]))
-
-
-def _size(t: Term, seen: Screen) -> tuple[float, ...]:
-    """The term's values as the screen of the recordings' best probe gives them."""
-    best = max(
-        (k for k, p in enumerate(seen.probes) if p.name == t.name), key=lambda k: abs(seen.z[k])
-    )
-    _, *rest = seen.probes[best].values
-    first = t.effect.parameters[0]
-    size = first.null + float(np.clip(seen.amplitude[best], -3 * first.typical, 3 * first.typical))
-    if not (first.low < size < first.high and abs(seen.z[best]) > SEEN):
-        return (_typical(t)[0], *rest)
-    return (size, *rest)
-
-
-def _typical(t: Term) -> tuple[float, ...]:
-    """The catalogue's size, which lies on the side of absence that is possible."""
-    first, *rest = t.effect.parameters
-    if first.start is not None:
-        return (first.start, *(p.typical for p in rest))
-    size = first.typical if first.null + first.typical < first.high else -first.typical
-    return (size if first.log else first.null + size, *(p.typical for p in rest))
-
-
-def _truth(base: Estimate, t: Term, values: Sequence[float]) -> GreyBoxModel:
-    structure = Structure(base.structure.profile, (*base.structure.terms, t))
-    n = len(structure.free)
+def _world(base: Estimate, cause: Cause | None) -> GreyBoxModel:
+    """The base with the cause in it; the base alone for None."""
+    new = () if cause is None else (cause.term,)
+    structure = Structure(base.structure.profile, (*base.structure.terms, *new))
+    values = np.concatenate([base.values, () if cause is None else cause.values])
     return GreyBoxModel(
-        t.name, structure.profile, tuple(x.name for x in structure.terms),
-        np.concatenate([base.values, values]), base.optimum.noise[:3], np.full((n, n), np.nan),
+        "world", structure.profile, tuple(t.name for t in structure.terms), values,
+        base.optimum.noise[:3], np.full((len(values), len(values)), np.nan),
         jitter_s=float(base.optimum.noise[3]),
     )  # fmt: skip
