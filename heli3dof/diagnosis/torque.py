@@ -1,0 +1,129 @@
+"""Residual torque: what the fitted rig lacks, in N·m, instant by instant, and what it may follow.
+
+The filter drives each axis with white acceleration of intensity a²; what it finds there, given
+all of the flight, is the smoother's estimate (Bryson and Frazier's form)
+
+    d̂_k = a²/h ∂ ln L/∂q̈_k  (rad/s²),        τ̂_k = B_k⁻¹ d̂_k  (N·m),   B = M(q)⁻¹
+
+with the gradient of one backward pass (`heli3dof.diagnosis.torque_passes`). Slower than the filter
+(some Hz) it is unbiased; what is faster is damped, as nothing can be seen there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.likelihood import Likelihood, Pass
+from heli3dof.model.filtering import Data
+
+UNITS = {
+    "roll": "°", "pitch": "°", "yaw": "°",
+    "roll_rate": "°/s", "pitch_rate": "°/s", "yaw_rate": "°/s",
+    "voltage_front": "V", "voltage_back": "V", "voltage_sum": "V", "voltage_difference": "V",
+    "voltage_product": "V²", "time": "s",
+    "roll*pitch": "rad²", "roll*pitch_rate": "rad²/s", "pitch*roll_rate": "rad²/s",
+    "roll_rate*pitch_rate": "rad²/s²", "roll_rate*yaw_rate": "rad²/s²",
+    "pitch_rate*yaw_rate": "rad²/s²", "pitch*voltage_sum": "rad V", "roll*voltage_sum": "rad V",
+}  # fmt: skip
+"""What a torque may depend on, and the unit in which people read it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trail:
+    """A flight as the fitted rig's filter saw it, linearised along the way; N rows, E events."""
+
+    data: Data
+    at: Pass
+    A: np.ndarray
+    """(N, 3, 6) ∂q̈/∂(q, q̇)"""
+    B: np.ndarray
+    """(N, 3, 3) ∂q̈/∂τ, 1/(kg·m²)"""
+    slope: np.ndarray
+    """(N, 3) ∂reading/∂angle"""
+    noise: np.ndarray
+    """(4,) as `Optimum.noise`"""
+
+    @property
+    def X(self) -> np.ndarray:
+        """(N, 6) rad, rad/s"""
+        assert self.at.X is not None
+        return np.asarray(self.at.X[:, :6])
+
+    @cached_property
+    def flown(self) -> np.ndarray:
+        """(N,) bool: rows of a run, with a row after them."""
+        out = np.zeros(len(self.data.t), dtype=bool)
+        for _, start, stop in self.data.blocks:
+            out[start : stop - 1] = True
+        return out
+
+    @cached_property
+    def gradients(self) -> tuple[np.ndarray, np.ndarray]:
+        """(ν, μ), each (N, 3): ∂ ln L/∂τ_k and ∂ ln L/∂q̈_k."""
+        from heli3dof.diagnosis.torque_passes import gradient
+
+        d, at = self.data, self.at
+        nu, mu = np.zeros_like(self.slope), np.zeros_like(self.slope)
+        gradient(
+            d.blocks, d.h, self.A, self.B, self.slope, at.row, at.state, at.g, at.w, at.K, nu, mu
+        )
+        return nu, mu
+
+    @cached_property
+    def torque(self) -> np.ndarray:
+        """(N, 3) N·m, the residual torque; NaN outside the runs and on axes that do not move."""
+        _, mu = self.gradients
+        d = mu * self.noise[:3] ** 2 / self.data.h[:, None]
+        out = np.full_like(d, np.nan)
+        rows = self.flown
+        moves = np.zeros((len(d), 3), dtype=bool)
+        for free, (_, start, stop) in zip(self.data.free, self.data.blocks, strict=True):
+            moves[start:stop] = free
+        # An axis that is held has a row of zeros in B.
+        B = self.B[rows] + np.where(moves[rows], 0.0, 1.0)[:, :, None] * np.eye(3)
+        out[rows] = np.linalg.solve(B, d[rows][:, :, None])[:, :, 0]
+        out[~moves] = np.nan
+        return np.asarray(out)
+
+    def variable(self, name: str) -> np.ndarray:
+        """(N,) one of `UNITS`, in rad, rad/s, V, s; a product is written with ``*``."""
+        if "*" in name:
+            one, other = name.split("*")
+            return np.asarray(self.variable(one) * self.variable(other))
+        front, back = self.data.V.T
+        r, p, psi, r_dot, p_dot, psi_dot = self.X.T
+        table = {
+            "roll": r, "pitch": p, "yaw": psi,
+            "roll_rate": r_dot, "pitch_rate": p_dot, "yaw_rate": psi_dot,
+            "voltage_front": front, "voltage_back": back,
+            "voltage_sum": front + back, "voltage_difference": front - back,
+            "voltage_product": front * back, "time": self.data.t,
+        }  # fmt: skip
+        return np.asarray(table[name])
+
+
+def trail(found: Estimate, data: Data | None = None) -> Trail:
+    """The flight through the fitted rig's filter: the recordings' own, or other ``data``."""
+    problem = found.problem if data is None else replace(found.problem, data=data)
+    return trail_at(problem, found.optimum.theta, found.optimum.noise)
+
+
+def trail_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> Trail:
+    """The same at any point: θ (n,) coordinates, ``noise`` (4,)."""
+    from heli3dof.diagnosis.torque_passes import linear
+
+    at = problem.run(theta, noise, keep=2)
+    assert at.X is not None
+    d, hooks = problem.data, problem.structure.hooks
+    s, par = problem.structure.arrays(problem.values(theta))
+    N = len(d.t)
+    A, B, slope = np.zeros((N, 3, 6)), np.zeros((N, 3, 3)), np.ones((N, 3))
+    linear(
+        s, hooks.first, hooks.address, par, problem.structure.memory, d.blocks, d.free, d.t, d.h,
+        d.V, at.X, A, B, slope,
+    )  # fmt: skip
+    return Trail(d, at, A, B, slope, np.asarray(noise))
