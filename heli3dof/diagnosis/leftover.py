@@ -17,12 +17,13 @@ and the rest looked at again.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.leftover_like import LIKE, likeness
 from heli3dof.diagnosis.leftover_nulls import Scored, blockwise, simulated
 from heli3dof.diagnosis.nulls import EULER, FALSE_ALARMS, loop_is_known
 from heli3dof.diagnosis.torque import Trail, trail
@@ -90,8 +91,12 @@ def leftover(
         best, new = next(((q, d) for q, d in described if d.share > LEAST_SHARE), (-1, None))
         if new is None:
             break
-        out.append(new)
-        held = held.wider(flight, library, judged, best, null)
+        columns = np.arange(len(sums.u))[library.columns(best)]
+        D = forward(library, flight, held.tangents, columns).traces
+        trace = np.array([torque for _, torque in new.table]) @ D
+        name, cos = likeness(found, flight.at, trace, held.tangents, held.A)
+        out.append(replace(new, like=f"{name}-like" if cos > LIKE else None))
+        held = held.wider(flight, D, judged.directions[best], columns, null)
     return tuple(out)
 
 
@@ -122,13 +127,10 @@ class Held:
         )
 
     def wider(
-        self, flight: Trail, library: Hats, judged: Judged, group: int, null: Scored | None
+        self, flight: Trail, D: np.ndarray, P: np.ndarray, columns: np.ndarray, null: Scored | None
     ) -> Held:
-        """With one group's informed directions as well."""
-        columns = library.columns(group)
-        kept = forward(library, flight, self.tangents, np.arange(columns.start, columns.stop))
-        P = judged.directions[group]
-        D = P.T @ kept.traces
+        """With one group as well: its traces D (KNOTS, E), in the directions P (KNOTS, rank)."""
+        D = P.T @ D
         stacked = np.vstack([self.tangents, D])
         cross = (self.tangents * flight.at.w) @ D.T
         own = (D * flight.at.w) @ D.T
