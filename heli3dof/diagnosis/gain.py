@@ -39,6 +39,19 @@ class Interval:
 
 
 @dataclass(frozen=True, eq=False)
+class Course:
+    """Predictions `HORIZON_S` ahead at S instants, beside what was measured then."""
+
+    t: np.ndarray
+    """(S,) s, on the recording's clock"""
+    source: np.ndarray
+    """(S,) which recording"""
+    measured: np.ndarray
+    predicted: np.ndarray
+    """(S, 3) rad"""
+
+
+@dataclass(frozen=True, eq=False)
 class HeldOut:
     """A fit on rows that it has not seen: m cells of `CELL_S`."""
 
@@ -54,6 +67,7 @@ class HeldOut:
     """(m,) which recording"""
     on: str
     """"holdout" or "blocks left out\""""
+    course: Course
 
     @property
     def rmse_deg(self) -> dict[str, float | None]:

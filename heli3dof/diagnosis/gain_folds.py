@@ -14,12 +14,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from heli3dof.diagnosis.ahead import ahead, of_rows
-from heli3dof.diagnosis.gain import CELL_S, HORIZON_S, HeldOut
+from heli3dof.diagnosis.gain import CELL_S, HORIZON_S, Course, HeldOut
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.fit import maximise
 from heli3dof.identification.greybox.likelihood import Likelihood, score_and_information
@@ -41,24 +41,21 @@ def on_holdout(found: Estimate, recordings: Sequence[Recording]) -> HeldOut:
     problem = Likelihood(data_of(recordings, runs), found.structure)
     o = found.optimum
     inside = np.ones(len(problem.data.t), dtype=bool)
-    return _cells(problem.data, "holdout", _evaluate(problem, o.theta, o.noise, inside))
+    return _cells(problem.data, "holdout", [_evaluate(problem, o.theta, o.noise, inside)])
 
 
 def on_blocks(found: Estimate, blocks: int = BLOCKS) -> HeldOut:
     """The fit made again without each block, on that block."""
     d = found.problem.data
-    cuts = _cuts(d, blocks)
 
-    def one(rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def one(rows: tuple[int, int]) -> Seen:
         theta, noise = _refitted(found, rows)
         inside = np.zeros(len(d.t), dtype=bool)
         inside[rows[0] : rows[1]] = True
         return _evaluate(found.problem, theta, noise, inside)
 
     with ThreadPoolExecutor(THREADS) as pool:
-        parts = list(pool.map(one, cuts))
-    loglik, squares, counts = (np.sum(x, axis=0) for x in zip(*parts, strict=True))
-    return _cells(d, "blocks left out", (loglik, squares, counts))
+        return _cells(d, "blocks left out", list(pool.map(one, _cuts(d, blocks))))
 
 
 def held_out(found: Estimate, holdout: Sequence[Recording]) -> HeldOut:
@@ -107,10 +104,21 @@ def _refitted(found: Estimate, rows: tuple[int, int]) -> tuple[np.ndarray, np.nd
     return best.theta, best.noise
 
 
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """What a fit says of some rows: nothing of the others."""
+
+    loglik: np.ndarray
+    """(N,) ln Z of each row; 0 outside"""
+    ends: np.ndarray
+    """(S,) the rows in which predictions end"""
+    errors: np.ndarray
+    """(S, 3) rad; NaN where not wholly inside"""
+
+
 def _evaluate(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, inside: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(Σ ln Z (N,), Σ e² (N, 3), how many (N, 3)) by the row they belong to, where ``inside``."""
+) -> Seen:
     d = problem.data
     X = problem.run(theta, noise, keep=3).X
     assert X is not None
@@ -122,20 +130,14 @@ def _evaluate(
         total = float(so_far[-1])
     loglik[~inside] = 0.0
     e = ahead(problem, theta, X, (HORIZON_S,))
-    end = e.starts + round(HORIZON_S / float(np.median(d.h)))
-    there = np.isfinite(e.errors[:, 0])
-    ends = np.minimum(end, len(d.t) - 1)
-    there &= (inside[e.starts] & inside[ends])[:, None]
-    squares, counts = np.zeros((len(d.t), 3)), np.zeros((len(d.t), 3))
-    for i in range(3):
-        of = there[:, i]
-        np.add.at(squares[:, i], ends[of], e.errors[of, 0, i] ** 2)
-        np.add.at(counts[:, i], ends[of], 1.0)
-    return loglik, squares, counts
+    n = round(HORIZON_S / float(np.median(d.h)))
+    ends = np.minimum(e.starts + n, len(d.t) - 1)
+    whole = inside[e.starts] & inside[ends]
+    return Seen(loglik, ends, np.where(whole[:, None], e.errors[:, 0], np.nan))
 
 
-def _cells(d: Data, on: str, rows: tuple[np.ndarray, np.ndarray, np.ndarray]) -> HeldOut:
-    """Rows gathered into cells of `CELL_S`; cells do not cross runs, the short last one joins."""
+def _cells(d: Data, on: str, parts: Sequence[Seen]) -> HeldOut:
+    """Rows gathered into cells of about `CELL_S` that do not cross runs."""
     which = np.full(len(d.t), -1, dtype=np.int64)
     starts: list[float] = []
     source: list[int] = []
@@ -147,17 +149,25 @@ def _cells(d: Data, on: str, rows: tuple[np.ndarray, np.ndarray, np.ndarray]) ->
         starts += d.t[first].tolist()
         source += [run.source] * n
     m = len(starts)
-    there = which >= 0
-    loglik, squares, counts = rows
-
-    def total(x: np.ndarray) -> np.ndarray:
-        return np.asarray(np.bincount(which[there], x[there], m))
-
+    loglik = np.sum([p.loglik for p in parts], axis=0)
+    ends = parts[0].ends
+    errors = parts[0].errors
+    for p in parts[1:]:
+        errors = np.where(np.isfinite(errors), errors, p.errors)
+    squares, counts = np.zeros((m, 3)), np.zeros((m, 3))
+    for i in range(3):
+        there = np.isfinite(errors[:, i])
+        cell = which[ends[there]]
+        squares[:, i] = np.bincount(cell, errors[there, i] ** 2, m)
+        counts[:, i] = np.bincount(cell, minlength=m)
+    flown = which >= 0
+    sources = np.array(source, dtype=np.int64)
     return HeldOut(
-        total(loglik),
-        np.column_stack([total(squares[:, i]) for i in range(3)]),
-        np.column_stack([total(counts[:, i]) for i in range(3)]),
+        np.bincount(which[flown], loglik[flown], m),
+        squares,
+        counts,
         np.array(starts),
-        np.array(source, dtype=np.int64),
+        sources,
         on,
+        Course(d.t[ends], sources[which[ends]], d.y[ends], d.y[ends] - errors),
     )

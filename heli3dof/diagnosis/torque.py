@@ -44,6 +44,8 @@ class Trail:
     """(N, 3, 3) ∂q̈/∂τ, 1/(kg·m²)"""
     slope: np.ndarray
     """(N, 3) ∂reading/∂angle"""
+    q_ddot: np.ndarray
+    """(N, 3) rad/s², the rig's own acceleration"""
     noise: np.ndarray
     """(4,) as `Optimum.noise`"""
 
@@ -79,13 +81,17 @@ class Trail:
         _, mu = self.gradients
         d = mu * self.noise[:3] ** 2 / self.data.h[:, None]
         out = np.full_like(d, np.nan)
-        rows = self.flown
-        moves = np.zeros((len(d), 3), dtype=bool)
+        out[self.flown] = self.as_torque(d)[self.flown]
+        return np.asarray(out)
+
+    def as_torque(self, q_ddot: np.ndarray) -> np.ndarray:
+        """(N, 3) N·m that accelerate so, rad/s² (N, 3); NaN on an axis that is held."""
+        moves = np.zeros((len(q_ddot), 3), dtype=bool)
         for free, (_, start, stop) in zip(self.data.free, self.data.blocks, strict=True):
             moves[start:stop] = free
         # An axis that is held has a row of zeros in B.
-        B = self.B[rows] + np.where(moves[rows], 0.0, 1.0)[:, :, None] * np.eye(3)
-        out[rows] = np.linalg.solve(B, d[rows][:, :, None])[:, :, 0]
+        B = self.B + np.where(moves, 0.0, 1.0)[:, :, None] * np.eye(3)
+        out = np.linalg.solve(B, q_ddot[:, :, None])[:, :, 0]
         out[~moves] = np.nan
         return np.asarray(out)
 
@@ -114,16 +120,25 @@ def trail(found: Estimate, data: Data | None = None) -> Trail:
 
 def trail_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> Trail:
     """The same at any point: θ (n,) coordinates, ``noise`` (4,)."""
-    from heli3dof.diagnosis.torque_passes import linear
-
     at = problem.run(theta, noise, keep=2)
     assert at.X is not None
+    A, B, slope, q_ddot = along(problem, theta, at.X)
+    return Trail(problem.data, at, A, B, slope, q_ddot, np.asarray(noise))
+
+
+def along(
+    problem: Likelihood, theta: np.ndarray, X: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A, B, slope and q̈ of a rig at θ (n,) coordinates that goes through the states X (N, 6)."""
+    from heli3dof.diagnosis.torque_passes import linear
+
     d, hooks = problem.data, problem.structure.hooks
     s, par = problem.structure.arrays(problem.values(theta))
     N = len(d.t)
-    A, B, slope = np.zeros((N, 3, 6)), np.zeros((N, 3, 3)), np.ones((N, 3))
+    A, B = np.zeros((N, 3, 6)), np.zeros((N, 3, 3))
+    slope, q_ddot = np.ones((N, 3)), np.zeros((N, 3))
     linear(
         s, hooks.first, hooks.address, par, problem.structure.memory, d.blocks, d.free, d.t, d.h,
-        d.V, at.X, A, B, slope,
+        d.V, X, A, B, slope, q_ddot,
     )  # fmt: skip
-    return Trail(d, at, A, B, slope, np.asarray(noise))
+    return A, B, slope, q_ddot

@@ -30,9 +30,9 @@ DIFFERENCE = 1e-5
 
 
 def _linear(  # type: ignore[no-untyped-def]
-    s0, first, address, par, mem0, blocks, free, t, h, V, X, A, B, slope
+    s0, first, address, par, mem0, blocks, free, t, h, V, X, A, B, slope, q_ddot
 ):  # fmt: skip
-    """A (N, 3, 6), B (N, 3, 3) and the readings' slope (N, 3) along the states X (N, 6)."""
+    """A (N, 3, 6), B (N, 3, 3), the readings' slope and q̈ (N, 3) along the states X (N, 6)."""
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
     w, m = np.zeros((4, 3)), np.empty(3)
@@ -54,6 +54,7 @@ def _linear(  # type: ignore[no-untyped-def]
             s[F_FRONT], s[F_BACK] = now[k, 0], now[k, 1]
             accelerations(s, first, address, par, mem, axes, w[0], w[1], w[2])
             for i in range(3):
+                q_ddot[k, i] = w[2, i]
                 w[1, i] += 1.0
                 body_accelerations(s, w[0], w[1], axes, w[3])
                 w[1, i] -= 1.0

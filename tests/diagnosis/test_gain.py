@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.ahead import covariance_floor_deg, floor_deg, model_ahead
-from heli3dof.diagnosis.gain import HeldOut, gain, pays
+from heli3dof.diagnosis.gain import Course, HeldOut, gain, pays
 from heli3dof.diagnosis.gain_folds import PURGE_S, on_blocks, on_holdout, training
 from heli3dof.diagnosis.gain_replay import replayed
 from heli3dof.diagnosis.how_wrong import how_wrong
@@ -48,9 +48,9 @@ def cells(loglik: list[float], errors_rad: list[float]) -> HeldOut:
     m = len(loglik)
     squares = np.repeat(np.array(errors_rad)[:, None] ** 2, 3, axis=1)
     counts = np.ones((m, 3))
-    return HeldOut(
-        np.array(loglik), squares, counts, 2.0 * np.arange(m), np.zeros(m, dtype=int), "holdout"
-    )
+    none = Course(np.zeros(0), np.zeros(0, dtype=int), np.zeros((0, 3)), np.zeros((0, 3)))
+    start_s, source = 2.0 * np.arange(m), np.zeros(m, dtype=int)
+    return HeldOut(np.array(loglik), squares, counts, start_s, source, "holdout", none)
 
 
 def test_the_gain_is_the_difference_of_the_two_and_its_interval_holds_it() -> None:
