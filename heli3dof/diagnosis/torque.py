@@ -24,12 +24,14 @@ UNITS = {
     "roll": "°", "pitch": "°", "yaw": "°",
     "roll_rate": "°/s", "pitch_rate": "°/s", "yaw_rate": "°/s",
     "voltage_front": "V", "voltage_back": "V", "voltage_sum": "V", "voltage_difference": "V",
-    "voltage_product": "V²", "time": "s",
+    "voltage_product": "V²", "voltage_sum_slope": "V/s", "voltage_difference_slope": "V/s",
+    "time": "s",
     "roll*pitch": "rad²", "roll*pitch_rate": "rad²/s", "pitch*roll_rate": "rad²/s",
     "roll_rate*pitch_rate": "rad²/s²", "roll_rate*yaw_rate": "rad²/s²",
     "pitch_rate*yaw_rate": "rad²/s²", "pitch*voltage_sum": "rad V", "roll*voltage_sum": "rad V",
 }  # fmt: skip
 """What a torque may depend on, and the unit in which people read it."""
+SLOPE_S = 0.04
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +110,22 @@ class Trail:
             "voltage_front": front, "voltage_back": back,
             "voltage_sum": front + back, "voltage_difference": front - back,
             "voltage_product": front * back, "time": self.data.t,
+            "voltage_sum_slope": self.slope_of(front + back),
+            "voltage_difference_slope": self.slope_of(front - back),
         }  # fmt: skip
         return np.asarray(table[name])
+
+    def slope_of(self, x: np.ndarray) -> np.ndarray:
+        """(N,) of x per second, over `SLOPE_S` about each row; runs are kept apart."""
+        out = np.zeros(len(x))
+        for first, _, stop in self.data.blocks:
+            t = self.data.t[first:stop]
+            n = max(1, round(0.5 * SLOPE_S / float(np.median(self.data.h[first:stop]))))
+            ahead = np.minimum(np.arange(stop - first) + n, stop - first - 1)
+            behind = np.maximum(np.arange(stop - first) - n, 0)
+            v = x[first:stop]
+            out[first:stop] = (v[ahead] - v[behind]) / np.maximum(t[ahead] - t[behind], 1e-9)
+        return out
 
 
 def trail(found: Estimate, data: Data | None = None) -> Trail:

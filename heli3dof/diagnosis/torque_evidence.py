@@ -31,8 +31,7 @@ DEPENDS_ON = {
     "friction.coulomb": "{axis}_rate", "friction.viscous": "{axis}_rate",
     "drag.quadratic": "{axis}_rate", "stiffness.pendulum": "{axis}", "stiffness.cable": "yaw",
     "bias.torque": "time", "inertia": "{axis}", "mass.imbalance": "roll", "mass.change": "time",
-    "motor.lag": "voltage_difference", "motor.delay": "voltage_difference",
-    "motor.spin_up": "voltage_difference", "motor.dead_zone": "voltage_sum",
+    "motor.spin_up": "voltage_difference_slope", "motor.dead_zone": "voltage_sum",
     "motor.thrust_curve": "voltage_sum", "motor.rotor_curve": "voltage_sum",
     "motor.thrust_gain": "voltage_sum", "motor.thrust_mismatch": "voltage_sum",
     "motor.saturation": "voltage_sum", "motor.supply_sag": "voltage_sum",
@@ -41,6 +40,8 @@ DEPENDS_ON = {
     "disturbance.periodic": "time",
 }  # fmt: skip
 """Effect → the variable it is seen in, where the effect itself does not say (``evidence``)."""
+LATE = {"motor.lag": "voltage_difference_slope", "motor.delay": "voltage_difference_slope"}
+"""What comes late is no function of the voltage: τ K_f dV/dt is what is missing meanwhile."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ def variable_of(effect: Effect, axis: str | None) -> str | None:
     """One of `UNITS`; None for an effect that is no torque (encoders, timing)."""
     if Stage.MEASURE in effect.hooks:
         return None
-    said = getattr(effect, "evidence", None) or DEPENDS_ON.get(effect.name)
+    said = LATE.get(effect.name) or getattr(effect, "evidence", "") or DEPENDS_ON.get(effect.name)
     if not isinstance(said, str) or not said:
         return None
     name = said.replace("{axis}", axis or "roll")
@@ -90,8 +91,8 @@ def evidence(found: Estimate, term: Term, noise: np.ndarray) -> Evidence | None:
     flight = trail_at(lacking, theta, noise)
     with_it = along(found.problem, found.optimum.theta, flight.X)[3]
     cause = flight.as_torque(with_it - flight.q_ddot)
-    i = AXES.index(term.axis) if term.axis is not None else _clearest(flight, cause)
     z = flight.variable(name)
+    i = AXES.index(term.axis) if term.axis is not None else _clearest(flight, cause, z)
     unit = UNITS[name]
     frequency = given.get(f"{term.name}.frequency_Hz")
     if name == "time" and frequency:
@@ -113,19 +114,28 @@ def leftover_evidence(found: Estimate, rest: Leftover) -> Evidence:
     unit = UNITS[rest.depends_on]
     z = _read(flight.variable(rest.depends_on), unit)[rows]
     knots, torque = np.array(rest.table).T
-    name = rest.like or f"{rest.axis} torque from {rest.depends_on}"
+    name = rest.like or f"a {rest.axis} torque without a name"
     return Evidence(
         name, rest.axis, rest.depends_on, unit,
         *_binned(z, flight.torque[rows, i], flight.data.h[rows], BINS), _read(knots, unit), torque,
     )  # fmt: skip
 
 
-def _clearest(flight: Trail, cause: np.ndarray) -> int:
-    """The axis on which the cause is largest against what is there."""
-    rows = flight.flown
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.nanstd(cause[rows], axis=0) / np.nanstd(flight.torque[rows], axis=0)
-    return int(np.nanargmax(ratio))
+def _clearest(flight: Trail, cause: np.ndarray, z: np.ndarray) -> int:
+    """The axis on which the cause's bins stand out most from the error bars, its mean apart.
+
+    A constant is what the base's trim takes.
+    """
+    clear = np.zeros(3)
+    for i in range(3):
+        rows = flight.flown & np.isfinite(flight.torque[:, i])
+        if rows.any():
+            h = flight.data.h[rows]
+            _, mean, _ = _binned(z[rows], cause[rows, i], h, BINS)
+            _, _, std = _binned(z[rows], flight.torque[rows, i], h, BINS)
+            weight = 1 / np.maximum(std, 1e-12) ** 2
+            clear[i] = np.sum(weight * (mean - np.average(mean, weights=weight)) ** 2)
+    return int(np.argmax(clear))
 
 
 def _binned(

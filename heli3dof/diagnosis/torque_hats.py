@@ -16,8 +16,8 @@ from heli3dof.diagnosis.torque import UNITS, Trail
 
 KNOTS = 9
 EDGE = 0.005
-LEAST = {"°": 0.005, "°/s": 0.02, "V": 0.2, "V²": 1.0, "s": 2.0}
-"""rad, rad/s, V, V², s: a variable that moves less than this is no variable."""
+LEAST = {"°": 0.005, "°/s": 0.02, "V": 0.2, "V²": 1.0, "V/s": 2.0, "s": 2.0}
+"""rad, rad/s, V, V², V/s, s: a variable that moves less than this is no variable."""
 LEAST_PRODUCT = 1e-3
 
 

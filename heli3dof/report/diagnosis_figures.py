@@ -51,10 +51,7 @@ def evidence_figure(e: Evidence) -> Figure:
         axes.set_ylabel(f"residual {e.axis} torque (N·m)")
         axes.legend(loc="best", fontsize=8.5)
         headline(figure, f"{e.name}, as it is seen", height)
-        said = (
-            f"What the model without it lacks on {e.axis}, averaged in bins of "
-            f"{_words(e.depends_on)}; bars: one standard error"
-        )
+        said = "What the model lacks without it, averaged in bins; bars: one standard error"
         figure.text(0.015, 1 - 0.46 / height, plain(said), fontsize=8.5, color=SOFT, va="center")
     return figure
 
