@@ -42,8 +42,9 @@ class Verdict:
 
     ``first``: the first finding is a hidden cause. ``told``: it is, or its tie holds one.
     ``both``: every hidden cause is among the findings (or their ties). ``exact``: and nothing
-    else is. ``wrong``: names asserted that are not hidden. ``alarm``: anything said where there
-    is nothing to say. ``axis``: the first leftover names an axis that something acts on.
+    else is. ``wrong``: names asserted that are not hidden. ``said``: a finding, an unknown rest,
+    bad data; ``alarm``: that, where there is nothing to say. ``axis``: the first leftover
+    names an axis that something hidden acts on.
     """
 
     first: bool
@@ -53,6 +54,7 @@ class Verdict:
     tied: bool
     asserted: int
     wrong: tuple[str, ...]
+    said: bool
     alarm: bool
     axis: bool
     rated: bool
@@ -85,6 +87,7 @@ def judge(document: Mapping[str, Any], truth: Truth) -> Verdict:
     leftover = document["leftover"]
     matched = _matching(truth.names, meant)
     axes = {axis_of(n) for n in hidden}
+    anything = bool(said or leftover) or document["verdict"] not in QUIET
     return Verdict(
         first=bool(said) and said[0] in right and bool(hidden),
         told=bool(meant) and bool(meant[0] & right) and bool(hidden),
@@ -93,7 +96,8 @@ def judge(document: Mapping[str, Any], truth: Truth) -> Verdict:
         tied=any(f["tied_with"] for f in findings),
         asserted=len(asserted),
         wrong=tuple(n for n in asserted if n not in right),
-        alarm=not hidden and (bool(said or leftover) or document["verdict"] not in QUIET),
+        said=anything,
+        alarm=anything and not hidden,
         axis=bool(leftover) and leftover[0]["axis"] in axes,
         rated=not UNRATED & hidden,
         numbers=tuple(_numbers(findings, truth)),
@@ -126,7 +130,7 @@ def _numbers(findings: Sequence[Mapping[str, Any]], truth: Truth) -> list[Number
             if parameter not in f["parameters"]:
                 continue
             found = f["parameters"][parameter]
-            value, std = float(found["value"]), float(found["std"])
+            value, std = (float("nan" if found[k] is None else found[k]) for k in ("value", "std"))
             if name.startswith("disturbance.periodic") and parameter == "torque_Nm":
                 value = abs(value)  # −τ sin is τ sin half a period later
             null = 0.0 if parameter in FROM_ZERO else EFFECTS[name].null

@@ -22,29 +22,29 @@ from pathlib import Path
 from typing import Any
 
 from tests.hidden.cases import CLASSES, blind, draw, fly, truth_of
+from tests.hidden.tools import FLIES, TOOLS
 from tests.paths import ROOT
 
 FOLDER = ROOT / "bench-out" / "hidden"
-HIDING = ("sizes.py", "cases.py")
 Line = dict[str, Any]
 
 
-def key(quick: bool) -> str:
+def key(tool: str) -> str:
     """Of everything that a result depends on."""
-    h = hashlib.sha256(b"quick" if quick else b"whole")
-    here = Path(__file__).parent
-    files = [*(ROOT / "heli3dof").rglob("*.py"), *(ROOT / "heli3dof").rglob("*.toml")]
-    for path in sorted([*files, *(ROOT / "drivers").rglob("*.py"), *(here / n for n in HIDING)]):
-        h.update(str(path.relative_to(ROOT)).encode())
-        h.update(path.read_bytes())
-    return h.hexdigest()[:16]
+    h = hashlib.sha256(tool.encode())
+    paths = [ROOT / p for p in {*FLIES, *TOOLS[tool].code}]
+    files = {
+        f for p in paths for f in (p.rglob("*") if p.is_dir() else [p])
+        if f.suffix in (".py", ".toml", ".txt")
+    }  # fmt: skip
+    for f in sorted(files):
+        h.update(str(f.relative_to(ROOT)).encode())
+        h.update(f.read_bytes())
+    return f"{tool}-{h.hexdigest()[:16]}"
 
 
-def one(group: str, seed: int, quick: bool) -> Line:
-    """Fly a case and diagnose it; what goes wrong is a line as well."""
-    from heli3dof.diagnosis.diagnose import diagnose
-    from heli3dof.diagnosis.document import document
-
+def one(group: str, seed: int, tool: str) -> Line:
+    """Fly a case and ask the tool; what goes wrong is a line as well."""
     case = draw(group, seed)
     line: Line = {
         "case": case.name, "group": group, "seed": seed, "device": case.device,
@@ -53,11 +53,11 @@ def one(group: str, seed: int, quick: bool) -> Line:
     flight = fly(case)
     if flight.outcome.ending != "completed":
         return {**line, "not_flown": f"{flight.outcome.ending}: {flight.outcome.detail}"}
-    line["truth"] = asdict(truth_of(case, flight.recording))
+    line["truth"] = json.loads(json.dumps(asdict(truth_of(case, flight.recording))))
     recording = blind(flight.recording)
     wall, cpu = time.perf_counter(), time.process_time()
     try:
-        line["document"] = json.loads(json.dumps(document(diagnose(recording, quick=quick))))
+        line["document"] = TOOLS[tool].ask(recording)
     except Exception as error:  # a crash is a result of the bench, not its end
         line["error"] = f"{type(error).__name__}: {error}"
         line["traceback"] = traceback.format_exc()
@@ -89,10 +89,10 @@ def wanted(first: int, share: float, only: Iterable[str] = ()) -> list[tuple[str
 
 
 def run(
-    jobs: Iterable[tuple[str, int]], path: Path, *, quick: bool, processes: int
+    jobs: Iterable[tuple[str, int]], tool: str, *, processes: int, folder: Path = FOLDER
 ) -> Mapping[str, Line]:
     """Do what is not done; returns case → line of all jobs."""
-    jobs = list(jobs)
+    jobs, path = list(jobs), folder / f"{key(tool)}.jsonl"
     path.parent.mkdir(parents=True, exist_ok=True)
     _mend(path)
     done = {line["case"]: line for line in lines(path)}
@@ -103,7 +103,7 @@ def run(
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     with path.open("a", encoding="utf-8") as out, ProcessPoolExecutor(processes) as pool:
-        futures = [pool.submit(one, g, s, quick) for g, s in todo]
+        futures = [pool.submit(one, g, s, tool) for g, s in todo]
         try:
             for n, future in enumerate(as_completed(futures), 1):
                 line = future.result()
@@ -143,7 +143,7 @@ def arguments() -> argparse.Namespace:
     p.add_argument("--first", type=int, default=1000, help="first seed (below 1000: final tables)")
     p.add_argument("--share", type=float, default=1.0, help="of each class's number of cases")
     p.add_argument("--only", nargs="*", default=[], choices=list(CLASSES), metavar="CLASS")
-    p.add_argument("--quick", action="store_true", help="fewer simulated nulls")
+    p.add_argument("--tool", default="whole", choices=list(TOOLS))
     p.add_argument("--processes", type=int, default=os.cpu_count() or 1)
     return p.parse_args()
 
@@ -152,8 +152,7 @@ def main() -> None:
     from tests.hidden.tally import summary
 
     a = arguments()
-    path = FOLDER / f"{key(a.quick)}.jsonl"
-    done = run(wanted(a.first, a.share, a.only), path, quick=a.quick, processes=a.processes)
+    done = run(wanted(a.first, a.share, a.only), a.tool, processes=a.processes)
     print(summary(list(done.values())))
 
 

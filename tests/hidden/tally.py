@@ -125,6 +125,8 @@ def rates(all_cases: Sequence[Judged]) -> list[Rate]:
                 lambda v: v.told) for g in single),
         count(of("rich-medium", "rich-large"), "and nothing else, rich plan, medium and large",
               lambda v: v.exact),
+        count(of("rich-medium", "rich-large"), "something said, rich plan, medium and large",
+              lambda v: v.said),
         Rate("parameter errors within 5 %", sum(n.error <= 0.05 for n in rated), len(rated)),
         Rate("diagnoses that failed", faults, len(cases), 0.0, at_most=True),
         Rate("flights that did not reach their end (left out)", len(all_cases) - len(cases),
