@@ -171,7 +171,7 @@ def _first(j: Judged) -> str:
     document = j.line["document"]
     said = names(document)
     if not said:
-        axes = [a["axis"] for a in document["leftover"]]
+        axes = [str(a["axis"] or "no axis") for a in document["leftover"]]
         return f"unknown on {'/'.join(axes)}" if axes else str(document["verdict"])
     tie = " (tied)" if document["findings"][0]["tied_with"] else ""
     return " + ".join(said) + tie

@@ -69,10 +69,14 @@ def residuals(recording: Recording) -> Document:
 
 
 def pysindy(recording: Recording) -> Document:
-    """In a process of its own, in the peers' environment."""
+    """The flight without take-off and landing, in a process of the peers' environment."""
+    from heli3dof.identification.prepare import prepare
     from tests.bench.peers import flights
     from tests.bench.peers.interface import Task, write_task
 
+    usable = prepare([recording], held_out=[recording]).train
+    run = max(usable, key=lambda r: r.stop - r.start)
+    recording = recording.rows(slice(run.start, run.stop))
     task = Task(
         recording.t, recording.voltage, recording.angle, flights.nominal(), flights.known(),
         np.abs(recording.profile.encoder.rad_per_count), np.ones(3),
@@ -94,7 +98,8 @@ TOOLS = {
     "quick": Tool("**heli3dof diagnose --quick**", quick, ("heli3dof",)),
     "pysindy": Tool(
         "PySINDy, discrepancy recipe", pysindy,
-        ("tests/bench/peers/pysindy_discrepancy.py", "tests/bench/peers/rigid.py",
+        ("heli3dof/identification/prepare.py", "tests/bench/peers/pysindy_discrepancy.py",
+         "tests/bench/peers/rigid.py",
          "constraints-peers.txt"),
     ),
     "residuals": Tool(

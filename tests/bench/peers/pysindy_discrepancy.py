@@ -11,10 +11,12 @@ differences (``SmoothedFiniteDifference``), columns normalised, and the threshol
 sparsest model within one standard error of the best in cross-validation over blocks of time.
 
 Kindnesses: what the base itself may be off by (an inertia's q̈, gravity's torque, the thrust
-gain) is in the library and is no finding; effects with one column for each of several axes need
-only one of them. Columns are named by our catalogue's names; lag and delay are one column, and so
-are pitch offset and reaction torque. Timing, backlash, limits, mass changes and periodic torques
-of unknown frequency have no column: the recipe has no place for them.
+gain) is in the library and is no finding; an effect on several axes needs its column on one of
+them. Columns that are nearly one another's multiples (thrust curve, supply sag and dead zone; lag
+and delay; pitch offset and reaction torque; Coulomb friction and backlash) are one column, which
+is then named as a tie: with all of them in, every flight had large opposite coefficients. Timing,
+limits, mass changes and periodic torques of unknown frequency have no column: the recipe has no
+place for them.
 """
 
 from __future__ import annotations
@@ -42,6 +44,13 @@ BASE = "base"
 AXES = ("roll", "pitch", "yaw")
 LAG_S, STICK_RAD_S, HEIGHT_M, REST_RAD = 0.03, 0.01, 0.1, np.radians(-27.5)
 
+ONE_COLUMN = {
+    "motor.thrust_curve": ["motor.supply_sag", "motor.dead_zone"],
+    "motor.lag": ["motor.delay"],
+    "aero.reaction_torque": ["encoder.offset.pitch"],
+    **{f"friction.coulomb.{axis}": [f"encoder.backlash.{axis}"] for axis in AXES},
+}
+
 Library = tuple[list[str], np.ndarray]
 
 
@@ -52,12 +61,14 @@ def motion(task: Task) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     window = 2 * round(WINDOW_S / task.dt / 2) + 1
     difference = ps.SmoothedFiniteDifference(smoother_kws={"window_length": window})
     rate = np.asarray(difference(task.angle, task.t))
-    angle = np.asarray(difference.smoothed_x_)
     acceleration = np.asarray(difference(rate, task.t))
+    # Accelerations went through the filter twice: so does everything beside them.
+    rate, angle = smoothed(rate, window), smoothed(smoothed(task.angle, window), window)
+    voltage = smoothed(smoothed(task.voltage, window), window)
     flying = np.flatnonzero(task.angle[:, 0] > TAKEN_OFF_RAD)
     edge = round(EDGE_S / task.dt)
     rows = slice(flying[0] + edge, flying[-1] - edge, EVERY)
-    return angle[rows], rate[rows], acceleration[rows], smoothed(task.voltage, window)[rows]
+    return angle[rows], rate[rows], acceleration[rows], voltage[rows]
 
 
 def smoothed(x: np.ndarray, window: int) -> np.ndarray:
@@ -102,34 +113,36 @@ def library(
     height = L_a * (np.sin(r) - np.sin(REST_RAD))
     v_n = L_a * w[:, 0]
     H = V.sum(axis=1)
-    shared = {
-        f"{BASE}.gain": by_thrust(V),
-        "motor.lag": by_thrust(-LAG_S * V_dot),
-        "motor.thrust_curve": by_thrust(V * np.abs(V) / abs(V_o) - V),
-        "motor.supply_sag": by_thrust(-V * np.abs(V).sum(axis=1, keepdims=True)),
-        "motor.dead_zone": by_thrust(-np.sign(V)),
-        "motor.thrust_mismatch": by_thrust(0.5 * V * np.array([1.0, -1.0])),
-        "aero.ground_effect": by_thrust(V * np.exp(-height / HEIGHT_M)[:, None]),
-        "aero.inflow": by_thrust(-V * v_n[:, None]),
-        "aero.reaction_torque": [F * np.sin(p), 0 * p, F * np.cos(r) * np.cos(p)],
-        "aero.gyroscopic": [-H * np.cos(p) * w[:, 1], H * w[:, 0], 0 * p],
+    gain, lag = by_thrust(V), by_thrust(-LAG_S * V_dot)
+    roll = {
+        f"{BASE}.gravity": np.cos(r),
+        "stiffness.pendulum.roll": -np.sin(r),
+        "motor.thrust_curve": by_thrust(V * np.abs(V) / abs(V_o) - V)[0],
+        "aero.ground_effect": by_thrust(V * np.exp(-height / HEIGHT_M)[:, None])[0],
+        "aero.inflow": by_thrust(-V * v_n[:, None])[0],
+    }
+    pitch = {
+        "bias.torque.pitch": np.ones_like(p),
+        "stiffness.pendulum.pitch": -np.sin(p),
+        "motor.thrust_mismatch": by_thrust(0.5 * V * np.array([1.0, -1.0]))[1],
+        "aero.gyroscopic": H * w[:, 0],
+    }
+    yaw = {
+        "bias.torque.yaw": np.ones_like(p),
+        "stiffness.cable.yaw": -psi,
+        "aero.reaction_torque": F * np.cos(r) * np.cos(p),
     }
     out = []
-    for i, axis in enumerate(AXES):
-        columns = {name: c[i] for name, c in shared.items()}
-        columns[f"{BASE}.inertia"] = a[:, i]
-        columns[f"friction.coulomb.{axis}"] = -np.tanh(w[:, i] / STICK_RAD_S)
-        columns[f"friction.viscous.{axis}"] = -w[:, i]
-        columns[f"drag.quadratic.{axis}"] = -w[:, i] * np.abs(w[:, i])
-        if axis == "roll":
-            columns[f"{BASE}.gravity"] = np.cos(r)
-            columns["stiffness.pendulum.roll"] = -np.sin(r)
-        if axis == "pitch":
-            columns["bias.torque.pitch"] = np.ones_like(p)
-            columns["stiffness.pendulum.pitch"] = -np.sin(p)
-        if axis == "yaw":
-            columns["bias.torque.yaw"] = np.ones_like(p)
-            columns["stiffness.cable.yaw"] = -psi
+    for i, (axis, own) in enumerate(zip(AXES, (roll, pitch, yaw), strict=True)):
+        columns = {
+            f"{BASE}.gain": gain[i],
+            f"{BASE}.inertia": a[:, i],
+            "motor.lag": lag[i],
+            f"friction.coulomb.{axis}": -np.tanh(w[:, i] / STICK_RAD_S),
+            f"friction.viscous.{axis}": -w[:, i],
+            f"drag.quadratic.{axis}": -w[:, i] * np.abs(w[:, i]),
+            **own,
+        }
         kept = {n: c for n, c in columns.items() if np.sqrt((c**2).mean()) > 1e-9}
         out.append((list(kept), np.column_stack(list(kept.values()))))
     return out
@@ -187,7 +200,7 @@ def document(
         effect, axis = (head, last) if last in AXES else (name, None)
         findings.append(
             {"effect": effect, "axis": axis, "parameters": {}, "score": strength[name],
-             "coefficient": value[name], "tied_with": []}
+             "coefficient": value[name], "tied_with": ONE_COLUMN.get(name, [])}
         )  # fmt: skip
     return {
         "verdict": "explained" if findings else "nothing_found",
