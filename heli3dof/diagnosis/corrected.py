@@ -160,7 +160,7 @@ class Corrected(Estimate):
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
-    """The rig with these numbers, to fly."""
+    """The rig with these numbers, to fly and to predict with; it knows nothing of their spread."""
     n = len(theta)
     return GreyBoxModel(
         "null", problem.structure.profile, tuple(t.name for t in problem.structure.terms),
