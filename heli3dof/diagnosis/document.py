@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.calibration import size_of
+from heli3dof.diagnosis.calibration import Off, calibrated
 from heli3dof.diagnosis.gain import HORIZON_S, Gain
 from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.leftover import Leftover
@@ -33,7 +33,7 @@ def document(
         "findings": [
             *(_fault(x) for x in d.faults),
             *(_finding(x) for x in d.findings),
-            *([] if f is None else [_off(f, n) for n in d.calibration_findings]),
+            *(_off(x) for x in d.calibration_findings),
         ],
         "not_identifiable": list(d.not_identifiable),
         "leftover": [_leftover(x) for x in d.leftovers],
@@ -77,16 +77,15 @@ def _wrong(f: Fitted | None, axis: str) -> dict[str, Any]:
 
 
 def _calibration(f: Fitted) -> list[dict[str, Any]]:
-    e = f.final
     return [
         {
-            "parameter": p.name,
-            "nominal": p.start,
-            "value": float(v),
-            "std": float(s),
-            "unit": p.unit,
+            "parameter": c.name,
+            "nominal": c.nominal,
+            "value": c.value,
+            "std": c.std,
+            "unit": c.unit,
         }
-        for p, v, s in zip(e.free[:4], e.values[:4], e.std[:4], strict=True)
+        for c in calibrated(f.final)
     ]
 
 
@@ -141,14 +140,13 @@ def _fault(f: Fault) -> dict[str, Any]:
     }
 
 
-def _off(f: Fitted, name: str) -> dict[str, Any]:
+def _off(x: Off) -> dict[str, Any]:
     """A base parameter that is off its nominal; its gain is calibration, which is no gain."""
-    t, value, std, score = size_of(f.final, name)
     return {
-        "effect": t.effect.name,
-        "axis": t.axis,
-        "parameters": {t.effect.parameters[0].name: {"value": value, "std": std}},
-        "score": score,
+        "effect": x.term.effect.name,
+        "axis": x.term.axis,
+        "parameters": {x.term.effect.parameters[0].name: {"value": x.value, "std": x.std}},
+        "score": x.score,
         "confidence": 1.0,
         "tied_with": [],
         "gain": _gain(None),

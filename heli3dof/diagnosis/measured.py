@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.calibration import in_SI
 from heli3dof.diagnosis.corrected import Corrected, model_at
 from heli3dof.diagnosis.gain import Gain, HeldOut, gain, pays
 from heli3dof.diagnosis.gain_folds import held_out
@@ -17,6 +18,7 @@ from heli3dof.diagnosis.how_wrong import how_wrong
 from heli3dof.diagnosis.result import Dropped, Finding, Fitted
 from heli3dof.diagnosis.select import Choice
 from heli3dof.diagnosis.steps import without
+from heli3dof.diagnosis.thrust_scale import thrust_scale
 from heli3dof.identification.greybox.method import model_of
 from heli3dof.model.greybox import nominal
 from heli3dof.recording.recording import Recording
@@ -56,15 +58,10 @@ def fitted(
 def _findings(
     found: Corrected, choices: Sequence[Choice], gains: Sequence[Gain]
 ) -> tuple[Finding, ...]:
-    return tuple(Finding(c, _values(found, c), g) for c, g in zip(choices, gains, strict=True))
-
-
-def _values(found: Corrected, choice: Choice) -> dict[str, tuple[float, float]]:
-    return {
-        f.name.removeprefix(choice.term.name + "."): (float(v), float(s))
-        for f, v, s in zip(found.free, found.values, found.std, strict=True)
-        if f.term == choice.term.name
-    }
+    scale = thrust_scale(found)
+    return tuple(
+        Finding(c, in_SI(found, scale, c.term.name), g) for c, g in zip(choices, gains, strict=True)
+    )
 
 
 def _number(value: float) -> float | None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from heli3dof.diagnosis.calibration import Off
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.gain import Gain, HeldOut
 from heli3dof.diagnosis.how_wrong import HowWrong
@@ -21,7 +22,7 @@ class Finding:
 
     choice: Choice
     values: Mapping[str, tuple[float, float]]
-    """Parameter → (value, standard deviation) in the final fit"""
+    """Parameter → (value, standard deviation) in the final fit, SI"""
     gain: Gain
     """Everything found without this one (refitted) → everything found"""
 
@@ -61,7 +62,7 @@ class Diagnosis:
     fitted: Fitted | None = None
     """None where the recordings themselves are at fault"""
     findings: tuple[Finding, ...] = ()
-    calibration_findings: tuple[str, ...] = ()
+    calibration_findings: tuple[Off, ...] = ()
     """Base parameters off their nominal by more than the profile's tolerance"""
     dropped: tuple[Dropped, ...] = ()
     leftovers: tuple[Leftover, ...] = ()
