@@ -64,7 +64,9 @@ def motion(task: Task) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     acceleration = np.asarray(difference(rate, task.t))
     # Accelerations went through the filter twice: so does everything beside them.
     rate, angle = smoothed(rate, window), smoothed(smoothed(task.angle, window), window)
-    voltage = smoothed(smoothed(task.voltage, window), window)
+    # Held from k to k + 1: at sample k half of it is the one before.
+    held = 0.5 * (task.voltage + np.vstack([task.voltage[:1], task.voltage[:-1]]))
+    voltage = smoothed(smoothed(held, window), window)
     flying = np.flatnonzero(task.angle[:, 0] > TAKEN_OFF_RAD)
     edge = round(EDGE_S / task.dt)
     rows = slice(flying[0] + edge, flying[-1] - edge, EVERY)
