@@ -25,10 +25,10 @@ from heli3dof.identification.greybox.method import model_of
 from heli3dof.model.greybox import GreyBoxModel, nominal
 from heli3dof.recording.recording import Recording
 
-FLIGHTS, QUICK_FLIGHTS = 48, 16
+FLIGHTS, QUICK_FLIGHTS = 64, 16
 FURTHER = 0.5
 """Of the flights, for the nulls after the first finding."""
-PILOTS, QUICK_PILOTS = 8, 6
+PILOTS, QUICK_PILOTS = 12, 6
 Says = Callable[[str], None]
 
 
