@@ -15,9 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES, PITCH, ROLL, YAW
-from heli3dof.model.base import LoopTask, Model
+from heli3dof.model.base import Model
+from heli3dof.model.loop_task import instants, loop_task, under_control, why_not_replayed
 from heli3dof.recording.recording import Recording
-from heli3dof.recording.row import CLOSED_LOOP
+
+__all__ = ["Replay", "loop_task", "replay", "under_control", "why_not_replayed"]
 
 DIVERGED_DEG = {ROLL: 180.0, PITCH: 180.0, YAW: 720.0}
 """A model this far from its reference has left every rig: it diverges."""
@@ -39,63 +41,6 @@ class Replay:
     """rad/s: the model's poles in this loop that do not decay."""
 
 
-def why_not_replayed(recording: Recording) -> str | None:
-    """Why the loop of a recording cannot be replayed; None when it can."""
-    if recording.profile.controller is None:
-        return (
-            "the loop is unknown: the profile has no [controller], so nothing may depend on "
-            "replaying it"
-        )
-    if not any(recording.has_reference(axis) for axis in AXES):
-        return "no reference was recorded, so there is nothing to replay"
-    if missing := [axis for axis in AXES if axis not in recording.axes]:
-        return f"the {' and '.join(missing)} angle was not recorded, so the start is unknown"
-    return None
-
-
-def loop_task(recording: Recording) -> LoopTask:
-    """What the recorded flight was asked to do, at the profile's exact control period.
-
-    Give it the rows under control only (`under_control`).
-
-    A recording with lost samples is filled with the last reference and extra voltage, as the
-    controller would have held them. Raises ValueError for a recording that `why_not_replayed`.
-    """
-    if why := why_not_replayed(recording):
-        raise ValueError(why)
-    profile, t = recording.profile, recording.t
-    grid = _grid(t, profile.dt)
-    # Half a period of slack: a sample that came late still belongs to its own period.
-    held = np.searchsorted(t, grid + 0.5 * profile.dt, side="right") - 1
-    assert profile.controller is not None
-    return LoopTask(
-        reference=recording.reference[held],
-        extra=np.nan_to_num(recording.voltage_extra[held]),
-        angle0=recording.angle[0],
-        controller=profile.controller,
-        V_o=profile.motor.V_o,
-        v_max=profile.motor.v_max,
-        dt=profile.dt,
-        rad_per_count=profile.encoder.rad_per_count,
-    )
-
-
-def under_control(recording: Recording) -> Recording:
-    """The part that a controller flew: without the ramp to zero volts that ends a flight.
-
-    Recordings of ours say so in their ``phase``; of others, what has no reference at either end
-    is left out, where there is a reference at all.
-    """
-    if "phase" in recording.channels:
-        flown = recording.channels["phase"] == CLOSED_LOOP
-    else:
-        flown = ~np.isnan(recording.reference).all(axis=1)
-    rows = np.flatnonzero(flown)
-    if not len(rows):
-        return recording
-    return recording.rows(slice(int(rows[0]), int(rows[-1]) + 1))
-
-
 def replay(model: Model, recording: Recording) -> Replay:
     """Fly the model through the recording's task. Raises ValueError where the loop is unknown."""
     flown = under_control(recording)
@@ -105,7 +50,7 @@ def replay(model: Model, recording: Recording) -> Replay:
         away = np.abs(np.degrees(result.angle - np.nan_to_num(task.reference)))
     limit = np.array([DIVERGED_DEG[i] for i in range(len(AXES))])
     lost = ~np.isfinite(result.angle).all(axis=1) | ~(away <= limit).all(axis=1)
-    grid = flown.t[0] + task.dt * np.arange(len(lost))
+    grid = instants(flown.t, task.dt)
     angle = np.column_stack([np.interp(flown.t, grid, a) for a in result.angle.T])
     voltage = np.column_stack([np.interp(flown.t, grid, v) for v in result.voltage.T])
     diverged_at_s = None
@@ -119,9 +64,3 @@ def replay(model: Model, recording: Recording) -> Replay:
     return Replay(
         flown.t, angle, voltage, diverged_at_s, tuple(complex(p) for p in unstable[order])
     )
-
-
-def _grid(t: np.ndarray, dt: float) -> np.ndarray:
-    """Control instants from the first sample to the last, one period apart."""
-    periods = round(float(t[-1] - t[0]) / dt)
-    return np.asarray(t[0] + dt * np.arange(periods + 1))

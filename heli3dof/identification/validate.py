@@ -18,8 +18,8 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.identification.prepare import Prepared, Run
-from heli3dof.model.base import LoopTask, Model
-from heli3dof.recording.recording import Recording
+from heli3dof.model.base import Model
+from heli3dof.model.loop_task import instants, loop_task, why_not_replayed
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
 WARM_UP_S = 2.0
@@ -123,31 +123,12 @@ def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
     return 0
 
 
-def loop_task(recording: Recording) -> LoopTask | None:
-    """The loop that flew this recording, or None where it is not known."""
-    p = recording.profile
-    if p.controller is None or not any(recording.has_reference(a) for a in AXES):
-        return None
-    return LoopTask(
-        reference=recording.reference,
-        extra=recording.voltage_extra,
-        angle0=recording.angle[0],
-        controller=p.controller,
-        V_o=p.motor.V_o,
-        v_max=p.motor.v_max,
-        dt=p.dt,
-        rad_per_count=p.encoder.rad_per_count,
-    )
-
-
 def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
     """Why the loop of these recordings cannot be replayed, or an empty string."""
     for i in sources:
         r = prepared.recordings[i]
-        if r.profile.controller is None:
-            return f"not available: the profile {r.profile.name!r} has no [controller]"
-        if loop_task(r) is None:
-            return f"not available: {r.name} holds no references"
+        if why := why_not_replayed(r):
+            return f"not available: {r.name}: {why}"
         if prepared.reports[i].clock.gaps:
             return f"not available: {r.name} has gaps, so references are missing"
         if abs(r.dt / r.profile.dt - 1) > 0.01:
@@ -164,9 +145,10 @@ def replays(
     for source in sorted({r.source for r in runs}):
         recording = prepared.recordings[source]
         task = loop_task(recording)
-        assert task is not None
         with np.errstate(over="ignore", invalid="ignore"):
-            angle = model.fly(task).angle
+            flown = model.fly(task).angle
+        grid = instants(recording.t, task.dt)
+        angle = np.column_stack([np.interp(recording.t, grid, a) for a in flown.T])
         # A loop that diverged is infinitely wrong, not missing.
         angle = np.where(np.isfinite(angle) & (np.abs(angle) < 1e6), angle, 1e6)
         mine = np.zeros(len(recording), dtype=bool)

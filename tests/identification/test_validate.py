@@ -67,7 +67,6 @@ def test_a_recording_of_its_own_has_a_warm_up(flown: Recording) -> None:
 
 def test_replay_flies_the_recording_s_own_loop(flown: Recording) -> None:
     task = loop_task(flown)
-    assert task is not None
     assert flown.profile.controller is not None
     np.testing.assert_array_equal(task.reference, flown.reference)
     np.testing.assert_array_equal(task.extra, flown.voltage_extra)
@@ -95,7 +94,7 @@ def test_why_there_is_no_replay_is_said(flown: Recording) -> None:
     assert "has no [controller]" in result.replay_note
     assert np.isnan(result.replay.fit_percent).all()
     blind = replace(flown, reference=np.full_like(flown.reference, np.nan))
-    assert "no references" in replay_obstacle(prepare([blind]), [0])
+    assert "no reference was recorded" in replay_obstacle(prepare([blind]), [0])
 
 
 def test_every_horizon_of_the_contract_is_in_the_json(flown: Recording) -> None:
