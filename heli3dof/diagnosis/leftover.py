@@ -9,9 +9,10 @@ holds projected out (Rao's score test),
 
 (a constant torque is no structure). B simulated nulls of the fit give each function's mean score
 ū, which is taken off, and each group's κ = mean S_null/(rank − 1), by which S is divided where it
-exceeds one. All groups are put on one scale, x = −2 ln P(χ² > S/κ); the largest x of a null follows
-a Gumbel law, which gives the threshold. The group with the largest x is taken, projected out too,
-and the rest looked at again.
+exceeds one. Where the fit's own scores scatter more than `DISTRUSTED` times as they should, flights
+of it are no measure, and S is divided by that scatter. All groups are put on one scale,
+x = −2 ln P(χ² > S/κ); the largest x of a null follows a Gumbel law, which gives the threshold. The
+group with the largest x is taken, projected out too, and the rest looked at again.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.leftover_like import LIKE, likeness
+from heli3dof.diagnosis.leftover_like import LIKE, likeness, named_traces
 from heli3dof.diagnosis.leftover_nulls import Scored, blockwise, simulated
-from heli3dof.diagnosis.nulls import EULER, FALSE_ALARMS, loop_is_known
+from heli3dof.diagnosis.nulls import DISTRUSTED, EULER, FALSE_ALARMS, loop_is_known
 from heli3dof.diagnosis.torque import Trail, trail
 from heli3dof.diagnosis.torque_hats import KNOTS, Hats, Sums, forward, hats
 from heli3dof.identification.greybox.estimate import Estimate
@@ -72,8 +73,8 @@ def leftover(
 ) -> tuple[Leftover, ...]:
     """What is left in the recordings that ``found`` was fitted to; empty where nothing is.
 
-    ``flights`` simulated nulls, at least `LEAST_FLIGHTS`, where the loop is known; elsewhere see
-    `Judge`.
+    ``flights`` simulated nulls, at least `LEAST_FLIGHTS`, where the loop is known; elsewhere the
+    scatter of half-second blocks stands in for them, and twice Bonferroni's threshold is asked for.
     """
     flight = trail(found)
     library = hats(flight, np.flatnonzero(found.problem.data.axes))
@@ -82,6 +83,7 @@ def leftover(
         flights = max(flights, LEAST_FLIGHTS)
         null = simulated(found, recordings, library, flights=flights, seed=seed)
     held = Held.base(found, flight, null)
+    named: tuple[list[str], np.ndarray] | None = None
     out: list[Leftover] = []
     while len(out) < MOST:
         sums = forward(library, flight, held.tangents)
@@ -94,7 +96,9 @@ def leftover(
         columns = np.arange(len(sums.u))[library.columns(best)]
         D = forward(library, flight, held.tangents, columns).traces
         trace = np.array([torque for _, torque in new.table]) @ D
-        name, cos = likeness(found, flight.at, trace, held.tangents, held.A)
+        if named is None:
+            named = named_traces(found, flight.at)
+        name, cos = likeness(named, flight.at, trace, held.tangents, held.A)
         out.append(replace(new, like=f"{name}-like" if cos > LIKE else None))
         held = held.wider(flight, D, judged.directions[best], columns, null)
     return tuple(out)
@@ -116,11 +120,13 @@ class Held:
     @staticmethod
     def base(found: Estimate, flight: Trail, null: Scored | None) -> Held:
         problem, o = found.problem, found.optimum
-        g, H = score_and_information(flight.at, o.tangents)
+        # Of this very pass: where a fit has not settled its own is that of the point before.
+        tangents = problem.tangents(o.theta, flight.at)
+        g, H = score_and_information(flight.at, tangents)
         pull = problem.prior_precision * (o.theta - problem.prior_mean)
         n = len(g)
         return Held(
-            o.tangents,
+            tangents,
             H + np.diag(problem.prior_precision),
             g - pull,
             np.zeros((0, n)) if null is None else null.g,
@@ -184,6 +190,7 @@ def judge(
     x, kappa = np.zeros(groups), np.ones(groups)
     x_null = np.zeros((len(others), groups))
     directions = []
+    distrust = found.inflation if found.inflation > DISTRUSTED else 1.0
     for q in range(groups):
         c = library.columns(q)
         V[q] = sums.V[q] - sums.cross[:, c].T @ X[:, c]
@@ -200,6 +207,7 @@ def judge(
         if null is not None:
             kappa[q] = max(float(Sn.mean()) / rank, 1.0)
             x_null[:, q] = _scaled(Sn / kappa[q], rank)
+            kappa[q] = max(kappa[q], distrust)
         else:
             m = len(others)
             kappa[q] = max(float(Sn.sum()) / rank * m / max(m - KNOTS, 1), 1.0)
