@@ -21,7 +21,7 @@ MAY_IMPORT = {
     "identification": {"errors", "axes", "rig", "recording", "model"},
     "comparison": {"errors", "axes", "rig", "recording", "model"},
     "diagnosis": {
-        "errors", "axes", "rig", "recording", "model", "identification", "comparison",
+        "errors", "axes", "rig", "recording", "model", "experiment", "identification", "comparison",
     },
     "report": {
         "errors", "axes", "rig", "recording", "model", "identification", "comparison", "diagnosis",

@@ -7,11 +7,18 @@ from typing import Any
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.diagnose import Diagnosis, Finding
 from heli3dof.diagnosis.gain import HORIZON_S
+from heli3dof.diagnosis.next_experiment import NextExperiment
 from heli3dof.model.effects import term
 
 
-def document(d: Diagnosis, model: str | None = None) -> dict[str, Any]:
-    """JSON-able; ``model`` is the extended model's path, None where it was not written."""
+def document(
+    d: Diagnosis, model: str | None = None, upcoming: NextExperiment | None = None
+) -> dict[str, Any]:
+    """JSON-able; ``model`` is the extended model's path, None where it was not written.
+
+    ``upcoming`` is what `heli3dof.diagnosis.next_experiment.next_of` says; without it the
+    catalogue's own recommendation for the first tie stands there.
+    """
     calibration = [
         {
             "parameter": f.name,
@@ -42,7 +49,7 @@ def document(d: Diagnosis, model: str | None = None) -> dict[str, Any]:
         ],
         "not_identifiable": list(d.not_identifiable),
         "leftover": [],
-        "next_experiment": _next(d),
+        "next_experiment": _next(d) if upcoming is None else _upcoming(upcoming),
         "gain": {
             "horizon_s": HORIZON_S,
             "holdout_rmse_deg": {
@@ -92,6 +99,25 @@ def _off(d: Diagnosis, name: str) -> dict[str, Any]:
             "holdout_rmse_deg": {"before": d.before, "after": d.before},
             "holdout_log_likelihood": 0.0,
         },
+    }
+
+
+def _upcoming(n: NextExperiment) -> dict[str, Any]:
+    """With the chance that it settles the matter, and what every plan promised."""
+    return {
+        "plan": n.plan,
+        "separates": list(n.separates),
+        "why": n.why,
+        "certainty": n.certainty,
+        "ranking": [
+            {
+                "plan": o.plan,
+                "duration_s": o.duration_s,
+                "margin": o.margin,
+                "certainty": o.certainty,
+            }
+            for o in n.ranking
+        ],
     }
 
 
