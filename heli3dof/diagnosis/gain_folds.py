@@ -3,9 +3,11 @@
 On hold-out recordings as it stands; without them on blocks of the flight itself, each left out in
 turn with `PURGE_S` on either side, the fit made again from the rest:
 
-    θ_{−b} starts at θ̂ + (H − H_b + Λ)⁻¹ (g − g_b − Λ(θ̂ − θ_0)),   then Gauss and Newton as ever
+    θ_{−b} = θ̂ + (H − H_b + Λ)⁻¹ (g − g_b − (1 − s) ḡ − Λ(θ̂ − θ_0))
 
-H, g the sums over events and H_b, g_b those of the block (one step is nearly the whole way). The
+H, g the sums over events, H_b, g_b those of the block, s its share of them and ḡ the filter's bias
+where the fit was freed of it (`heli3dof.diagnosis.corrected`). Where that step is longer than `FAR`
+standard deviations it is only the start, and Gauss and Newton go on from there. The
 noise is no part of a cause: its intensities are found again on the data that judge, for the base
 as for the extension, so that neither wins because a later flight was a rougher one.
 """
@@ -21,9 +23,10 @@ import numpy as np
 
 from heli3dof.diagnosis.ahead import ahead, of_rows, starts_of
 from heli3dof.diagnosis.gain import CELL_S, HORIZON_S, Course, HeldOut
+from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.fit import NOISE_SETTLED, maximise
-from heli3dof.identification.greybox.likelihood import Likelihood, score_and_information
+from heli3dof.identification.greybox.fit import NOISE_SETTLED
+from heli3dof.identification.greybox.likelihood import Likelihood, Pass, score_and_information
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.filtering import LEAD_S, Data, data_of
 from heli3dof.recording.recording import Recording
@@ -31,7 +34,8 @@ from heli3dof.recording.recording import Recording
 BLOCKS = 5
 LEAST_BLOCK_S = 3.0
 PURGE_S = 0.5
-ROUNDS = 3
+ROUNDS = 4
+FAR = 1.0
 LEAST_PIECE_S = 1.0
 THREADS = 2
 SETTLE_S = 1.0
@@ -51,11 +55,13 @@ def on_holdout(found: Estimate, recordings: Sequence[Recording]) -> HeldOut:
 
 def on_blocks(found: Estimate, blocks: int = BLOCKS) -> HeldOut:
     """The fit made again without each block, on that block."""
-    d = found.problem.data
+    problem, o, d = found.problem, found.optimum, found.problem.data
+    at = problem.run(o.theta, o.noise)
+    tangents = problem.tangents(o.theta, at)
 
     def one(rows: tuple[int, int]) -> Seen:
-        theta, noise = _refitted(found, rows)
-        return _evaluate(found.problem, theta, noise, rows)
+        theta = _refitted(found, at, tangents, rows)
+        return _evaluate(problem, theta, o.noise, rows)
 
     with ThreadPoolExecutor(THREADS) as pool:
         return _cells(d, "blocks left out", list(pool.map(one, _cuts(d, blocks))))
@@ -88,23 +94,29 @@ def training(d: Data, rows: tuple[int, int]) -> Data:
     return of_rows(d, np.array(kept, dtype=np.int64).reshape(-1, 3))
 
 
-def _refitted(found: Estimate, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """(θ, noise) without these rows; the prior's where nothing else is left."""
+def _refitted(found: Estimate, at: Pass, tangents: np.ndarray, rows: tuple[int, int]) -> np.ndarray:
+    """θ without these rows; the prior's where nothing else is left."""
     problem = replace(found.problem, data=training(found.problem.data, rows))
-    o = found.optimum
+    theta, noise = found.optimum.theta, found.optimum.noise
     if not len(problem.data.blocks):
-        return problem.prior_mean, o.noise
+        return problem.prior_mean
     counted = np.zeros(len(problem.data.t), dtype=bool)
     for _, start, stop in problem.data.blocks:
         counted[start:stop] = True
-    of = counted[o.at.row]
-    some = replace(o.at, g=np.where(of, o.at.g, 0.0), w=np.where(of, o.at.w, 0.0))
-    g, H = score_and_information(some, o.tangents)
+    of = counted[at.row]
+    bias = getattr(found, "bias", None)
+    tilt = np.zeros(len(theta)) if bias is None else bias * float(of.mean())
+    g, H = score_and_information(
+        replace(at, g=np.where(of, at.g, 0.0), w=np.where(of, at.w, 0.0)), tangents
+    )
     precision = problem.prior_precision
-    g = g - precision * (o.theta - problem.prior_mean)
-    start = o.theta + np.linalg.solve(H + np.diag(precision), g)
-    best = maximise(problem, np.clip(start, *problem.bounds), o.noise, rounds=ROUNDS)
-    return best.theta, best.noise
+    A = H + np.diag(precision)
+    step = np.linalg.solve(A, g - tilt - precision * (theta - problem.prior_mean))
+    there = np.clip(theta + step, *problem.bounds)
+    if float(step @ A @ step) < FAR**2:
+        return np.asarray(there)
+    slope = Tilt(tilt, np.zeros(3), theta, noise)
+    return maximise_tilted(problem, there, noise, slope, rounds=ROUNDS, hold_noise=True).theta
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,25 +9,25 @@ holds projected out (Rao's score test),
 
 (a constant torque is no structure). B simulated nulls of the fit give each function's mean score
 ū, which is taken off, and each group's κ = mean S_null/(rank − 1), by which S is divided where it
-exceeds one. Where the fit's own scores scatter more than `DISTRUSTED` times as they should, flights
-of it are no measure, and S is divided by that scatter. All groups are put on one scale,
-x = −2 ln P(χ² > S/κ); the largest x of a null follows a Gumbel law, which gives the threshold. The
-group with the largest x is taken, projected out too, and the rest looked at again.
+exceeds one. Where the scores of a fit that was not freed of the filter's bias scatter more than
+`DISTRUSTED` times as they should, S is divided by that scatter instead. All groups are put on one
+scale, x = −2 ln P(χ² > S/κ); the largest x of a null follows a Gumbel law, which gives the
+threshold. The group with the largest x is taken, projected out too, and the rest looked at again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.leftover_like import LIKE, likeness, named_traces
 from heli3dof.diagnosis.leftover_nulls import Scored, blockwise, simulated
-from heli3dof.diagnosis.nulls import DISTRUSTED, EULER, FALSE_ALARMS, loop_is_known
-from heli3dof.diagnosis.torque import Trail, trail
+from heli3dof.diagnosis.nulls import EULER, FALSE_ALARMS, loop_is_known
+from heli3dof.diagnosis.torque import SI_UNITS, UNITS, Trail, trail
 from heli3dof.diagnosis.torque_hats import KNOTS, Hats, Sums, forward, hats
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import score_and_information
@@ -42,6 +42,8 @@ ALSO = 0.5
 LEAST_SHARE = 0.05
 """Of the residual torque's variance. An encoder's chatter can be sure, and explain nothing."""
 LEAST_FLIGHTS = 6
+DISTRUSTED = 2.0
+"""Inflation above which flights of a fit that was not freed of its bias are no measure of it."""
 WINDOW_S = 0.1
 
 
@@ -66,6 +68,24 @@ class Leftover:
     """Other variables that explain as much of it or nearly, the next best first"""
     like: str | None = None
     """A named cause whose trace is nearly the same, as ``friction.viscous.yaw-like``"""
+    nearest: str | None = None
+    cosine: float = 0.0
+    """The named cause whose trace is nearest, and how near; see `leftover_like`"""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contract's entry, and what is known besides."""
+        return {
+            "axis": self.axis,
+            "depends_on": self.depends_on,
+            "share": self.share,
+            "table": [list(row) for row in self.table],
+            "table_std_Nm": list(self.std),
+            "unit": SI_UNITS[UNITS[self.depends_on]],
+            "score": self.score,
+            "confidence": self.confidence,
+            "or_depends_on": list(self.also),
+            "like": self.like,
+        }
 
 
 def leftover(
@@ -97,9 +117,10 @@ def leftover(
         D = forward(library, flight, held.tangents, columns).traces
         trace = np.array([torque for _, torque in new.table]) @ D
         if named is None:
-            named = named_traces(found, flight.at)
+            named = named_traces(found)
         name, cos = likeness(named, flight.at, trace, held.tangents, held.A)
-        out.append(replace(new, like=f"{name}-like" if cos > LIKE else None))
+        like = f"{name}-like" if cos > LIKE else None
+        out.append(replace(new, like=like, nearest=name, cosine=cos))
         held = held.wider(flight, D, judged.directions[best], columns, null)
     return tuple(out)
 
@@ -190,7 +211,8 @@ def judge(
     x, kappa = np.zeros(groups), np.ones(groups)
     x_null = np.zeros((len(others), groups))
     directions = []
-    distrust = found.inflation if found.inflation > DISTRUSTED else 1.0
+    biased = getattr(found, "bias", None) is None
+    distrust = found.inflation if biased and found.inflation > DISTRUSTED else 1.0
     for q in range(groups):
         c = library.columns(q)
         V[q] = sums.V[q] - sums.cross[:, c].T @ X[:, c]
@@ -250,6 +272,8 @@ def _statistic(u: np.ndarray, V: np.ndarray) -> np.ndarray:
 
 def _scaled(S: np.ndarray, rank: int) -> np.ndarray:
     """x = −2 ln P(χ²_rank > S)"""
+    from scipy.stats import chi2
+
     return np.asarray(-2 * chi2.logsf(S, rank))
 
 

@@ -14,18 +14,23 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.catalogue import Probe, Reach, candidates, probes
-from heli3dof.diagnosis.screen import traces
+from heli3dof.diagnosis.catalogue import candidates, probes
+from heli3dof.diagnosis.corrected import look
+from heli3dof.diagnosis.screen import Screen
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Pass
 
 LIKE = 0.9
 
 
-def named_traces(found: Estimate, at: Pass) -> tuple[list[str], np.ndarray]:
+def named_traces(found: Estimate) -> tuple[list[str], np.ndarray]:
     """(names, (P, E) δ_p) of every probe of every cause that ``found`` does not hold."""
-    named = _probes(found)
-    return [p.name for p in named], traces(found, named, found.problem.data, at)
+    problem, o = found.problem, found.optimum
+    axes = [a for a, there in zip(AXES, problem.data.axes, strict=True) if there]
+    taken = [t.name for t in found.structure.terms]
+    named = [p for t in candidates(taken, axes) for p in probes(t, problem.data.V)]
+    here = look(problem, o.theta, o.noise, whole=False)
+    return [p.name for p in named], Screen(problem, o.theta, here, named).D
 
 
 def likeness(
@@ -50,11 +55,3 @@ def likeness(
         cos = np.abs(np.where(told, with_it / np.sqrt(left[0] * left), 0.0))[1:]
     best = int(np.argmax(cos))
     return names[best], float(cos[best])
-
-
-def _probes(found: Estimate) -> list[Probe]:
-    d = found.problem.data
-    reach = Reach(float(np.nanmax(np.abs(d.V))), float(d.t.max() - d.t.min()))
-    axes = [a for a, there in zip(AXES, d.axes, strict=True) if there]
-    taken = [t.name for t in found.structure.terms]
-    return [p for t in candidates(taken, axes) for p in probes(t, reach)]
