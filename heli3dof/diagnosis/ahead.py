@@ -71,18 +71,28 @@ def ahead(
     theta: np.ndarray,
     X: np.ndarray,
     horizons_s: Sequence[float] = HORIZONS_S,
+    starts: np.ndarray | None = None,
 ) -> Ahead:
-    """Errors from the filter's states X (N, 6 or more) at θ (n,) coordinates."""
+    """Errors from the filter's states X (N, 6 or more) at θ (n,) coordinates.
+
+    ``starts`` (S,) are rows to start from, those outside the runs giving NaN; `starts_of` the data.
+    """
     from heli3dof.diagnosis.ahead_passes import roll_on
 
     d, hooks = problem.data, problem.structure.hooks
     s, par = problem.structure.arrays(problem.values(theta))
-    starts, rows = _starts(d), _rows(d, horizons_s)
+    starts, rows = starts_of(d) if starts is None else starts, _rows(d, horizons_s)
     out = np.full((len(starts), len(rows), 3), np.nan)
+    inside = np.zeros(len(d.t), dtype=bool)
+    for _, start, stop in d.blocks:
+        inside[start:stop] = True
+    some = inside[starts]
+    part = out[some]
     roll_on(
         s, hooks.first, hooks.address, par, problem.structure.memory, d.blocks, d.free, d.t, d.h,
-        d.V, np.ascontiguousarray(X[:, :6]), starts, rows, out,
+        d.V, np.ascontiguousarray(X[:, :6]), starts[some], rows, part,
     )  # fmt: skip
+    out[some] = part
     end = np.minimum(starts[:, None] + rows, len(d.t) - 1)
     return Ahead(starts, tuple(horizons_s), d.y[end] - out)
 
@@ -132,7 +142,7 @@ def covariance_floor_deg(
     noise = noise_of(model)
     flight = trail_at(problem, problem.coordinates(model.values), noise)
     d, at = flight.data, flight.at
-    starts, rows = _starts(d), _rows(d, horizons_s)
+    starts, rows = starts_of(d), _rows(d, horizons_s)
     out = np.full((len(starts), len(rows), 3), np.nan)
     P0 = np.zeros((len(d.blocks), 6))
     P0[:, :3] = np.where(d.grid > 0, d.grid**2 / 12, problem.encoder_noise)
@@ -161,7 +171,8 @@ def of_rows(data: Data, blocks: np.ndarray) -> Data:
     )
 
 
-def _starts(d: Data) -> np.ndarray:
+def starts_of(d: Data) -> np.ndarray:
+    """(S,) rows, `EVERY_S` apart, once the filter has settled in each run."""
     out = [np.zeros(0, dtype=np.int64)]
     for _, start, stop in d.blocks:
         dt = float(np.median(d.h[start:stop]))

@@ -3,10 +3,13 @@
 On hold-out recordings as it stands; without them on blocks of the flight itself, each left out in
 turn with `PURGE_S` on either side, the fit made again from the rest:
 
-    θ_{−b} starts at θ̂ + (H − H_b + Λ)⁻¹ (g − g_b − Λ(θ̂ − θ_0)),   then Gauss and Newton as ever
+    θ_{−b} = θ̂ + (H − H_b + Λ)⁻¹ (g − g_b − (1 − s) ḡ − Λ(θ̂ − θ_0))
 
-H, g the sums over events and H_b, g_b those of the block (one step is nearly the whole way). The
-filter runs through the whole flight with θ_{−b}; only what it says in the block counts.
+H, g the sums over events, H_b, g_b those of the block, s its share of them and ḡ the filter's bias
+where the fit was freed of it (`heli3dof.diagnosis.corrected`). Where that step is longer than `FAR`
+standard deviations it is only the start, and Gauss and Newton go on from there. The
+noise is no part of a cause: its intensities are found again on the data that judge, for the base
+as for the extension, so that neither wins because a later flight was a rougher one.
 """
 
 from __future__ import annotations
@@ -18,11 +21,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.ahead import ahead, of_rows
+from heli3dof.diagnosis.ahead import ahead, of_rows, starts_of
 from heli3dof.diagnosis.gain import CELL_S, HORIZON_S, Course, HeldOut
+from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.fit import maximise
-from heli3dof.identification.greybox.likelihood import Likelihood, score_and_information
+from heli3dof.identification.greybox.fit import NOISE_SETTLED
+from heli3dof.identification.greybox.likelihood import Likelihood, Pass, score_and_information
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.filtering import LEAD_S, Data, data_of
 from heli3dof.recording.recording import Recording
@@ -30,9 +34,14 @@ from heli3dof.recording.recording import Recording
 BLOCKS = 5
 LEAST_BLOCK_S = 3.0
 PURGE_S = 0.5
-ROUNDS = 3
+ROUNDS = 4
+FAR = 1.0
 LEAST_PIECE_S = 1.0
 THREADS = 2
+SETTLE_S = 1.0
+"""The filter starts this much before the rows that count."""
+NOISE_STEPS = 4
+_PROBE = 0.4  # step of the log intensity
 
 
 def on_holdout(found: Estimate, recordings: Sequence[Recording]) -> HeldOut:
@@ -40,19 +49,19 @@ def on_holdout(found: Estimate, recordings: Sequence[Recording]) -> HeldOut:
     runs = [run for i, r in enumerate(recordings) for run in usable_runs(r, i)]
     problem = Likelihood(data_of(recordings, runs), found.structure)
     o = found.optimum
-    inside = np.ones(len(problem.data.t), dtype=bool)
-    return _cells(problem.data, "holdout", [_evaluate(problem, o.theta, o.noise, inside)])
+    seen = _evaluate(problem, o.theta, o.noise, (0, len(problem.data.t)))
+    return _cells(problem.data, "holdout", [seen])
 
 
 def on_blocks(found: Estimate, blocks: int = BLOCKS) -> HeldOut:
     """The fit made again without each block, on that block."""
-    d = found.problem.data
+    problem, o, d = found.problem, found.optimum, found.problem.data
+    at = problem.run(o.theta, o.noise)
+    tangents = problem.tangents(o.theta, at)
 
     def one(rows: tuple[int, int]) -> Seen:
-        theta, noise = _refitted(found, rows)
-        inside = np.zeros(len(d.t), dtype=bool)
-        inside[rows[0] : rows[1]] = True
-        return _evaluate(found.problem, theta, noise, inside)
+        theta = _refitted(found, at, tangents, rows)
+        return _evaluate(problem, theta, o.noise, rows)
 
     with ThreadPoolExecutor(THREADS) as pool:
         return _cells(d, "blocks left out", list(pool.map(one, _cuts(d, blocks))))
@@ -85,23 +94,29 @@ def training(d: Data, rows: tuple[int, int]) -> Data:
     return of_rows(d, np.array(kept, dtype=np.int64).reshape(-1, 3))
 
 
-def _refitted(found: Estimate, rows: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """(θ, noise) without these rows; the prior's where nothing else is left."""
+def _refitted(found: Estimate, at: Pass, tangents: np.ndarray, rows: tuple[int, int]) -> np.ndarray:
+    """θ without these rows; the prior's where nothing else is left."""
     problem = replace(found.problem, data=training(found.problem.data, rows))
-    o = found.optimum
+    theta, noise = found.optimum.theta, found.optimum.noise
     if not len(problem.data.blocks):
-        return problem.prior_mean, o.noise
+        return problem.prior_mean
     counted = np.zeros(len(problem.data.t), dtype=bool)
     for _, start, stop in problem.data.blocks:
         counted[start:stop] = True
-    of = counted[o.at.row]
-    some = replace(o.at, g=np.where(of, o.at.g, 0.0), w=np.where(of, o.at.w, 0.0))
-    g, H = score_and_information(some, o.tangents)
+    of = counted[at.row]
+    bias = getattr(found, "bias", None)
+    tilt = np.zeros(len(theta)) if bias is None else bias * float(of.mean())
+    g, H = score_and_information(
+        replace(at, g=np.where(of, at.g, 0.0), w=np.where(of, at.w, 0.0)), tangents
+    )
     precision = problem.prior_precision
-    g = g - precision * (o.theta - problem.prior_mean)
-    start = o.theta + np.linalg.solve(H + np.diag(precision), g)
-    best = maximise(problem, np.clip(start, *problem.bounds), o.noise, rounds=ROUNDS)
-    return best.theta, best.noise
+    A = H + np.diag(precision)
+    step = np.linalg.solve(A, g - tilt - precision * (theta - problem.prior_mean))
+    there = np.clip(theta + step, *problem.bounds)
+    if float(step @ A @ step) < FAR**2:
+        return np.asarray(there)
+    slope = Tilt(tilt, np.zeros(3), theta, noise)
+    return maximise_tilted(problem, there, noise, slope, rounds=ROUNDS, hold_noise=True).theta
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,23 +132,60 @@ class Seen:
 
 
 def _evaluate(
-    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, inside: np.ndarray
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, rows: tuple[int, int]
 ) -> Seen:
-    d = problem.data
-    X = problem.run(theta, noise, keep=3).X
+    """What the rig at θ says of rows [a, b), at the noise that suits it best there."""
+    whole = problem.data
+    near = replace(problem, data=_near(whole, rows))
+    noise = _noise(near, theta, noise)
+    X = near.run(theta, noise, keep=3).X
     assert X is not None
-    loglik = np.zeros(len(d.t))
+    loglik = np.zeros(len(whole.t))
     total = 0.0
-    for _, start, stop in d.blocks:
+    for _, start, stop in near.data.blocks:
         so_far = X[start:stop, 6:].sum(axis=1)
         loglik[start:stop] = np.diff(so_far, prepend=total)
         total = float(so_far[-1])
+    inside = np.zeros(len(whole.t), dtype=bool)
+    inside[rows[0] : rows[1]] = True
     loglik[~inside] = 0.0
-    e = ahead(problem, theta, X, (HORIZON_S,))
-    n = round(HORIZON_S / float(np.median(d.h)))
-    ends = np.minimum(e.starts + n, len(d.t) - 1)
-    whole = inside[e.starts] & inside[ends]
-    return Seen(loglik, ends, np.where(whole[:, None], e.errors[:, 0], np.nan))
+    # Starts are those of the whole data, so that all blocks share them.
+    e = ahead(near, theta, X, (HORIZON_S,), starts_of(whole))
+    n = round(HORIZON_S / float(np.median(whole.h)))
+    ends = np.minimum(e.starts + n, len(whole.t) - 1)
+    counts = inside[e.starts] & inside[ends]
+    return Seen(loglik, ends, np.where(counts[:, None], e.errors[:, 0], np.nan))
+
+
+def _near(d: Data, rows: tuple[int, int]) -> Data:
+    """The runs' parts in rows [a, b), each with `SETTLE_S` before it where there is as much."""
+    dt = float(np.median(d.h))
+    settle, lead = round(SETTLE_S / dt), round(LEAD_S / dt)
+    kept = []
+    for first, start, stop in d.blocks.tolist():
+        low, high = max(start, rows[0] - settle), min(stop, rows[1])
+        if high > max(low, rows[0]):
+            kept.append((max(first, low - lead), low, high))
+    return of_rows(d, np.array(kept, dtype=np.int64).reshape(-1, 3))
+
+
+def _noise(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """(4,) with the intensities at which these data are likeliest; Newton, axis by axis."""
+    a = np.array(noise, dtype=float)
+    axes = problem.data.axes
+    for _ in range(NOISE_STEPS):
+        up, mid, down = (
+            problem.run(theta, np.append(a[:3] * np.exp(d), a[3]), keep=0).loglik
+            for d in (_PROBE, 0.0, -_PROBE)
+        )
+        slope, bend = (up - down) / (2 * _PROBE), (2 * mid - up - down) / _PROBE**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            move = np.where(bend > 0, slope / bend, np.sign(slope))
+        move = np.where(axes & np.isfinite(move), np.clip(move, -1.0, 1.0), 0.0)
+        a[:3] *= np.exp(move)
+        if np.abs(move).max() < NOISE_SETTLED:
+            break
+    return a
 
 
 def _cells(d: Data, on: str, parts: Sequence[Seen]) -> HeldOut:

@@ -9,24 +9,25 @@ holds projected out (Rao's score test),
 
 (a constant torque is no structure). B simulated nulls of the fit give each function's mean score
 ū, which is taken off, and each group's κ = mean S_null/(rank − 1), by which S is divided where it
-exceeds one. All groups are put on one scale, x = −2 ln P(χ² > S/κ); the largest x of a null follows
-a Gumbel law, which gives the threshold. The group with the largest x is taken, projected out too,
-and the rest looked at again.
+exceeds one. Where the scores of a fit that was not freed of the filter's bias scatter more than
+`DISTRUSTED` times as they should, S is divided by that scatter instead. All groups are put on one
+scale, x = −2 ln P(χ² > S/κ); the largest x of a null follows a Gumbel law, which gives the
+threshold. The group with the largest x is taken, projected out too, and the rest looked at again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.leftover_like import LIKE, likeness
+from heli3dof.diagnosis.leftover_like import LIKE, likeness, named_traces
 from heli3dof.diagnosis.leftover_nulls import Scored, blockwise, simulated
 from heli3dof.diagnosis.nulls import EULER, FALSE_ALARMS, loop_is_known
-from heli3dof.diagnosis.torque import Trail, trail
+from heli3dof.diagnosis.torque import SI_UNITS, UNITS, Trail, trail
 from heli3dof.diagnosis.torque_hats import KNOTS, Hats, Sums, forward, hats
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import score_and_information
@@ -41,6 +42,8 @@ ALSO = 0.5
 LEAST_SHARE = 0.05
 """Of the residual torque's variance. An encoder's chatter can be sure, and explain nothing."""
 LEAST_FLIGHTS = 6
+DISTRUSTED = 2.0
+"""Inflation above which flights of a fit that was not freed of its bias are no measure of it."""
 WINDOW_S = 0.1
 
 
@@ -65,6 +68,24 @@ class Leftover:
     """Other variables that explain as much of it or nearly, the next best first"""
     like: str | None = None
     """A named cause whose trace is nearly the same, as ``friction.viscous.yaw-like``"""
+    nearest: str | None = None
+    cosine: float = 0.0
+    """The named cause whose trace is nearest, and how near; see `leftover_like`"""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contract's entry, and what is known besides."""
+        return {
+            "axis": self.axis,
+            "depends_on": self.depends_on,
+            "share": self.share,
+            "table": [list(row) for row in self.table],
+            "table_std_Nm": list(self.std),
+            "unit": SI_UNITS[UNITS[self.depends_on]],
+            "score": self.score,
+            "confidence": self.confidence,
+            "or_depends_on": list(self.also),
+            "like": self.like,
+        }
 
 
 def leftover(
@@ -72,8 +93,8 @@ def leftover(
 ) -> tuple[Leftover, ...]:
     """What is left in the recordings that ``found`` was fitted to; empty where nothing is.
 
-    ``flights`` simulated nulls, at least `LEAST_FLIGHTS`, where the loop is known; elsewhere see
-    `Judge`.
+    ``flights`` simulated nulls, at least `LEAST_FLIGHTS`, where the loop is known; elsewhere the
+    scatter of half-second blocks stands in for them, and twice Bonferroni's threshold is asked for.
     """
     flight = trail(found)
     library = hats(flight, np.flatnonzero(found.problem.data.axes))
@@ -82,6 +103,7 @@ def leftover(
         flights = max(flights, LEAST_FLIGHTS)
         null = simulated(found, recordings, library, flights=flights, seed=seed)
     held = Held.base(found, flight, null)
+    named: tuple[list[str], np.ndarray] | None = None
     out: list[Leftover] = []
     while len(out) < MOST:
         sums = forward(library, flight, held.tangents)
@@ -94,8 +116,11 @@ def leftover(
         columns = np.arange(len(sums.u))[library.columns(best)]
         D = forward(library, flight, held.tangents, columns).traces
         trace = np.array([torque for _, torque in new.table]) @ D
-        name, cos = likeness(found, flight.at, trace, held.tangents, held.A)
-        out.append(replace(new, like=f"{name}-like" if cos > LIKE else None))
+        if named is None:
+            named = named_traces(found)
+        name, cos = likeness(named, flight.at, trace, held.tangents, held.A)
+        like = f"{name}-like" if cos > LIKE else None
+        out.append(replace(new, like=like, nearest=name, cosine=cos))
         held = held.wider(flight, D, judged.directions[best], columns, null)
     return tuple(out)
 
@@ -116,11 +141,13 @@ class Held:
     @staticmethod
     def base(found: Estimate, flight: Trail, null: Scored | None) -> Held:
         problem, o = found.problem, found.optimum
-        g, H = score_and_information(flight.at, o.tangents)
+        # Of this very pass: where a fit has not settled its own is that of the point before.
+        tangents = problem.tangents(o.theta, flight.at)
+        g, H = score_and_information(flight.at, tangents)
         pull = problem.prior_precision * (o.theta - problem.prior_mean)
         n = len(g)
         return Held(
-            o.tangents,
+            tangents,
             H + np.diag(problem.prior_precision),
             g - pull,
             np.zeros((0, n)) if null is None else null.g,
@@ -184,6 +211,8 @@ def judge(
     x, kappa = np.zeros(groups), np.ones(groups)
     x_null = np.zeros((len(others), groups))
     directions = []
+    biased = getattr(found, "bias", None) is None
+    distrust = found.inflation if biased and found.inflation > DISTRUSTED else 1.0
     for q in range(groups):
         c = library.columns(q)
         V[q] = sums.V[q] - sums.cross[:, c].T @ X[:, c]
@@ -200,6 +229,7 @@ def judge(
         if null is not None:
             kappa[q] = max(float(Sn.mean()) / rank, 1.0)
             x_null[:, q] = _scaled(Sn / kappa[q], rank)
+            kappa[q] = max(kappa[q], distrust)
         else:
             m = len(others)
             kappa[q] = max(float(Sn.sum()) / rank * m / max(m - KNOTS, 1), 1.0)
@@ -242,6 +272,8 @@ def _statistic(u: np.ndarray, V: np.ndarray) -> np.ndarray:
 
 def _scaled(S: np.ndarray, rank: int) -> np.ndarray:
     """x = −2 ln P(χ²_rank > S)"""
+    from scipy.stats import chi2
+
     return np.asarray(-2 * chi2.logsf(S, rank))
 
 

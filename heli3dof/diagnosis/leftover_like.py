@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.catalogue import Probe, candidates, probes
+from heli3dof.diagnosis.catalogue import candidates, probes
 from heli3dof.diagnosis.corrected import look
 from heli3dof.diagnosis.screen import Screen
 from heli3dof.identification.greybox.estimate import Estimate
@@ -23,29 +23,35 @@ from heli3dof.identification.greybox.likelihood import Pass
 LIKE = 0.9
 
 
+def named_traces(found: Estimate) -> tuple[list[str], np.ndarray]:
+    """(names, (P, E) δ_p) of every probe of every cause that ``found`` does not hold."""
+    problem, o = found.problem, found.optimum
+    axes = [a for a, there in zip(AXES, problem.data.axes, strict=True) if there]
+    taken = [t.name for t in found.structure.terms]
+    named = [p for t in candidates(taken, axes) for p in probes(t, problem.data.V)]
+    here = look(problem, o.theta, o.noise, whole=False)
+    return [p.name for p in named], Screen(problem, o.theta, here, named).D
+
+
 def likeness(
-    found: Estimate, at: Pass, trace: np.ndarray, tangents: np.ndarray, A: np.ndarray
+    named: tuple[list[str], np.ndarray],
+    at: Pass,
+    trace: np.ndarray,
+    tangents: np.ndarray,
+    A: np.ndarray,
 ) -> tuple[str, float]:
     """(the nearest named cause, cos) of a ``trace`` (E,), beside ``tangents`` (p, E) held.
 
     A (p, p) is the information of what is held, priors included.
     """
-    named = _probes(found)
-    problem, o = found.problem, found.optimum
-    here = look(problem, o.theta, o.noise, whole=False)
-    D = np.vstack([trace, Screen(problem, o.theta, here, named).D])
+    names, D = named
+    D = np.vstack([trace, D])
     across = (D * at.w) @ tangents.T
-    gram = (D * at.w) @ D.T - across @ np.linalg.solve(A, across.T)
-    own = np.diag(gram)
-    told = own > 1e-6 * np.maximum(np.einsum("ij,j,ij->i", D, at.w, D), 1e-30)
+    own = np.einsum("ij,j,ij->i", D, at.w, D)
+    left = own - np.einsum("ij,ij->i", across, np.linalg.solve(A, across.T).T)
+    with_it = (D * at.w) @ trace - across @ np.linalg.solve(A, across[0])
+    told = left > 1e-6 * np.maximum(own, 1e-30)
     with np.errstate(invalid="ignore", divide="ignore"):
-        cos = np.where(told, gram[0] / np.sqrt(own[0] * own), 0.0)[1:]
-    best = int(np.argmax(np.abs(cos)))
-    return named[best].name, float(abs(cos[best]))
-
-
-def _probes(found: Estimate) -> list[Probe]:
-    d = found.problem.data
-    axes = [a for a, there in zip(AXES, d.axes, strict=True) if there]
-    taken = [t.name for t in found.structure.terms]
-    return [p for t in candidates(taken, axes) for p in probes(t, d.V)]
+        cos = np.abs(np.where(told, with_it / np.sqrt(left[0] * left), 0.0))[1:]
+    best = int(np.argmax(cos))
+    return names[best], float(cos[best])

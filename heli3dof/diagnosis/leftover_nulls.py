@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from heli3dof.diagnosis.corrected import model_at
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.torque import Trail, trail_at
 from heli3dof.diagnosis.torque_hats import Hats
 from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate
-from heli3dof.identification.greybox.method import model_of
 from heli3dof.model.filtering import Data, data_of
 from heli3dof.recording.recording import Recording
 
@@ -41,7 +41,7 @@ def simulated(
     """Flights of the fitted rig where the recordings' loop is known."""
     runs = found.problem.data.runs
     last = [max((r.stop for r in runs if r.source == i), default=0) for i in range(len(recordings))]
-    model = model_of(found, recordings, "null")
+    model = model_at(found.problem, found.optimum.theta, found.optimum.noise)
 
     def one(b: int) -> tuple[np.ndarray, np.ndarray]:
         rng = np.random.default_rng([seed, 31, b])

@@ -31,6 +31,8 @@ UNITS = {
     "pitch_rate*yaw_rate": "rad²/s²", "pitch*voltage_sum": "rad V", "roll*voltage_sum": "rad V",
 }  # fmt: skip
 """What a torque may depend on, and the unit in which people read it."""
+SI_UNITS = {unit: unit.replace("°", "rad") for unit in set(UNITS.values())}
+"""The same in SI, as in tables"""
 SLOPE_S = 0.04
 
 

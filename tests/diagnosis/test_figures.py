@@ -9,7 +9,6 @@ from heli3dof.diagnosis.gain import gain
 from heli3dof.diagnosis.gain_folds import on_blocks
 from heli3dof.diagnosis.how_wrong import how_wrong
 from heli3dof.diagnosis.leftover import Leftover
-from heli3dof.diagnosis.select import extended
 from heli3dof.diagnosis.torque import UNITS
 from heli3dof.diagnosis.torque_evidence import (
     Evidence,
@@ -43,8 +42,8 @@ def base(recording: Recording) -> Estimate:
 
 
 @pytest.fixture(scope="module")
-def mended(base: Estimate) -> Estimate:
-    return extended(base, term("friction.viscous.yaw"), (0.005,), 0.1)
+def mended(recording: Recording) -> Estimate:
+    return fit_greybox(recording, ("friction.viscous.yaw",))
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,10 @@ from heli3dof.diagnosis.gain import Course, HeldOut, gain, pays
 from heli3dof.diagnosis.gain_folds import PURGE_S, on_blocks, on_holdout, training
 from heli3dof.diagnosis.gain_replay import replayed
 from heli3dof.diagnosis.how_wrong import how_wrong
-from heli3dof.diagnosis.select import extended
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox, model_of, usable_runs
-from heli3dof.model.effects import term
 from heli3dof.model.greybox import nominal
 from heli3dof.recording.recording import Recording
 
@@ -40,8 +38,8 @@ def base(recording: Recording) -> Estimate:
 
 
 @pytest.fixture(scope="module")
-def right(base: Estimate) -> Estimate:
-    return extended(base, term(HIDDEN), (0.005,), 0.05)
+def right(recording: Recording) -> Estimate:
+    return fit_greybox(recording, (HIDDEN,))
 
 
 def cells(loglik: list[float], errors_rad: list[float]) -> HeldOut:
@@ -88,7 +86,7 @@ def test_training_rows_keep_their_distance_from_the_block_left_out(base: Estimat
 
 
 def test_the_right_extension_pays_and_a_needless_one_does_not(
-    base: Estimate, right: Estimate
+    recording: Recording, base: Estimate, right: Estimate
 ) -> None:
     plain, better = on_blocks(base), on_blocks(right)
     g = gain(plain, better)
@@ -96,7 +94,7 @@ def test_the_right_extension_pays_and_a_needless_one_does_not(
     assert pays(g)
     assert g.rmse_deg["yaw"] is not None
     assert g.rmse_deg["yaw"].value > 0
-    needless = on_blocks(extended(right, term("drag.quadratic.roll"), (0.01,), 0.0))
+    needless = on_blocks(fit_greybox(recording, (HIDDEN, "drag.quadratic.roll")))
     assert not pays(gain(better, needless))
 
 

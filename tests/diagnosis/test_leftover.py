@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.catalogue import Probe
 from heli3dof.diagnosis.leftover import leftover
-from heli3dof.diagnosis.screen import traces
 from heli3dof.diagnosis.torque import trail
 from heli3dof.diagnosis.torque_hats import KNOTS, forward, hats
 from heli3dof.experiment.fly import fly_plan
@@ -15,6 +16,7 @@ from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
 from heli3dof.model.effects import term
+from heli3dof.model.rig_model import Structure
 from heli3dof.recording.recording import Recording
 
 
@@ -42,6 +44,10 @@ def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
     weight = 1 / np.array(first.std) ** 2
     slope = np.polyfit(z, torque, 1, w=np.sqrt(weight))[0]
     assert slope == pytest.approx(-0.1, rel=0.1)
+    written = json.loads(json.dumps(first.to_dict()))
+    assert written["unit"] == "rad/s"
+    assert written["table"] == [list(row) for row in first.table]
+    assert first.like is None
 
 
 def test_nothing_is_left_where_nothing_was_hidden() -> None:
@@ -62,10 +68,13 @@ def test_one_pass_backward_tells_the_score_of_any_torque(
     """The filter followed under a small viscous friction says the same, to its own coarseness."""
     found = coupled[1]
     seen = trail(found)
-    probe = Probe(term("friction.viscous.yaw"), (1e-4,), 1e-4)
-    followed = traces(found, [probe], found.problem.data, found.optimum.at)[0] / 1e-4
+    terms = (*found.structure.terms, term("friction.viscous.yaw"))
+    wider = replace(found.problem, structure=Structure(found.structure.profile, terms))
+    theta = np.append(found.optimum.theta, 0.0)
+    typical = terms[-1].effect.parameters[0].typical
+    followed = wider.tangents(theta, seen.at, np.array([len(theta) - 1]))[0] / typical
     backward = (-seen.X[:, 5] * seen.gradients[0][:, 2])[seen.flown].sum()
-    assert backward == pytest.approx(followed @ found.optimum.at.g, rel=0.02)
+    assert backward == pytest.approx(followed @ seen.at.g, rel=0.02)
 
 
 def test_forward_and_backward_passes_give_the_same_scores(
