@@ -23,7 +23,9 @@ MAY_IMPORT = {
     "diagnosis": {
         "errors", "axes", "rig", "recording", "model", "experiment", "identification", "comparison",
     },
-    "report": {"errors", "axes", "rig", "recording", "model", "identification", "comparison"},
+    "report": {
+        "errors", "axes", "rig", "recording", "model", "identification", "comparison", "diagnosis",
+    },
     "cli": {
         "errors", "axes", "rig", "recording", "model", "experiment", "identification",
         "comparison", "diagnosis", "report",

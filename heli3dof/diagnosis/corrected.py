@@ -34,7 +34,6 @@ from heli3dof.identification.greybox.fit import (
     NOISE_HIGH,
     NOISE_LOW,
     Optimum,
-    _better_noise,
 )
 from heli3dof.identification.greybox.likelihood import (
     DIFFERENCE,
@@ -49,14 +48,10 @@ from heli3dof.recording.recording import Recording
 
 PILOTS = 8
 """Flights of each estimate on the way; the same random numbers every time."""
-ROUNDS = 5
+ROUNDS = 7
 NEAR = 0.35
 """Standard deviations: a step smaller than this is the last; what `PILOTS` flights leave open."""
 NOISE_NEAR = 0.1
-CHATTERS = 1.2
-"""Inflation of a fit from which its bias is too large to start from."""
-QUIETER = np.array([0.5, 0.6, 1.0, 1.0])
-"""What the filter makes of a chattering flight's noise, roughly, roll and pitch chattering most."""
 _PROBE = 0.5  # step of the log intensity, as in `fit`
 WORKERS = 2
 COARSE = {"mass.change.time_s": 5e-3}
@@ -165,7 +160,7 @@ class Corrected(Estimate):
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
-    """The rig with these numbers, to fly."""
+    """The rig with these numbers, to fly and to predict with; it knows nothing of their spread."""
     n = len(theta)
     return GreyBoxModel(
         "null", problem.structure.profile, tuple(t.name for t in problem.structure.terms),
@@ -199,24 +194,6 @@ def in_threads(
             if done is not None:
                 done(i + 1)
     return out
-
-
-def beginning(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """Where to start solving from: a fit; nominal inertias and less noise where a fit runs away.
-
-    Where the encoders chatter, noise and inertia rise and fall together along a ridge of the
-    filter's likelihood, and the solution is reached from its quiet end only.
-    """
-    problem, o = found.problem, found.optimum
-    if found.inflation < CHATTERS:
-        return o.theta.copy(), o.noise.copy()
-    theta, noise = o.theta.copy(), o.noise.copy()
-    theta[1:4] = problem.prior_mean[1:4]
-    for _ in range(5):
-        noise, moved = _better_noise(problem, theta, noise, problem.data.axes)
-        if moved < NOISE_NEAR:
-            break
-    return theta, noise * QUIETER
 
 
 def correct(

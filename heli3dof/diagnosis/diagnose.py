@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.diagnosis.corrected import Corrected
+from heli3dof.diagnosis.corrected import Corrected, model_at
 from heli3dof.diagnosis.gain import log_likelihood, noise_floor_deg, rmse_deg
 from heli3dof.diagnosis.select import MOST, Choice
 from heli3dof.diagnosis.steps import Bench, Step, base_of, eliminated, extended, looked_at, without
@@ -25,10 +25,10 @@ from heli3dof.identification.greybox.method import model_of
 from heli3dof.model.greybox import GreyBoxModel, nominal
 from heli3dof.recording.recording import Recording
 
-FLIGHTS, QUICK_FLIGHTS = 48, 16
+FLIGHTS, QUICK_FLIGHTS = 64, 16
 FURTHER = 0.5
 """Of the flights, for the nulls after the first finding."""
-PILOTS, QUICK_PILOTS = 8, 6
+PILOTS, QUICK_PILOTS = 12, 6
 Says = Callable[[str], None]
 
 
@@ -90,10 +90,10 @@ def diagnose(
     found, steps = eliminated(bench, found, steps)
     clock.start("gain", "Measuring what it gains …")
     test = held or train
-    model, plain = model_of(found, train, "extended"), model_of(base, train, "base")
+    model, plain = model_of(found, train, "extended"), _flown(base)
     before, after = rmse_deg(plain, test), rmse_deg(model, test)
     taken = [s.choice for s in steps if s.choice is not None]
-    findings = tuple(_finding(found, c, model, after, train, test) for c in taken)
+    findings = tuple(_finding(found, c, model, after, test) for c in taken)
     first = steps[0] if steps else looked_at(bench, base, flights)
     off = _off_nominal(found)
     error, floor = rmse_deg(nominal(train[0].profile), test), noise_floor_deg(model, test, seed)
@@ -152,13 +152,17 @@ class Clock:
 
 def _finding(
     found: Corrected, choice: Choice, model: GreyBoxModel, after: dict[str, float | None],
-    train: Sequence[Recording], test: Sequence[Recording],
+    test: Sequence[Recording],
 ) -> Finding:  # fmt: skip
-    less = model_of(without(found, choice.term), train, "less")
+    less = _flown(without(found, choice.term))
     return Finding(
         choice, _values(found, choice), rmse_deg(less, test), after,
         log_likelihood(model, test) - log_likelihood(less, test),
     )  # fmt: skip
+
+
+def _flown(found: Corrected) -> GreyBoxModel:
+    return model_at(found.problem, found.optimum.theta, found.optimum.noise)
 
 
 def _values(found: Corrected, choice: Choice) -> dict[str, tuple[float, float]]:

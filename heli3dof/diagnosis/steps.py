@@ -12,19 +12,24 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.catalogue import candidates, probes, scans
-from heli3dof.diagnosis.corrected import Corrected, Informed, beginning, correct, look
+from heli3dof.diagnosis.corrected import NOISE_NEAR, Corrected, Informed, correct, look
 from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simulated_nulls
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
-from heli3dof.identification.greybox.estimate import estimate
-from heli3dof.identification.greybox.fit import Optimum
+from heli3dof.identification.greybox.estimate import Estimate, estimate
+from heli3dof.identification.greybox.fit import Optimum, _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.method import compile_first, usable_runs
 from heli3dof.model.effects import Term
 from heli3dof.model.filtering import data_of
 from heli3dof.model.rig_model import Structure
 from heli3dof.recording.recording import Recording
+
+CHATTERS = 1.2
+"""Inflation of a fit from which its bias is too large to start from."""
+QUIETER = np.array([0.5, 0.7, 1.0, 1.0])
+"""What the filter makes of a chattering flight's noise, roughly; roll and pitch chatter most."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +86,26 @@ def base_of(bench: Bench) -> Corrected:
     return correct(
         problem, *beginning(found), bench.recordings, seed=bench.seed, pilots=bench.pilots
     )
+
+
+def beginning(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
+    """Where to start correcting from: a fit; one at less noise where the encoders chatter.
+
+    Where they do, noise and inertia rise and fall together along a ridge of the filter's
+    likelihood, and the solution is reached from its quiet end only.
+    """
+    problem, o = found.problem, found.optimum
+    if found.inflation < CHATTERS:
+        return o.theta.copy(), o.noise.copy()
+    theta, noise = o.theta.copy(), o.noise.copy()
+    theta[1:4] = problem.prior_mean[1:4]
+    for _ in range(5):
+        noise, moved = _better_noise(problem, theta, noise, problem.data.axes)
+        if moved < NOISE_NEAR:
+            break
+    quiet = noise * QUIETER
+    at = maximise_tilted(problem, theta, quiet, None, rounds=6, hold_noise=True)
+    return at.theta, quiet
 
 
 def looked_at(bench: Bench, found: Corrected, flights: int) -> Step:

@@ -46,22 +46,26 @@ class Tilt:
 
 
 def maximise_tilted(
-    problem: Likelihood, start: np.ndarray, noise: np.ndarray, tilt: Tilt, *, rounds: int = ROUNDS
-) -> Optimum:
-    """The maximum of ℓ_c near ``start`` (n,) and ``noise`` (4,)."""
+    problem: Likelihood, start: np.ndarray, noise: np.ndarray, tilt: Tilt | None, *,
+    rounds: int = ROUNDS, hold_noise: bool = False,
+) -> Optimum:  # fmt: skip
+    """The maximum of ℓ_c near ``start`` (n,) and ``noise`` (4,); of ℓ without a tilt."""
+    if tilt is None:
+        tilt = Tilt(np.zeros(len(start)), np.zeros(3), start, noise)
     low, high = problem.bounds
     theta, a = np.clip(start, low, high), noise.copy()
     precision = problem.prior_precision
     axes = problem.data.axes
-    lam, moved, settled = 1e-3, np.inf, False
+    lam, moved, settled = 1e-3, 0.0 if hold_noise else np.inf, False
 
     def worth(loglik: np.ndarray, theta: np.ndarray, a: np.ndarray) -> float:
         return float(loglik.sum()) + problem.log_prior(theta) - tilt.of(theta, a)
 
-    here: Look = look(problem, theta, a, whole=True)
+    here: Look = look(problem, theta, a, whole=not hold_noise)
     for count in range(1, rounds + 1):
         if count > 1:
-            here = look(problem, theta, a, whole=moved > NOISE_SETTLED or count % 4 == 0)
+            again = not hold_noise and (moved > NOISE_SETTLED or count % 4 == 0)
+            here = look(problem, theta, a, whole=again)
         value = worth(here.at.loglik, theta, a)
         g = here.g - tilt.theta - precision * (theta - problem.prior_mean)
         A = here.H + np.diag(precision)
