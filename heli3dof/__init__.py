@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from heli3dof.comparison.compare import Comparison, compare
     from heli3dof.comparison.document import to_json as comparison_document
     from heli3dof.comparison.metrics import flight_metrics
-    from heli3dof.diagnosis.diagnose import Diagnosis, diagnose
+    from heli3dof.diagnosis.diagnose import diagnose
     from heli3dof.diagnosis.document import document as diagnosis_document
+    from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.experiment.fly import Flight, fly_plan
     from heli3dof.experiment.plan import Plan, load_plan, plan_from_dict, step_plan
     from heli3dof.experiment.simulate import simulate
@@ -50,7 +51,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Comparison": "comparison.compare",
     "Controller": "model.controller",
-    "Diagnosis": "diagnosis.diagnose",
+    "Diagnosis": "diagnosis.result",
     "Flight": "experiment.fly",
     "Identification": "identification.api",
     "LinearModel": "model.linear",

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 from heli3dof.cli.console import Talk
 
 if TYPE_CHECKING:
-    from heli3dof.diagnosis.diagnose import Diagnosis
     from heli3dof.diagnosis.next_experiment import NextExperiment
+    from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.experiment.plan import Plan
     from heli3dof.recording.recording import Recording
     from heli3dof.rig.profile import Profile
@@ -72,8 +72,10 @@ def run_auto(
             break
         assert upcoming is not None
         plan = load_plan(upcoming.plan)
-    model = save_model(found.model, folder / "extended.json")
-    document = to_document(found, str(model), upcoming)
+    model = None
+    if found.fitted is not None:
+        model = str(save_model(found.fitted.model, folder / "extended.json"))
+    document = to_document(found, model, upcoming)
     report = _report(flights, document, folder)
     return {
         "schema": "heli3dof.auto/1",

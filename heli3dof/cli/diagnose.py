@@ -70,13 +70,16 @@ def diagnose(
     test = load_all(talk, holdout or [], profile)
     with saying(talk) as says:
         found = find(train, test or None, quick=quick, seed=seed, says=says)
-        save_model(found.model, path, force=force)
+        written = None
+        if found.fitted is not None:
+            written = str(save_model(found.fitted.model, path, force=force))
         says("Simulating what to fly next …")
         upcoming = None if quick else next_of(found, seed=seed)
-    document = to_document(found, str(path), upcoming)
+    document = to_document(found, written, upcoming)
     for each in diagnosis_tables(document):
         talk.show(to_rich(each) if isinstance(each, Grid) else each)
-    talk.note(f"Model: {path}")
+    if written is not None:
+        talk.note(f"Model: {written}")
     talk.emit(document)
     if found.verdict == "bad_data":
         raise typer.Exit(BAD_DATA)

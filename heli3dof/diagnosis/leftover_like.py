@@ -14,8 +14,9 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.catalogue import Probe, Reach, candidates, probes
-from heli3dof.diagnosis.screen import traces
+from heli3dof.diagnosis.catalogue import Probe, candidates, probes
+from heli3dof.diagnosis.corrected import look
+from heli3dof.diagnosis.screen import Screen
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Pass
 
@@ -30,7 +31,9 @@ def likeness(
     A (p, p) is the information of what is held, priors included.
     """
     named = _probes(found)
-    D = np.vstack([trace, traces(found, named, found.problem.data, at)])
+    problem, o = found.problem, found.optimum
+    here = look(problem, o.theta, o.noise, whole=False)
+    D = np.vstack([trace, Screen(problem, o.theta, here, named).D])
     across = (D * at.w) @ tangents.T
     gram = (D * at.w) @ D.T - across @ np.linalg.solve(A, across.T)
     own = np.diag(gram)
@@ -43,7 +46,6 @@ def likeness(
 
 def _probes(found: Estimate) -> list[Probe]:
     d = found.problem.data
-    reach = Reach(float(np.nanmax(np.abs(d.V))), float(d.t.max() - d.t.min()))
     axes = [a for a, there in zip(AXES, d.axes, strict=True) if there]
     taken = [t.name for t in found.structure.terms]
-    return [p for t in candidates(taken, axes) for p in probes(t, reach)]
+    return [p for t in candidates(taken, axes) for p in probes(t, d.V)]

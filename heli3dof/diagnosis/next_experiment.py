@@ -27,8 +27,8 @@ import numpy as np
 
 from heli3dof.diagnosis.catalogue import Probe, probes
 from heli3dof.diagnosis.corrected import in_threads, look
-from heli3dof.diagnosis.diagnose import Diagnosis
 from heli3dof.diagnosis.noisy_flight import noisy_flight
+from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.diagnosis.screen import Screen
 from heli3dof.diagnosis.select import TIE, Contender
 from heli3dof.errors import CheckFailed, UsageError
@@ -153,9 +153,9 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
 
     None where nothing is open, where the data are at fault, or where no plan can be flown.
     """
-    if found.verdict == "bad_data":
+    if found.fitted is None:
         return None
-    base: Estimate = found.base
+    base: Estimate = found.fitted.base
     try:
         for finding in found.findings:
             best, *others = finding.choice.contenders

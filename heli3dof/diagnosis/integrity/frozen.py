@@ -71,7 +71,8 @@ def frozen(view: View) -> Iterable[Fault]:
             "encoder.frozen", Kind.BAD_DATA, r.name,
             f"{r.name}: {AXES[i]} stands on one count ({np.degrees(r.angle[a, i]):.4g}°) {span}, "
             f"{why}.",
-            "the encoder's cable or its input on the card; or the axis is clamped.",
+            "the encoder's cable or its input on the card; or the axis is clamped, or rests at a "
+            "stop that a wrong scale or offset hides.",
             "turn the axis by hand and watch it: heli3dof monitor; then record again"
             if whole or a < 5 / r.dt else
             f"use the flight before: recording.between(0, {r.t[a]:.3g}); check the encoder's cable",

@@ -107,6 +107,8 @@ def counts(view: View) -> Iterable[Fault]:
     if best > FITS or tried[others[0]][0] - best < MARGIN * (0.5 if coarser else 1.0):
         return
     scale = _scale_of(axis, k, answers)
+    # Without pitch's own answer, yaw's k is pitch's 1/k: it is sin p that pushes yaw.
+    tied = axis == "yaw" and "pitch" in r.axes and "pitch" not in good
     told = ", ".join(f"{a} {x.gain:.2g}" for a, x in view.responses.items() if x.gain > 0)
     yield Fault(
         "encoder.counts", Kind.BAD_DATA, r.name,
@@ -114,10 +116,12 @@ def counts(view: View) -> Iterable[Fault]:
         + (f", in steps of {k:g} counts" if coarser else "")
         + f" (answers over the profile's: {told}).",
         f"counts per revolution off by a factor of {k:g}: one, two or four edges of each line are "
-        "counted.",
+        + ("counted; " if tied else "counted.")
+        + (f"or pitch's are, by {1 / k:g}, since the tilt pushes yaw." if tied else ""),
         f"set encoder.{axis} = {round(n * k)} in the profile if angles come from counts, else "
         f"divide the logged angle by {k:g}",
-        effect="encoder.scale", axis=axis, parameters={"scale": scale}, confidence=0.99,
+        effect="encoder.scale", axis=axis, parameters={"scale": scale},
+        confidence=0.5 if tied else 0.99,
     )  # fmt: skip
 
 

@@ -7,8 +7,8 @@ counts the samples that should be there (lost ones too). A phase-locked loop fol
     ĝ_k = t_k − e_k + α e_k,    T̂ ← T̂ + β e_k
 
 with small α, β, so that the count is right while |ε| stays under half a period, and a clock that
-drifts is followed. ε is what is left of t_k over n_k when straight lines are taken out of
-stretches of `STRETCH` samples.
+drifts is followed. T̂ and ĝ start where the first stamps fall into step best. ε is what is left
+of t_k over n_k when straight lines are taken out of stretches of `STRETCH` samples.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ ALPHA, BETA = 0.05, 0.0006
 SLOW_ALPHA, SLOW_BETA = 0.02, 0.0001
 PASSES = 2
 STRETCH = 250
+HEAD = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +48,8 @@ class Ticks:
 
 def ticks(t: np.ndarray) -> Ticks:
     """Follow the increasing stamps t (N,) s, N ≥ 10."""
-    # The median interval is off where much is lost or late; a count that is nearly right gives
-    # the period so well that a slower loop can count once more.
-    number = _follow(t, float(np.median(np.diff(t))), ALPHA, BETA)
+    # A count that is nearly right gives the period so well that a slower loop can count again.
+    number = _follow(t, _period(t), ALPHA, BETA)
     for _ in range(PASSES):
         if number[-1] == len(t) - 1 and (np.diff(number) == 1).all():
             break
@@ -60,9 +60,9 @@ def ticks(t: np.ndarray) -> Ticks:
 
 def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarray:
     """(N,) n_k by the loop of the module, from this period on."""
-    # The first stamp may be late itself: the phase is the median of the first few's.
-    off = (t[:20] - t[0] + 0.5 * period) % period - 0.5 * period
-    grid = float(t[0] + np.median(off))
+    # The first stamp may be late itself: the phase is the circular mean of the first ones.
+    turn = np.exp(2j * np.pi * (t[:HEAD] - t[0]) / period)
+    grid = float(t[0] + np.angle(turn.sum()) / (2 * np.pi) * period)
     number = np.zeros(len(t), dtype=np.int64)
     n = 0
     for k, now in enumerate(t.tolist()[1:], start=1):
@@ -73,6 +73,18 @@ def _follow(t: np.ndarray, period: float, alpha: float, beta: float) -> np.ndarr
         grid = now - (1 - alpha) * e
         period += beta * e
     return number
+
+
+def _period(t: np.ndarray) -> float:
+    """A first T: the median interval, or where much is lost or late the T near it at which the
+    first stamps fall into step best, max |Σ exp(2πi t_k / T)|."""
+    dt = np.diff(t)
+    T = float(np.median(dt))
+    if (np.abs(dt - T) < 0.1 * T).all():
+        return T
+    near = T * (1 + np.linspace(-0.03, 0.03, 601))
+    turns = np.exp(2j * np.pi * (t[:HEAD, None] - t[0]) / near)
+    return float(near[np.argmax(np.abs(turns.sum(axis=0)))])
 
 
 def _slope(number: np.ndarray, t: np.ndarray) -> float:

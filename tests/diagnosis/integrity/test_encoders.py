@@ -157,3 +157,19 @@ def test_an_arm_that_never_leaves_the_table() -> None:
     assert "nothing.flies" in names(low, Kind.NOTE)
     stiff = replace(low, angle=low.angle[:1] + 0.05 * (low.angle - low.angle[:1]))
     assert "nothing.flies" in names(stiff, Kind.NOT_IDENTIFIABLE)
+
+
+def test_a_flight_ended_for_safety_is_said_with_its_usual_causes() -> None:
+    r = flight("run-step")
+    meta = {**r.meta, "outcome": "tripped", "outcome_details": {"detail": "pitch reached 61°"}}
+    (note,) = integrity(replace(r, meta=meta))
+    assert (note.check, note.kind) == ("flight.tripped", Kind.NOTE)
+    assert "pitch reached 61°" in note.sentence
+
+
+def test_a_yaw_that_is_off_because_pitch_may_be_names_both() -> None:
+    # Flown with pitch read half as large, pitch goes to its stops and does not answer.
+    fault = only(flight("rich", "encoder.scale.pitch:0.5"))
+    assert fault.check == "encoder.counts"
+    assert "pitch" in fault.cause
+    assert fault.confidence <= 0.5
