@@ -72,7 +72,8 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     talk.note("Diagnosing the rich flight …")
     with saying(talk) as says:
         wrong = diagnose(train, step, quick=True, seed=seed, says=says)
-        extended = save_model(wrong.model, folder / "extended.json")
+        assert wrong.fitted is not None  # the emulated rig's recordings are sound
+        extended = save_model(wrong.fitted.model, folder / "extended.json")
     document = to_document(wrong, str(extended))
     told = diagnosis_tables(document)
     talk.show(*(to_rich(g) if isinstance(g, Grid) else g for g in told))
