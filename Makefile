@@ -9,7 +9,7 @@ PEERS  := .venv-peers
 .PHONY: help demo test check format bench bench-peers bench-hidden pages recordings clean
 
 help:
-	@echo "make demo        fly the mock rig, identify, compare, report"
+	@echo "make demo        fly the mock rig, identify, compare, diagnose, report"
 	@echo "make test        the tests"
 	@echo "make check       lint, formatting and types"
 	@echo "make bench       re-measure every figure in docs/benchmarks.md (TOPIC=cli: that one)"

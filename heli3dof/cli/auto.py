@@ -127,13 +127,9 @@ def _flown(
 
 
 def _report(flights: Sequence[Recording], document: dict[str, Any], folder: Path) -> Path:
-    from heli3dof.report.diagnosis_tables import diagnosis_tables
+    from heli3dof.report.diagnosis_tables import told_section
     from heli3dof.report.flight_report import flight_report
-    from heli3dof.report.grid import Grid
-    from heli3dof.report.html import Section, paragraph, table, write_page
+    from heli3dof.report.html import write_page
 
-    told = [table(g) if isinstance(g, Grid) else paragraph(g) for g in diagnosis_tables(document)]
-    text = flight_report(
-        flights, extra=[Section("Diagnosis", told)], title=f"Diagnosis: {folder.name}"
-    )
+    text = flight_report(flights, extra=[told_section(document)], title=f"Diagnosis: {folder.name}")
     return write_page(text, folder / "report.html")

@@ -61,7 +61,7 @@ def diagnose(
         raise UsageError(
             "--base hover is not built yet.",
             cause="this version judges the nonlinear rigid body only.",
-            fix="heli3dof diagnose without --base",
+            fix="heli3dof diagnose without --base; heli3dof compare judges the hover model",
         )
     talk = Talk(as_json=as_json, quiet=quiet)
     path = output or Path(f"{recordings[0].name.split('.')[0]}-extended.json")

@@ -12,6 +12,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.report.grid import NONE, Grid, fixed
+from heli3dof.report.html import Section, paragraph, table
 
 Document = Mapping[str, Any]
 
@@ -90,6 +91,12 @@ def diagnosis_tables(document: Document) -> list[Grid | str]:
     return [*out, *sentences(document)]
 
 
+def told_section(document: Document) -> Section:
+    """The same for the HTML report."""
+    told = diagnosis_tables(document)
+    return Section("Diagnosis", [table(x) if isinstance(x, Grid) else paragraph(x) for x in told])
+
+
 def wrong(document: Document) -> Grid:
     """How wrong the simulation is as its profile has it, beside what noise alone would do."""
     error = document["simulation_error"]
@@ -112,6 +119,9 @@ def findings(document: Document) -> Grid:
     rows = []
     for f in document["findings"]:
         name, sure = name_of(f), _sure(f["confidence"])
+        if not f["parameters"]:
+            gain = fixed(_number(f["gain"]["holdout_log_likelihood"]), 0)
+            rows.append([name, "", NONE, NONE, "", sure, gain])
         for i, (key, number) in enumerate(f["parameters"].items()):
             what, unit = split_unit(key)
             rows.append(
@@ -146,8 +156,8 @@ def gains(document: Document) -> Grid:
         for axis in AXES
         if before.get(axis) is not None
     ]
-    where = "held-out recordings" if document["holdout"] else "the same flights"
-    where = document.get("about", {}).get("gain_measured_on", where)
+    where = document.get("about", {}).get("gain_measured_on", "the recordings themselves")
+    where = "the held-out recordings" if document["holdout"] else where
     return Grid(
         f"What mending gains, predicting {gain['horizon_s']:g} s ahead (RMS)",
         ["axis", "before °", "after °", "noise alone °"],

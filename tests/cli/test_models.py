@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from heli3dof_recordings import references
 
+from heli3dof.diagnosis import diagnose as diagnosing
 from tests.cli.running import heli3dof
 
 TRAIN = [r.path for r in references() if r.use == "identify"]
@@ -152,10 +153,16 @@ def test_the_demo_does_the_whole_chain_and_keeps_an_earlier_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(diagnosing, "QUICK_FLIGHTS", 6)
+    monkeypatch.setattr(diagnosing, "QUICK_PILOTS", 3)
     said = heli3dof("demo", "--json")
     assert said.code == 0, said.err
     document = json.loads(said.out)
     assert Path(document["report"]).stat().st_size > 100_000
+    named = [
+        ".".join(filter(None, (f["effect"], f["axis"]))) for f in document["diagnosis"]["findings"]
+    ]
+    assert sorted(named) == sorted(h.partition(":")[0] for h in document["hidden"].split(","))
     for made in (*document["recordings"], *document["models"]):
         assert Path(made).exists()
     (tmp_path / "heli3dof-demo" / "mine.txt").write_text("kept")

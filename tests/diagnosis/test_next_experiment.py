@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import doctest
+import math
 
 import pytest
 
@@ -39,12 +40,13 @@ def test_frictions_are_parted_by_a_flight_in_which_yaw_moves(base: Estimate) -> 
     assert margins["coast-down"] > 10 * margins["prbs"]
 
 
-def test_a_slow_ramp_parts_a_lag_from_a_delay_far_worse_than_large_steps(base: Estimate) -> None:
+def test_a_slow_ramp_parts_a_lag_from_a_delay_worse_than_large_steps(base: Estimate) -> None:
     causes = [Cause.typical("motor.lag"), Cause.typical("motor.delay")]
     found = recommend(base, causes, plans=["ramp", "large"])
     assert found.plan == "large"
     margins = {o.plan: o.margin for o in found.ranking}
-    assert margins["large"] > 5 * margins["ramp"]
+    # A margin m of one flight scatters by 2 √m: the two differ by more than twice that.
+    assert margins["large"] - margins["ramp"] > 4 * math.sqrt(max(margins["ramp"], 1.0))
 
 
 def test_a_single_cause_is_held_against_nothing(base: Estimate) -> None:
