@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.catalogue import Probe, Reach, candidates, probes
+from heli3dof.diagnosis.catalogue import Probe, candidates, probes
 from heli3dof.diagnosis.screen import traces
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Pass
@@ -43,7 +43,6 @@ def likeness(
 
 def _probes(found: Estimate) -> list[Probe]:
     d = found.problem.data
-    reach = Reach(float(np.nanmax(np.abs(d.V))), float(d.t.max() - d.t.min()))
     axes = [a for a, there in zip(AXES, d.axes, strict=True) if there]
     taken = [t.name for t in found.structure.terms]
-    return [p for t in candidates(taken, axes) for p in probes(t, reach)]
+    return [p for t in candidates(taken, axes) for p in probes(t, d.V)]

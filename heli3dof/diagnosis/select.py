@@ -27,7 +27,7 @@ import numpy as np
 
 from heli3dof.diagnosis.catalogue import SCANNED, Probe
 from heli3dof.diagnosis.corrected import Corrected, in_threads
-from heli3dof.diagnosis.nulls import Nulls
+from heli3dof.diagnosis.nulls import DRIFT, Nulls
 from heli3dof.diagnosis.screen import Screen, Seen, with_term
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.identification.greybox.fit import Optimum
@@ -39,7 +39,6 @@ HOPELESS = 0.1
 """Of the largest Z²: below it no term is fitted."""
 TIE = 6.0
 FORM = 0.03
-DRIFT = 0.25
 SHARE = 0.05
 ONE_WAY = 0.25
 """An estimate may go that share of its range below nothing, so as not to be cut off there; a cause
@@ -132,7 +131,7 @@ def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> fl
     a, b = best.probe, other.probe
     if max(a, b) >= len(screen.plain):
         return plain
-    drift = DRIFT * max(abs(nulls.mean[a] / nulls.std[a]), abs(nulls.mean[b] / nulls.std[b]))
+    drift = DRIFT * max(abs(nulls.mean[a]), abs(nulls.mean[b])) / np.sqrt(nulls.inflation)
     apart = np.sqrt(2 * (1 - min(abs(screen.correlation(a, b)), 1.0)))
     return float(plain + 2 * np.sqrt(max(best.score, 0.0)) * drift * apart)
 
