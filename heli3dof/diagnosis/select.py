@@ -164,7 +164,9 @@ def contend(
         term, Z2, i = ranked[k]
         wide, _ = with_term(problem.structure, found.values, term)
         ext = replace(problem, structure=wide)
-        start = beginning_of(ext, found, seen, i)
+        start = beginning_of(
+            ext, found, seen, i, 1 - nulls.mean[i] / seen.z[i] if seen.z[i] else 1.0
+        )
         new = wide.free[len(o.theta) :]
         slope, theta_0 = np.zeros(len(new)), start[len(o.theta) :].copy()
         if i < len(screen.plain) and screen.plain[i].grows and np.isfinite(screen.v[i]):
@@ -187,14 +189,17 @@ def contend(
     return sorted(fits, key=lambda f: -f.score)
 
 
-def beginning_of(ext: Likelihood, found: Corrected, seen: Seen, i: int) -> np.ndarray:
-    """(n,) coordinates: the estimate, and the new term where the screen saw it."""
+def beginning_of(ext: Likelihood, found: Corrected, seen: Seen, i: int, true: float) -> np.ndarray:
+    """(n,) coordinates: the estimate, and the new term where the screen saw it.
+
+    ``true``: the share of the probe's score that its nulls do not have too.
+    """
     probe = seen.probes[i]
     new = ext.structure.free[len(found.free) :]
     guess = list(probe.values)
     first = new[0]
     if not first.log and first.low < first.null < first.high:
-        guess[0] = first.null + float(seen.amplitude[i])
+        guess[0] = first.null + float(np.clip(true, 0.0, 1.5) * seen.amplitude[i])
     inside = []
     for v, f in zip(guess, new, strict=True):
         if f.log:
