@@ -143,8 +143,10 @@ def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
     """
     sigma = nulls.std[: len(screen.plain)] / np.sqrt(np.maximum(screen.information(), 1e-300))
     best: dict[str, float] = {}
-    for p, s in zip(screen.plain, sigma, strict=True):
+    for p, s, v in zip(screen.plain, sigma, screen.v, strict=True):
         share = 3 * float(s) / (LARGE * p.term.effect.parameters[0].typical)
+        if not p.grows:  # a limit: it is seen where it was reached
+            share = 0.0 if np.isfinite(v) else np.inf
         best[p.name] = min(best.get(p.name, np.inf), share)
     return tuple(n for n, share in best.items() if share > 1)
 
