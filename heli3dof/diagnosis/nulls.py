@@ -7,7 +7,12 @@ Each probe's z is then judged by its own nulls,
 
 so a cause that quantisation and feedback fake is not believed for what they fake. From B flights a
 standard deviation is known to 1/√(2B); it is shrunk towards what all probes have in common (worth
-`COMMON` flights) and never taken below 1, what an exact likelihood gives. So Z follows, where
+`COMMON` flights) and never taken below 1, what an exact likelihood gives. A rig's noise is not the
+flights' white one, so what the nulls say of a fake is itself known to a share `DRIFT` only:
+
+    std² = max(shrunk, 1)² + (`DRIFT` · mean z_null)²
+
+So Z follows, where
 nothing is hidden, Student's t with B − 1 + `COMMON` degrees of freedom, × √(1 + 1/B); the largest
 of P probes exceeds
 
@@ -32,6 +37,7 @@ from heli3dof.recording.recording import Recording
 
 FALSE_ALARMS = 0.003
 """The share of recordings with nothing to find in which something is found."""
+DRIFT = 0.25
 COMMON = 8
 """Flights that the probes' common standard deviation is worth."""
 GUMBEL_FROM = 30
@@ -46,6 +52,8 @@ class Nulls:
     mean: np.ndarray
     std: np.ndarray
     """(P,), (P,)"""
+    inflation: float
+    """How much more than an exact likelihood's the scores scatter: the median, at least 1"""
     threshold: float
     """Of the largest Z²"""
     freedom: float
@@ -58,11 +66,6 @@ class Nulls:
     def judged(self, seen: Seen) -> np.ndarray:
         """(P,) Z."""
         return np.asarray((seen.z - self.mean) / self.std)
-
-    @property
-    def inflation(self) -> float:
-        """How much more than an exact likelihood's the scores scatter: the median, at least 1."""
-        return float(np.median(self.std) ** 2)
 
     def confidence(self, Z2: float) -> float:
         """One less the chance that nothing gives as much."""
@@ -92,16 +95,21 @@ def simulated_nulls(
         return screen.see(at, prior=False).z, at.g
 
     out = in_threads(one, flights, progress)
-    return judged_by(np.array([z for z, _ in out])), np.array([g for _, g in out])
+    z = np.array([z for z, _ in out])
+    return judged_by(z, len(screen.plain)), np.array([g for _, g in out])
 
 
-def judged_by(z: np.ndarray) -> Nulls:
-    """The nulls of z (B, P)."""
+def judged_by(z: np.ndarray, signed: int | None = None) -> Nulls:
+    """The nulls of z (B, P), of which the first ``signed`` (all) are zero where nothing is false;
+    the others are maxima."""
     from scipy.stats import t
 
     B, P = z.shape
     mean = z.mean(axis=0)
     std = _shrunk(z)
+    inflation = float(np.median(std) ** 2)
+    false = np.where(np.arange(P) < (P if signed is None else signed), DRIFT * mean, 0.0)
+    std = np.hypot(std, false)
     nu = B - 1 + COMMON
     threshold = (1 + 1 / B) * float(t.isf(FALSE_ALARMS / (2 * P), nu)) ** 2
     rest = (z.sum(axis=0) - z) / (B - 1)
@@ -110,7 +118,7 @@ def judged_by(z: np.ndarray) -> Nulls:
         beta = float(np.sqrt(6) * largest.std(ddof=1) / np.pi)
         mu = float(largest.mean() - EULER * beta)
         threshold = max(threshold, mu - beta * float(np.log(-np.log(1 - FALSE_ALARMS))))
-    return Nulls(mean, std, threshold, nu, B, "simulated", largest)
+    return Nulls(mean, std, inflation, threshold, nu, B, "simulated", largest)
 
 
 def _shrunk(z: np.ndarray) -> np.ndarray:
@@ -128,7 +136,7 @@ def formula_nulls(found: Corrected, screen: Screen) -> Nulls:
     n = len(screen.names)
     root = float(np.sqrt(max(found.inflation, 1.0)))
     return Nulls(
-        np.zeros(n), np.full(n, root), 2 * float(chi2.isf(FALSE_ALARMS / n, 1)), 1e6, 0,
+        np.zeros(n), np.full(n, root), root**2, 2 * float(chi2.isf(FALSE_ALARMS / n, 1)), 1e6, 0,
         "Bonferroni over the probes, doubled: the loop is unknown",
     )  # fmt: skip
 

@@ -27,7 +27,7 @@ import numpy as np
 
 from heli3dof.diagnosis.catalogue import SCANNED, Probe
 from heli3dof.diagnosis.corrected import Corrected, in_threads
-from heli3dof.diagnosis.nulls import Nulls
+from heli3dof.diagnosis.nulls import DRIFT, Nulls
 from heli3dof.diagnosis.screen import Screen, Seen, with_term
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.identification.greybox.fit import Optimum
@@ -39,7 +39,6 @@ HOPELESS = 0.1
 """Of the largest Z²: below it no term is fitted."""
 TIE = 6.0
 FORM = 0.03
-DRIFT = 0.25
 SHARE = 0.05
 ONE_WAY = 0.25
 """An estimate may go that share of its range below nothing, so as not to be cut off there; a cause
@@ -132,7 +131,7 @@ def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> fl
     a, b = best.probe, other.probe
     if max(a, b) >= len(screen.plain):
         return plain
-    drift = DRIFT * max(abs(nulls.mean[a] / nulls.std[a]), abs(nulls.mean[b] / nulls.std[b]))
+    drift = DRIFT * max(abs(nulls.mean[a]), abs(nulls.mean[b])) / np.sqrt(nulls.inflation)
     apart = np.sqrt(2 * (1 - min(abs(screen.correlation(a, b)), 1.0)))
     return float(plain + 2 * np.sqrt(max(best.score, 0.0)) * drift * apart)
 
@@ -144,8 +143,10 @@ def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
     """
     sigma = nulls.std[: len(screen.plain)] / np.sqrt(np.maximum(screen.information(), 1e-300))
     best: dict[str, float] = {}
-    for p, s in zip(screen.plain, sigma, strict=True):
+    for p, s, v in zip(screen.plain, sigma, screen.v, strict=True):
         share = 3 * float(s) / (LARGE * p.term.effect.parameters[0].typical)
+        if not p.grows:  # a limit: it is seen where it was reached
+            share = 0.0 if np.isfinite(v) else np.inf
         best[p.name] = min(best.get(p.name, np.inf), share)
     return tuple(n for n, share in best.items() if share > 1)
 
@@ -165,7 +166,9 @@ def contend(
         term, Z2, i = ranked[k]
         wide, _ = with_term(problem.structure, found.values, term)
         ext = replace(problem, structure=wide)
-        start = beginning_of(ext, found, seen, i)
+        start = beginning_of(
+            ext, found, seen, i, 1 - nulls.mean[i] / seen.z[i] if seen.z[i] else 1.0
+        )
         new = wide.free[len(o.theta) :]
         slope, theta_0 = np.zeros(len(new)), start[len(o.theta) :].copy()
         if i < len(screen.plain) and screen.plain[i].grows and np.isfinite(screen.v[i]):
@@ -188,14 +191,17 @@ def contend(
     return sorted(fits, key=lambda f: -f.score)
 
 
-def beginning_of(ext: Likelihood, found: Corrected, seen: Seen, i: int) -> np.ndarray:
-    """(n,) coordinates: the estimate, and the new term where the screen saw it."""
+def beginning_of(ext: Likelihood, found: Corrected, seen: Seen, i: int, true: float) -> np.ndarray:
+    """(n,) coordinates: the estimate, and the new term where the screen saw it.
+
+    ``true``: the share of the probe's score that its nulls do not have too.
+    """
     probe = seen.probes[i]
     new = ext.structure.free[len(found.free) :]
     guess = list(probe.values)
     first = new[0]
     if not first.log and first.low < first.null < first.high:
-        guess[0] = first.null + float(seen.amplitude[i])
+        guess[0] = first.null + float(np.clip(true, 0.0, 1.5) * seen.amplitude[i])
     inside = []
     for v, f in zip(guess, new, strict=True):
         if f.log:

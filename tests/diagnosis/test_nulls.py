@@ -12,7 +12,7 @@ PROBES = 45
 
 def largest(rng: np.random.Generator, flights: int, sigma: np.ndarray) -> tuple[float, float]:
     """(the recording's largest Z², the threshold) where the recording is one more null."""
-    z = rng.standard_normal((flights + 1, PROBES)) * sigma + 3.0
+    z = rng.standard_normal((flights + 1, PROBES)) * sigma
     nulls = judged_by(z[:-1])
     return float((((z[-1] - nulls.mean) / nulls.std) ** 2).max()), nulls.threshold
 
@@ -37,5 +37,6 @@ def test_what_every_null_shows_is_no_finding() -> None:
     z[:, 7] += 80.0
     nulls = judged_by(z)
     assert abs(nulls.mean[7] - 80) < 1
+    assert nulls.std[7] > 19 > 2 > nulls.std[6]
     assert nulls.confidence(4.0) < 0.5
     assert nulls.confidence(100.0) > 0.99

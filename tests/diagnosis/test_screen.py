@@ -35,7 +35,7 @@ def fitted(recording: Recording) -> tuple[Estimate, Look]:
 def screened(found: Estimate, here: Look) -> Screen:
     terms = candidates()
     V = found.problem.data.V
-    plain = [p for t in terms for p in probes(t, V) if t.effect.name != "encoder.scale"]
+    plain = [p for t in terms for p in probes(t, V)]
     return Screen(found.problem, found.optimum.theta, here, plain, scans(terms))
 
 
