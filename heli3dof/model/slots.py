@@ -46,6 +46,9 @@ SLEW = 33
 """V/s, the fastest that a rotor spins up; 0 where nothing limits it."""
 SPEED_FRONT, SPEED_BACK = 34, 35
 """V, the rotors' speeds: the voltage that would keep them"""
+FLANK = 36
+"""Which flank of an encoder's play carries it; ``FLANK + axis``: 1 the angle rises, −1 it falls,
+0 neither, the middle of the play; 2, in flights, what the effect remembers says."""
 SIZE = 40
 
 AXIS, A, B, C, D = 0, 1, 2, 3, 4
@@ -68,3 +71,5 @@ class Stage(enum.IntEnum):
     """At every evaluation; ``out`` (3,) N·m, torques on roll, pitch, yaw, to be added to."""
     MEASURE = 4
     """Once a sample; ``out`` (3,) rad, what the encoders see, to be changed in place."""
+    DRY = 5
+    """After every step; ``out`` (3,) N·m, the most that dry friction holds with, to be added to."""
