@@ -42,10 +42,10 @@ def _soft(v: float, sd: float, b: float) -> tuple[float, float, float]:
 
     b < 0, which no friction is but a fit about zero tries, pushes: v − b sgn v.
     """
-    if abs(v) > abs(b) + SURE * sd:
+    if abs(v) > max(b, 0.0) + SURE * sd:
         return (v - b if v > 0.0 else v + b), 1.0, sd * sd
     if sd <= 0.0:
-        return (0.0 if b >= 0.0 else v), 0.0 if b > 0.0 else 1.0, 0.0
+        return 0.0, 0.0 if b > 0.0 else 1.0, 0.0
     if b <= 0.0:
         slope = 1.0 - 2.0 * b * math.exp(-0.5 * (v / sd) ** 2) / (SQRT2PI * sd)
         return v - b * math.erf(v / (SQRT2 * sd)), slope, (slope * sd) ** 2

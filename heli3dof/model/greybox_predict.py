@@ -33,7 +33,7 @@ STEP_S = 0.02
 NOISE = np.array([0.05, 0.15, 0.05])
 """(3,) rad/s²/√Hz where the model knows of none; see `heli3dof.model.predict`."""
 R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
-FLANK = _s.FLANK
+FLANK, STEPPED = _s.FLANK, _s.STEPPED
 
 
 def _roll(s, first, address, par, mem, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]
@@ -50,7 +50,7 @@ def _roll(s, first, address, par, mem, free, t, V, mean, X, low, n, stride, out)
         while a < k + n:
             b = min(a + stride, k + n)
             h = t[b] - t[a]
-            s[T] = t[a]
+            s[T], s[STEPPED] = t[a], 1.0
             for i in range(2):
                 s[F_FRONT + i] = (mean[b, i] - mean[a, i]) / h
                 s[V_FRONT + i] = V[a, i]

@@ -36,6 +36,7 @@ from heli3dof.model.rotor import thrusts
 from heli3dof.model.stepping import flanks, glide, leap, readings, setup
 
 R, T, F_FRONT, F_BACK, FLANK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.FLANK
+STEPPED = _s.STEPPED
 MEASURE = int(_s.Stage.MEASURE)
 RELINEARISE_S = 0.02
 RATE_0 = 1.0
@@ -118,6 +119,7 @@ def _filter(  # type: ignore[no-untyped-def]
         mem = mem0.copy()
         axes = free[b]
         setup(s, first, address, par, mem)
+        s[STEPPED] = 1.0
         lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
         thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
         decay[0] = -1.0

@@ -18,7 +18,8 @@ from heli3dof.model.rigid_body import accelerations, advance
 from heli3dof.model.rotor import lagged
 
 call = caller()
-R, T, F_FRONT, V_FRONT, FLANK = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.FLANK
+R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
+FLANK, STEPPED = _s.FLANK, _s.STEPPED
 TAU_M, K_F, GAIN_FRONT, SLEW = _s.TAU_M, _s.K_F, _s.GAIN_FRONT, _s.SLEW
 SETUP, MEASURE = int(_s.Stage.SETUP), int(_s.Stage.MEASURE)
 
@@ -42,7 +43,7 @@ def _leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
         tau = s[TAU_M]
         decay[1] = math.exp(-0.5 * h[k] / tau) if tau > 0.0 else 0.0
         decay[2] = decay[1] * decay[1]
-    s[T] = t[k]
+    s[T], s[STEPPED] = t[k], 1.0
     s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
     for m in range(2):
         # Without a lag the thrust is the target from the first instant.
@@ -78,7 +79,7 @@ def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay
     if decay[0] != h[k]:
         decay[0] = h[k]
         decay[1] = math.exp(-0.5 * h[k] / s[TAU_M]) if s[TAU_M] > 0.0 else 0.0
-    s[T] = t[k]
+    s[T], s[STEPPED] = t[k], 1.0
     s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
     for m in range(2):
         s[F_FRONT + m] = target[k, m] + (F[k, m] - target[k, m]) * decay[1]

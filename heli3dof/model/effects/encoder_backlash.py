@@ -35,6 +35,9 @@ EFFECT = Effect(
     parameters=(Parameter("angle_deg", "°", 0.0, -0.5, 10.0, 0.3, "full width of the play"),),
     hooks={Stage.MEASURE: measure},
     axes=AXES,
+    starts=(0.05, 0.09, 0.16, 0.28, 0.5, 0.9, 1.6, 2.8, 5.0),
     confused_with=("friction.coulomb", "motor.delay"),
     separated_by="large",
+    identifiable="reversals of the axis, slow and quick",
+    evidence="{axis}_rate",
 )
