@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 JOBS   ?= auto
 PEERS  := .venv-peers
 
-.PHONY: help demo test check format bench bench-peers pages recordings clean
+.PHONY: help demo test check format bench bench-peers bench-hidden pages recordings clean
 
 help:
 	@echo "make demo        fly the mock rig, identify, compare, report"
@@ -14,6 +14,7 @@ help:
 	@echo "make check       lint, formatting and types"
 	@echo "make bench       re-measure every figure in docs/benchmarks.md (TOPIC=cli: that one)"
 	@echo "make bench-peers other people's tools on the same flights (long; Octave where installed)"
+	@echo "make bench-hidden flights that hide a cause, and who finds it (long; resumes where it stopped)"
 	@echo "make pages       compute the tables in docs/ again"
 	@echo "make recordings  re-make the reference recordings that ship"
 
@@ -50,6 +51,10 @@ $(PEERS)/.installed: constraints-peers.txt
 
 bench-peers: $(STAMP) $(PEERS)/.installed
 	$(BIN)/python -m tests.bench peers
+
+# HIDDEN_FIRST: the first seed (0: the final tables), HIDDEN_SHARE: of the cases.
+bench-hidden: $(STAMP) $(PEERS)/.installed
+	$(BIN)/python -m tests.bench hidden
 
 # The computed parts of the pages; tests hold the committed text to what these write.
 pages: $(STAMP)

@@ -7,6 +7,7 @@ Everything the command line does can be done from Python::
     flight = h3.fly_plan(h3.load_plan("multisine"), device="mock:?speed=max&seed=1")
     found = h3.identify(flight.recording)
     table = h3.compare([h3.load("step.mcap")], [h3.hover_model(h3.default_profile()), found.model])
+    wrong = h3.diagnosis_document(h3.diagnose(flight.recording))
 
 Arrays are SI (s, V, rad) with columns (roll, pitch, yaw) and (front, back). Errors are those of
 `heli3dof.errors`. A name is imported when it is first used, so that importing the package costs
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from heli3dof.comparison.compare import Comparison, compare
     from heli3dof.comparison.document import to_json as comparison_document
     from heli3dof.comparison.metrics import flight_metrics
+    from heli3dof.diagnosis.diagnose import diagnose
+    from heli3dof.diagnosis.document import document as diagnosis_document
+    from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.experiment.fly import Flight, fly_plan
     from heli3dof.experiment.plan import Plan, load_plan, plan_from_dict, step_plan
     from heli3dof.experiment.simulate import simulate
@@ -47,6 +51,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Comparison": "comparison.compare",
     "Controller": "model.controller",
+    "Diagnosis": "diagnosis.result",
     "Flight": "experiment.fly",
     "Identification": "identification.api",
     "LinearModel": "model.linear",
@@ -58,6 +63,8 @@ _HOME = {
     "comparison_document": "comparison.document:to_json",
     "comparison_figures": "report.figures",
     "default_profile": "rig.profile",
+    "diagnose": "diagnosis.diagnose",
+    "diagnosis_document": "diagnosis.document:document",
     "export": "recording.exporting",
     "file_info": "recording.info",
     "find_rigs": "rig.drivers",
@@ -88,6 +95,7 @@ _HOME = {
 __all__ = [
     "Comparison",
     "Controller",
+    "Diagnosis",
     "Flight",
     "Identification",
     "LinearModel",
@@ -99,6 +107,8 @@ __all__ = [
     "comparison_document",
     "comparison_figures",
     "default_profile",
+    "diagnose",
+    "diagnosis_document",
     "export",
     "file_info",
     "find_rigs",

@@ -13,13 +13,13 @@ import pytest
 import heli3dof as h3
 
 PUBLIC = {
-    "Comparison", "Controller", "Flight", "Identification", "LinearModel", "Plan", "Profile",
-    "Recording", "check_loop", "compare", "comparison_document", "comparison_figures",
-    "default_profile", "export", "file_info", "find_rigs", "flight_figure", "flight_metrics",
-    "flight_report", "fly_plan", "hover_model", "identify", "import_log", "load", "load_model",
-    "load_plan", "load_profile", "make_recording", "open_rig", "plan_from_dict",
-    "profile_from_dict", "read_recording", "recover", "save_model", "simulate", "step_plan",
-    "write_recording",
+    "Comparison", "Controller", "Diagnosis", "Flight", "Identification", "LinearModel", "Plan",
+    "Profile", "Recording", "check_loop", "compare", "comparison_document", "comparison_figures",
+    "default_profile", "diagnose", "diagnosis_document", "export", "file_info", "find_rigs",
+    "flight_figure", "flight_metrics", "flight_report", "fly_plan", "hover_model", "identify",
+    "import_log", "load", "load_model", "load_plan", "load_profile", "make_recording", "open_rig",
+    "plan_from_dict", "profile_from_dict", "read_recording", "recover", "save_model", "simulate",
+    "step_plan", "write_recording",
 }  # fmt: skip
 
 
@@ -37,7 +37,9 @@ def test_every_public_name_is_found_and_documented(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(PUBLIC))
 def test_a_public_name_stays_what_it_is_once_its_package_is_imported(name: str) -> None:
-    for package in ("comparison", "identification", "experiment", "model", "recording", "report"):
+    for package in (
+        "comparison", "diagnosis", "experiment", "identification", "model", "recording", "report",
+    ):  # fmt: skip
         __import__(f"heli3dof.{package}")
     assert not inspect.ismodule(getattr(h3, name))
 

@@ -21,9 +21,11 @@ MAY_IMPORT = {
     "identification": {"errors", "axes", "rig", "recording", "model"},
     "comparison": {"errors", "axes", "rig", "recording", "model"},
     "diagnosis": {
-        "errors", "axes", "rig", "recording", "model", "identification", "comparison",
+        "errors", "axes", "rig", "recording", "model", "experiment", "identification", "comparison",
     },
-    "report": {"errors", "axes", "rig", "recording", "model", "identification", "comparison"},
+    "report": {
+        "errors", "axes", "rig", "recording", "model", "identification", "comparison", "diagnosis",
+    },
     "cli": {
         "errors", "axes", "rig", "recording", "model", "experiment", "identification",
         "comparison", "diagnosis", "report",

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 MOCK = "mock:"
 REFRESH_S = 0.1
+FIRST = "rich"
+"""What `run --auto` flies first where it is not told"""
 
 
 def register(app: typer.Typer) -> None:
@@ -71,7 +73,18 @@ def run_step(
 
 @verb
 def run(
-    plan: Annotated[str, typer.Argument(metavar="PLAN", help="A plan's TOML file, or its name.")],
+    plan: Annotated[
+        str | None, typer.Argument(metavar="PLAN", help="A plan's TOML file, or its name.")
+    ] = None,
+    auto: Annotated[
+        bool, typer.Option("--auto", help="Fly, diagnose, fly what separates, until settled.")
+    ] = False,
+    budget: Annotated[
+        float, typer.Option("--budget", metavar="MIN", min=0.1, help="With --auto: of flight.")
+    ] = 10.0,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="With --auto: fewer simulated nulls.")
+    ] = False,
     device: Device = MOCK,
     profile: ProfileFile = None,
     output: Output = None,
@@ -82,10 +95,53 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Fly any experiment: heli3dof run steps, or heli3dof run my-plan.toml."""
+    from heli3dof.errors import UsageError
     from heli3dof.experiment.plan import load_plan
 
+    if plan is None and not auto:
+        raise UsageError(
+            "run was not told what to fly.",
+            cause="neither a plan nor --auto was given.",
+            fix="heli3dof run rich, or heli3dof run --auto",
+        )
     talk = Talk(as_json=as_json, quiet=quiet)
-    _fly(talk, load_plan(plan), device, profile, output, force, seed, dry_run)
+    chosen = load_plan(plan or FIRST)
+    if auto and not dry_run:
+        _fly_auto(talk, chosen, device, profile, output, budget, quick, seed)
+        return
+    if auto:
+        talk.show(f"Automatic: {chosen.name} first, then what separates, {budget:g} min at most.")
+    _fly(talk, chosen, device, profile, output, force, seed, dry_run)
+
+
+def _fly_auto(
+    talk: Talk,
+    plan: Plan,
+    device: str,
+    profile_file: Path | None,
+    output: Path | None,
+    budget_min: float,
+    quick: bool,
+    seed: int,
+) -> None:
+    from heli3dof.cli.auto import run_auto
+    from heli3dof.errors import OutputExists
+    from heli3dof.rig.profile import default_profile, load_profile
+
+    profile = load_profile(profile_file) if profile_file else default_profile()
+    folder = output or default_path(f"auto-{plan.name}").with_suffix("")
+    if folder.exists():
+        raise OutputExists(
+            f"{folder} exists and was left as it is.",
+            cause="--auto keeps its flights in a folder of their own.",
+            fix="another name with -o",
+        )
+    document = run_auto(
+        talk, plan, device=device, profile=profile.with_controller(), folder=folder,
+        budget_min=budget_min, quick=quick, seed=seed,
+    )  # fmt: skip
+    talk.note(f"Report: {document['report']}")
+    talk.emit(document)
 
 
 def _fly(

@@ -14,16 +14,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.scans import Frequencies, Instants, Scan
 from heli3dof.model.effects import Term, effects
 
 IN_BASE = ("mass.imbalance", "inertia", "motor.thrust_gain")
 """The base simulation's own parameters, under other names."""
 SMALL = 0.1
 """Of the typical size: a probe small enough to be a tangent."""
-FREQUENCIES_HZ = np.geomspace(0.1, 6.0, 8)
-INSTANTS = 8
-CLIPPED = (0.98, 0.92, 0.85, 0.75)
-"""Where a lower limit than the amplifier's is looked for, as a share of the highest voltage."""
+CLIPPED = (0.999, 0.99, 0.9)
+"""Where a lower limit than the amplifier's is looked for: quantiles of the voltages put out."""
+SCANNED = ("disturbance.periodic", "mass.change")
+"""Looked for at every frequency and instant, see `heli3dof.diagnosis.scans`."""
 
 
 @dataclass(frozen=True)
@@ -34,19 +35,12 @@ class Probe:
     term: Term
     values: tuple[float, ...]
     size: float
+    grows: bool = True
+    """Its trace grows with its first parameter from nothing; a limit's does not."""
 
     @property
     def name(self) -> str:
         return self.term.name
-
-
-@dataclass(frozen=True)
-class Reach:
-    """What the recordings reach: without it some effects have no place to be looked for."""
-
-    highest_V: float
-    duration_s: float
-    frequencies_Hz: tuple[float, ...] = tuple(float(f) for f in FREQUENCIES_HZ)
 
 
 def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[Term]:
@@ -65,8 +59,11 @@ def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[
     return out
 
 
-def probes(term: Term, reach: Reach) -> list[Probe]:
-    """Where to look for a term, the plainest first; see the module."""
+def probes(term: Term, V: np.ndarray) -> list[Probe]:
+    """Where to look for a term, the plainest first; V (N, 2) the voltages put out. See the module.
+
+    None for one that is scanned.
+    """
     q = term.effect.parameters
     null = tuple(p.null for p in q)
 
@@ -76,22 +73,27 @@ def probes(term: Term, reach: Reach) -> list[Probe]:
 
     name = term.effect.name
     if name == "motor.lag":
-        return [at(v) for v in (0.02, 0.06, 0.15, 0.3)]
+        return [at(v) for v in (0.02, 0.07, 0.2)]
     if name == "motor.delay":
-        return [at(v) for v in (0.004, 0.015, 0.04)]
+        return [at(v) for v in (0.004, 0.02)]
     if name == "motor.dead_zone":
         return [at(v) for v in (0.3, 1.5)]
     if name == "motor.saturation":
-        return [at(share * reach.highest_V) for share in CLIPPED]
+        limits = np.nanquantile(np.abs(V), CLIPPED)
+        return [Probe(term, (float(v),), -1.0, grows=False) for v in np.unique(limits)]
     if name == "aero.ground_effect":
         return [at(SMALL * q[0].typical, h) for h in (0.05, 0.1, 0.25)]
-    if name == "mass.change":
-        step = reach.duration_s / (INSTANTS + 1)
-        return [at(SMALL * q[0].typical, step * (i + 1)) for i in range(INSTANTS)]
-    if name == "disturbance.periodic":
-        return [
-            at(SMALL * q[0].typical, f, phase)
-            for f in reach.frequencies_Hz
-            for phase in (0.0, np.pi / 2)
-        ]
+    if name in SCANNED:
+        return []
     return [at(null[0] + SMALL * q[0].typical)]
+
+
+def scans(terms: Sequence[Term]) -> list[Scan]:
+    """The scans of those of the terms that are scanned."""
+    out: list[Scan] = []
+    for t in terms:
+        if t.effect.name == "disturbance.periodic":
+            out.append(Frequencies(t))
+        elif t.effect.name == "mass.change":
+            out.append(Instants(t))
+    return out

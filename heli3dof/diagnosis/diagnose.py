@@ -1,66 +1,36 @@
 """`diagnose`: recordings in, a `Diagnosis` out. The order of things is the order of this file.
 
-1. The base: the profile's rigid body, its T_g and inertias refitted.
+0. Integrity: a recording that is itself at fault is not diagnosed.
+1. The base: the profile's rigid body, its T_g and inertias fitted and freed of the filter's bias
+   (`heli3dof.diagnosis.corrected`).
 2. The screen of every candidate, against simulated nulls of the recordings' own fit.
-3. Causes one by one by full fits (`heli3dof.diagnosis.select`); after each, nulls and screen anew.
-4. What it gains on held-out recordings, against the base refitted.
-
-Work in progress, and no verb yet: integrity checks, the unknown (`leftover`), intervals of the gain
-and dropping what does not pay are still to come, and so is a table of hits and false alarms.
+3. Causes one by one by full fits (`heli3dof.diagnosis.select`); after each, its own correction,
+   nulls and screen anew. Then backwards: what the others made superfluous goes.
+4. What it gains on data not seen, against the base refitted; what does not pay goes.
+5. What is left and has no name.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
 
-import numpy as np
-
-from heli3dof.diagnosis.catalogue import Probe, Reach, candidates, probes
-from heli3dof.diagnosis.gain import log_likelihood, noise_floor_deg, rmse_deg
-from heli3dof.diagnosis.nulls import DISTRUSTED, formula_nulls, loop_is_known, simulated_nulls
-from heli3dof.diagnosis.screen import Screen, screen
-from heli3dof.diagnosis.select import MOST, Choice, choose, without
-from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.method import fit_greybox, model_of
-from heli3dof.model.greybox import GreyBoxModel, nominal
+from heli3dof.diagnosis.calibration import off_nominal
+from heli3dof.diagnosis.corrected import Corrected
+from heli3dof.diagnosis.integrity import Kind, integrity
+from heli3dof.diagnosis.leftover import Leftover, leftover
+from heli3dof.diagnosis.measured import adopted, fitted
+from heli3dof.diagnosis.result import Diagnosis, Finding
+from heli3dof.diagnosis.select import MOST
+from heli3dof.diagnosis.steps import Bench, Step, base_of, eliminated, extended, looked_at
 from heli3dof.recording.recording import Recording
 
-FLIGHTS, QUICK_FLIGHTS, FURTHER_FLIGHTS = 50, 12, 16
+FLIGHTS, QUICK_FLIGHTS = 48, 16
+FURTHER = 0.5
+"""Of the flights, for the nulls after the first finding."""
+PILOTS, QUICK_PILOTS = 8, 6
+LEFT_FLIGHTS, QUICK_LEFT_FLIGHTS = 24, 8
 Says = Callable[[str], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Finding:
-    """A cause: its term, the fit in which it was taken, and what it gains on the test flights."""
-
-    choice: Choice
-    values: dict[str, tuple[float, float]]
-    """Parameter → (value, standard deviation) in the final fit"""
-    before: dict[str, float | None]
-    after: dict[str, float | None]
-    log_likelihood: float
-
-
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
-    """What was found; `heli3dof.diagnosis.document` makes the contract's JSON of it."""
-
-    recordings: tuple[str, ...]
-    holdout: tuple[str, ...]
-    verdict: str
-    base: Estimate
-    final: Estimate
-    findings: tuple[Finding, ...]
-    calibration_findings: tuple[str, ...]
-    simulation_error: dict[str, float | None]
-    before: dict[str, float | None]
-    after: dict[str, float | None]
-    noise_floor: dict[str, float | None]
-    not_identifiable: tuple[str, ...]
-    model: GreyBoxModel
-    about: dict[str, Any] = field(default_factory=dict)
 
 
 def diagnose(
@@ -74,119 +44,93 @@ def diagnose(
     """What the simulation of these recordings gets wrong, and why.
 
     ``quick`` simulates `QUICK_FLIGHTS` nulls instead of `FLIGHTS`. Without ``holdout`` the gains
-    are measured on the recordings themselves, and the document says so. Raises RecordingError
+    are measured on blocks left out, and the document says so. Raises RecordingError
     where nothing can be fitted.
     """
     train = [recordings] if isinstance(recordings, Recording) else list(recordings)
     held = [] if holdout is None else [holdout] if isinstance(holdout, Recording) else list(holdout)
-    says("Fitting the base simulation …")
-    base = fit_greybox(train, ())
-    known = loop_is_known(train)
+    clock = Clock(says)
+    names = (tuple(r.name for r in train), tuple(r.name for r in held))
+    clock.start("integrity", "Checking the recordings themselves …")
+    faults = integrity([*train, *held])
+    for stops in (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE):
+        if any(f.kind == stops for f in faults):
+            return Diagnosis(*names, stops, faults)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
-    found = base
-    choices: list[Choice] = []
-    unseen: tuple[str, ...] = ()
-    method = ""
-    while len(choices) < MOST:
-        looked = _probes(found, train)
-        says(f"Screening {len(looked)} probes, {flights} simulated nulls …")
-        seen = screen(found, looked)
-        nulls = (
-            simulated_nulls(found, train, looked, flights=flights, seed=seed)
-            if known
-            else formula_nulls(found, looked)
-        )
-        if not choices:
-            unseen, method = _unseen(seen), nulls.method
-        choice = choose(found, seen, nulls, choices[0].score if choices else None)
-        if choice is None:
-            break
-        says(f"Found {choice.term.name}.")
-        choices.append(choice)
-        found = choice.fit
-        flights = min(flights, FURTHER_FLIGHTS)
-    test = held or train
-    found, choices = _eliminated(found, choices)
-    model, plain = model_of(found, train, "extended"), model_of(base, train, "base")
-    before, after = rmse_deg(plain, test), rmse_deg(model, test)
-    findings = []
-    for c in choices:
-        less = model_of(without(found, c.term), train, "less")
-        findings.append(
-            Finding(
-                c, _values(found, c), rmse_deg(less, test), after,
-                log_likelihood(model, test) - log_likelihood(less, test),
-            )
-        )  # fmt: skip
-    off = _off_nominal(found)
+    bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS)
+    clock.start("base", "Fitting the base simulation, and flying it for its bias …")
+    base = base_of(bench)
+    steps, found = causes(bench, base, flights, clock)
+    first = steps[0]
+    clock.start("backward", "Each cause once more without it …")
+    found, steps = eliminated(bench, found, steps)
+    clock.start("gain", "Measuring the gain on what was not seen …")
+    taken = [s.choice for s in steps if s.choice is not None]
+    found, findings, dropped, after = adopted(found, taken, held, seed=seed)
+    whole = fitted(base, found, after, train, held, seed=seed)
+    clock.start("left", "Looking for what has no name …")
+    left = leftover(found, train, flights=QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS, seed=seed)
+    off = off_nominal(found)
+    clock.stop()
+    about = {
+        "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
+        "threshold": first.nulls.threshold, "largest": first.largest,
+        "gain_measured_on": whole.gain.on, "seconds": clock.seconds,
+    }  # fmt: skip
+    sized = [f for f in faults if f.kind == Kind.FINDING]
     return Diagnosis(
-        tuple(r.name for r in train), tuple(r.name for r in held),
-        _verdict(findings, off), base, found, tuple(findings), off,
-        rmse_deg(nominal(train[0].profile), test), before, after,
-        noise_floor_deg(model, test, seed), unseen, model,
-        {"nulls": method, "null_flights": FLIGHTS if not quick else QUICK_FLIGHTS, "seed": seed,
-         "gain_measured_on": "holdout" if held else "the recordings themselves"},
+        *names, _verdict(findings, [*sized, *off], left), faults, whole, findings, off, dropped,
+        left, first.unseen, about,
     )  # fmt: skip
 
 
-def _probes(found: Estimate, recordings: Sequence[Recording]) -> list[Probe]:
-    reach = Reach(
-        float(np.nanmax(np.abs(found.problem.data.V))), max(r.duration for r in recordings)
-    )
-    taken = [t.name for t in found.structure.terms]
-    axes = [a for a in ("roll", "pitch", "yaw") if any(a in r.axes for r in recordings)]
-    return [p for t in candidates(taken, axes) for p in probes(t, reach)]
+def causes(
+    bench: Bench, base: Corrected, flights: int, clock: Clock
+) -> tuple[list[Step], Corrected]:
+    """Forward: every step that was made (the last one found nothing, or is the last allowed)."""
+    found, steps = base, list[Step]()
+    score = None
+    while len(steps) < MOST:
+        n = flights if not steps else max(8, round(FURTHER * flights))
+        clock.start(f"screen {len(steps) + 1}", f"Screening against {n} simulated nulls …")
+        step = looked_at(bench, found, n)
+        clock.start(f"fits {len(steps) + 1}", "Fitting what may be the cause …")
+        step = step.chosen(bench, score)
+        steps.append(step)
+        if step.choice is None:
+            break
+        clock.says(f"Found {step.choice.term.name}.")
+        found = extended(bench, step.choice)
+        score = score or step.choice.score
+    return steps, found
 
 
-def _unseen(seen: Screen) -> tuple[str, ...]:
-    """Candidates of which the recordings say nothing: z is zero for want of information."""
-    names = dict.fromkeys(p.name for p in seen.probes)
-    dark = [
-        n for n in names if all(seen.z[i] == 0 for i, p in enumerate(seen.probes) if p.name == n)
-    ]
-    return tuple(dark)
+class Clock:
+    """Says what is being done, and keeps the wall clock of each stage."""
+
+    def __init__(self, says: Says) -> None:
+        self.says = says
+        self.seconds: dict[str, float] = {}
+        self._stage, self._since = "", time.perf_counter()
+
+    def start(self, stage: str, sentence: str) -> None:
+        self.stop()
+        self._stage = stage
+        self.says(sentence)
+
+    def stop(self) -> None:
+        now = time.perf_counter()
+        if self._stage:
+            before = self.seconds.get(self._stage, 0.0)
+            self.seconds[self._stage] = round(before + now - self._since, 2)
+        self._stage, self._since = "", now
 
 
-def _eliminated(found: Estimate, choices: list[Choice]) -> tuple[Estimate, list[Choice]]:
-    """Backward: a cause that later ones made superfluous goes."""
-    kept = list(choices)
-    rows = np.log(max(found.problem.data.rows, 2))
-    for c in choices[:-1] if len(choices) > 1 else []:
-        less = without(found, c.term)
-        price = len(c.term.effect.parameters) * rows
-        if less.optimum.converged and 2 * (found.optimum.loglik - less.optimum.loglik) < price:
-            found, kept = less, [k for k in kept if k.term.name != c.term.name]
-    return found, kept
-
-
-def _values(found: Estimate, choice: Choice) -> dict[str, tuple[float, float]]:
-    return {
-        f.name.removeprefix(choice.term.name + "."): (float(v), float(s))
-        for f, v, s in zip(found.free, found.values, found.std, strict=True)
-        if f.term == choice.term.name
-    }
-
-
-def _off_nominal(found: Estimate) -> tuple[str, ...]:
-    """Base parameters off by more than the profile's tolerance, surely (two standard deviations).
-
-    None where the fit is not to be trusted (see `nulls`).
-    All in units of K_f: where they are all off together by one factor, K_f is what is off.
-    """
-    if found.inflation > DISTRUSTED:
-        return ()
-    tolerance = found.structure.profile.tolerance
-    ratio = np.array([v / f.start for f, v in zip(found.free[:4], found.values[:4], strict=True)])
-    spread = found.std[:4] / np.abs([f.start for f in found.free[:4]])
-    off = np.abs(ratio - 1) - 2 * spread > tolerance
-    common = float(np.median(ratio))
-    if abs(common - 1) > tolerance and (np.abs(ratio / common - 1) < tolerance).all():
-        return ("motor.thrust_gain",) if off.any() else ()
-    names = ("mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw")
-    return tuple(n for n, bad in zip(names, off, strict=True) if bad)
-
-
-def _verdict(findings: Sequence[Finding], off: Sequence[str]) -> str:
-    if findings:
-        return "ambiguous" if findings[0].choice.tied_with else "explained"
-    return "explained" if off else "nothing_found"
+def _verdict(
+    findings: Sequence[Finding], others: Sequence[object], left: Sequence[Leftover]
+) -> str:
+    if left:
+        return "unexplained"
+    if findings and findings[0].choice.tied_with:
+        return "ambiguous"
+    return "explained" if findings or others else "nothing_found"

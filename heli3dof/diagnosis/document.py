@@ -5,53 +5,113 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.diagnose import Diagnosis, Finding
-from heli3dof.diagnosis.gain import HORIZON_S
-from heli3dof.model.effects import term
+from heli3dof.diagnosis.calibration import Off, calibrated
+from heli3dof.diagnosis.gain import HORIZON_S, Gain
+from heli3dof.diagnosis.integrity import Fault
+from heli3dof.diagnosis.leftover import Leftover
+from heli3dof.diagnosis.next_experiment import NextExperiment
+from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted
 
 
-def document(d: Diagnosis, model: str | None = None) -> dict[str, Any]:
-    """JSON-able; ``model`` is the extended model's path, None where it was not written."""
-    calibration = [
-        {
-            "parameter": f.name,
-            "nominal": f.start,
-            "value": float(v),
-            "std": float(s),
-            "unit": f.unit,
-        }
-        for f, v, s in zip(d.final.free[:4], d.final.values[:4], d.final.std[:4], strict=True)
-    ]
+def document(
+    d: Diagnosis, model: str | None = None, upcoming: NextExperiment | None = None
+) -> dict[str, Any]:
+    """JSON-able; ``model`` is the extended model's path, None where it was not written.
+
+    ``upcoming`` is what `heli3dof.diagnosis.next_experiment.next_of` says; without it the
+    catalogue's own recommendation for the first tie stands there. Beside the contract's keys:
+    ``integrity`` (every fault), ``dropped`` (causes that do not pay), ``about``.
+    """
+    f = d.fitted
     return {
         "schema": "heli3dof.diagnosis/1",
         "recordings": list(d.recordings),
         "holdout": list(d.holdout),
         "verdict": d.verdict,
-        "simulation_error": {
-            a: {
-                "rmse_deg": d.simulation_error[a],
-                "noise_floor_deg": d.noise_floor[a],
-                "horizon_s": HORIZON_S,
-            }
-            for a in AXES
-        },
-        "calibration": calibration,
+        "simulation_error": {a: _wrong(f, a) for a in AXES},
+        "calibration": [] if f is None else _calibration(f),
         "findings": [
-            *(_finding(f) for f in d.findings),
-            *(_off(d, n) for n in d.calibration_findings),
+            *(_fault(x) for x in d.faults),
+            *(_finding(x) for x in d.findings),
+            *(_off(x) for x in d.calibration_findings),
         ],
         "not_identifiable": list(d.not_identifiable),
-        "leftover": [],
-        "next_experiment": _next(d),
-        "gain": {
-            "horizon_s": HORIZON_S,
-            "holdout_rmse_deg": {
-                "before": d.before, "after": d.after, "noise_floor": d.noise_floor,
-            },
-        },
+        "leftover": [_leftover(x) for x in d.leftovers],
+        "next_experiment": _next(d) if upcoming is None else _upcoming(upcoming),
+        "gain": {"horizon_s": HORIZON_S, **_gain(None if f is None else f.gain, f)},
         "model": model,
-        "about": d.about,
-    }  # fmt: skip
+        "integrity": [x.to_dict() for x in d.integrity],
+        "dropped": [{"effect": x.name, "gain": _gain(x.gain)} for x in d.dropped],
+        "about": dict(d.about),
+    }
+
+
+def _wrong(f: Fitted | None, axis: str) -> dict[str, Any]:
+    """The simulation as the profile has it, and over every horizon."""
+    if f is None:
+        return {"rmse_deg": None, "noise_floor_deg": None, "horizon_s": HORIZON_S}
+    error, floor = (_number(x) for x in f.wrong.at(HORIZON_S, axis))
+    return {
+        "rmse_deg": error,
+        "noise_floor_deg": floor,
+        "horizon_s": HORIZON_S,
+        "by_horizon": [
+            {
+                "horizon_s": h,
+                "rmse_deg": _number(f.wrong.at(h, axis)[0]),
+                "noise_floor_deg": _number(f.wrong.at(h, axis)[1]),
+            }
+            for h in f.wrong.horizons_s
+        ],
+        "worst": [
+            {
+                "recording": w.recording,
+                "start_s": w.start_s,
+                "stop_s": w.stop_s,
+                "rmse_deg": w.rmse_deg,
+            }
+            for w in f.wrong.worst
+            if w.axis == axis
+        ],
+    }
+
+
+def _calibration(f: Fitted) -> list[dict[str, Any]]:
+    return [
+        {
+            "parameter": c.name,
+            "nominal": c.nominal,
+            "value": c.value,
+            "std": c.std,
+            "unit": c.unit,
+        }
+        for c in calibrated(f.final)
+    ]
+
+
+def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
+    """RMSE before and after on data not seen, with the intervals of what is won."""
+    none = dict.fromkeys(AXES)
+    out: dict[str, Any] = {
+        "holdout_rmse_deg": {
+            "before": none if g is None else dict(g.before),
+            "after": none if g is None else dict(g.after),
+        },
+        "holdout_log_likelihood": None if g is None else g.log_likelihood.value,
+    }
+    if f is not None:
+        out["holdout_rmse_deg"]["noise_floor"] = dict(f.noise_floor)
+    elif g is None:
+        out["holdout_rmse_deg"]["noise_floor"] = none
+    if g is not None:
+        L = g.log_likelihood
+        out["holdout_log_likelihood_interval"] = [L.low, L.high]
+        out["rmse_reduction_deg"] = {
+            a: None if x is None else {"value": x.value, "interval": [x.low, x.high]}
+            for a, x in g.rmse_deg.items()
+        }
+        out["measured_on"] = g.on
+    return out
 
 
 def _finding(f: Finding) -> dict[str, Any]:
@@ -62,36 +122,67 @@ def _finding(f: Finding) -> dict[str, Any]:
         "score": f.choice.score,
         "confidence": f.choice.confidence,
         "tied_with": list(f.choice.tied_with),
-        "gain": {
-            "holdout_rmse_deg": {"before": f.before, "after": f.after},
-            "holdout_log_likelihood": f.log_likelihood,
-        },
+        "gain": _gain(f.gain),
     }
 
 
-def _off(d: Diagnosis, name: str) -> dict[str, Any]:
-    """A base parameter that is off its nominal, as a finding."""
-    t = term(name)
-    i = {"mass.imbalance": 0, "motor.thrust_gain": 0}.get(name)
-    i = 1 + AXES.index(t.axis) if t.axis is not None else i
-    assert i is not None
-    f, v, s = d.final.free[i], float(d.final.values[i]), float(d.final.std[i])
-    value, std = {
-        "mass.imbalance": (v - f.start, s),
-        # All others are estimated in units of K_f, so they fall where the gain rises.
-        "motor.thrust_gain": (f.start / v, abs(f.start) * s / v**2),
-    }.get(name, (v / f.start, s / f.start))
+def _fault(f: Fault) -> dict[str, Any]:
+    """A cause in the recording itself; nothing is extended for it, so nothing is gained."""
+    value, std = next(iter(f.parameters.values()), (0.0, 0.0))
     return {
-        "effect": t.effect.name,
-        "axis": t.axis,
-        "parameters": {t.effect.parameters[0].name: {"value": value, "std": std}},
-        "score": ((v - f.start) / s) ** 2,
+        "effect": f.effect,
+        "axis": f.axis,
+        "parameters": {n: {"value": v, "std": s} for n, (v, s) in f.parameters.items()},
+        "score": (value / std) ** 2 if std > 0 else 0.0,
+        "confidence": f.confidence,
+        "tied_with": [],
+        "gain": _gain(None),
+    }
+
+
+def _off(x: Off) -> dict[str, Any]:
+    """A base parameter that is off its nominal; its gain is calibration, which is no gain."""
+    return {
+        "effect": x.term.effect.name,
+        "axis": x.term.axis,
+        "parameters": {x.term.effect.parameters[0].name: {"value": x.value, "std": x.std}},
+        "score": x.score,
         "confidence": 1.0,
         "tied_with": [],
-        "gain": {
-            "holdout_rmse_deg": {"before": d.before, "after": d.before},
-            "holdout_log_likelihood": 0.0,
-        },
+        "gain": _gain(None),
+    }
+
+
+def _leftover(x: Leftover) -> dict[str, Any]:
+    return {
+        "axis": x.axis,
+        "depends_on": x.depends_on,
+        "share": x.share,
+        "table": [list(row) for row in x.table],
+        "std": list(x.std),
+        "score": x.score,
+        "confidence": x.confidence,
+        "also": list(x.also),
+        "like": x.like,
+    }
+
+
+def _upcoming(n: NextExperiment) -> dict[str, Any]:
+    """With the chance that it settles the matter, and what every plan promised."""
+    return {
+        "plan": n.plan,
+        "separates": list(n.separates),
+        "why": n.why,
+        "certainty": n.certainty,
+        "ranking": [
+            {
+                "plan": o.plan,
+                "duration_s": o.duration_s,
+                "margin": o.margin,
+                "certainty": o.certainty,
+            }
+            for o in n.ranking
+        ],
     }
 
 
@@ -107,3 +198,7 @@ def _next(d: Diagnosis) -> dict[str, Any] | None:
                 "recording equally well",
             }
     return None
+
+
+def _number(value: float) -> float | None:
+    return value if value == value else None

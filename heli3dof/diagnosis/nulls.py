@@ -1,41 +1,41 @@
-"""Simulated nulls: the fitted base flown as the recording was, and what the screen says of that.
+"""Simulated nulls: the estimate flown as the recording was, and what the screen says of that.
 
 B flights of the fitted rig (`heli3dof.diagnosis.noisy_flight`) are screened like the recording.
 Each probe's z is then judged by its own nulls,
 
-    Z = (z − mean z_null) / max(std z_null, 1)
+    Z = (z − mean z_null) / std z_null
 
-so a cause that quantisation and feedback fake is not believed for what they fake. The largest Z²
-over the probes of each null follows an extreme-value law; its Gumbel fit (by moments)
+so a cause that quantisation and feedback fake is not believed for what they fake. From B flights a
+standard deviation is known to 1/√(2B); it is shrunk towards what all probes have in common (worth
+`COMMON` flights) and never taken below 1, what an exact likelihood gives. So Z follows, where
+nothing is hidden, Student's t with B − 1 + `COMMON` degrees of freedom, × √(1 + 1/B); the largest
+of P probes exceeds
 
-    P(max Z² ≤ x) = exp(−exp(−(x − μ)/β)),    β = √6 σ/π,   μ = mean − 0.5772 β
+    Z*² = (1 + 1/B) t²_{ν}(FALSE_ALARMS / 2P)
 
-gives the threshold at `FALSE_ALARMS`, and how sure a finding is. Where the scores scatter κ > 2
-times as much as the noise model allows (steps alone, whose encoders chatter), the fitted base is
-biased and so are flights of it: Z is divided by √κ as well. Where the loop is unknown no
-flight can be simulated: z is divided by the root of the inflation and the threshold is Bonferroni's
-over the probes, at twice its value.
+at most in a share `FALSE_ALARMS` of recordings (Bonferroni's bound, near enough: most probes
+differ). Where the largest of the nulls themselves (each against the others) follow a Gumbel law
+that puts it higher, that is the threshold. Where the loop is unknown no flight can be simulated:
+z is divided by the root of the inflation, and the threshold is twice Bonferroni's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.catalogue import Probe
-from heli3dof.diagnosis.noisy_flight import noisy_flight
-from heli3dof.diagnosis.screen import screen
-from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.method import model_of
-from heli3dof.model.filtering import data_of
+from heli3dof.diagnosis.corrected import Corrected, fly_again, in_threads, look, model_at
+from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.recording.recording import Recording
 
 FALSE_ALARMS = 0.003
-"""Of the nulls: the share that may exceed the threshold (extrapolated by the Gumbel law)."""
-DISTRUSTED = 2.0
-"""Inflation of the base fit above which its own flights are no measure of it."""
+"""The share of recordings with nothing to find in which something is found."""
+COMMON = 8
+"""Flights that the probes' common standard deviation is worth."""
+GUMBEL_FROM = 30
+"""Flights from which on the nulls' own extremes are asked."""
 EULER = 0.5772156649
 
 
@@ -48,66 +48,88 @@ class Nulls:
     """(P,), (P,)"""
     threshold: float
     """Of the largest Z²"""
-    location: float
-    scale: float
-    """Of the Gumbel law"""
+    freedom: float
+    """Student's ν"""
     flights: int
     method: str
     largest: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """(B,) of each null"""
+    """(B,) Z² of each null against the others"""
 
-    def judged(self, z: np.ndarray) -> np.ndarray:
-        """(P,) Z from z."""
-        return np.asarray((z - self.mean) / self.std)
+    def judged(self, seen: Seen) -> np.ndarray:
+        """(P,) Z."""
+        return np.asarray((seen.z - self.mean) / self.std)
+
+    @property
+    def inflation(self) -> float:
+        """How much more than an exact likelihood's the scores scatter: the median, at least 1."""
+        return float(np.median(self.std) ** 2)
 
     def confidence(self, Z2: float) -> float:
         """One less the chance that nothing gives as much."""
-        return float(np.exp(-np.exp(-(Z2 - self.location) / self.scale)))
+        from scipy.stats import t
+
+        spread = 1 + 1 / self.flights if self.flights else 2.0
+        p = 2 * float(t.sf(np.sqrt(Z2 / spread), self.freedom))
+        return float(np.exp(-len(self.mean) * p))
 
 
 def simulated_nulls(
-    found: Estimate,
+    found: Corrected,
     recordings: Sequence[Recording],
-    probes: Sequence[Probe],
+    screen: Screen,
     *,
     flights: int,
     seed: int,
-    progress: Callable[[int, int], None] = lambda done, of: None,
-) -> Nulls:
-    """Nulls of recordings whose loop is known; `formula_nulls` where one is not."""
-    runs = found.problem.data.runs
-    last = [max((r.stop for r in runs if r.source == i), default=0) for i in range(len(recordings))]
-    model = model_of(found, recordings, "null")
-    z = []
-    for b in range(flights):
-        rng = np.random.default_rng([seed, b])
-        flown = [
-            noisy_flight(model, r, rng, rows=n) if n else r
-            for r, n in zip(recordings, last, strict=True)
-        ]
-        z.append(screen(found, probes, data_of(flown, runs)).z)
-        progress(b + 1, flights)
-    Z = np.array(z)
-    mean, std = Z.mean(axis=0), np.maximum(Z.std(axis=0, ddof=1), 1.0)
-    distrust = float(np.sqrt(found.inflation)) if found.inflation > DISTRUSTED else 1.0
-    # Each null against the others, as the recording is against all.
-    rest = (Z.sum(axis=0) - Z) / (flights - 1)
-    largest = (((Z - rest) / std) ** 2).max(axis=1)
-    beta = float(np.sqrt(6) * largest.std(ddof=1) / np.pi)
-    mu = float(largest.mean() - EULER * beta)
-    threshold = mu - beta * float(np.log(-np.log(1 - FALSE_ALARMS)))
-    return Nulls(mean, std * distrust, threshold, mu, beta, flights, "simulated", largest)
+    progress: Callable[[int], None] = lambda done: None,
+) -> tuple[Nulls, np.ndarray]:
+    """Nulls of recordings whose loop is known, and the scores (B, n) of the flights."""
+    problem, o = found.problem, found.optimum
+    model = model_at(problem, o.theta, o.noise)
+
+    def one(b: int) -> tuple[np.ndarray, np.ndarray]:
+        data = fly_again(model, recordings, problem.data, (seed, 1, b))
+        at = look(replace(problem, data=data), o.theta, o.noise, whole=False)
+        return screen.see(at, prior=False).z, at.g
+
+    out = in_threads(one, flights, progress)
+    return judged_by(np.array([z for z, _ in out])), np.array([g for _, g in out])
 
 
-def formula_nulls(found: Estimate, probes: Sequence[Probe]) -> Nulls:
+def judged_by(z: np.ndarray) -> Nulls:
+    """The nulls of z (B, P)."""
+    from scipy.stats import t
+
+    B, P = z.shape
+    mean = z.mean(axis=0)
+    std = _shrunk(z)
+    nu = B - 1 + COMMON
+    threshold = (1 + 1 / B) * float(t.isf(FALSE_ALARMS / (2 * P), nu)) ** 2
+    rest = (z.sum(axis=0) - z) / (B - 1)
+    largest = (((z - rest) / std) ** 2).max(axis=1)
+    if B >= GUMBEL_FROM:
+        beta = float(np.sqrt(6) * largest.std(ddof=1) / np.pi)
+        mu = float(largest.mean() - EULER * beta)
+        threshold = max(threshold, mu - beta * float(np.log(-np.log(1 - FALSE_ALARMS))))
+    return Nulls(mean, std, threshold, nu, B, "simulated", largest)
+
+
+def _shrunk(z: np.ndarray) -> np.ndarray:
+    var = z.var(axis=0, ddof=1)
+    alive = var > 0
+    common = float(np.median(var[alive])) if alive.any() else 1.0
+    both = ((len(z) - 1) * var + COMMON * common) / (len(z) - 1 + COMMON)
+    return np.asarray(np.maximum(np.sqrt(both), 1.0))
+
+
+def formula_nulls(found: Corrected, screen: Screen) -> Nulls:
     """Without a loop to replay: Bonferroni over the probes, doubled; see the module."""
     from scipy.stats import chi2
 
-    n = len(probes)
+    n = len(screen.names)
     root = float(np.sqrt(max(found.inflation, 1.0)))
     return Nulls(
-        np.zeros(n), np.full(n, root), 2 * float(chi2.isf(FALSE_ALARMS / n, 1)),
-        4 * float(np.log(n)), 4.0, 0, "Bonferroni over the probes, doubled: the loop is unknown",
+        np.zeros(n), np.full(n, root), 2 * float(chi2.isf(FALSE_ALARMS / n, 1)), 1e6, 0,
+        "Bonferroni over the probes, doubled: the loop is unknown",
     )  # fmt: skip
 
 

@@ -2,15 +2,22 @@
 
 With the filter's gains held, a probe changes the predictions c of the events by δc, a trace over
 the whole flight. The base's own parameters could imitate a part of it; with their tangents T, the
-events' scores g and informations w, W = diag(w), H = T W Tᵀ + Λ
+events' scores g and informations w, W = diag(w), A = T W Tᵀ + Λ
 
-    u = δc·g − (T W δc)ᵀ H⁻¹ (T g − Λ(θ − θ_0))        efficient score
-    v = δc W δc − (T W δc)ᵀ H⁻¹ (T W δc)               its information
+    u = δc·g − (T W δc)ᵀ A⁻¹ (T g − Λ(θ − θ_0))        efficient score
+    v = δc W δc − (T W δc)ᵀ A⁻¹ (T W δc)               its information
     z = u / √v,     u/v: how many times the probe there is
 
-z is N(0, 1) where the likelihood is exact. It is not (the filter is Gaussian, encoders in a
-feedback loop are not), which is why `heli3dof.diagnosis.nulls` says what z is like where nothing
-is hidden. The score is Rao's; the projection makes a refit of the base unnecessary.
+(Rao's score test; the projection makes a refit of the base unnecessary.) Every sum over events is
+one over instants by the adjoint, Σ q δc = Σ L·δa (`heli3dof.diagnosis.perturbation`), which makes a
+probe of a simulated null cost half a millisecond; and a torque of any frequency, or one that sets
+in at any instant, is found by one Fourier transform, one running sum:
+
+    z_scan² = max_f |u(f)|² / v(f),        max_{t_0} u(t_0)² / v(t_0)
+
+v is that of the recording, for its nulls too, so that z of both are in one measure. z would be
+N(0, 1) were the likelihood exact. It is not, which is why `heli3dof.diagnosis.nulls` says what z is
+like where nothing is hidden.
 """
 
 from __future__ import annotations
@@ -20,76 +27,126 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from heli3dof.axes import AXES
 from heli3dof.diagnosis.catalogue import Probe
-from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.likelihood import Pass, score_and_information
-from heli3dof.model.filtering import Data
+from heli3dof.diagnosis.corrected import Look
+from heli3dof.diagnosis.perturbation import MOVES_THRUST, backward, forcing, forward, misreading
+from heli3dof.diagnosis.scans import Scan
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.model.effects import Term, term
 from heli3dof.model.rig_model import Structure
+from heli3dof.model.slots import Stage
 
 
 @dataclass(frozen=True, eq=False)
-class Screen:
-    """P probes: z-scores and amplitudes, and the base's own score."""
+class Seen:
+    """One recording or null under the screen: P probes."""
 
     probes: tuple[Probe, ...]
+    """Of a scan, the probe at its peak"""
     z: np.ndarray
-    """(P,)"""
     amplitude: np.ndarray
-    """(P,) of the first parameter, in its unit"""
-    base_score: np.ndarray
-    """(n,) of the base's coordinates, in standard deviations of its information"""
+    """(P,) of the first parameter away from its null, in its unit"""
 
 
-def screen(found: Estimate, probes: Sequence[Probe], data: Data | None = None) -> Screen:
-    """All probes at the fitted base; on other ``data`` (a null's) at the same parameters."""
-    problem, o = found.problem, found.optimum
-    if data is None:
-        at, T = o.at, o.tangents
-    else:
-        problem = replace(problem, data=data)
-        at = problem.run(o.theta, o.noise)
-        T = problem.tangents(o.theta, at)
-    g, H = score_and_information(at, T)
-    precision = problem.prior_precision
-    g = g - precision * (o.theta - problem.prior_mean)
-    A = H + np.diag(precision)
-    D = traces(found, probes, problem.data, at)
-    cross = (T * at.w) @ D.T
-    solved = np.linalg.solve(A, cross)
-    u = D @ at.g - solved.T @ g
-    full = np.einsum("ij,j,ij->i", D, at.w, D)
-    v = full - np.einsum("ij,ij->j", cross, solved)
-    seen = v > 1e-6 * np.maximum(full, 1e-30)
-    root = np.sqrt(np.where(seen, v, np.inf))
-    size = np.array([p.size for p in probes])
-    amplitude = np.where(seen, u / np.where(seen, v, 1.0), 0.0) * size
-    return Screen(tuple(probes), u / root, amplitude, np.linalg.solve(A, g) * np.sqrt(np.diag(A)))
+class Screen:
+    """All probes at one estimate: ``here`` is the look at the recordings, which sets the scale."""
 
+    def __init__(
+        self, problem: Likelihood, theta: np.ndarray, here: Look, probes: Sequence[Probe],
+        scans: Sequence[Scan] = (),
+    ) -> None:  # fmt: skip
+        self.problem, self.theta = problem, theta
+        self.scans = tuple(scans)
+        self.plain = tuple(probes)
+        self.values = problem.values(theta)
+        a, m, m0 = self._changes(here, self.plain)
+        self.D = forward(here.path, a, m, m0)
+        """(P, E) traces, of the plain probes"""
+        self.full = np.einsum("ij,j,ij->i", self.D, here.at.w, self.D)
+        self.cross = cross = (here.T * here.at.w) @ self.D.T
+        A = here.H + np.diag(problem.prior_precision)
+        self.solved = np.linalg.solve(A, cross)
+        v = self.full - np.einsum("ij,ij->j", cross, self.solved)
+        seen = v > 1e-6 * np.maximum(self.full, 1e-30)
+        self.v = np.where(seen, v, np.inf)
+        self.scales = [s.scale(here, self._unit(here, s.term), A) for s in self.scans]
 
-def traces(found: Estimate, probes: Sequence[Probe], data: Data, at: Pass) -> np.ndarray:
-    """(P, E) δc of each probe: all of them in one pass, over a rig that holds every candidate."""
-    from heli3dof.model.kalman import follow
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(P,) the terms of the probes, scans last"""
+        return (*(p.name for p in self.plain), *(s.term.name for s in self.scans))
 
-    structure = found.structure
-    held = {t.name for t in structure.terms}
-    wanted = {p.term.name: p.term for p in probes if p.term.name not in held}
-    wide = Structure(structure.profile, (*structure.terms, *wanted.values()))
-    null = np.concatenate([found.values, [f.null for f in wide.free[len(found.values) :]]])
-    where: dict[str, list[int]] = {}
-    for i, f in enumerate(wide.free):
-        if f.term is not None:
-            where.setdefault(f.term, []).append(i)
-    # An effect that is not there: a lag of zero, not its lowest bound.
-    sets = [wide.arrays(null)]
-    for p in probes:
+    def information(self) -> np.ndarray:
+        """(P,) v per unit of the first parameter squared: what a 1-σ size is, before κ."""
+        size = np.array([p.size if p.grows else np.inf for p in self.plain])
+        return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
+
+    def see(self, look: Look, *, prior: bool) -> Seen:
+        """The screen of a look; ``prior``: of the recordings, whose score has the prior in it."""
+        problem = self.problem
+        g = look.g
+        if prior:
+            g = g - problem.prior_precision * (self.theta - problem.prior_mean)
+        A = look.H + np.diag(problem.prior_precision)
+        pull = np.linalg.solve(A, g)
+        # q·δc with q = g − w Tᵀ A⁻¹ g is the efficient score of every δc at once.
+        q = look.at.g - look.at.w * (pull @ look.T)
+        L, mu, z0 = backward(look.path, q[None])
+        a, m, m0 = self._changes(look, self.plain)
+        u = np.einsum("pci,ci->p", a, L[0])
+        u += m @ mu[0] - np.einsum("pbi,bi->p", m0, z0[0][:, :3] / look.path.slope)
+        root = np.sqrt(self.v)
+        size = np.array([p.size for p in self.plain])
+        z, amplitude = [*(u / root)], [*(u / self.v * size)]
+        found = list(self.plain)
+        for scan, scale in zip(self.scans, self.scales, strict=True):
+            peak, values, amount = scan.peak(look, L[0], self._unit(look, scan.term), scale)
+            z.append(peak)
+            amplitude.append(amount)
+            found.append(Probe(scan.term, values, amount))
+        return Seen(tuple(found), np.array(z), np.array(amplitude))
+
+    def _changes(
+        self, look: Look, probes: Sequence[Probe]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(P, C, 3) accelerations, (P, E) and (P, B, 3) misreadings of the probes."""
+        p = look.path
+        out = np.zeros((len(probes), len(p.chunk), 3))
+        m = np.zeros((len(probes), len(p.at.row)))
+        m0 = np.zeros((len(probes), len(p.data.blocks), 3))
+        for name in dict.fromkeys(q.name for q in probes):
+            rows = [i for i, q in enumerate(probes) if q.name == name]
+            t = probes[rows[0]].term
+            wide, null = with_term(self.problem.structure, self.values, t)
+            sets = [null]
+            for i in rows:
+                values = null.copy()
+                values[len(self.values) :] = probes[i].values
+                sets.append(values)
+            hooks = set(t.effect.hooks)
+            if hooks - {Stage.MEASURE}:
+                out[rows] = forcing(p, wide, sets[1:], [bool(MOVES_THRUST & hooks)] * len(rows))
+            if Stage.MEASURE in hooks:
+                m[rows], m0[rows] = misreading(p, wide, sets)
+        return out, m, m0
+
+    def _unit(self, look: Look, t: Term) -> np.ndarray:
+        """(C, 3) rad/s² of what a scan scans: one unit of its torque at every instant."""
+        p = look.path
+        if t.effect.name == "mass.change":
+            unit: tuple[float, ...] = (1.0, -1.0)
+        else:
+            t = term(f"disturbance.periodic.{AXES[t.axis_index]}")
+            unit = (1.0, 0.0, np.pi / 2)
+        wide, null = with_term(self.problem.structure, self.values, t)
         values = null.copy()
-        values[where[p.term.name]] = p.values
-        sets.append(wide.arrays(values))
-    hooks = wide.hooks
-    C = np.zeros((len(sets), len(at.row)))
-    follow(
-        np.array([s for s, _ in sets]), hooks.first, hooks.address,
-        np.array([p for _, p in sets]), wide.memory, data.blocks, data.free,
-        data.t, data.h, data.V, data.y, at.row, at.state, at.c, at.g, at.w, at.K, C,
-    )  # fmt: skip
-    return np.asarray(C[1:] - C[0])
+        values[len(self.values) :] = unit
+        return np.asarray(forcing(p, wide, [values], [False])[0])
+
+
+def with_term(structure: Structure, values: np.ndarray, t: Term) -> tuple[Structure, np.ndarray]:
+    """The structure with one more term, and values of it with that term absent."""
+    wide = replace(structure, terms=(*structure.terms, t))
+    # An effect that is not there: a lag of zero, not its lowest bound.
+    return wide, np.concatenate([values, [f.null for f in wide.free[len(values) :]]])

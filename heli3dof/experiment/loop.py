@@ -18,7 +18,7 @@ from typing import Literal
 
 from heli3dof.errors import DeviceError
 from heli3dof.experiment.plan import Signals
-from heli3dof.model.controller import Controller
+from heli3dof.model.opened import OpenedController
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
 from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.port import Command, Flags, Rig, Sample
@@ -105,7 +105,8 @@ class _Flight:
         # Plain floats: indexing a list costs a tenth of indexing an array.
         self.reference = [tuple(row) for row in signals.reference.tolist()]
         self.extra = [tuple(row) for row in signals.extra.tolist()]
-        self.controller = Controller.of(profile)
+        self.opened = None if signals.opened is None else signals.opened.tolist()
+        self.controller = OpenedController.of(profile)
         self.envelope = Envelope(profile)
         self.tally = _Tally()
         self.sequence = 0
@@ -154,7 +155,12 @@ class _Flight:
         """One control period. Returns the next sample, or the same one and why to end."""
         angle = self.angle(sample)
         reference, extra = self.reference[k], self.extra[k]
-        command, voltage = self.controller.step(angle, reference, extra)
+        if self.opened is None:
+            command, voltage = self.controller.step(angle, reference, extra)
+        else:
+            reference, extra, command, voltage = self.controller.step_opened(
+                self.opened[k], angle, reference, extra
+            )
         t = sample.device_time_s - self.t0
         why = self.reason_to_end(t, sample, angle, command, voltage)
         if why is not None:

@@ -38,6 +38,8 @@ class Signals:
     """(N, 3) rad, before the controller's rate limiter."""
     extra: np.ndarray
     """(N, 2) V, added to the controller's output."""
+    opened: np.ndarray | None = None
+    """(N, 3) what happens to each axis's loop (`heli3dof.model.opened`); None: all stay closed."""
 
 
 class _Head(Section):
@@ -62,15 +64,22 @@ class Plan:
         """References and extra voltages for every control period of length ``dt`` seconds."""
         rng = np.random.default_rng(seed)
         before = np.zeros(3)
-        references, extras = [], []
+        references, extras, opened = [], [], []
         for segment in self.segments:
             clock = Clock(max(1, round(segment.duration_s / dt)), dt, rng)
             reference, extra = segment.render(clock, before)
             references.append(reference)
             extras.append(extra)
+            opened.append(segment.opened(clock))
             before = reference[-1]
         reference = np.concatenate(references)
-        return Signals(np.arange(len(reference)) * dt, reference, np.concatenate(extras))
+        modes = np.concatenate(opened)
+        return Signals(
+            np.arange(len(reference)) * dt,
+            reference,
+            np.concatenate(extras),
+            modes if modes.any() else None,
+        )
 
     def summary(self) -> list[str]:
         """One line per segment."""

@@ -38,27 +38,32 @@ def simulate(
     check_plan(plan, signals, profile)
     check_loop(model, controller, profile.dt)
     grid = profile.encoder.rad_per_count
+    angle0 = profile.encoder.rest_rad if start == "rest" else np.zeros(3)
     result = model.fly(
         LoopTask(
             reference=signals.reference,
             extra=signals.extra,
-            angle0=profile.encoder.rest_rad if start == "rest" else np.zeros(3),
+            angle0=angle0,
             controller=controller,
             V_o=profile.motor.V_o,
             v_max=profile.motor.v_max,
             dt=profile.dt,
             rad_per_count=grid if quantised else None,
+            opened=signals.opened,
+            limits=profile.limits,
         )
     )
-    angle = np.round(result.angle / grid) * grid if quantised else result.angle
+    # The grid goes through the start, as in the loop.
+    counts = np.round((result.angle - angle0) / grid)
+    angle = angle0 + counts * grid if quantised else result.angle
     return make_recording(
         result.t,
         result.voltage,
         angle,
         profile,
-        reference=signals.reference,
+        reference=signals.reference if result.reference is None else result.reference,
         voltage_cmd=result.voltage_cmd,
-        voltage_extra=signals.extra,
+        voltage_extra=signals.extra if result.extra is None else result.extra,
         channels={"phase": np.full(len(result.t), float(CLOSED_LOOP))},
         meta={
             "name": f"{plan.name}-on-{model.name}",

@@ -7,13 +7,13 @@ in one new file.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.profile import ControllerSpec
+from heli3dof.rig.profile import ControllerSpec, Limits
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +35,10 @@ class LoopTask:
     """s"""
     rad_per_count: np.ndarray | None = None
     """(3,) rad per count: the controller sees quantised angles; None for ideal encoders."""
+    opened: np.ndarray | None = None
+    """(N, 3) modes of the axes' loops, see `heli3dof.model.opened`; None: all stay closed."""
+    limits: Limits = field(default_factory=Limits)
+    """Where an opened loop is handed back to the controller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +55,10 @@ class LoopResult:
     """(N, 2) V, before it."""
     reference_limited: np.ndarray | None = None
     """(N, 3) rad, the reference behind its rate limiter, where the simulation kept it."""
+    reference: np.ndarray | None = None
+    """(N, 3) rad as flown, where loops were opened; None: the task's."""
+    extra: np.ndarray | None = None
+    """(N, 2) V as flown, likewise."""
 
 
 class Model(Protocol):

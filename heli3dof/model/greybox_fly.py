@@ -17,6 +17,7 @@ from heli3dof.model import kalman
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
 from heli3dof.model.controller import N_OUT, control_law, parameters, state_at_rest
+from heli3dof.model.opened import after_law, before_law, opening
 from heli3dof.model.rotor import aim
 from heli3dof.model.slots import FLANK
 from heli3dof.model.stepping import readings, setup, step
@@ -25,12 +26,12 @@ if TYPE_CHECKING:
     from heli3dof.model.greybox import GreyBoxModel
 
 ON_TABLE_BELOW = math.radians(-15.0)
-_law = compiled(control_law)
+_law, _before, _after = compiled(control_law), compiled(before_law), compiled(after_law)
 
 
 def _fly(  # type: ignore[no-untyped-def]
-    s, first, address, par, mem, free, x, F, low, p, c, reference, extra, grid0, grid, t, h,
-    angle, voltage, cmd, limited,
+    s, first, address, par, mem, free, x, F, low, p, c, opened, room, z, reference, extra,
+    grid0, grid, t, h, angle, voltage, cmd, limited,
 ):  # fmt: skip
     setup(s, first, address, par, mem)
     s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
@@ -44,7 +45,11 @@ def _fly(  # type: ignore[no-untyped-def]
             angle[k, i] = y[i]
             if grid[i] > 0.0:
                 y[i] = grid0[i] + np.rint((y[i] - grid0[i]) / grid[i]) * grid[i]
+        if opened.shape[0] > 0:
+            _before(p, c, room, z, opened[k], y, reference[k], extra[k])
         _law(p, c, y, reference[k], extra[k], out)
+        if opened.shape[0] > 0:
+            _after(p, c, z, opened[k], extra[k], out)
         for i in range(3):
             limited[k, i] = c[i]
         for i in range(2):
@@ -63,7 +68,7 @@ def _fly(  # type: ignore[no-untyped-def]
 
 _fly_compiled = compiled(
     _fly,
-    calls=(control_law, *kalman._CALLS),
+    calls=(control_law, before_law, after_law, *kalman._CALLS),
     error_model="numpy",
 )
 
@@ -90,17 +95,27 @@ def fly(model: GreyBoxModel, task: LoopTask) -> LoopResult:
     angle, limited = np.empty((N, 3)), np.empty((N, 3))
     voltage, cmd = np.empty((N, 2)), np.empty((N, 2))
     t = np.arange(N) * task.dt
+    reference = np.ascontiguousarray(np.nan_to_num(task.reference, nan=0.0))
+    extra = np.ascontiguousarray(np.nan_to_num(task.extra, nan=0.0))
     _fly_compiled(
         s, hooks.first, hooks.address, par, mem, np.ones(3, dtype=bool), x, F,
         x[0] if on_table else -np.inf,
         np.array(p),
         np.array(state_at_rest(p, [float(a) for a in read0])),
-        np.ascontiguousarray(np.nan_to_num(task.reference, nan=0.0)),
-        np.ascontiguousarray(np.nan_to_num(task.extra, nan=0.0)),
+        *opening(task),
+        reference, extra,
         read0, np.ascontiguousarray(grid, dtype=float), t, np.full(N, task.dt),
         angle, voltage, cmd, limited,
     )  # fmt: skip
-    return LoopResult(t=t, angle=angle, voltage=voltage, voltage_cmd=cmd, reference_limited=limited)
+    return LoopResult(
+        t=t,
+        angle=angle,
+        voltage=voltage,
+        voltage_cmd=cmd,
+        reference_limited=limited,
+        reference=None if task.opened is None else reference,
+        extra=None if task.opened is None else extra,
+    )
 
 
 def true_angles(model: GreyBoxModel, read: np.ndarray) -> np.ndarray:

@@ -103,7 +103,8 @@ def _filter(  # type: ignore[no-untyped-def]
 
     ``loglik`` (3,) sums ln Z by axis. With keep ≥ 1, for each event: its ``row``, its ``state``
     (0–2 an angle's reading, 3–5 a rate's, 6–8 a rate's the other way), its prediction C, score G,
-    information W and gain K (6,); with keep ≥ 2: X (N, 6) states after the updates of a row.
+    information W and gain K (6,); with keep ≥ 2: X (N, 6) states after the updates of a row;
+    with keep ≥ 3: X (N, 9), its last columns ``loglik`` up to and with that row.
     """
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
@@ -217,6 +218,9 @@ def _filter(  # type: ignore[no-untyped-def]
             if keep >= 2:
                 for j in range(6):
                     X[k, j] = x[j]
+            if keep >= 3:
+                for i in range(3):
+                    X[k, 6 + i] = loglik[i]
             if k + 1 < stop:
                 if since >= RELINEARISE_S:
                     since = 0.0

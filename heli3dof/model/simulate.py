@@ -20,14 +20,18 @@ import numpy as np
 from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
 from heli3dof.model.controller import N_OUT, control_law, parameters, state_at_rest
+from heli3dof.model.opened import after_law, before_law, opening
 
 if TYPE_CHECKING:
     from heli3dof.model.linear import LinearModel
 
-_law = compiled(control_law)
+_law, _before, _after = compiled(control_law), compiled(before_law), compiled(after_law)
 
 
-def _fly(A, B, C, u0, y0, x, p, s, reference, extra, grid0, grid, angle, voltage, cmd, limited):  # type: ignore[no-untyped-def]
+def _fly(  # type: ignore[no-untyped-def]
+    A, B, C, u0, y0, x, p, s, opened, room, z, reference, extra, grid0, grid, angle, voltage, cmd,
+    limited,
+):  # fmt: skip
     n = A.shape[0]
     y = np.empty(3)
     out = np.empty(N_OUT)
@@ -41,7 +45,11 @@ def _fly(A, B, C, u0, y0, x, p, s, reference, extra, grid0, grid, angle, voltage
             if grid[i] > 0.0:
                 acc = grid0[i] + np.rint((acc - grid0[i]) / grid[i]) * grid[i]
             y[i] = acc
+        if opened.shape[0] > 0:
+            _before(p, s, room, z, opened[k], y, reference[k], extra[k])
         _law(p, s, y, reference[k], extra[k], out)
+        if opened.shape[0] > 0:
+            _after(p, s, z, opened[k], extra[k], out)
         for i in range(3):
             limited[k, i] = s[i]
         u_f = out[2] - u0[0]
@@ -58,7 +66,7 @@ def _fly(A, B, C, u0, y0, x, p, s, reference, extra, grid0, grid, angle, voltage
             x[i] = x_next[i]
 
 
-_fly_compiled = compiled(_fly, calls=(control_law,))
+_fly_compiled = compiled(_fly, calls=(control_law, before_law, after_law))
 
 
 def fly(model: LinearModel, task: LoopTask) -> LoopResult:
@@ -78,6 +86,8 @@ def fly(model: LinearModel, task: LoopTask) -> LoopResult:
     p = parameters(task.controller, task.V_o, task.v_max, task.dt)
     angle, limited = np.empty((N, 3)), np.empty((N, 3))
     voltage, cmd = np.empty((N, 2)), np.empty((N, 2))
+    reference = np.nan_to_num(_floats(task.reference), nan=0.0)
+    extra = np.nan_to_num(_floats(task.extra), nan=0.0)
     _fly_compiled(
         _floats(model.A),
         _floats(model.B),
@@ -87,8 +97,9 @@ def fly(model: LinearModel, task: LoopTask) -> LoopResult:
         _floats(model.rest_state(angle0)).copy(),
         np.array(p),
         np.array(state_at_rest(p, [float(a) for a in angle0])),
-        np.nan_to_num(_floats(task.reference), nan=0.0),
-        np.nan_to_num(_floats(task.extra), nan=0.0),
+        *opening(task),
+        reference,
+        extra,
         angle0,
         _floats(grid),
         angle,
@@ -103,6 +114,8 @@ def fly(model: LinearModel, task: LoopTask) -> LoopResult:
         voltage=voltage,
         voltage_cmd=cmd,
         reference_limited=limited,
+        reference=None if task.opened is None else reference,
+        extra=None if task.opened is None else extra,
     )
 
 

@@ -95,12 +95,13 @@ def _check_angle(
             f"{name} moves against its voltages (correlation {found[1]:.2f}): its sign is wrong"
             + (", or front and back are swapped." if axis == "pitch" else ".")
         )
-    if on_grid(values, TURN[unit] / counts):
-        return warnings + _coarser(name, values, unit, counts)
-    _refuse(source, name, axis, unit, values, counts, ratio)
-    for n in COMMON_COUNTS:
-        if on_grid(values, TURN[unit] / n, levels=10):
-            return [*warnings, _other_encoder(name, n, counts)]
+    if not on_grid(values, TURN[unit] / counts):
+        _refuse(source, name, axis, unit, values, counts, ratio)
+    seen = counts_seen(values, unit, counts)
+    if seen == counts:
+        return warnings
+    if seen is not None:
+        return [*warnings, _other_encoder(name, seen, counts)]
     warnings.append(
         f"{name} does not lie on the encoder's grid of {360 / counts:.4f}°: filtered, resampled, "
         "printed with few digits, or simulated without an encoder."
@@ -153,13 +154,17 @@ def _refuse(
         )  # fmt: skip
 
 
-def _coarser(name: str, values: np.ndarray, unit: str, counts: int) -> list[str]:
-    """Warn where only every second (third …) count is ever seen in a good many."""
-    seen = np.unique(np.rint((values - values[0]) * counts / TURN[unit]).astype(np.int64))
-    divisor = int(np.gcd.reduce(seen))
-    if len(seen) < 10 or divisor < 2:
-        return []
-    return [_other_encoder(name, counts / divisor, counts)]
+def counts_seen(values: np.ndarray, unit: str, counts: int) -> float | None:
+    """Counts per revolution of the grid that values (N,) lie on; None where there is no grid.
+
+    ``counts`` (the profile's) unless only every second (third …) of a good many is ever seen,
+    or another usual encoder's grid fits where the profile's does not.
+    """
+    if on_grid(values, TURN[unit] / counts):
+        seen = np.unique(np.rint((values - values[0]) * counts / TURN[unit]).astype(np.int64))
+        divisor = int(np.gcd.reduce(seen))
+        return counts if len(seen) < 10 or divisor < 2 else counts / divisor
+    return next((n for n in COMMON_COUNTS if on_grid(values, TURN[unit] / n, levels=10)), None)
 
 
 def _other_encoder(name: str, seen: float, expected: int) -> str:

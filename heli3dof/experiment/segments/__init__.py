@@ -59,6 +59,10 @@ class BaseSegment(Section):
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """References (n, 3) in rad and extra voltages (n, 2) in V; ``before`` is (3,) rad."""
 
+    def opened(self, clock: Clock) -> np.ndarray:
+        """(n, 3) int8: `heli3dof.model.opened`'s mode of each axis; all closed where not said."""
+        return np.zeros((clock.n, 3), dtype=np.int8)
+
     def summary(self) -> str:
         """One line for a dry run."""
         moves = [
@@ -75,5 +79,5 @@ def kinds() -> dict[str, type[BaseSegment]]:
     found: dict[str, type[BaseSegment]] = {}
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")
-        found[info.name] = module.Segment
+        found[module.Segment.model_fields["kind"].default] = module.Segment
     return found

@@ -40,7 +40,7 @@ class Pass:
     K: np.ndarray
     """(E, 6)"""
     X: np.ndarray | None
-    """(N, 6) states after the update, where asked for"""
+    """(N, 6) states after the update, where asked for; (N, 9) with Σ ln Z by axis so far"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,8 @@ class Likelihood:
         return np.array([f.inward(v) for f, v in zip(self.structure.free, values, strict=True)])
 
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> Pass:
-        """The filter at θ and a; ``keep`` 0 the likelihood alone, 1 what `tangents` needs, 2 X."""
+        """The filter at θ and a; ``keep`` 0 the likelihood alone, 1 what `tangents` needs, 2 X,
+        3 X with the likelihood so far."""
         from heli3dof.model.kalman import filter_blocks
 
         d = self.data
@@ -94,7 +95,7 @@ class Likelihood:
         n = 6 * N if keep else 1
         row, state = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
         c, g, w, K = np.empty(n), np.empty(n), np.empty(n), np.empty((n, 6))
-        X = np.zeros((N if keep >= 2 else 1, 6))
+        X = np.zeros((N if keep >= 2 else 1, 9 if keep >= 3 else 6))
         loglik = np.zeros(3)
         E = filter_blocks(
             s, hooks.first, hooks.address, par, self.structure.memory, d.blocks, d.free, d.grid,

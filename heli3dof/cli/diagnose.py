@@ -1,0 +1,95 @@
+"""``diagnose``: what the simulation gets wrong, the cause, the extended model, the gain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from heli3dof.cli.console import Talk, live_allowed, verb
+from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet, Recordings, Seed
+
+BAD_DATA = 5
+"""Exit code of a recording that is itself at fault; its document is printed all the same."""
+
+
+class Base(StrEnum):
+    rigid = "rigid"
+    hover = "hover"
+
+
+def register(app: typer.Typer) -> None:
+    app.command("diagnose")(diagnose)
+
+
+@verb
+def diagnose(
+    recordings: Recordings,
+    holdout: Annotated[
+        list[Path] | None,
+        typer.Option("--holdout", metavar="REC", help="Measure the gain on this. Repeatable."),
+    ] = None,
+    base: Annotated[
+        Base, typer.Option("--base", help="The simulation that is judged: rigid body, or hover.")
+    ] = Base.rigid,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer simulated nulls: a first look.")
+    ] = False,
+    profile: ProfileFile = None,
+    output: Output = None,
+    force: Force = False,
+    seed: Seed = 0,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """What the simulation gets wrong, and why: heli3dof diagnose rec.mcap -o model.json."""
+    from heli3dof.cli.loading import load_all
+    from heli3dof.diagnosis.diagnose import diagnose as find
+    from heli3dof.diagnosis.document import document as to_document
+    from heli3dof.diagnosis.next_experiment import next_of
+    from heli3dof.errors import UsageError
+    from heli3dof.model.modelfile import save_model
+    from heli3dof.recording.output import check_output
+    from heli3dof.report.diagnosis_tables import diagnosis_tables
+    from heli3dof.report.grid import Grid, to_rich
+
+    if base is Base.hover:
+        raise UsageError(
+            "--base hover is not built yet.",
+            cause="this version judges the nonlinear rigid body only.",
+            fix="heli3dof diagnose without --base",
+        )
+    talk = Talk(as_json=as_json, quiet=quiet)
+    path = output or Path(f"{recordings[0].name.split('.')[0]}-extended.json")
+    check_output(path, force=force)
+    train = load_all(talk, recordings, profile)
+    test = load_all(talk, holdout or [], profile)
+    with saying(talk) as says:
+        found = find(train, test or None, quick=quick, seed=seed, says=says)
+        written = None
+        if found.fitted is not None:
+            written = str(save_model(found.fitted.model, path, force=force))
+        says("Simulating what to fly next …")
+        upcoming = None if quick else next_of(found, seed=seed)
+    document = to_document(found, written, upcoming)
+    for each in diagnosis_tables(document):
+        talk.show(to_rich(each) if isinstance(each, Grid) else each)
+    if written is not None:
+        talk.note(f"Model: {written}")
+    talk.emit(document)
+    if found.verdict == "bad_data":
+        raise typer.Exit(BAD_DATA)
+
+
+@contextmanager
+def saying(talk: Talk) -> Iterator[Callable[[str], None]]:
+    """What is being done: one line that changes on a terminal, a line for each elsewhere."""
+    if talk.quiet or not live_allowed():
+        yield talk.note
+        return
+    with talk.err.status("Reading …") as status:
+        yield status.update

@@ -1,0 +1,160 @@
+"""Predictions from re-estimated states, several horizons in one go, and how far they may scatter.
+
+`roll_on`: from the filter's state at a row the rig runs free, as in
+`heli3dof.model.greybox_predict`: steps of at most 20 ms with the thrusts' exact mean over each,
+
+    F̄ = (1/h) ∫ F dt,      q̈ at the middle,      q ← q + h q̇ + h²/2 q̈,   q̇ ← q̇ + h q̈
+
+`scatter`: what the filter believes of the same prediction's variance. Its covariance P grows as in
+`heli3dof.model.kalman`, and an event that told of state c with gain K and information w told as
+much as a reading with variance R = 1/w − K_c (slope one), which is applied again:
+P ← P − P_c P_cᵀ/(P_cc + R).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from heli3dof.model import kalman, rigid_body, rotor, stepping
+from heli3dof.model import slots as _s
+from heli3dof.model.compiled import compiled
+from heli3dof.model.kalman import grow
+from heli3dof.model.rigid_body import accelerations
+from heli3dof.model.rotor import thrusts
+from heli3dof.model.stepping import readings, setup
+
+R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
+STEP_S = 0.02
+
+
+def _roll_on(  # type: ignore[no-untyped-def]
+    s0, first, address, par, mem0, blocks, free, t, h, V, X, starts, rows, out
+):  # fmt: skip
+    """out (S, H, 3): readings ``rows`` (H,) rows after each of ``starts`` (S,), NaN past the run.
+
+    Both ascend; X (N, 6) are the states to start from.
+    """
+    N = V.shape[0]
+    target, F, mean = np.empty((N, 2)), np.empty((N, 2)), np.zeros((N + 1, 2))
+    x, w, m, slope = np.empty(6), np.zeros((3, 3)), np.empty(3), np.empty(3)
+    at = 0
+    for b in range(blocks.shape[0]):
+        s = s0.copy()
+        mem = mem0.copy()
+        axes = free[b]
+        setup(s, first, address, par, mem)
+        lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
+        thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
+        tau = s[TAU_M]
+        for k in range(start, stop):
+            late = tau * (1.0 - math.exp(-h[k] / tau)) if tau > 0.0 else 0.0
+            for i in range(2):
+                whole = target[k, i] * h[k] + (F[k, i] - target[k, i]) * late
+                if s[SLEW] > 0.0 and k + 1 < stop:
+                    whole = 0.5 * (F[k, i] + F[k + 1, i]) * h[k]
+                mean[k + 1, i] = mean[k, i] + whole
+        while at < starts.shape[0] and starts[at] < stop:
+            a = starts[at]
+            for j in range(6):
+                x[j] = X[a, j]
+            for n in range(rows.shape[0]):
+                end = starts[at] + rows[n]
+                for i in range(3):
+                    out[at, n, i] = np.nan
+                if end >= stop:
+                    continue
+                while a < end:
+                    c = a + 1
+                    while c < end and t[c + 1] - t[a] <= STEP_S:
+                        c += 1
+                    d = t[c] - t[a]
+                    s[T] = t[a]
+                    for i in range(2):
+                        s[F_FRONT + i] = (mean[c, i] - mean[a, i]) / d
+                        s[V_FRONT + i] = V[a, i]
+                    for i in range(3):
+                        s[R + i] = x[i] + 0.5 * d * x[3 + i]
+                        s[R + 3 + i] = x[3 + i]
+                    accelerations(s, first, address, par, mem, axes, w[0], w[1], w[2])
+                    # The rate at the middle, for what depends on it.
+                    for i in range(3):
+                        s[R + 3 + i] = x[3 + i] + 0.5 * d * w[2, i]
+                    for i in range(2):
+                        s[F_FRONT + i] = (mean[c, i] - mean[a, i]) / d
+                    accelerations(s, first, address, par, mem, axes, w[0], w[1], w[2])
+                    for i in range(3):
+                        x[i] += d * x[3 + i] + 0.5 * d * d * w[2, i]
+                        x[3 + i] += d * w[2, i]
+                    a = c
+                readings(s, x, first, address, par, mem, m, slope)
+                for i in range(3):
+                    out[at, n, i] = m[i]
+            at += 1
+
+
+roll_on = compiled(
+    _roll_on,
+    calls=(
+        rigid_body._accelerations, rigid_body._body_accelerations, rotor._thrusts, rotor._aim,
+        rotor._lagged, stepping._readings, stepping._setup,
+    ),
+    error_model="numpy",
+    nogil=True,
+)  # fmt: skip
+
+
+def _scatter(  # type: ignore[no-untyped-def]
+    blocks, free, t, h, A, slope, row, state, W, K, a2, P0, starts, rows, out
+):
+    """out (S, H, 3) rad²: the variances of the same predictions; P0 (B, 6) at each run's start."""
+    P, Q, column = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
+    Phi, work = np.zeros((6, 6)), np.empty((6, 6))
+    n, at = 0, 0
+    for b in range(blocks.shape[0]):
+        start, stop = blocks[b, 1], blocks[b, 2]
+        P[:, :] = 0.0
+        for i in range(6):
+            P[i, i] = P0[b, i]
+        driven = a2 * free[b]
+        for k in range(start, stop):
+            while n < row.shape[0] and row[n] == k:
+                c = state[n]
+                sign = 1.0
+                if c >= 6:
+                    c -= 3
+                    sign = -1.0
+                scale = sign * slope[k, c % 3]
+                if W[n] > 0.0:
+                    R = max(1.0 / W[n] - scale * K[n, c], 0.0)
+                    for j in range(6):
+                        column[j] = scale * P[j, c]
+                    S = scale * column[c] + R
+                    for i in range(6):
+                        for j in range(6):
+                            P[i, j] -= column[i] * column[j] / S
+                n += 1
+            if at < starts.shape[0] and starts[at] == k:
+                Q[:, :] = P
+                a = k
+                for m in range(rows.shape[0]):
+                    end = k + rows[m]
+                    for i in range(3):
+                        out[at, m, i] = np.nan
+                    if end >= stop:
+                        continue
+                    while a < end:
+                        c = a + 1
+                        while c < end and t[c + 1] - t[a] <= STEP_S:
+                            c += 1
+                        grow(Q, A[a], t[c] - t[a], driven, Phi, work)
+                        a = c
+                    for i in range(3):
+                        out[at, m, i] = Q[i, i]
+                at += 1
+            if k + 1 < stop:
+                grow(P, A[k], h[k], driven, Phi, work)
+
+
+scatter = compiled(_scatter, calls=(kalman._grow,), error_model="numpy", nogil=True)

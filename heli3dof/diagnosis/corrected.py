@@ -1,0 +1,293 @@
+"""Estimates freed of what the filter gets wrong: scores less what flights of the estimate score.
+
+The filter's likelihood is an approximation (Gaussian beliefs; encoders in a feedback loop chatter
+on their edges), so its score is not zero on average at the truth and its maximum is biased: on
+steps alone the roll inertia by 5 to 10 %, the noise by a factor of two. But what the score is on
+average can be seen, because the loop is known: fly the estimate itself, B times, through the same
+references, controller and encoders, with its own noise. With g the score of the recordings and
+g_b of flight b, all at θ,
+
+    g(θ) − ḡ(θ) − Λ(θ − θ_0) = 0,      ḡ = mean g_b                     (estimating equation)
+    θ ← θ + (H + Λ)⁻¹ (g − ḡ − Λ(θ − θ_0))
+
+and likewise, axis by axis, for the slope of the likelihood along the log noise intensities. It is
+the method of moments with simulated moments (Gallant and Tauchen 1996; Gouriéroux, Monfort and
+Renault 1993), with the filter as the auxiliary model. How far θ scatters follows from how g_b do:
+
+    cov θ = (H + Λ)⁻¹ ((1 + 1/B) C + Λ) (H + Λ)⁻¹,      C = cov g_b
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+
+from heli3dof.diagnosis.noisy_flight import noisy_flight
+from heli3dof.diagnosis.perturbation import Path, forcing, forward, path
+from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.fit import (
+    NOISE_HIGH,
+    NOISE_LOW,
+    Optimum,
+)
+from heli3dof.identification.greybox.likelihood import (
+    DIFFERENCE,
+    Likelihood,
+    Pass,
+    score_and_information,
+)
+from heli3dof.model.filtering import Data, data_of
+from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.model.slots import Stage
+from heli3dof.recording.recording import Recording
+
+PILOTS = 8
+"""Flights of each estimate on the way; the same random numbers every time."""
+ROUNDS = 5
+NEAR = 0.35
+"""Standard deviations: a step smaller than this is the last; what `PILOTS` flights leave open."""
+NOISE_NEAR = 0.1
+_PROBE = 0.5  # step of the log intensity, as in `fit`
+WORKERS = 2
+COARSE = {"mass.change.time_s": 5e-3}
+"""Steps of the differences where a hundredth of a second must show (in typical sizes)."""
+X = TypeVar("X")
+
+
+@dataclass(frozen=True, eq=False)
+class Informed(Likelihood):
+    """The likelihood where the profile is believed to within its ``tolerance``.
+
+    Inertias differ from nominal by that standard deviation of their logarithm, where `Likelihood`
+    allows a factor of two: what a step alone does not tell must not run away.
+    """
+
+    @cached_property
+    def prior_precision(self) -> np.ndarray:
+        """(n,) 1/variance in coordinates"""
+        free = self.structure.free
+        std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
+        std[1:4] = self.structure.profile.tolerance
+        return np.asarray(1.0 / std**2)
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """One set of recordings at one point: n coordinates."""
+
+    at: Pass
+    path: Path
+    T: np.ndarray
+    """(n, E) ∂c/∂θ"""
+    g: np.ndarray
+    H: np.ndarray
+    slope: np.ndarray
+    """(3,) of ℓ along the log noise intensities"""
+    bend: np.ndarray
+    """(3,) and its curvature, negative"""
+
+
+def look(problem: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bool = True) -> Look:
+    """Score and information there; without ``whole`` nothing about the noise."""
+    at = problem.run(theta, noise, keep=2)
+    p = path(problem.structure, problem.values(theta), problem.data, at)
+    T = tangents(problem, theta, p)
+    g, H = score_and_information(at, T)
+    if not whole:
+        return Look(at, p, T, g, H, np.zeros(3), np.full(3, -1.0))
+    factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
+    up = problem.run(theta, noise * factor, keep=0).loglik
+    down = problem.run(theta, noise / factor, keep=0).loglik
+    slope = (up - down) / (2 * _PROBE)
+    return Look(at, p, T, g, H, slope, (up - 2 * at.loglik + down) / _PROBE**2)
+
+
+def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
+    """(n, E) ∂c/∂θ by `perturbation`; of what changes the readings by `Likelihood.tangents`."""
+    s = problem.structure
+    by_name = {t.name: t for t in s.terms}
+    read = np.array(
+        [f.term is not None and Stage.MEASURE in by_name[f.term].effect.hooks for f in s.free]
+    )
+    moves = [
+        f.term is not None
+        and bool({Stage.SETUP, Stage.VOLTAGE} & set(by_name[f.term].effect.hooks))
+        for f in s.free
+    ]
+    out = np.zeros((len(theta), len(p.at.row)))
+    direct = np.flatnonzero(~read)
+    _, high = problem.bounds
+    step = np.array([COARSE.get(f.name, DIFFERENCE) for f in s.free])
+    step = np.where(theta + step > high, -step, step)
+    sets = []
+    for j in direct:
+        e = np.zeros(len(theta))
+        e[j] = step[j]
+        sets.append(problem.values(theta + e))
+    a = forcing(p, s, sets, [moves[j] for j in direct])
+    out[direct] = forward(p, a / step[direct, None, None])
+    if read.any():
+        out[read] = problem.tangents(theta, p.at, np.flatnonzero(read))
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Corrected(Estimate):
+    """An estimate by the equation above; its scatter is that of simulated flights."""
+
+    scatter: np.ndarray | None = None
+    """(n, n) C, the covariance of the scores of the flights; None: the noise model's, × κ"""
+    bias: np.ndarray | None = None
+    """(n,) ḡ, the mean of their scores; None: zero"""
+    noise_bias: np.ndarray | None = None
+    """(3,) s̄, of the slopes along the log noise intensities"""
+    flights: int = 0
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """(n, n) of the values, in their units"""
+        if self.scatter is None:
+            return np.asarray(Estimate.covariance.func(self))  # type: ignore[attr-defined]
+        L = np.diag(self.problem.prior_precision)
+        inverse = np.linalg.inv(self.optimum.information + L)
+        middle = (1 + 1 / self.flights) * self.scatter + L
+        return np.asarray(inverse @ middle @ inverse * np.outer(self.slopes, self.slopes))
+
+
+def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:
+    """The rig with these numbers, to fly and to predict with; it knows nothing of their spread."""
+    n = len(theta)
+    return GreyBoxModel(
+        "null", problem.structure.profile, tuple(t.name for t in problem.structure.terms),
+        problem.values(theta), noise[:3], np.full((n, n), np.nan), float(noise[3]),
+    )  # fmt: skip
+
+
+def fly_again(
+    model: GreyBoxModel, recordings: Sequence[Recording], data: Data, seed: Sequence[int]
+) -> Data:
+    """The runs of ``data``, of recordings flown by the model with its own noise."""
+    last = [
+        max((r.stop for r in data.runs if r.source == i), default=0) for i in range(len(recordings))
+    ]
+    rng = np.random.default_rng(list(seed))
+    flown = [
+        noisy_flight(model, r, rng, rows=n) if n else r
+        for r, n in zip(recordings, last, strict=True)
+    ]
+    return data_of(flown, data.runs)
+
+
+def in_threads(
+    work: Callable[[int], X], count: int, done: Callable[[int], None] | None = None
+) -> list[X]:
+    """``work(0)`` … ``work(count − 1)`` on `WORKERS` threads (the kernels let go of the lock)."""
+    out: list[X] = []
+    with ThreadPoolExecutor(WORKERS) as pool:
+        for i, result in enumerate(pool.map(work, range(count))):
+            out.append(result)
+            if done is not None:
+                done(i + 1)
+    return out
+
+
+def correct(
+    problem: Likelihood,
+    theta: np.ndarray,
+    noise: np.ndarray,
+    recordings: Sequence[Recording],
+    *,
+    seed: int,
+    pilots: int = PILOTS,
+    rounds: int = ROUNDS,
+    log: Callable[[str], None] = lambda s: None,
+) -> Corrected:
+    """Solve the estimating equation from near its solution; see the module."""
+    low, high = problem.bounds
+    precision = problem.prior_precision
+    axes = problem.data.axes
+    settled = False
+    n = len(theta)
+    secant = Secant()
+    for count in range(1, rounds + 1):
+        here = look(problem, theta, noise)
+        model = model_at(problem, theta, noise)
+        flown = in_threads(
+            lambda b, m=model, th=theta, a=noise: look(  # type: ignore[misc]
+                replace(problem, data=fly_again(m, recordings, problem.data, (seed, 7, b))), th, a
+            ),
+            pilots,
+        )
+        g = (
+            here.g
+            - np.mean([f.g for f in flown], axis=0)
+            - precision * (theta - problem.prior_mean)
+        )
+        H = 0.5 * (here.H + np.mean([f.H for f in flown], axis=0))
+        A = H + np.diag(precision)
+        step = np.linalg.solve(A, g)
+        sd = np.sqrt(np.diag(np.linalg.inv(A)))
+        slope = here.slope - np.mean([f.slope for f in flown], axis=0)
+        bend = np.minimum(np.minimum(here.bend, np.mean([f.bend for f in flown], axis=0)), -1.0)
+        move = np.where(axes, np.clip(-slope / bend, -0.7, 0.7), 0.0)
+        log(f"{count} {problem.values(theta)} {noise[:3]} step {step / sd} move {move}")
+        if np.abs(step / sd).max() < NEAR and np.abs(move).max() < NOISE_NEAR:
+            settled = True
+            break
+        if count == 1:
+            scale = np.concatenate([sd, np.full(3, NOISE_NEAR / NEAR)])
+        go = secant.next(
+            np.concatenate([theta, np.log(noise[:3])]) / scale, np.concatenate([step, move]) / scale
+        )
+        go = go * scale
+        theta = np.clip(theta + go[:n], low, high)
+        noise = noise.copy()
+        noise[:3] = np.clip(noise[:3] * np.exp(np.clip(go[n:], -1.0, 1.0)), NOISE_LOW, NOISE_HIGH)
+    here = look(problem, theta, noise)
+    scores = np.array([f.g for f in flown])
+    C = _scatter(scores, here.H)
+    loglik = float(here.at.loglik.sum()) + problem.log_prior(theta)
+    optimum = Optimum(
+        theta, noise, loglik, here.H, here.at, here.T, (theta <= low) | (theta >= high), count,
+        settled,
+    )  # fmt: skip
+    noise_bias = np.mean([f.slope for f in flown], axis=0)
+    return Corrected(problem, optimum, C, scores.mean(axis=0), noise_bias, pilots)
+
+
+class Secant:
+    """Anderson's acceleration of y ← y + f(y) over the last `DEPTH` steps, which must be short."""
+
+    DEPTH = 2
+    LONGEST = 6.0
+    RIDGE = 0.5
+
+    def __init__(self) -> None:
+        self.y: list[np.ndarray] = []
+        self.f: list[np.ndarray] = []
+
+    def next(self, y: np.ndarray, f: np.ndarray) -> np.ndarray:
+        """The step to take at y where the plain one is f."""
+        self.y.append(y)
+        self.f.append(f)
+        self.y, self.f = self.y[-self.DEPTH - 1 :], self.f[-self.DEPTH - 1 :]
+        go = f
+        if len(self.f) > 1:
+            dF = np.diff(np.array(self.f), axis=0)
+            dY = np.diff(np.array(self.y), axis=0)
+            gamma = np.linalg.solve(dF @ dF.T + self.RIDGE * np.eye(len(dF)), dF @ f)
+            go = f - gamma @ (dF + dY)
+        return np.asarray(go * min(1.0, self.LONGEST / max(float(np.abs(go).max()), 1e-12)))
+
+
+def _scatter(g: np.ndarray, H: np.ndarray) -> np.ndarray:
+    """(n, n) from few flights: the information's correlations with the flights' own sizes."""
+    size = np.sqrt(g.var(axis=0, ddof=1) / np.maximum(np.diag(H), 1e-300))
+    # Few flights say little of each: half way to what they say of all.
+    size = np.sqrt(0.5 * size**2 + 0.5 * np.mean(size**2))
+    return np.asarray(np.outer(size, size) * H)

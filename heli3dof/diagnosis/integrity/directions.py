@@ -1,0 +1,138 @@
+"""Does each axis turn the way its voltages push it? Signs of encoders, and motors swapped.
+
+With g_r, g_p, g_ψ the answers of `response` (1 on a rig as its profile says), since
+u_r ∝ S, u_p ∝ D, u_ψ ∝ −sin p S:
+
+    roll's sign wrong        g_r < 0
+    pitch's sign wrong       g_p < 0 and g_ψ < 0     (sin p is read with the wrong sign too)
+    front and back swapped   g_p < 0 and g_ψ > 0     (D changes its sign, the thrust's tilt not)
+    yaw's sign wrong         g_p > 0 and g_ψ < 0
+    voltages' sign wrong     the rig hovers on negative voltage (h < 0); all three turn round
+    V_o's sign wrong         h < 0, and nothing turns round
+
+A sign counts when the answer is `SURE` standard deviations from zero, explains half the motion,
+and the voltages push at all. A recording that drives an axis with nothing but noise cannot tell;
+then two causes that look alike are named together. The roll encoder has two more witnesses: the
+arm starts on the table at its rest angle, and cannot sink below it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from heli3dof.axes import AXES, ROLL
+from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.diagnosis.integrity.response import Response
+from heli3dof.diagnosis.integrity.view import View
+
+SURE, EXPLAINED, DRIVE = 6.0, 0.5, 0.02
+TABLE_BELOW = np.radians(-15.0)
+SINKS = np.radians(2.5)
+BEYOND_REACH = np.radians(60.0)
+
+
+def sign(answer: Response | None) -> int:
+    """+1, −1, or 0 where the recording does not say."""
+    if answer is None or answer.explained < EXPLAINED or answer.drive < DRIVE:
+        return 0
+    return int(np.sign(answer.t)) if abs(answer.t) > SURE else 0
+
+
+def directions(view: View) -> Iterable[Fault]:
+    r, h = view.recording, view.hover_ratio
+    s = {a: sign(view.responses.get(a)) for a in AXES}
+    if h is not None and h < -0.3:
+        V_o = r.profile.motor.V_o
+        pushed = s["roll"] >= 0 and s["pitch"] >= 0
+        yield _fault(
+            view, "voltage.sign", None,
+            f"{r.name}: the rig flies on {h * V_o:.3g} V per motor; the profile says {V_o:.3g} V.",
+            "the profile's V_o has the wrong sign: every axis answers its voltages the right way "
+            "(the paper's Table I gives T_g the wrong sign)."
+            if pushed
+            else "the voltages are logged with the wrong sign.",
+            f"set motor.V_o = {h * V_o:.3g}" if pushed else "change the sign of both voltages",
+        )  # fmt: skip
+        if not pushed:
+            s = {a: -x for a, x in s.items()}
+    roll = _roll(view, s["roll"])
+    if roll:
+        yield _fault(
+            view, "encoder.sign", "roll", f"{r.name}: {roll}.", "the encoder's sign is wrong.",
+            _turn("roll", r.profile.encoder.roll),
+        )  # fmt: skip
+    about = {a: f"{x.gain:+.2g} ± {x.std:.1g}" for a, x in view.responses.items()}
+    p, y = s["pitch"], s["yaw"]
+    if ROLL in view.measured and np.nanmax(r.angle[:, ROLL]) > BEYOND_REACH:
+        y = 0  # cos r is wrong, and so is what pushes yaw
+    if p < 0 < y:
+        yield _fault(
+            view, "motors.swapped", None,
+            f"{r.name}: pitch answers the voltages' difference the wrong way ({about['pitch']} "
+            f"times the profile's), yet yaw answers the tilt the right way ({about['yaw']}).",
+            "front and back are swapped, at the amplifier or in the log.",
+            "swap v_front_V and v_back_V, or the two motors' cables",
+        )  # fmt: skip
+    elif p < 0:
+        both = y == 0
+        yield _fault(
+            view, "encoder.sign", "pitch",
+            f"{r.name}: pitch answers the voltages' difference the wrong way ({about['pitch']} "
+            "times the profile's)" + ("." if both else f", and yaw the tilt ({about['yaw']})."),
+            "the encoder's sign is wrong, or front and back are swapped; yaw moves too little to "
+            "tell." if both else "the encoder's sign is wrong.",
+            _turn("pitch", r.profile.encoder.pitch), 0.5 if both else 0.99,
+        )  # fmt: skip
+    elif y < 0:
+        both = p == 0
+        yield _fault(
+            view, "encoder.sign", "yaw",
+            f"{r.name}: yaw turns against the tilt of the thrust ({about['yaw']} times the "
+            "profile's).",
+            "the encoder's sign is wrong" + (", or pitch's is." if both else "."),
+            _turn("yaw", r.profile.encoder.yaw), 0.5 if both else 0.99,
+        )  # fmt: skip
+
+
+def _roll(view: View, sign_of_answer: int) -> str:
+    """What speaks against roll's sign; empty where nothing does."""
+    r = view.recording
+    if sign_of_answer < 0:
+        x = view.responses["roll"]
+        return (
+            f"roll answers the voltages' sum the wrong way ({x.gain:+.2g} ± {x.std:.1g} times "
+            "the profile's)"
+        )
+    if ROLL not in view.measured:
+        return ""
+    roll = r.angle[view.read, ROLL]
+    start = float(np.median(roll[:5]))
+    lowest = float(roll.min())
+    lifted = np.nanmax(r.voltage.sum(axis=1)) > 2 * abs(r.profile.motor.V_o)
+    if start < TABLE_BELOW and lowest < start - SINKS and lifted:
+        return (
+            f"roll starts at rest at {np.degrees(start):.4g}° and sinks to "
+            f"{np.degrees(lowest):.4g}°, into the table"
+        )
+    return ""
+
+
+def _turn(axis: str, counts: int) -> str:
+    return f"set encoder.{axis} = {-counts} in the profile, or change the sign of the logged angle"
+
+
+def _fault(
+    view: View, check: str, axis: str | None, sentence: str, cause: str, fix: str,
+    confidence: float = 0.99,
+) -> Fault:  # fmt: skip
+    return Fault(
+        check, Kind.BAD_DATA, view.recording.name, sentence, cause, fix, axis=axis,
+        confidence=confidence,
+    )  # fmt: skip
+
+
+CHECKS = (
+    Check("directions", Stage.MOTION, "an encoder's sign, front and back swapped", directions),
+)

@@ -1,0 +1,126 @@
+"""An encoder that stands still to the count while its axis must move.
+
+An axis at rest on one count for `LEAST_S` may be held by dry friction or play, as long as the
+torque on it stays within what these can hold. The torque's slow part is not known (gravity, a
+cable), so what counts is half its range over the stretch, smoothed over `SMOOTH_S`:
+
+    ½ (max − min) of J u > τ_hold,   u as in `response`,   τ_hold = `HOLDS_NM`
+
+Roll at rest on the table is held from below only. There the voltages must be too small to lift:
+with r̈ = (L_a K_f S − T_g cos r) / J_r while it is positive, the arm would have risen by
+∬ r̈ > `RISEN`. Stops, motors off and the landing are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from heli3dof.axes import AXES, PITCH, ROLL
+from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.diagnosis.integrity.response import driven, inertias
+from heli3dof.diagnosis.integrity.view import View
+
+LEAST_S = 2.5
+SMOOTH_S = 0.5
+HOLDS_NM = np.array([0.4, 0.04, 0.2])
+"""A real rig's roll was seen to stick for 1.3 s at a turning point, against ± 0.25 N·m."""
+RISEN = np.radians(25.0)
+LEFT_OUT = ("unread", "motors_off", "ramp_down")
+STOP_BEYOND = np.radians(25.0)
+TABLE_BELOW = np.radians(-15.0)
+
+
+def still(view: View, axis: int) -> list[tuple[int, int]]:
+    """Stretches (first row, last row + 1) of at least `LEAST_S` on one and the same count."""
+    r = view.recording
+    q = r.angle[:, axis]
+    out = np.logical_or.reduce([view.why_not[k] for k in LEFT_OUT])
+    same = np.concatenate([[False], np.diff(q) == 0]) & ~out
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.astype(int), [0]])))
+    long = LEAST_S / r.dt
+    return [
+        (max(int(a) - 1, 0), int(b))
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        if b - a >= long
+    ]
+
+
+def frozen(view: View) -> Iterable[Fault]:
+    r = view.recording
+    angle, voltage = np.nan_to_num(r.angle), np.nan_to_num(r.voltage)
+    u = driven(angle, voltage, r.profile)
+    J = inertias(r.profile)
+    if (np.ptp(r.angle[view.read][:, view.measured], axis=0) == 0).all():
+        return  # nothing moves at all: another check's
+    for i in view.measured:
+        found = still(view, i)
+        told = [w for w in (_why(view, i, a, b, u, J) for a, b in found) if w]
+        if not told:
+            yield from _perhaps(view, i)
+            continue
+        a, b, why = max(told, key=lambda x: x[1] - x[0])
+        whole = b - a > 0.98 * len(r)
+        to_the_end = b >= len(r) - 1 - 4 / r.dt and not whole
+        span = (
+            "throughout" if whole else
+            f"from {r.t[a]:.3g} s {'on' if to_the_end else f'to {r.t[b - 1]:.3g} s'}"
+        )  # fmt: skip
+        yield Fault(
+            "encoder.frozen", Kind.BAD_DATA, r.name,
+            f"{r.name}: {AXES[i]} stands on one count ({np.degrees(r.angle[a, i]):.4g}°) {span}, "
+            f"{why}.",
+            "the encoder's cable or its input on the card; or the axis is clamped, or rests at a "
+            "stop that a wrong scale or offset hides.",
+            "turn the axis by hand and watch it: heli3dof monitor; then record again"
+            if whole or a < 5 / r.dt else
+            f"use the flight before: recording.between(0, {r.t[a]:.3g}); check the encoder's cable",
+            axis=AXES[i], confidence=0.99,
+        )  # fmt: skip
+
+
+def _perhaps(view: View, i: int) -> Iterable[Fault]:
+    """An axis that never moves in a flight that does: said, for friction may hold it."""
+    r = view.recording
+    if np.ptp(r.angle[view.read, i]) == 0 and view.airborne.any():
+        yield Fault(
+            "encoder.frozen", Kind.NOTE, r.name,
+            f"{r.name}: {AXES[i]} never moves by a count. Its voltages are too small to tell "
+            "whether it should.",
+            "the axis is clamped or held by friction, or its encoder is not connected.",
+            "turn the axis by hand and watch it: heli3dof monitor", axis=AXES[i], confidence=0.5,
+        )  # fmt: skip
+
+
+def _why(
+    view: View, i: int, a: int, b: int, u: np.ndarray, J: np.ndarray
+) -> tuple[int, int, str] | None:
+    r = view.recording
+    q = float(r.angle[a, i])
+    if (i == ROLL and q > STOP_BEYOND) or (i == PITCH and abs(q) > STOP_BEYOND):
+        return None
+    on_table = i == ROLL and q < TABLE_BELOW and q <= np.nanmin(r.angle[:, ROLL]) + 1e-9
+    if on_table:
+        T_g = 2 * r.profile.geometry.L_a * r.profile.motor.K_f * r.profile.motor.V_o
+        push = u[a:b, ROLL] - T_g * np.cos(q) / J[ROLL]
+        rate, rise, dt = 0.0, 0.0, r.dt
+        for x in push.tolist():
+            rate = max(0.0, rate + x * dt)
+            rise += rate * dt
+        if rise < RISEN:
+            return None
+        return a, b, "while its voltages would have lifted it off the table"
+    width = max(1, round(SMOOTH_S / r.dt))
+    if b - a < 2 * width:
+        return None
+    smooth = np.convolve(u[a:b, i], np.ones(width) / width, "valid")
+    half = float(np.ptp(smooth)) / 2 * J[i]
+    if half < HOLDS_NM[i]:
+        return None
+    return a, b, f"while the voltages' torque on it varies by ±{half:.2g} N·m"
+
+
+CHECKS = (
+    Check("encoder.frozen", Stage.MOTION, "an axis stands on one count and must not", frozen),
+)

@@ -1,0 +1,58 @@
+"""``timing.jitter``: samples that are not taken when they are due.
+
+Seen in the stamps, where these tell the true instants (`ticks`), or behind an even clock in the
+motion (`heli3dof.recording.jitter`): there every axis is off by its rate times the same δ. Both
+may be there; then the motion's is what the stamps do not tell, and σ² = σ_stamps² + σ_motion².
+
+A host without real-time priority is late by tens of microseconds: at 100°/s that moves an angle
+by a tenth of a count. Such jitter is said and is no finding; from `WORTH_NAMING_S` on it is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.diagnosis.integrity.view import View
+from heli3dof.recording.jitter import motion_jitter
+
+WORTH_NAMING_S = 8e-5
+"""360°/4096 / 10 / 100°/s"""
+WORTH_SAYING_S = 1e-5
+
+
+def jitter(view: View) -> Iterable[Fault]:
+    r = view.recording
+    if len(r) < 20 or not (np.diff(r.t) > 0).all():
+        return
+    seen, std = view.ticks.jitter_s, view.ticks.jitter_std_s
+    hidden = motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count)
+    if hidden.found:
+        sigma = float(np.hypot(seen, hidden.sigma_s))
+        yield Fault(
+            "timing.jitter", Kind.FINDING, r.name,
+            f"{r.name}: its clock looks {'even' if seen < WORTH_SAYING_S else 'jittery'}, but the "
+            f"angles were sampled ±{1e3 * hidden.sigma_s:.2g} ms (RMS) off it: all axes jump "
+            "together in proportion to their rates.",
+            "the logging host was late and caught up, and wrote the instants that were planned.",
+            "log the device's own time stamps; heli3dof doctor measures the link",
+            effect="timing.jitter",
+            parameters={"jitter_s": (sigma, hidden.variance_std_s2 / (2 * sigma))},
+        )  # fmt: skip
+    elif seen >= WORTH_SAYING_S:
+        named = seen >= WORTH_NAMING_S
+        yield Fault(
+            "timing.jitter", Kind.FINDING if named else Kind.NOTE, r.name,
+            f"{r.name}: samples are taken ±{1e6 * seen:.3g} µs (RMS) off their due instants, by "
+            "their stamps" + ("." if named else "; a computer's ordinary timer, no fault."),
+            "a timer without real-time priority, or a bus shared with others.",
+            "heli3dof doctor: it measures the loop's latency" if named else "nothing to do",
+            effect="timing.jitter", parameters={"jitter_s": (seen, std)},
+        )  # fmt: skip
+
+
+CHECKS = (
+    Check("timing.jitter", Stage.CLOCK, "samples early or late, told by stamps or motion", jitter),
+)

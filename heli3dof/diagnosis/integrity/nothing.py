@@ -1,0 +1,68 @@
+"""Is there anything to diagnose: did the motors run, did anything move, did the arm take off?
+
+A rig that hangs still holds the truth about its encoders' noise and nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from heli3dof.axes import AXES, ROLL
+from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
+from heli3dof.diagnosis.integrity.view import View
+
+OFF = 0.02
+"""Share of v_max below which a voltage drives nothing."""
+COUNTS = 3
+TABLE_BELOW, LIFTED, MOVES = np.radians(-15.0), np.radians(1.0), np.radians(2.0)
+
+
+def nothing(view: View) -> Iterable[Fault]:
+    r = view.recording
+    q = r.angle[view.read][:, view.measured]
+    if not view.measured or not len(q):
+        yield Fault(
+            "nothing.moves", Kind.NOT_IDENTIFIABLE, r.name, f"{r.name} holds no angle.",
+            "no encoder was logged.", "log roll_deg, pitch_deg and yaw_deg",
+        )  # fmt: skip
+        return
+    top = float(np.nanmax(np.abs(r.voltage)))
+    span = np.ptp(q, axis=0)
+    count = np.abs(r.profile.encoder.rad_per_count)[view.measured]
+    if (span < COUNTS * count).all():
+        off = top < OFF * r.profile.motor.v_max
+        yield Fault(
+            "nothing.moves", Kind.NOT_IDENTIFIABLE, r.name,
+            f"{r.name}: no angle moves by more than {COUNTS} counts in {r.duration:.3g} s; the "
+            f"voltage reaches {top:.3g} V.",
+            "the motors were off." if off else
+            "the amplifier was not enabled, its supply is off, or the rig is clamped.",
+            "heli3dof run-step --roll 5" if off else "heli3dof doctor", confidence=1.0,
+        )  # fmt: skip
+    elif top < OFF * r.profile.motor.v_max:
+        yield Fault(
+            "nothing.moves", Kind.NOT_IDENTIFIABLE, r.name,
+            f"{r.name}: the voltage stays within ±{top:.3g} V; what moves, moves by itself.",
+            "the motors were off: a coast-down or a hand.",
+            "add a flight with the motors on: heli3dof run rich",
+        )  # fmt: skip
+    elif ROLL in view.measured:
+        roll = r.angle[view.read, ROLL]
+        rest = float(np.median(roll[:5]))
+        if rest < TABLE_BELOW and roll.max() < rest + LIFTED:
+            still = all(s < MOVES for s, i in zip(span, view.measured, strict=True) if i != ROLL)
+            names = " and ".join(AXES[i] for i in view.measured if i != ROLL)
+            yield Fault(
+                "nothing.flies", Kind.NOT_IDENTIFIABLE if still else Kind.NOTE, r.name,
+                f"{r.name}: the arm never leaves the table ({np.degrees(rest):.4g}°)"
+                + (f"; {names} move." if not still else "."),
+                f"the voltage (at most {top:.3g} V) does not lift it, the amplifier is off, or "
+                "roll's encoder is not connected.",
+                "heli3dof run-step --roll 5; heli3dof doctor",
+            )  # fmt: skip
+
+
+CHECKS = (Check("nothing.moves", Stage.MOTION, "motors off, nothing moves, never left the table",
+                nothing),)  # fmt: skip

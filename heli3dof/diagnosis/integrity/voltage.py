@@ -1,0 +1,157 @@
+"""Are the voltages volts, within the amplifier's limit, and what was asked for?
+
+The rig hovers where L_a K_f S = T_g cos r: the mean voltage in flight over the profile's V_o is h,
+about 1 on a rig that is what its profile says, 0.5 … 2 on one that is not. A seventh of it is no
+rig: it is another unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, refused
+from heli3dof.diagnosis.integrity.view import View
+from heli3dof.errors import RecordingError
+from heli3dof.recording import checks
+
+BEYOND = 1.02
+ANOTHER_UNIT = 0.15
+CLIPPED = 0.02
+FLAT = 0.005
+DIFFERS_V, DIFFERS = 0.02, 0.01
+
+
+def limit(view: View) -> Iterable[Fault]:
+    """Voltages that are missing, in millivolts, or beyond what the amplifier can give."""
+    r = view.recording
+    v, v_max = r.voltage, r.profile.motor.v_max
+    if not np.isfinite(v).any(axis=0).all():
+        yield Fault(
+            "voltage.limit", Kind.BAD_DATA, r.name, f"{r.name} holds no voltage of one motor.",
+            "the device does not report what it puts out, or the column was not logged.",
+            "log v_front_V and v_back_V, what reaches the amplifier",
+        )  # fmt: skip
+        return
+    front, back = np.nan_to_num(v).T
+    try:
+        checks.voltages(r.name, front, back, v_max)
+    except RecordingError as error:
+        yield refused("voltage.limit", view, error)
+        return
+    top = float(np.nanmax(np.abs(v)))
+    if top > BEYOND * v_max:
+        beyond = float((np.abs(v) > BEYOND * v_max).any(axis=1).mean())
+        h = view.hover_ratio
+        percent = top < 100.5 and h is not None and 0.8 < h * v_max / 100 < 1.25
+        yield Fault(
+            "voltage.limit", Kind.BAD_DATA, r.name,
+            f"{r.name}: the voltage reaches {top:.4g} V and is beyond the profile's ±{v_max:.4g} V "
+            f"in {100 * beyond:.2g} % of the rows.",
+            "per cent of the limit instead of volts." if percent else
+            "what the controller asked for was logged in place of what passed the limiter, or "
+            "motor.v_max is another amplifier's.",
+            f"multiply by {v_max / 100:.4g}" if percent else
+            "name what was asked for v_front_cmd_V, v_back_cmd_V; or correct motor.v_max",
+        )  # fmt: skip
+
+
+def unit(view: View) -> Iterable[Fault]:
+    """Voltages in another unit, told by the hover voltage."""
+    r, h = view.recording, view.hover_ratio
+    if h is None or not 0 <= h < ANOTHER_UNIT:
+        return
+    v_max, V_o = r.profile.motor.v_max, r.profile.motor.V_o
+    share = float(np.nanmax(np.abs(r.voltage))) <= 1.02
+    yield Fault(
+        "voltage.unit", Kind.BAD_DATA, r.name,
+        f"{r.name}: the rig flies on {h * V_o:.3g} V per motor; the profile says {V_o:.3g} V.",
+        "a share of the limit (−1 … 1) instead of volts." if share else
+        "kilovolts, DAC fractions or another unit instead of volts.",
+        f"multiply by {v_max:.4g}" if share else "convert the voltages to volts",
+    )  # fmt: skip
+
+
+def clipped(view: View) -> Iterable[Fault]:
+    """How much of the flight is at the limiter, and whether that is lower than the profile's."""
+    r, rows = view.recording, view.flying
+    v_max = r.profile.motor.v_max
+    at_limit = view.clipped & rows
+    if rows.any() and at_limit.sum() > CLIPPED * rows.sum():
+        yield Fault(
+            "voltage.clipped", Kind.NOTE, r.name,
+            f"{r.name}: {100 * at_limit.sum() / rows.sum():.2g} % of the flight is at the "
+            f"amplifier's limit of ±{v_max:.4g} V, where the loop is open.",
+            "steps too large or gains too high for this amplifier.",
+            "smaller steps, or a slower reference: heli3dof run-step --roll 5",
+        )  # fmt: skip
+    v = r.voltage[view.read]
+    if len(v) < 100 or len(np.unique(v)) < 50:
+        return
+    top = float(np.abs(v).max())
+    flat = np.isclose(np.abs(v), top, rtol=1e-6).any(axis=1)
+    if top < 0.98 * v_max and flat.sum() > 20 and flat.mean() > FLAT:
+        yield Fault(
+            "voltage.clipped", Kind.NOTE, r.name,
+            f"{r.name}: the voltage ends flat at ±{top:.4g} V in {100 * flat.mean():.2g} % of the "
+            f"rows; the profile's limit is ±{v_max:.4g} V.",
+            "another limiter: the DAC's range, or a controller's own.",
+            f"set motor.v_max = {top:.4g} in the profile if that is the amplifier's",
+        )  # fmt: skip
+
+
+def commanded(view: View) -> Iterable[Fault]:
+    """Off the limiter, what reached the amplifier should be what was asked for."""
+    r = view.recording
+    cmd, v = r.voltage_cmd, r.voltage
+    phase = r.channels.get("phase")
+    rows = np.isfinite(cmd).all(axis=1) & view.read
+    rows &= (np.abs(cmd) < 0.98 * r.profile.motor.v_max).all(axis=1)
+    rows &= (np.abs(v) < 0.98 * r.profile.motor.v_max).all(axis=1)
+    if phase is not None:
+        rows &= np.asarray(phase) == 0
+    if rows.sum() < 100 or not np.abs(v[rows]).max() > 0:
+        return  # motors off: another check's
+    x, y = cmd[rows].ravel(), v[rows].ravel()
+    off = (np.abs(v - cmd) > DIFFERS_V + 1e-3 * np.abs(cmd)).any(axis=1) & rows
+    share = float(off.sum() / rows.sum())
+    if share < DIFFERS:
+        return
+    factor = float(x @ y / (x @ x)) if (x @ x) > 0 else 1.0
+    spread = float(np.std(y))
+    if abs(factor - 1) > 0.05 and np.std(y - factor * x) < 0.05 * max(spread, 1e-9):
+        yield Fault(
+            "voltage.commanded", Kind.BAD_DATA, r.name,
+            f"{r.name}: the voltage is {factor:.4g} times what was asked for, off the limiter too.",
+            "one of the two was logged before and one behind the amplifier's gain.",
+            "log both at the same place, or divide by the amplifier's gain; then check motor.K_f",
+            confidence=0.99,
+        )  # fmt: skip
+        return
+    late = _one_row_late(cmd, v, rows)
+    yield Fault(
+        "voltage.commanded", Kind.NOTE, r.name,
+        f"{r.name}: off the limiter, what reached the amplifier differs from what was asked for "
+        f"in {100 * share:.2g} % of the rows"
+        + (": it is the command of the row before." if late else "."),
+        "the log pairs a sample with the voltage that was still standing." if late else
+        "a limit on the voltage's slew, a watchdog, lost commands, or noise on a measured voltage.",
+        "nothing to do: what reached the amplifier is what counts",
+    )  # fmt: skip
+
+
+def _one_row_late(cmd: np.ndarray, v: np.ndarray, rows: np.ndarray) -> bool:
+    both = rows[1:] & rows[:-1]
+    if both.sum() < 100:
+        return False
+    off = np.abs(v[1:] - cmd[:-1])[both].max(axis=1) > DIFFERS_V
+    return float(off.mean()) < DIFFERS
+
+
+CHECKS = (
+    Check("voltage.limit", Stage.VALUES, "no volts, or beyond the amplifier's limit", limit),
+    Check("voltage.unit", Stage.MOTION, "hovers on a voltage of another unit", unit),
+    Check("voltage.clipped", Stage.MOTION, "share of the flight at the limiter", clipped),
+    Check("voltage.commanded", Stage.VALUES, "not what was asked for, off the limiter", commanded),
+)

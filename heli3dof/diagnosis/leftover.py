@@ -1,0 +1,280 @@
+"""The unknown: is there a torque left that no named cause explains, and what does it depend on?
+
+On each axis a free-form torque f(z) = Σ_j τ_j φ_j(z) of each variable z
+(`heli3dof.diagnosis.torque_hats`): angles, rates, voltages, products, time. None is fitted: with
+the scores u_j = ∂ ln L/∂τ_j, their information V and the tangents of everything the fit already
+holds projected out (Rao's score test),
+
+    S = uᵀ V⁺ u − (1ᵀu)²/(1ᵀV1)  ~  χ²(rank V − 1)            where nothing is left
+
+(a constant torque is no structure). B simulated nulls of the fit give each function's mean score
+ū, which is taken off, and each group's κ = mean S_null/(rank − 1), by which S is divided where it
+exceeds one. All groups are put on one scale, x = −2 ln P(χ² > S/κ); the largest x of a null follows
+a Gumbel law, which gives the threshold. The group with the largest x is taken, projected out too,
+and the rest looked at again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.leftover_like import LIKE, likeness
+from heli3dof.diagnosis.leftover_nulls import Scored, blockwise, simulated
+from heli3dof.diagnosis.nulls import EULER, FALSE_ALARMS, loop_is_known
+from heli3dof.diagnosis.torque import Trail, trail
+from heli3dof.diagnosis.torque_hats import KNOTS, Hats, Sums, forward, hats
+from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.likelihood import score_and_information
+from heli3dof.recording.recording import Recording
+
+MOST = 3
+"""Leftovers that are looked for, at most."""
+RANK = 1e-4
+"""Directions with less information than this share of the largest say nothing."""
+ALSO = 0.5
+"""Variables with this share of the best one's x are stated beside it."""
+LEAST_SHARE = 0.05
+"""Of the residual torque's variance. An encoder's chatter can be sure, and explain nothing."""
+LEAST_FLIGHTS = 6
+WINDOW_S = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Leftover:
+    """Structure that is left: a torque on ``axis`` that depends on ``depends_on``."""
+
+    axis: str
+    depends_on: str
+    """One of `heli3dof.diagnosis.torque.UNITS`"""
+    share: float
+    """Of the variance of the axis' residual torque (averages over `WINDOW_S`) that it explains"""
+    table: tuple[tuple[float, float], ...]
+    """(value of the variable in rad, rad/s, V, s; torque in N·m), away from its mean"""
+    std: tuple[float, ...]
+    """N·m, of the table's torques"""
+    score: float
+    """x, see the module"""
+    confidence: float
+    """One less the chance that nothing gives as much"""
+    also: tuple[str, ...] = ()
+    """Other variables that explain as much of it or nearly, the next best first"""
+    like: str | None = None
+    """A named cause whose trace is nearly the same, as ``friction.viscous.yaw-like``"""
+
+
+def leftover(
+    found: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
+) -> tuple[Leftover, ...]:
+    """What is left in the recordings that ``found`` was fitted to; empty where nothing is.
+
+    ``flights`` simulated nulls, at least `LEAST_FLIGHTS`, where the loop is known; elsewhere see
+    `Judge`.
+    """
+    flight = trail(found)
+    library = hats(flight, np.flatnonzero(found.problem.data.axes))
+    null = None
+    if loop_is_known(recordings):
+        flights = max(flights, LEAST_FLIGHTS)
+        null = simulated(found, recordings, library, flights=flights, seed=seed)
+    held = Held.base(found, flight, null)
+    out: list[Leftover] = []
+    while len(out) < MOST:
+        sums = forward(library, flight, held.tangents)
+        judged = judge(found, flight, library, sums, held, null)
+        sure = [int(q) for q in np.argsort(-judged.x) if judged.x[q] > judged.threshold]
+        described = ((q, _describe(flight, library, judged, q)) for q in sure)
+        best, new = next(((q, d) for q, d in described if d.share > LEAST_SHARE), (-1, None))
+        if new is None:
+            break
+        columns = np.arange(len(sums.u))[library.columns(best)]
+        D = forward(library, flight, held.tangents, columns).traces
+        trace = np.array([torque for _, torque in new.table]) @ D
+        name, cos = likeness(found, flight.at, trace, held.tangents, held.A)
+        out.append(replace(new, like=f"{name}-like" if cos > LIKE else None))
+        held = held.wider(flight, D, judged.directions[best], columns, null)
+    return tuple(out)
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """What is projected out: p directions, the base's coordinates and the leftovers taken."""
+
+    tangents: np.ndarray
+    """(p, E)"""
+    A: np.ndarray
+    """(p, p) their information, priors included"""
+    g: np.ndarray
+    """(p,) their score"""
+    g_null: np.ndarray
+    """(B, p) in the nulls"""
+
+    @staticmethod
+    def base(found: Estimate, flight: Trail, null: Scored | None) -> Held:
+        problem, o = found.problem, found.optimum
+        g, H = score_and_information(flight.at, o.tangents)
+        pull = problem.prior_precision * (o.theta - problem.prior_mean)
+        n = len(g)
+        return Held(
+            o.tangents,
+            H + np.diag(problem.prior_precision),
+            g - pull,
+            np.zeros((0, n)) if null is None else null.g,
+        )
+
+    def wider(
+        self, flight: Trail, D: np.ndarray, P: np.ndarray, columns: np.ndarray, null: Scored | None
+    ) -> Held:
+        """With one group as well: its traces D (KNOTS, E), in the directions P (KNOTS, rank)."""
+        D = P.T @ D
+        stacked = np.vstack([self.tangents, D])
+        cross = (self.tangents * flight.at.w) @ D.T
+        own = (D * flight.at.w) @ D.T
+        A = np.block([[self.A, cross], [cross.T, own]])
+        g = np.concatenate([self.g, D @ flight.at.g])
+        g_null = self.g_null
+        if null is not None:
+            g_null = np.hstack([self.g_null, null.u[:, columns] @ P])
+        return Held(stacked, A, g, g_null)
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """All groups: x and the threshold; efficient scores and informations behind them."""
+
+    x: np.ndarray
+    """(groups,)"""
+    threshold: float
+    location: float
+    scale: float
+    """Of the Gumbel law"""
+    u: np.ndarray
+    """(groups, KNOTS)"""
+    V: np.ndarray
+    """(groups, KNOTS, KNOTS)"""
+    kappa: np.ndarray
+    """(groups,)"""
+    directions: tuple[np.ndarray, ...]
+    """(KNOTS, rank) each: what the flight tells of"""
+
+
+def judge(
+    found: Estimate, flight: Trail, library: Hats, sums: Sums, held: Held, null: Scored | None
+) -> Judged:
+    """Every group against the nulls, or where there are none against the flight's own scatter."""
+    groups = len(library.groups)
+    X = np.linalg.solve(held.A, sums.cross)
+    u = (sums.u - X.T @ held.g).reshape(groups, KNOTS)
+    if null is not None:
+        un = (null.u - held.g_null @ X).reshape(-1, groups, KNOTS)
+        B = len(un)
+        mean = un.mean(axis=0)
+        u = u - mean
+        # Each null against the others, as the flight is against all.
+        others = (un - mean) * B / (B - 1)
+    else:
+        blocks = blockwise(found, flight, library, held.tangents)
+        ub = (blocks.u - blocks.g @ X).reshape(-1, groups, KNOTS)
+        others = ub - ub.mean(axis=0)
+    V = np.empty((groups, KNOTS, KNOTS))
+    x, kappa = np.zeros(groups), np.ones(groups)
+    x_null = np.zeros((len(others), groups))
+    directions = []
+    for q in range(groups):
+        c = library.columns(q)
+        V[q] = sums.V[q] - sums.cross[:, c].T @ X[:, c]
+        V[q], off = _without_constant(V[q], sums.V[q])
+        u[q], others[:, q] = off @ u[q], others[:, q] @ off.T
+        E = _directions(V[q], sums.V[q])
+        directions.append(E)
+        rank = E.shape[1]
+        if rank == 0:
+            continue
+        V_E = E.T @ V[q] @ E
+        S = _statistic(u[q] @ E, V_E)
+        Sn = _statistic(others[:, q] @ E, V_E)
+        if null is not None:
+            kappa[q] = max(float(Sn.mean()) / rank, 1.0)
+            x_null[:, q] = _scaled(Sn / kappa[q], rank)
+        else:
+            m = len(others)
+            kappa[q] = max(float(Sn.sum()) / rank * m / max(m - KNOTS, 1), 1.0)
+        x[q] = _scaled(S / kappa[q], rank)[0]
+    if null is not None:
+        largest = x_null.max(axis=1)
+        scale = max(float(np.sqrt(6) * largest.std(ddof=1) / np.pi), 2.0)
+        location = float(largest.mean()) - EULER * scale
+        threshold = location - scale * float(np.log(-np.log(1 - FALSE_ALARMS)))
+    else:
+        location, scale = 4 * float(np.log(max(groups, 1))), 4.0
+        threshold = -4 * float(np.log(FALSE_ALARMS / max(groups, 1)))
+    return Judged(x, threshold, location, scale, u, V, kappa, tuple(directions))
+
+
+def _without_constant(V: np.ndarray, whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """V without the constant function, and the (KNOTS, KNOTS) that takes it out of a score."""
+    one = np.ones(KNOTS)
+    along = V @ one
+    size = float(one @ along)
+    if size <= RANK * float(np.trace(whole)):  # it is among what is held
+        return V, np.eye(KNOTS)
+    return V - np.outer(along, along) / size, np.eye(KNOTS) - np.outer(along, one) / size
+
+
+def _directions(V: np.ndarray, whole: np.ndarray) -> np.ndarray:
+    """(KNOTS, rank): the combinations of the functions that the flight tells of.
+
+    V is what is left of the information ``whole`` once what is held is projected out.
+    """
+    values, vectors = np.linalg.eigh(0.5 * (V + V.T))
+    return np.asarray(vectors[:, values > RANK * max(float(np.linalg.eigvalsh(whole)[-1]), 1e-300)])
+
+
+def _statistic(u: np.ndarray, V: np.ndarray) -> np.ndarray:
+    """(…,) uᵀ V⁻¹ u"""
+    u = np.atleast_2d(u)
+    return np.asarray(np.einsum("bi,bi->b", u, np.linalg.solve(V, u.T).T))
+
+
+def _scaled(S: np.ndarray, rank: int) -> np.ndarray:
+    """x = −2 ln P(χ²_rank > S)"""
+    return np.asarray(-2 * chi2.logsf(S, rank))
+
+
+def _describe(flight: Trail, library: Hats, judged: Judged, best: int) -> Leftover:
+    axis, name = library.groups[best]
+    E = judged.directions[best]
+    inverse = E @ np.linalg.inv(E.T @ judged.V[best] @ E) @ E.T
+    torque = inverse @ judged.u[best]
+    m = library.variables.index(name)
+    left, part = library.place(flight)
+    rows = flight.flown & np.isfinite(flight.torque[:, axis])
+    at, part = left[rows, m], part[rows, m]
+    torque -= float(np.mean(torque[at] * (1 - part) + torque[at + 1] * part))
+    f = torque[at] * (1 - part) + torque[at + 1] * part
+    std = np.sqrt(judged.kappa[best] * np.diag(inverse))
+    same = [q for q in np.argsort(-judged.x) if library.groups[q][0] == axis and q != best]
+    enough = max(ALSO * float(judged.x[best]), judged.threshold)
+    return Leftover(
+        AXES[axis],
+        name,
+        _share(flight.torque[rows, axis], f, flight.data.h[rows]),
+        tuple((float(z), float(v)) for z, v in zip(library.knots[m], torque, strict=True)),
+        tuple(float(v) for v in std),
+        float(judged.x[best]),
+        float(np.exp(-np.exp(-(judged.x[best] - judged.location) / judged.scale))),
+        tuple(library.groups[q][1] for q in same if judged.x[q] > enough),
+    )
+
+
+def _share(torque: np.ndarray, f: np.ndarray, h: np.ndarray) -> float:
+    """1 − var(τ̂ − f)/var(τ̂) of averages over `WINDOW_S`; not below zero."""
+    every = max(1, round(WINDOW_S / float(np.median(h))))
+    n = len(f) // every
+    whole = torque[: n * every].reshape(n, every).mean(axis=1)
+    f = f[: n * every].reshape(n, every).mean(axis=1)
+    return float(max(0.0, 1 - np.var(whole - f) / max(np.var(whole), 1e-30)))

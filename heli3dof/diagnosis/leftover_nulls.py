@@ -1,0 +1,81 @@
+"""What the free-form torques' scores are like where nothing is left.
+
+Simulated nulls: B flights of the fitted rig (`heli3dof.diagnosis.noisy_flight`), each through the
+same filter; their scores of the J functions and of the base. Each costs a flight, one filter pass
+and one pass backward. Where the loop is unknown the scatter of the flight's own scores, block of
+half a second by block, stands in for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from heli3dof.diagnosis.noisy_flight import noisy_flight
+from heli3dof.diagnosis.torque import Trail, trail_at
+from heli3dof.diagnosis.torque_hats import Hats
+from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate
+from heli3dof.identification.greybox.method import model_of
+from heli3dof.model.filtering import Data, data_of
+from heli3dof.recording.recording import Recording
+
+THREADS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """B flights, or m blocks of one: scores of the J functions and of the n base coordinates."""
+
+    u: np.ndarray
+    """(B, J)"""
+    g: np.ndarray
+    """(B, n)"""
+
+
+def simulated(
+    found: Estimate, recordings: Sequence[Recording], library: Hats, *, flights: int, seed: int
+) -> Scored:
+    """Flights of the fitted rig where the recordings' loop is known."""
+    runs = found.problem.data.runs
+    last = [max((r.stop for r in runs if r.source == i), default=0) for i in range(len(recordings))]
+    model = model_of(found, recordings, "null")
+
+    def one(b: int) -> tuple[np.ndarray, np.ndarray]:
+        rng = np.random.default_rng([seed, 31, b])
+        flown = [
+            noisy_flight(model, r, rng, rows=n) if n else r
+            for r, n in zip(recordings, last, strict=True)
+        ]
+        data = data_of(flown, runs)
+        problem = replace(found.problem, data=data)
+        o = found.optimum
+        flight = trail_at(problem, o.theta, o.noise)
+        g = problem.tangents(o.theta, flight.at) @ flight.at.g
+        return library.scores(flight), g - problem.prior_precision * (o.theta - problem.prior_mean)
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        both = list(pool.map(one, range(flights)))
+    return Scored(np.array([u for u, _ in both]), np.array([g for _, g in both]))
+
+
+def blockwise(found: Estimate, flight: Trail, library: Hats, tangents: np.ndarray) -> Scored:
+    """Half-second blocks of the flight itself; ``tangents`` (p, E) in place of the base's."""
+    which = block_numbers(flight.data)
+    count = int(which.max()) + 1
+    at = which[flight.at.row]
+    g = np.column_stack([np.bincount(at, row * flight.at.g, count) for row in tangents])
+    return Scored(library.scores(flight, which), g)
+
+
+def block_numbers(data: Data, block_s: float = BLOCK_S) -> np.ndarray:
+    """(N,) the block of each row; blocks do not cross runs."""
+    which = np.zeros(len(data.t), dtype=np.int64)
+    at = 0
+    for _, start, stop in data.blocks:
+        elapsed = np.cumsum(data.h[start:stop]) - data.h[start]
+        which[start:stop] = at + (elapsed / block_s).astype(np.int64)
+        at = int(which[stop - 1]) + 1
+    return which

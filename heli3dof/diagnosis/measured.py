@@ -1,0 +1,68 @@
+"""What the causes gain on data that they have not seen, and which of them do not pay.
+
+`heli3dof.diagnosis.gain` compares two fits; here they are made: everything found, everything but
+one, nothing (the base), each refitted. A cause whose gain does not pay is taken out, the one that
+pays least first, and the rest are measured again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.calibration import in_SI
+from heli3dof.diagnosis.corrected import Corrected, model_at
+from heli3dof.diagnosis.gain import Gain, HeldOut, gain, pays
+from heli3dof.diagnosis.gain_folds import held_out
+from heli3dof.diagnosis.how_wrong import how_wrong
+from heli3dof.diagnosis.result import Dropped, Finding, Fitted
+from heli3dof.diagnosis.select import Choice
+from heli3dof.diagnosis.steps import without
+from heli3dof.diagnosis.thrust_scale import thrust_scale
+from heli3dof.identification.greybox.method import model_of
+from heli3dof.model.greybox import nominal
+from heli3dof.recording.recording import Recording
+
+
+def adopted(
+    found: Corrected, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int
+) -> tuple[Corrected, tuple[Finding, ...], tuple[Dropped, ...], HeldOut]:
+    """The causes that pay, the fit that holds them alone, what was dropped, and how it does."""
+    kept, dropped = list(choices), list[Dropped]()
+    while True:
+        after = held_out(found, holdout)
+        less = [without(found, c.term) for c in kept]
+        gains = [gain(held_out(w, holdout), after, seed=seed) for w in less]
+        poor = [i for i, g in enumerate(gains) if not pays(g)]
+        if not poor:
+            return found, _findings(found, kept, gains), tuple(dropped), after
+        worst = min(poor, key=lambda i: gains[i].log_likelihood.value)
+        dropped.append(Dropped(kept[worst].term.name, gains[worst]))
+        found = less[worst]
+        del kept[worst]
+
+
+def fitted(
+    base: Corrected, found: Corrected, after: HeldOut, train: Sequence[Recording],
+    holdout: Sequence[Recording], *, seed: int,
+) -> Fitted:  # fmt: skip
+    """The base simulation and the extended one, side by side."""
+    model = model_of(found, train, "extended")
+    before = after if found is base else held_out(base, holdout)
+    at = model_at(found.problem, found.optimum.theta, found.optimum.noise)
+    wrong = how_wrong(nominal(train[0].profile), holdout or train, truth=at, seed=seed)
+    floor = {a: _number(wrong.at(1.0, a)[1]) for a in AXES}
+    return Fitted(base, found, model, gain(before, after, seed=seed), before, after, wrong, floor)
+
+
+def _findings(
+    found: Corrected, choices: Sequence[Choice], gains: Sequence[Gain]
+) -> tuple[Finding, ...]:
+    scale = thrust_scale(found)
+    return tuple(
+        Finding(c, in_SI(found, scale, c.term.name), g) for c, g in zip(choices, gains, strict=True)
+    )
+
+
+def _number(value: float) -> float | None:
+    return value if value == value else None

@@ -1,0 +1,75 @@
+"""What a diagnosis found: one frozen result, which the document, the tables and the report read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from heli3dof.diagnosis.calibration import Off
+from heli3dof.diagnosis.corrected import Corrected
+from heli3dof.diagnosis.gain import Gain, HeldOut
+from heli3dof.diagnosis.how_wrong import HowWrong
+from heli3dof.diagnosis.integrity import Fault
+from heli3dof.diagnosis.leftover import Leftover
+from heli3dof.diagnosis.select import Choice
+from heli3dof.model.greybox import GreyBoxModel
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """A cause: its term, the step in which it was taken, and what it gains on unseen data."""
+
+    choice: Choice
+    values: Mapping[str, tuple[float, float]]
+    """Parameter → (value, standard deviation) in the final fit, SI"""
+    gain: Gain
+    """Everything found without this one (refitted) → everything found"""
+
+
+@dataclass(frozen=True, eq=False)
+class Dropped:
+    """A cause that was found but does not pay on data that it has not seen."""
+
+    name: str
+    gain: Gain
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """What there is once the recordings could be fitted."""
+
+    base: Corrected
+    final: Corrected
+    model: GreyBoxModel
+    gain: Gain
+    """The base simulation refitted → the extended one"""
+    before: HeldOut
+    after: HeldOut
+    wrong: HowWrong
+    """The simulation as the profile has it, beside the extended model's noise floor"""
+    noise_floor: Mapping[str, float | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What was found; `heli3dof.diagnosis.document` makes the contract's JSON of it."""
+
+    recordings: tuple[str, ...]
+    holdout: tuple[str, ...]
+    verdict: str
+    integrity: tuple[Fault, ...]
+    fitted: Fitted | None = None
+    """None where the recordings themselves are at fault"""
+    findings: tuple[Finding, ...] = ()
+    calibration_findings: tuple[Off, ...] = ()
+    """Base parameters off their nominal by more than the profile's tolerance"""
+    dropped: tuple[Dropped, ...] = ()
+    leftovers: tuple[Leftover, ...] = ()
+    not_identifiable: tuple[str, ...] = ()
+    about: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Findings of the integrity checks: causes in the recording itself, with a size."""
+        return tuple(f for f in self.integrity if f.kind == "finding")

@@ -1,0 +1,186 @@
+"""The steps of a diagnosis: fit the base, look at it, take a cause in, try without.
+
+Each takes what the one before made; none knows how many there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.catalogue import candidates, probes, scans
+from heli3dof.diagnosis.corrected import NOISE_NEAR, Corrected, Informed, correct, look
+from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simulated_nulls
+from heli3dof.diagnosis.screen import Screen, Seen
+from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
+from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
+from heli3dof.identification.greybox.estimate import Estimate, estimate
+from heli3dof.identification.greybox.fit import Optimum, _better_noise
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.method import compile_first, usable_runs
+from heli3dof.model.effects import Term
+from heli3dof.model.filtering import data_of
+from heli3dof.model.rig_model import Structure
+from heli3dof.recording.recording import Recording
+
+CHATTERS = 1.2
+"""Inflation of a fit from which its bias is too large to start from."""
+QUIETER = np.array([0.5, 0.7, 1.0, 1.0])
+"""What the filter makes of a chattering flight's noise, roughly; roll and pitch chatter most."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What is diagnosed, and with how many pilot flights."""
+
+    recordings: tuple[Recording, ...]
+    seed: int
+    pilots: int
+
+    @property
+    def loop_is_known(self) -> bool:
+        return loop_is_known(self.recordings)
+
+    @property
+    def axes(self) -> list[str]:
+        return [a for a in AXES if any(a in r.axes for r in self.recordings)]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One look at what is left: the screen of the recordings and of the nulls, and the choice."""
+
+    found: Corrected
+    screen: Screen
+    seen: Seen
+    nulls: Nulls
+    bias: np.ndarray
+    """(n,) mean scores of the nulls"""
+    unseen: tuple[str, ...]
+    """Terms of which these recordings could not tell even a large size"""
+    choice: Choice | None = None
+
+    @property
+    def largest(self) -> list[tuple[str, float]]:
+        """The three terms that stand out most, with their Z²."""
+        return [(t.name, z) for t, z, _ in suspects(self.seen, self.nulls)[:3]]
+
+    def chosen(self, bench: Bench, first_score: float | None) -> Step:
+        """The same with its choice made."""
+        made = choose(self.found, self.screen, self.seen, self.nulls, self.bias, first_score)
+        return replace(self, choice=made)
+
+
+def base_of(bench: Bench) -> Corrected:
+    """The base simulation, fitted. Raises RecordingError where there is nothing to fit."""
+    runs = [run for i, r in enumerate(bench.recordings) for run in usable_runs(r, i)]
+    structure = Structure(bench.recordings[0].profile, ())
+    problem = Informed(data_of(bench.recordings, runs), structure)
+    compile_first(problem)
+    found = estimate(problem)
+    if not bench.loop_is_known:
+        return Corrected(problem, found.optimum)
+    return correct(
+        problem, *beginning(found), bench.recordings, seed=bench.seed, pilots=bench.pilots
+    )
+
+
+def beginning(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
+    """Where to start correcting from: a fit; one at less noise where the encoders chatter.
+
+    Where they do, noise and inertia rise and fall together along a ridge of the filter's
+    likelihood, and the solution is reached from its quiet end only.
+    """
+    problem, o = found.problem, found.optimum
+    if found.inflation < CHATTERS:
+        return o.theta.copy(), o.noise.copy()
+    theta, noise = o.theta.copy(), o.noise.copy()
+    theta[1:4] = problem.prior_mean[1:4]
+    for _ in range(5):
+        noise, moved = _better_noise(problem, theta, noise, problem.data.axes)
+        if moved < NOISE_NEAR:
+            break
+    quiet = noise * QUIETER
+    at = maximise_tilted(problem, theta, quiet, None, rounds=6, hold_noise=True)
+    return at.theta, quiet
+
+
+def looked_at(bench: Bench, found: Corrected, flights: int) -> Step:
+    """The screen of every candidate beside ``found``, and its nulls."""
+    problem, o = found.problem, found.optimum
+    here = look(problem, o.theta, o.noise, whole=False)
+    terms = candidates([t.name for t in found.structure.terms], bench.axes)
+    plain = [p for t in terms for p in probes(t, problem.data.V)]
+    screen = Screen(problem, o.theta, here, plain, scans(terms))
+    seen = screen.see(here, prior=True)
+    bias = np.zeros(len(o.theta))
+    if bench.loop_is_known:
+        nulls, scores = simulated_nulls(
+            found, bench.recordings, screen, flights=flights, seed=bench.seed
+        )
+        bias = scores.mean(axis=0)
+    else:
+        nulls = formula_nulls(found, screen)
+    return Step(found, screen, seen, nulls, bias, unidentifiable(screen, nulls))
+
+
+def extended(bench: Bench, choice: Choice) -> Corrected:
+    """The base with the term taken, freed of its bias in its turn."""
+    best = choice.contenders[0]
+    return settled(bench, best.problem, best.optimum)
+
+
+def settled(bench: Bench, problem: Likelihood, at: Optimum) -> Corrected:
+    """The estimating equation's solution near an optimum; the optimum where no loop is known."""
+    if not bench.loop_is_known:
+        return Corrected(problem, at)
+    return correct(
+        problem,
+        at.theta,
+        at.noise,
+        bench.recordings,
+        seed=bench.seed,
+        pilots=bench.pilots,
+        rounds=4,
+    )
+
+
+def without(found: Corrected, term: Term) -> Corrected:
+    """The same fit without one of its terms: for backward elimination and for gains."""
+    keep = [f.term != term.name for f in found.free]
+    structure = Structure(
+        found.structure.profile, tuple(t for t in found.structure.terms if t.name != term.name)
+    )
+    problem = replace(found.problem, structure=structure)
+    theta = found.optimum.theta[keep]
+    bias = np.zeros(len(theta)) if found.bias is None else found.bias[keep]
+    none = np.zeros(3) if found.noise_bias is None else found.noise_bias
+    fit = maximise_tilted(
+        problem, theta, found.optimum.noise, Tilt(bias, none, theta, found.optimum.noise)
+    )
+    scatter = None if found.scatter is None else found.scatter[np.ix_(keep, keep)]
+    return Corrected(problem, fit, scatter, bias, none, found.flights)
+
+
+def eliminated(
+    bench: Bench, found: Corrected, steps: Sequence[Step]
+) -> tuple[Corrected, list[Step]]:
+    """Backward: a cause that later ones made superfluous goes."""
+    kept = list(steps)
+    taken = [s for s in steps if s.choice is not None]
+    for s in taken[:-1]:
+        assert s.choice is not None
+        term = s.choice.term
+        less = without(found, term)
+        o = found.optimum
+        bias = np.zeros(len(o.theta)) if found.bias is None else found.bias
+        none = np.zeros(3) if found.noise_bias is None else found.noise_bias
+        full = maximise_tilted(found.problem, o.theta, o.noise, Tilt(bias, none, o.theta, o.noise))
+        won = 2 * (full.loglik - less.optimum.loglik) / s.nulls.inflation
+        if won < len(term.effect.parameters) * np.log(max(len(o.at.row), 2)):
+            found = settled(bench, less.problem, less.optimum)
+            kept = [k for k in kept if k is not s]
+    return found, kept

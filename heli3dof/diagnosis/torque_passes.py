@@ -1,0 +1,195 @@
+"""The filter's flight linearised: what any additional torque would have done to the innovations.
+
+Along the filter's states x_k, with its gains held, a small torque τ (N·m) over row k moves the
+prediction by δx = (δq, δq̇):
+
+    δq̈ = A δx + B τ,    A = ∂q̈/∂(q, q̇) (3, 6),   B = M(q)⁻¹ (3, 3)
+    δq ← δq + h δq̇ + h²/2 δq̈,     δq̇ ← δq̇ + h δq̈             from row to row
+    δc = s δx_c,  δx ← δx − K w δc                             at each event
+
+(s the reading's slope, K, w the event's gain and information; `heli3dof.model.kalman`). To first
+order ln L changes by Σ g δc. `gradient` runs this backward: one pass gives ν_k = ∂ ln L/∂τ_k for a
+torque on any axis in any row, so the score of a torque that is a function f of anything is
+Σ f_k ν_k. `forced` runs it forward for many functions at once and sums their information.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from heli3dof.model import rigid_body, rotor, stepping
+from heli3dof.model import slots as _s
+from heli3dof.model.compiled import compiled
+from heli3dof.model.rigid_body import accelerations, body_accelerations
+from heli3dof.model.rotor import thrusts
+from heli3dof.model.stepping import readings, setup
+
+R, T, F_FRONT, F_BACK, V_FRONT, V_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.V_FRONT, _s.V_BACK
+DIFFERENCE = 1e-5
+"""rad, rad/s"""
+
+
+def _linear(  # type: ignore[no-untyped-def]
+    s0, first, address, par, mem0, blocks, free, t, h, V, X, A, B, slope, q_ddot
+):  # fmt: skip
+    """A (N, 3, 6), B (N, 3, 3), the readings' slope and q̈ (N, 3) along the states X (N, 6)."""
+    N = V.shape[0]
+    target, F = np.empty((N, 2)), np.empty((N, 2))
+    w, m = np.zeros((4, 3)), np.empty(3)
+    for b in range(blocks.shape[0]):
+        s = s0.copy()
+        mem = mem0.copy()
+        axes = free[b]
+        setup(s, first, address, par, mem)
+        lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
+        thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
+        lagged = s[_s.TAU_M] > 0.0 or s[_s.SLEW] > 0.0
+        for k in range(start, stop):
+            readings(s, X[k], first, address, par, mem, m, slope[k])
+            now = F if lagged else target
+            s[T] = t[k]
+            s[V_FRONT], s[V_BACK] = V[k, 0], V[k, 1]
+            for i in range(6):
+                s[R + i] = X[k, i]
+            s[F_FRONT], s[F_BACK] = now[k, 0], now[k, 1]
+            accelerations(s, first, address, par, mem, axes, w[0], w[1], w[2])
+            for i in range(3):
+                q_ddot[k, i] = w[2, i]
+                w[1, i] += 1.0
+                body_accelerations(s, w[0], w[1], axes, w[3])
+                w[1, i] -= 1.0
+                for j in range(3):
+                    B[k, j, i] = w[3, j] - w[2, j]
+            for j in range(6):
+                s[R + j] = X[k, j] + DIFFERENCE
+                s[F_FRONT], s[F_BACK] = now[k, 0], now[k, 1]
+                accelerations(s, first, address, par, mem, axes, w[0], w[1], w[3])
+                for i in range(3):
+                    A[k, i, j] = (w[3, i] - w[2, i]) / DIFFERENCE
+                s[R + j] = X[k, j]
+
+
+linear = compiled(
+    _linear,
+    calls=(
+        rigid_body._accelerations, rigid_body._body_accelerations, rotor._thrusts, rotor._aim,
+        rotor._lagged, stepping._readings, stepping._setup,
+    ),
+    error_model="numpy",
+    nogil=True,
+)  # fmt: skip
+
+
+def _gradient(blocks, h, A, B, slope, row, state, G, W, K, nu, mu):  # type: ignore[no-untyped-def]
+    """Backward: nu (N, 3) = ∂ ln L/∂τ_k and mu (N, 3) = ∂ ln L/∂q̈_k, τ and q̈ held over row k."""
+    n = row.shape[0] - 1
+    z, acc = np.empty(6), np.empty(3)
+    for b in range(blocks.shape[0] - 1, -1, -1):
+        start, stop = blocks[b, 1], blocks[b, 2]
+        z[:] = 0.0
+        for k in range(stop - 1, start - 1, -1):
+            if k + 1 < stop:
+                for i in range(3):
+                    acc[i] = 0.5 * h[k] * h[k] * z[i] + h[k] * z[3 + i]
+                    mu[k, i] = acc[i]
+                for i in range(3):
+                    nu[k, i] = B[k, 0, i] * acc[0] + B[k, 1, i] * acc[1] + B[k, 2, i] * acc[2]
+                for i in range(3):
+                    z[3 + i] += h[k] * z[i]
+                for j in range(6):
+                    z[j] += A[k, 0, j] * acc[0] + A[k, 1, j] * acc[1] + A[k, 2, j] * acc[2]
+            while n >= 0 and row[n] == k:
+                c = state[n]
+                if c < 3:
+                    scale = slope[k, c]
+                elif c < 6:
+                    scale = slope[k, c - 3]
+                else:
+                    c -= 3
+                    scale = -slope[k, c - 3]
+                learnt = 0.0
+                for j in range(6):
+                    learnt += K[n, j] * z[j]
+                z[c] += scale * (G[n] - W[n] * learnt)
+                n -= 1
+
+
+gradient = compiled(_gradient, error_model="numpy", nogil=True)
+
+
+def _forced(  # type: ignore[no-untyped-def]
+    blocks, h, A, B, slope, row, state, G, W, K, left, share, tangents, axes, wanted, knots,
+    score, information, cross, traces,
+):  # fmt: skip
+    """Forward, for M variables of ``knots`` hat functions each on every axis in ``axes``.
+
+    In row k variable m lies between its knots left[k, m] and the next, ``share`` of the way.
+    A function's column is (a M + m) knots + knot, a counting ``axes``. Sums over the events:
+    ``score`` (J,), ``information`` (groups, knots, knots), ``cross`` (n, J) with the ``tangents``
+    (n, E); columns ``wanted`` are kept as ``traces`` (len, E).
+    """
+    M = left.shape[1]
+    groups = axes.shape[0] * M
+    J = groups * knots
+    x, acc, dc = np.zeros((6, J)), np.empty((3, J)), np.empty(J)
+    n = 0
+    for b in range(blocks.shape[0]):
+        start, stop = blocks[b, 1], blocks[b, 2]
+        x[:, :] = 0.0
+        for k in range(start, stop):
+            while n < row.shape[0] and row[n] == k:
+                c = state[n]
+                if c < 3:
+                    scale = slope[k, c]
+                elif c < 6:
+                    scale = slope[k, c - 3]
+                else:
+                    c -= 3
+                    scale = -slope[k, c - 3]
+                g, w = G[n], W[n]
+                for j in range(J):
+                    dc[j] = scale * x[c, j]
+                    score[j] += g * dc[j]
+                for p in range(tangents.shape[0]):
+                    wt = w * tangents[p, n]
+                    for j in range(J):
+                        cross[p, j] += wt * dc[j]
+                for q in range(groups):
+                    o = q * knots
+                    for i in range(knots):
+                        wd = w * dc[o + i]
+                        for j in range(i + 1):
+                            information[q, i, j] += wd * dc[o + j]
+                for p in range(wanted.shape[0]):
+                    traces[p, n] = dc[wanted[p]]
+                for i in range(6):
+                    kw = K[n, i] * w
+                    for j in range(J):
+                        x[i, j] -= kw * dc[j]
+                n += 1
+            if k + 1 == stop:
+                continue
+            hk = h[k]
+            for i in range(3):
+                for j in range(J):
+                    acc[i, j] = (
+                        A[k, i, 0] * x[0, j] + A[k, i, 1] * x[1, j] + A[k, i, 2] * x[2, j]
+                        + A[k, i, 3] * x[3, j] + A[k, i, 4] * x[4, j] + A[k, i, 5] * x[5, j]
+                    )  # fmt: skip
+                for a in range(axes.shape[0]):
+                    push = B[k, i, axes[a]]
+                    for m in range(M):
+                        o = (a * M + m) * knots + left[k, m]
+                        acc[i, o] += push * (1.0 - share[k, m])
+                        acc[i, o + 1] += push * share[k, m]
+            for i in range(3):
+                for j in range(J):
+                    x[i, j] += hk * x[3 + i, j] + 0.5 * hk * hk * acc[i, j]
+                    x[3 + i, j] += hk * acc[i, j]
+    for q in range(groups):
+        for i in range(knots):
+            for j in range(i):
+                information[q, j, i] = information[q, i, j]
+
+
+forced = compiled(_forced, error_model="numpy", nogil=True)

@@ -1,0 +1,120 @@
+"""``diagnose`` from the command line: the document, the model file, exit codes. Seeds from 1200."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from heli3dof.diagnosis import diagnose as module
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.model.modelfile import load_model
+from heli3dof.recording.store import write_recording
+from heli3dof.rig.profile import default_profile
+from tests.cli.running import Said, heli3dof
+
+KEYS = {
+    "schema", "recordings", "holdout", "verdict", "simulation_error", "calibration", "findings",
+    "not_identifiable", "leftover", "next_experiment", "gain", "model",
+}  # fmt: skip
+AXES = {"roll", "pitch", "yaw"}
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Half a minute of the rich plan on a rig with a cable."""
+    device = "mock:?speed=max&start=level&hide=stiffness.cable.yaw:0.1"
+    flown = fly_plan(load_plan("rich"), device=device, seed=1201).recording
+    path = tmp_path_factory.mktemp("diagnose") / "cable.mcap"
+    write_recording(replace(flown.between(0.0, 25.0), meta={**flown.meta, "name": "cable"}), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def said(flight: Path) -> Said:
+    with pytest.MonkeyPatch.context() as few:
+        few.setattr(module, "QUICK_FLIGHTS", 6, raising=False)
+        model = flight.with_name("extended.json")
+        return heli3dof("diagnose", flight, "--quick", "-o", model, "--json", "--seed", "3")
+
+
+def numbers(value: Any) -> list[float]:
+    if isinstance(value, dict):
+        return [n for v in value.values() for n in numbers(v)]
+    if isinstance(value, list):
+        return [n for v in value for n in numbers(v)]
+    return [value] if isinstance(value, float) else []
+
+
+def test_the_document_holds_every_key_of_the_contract(said: Said) -> None:
+    assert said.code == 0, said.err
+    d = said.document
+    assert set(d) >= KEYS
+    assert d["schema"] == "heli3dof.diagnosis/1"
+    assert d["recordings"] == ["cable"]
+    assert d["holdout"] == []
+    assert set(d["simulation_error"]) == AXES
+    assert all(set(e) >= {"rmse_deg", "noise_floor_deg", "horizon_s"}
+               for e in d["simulation_error"].values())  # fmt: skip
+    for c in d["calibration"]:
+        assert set(c) >= {"parameter", "nominal", "value", "std", "unit"}
+    rmse = d["gain"]["holdout_rmse_deg"]
+    assert set(rmse) >= {"before", "after", "noise_floor"}
+    assert all(set(side) == AXES for side in rmse.values())
+    assert all(math.isfinite(n) for n in numbers(d))
+
+
+def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(said: Said) -> None:
+    (finding,) = said.document["findings"]
+    assert (finding["effect"], finding["axis"]) == ("stiffness.cable", "yaw")
+    size = finding["parameters"]["stiffness_Nm_per_rad"]
+    assert abs(size["value"] - 0.1) < max(4 * size["std"], 0.005)
+    assert set(finding) >= {"score", "confidence", "tied_with", "gain"}
+    gain = finding["gain"]["holdout_rmse_deg"]
+    assert gain["after"]["yaw"] < 0.5 * gain["before"]["yaw"]
+    for words in ("stiffness.cable.yaw", "noise alone", "Calibration"):
+        assert words in said.err
+
+
+def test_the_extended_model_is_a_model_file_and_is_never_overwritten(
+    said: Said, flight: Path
+) -> None:
+    path = Path(said.document["model"])
+    model = load_model(path, default_profile())
+    assert "stiffness.cable.yaw" in model.terms  # type: ignore[attr-defined]
+    before = path.read_bytes()
+    again = heli3dof("diagnose", flight, "-o", path)
+    assert again.code == 2
+    assert "exists" in again.err
+    assert path.read_bytes() == before
+
+
+def test_a_recording_at_fault_is_printed_and_exits_with_5(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "QUICK_FLIGHTS", 2, raising=False)
+    whole = module.diagnose
+
+    def at_fault(*args: Any, **options: Any) -> module.Diagnosis:
+        return replace(whole(*args, **options), verdict="bad_data")
+
+    monkeypatch.setattr(module, "diagnose", at_fault)
+    monkeypatch.setattr(module, "choose", lambda *a, **k: None, raising=False)
+    bad = heli3dof("diagnose", flight, "--quick", "-o", tmp_path / "m.json", "--json")
+    assert bad.code == 5
+    assert bad.document["verdict"] == "bad_data"
+    assert "recording itself is at fault" in bad.err
+
+
+def test_what_is_no_recording_and_a_log_without_a_profile_are_refused(tmp_path: Path) -> None:
+    missing = heli3dof("diagnose", tmp_path / "none.mcap", "--json")
+    assert missing.code == 5
+    assert missing.document["exit_code"] == 5
+    log = tmp_path / "log.csv"
+    log.write_text("t_s,v_front_V,v_back_V,roll_deg\n0,0,0,0\n0.002,0,0,0\n")
+    assert heli3dof("diagnose", log).code == 2
+    assert heli3dof("diagnose", "x.mcap", "--base", "square").code == 2

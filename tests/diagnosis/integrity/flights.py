@@ -1,0 +1,77 @@
+"""Flights of the emulated rig that judge the checks, and what may be done to a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from heli3dof.diagnosis.integrity import Fault, Kind, integrity
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan, step_plan
+from heli3dof.recording.recording import Recording
+
+Change = Callable[[Recording], Recording]
+STOPPING = (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE)
+
+
+@lru_cache(maxsize=40)
+def flight(plan: str = "rich", hide: str = "", seed: int = 1201) -> Recording:
+    """A flight from the table and back; ``run-step`` is a 10° step in roll alone."""
+    what = step_plan((10.0, None, None)) if plan == "run-step" else load_plan(plan)
+    device = "mock:?speed=max" + (f"&hide={hide}" if hide else "")
+    return fly_plan(what, device=device, seed=seed).recording
+
+
+def names(recording: Recording, *kinds: str) -> set[str]:
+    """``check`` or ``check.axis`` of each fault of these kinds (all of them, if none is named)."""
+    return {_name(f) for f in integrity(recording) if not kinds or f.kind in kinds}
+
+
+def only(recording: Recording) -> Fault:
+    """The one fault that is more than a note."""
+    (fault,) = (f for f in integrity(recording) if f.kind != Kind.NOTE)
+    return fault
+
+
+def _name(fault: Fault) -> str:
+    return fault.check if fault.axis is None else f"{fault.check}.{fault.axis}"
+
+
+def turned(axis: int) -> Change:
+    """The encoder's sign the other way."""
+    return lambda r: with_angle(r, axis, -r.angle[:, axis])
+
+
+def scaled(axis: int, k: float) -> Change:
+    """k times as many counts from rest on, on the profile's grid."""
+
+    def change(r: Recording) -> Recording:
+        grid = abs(float(r.profile.encoder.rad_per_count[axis]))
+        q = r.angle[:, axis]
+        return with_angle(r, axis, q[0] + np.round(k * (q - q[0]) / grid) * grid)
+
+    return change
+
+
+def with_angle(r: Recording, axis: int, values: np.ndarray) -> Recording:
+    angle = r.angle.copy()
+    angle[:, axis] = values
+    return replace(r, angle=angle)
+
+
+def with_voltage(r: Recording, factor: float) -> Recording:
+    """Applied and asked for, both times the factor."""
+    return replace(r, voltage=factor * r.voltage, voltage_cmd=factor * r.voltage_cmd)
+
+
+def swapped(r: Recording) -> Recording:
+    """Front and back exchanged."""
+    return replace(r, voltage=r.voltage[:, ::-1], voltage_cmd=r.voltage_cmd[:, ::-1])
+
+
+def with_time(r: Recording, t: np.ndarray) -> Recording:
+    """Other stamps; the device's own clock is left out, as in an imported log."""
+    return replace(r, t=t, channels={})

@@ -1,0 +1,126 @@
+"""Time that is wrong is told from time that is merely loose."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from heli3dof.diagnosis.integrity import Kind
+from heli3dof.diagnosis.integrity.ticks import ticks
+from heli3dof.recording.recording import Recording
+from tests.diagnosis.integrity.flights import flight, names, only, with_time
+
+
+def test_lost_samples_are_counted_from_the_stamps() -> None:
+    t = 0.002 * np.delete(np.arange(1000), [10, 500, 501, 502, 990])
+    found = ticks(t)
+    assert found.lost == 5
+    assert found.longest_gap == 3
+    assert found.period_s == pytest.approx(0.002, rel=1e-9)
+
+
+@given(
+    share=st.floats(0.0, 0.05), sigma=st.floats(0.0, 0.0006), drift=st.floats(-3e-4, 3e-4),
+    seed=st.integers(0, 10_000),
+)  # fmt: skip
+@settings(max_examples=40)
+def test_the_count_survives_jitter_and_drift_together(
+    share: float, sigma: float, drift: float, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    n = 5000
+    late = np.clip(sigma * rng.standard_normal(n), -0.0008, 0.0008)
+    t = 0.002 * (1 + drift) * np.arange(n) + late
+    kept = rng.random(n) >= share
+    kept[[0, -1]] = True
+    found = ticks(t[kept])
+    assert abs(found.lost - int((~kept).sum())) <= 1
+    assert found.jitter_s == pytest.approx(float(np.std(late)), rel=0.05, abs=2e-6 + 3e-5 * share)
+
+
+@pytest.mark.parametrize(
+    ("plan", "share"), [("rich", 0.01), ("run-step", 0.002), ("run-step", 0.05)]
+)
+def test_hidden_gaps_are_a_finding_of_the_right_size(plan: str, share: float) -> None:
+    fault = only(flight(plan, f"timing.gaps:{share}"))
+    assert (fault.kind, fault.effect) == (Kind.FINDING, "timing.gaps")
+    value, std = fault.parameters["lost_share"]
+    assert abs(value - share) < 3.5 * std
+    assert std < 0.3 * share
+
+
+@pytest.mark.parametrize(
+    ("plan", "jitter"), [("rich", 0.0002), ("run-step", 0.0001), ("run-step", 0.0004)]
+)
+def test_hidden_jitter_is_a_finding_within_five_per_cent(plan: str, jitter: float) -> None:
+    fault = only(flight(plan, f"timing.jitter:{jitter}"))
+    assert (fault.kind, fault.effect) == (Kind.FINDING, "timing.jitter")
+    assert fault.parameters["jitter_s"][0] == pytest.approx(jitter, rel=0.05)
+
+
+def test_an_ordinary_timer_is_told_as_what_it_is() -> None:
+    r = flight()
+    late = 4e-5 * np.abs(np.random.default_rng(1).standard_normal(len(r)))
+    late[0] = 0.0
+    told = names(with_time(r, r.t + late))
+    assert told == names(with_time(r, r.t + late), Kind.NOTE) == {"timing.jitter"}
+
+
+def test_rows_without_numbers_are_lost_samples() -> None:
+    r = flight()
+    angle = r.angle.copy()
+    angle[100::50] = np.nan
+    fault = only(replace(r, angle=angle))
+    assert fault.effect == "timing.gaps"
+    assert fault.parameters["lost_share"][0] == pytest.approx(0.02, rel=0.05)
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.9, 1.1, 2.0])
+def test_a_clock_at_another_rate_is_bad_data(factor: float) -> None:
+    r = flight()
+    fault = only(with_time(r, factor * r.t))
+    assert (fault.check, fault.kind) == ("clock.rate", Kind.BAD_DATA)
+
+
+def test_every_second_row_of_a_log_is_usable_and_said() -> None:
+    r = flight()
+    thin = with_time(r, r.t).rows(slice(None, None, 2))
+    assert names(thin, Kind.BAD_DATA) == set()
+    assert "clock.rate" in names(thin, Kind.NOTE)
+
+
+def test_milliseconds_are_named() -> None:
+    fault = only(with_time(flight(), 1e3 * flight().t))
+    assert "milliseconds" in fault.cause
+
+
+def backwards(r: Recording) -> Recording:
+    return with_time(r, np.where(r.t > 10, r.t - 3, r.t))
+
+
+def repeated_stamp(r: Recording) -> Recording:
+    t = r.t.copy()
+    t[4000] = t[3999]
+    return with_time(r, t)
+
+
+@pytest.mark.parametrize("change", [backwards, repeated_stamp])
+def test_time_that_does_not_increase_ends_the_matter(change) -> None:  # type: ignore[no-untyped-def]
+    fault = only(change(flight()))
+    assert (fault.check, fault.kind) == ("clock.order", Kind.BAD_DATA)
+
+
+def test_rows_written_twice_are_seen() -> None:
+    r = flight()
+    twice = np.arange(len(r)) // 2 * 2
+    assert "clock.repeated" in names(with_time(r.rows(twice), r.t), Kind.BAD_DATA)
+
+
+def test_the_device_s_clock_may_not_run_away() -> None:
+    r = flight()
+    own = {**r.channels, "device_time_s": 1.02 * np.asarray(r.channels["device_time_s"])}
+    assert only(replace(r, channels=own)).check == "clock.device"

@@ -1,0 +1,175 @@
+"""Encoders that lie: sign, factor, unit, standstill, jumps; motors swapped."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.integrity import Kind, integrity
+from heli3dof.diagnosis.integrity.scale import misfit
+from heli3dof.diagnosis.integrity.view import View
+from tests.diagnosis.integrity.flights import (
+    flight,
+    names,
+    only,
+    scaled,
+    swapped,
+    turned,
+    with_angle,
+    with_voltage,
+)
+
+AXIS = st.integers(0, 2)
+
+
+def test_the_answers_of_a_clean_flight_are_one() -> None:
+    for axis, x in View(flight("large")).responses.items():
+        assert x.gain == pytest.approx(1.0, abs=0.08), axis
+        assert x.explained > 0.95
+
+
+def test_the_misfit_of_a_factor_two_is_what_a_hand_computes() -> None:
+    # Roll and pitch 1, yaw 2, scatter 0.2, K free with prior 0.35:
+    # weights 25, 25, 25, 8.163; mean 25 log 2 / 83.163; Σ w (e − mean)².
+    mean = 25 * np.log(2) / 83.1633
+    expected = 25 * (2 * mean**2 + (np.log(2) - mean) ** 2) + 8.1633 * mean**2
+    seen = {"roll": 0.0, "pitch": 0.0, "yaw": float(np.log(2))}
+    assert misfit(seen, {}) == pytest.approx(expected, rel=1e-4)
+    assert misfit(seen, {"yaw": float(np.log(2))}) == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.parametrize("plan", ["rich", "steps", "large"])
+@pytest.mark.parametrize("axis", range(3))
+def test_a_turned_encoder_is_named_with_its_axis(plan: str, axis: int) -> None:
+    fault = only(turned(axis)(flight(plan)))
+    assert (fault.check, fault.axis, fault.kind) == ("encoder.sign", AXES[axis], Kind.BAD_DATA)
+
+
+@pytest.mark.parametrize("plan", ["rich", "steps", "large"])
+def test_swapped_motors_are_not_a_turned_encoder(plan: str) -> None:
+    assert only(swapped(flight(plan))).check == "motors.swapped"
+
+
+def test_where_yaw_moves_too_little_both_causes_are_named() -> None:
+    for change in (swapped, turned(1)):
+        fault = only(change(flight("run-step")))
+        assert (fault.check, fault.axis) == ("encoder.sign", "pitch")
+        assert "swapped" in fault.cause
+        assert fault.confidence <= 0.5
+
+
+def test_voltages_with_the_wrong_sign() -> None:
+    assert only(with_voltage(flight(), -1)).check == "voltage.sign"
+
+
+def test_a_profile_s_hover_voltage_with_the_wrong_sign() -> None:
+    r = flight()
+    motor = r.profile.motor.model_copy(update={"V_o": -r.profile.motor.V_o})
+    fault = only(replace(r, profile=r.profile.model_copy(update={"motor": motor})))
+    assert fault.check == "voltage.sign"
+    assert fault.fix.startswith("set motor.V_o = 7.4")
+
+
+@pytest.mark.parametrize("plan", ["rich", "steps"])
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("k", [0.25, 0.5, 2.0, 4.0])
+def test_counts_off_by_a_factor_are_named(plan: str, axis: int, k: float) -> None:
+    fault = only(scaled(axis, k)(flight(plan)))
+    assert (fault.check, fault.effect) == ("encoder.counts", "encoder.scale")
+    assert fault.axis == AXES[axis]
+    assert fault.parameters["scale"][0] == pytest.approx(k, rel=0.15)
+
+
+def test_an_encoder_with_fewer_lines_but_the_right_angle_is_only_said() -> None:
+    r = flight()
+    coarse = 2 * np.pi / 1024
+    told = names(with_angle(r, 1, np.round(r.angle[:, 1] / coarse) * coarse))
+    assert told == {"encoder.grid.pitch"}
+
+
+@pytest.mark.parametrize(("factor", "word"), [(180 / np.pi, "degrees"), (np.pi / 180, "radians")])
+def test_degrees_and_radians_are_not_mixed_up(factor: float, word: str) -> None:
+    r = flight()
+    for fault in integrity(replace(r, angle=factor * r.angle, reference=factor * r.reference)):
+        assert (fault.check, fault.kind) == ("angle.unit", Kind.BAD_DATA)
+        assert word in fault.cause
+
+
+def test_raw_counts_are_no_angle() -> None:
+    r = flight()
+    counts = np.round(r.angle / np.abs(r.profile.encoder.rad_per_count))
+    assert {f.check for f in integrity(replace(r, angle=counts))} == {"angle.unit"}
+
+
+@given(axis=AXIS, start_s=st.one_of(st.just(0.0), st.floats(10.0, 35.0)))
+@settings(max_examples=12)
+def test_an_encoder_that_freezes_is_named(axis: int, start_s: float) -> None:
+    r = flight("rich")
+    k = int(np.searchsorted(r.t, start_s))
+    q = r.angle[:, axis].copy()
+    q[k:] = q[k]
+    assert f"encoder.frozen.{AXES[axis]}" in names(with_angle(r, axis, q), Kind.BAD_DATA)
+
+
+@given(
+    axis=AXIS, at_s=st.floats(1.0, 25.0), size_deg=st.floats(2.0, 30.0), up=st.booleans(),
+    lasts=st.booleans(),
+)  # fmt: skip
+@settings(max_examples=12)
+def test_a_jump_of_many_counts_is_no_motion(
+    axis: int, at_s: float, size_deg: float, up: bool, lasts: bool
+) -> None:
+    r = flight("run-step")
+    k = int(np.searchsorted(r.t, at_s))
+    q = r.angle[:, axis].copy()
+    q[k : None if lasts else k + 1] += np.radians(size_deg if up else -size_deg)
+    assert f"encoder.jump.{AXES[axis]}" in names(with_angle(r, axis, q), Kind.BAD_DATA)
+
+
+def test_yaw_folded_into_a_turn_is_said_to_be() -> None:
+    r = flight("rich")
+    yaw = r.angle[:, 2] + np.radians(170)
+    folded = np.where(yaw > np.pi, yaw - 2 * np.pi, yaw)
+    faults = [f for f in integrity(with_angle(r, 2, folded)) if f.check == "encoder.jump"]
+    assert "360" in faults[0].cause
+
+
+def test_motors_off_and_a_clamped_rig_leave_nothing_to_diagnose() -> None:
+    r = flight("run-step")
+    at_rest = np.repeat(r.angle[:1], len(r), axis=0)
+    still = replace(r, angle=at_rest)
+    assert only(still).kind == Kind.NOT_IDENTIFIABLE
+    assert "amplifier" in only(still).cause
+    off = replace(still, voltage=np.zeros_like(r.voltage))
+    assert only(off).kind == Kind.NOT_IDENTIFIABLE
+    assert "motors were off" in only(off).cause
+
+
+def test_an_arm_that_never_leaves_the_table() -> None:
+    r = flight("run-step")
+    weak = with_angle(r, 0, np.full(len(r), r.angle[0, 0]))
+    low = replace(weak, voltage=0.3 * r.voltage, voltage_cmd=0.3 * r.voltage_cmd)
+    assert "nothing.flies" in names(low, Kind.NOTE)
+    stiff = replace(low, angle=low.angle[:1] + 0.05 * (low.angle - low.angle[:1]))
+    assert "nothing.flies" in names(stiff, Kind.NOT_IDENTIFIABLE)
+
+
+def test_a_flight_ended_for_safety_is_said_with_its_usual_causes() -> None:
+    r = flight("run-step")
+    meta = {**r.meta, "outcome": "tripped", "outcome_details": {"detail": "pitch reached 61°"}}
+    (note,) = integrity(replace(r, meta=meta))
+    assert (note.check, note.kind) == ("flight.tripped", Kind.NOTE)
+    assert "pitch reached 61°" in note.sentence
+
+
+def test_a_yaw_that_is_off_because_pitch_may_be_names_both() -> None:
+    # Flown with pitch read half as large, pitch goes to its stops and does not answer.
+    fault = only(flight("rich", "encoder.scale.pitch:0.5"))
+    assert fault.check == "encoder.counts"
+    assert "pitch" in fault.cause
+    assert fault.confidence <= 0.5

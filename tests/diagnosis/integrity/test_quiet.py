@@ -1,0 +1,90 @@
+"""What is no fault of the recording raises none: clean flights, physics, real rigs."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import heli3dof as h3
+from heli3dof.axes import AXES, MOTORS
+from heli3dof.diagnosis.integrity import Kind, checks, integrity
+from tests.diagnosis.integrity.flights import flight, names
+from tests.paths import REAL_DATA, needs_real_data
+
+PHYSICS = (
+    "motor.lag:0.15,inertia.yaw:1.3",
+    "motor.delay:0.03,mass.change:0.1@25",
+    "motor.dead_zone:2.5,encoder.scale.pitch:0.87",
+    "motor.saturation:10",
+    "motor.thrust_curve:0.9",
+    "motor.thrust_gain:0.75,other.yaw_torque_from_pitch_rate:0.3",
+    "friction.coulomb.yaw:0.1,stiffness.pendulum.roll:2.5",
+    "friction.coulomb.pitch:0.02,friction.coulomb.roll:0.2",
+    "encoder.backlash.pitch:1.2",
+)
+
+
+@pytest.mark.parametrize(
+    ("plan", "seed"), [("rich", 1201), ("steps", 1201), ("run-step", 1201), ("run-step", 1202)]
+)
+def test_a_clean_flight_is_left_alone(plan: str, seed: int) -> None:
+    assert names(flight(plan, seed=seed)) == set()
+
+
+@pytest.mark.parametrize("hide", PHYSICS)
+def test_physics_is_not_taken_for_a_fault_of_the_recording(hide: str) -> None:
+    for plan in ("rich", "run-step"):
+        assert names(flight(plan, hide), *Kind.ORDER[:3]) == set()
+
+
+@needs_real_data
+def test_real_rigs_are_told_their_clock_and_nothing_that_stops() -> None:
+    for rig in ("rig-a", "rig-b"):
+        profile = h3.load_profile(REAL_DATA / rig / "profile.toml")
+        for path in sorted((REAL_DATA / rig).glob("*.csv")):
+            found = names(h3.load(path, profile), *Kind.ORDER[:3])
+            jittery = rig == "rig-a" and path.name.startswith("closed")
+            assert found == ({"timing.jitter"} if jittery else set()), path.name
+
+
+def test_a_minute_at_500_hz_takes_less_than_half_a_second() -> None:
+    r = flight("rich")
+    took = []
+    for _ in range(3):
+        start = time.process_time()
+        integrity(r)
+        took.append(time.process_time() - start)
+    assert min(took) < 0.5
+
+
+@given(
+    first=st.integers(0, 16_000), rows=st.integers(0, 3000),
+    missing=st.lists(st.sampled_from(["roll", "pitch", "yaw", "front", "back"]), max_size=4),
+    bad=st.sampled_from([np.nan, np.inf, 0.0]),
+)  # fmt: skip
+@settings(max_examples=40)
+def test_no_scrap_of_a_recording_makes_a_check_stumble(
+    first: int, rows: int, missing: list[str], bad: float
+) -> None:
+    r = flight("run-step").rows(slice(first, first + rows))
+    angle, voltage = r.angle.copy(), r.voltage.copy()
+    for name in missing:
+        if name in AXES:
+            angle[:, AXES.index(name)] = np.nan
+        else:
+            voltage[:, MOTORS.index(name)] = bad
+    angle[::700] = bad
+    for fault in integrity(replace(r, angle=angle, voltage=voltage)):
+        assert fault.kind in Kind.ORDER
+        assert fault.sentence
+        assert fault.fix
+
+
+def test_every_check_says_what_it_tells() -> None:
+    assert len({c.name for c in checks()}) == len(checks()) >= 10
+    assert all(c.tells for c in checks())

@@ -1,0 +1,66 @@
+"""Voltages that are not the volts at the motors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.integrity import Kind
+from tests.diagnosis.integrity.flights import flight, names, only, with_voltage
+
+PLANS = ("rich", "steps", "run-step")
+
+
+@pytest.mark.parametrize("plan", PLANS)
+def test_a_gain_switch_at_three_is_the_amplifier(plan: str) -> None:
+    fault = only(with_voltage(flight(plan), 1 / 3))
+    assert (fault.check, fault.kind) == ("amplifier.gain", Kind.BAD_DATA)
+    assert fault.parameters["gain"][0] == pytest.approx(3.0, rel=0.1)
+    assert "switch" in fault.cause
+
+
+def test_a_thrust_gain_off_by_a_third_is_physics() -> None:
+    assert names(flight("rich", "motor.thrust_gain:1.35"), *Kind.ORDER[:3]) == set()
+
+
+@pytest.mark.parametrize(
+    ("factor", "word"), [(1000, "millivolts"), (100 / 24, "per cent"), (1 / 24, "share")]
+)
+def test_another_unit_is_named(factor: float, word: str) -> None:
+    fault = only(with_voltage(flight(), factor))
+    assert fault.kind == Kind.BAD_DATA
+    assert word in fault.cause
+
+
+def test_what_was_asked_for_in_place_of_what_was_applied() -> None:
+    r = flight()
+    cmd = r.voltage_cmd.copy()
+    cmd[100:110] = 60.0  # the take-off of a real log: far beyond the limiter
+    fault = only(replace(r, voltage=cmd))
+    assert fault.check == "voltage.limit"
+    assert "v_front_cmd_V" in fault.fix
+
+
+def test_a_gain_between_the_two_voltages_is_seen() -> None:
+    r = flight()
+    assert only(replace(r, voltage=r.voltage / 3)).check == "voltage.commanded"
+
+
+def test_a_command_that_is_a_row_late_is_only_said() -> None:
+    r = flight()
+    late = np.vstack([r.voltage[:1], r.voltage[:-1]])
+    assert names(replace(r, voltage=late)) == {"voltage.commanded"}
+    assert names(replace(r, voltage=late), Kind.NOTE) == {"voltage.commanded"}
+
+
+def test_a_limiter_below_the_profile_s_is_said() -> None:
+    r = flight("large")
+    clipped = np.clip(r.voltage, -9.0, 9.0)
+    assert "voltage.clipped" in names(replace(r, voltage=clipped, voltage_cmd=clipped), Kind.NOTE)
+
+
+def test_no_voltage_at_all() -> None:
+    r = flight()
+    assert only(replace(r, voltage=np.full_like(r.voltage, np.nan))).kind == Kind.BAD_DATA

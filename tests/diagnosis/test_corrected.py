@@ -1,0 +1,76 @@
+"""Freed of the filter's bias: on steps alone the inertias come out right, and say how right."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from heli3dof.diagnosis.corrected import Informed
+from heli3dof.diagnosis.perturbation import path
+from heli3dof.diagnosis.steps import Bench, base_of
+from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.method import fit_greybox, usable_runs
+from heli3dof.model.filtering import data_of
+from heli3dof.model.rig_model import Structure
+from heli3dof.recording.recording import Recording
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.profile import default_profile
+
+DEVICE = "mock:?speed=max&spread=0.07&seed=1002"
+
+
+def steps() -> Recording:
+    return fly_plan(load_plan("steps"), device=DEVICE, seed=1002).recording
+
+
+def true_roll_inertia() -> float:
+    """In units of the profile's K_f."""
+    rig = open_rig(DEVICE, default_profile())
+    body = rig.truth.body  # type: ignore[attr-defined]
+    rig.close()
+    return float((body.J[0] + body.dJ[0]) * default_profile().motor.K_f / body.K_f)
+
+
+def test_on_steps_alone_the_roll_inertia_is_right_where_the_filter_s_own_is_not() -> None:
+    recording, truth = steps(), true_roll_inertia()
+    plain = fit_greybox(recording, ())
+    mended = base_of(Bench((recording,), seed=0, pilots=6))
+    assert abs(plain.values[1] - truth) > 3 * plain.std[1]
+    assert abs(mended.values[1] - truth) < 3 * mended.std[1]
+    assert abs(mended.values[1] / truth - 1) < 0.03
+
+
+def test_an_inertia_of_which_nothing_is_known_is_believed_to_within_the_profile_s_tolerance() -> (
+    None
+):
+    recording = steps().between(10.0, 14.0)
+    data = data_of([recording], usable_runs(recording, 0))
+    problem = Informed(data, Structure(recording.profile, ()))
+    np.testing.assert_allclose(problem.prior_precision[1:4], 1 / 0.15**2)
+
+
+def test_a_tilt_moves_the_maximum_as_a_score_of_its_size_would() -> None:
+    recording = steps().between(8.0, 24.0)
+    data = data_of([recording], usable_runs(recording, 0))
+    problem = Informed(data, Structure(recording.profile, ()))
+    noise = np.array([0.006, 0.013, 0.0025, 0.0])
+    level = maximise_tilted(problem, problem.prior_mean, noise, None, hold_noise=True)
+    A = level.information + np.diag(problem.prior_precision)
+    wanted = np.array([0.0, 0.5, 0.0, 0.0]) * np.sqrt(np.diag(np.linalg.inv(A)))
+    tilt = Tilt(-A @ wanted, np.zeros(3), level.theta, noise)
+    moved = maximise_tilted(problem, level.theta, noise, tilt, hold_noise=True)
+    sd = np.sqrt(np.diag(np.linalg.inv(A)))
+    np.testing.assert_allclose((moved.theta - level.theta) / sd, wanted / sd, atol=0.15)
+
+
+def test_a_path_has_one_chunk_for_a_hundredth_of_a_second() -> None:
+    recording = steps().between(10.0, 12.0)
+    problem = Informed(
+        data_of([recording], usable_runs(recording, 0)), Structure(recording.profile, ())
+    )
+    noise = np.array([0.006, 0.013, 0.0025, 0.0])
+    at = problem.run(problem.prior_mean, noise, keep=2)
+    p = path(problem.structure, problem.values(problem.prior_mean), problem.data, at)
+    assert len(p.chunk) == 200
+    assert np.diff(p.t).max() < 0.011

@@ -1,0 +1,115 @@
+"""A cause can be seen: its points in the residual torque lie on the fitted line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.gain import gain
+from heli3dof.diagnosis.gain_folds import on_blocks
+from heli3dof.diagnosis.how_wrong import how_wrong
+from heli3dof.diagnosis.leftover import Leftover
+from heli3dof.diagnosis.select import extended
+from heli3dof.diagnosis.torque import UNITS
+from heli3dof.diagnosis.torque_evidence import (
+    Evidence,
+    evidence,
+    leftover_evidence,
+    variable_of,
+)
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.method import fit_greybox, model_of
+from heli3dof.model.effects import effects, term
+from heli3dof.recording.recording import Recording
+from heli3dof.report.diagnosis_figures import evidence_figure, stretch_figure
+from heli3dof.report.diagnosis_section import Pictured, diagnosis_section
+from heli3dof.report.html import page
+from heli3dof.report.style import to_svg
+
+DAMPING = 0.1
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    device = f"mock:?speed=max&hide=friction.viscous.yaw:{DAMPING}"
+    return fly_plan(load_plan("rich"), device=device, seed=1221).recording.between(0.0, 40.0)
+
+
+@pytest.fixture(scope="module")
+def base(recording: Recording) -> Estimate:
+    return fit_greybox(recording, ())
+
+
+@pytest.fixture(scope="module")
+def mended(base: Estimate) -> Estimate:
+    return extended(base, term("friction.viscous.yaw"), (0.005,), 0.1)
+
+
+@pytest.fixture(scope="module")
+def seen(base: Estimate, mended: Estimate) -> Evidence:
+    found = evidence(mended, term("friction.viscous.yaw"), base.optimum.noise)
+    assert found is not None
+    return found
+
+
+def test_viscous_friction_is_a_line_of_its_own_slope(seen: Evidence) -> None:
+    """−0.1 N·m per rad/s is −0.0017 N·m per °/s, in the points as in the curve."""
+    assert (seen.axis, seen.depends_on, seen.unit) == ("yaw", "yaw_rate", "°/s")
+    per_degree = -DAMPING * np.pi / 180
+    points = np.polyfit(seen.z, seen.torque, 1, w=1 / seen.std)[0]
+    assert points == pytest.approx(per_degree, rel=0.15)
+    assert np.polyfit(seen.curve_z, seen.curve, 1)[0] == pytest.approx(per_degree, rel=0.1)
+
+
+def test_most_points_lie_within_three_errors_of_the_curve(seen: Evidence) -> None:
+    off = (seen.torque - np.interp(seen.z, seen.curve_z, seen.curve)) / seen.std
+    assert np.mean(np.abs(off) < 3) > 0.8
+
+
+def test_a_leftover_is_drawn_on_the_torque_it_is_left_in(base: Estimate) -> None:
+    table = ((-0.5, 0.05), (0.5, -0.05))
+    e = leftover_evidence(
+        base, Leftover("yaw", "yaw_rate", 0.8, table, (0.01, 0.01), 200.0, 1.0, like=None)
+    )
+    assert e.curve_z == pytest.approx([-28.6479, 28.6479], rel=1e-4)
+    assert np.corrcoef(e.z, e.torque)[0, 1] < -0.9
+
+
+def test_every_effect_that_is_a_torque_has_a_variable() -> None:
+    for effect in effects().values():
+        for axis in effect.axes or (None,):
+            name = variable_of(effect, axis)
+            if effect.name.startswith(("encoder.", "timing.")):
+                assert name is None
+            elif effect.name in ("motor.lag", "friction.viscous"):
+                assert name in UNITS
+
+
+def test_the_section_holds_tables_and_figures_and_is_the_same_twice(
+    recording: Recording, base: Estimate, mended: Estimate, seen: Evidence
+) -> None:
+    before, after = on_blocks(base, 2), on_blocks(mended, 2)
+    g = gain(before, after)
+    model = model_of(mended, [recording], "extended")
+    rest = Leftover("roll", "roll*pitch", 0.2, ((0.0, 0.0), (1.0, 0.1)), (0.1, 0.1), 30.0, 0.99)
+    everything = Pictured(
+        wrong=how_wrong(model, [recording], flights=1),
+        evidence=(seen,),
+        leftovers=(rest,),
+        gain=g,
+        before=before,
+        after=after,
+        names={0: "<flight>"},
+    )
+    section = diagnosis_section(everything, ["One sentence."])
+    text = page("t", "s", [section])
+    for expected in ("One sentence.", "How wrong", "roll × pitch", "RMSE on data not seen"):
+        assert expected in text
+    assert text.count("<img") == 2
+    assert g.worst is not None
+    assert to_svg(stretch_figure(before, after, g.worst)) == to_svg(
+        stretch_figure(before, after, g.worst)
+    )
+    assert "<svg" in to_svg(evidence_figure(seen))

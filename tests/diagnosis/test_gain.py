@@ -1,0 +1,160 @@
+"""How wrong a model is, and what an extension gains on data that neither was fitted to."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.ahead import covariance_floor_deg, floor_deg, model_ahead
+from heli3dof.diagnosis.gain import Course, HeldOut, gain, pays
+from heli3dof.diagnosis.gain_folds import PURGE_S, on_blocks, on_holdout, training
+from heli3dof.diagnosis.gain_replay import replayed
+from heli3dof.diagnosis.how_wrong import how_wrong
+from heli3dof.diagnosis.select import extended
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.method import fit_greybox, model_of, usable_runs
+from heli3dof.model.effects import term
+from heli3dof.model.greybox import nominal
+from heli3dof.recording.recording import Recording
+
+HIDDEN = "friction.viscous.yaw"
+
+
+def flight(seed: int, plan: str = "rich") -> Recording:
+    device = f"mock:?speed=max&hide={HIDDEN}:0.05"
+    return fly_plan(load_plan(plan), device=device, seed=seed).recording
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    return flight(1211)
+
+
+@pytest.fixture(scope="module")
+def base(recording: Recording) -> Estimate:
+    return fit_greybox(recording, ())
+
+
+@pytest.fixture(scope="module")
+def right(base: Estimate) -> Estimate:
+    return extended(base, term(HIDDEN), (0.005,), 0.05)
+
+
+def cells(loglik: list[float], errors_rad: list[float]) -> HeldOut:
+    m = len(loglik)
+    squares = np.repeat(np.array(errors_rad)[:, None] ** 2, 3, axis=1)
+    counts = np.ones((m, 3))
+    none = Course(np.zeros(0), np.zeros(0, dtype=int), np.zeros((0, 3)), np.zeros((0, 3)))
+    start_s, source = 2.0 * np.arange(m), np.zeros(m, dtype=int)
+    return HeldOut(np.array(loglik), squares, counts, start_s, source, "holdout", none)
+
+
+def test_the_gain_is_the_difference_of_the_two_and_its_interval_holds_it() -> None:
+    before = cells([-10.0, -20.0, -30.0, -20.0], [0.02, 0.04, 0.02, 0.02])
+    after = cells([-8.0, -15.0, -27.0, -18.0], [0.02, 0.02, 0.02, 0.02])
+    g = gain(before, after)
+    assert g.log_likelihood.value == pytest.approx(12.0)
+    assert g.log_likelihood.low == pytest.approx(8.0, abs=1.0)  # four cells of 2 at the least
+    # √((3·0.02² + 0.04²)/4) rad is 1.516°, 0.02 rad is 1.146°.
+    assert g.rmse_deg["roll"] is not None
+    assert g.rmse_deg["roll"].value == pytest.approx(1.516 - 1.146, abs=1e-3)
+    assert pays(g)
+    assert g.worst is not None
+    assert g.worst.start_s == 2.0
+
+
+def test_what_helps_in_one_cell_and_harms_in_others_does_not_pay() -> None:
+    before = cells([0.0] * 10, [0.02] * 10)
+    after = cells([30.0] + [-2.0] * 9, [0.02] * 10)
+    assert gain(before, after).log_likelihood.value > 0
+    assert not pays(gain(before, after))
+
+
+def test_training_rows_keep_their_distance_from_the_block_left_out(base: Estimate) -> None:
+    d = base.problem.data
+    a, b = 5000, 8000
+    kept = np.zeros(len(d.t), dtype=bool)
+    for lead, start, stop in training(d, (a, b)).blocks:
+        kept[start:stop] = True
+        assert lead <= start
+    purge = round(PURGE_S / 0.002)
+    assert not kept[a - purge : b + purge].any()
+    assert kept[a - purge - 1]
+    assert kept[b + purge]
+
+
+def test_the_right_extension_pays_and_a_needless_one_does_not(
+    base: Estimate, right: Estimate
+) -> None:
+    plain, better = on_blocks(base), on_blocks(right)
+    g = gain(plain, better)
+    assert g.on == "blocks left out"
+    assert pays(g)
+    assert g.rmse_deg["yaw"] is not None
+    assert g.rmse_deg["yaw"].value > 0
+    needless = on_blocks(extended(right, term("drag.quadratic.roll"), (0.01,), 0.0))
+    assert not pays(gain(better, needless))
+
+
+def test_on_a_second_flight_the_right_extension_pays_too(base: Estimate, right: Estimate) -> None:
+    second = [flight(1212)]
+    g = gain(on_holdout(base, second), on_holdout(right, second))
+    assert g.on == "holdout"
+    assert pays(g)
+    assert g.worst is not None
+    assert g.worst.axis == "yaw"
+    assert g.worst.after_deg < g.worst.before_deg
+
+
+def test_errors_ahead_are_those_of_the_model_s_own_predictions(
+    recording: Recording, base: Estimate
+) -> None:
+    model = model_of(base, [recording], "base")
+    _, e = model_ahead(model, [recording], (1.0,))
+    whole = np.degrees(recording.angle - model.predict(recording, 1.0))
+    run = max(usable_runs(recording, 0), key=lambda r: r.stop - r.start)
+    rmse = np.sqrt((whole[run.start + 750 : run.stop] ** 2).mean(axis=0))
+    assert e.rmse_deg()[0] == pytest.approx(rmse, rel=0.05)
+
+
+def test_the_floor_is_reached_by_the_right_model_and_missed_by_the_nominal_one(
+    recording: Recording, right: Estimate
+) -> None:
+    model = model_of(right, [recording], "right")
+    fitted = how_wrong(model, [recording])
+    wrong = how_wrong(nominal(recording.profile), [recording], truth=model)
+    assert fitted.at(1.0, "yaw")[0] == pytest.approx(fitted.at(1.0, "yaw")[1], rel=0.4)
+    rmse, floor = wrong.at(1.0, "yaw")
+    assert rmse > 1.2 * floor
+    assert [w.axis for w in wrong.worst] == ["roll", "pitch", "yaw"]
+    assert all(0 <= w.start_s < w.stop_s <= recording.duration for w in wrong.worst)
+
+
+def test_the_filter_s_own_covariance_foresees_the_floor(
+    recording: Recording, right: Estimate
+) -> None:
+    """So it may stand in where no flight can be simulated."""
+    model = model_of(right, [recording], "right")
+    simulated, how = floor_deg(model, [recording], flights=6)
+    assert how == "6 flights of the model's own"
+    assert covariance_floor_deg(model, [recording]) == pytest.approx(simulated, rel=0.3)
+    profile = recording.profile.model_copy(update={"controller": None})
+    unknown = replace(recording, profile=profile)
+    assert floor_deg(model, [unknown])[1] == "the filter's covariance"
+
+
+def test_table_ii_before_and_after_stands_beside_the_flight_s_own() -> None:
+    steps = flight(1213, "steps")
+    base = fit_greybox(steps, ())
+    model = model_of(base, [steps], "base")
+    same = replayed(model, model, [steps])
+    assert {r.axis for r in same} == {"roll", "pitch", "yaw"}
+    roll = next(r for r in same if r.axis == "roll")
+    assert roll.overshoot_deg[1] == roll.overshoot_deg[2]
+    assert roll.overshoot_deg[1] == pytest.approx(roll.overshoot_deg[0], abs=0.5)
+    profile = steps.profile.model_copy(update={"controller": None})
+    assert replayed(model, model, [replace(steps, profile=profile)]) == ()

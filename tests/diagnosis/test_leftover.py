@@ -1,0 +1,88 @@
+"""What no named cause explains: found with its axis, variable and size; and never invented."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.catalogue import Probe
+from heli3dof.diagnosis.leftover import leftover
+from heli3dof.diagnosis.screen import traces
+from heli3dof.diagnosis.torque import trail
+from heli3dof.diagnosis.torque_hats import KNOTS, forward, hats
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.method import fit_greybox
+from heli3dof.model.effects import term
+from heli3dof.recording.recording import Recording
+
+
+def flight(seed: int, hide: str = "") -> Recording:
+    device = "mock:?speed=max" + (f"&hide={hide}" if hide else "")
+    return fly_plan(load_plan("rich"), device=device, seed=seed).recording.between(0.0, 40.0)
+
+
+@pytest.fixture(scope="module")
+def coupled() -> tuple[Recording, Estimate]:
+    """A yaw torque of −0.1 N·m·s/rad times the pitch rate: in no catalogue."""
+    recording = flight(1201, "other.yaw_torque_from_pitch_rate:0.1")
+    return recording, fit_greybox(recording, ())
+
+
+def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
+    coupled: tuple[Recording, Estimate],
+) -> None:
+    recording, found = coupled
+    first, *_ = leftover(found, [recording], flights=8, seed=0)
+    assert (first.axis, first.depends_on) == ("yaw", "pitch_rate")
+    assert first.share > 0.5
+    assert first.confidence > 0.99
+    z, torque = np.array(first.table).T
+    weight = 1 / np.array(first.std) ** 2
+    slope = np.polyfit(z, torque, 1, w=np.sqrt(weight))[0]
+    assert slope == pytest.approx(-0.1, rel=0.1)
+
+
+def test_nothing_is_left_where_nothing_was_hidden() -> None:
+    recording = flight(1202)
+    assert leftover(fit_greybox(recording, ()), [recording], flights=8, seed=0) == ()
+
+
+def test_the_residual_torque_lies_on_the_hidden_line(coupled: tuple[Recording, Estimate]) -> None:
+    seen = trail(coupled[1])
+    rows = seen.flown
+    slope = np.polyfit(seen.variable("pitch_rate")[rows], seen.torque[rows, 2], 1)[0]
+    assert slope == pytest.approx(-0.1, rel=0.1)
+
+
+def test_one_pass_backward_tells_the_score_of_any_torque(
+    coupled: tuple[Recording, Estimate],
+) -> None:
+    """The filter followed under a small viscous friction says the same, to its own coarseness."""
+    found = coupled[1]
+    seen = trail(found)
+    probe = Probe(term("friction.viscous.yaw"), (1e-4,), 1e-4)
+    followed = traces(found, [probe], found.problem.data, found.optimum.at)[0] / 1e-4
+    backward = (-seen.X[:, 5] * seen.gradients[0][:, 2])[seen.flown].sum()
+    assert backward == pytest.approx(followed @ found.optimum.at.g, rel=0.02)
+
+
+def test_forward_and_backward_passes_give_the_same_scores(
+    coupled: tuple[Recording, Estimate],
+) -> None:
+    seen = trail(coupled[1])
+    library = hats(seen, np.arange(3))
+    u = library.scores(seen)
+    assert forward(library, seen, np.zeros((0, len(seen.at.row)))).u == pytest.approx(
+        u, abs=1e-9 * np.abs(u).max()
+    )
+
+
+def test_hats_add_up_to_one_everywhere(coupled: tuple[Recording, Estimate]) -> None:
+    """So the sum of a group's scores is that of a constant torque, whatever the variable."""
+    seen = trail(coupled[1])
+    library = hats(seen, np.arange(3))
+    constant = seen.gradients[0][seen.flown].sum(axis=0)
+    sums = library.scores(seen).reshape(3, -1, KNOTS).sum(axis=2)
+    assert sums == pytest.approx(np.tile(constant[:, None], (1, sums.shape[1])), rel=1e-6)

@@ -1,0 +1,64 @@
+"""The plan that is recommended is the one that parts the tied causes; seeds from 1230."""
+
+from __future__ import annotations
+
+import doctest
+
+import pytest
+
+from heli3dof.diagnosis import next_experiment as module
+from heli3dof.diagnosis.next_experiment import Cause, recommend
+from heli3dof.diagnosis.steps import Bench, base_of
+from heli3dof.errors import UsageError
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.estimate import Estimate
+
+
+@pytest.fixture(scope="module")
+def base() -> Estimate:
+    """A base fit from steps, on a rig with Coulomb friction that it knows nothing of."""
+    device = "mock:?speed=max&start=level&hide=friction.coulomb.yaw:0.03"
+    flown = fly_plan(load_plan("steps"), device=device, seed=1231).recording
+    return base_of(Bench((flown,), seed=0, pilots=2))
+
+
+def test_the_doctests() -> None:
+    assert doctest.testmod(module).failed == 0
+
+
+def test_frictions_are_parted_by_a_flight_in_which_yaw_moves(base: Estimate) -> None:
+    names = ["friction.coulomb.yaw", "friction.viscous.yaw"]
+    found = recommend(base, [Cause.typical(n) for n in names], plans=["prbs", "coast-down"])
+    assert found.plan == "coast-down"
+    assert found.separates == tuple(names)
+    assert found.certainty is not None
+    assert found.certainty > 0.9
+    assert all(n in found.why for n in names)
+    margins = {o.plan: o.margin for o in found.ranking}
+    assert margins["coast-down"] > 10 * margins["prbs"]
+
+
+def test_a_slow_ramp_parts_a_lag_from_a_delay_far_worse_than_large_steps(base: Estimate) -> None:
+    causes = [Cause.typical("motor.lag"), Cause.typical("motor.delay")]
+    found = recommend(base, causes, plans=["ramp", "large"])
+    assert found.plan == "large"
+    margins = {o.plan: o.margin for o in found.ranking}
+    assert margins["large"] > 5 * margins["ramp"]
+
+
+def test_a_single_cause_is_held_against_nothing(base: Estimate) -> None:
+    found = recommend(base, [Cause.typical("stiffness.pendulum.roll")], plans=["levels", "chirp"])
+    assert found.plan == "levels"  # roll far from level, where a pendulum pulls
+    assert "stiffness.pendulum.roll" in found.why
+
+
+def test_the_same_seed_recommends_the_same(base: Estimate) -> None:
+    lag = [Cause.typical("motor.lag")]
+    one, two = (recommend(base, lag, plans=["prbs"], seed=4) for _ in range(2))
+    assert one == two
+
+
+def test_where_no_plan_can_be_flown_it_is_said(base: Estimate) -> None:
+    with pytest.raises(UsageError, match="No plan can be flown"):
+        recommend(base, [Cause.typical("motor.lag")], plans=[])

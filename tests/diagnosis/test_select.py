@@ -1,0 +1,46 @@
+"""Which cause: the likelier formula wins, and what cannot be told apart is tied."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from heli3dof.diagnosis.select import Choice
+from heli3dof.diagnosis.steps import Bench, Step, base_of, extended, looked_at, without
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import Plan, load_plan, step_plan
+
+
+def step_of(plan: Plan, hide: str, seed: int) -> tuple[Bench, Step]:
+    device = f"mock:?speed=max&seed={seed}&hide={hide}"
+    bench = Bench((fly_plan(plan, device=device, seed=seed).recording.between(0.0, 40.0),), 0, 4)
+    return bench, looked_at(bench, base_of(bench), 10).chosen(bench, None)
+
+
+@cache
+def coulomb() -> tuple[Bench, Step, Choice]:
+    bench, step = step_of(load_plan("rich"), "friction.coulomb.roll:0.05", 1010)
+    assert step.choice is not None
+    return bench, step, step.choice
+
+
+def test_dry_friction_is_not_taken_for_viscous() -> None:
+    _, _, choice = coulomb()
+    assert choice.term.name == "friction.coulomb.roll"
+    assert choice.tied_with == ()
+    assert choice.confidence > 0.99
+
+
+def test_a_cause_once_taken_is_gone_from_what_is_left_and_can_be_taken_out_again() -> None:
+    bench, step, choice = coulomb()
+    found = extended(bench, choice)
+    left = looked_at(bench, found, 10)
+    assert "friction.coulomb.roll" not in left.screen.names
+    assert max(z for _, z in left.largest) < step.nulls.threshold
+    less = without(found, choice.term)
+    assert less.structure.terms == ()
+
+
+def test_a_lag_and_a_delay_are_tied_in_a_plain_step() -> None:
+    _, step = step_of(step_plan((10.0, None, None)), "motor.delay:0.015", 1016)
+    assert step.choice is not None
+    assert {step.choice.term.name, *step.choice.tied_with} >= {"motor.lag", "motor.delay"}

@@ -1,0 +1,207 @@
+"""A case: what is hidden in which flight, drawn from a class and a seed, and flown.
+
+Classes are a plan and a kind of question. Within a class of single effects the seeds go through
+shuffled decks of all effects, so that every one is asked equally often; the rest of a case (size,
+sign, frequency, instant, the rig's own parameters within ± 7 %, its noise) is drawn by its seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from heli3dof.experiment.fly import Flight, fly_plan
+from heli3dof.experiment.plan import Plan, load_plan, step_plan
+from heli3dof.recording.recording import Recording
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.profile import default_profile
+from tests.hidden.equivalences import NEVER_SEEN, UNRATED
+from tests.hidden.sizes import EFFECTS, OUTSIDE, RATIO, SIGN, SIZES, Effect
+
+SPREAD = 0.07
+SHOWN = ("name", "format", "source", "plan", "outcome", "outcome_details")
+"""Of a recording's meta: what the diagnosis may see. The device's URL says what is hidden."""
+FLOWN_AT_LEAST_S = 20.0
+
+
+@dataclass(frozen=True)
+class Class:
+    """``effects``: how many are hidden in each flight, of ``table``, at one of these ``sizes``."""
+
+    plan: str
+    effects: int
+    sizes: tuple[str, ...]
+    table: Mapping[str, Effect]
+    count: int
+
+
+CLASSES = {
+    "rich-small": Class("rich", 1, ("small",), EFFECTS, 45),
+    "rich-medium": Class("rich", 1, ("medium",), EFFECTS, 90),
+    "rich-large": Class("rich", 1, ("large",), EFFECTS, 90),
+    "steps-single": Class("steps", 1, ("medium", "large"), EFFECTS, 45),
+    "run-step-single": Class("run-step", 1, ("medium", "large"), EFFECTS, 45),
+    "rich-pair": Class("rich", 2, ("medium", "large"), EFFECTS, 60),
+    "rich-outside": Class("rich", 1, ("medium", "large"), OUTSIDE, 24),
+    "steps-outside": Class("steps", 1, ("medium", "large"), OUTSIDE, 12),
+    "rich-nothing": Class("rich", 0, (), {}, 100),
+    "steps-nothing": Class("steps", 0, (), {}, 100),
+    "run-step-nothing": Class("run-step", 0, (), {}, 100),
+}
+
+NOT_IN_PAIRS = {*NEVER_SEEN, *UNRATED, "motor.thrust_gain"}
+"""What cannot be held to its name when something else is hidden beside it."""
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """One effect with the values that the emulated rig is told."""
+
+    name: str
+    size: str
+    values: tuple[float, ...]
+
+    @property
+    def text(self) -> str:
+        return f"{self.name}:{'@'.join(f'{v:.9g}' for v in self.values)}"
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is flown: `draw` makes it, nothing else decides anything."""
+
+    group: str
+    seed: int
+    hidden: tuple[Hidden, ...]
+    rig_seed: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.group}-{self.seed}"
+
+    @property
+    def plan(self) -> Plan:
+        return plan_named(CLASSES[self.group].plan)
+
+    @property
+    def device(self) -> str:
+        hide = ",".join(h.text for h in self.hidden)
+        url = f"mock:?speed=max&spread={SPREAD:g}&seed={self.rig_seed}"
+        return url + (f"&hide={hide}" if hide else "")
+
+
+def plan_named(name: str) -> Plan:
+    """A plan that ships, or ``run-step``: what `heli3dof run-step --roll 10` flies."""
+    return step_plan((10.0, None, None)) if name == "run-step" else load_plan(name)
+
+
+def draw(group: str, seed: int) -> Case:
+    """The case of a class and a seed; the same ones always give the same case."""
+    number = list(CLASSES).index(group)
+    rng = np.random.default_rng([20_261_121, number, seed])
+    wanted = CLASSES[group]
+    hidden = tuple(
+        _hidden(wanted.table[name], str(rng.choice(wanted.sizes)), wanted.plan, rng)
+        for name in _names(wanted, number, seed, rng)
+    )
+    return Case(group, seed, hidden, int(rng.integers(2**31)))
+
+
+def _names(wanted: Class, number: int, seed: int, rng: np.random.Generator) -> list[str]:
+    names = sorted(wanted.table)
+    if wanted.effects == 2:
+        allowed = [n for n in names if n not in NOT_IN_PAIRS]
+        return [str(n) for n in rng.choice(allowed, 2, replace=False)]
+    if not wanted.effects:
+        return []
+    deck = np.random.default_rng([20_261_122, number, seed // len(names)]).permutation(len(names))
+    return [names[deck[seed % len(names)]]]
+
+
+def _hidden(effect: Effect, size: str, plan: str, rng: np.random.Generator) -> Hidden:
+    value = effect.sizes[SIZES.index(size)]
+    turned = bool(rng.random() < 0.5)
+    if turned and effect.way == SIGN:
+        value = -value
+    if turned and effect.way == RATIO:
+        value = 1 / value
+    values: tuple[float, ...] = (value,)
+    if effect.name.startswith("disturbance.periodic"):
+        values = (value, round(float(np.exp(rng.uniform(np.log(0.2), np.log(3.0)))), 4))
+    if effect.name == "mass.change":
+        duration_s = plan_named(plan).duration_s
+        values = (value, round(float(rng.uniform(0.4, 0.75)) * duration_s, 2))
+    if effect.name == "aero.ground_effect":
+        values = (value, round(float(rng.uniform(0.07, 0.15)), 3))
+    return Hidden(effect.name, size, values)
+
+
+def fly(case: Case) -> Flight:
+    """The whole flight, with everything that its recording says of its device."""
+    return fly_plan(case.plan, device=case.device, seed=case.rig_seed % 2**31)
+
+
+def blind(recording: Recording) -> Recording:
+    """What the diagnosis is given: no URL, no seed, no serial number, no command line."""
+    kept = {k: v for k, v in recording.meta.items() if k in SHOWN}
+    return replace(recording, meta={**kept, "name": "flight"})
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is to be found, in the units that a recording can tell (see `equivalences`).
+
+    ``names``: effects to be named; ``unseen``: hidden, but nothing of it is in the recording;
+    ``values``: by name and the contract's parameter.
+    """
+
+    names: tuple[str, ...]
+    unseen: tuple[str, ...]
+    values: Mapping[str, Mapping[str, float]]
+
+
+def truth_of(case: Case, recording: Recording) -> Truth:
+    """From the case, the emulated rig's own body, and the voltages that were flown."""
+    profile = default_profile()
+    rig = open_rig(case.device, profile)
+    body = rig.truth.body  # type: ignore[attr-defined]
+    rig.close()
+    J, T_g = _nominal()
+    in_K_f = profile.motor.K_f / body.K_f
+    names, unseen, values = [], [], {}
+    for h in case.hidden:
+        effect = {**EFFECTS, **OUTSIDE}[h.name]
+        value = h.values[0] * (in_K_f if effect.per_thrust else 1.0)
+        seen = h.name not in NEVER_SEEN
+        if h.name == "mass.imbalance":
+            value = body.T_g * in_K_f - T_g
+            seen = abs(value) > profile.tolerance * T_g
+        if h.name.startswith("inertia."):
+            i = ("roll", "pitch", "yaw").index(h.name.rsplit(".", 1)[-1])
+            value = (body.J[i] + body.dJ[i]) * in_K_f / J[i]
+            seen = abs(value - 1) > profile.tolerance
+        if h.name == "motor.saturation":
+            seen = bool((np.abs(recording.voltage) > h.values[0]).any())
+        (names if seen else unseen).append(h.name)
+        values[h.name] = {effect.parameter: value, **_more(h)}
+    return Truth(tuple(names), tuple(unseen), values)
+
+
+def _more(h: Hidden) -> dict[str, float]:
+    """The second parameter, where there is one."""
+    second = {
+        "mass.change": "time_s", "aero.ground_effect": "height_m",
+        **{f"disturbance.periodic.{a}": "frequency_Hz" for a in ("roll", "pitch", "yaw")},
+    }  # fmt: skip
+    return {second[h.name]: h.values[1]} if h.name in second else {}
+
+
+def _nominal() -> tuple[tuple[float, float, float], float]:
+    """The profile's level inertias (kg·m²) and gravity torque (N·m), from its point masses."""
+    p = default_profile()
+    m, g = p.mass, p.geometry
+    J_p = (m.m_f + m.m_b) * g.L_h**2
+    J_r = m.m_w * g.L_w**2 + (m.m_f + m.m_b) * g.L_a**2
+    return (J_r, J_p, J_r + J_p), 2 * g.L_a * p.motor.K_f * p.motor.V_o

@@ -1,0 +1,48 @@
+"""What no recording of this rig can tell, stated before anything is judged.
+
+The bench calls a name right when it is the hidden one *or its exact equal on this page*; what is
+merely hard to tell (lag from delay, Coulomb from viscous on one step) is not on it: there a tie
+that holds the truth is right, and a name asserted without a tie is right or wrong.
+
+1. **One common factor.** Every torque and inertia times one number moves the same way, so K_f
+   stays at the profile's and all of them are known in units of it (`heli3dof.model.rigid_body`).
+   Sizes are held to truth · K_f,profile / K_f,rig (``per_thrust``). `motor.thrust_gain` k is
+   T_g and all inertias divided by k; its value is not held to a number, as the rig's own masses are
+   drawn within ± 7 %.
+2. **A tilted thrust.** With the pitch reading off by δ, p = y − δ, the thrust's torques are
+   −L_a F cos r sin(y − δ) on yaw and L_a F cos(y − δ) on roll. To first order in δ that is the rig
+   without offset and a couple κF along the body's normal with κ = L_a δ: `aero.reaction_torque`.
+   What differs, J_p sin p cos p δ, is 4 % of the inertias times a rate product.
+3. **A tilted arm.** With the roll reading off by δ, T_g cos(y − δ) = T_g cos δ cos y + T_g sin δ
+   sin y: another T_g, which is free, and `stiffness.pendulum.roll` of k = T_g sin δ.
+4. **Where yaw's zero is** enters no equation: `encoder.offset.yaw` is not there to be found.
+5. **A wrong count per revolution**, y = k q, is another inertia: q̈ = τ/J gives ÿ = τ/(J/k).
+   Inertias are free within the tolerance. On yaw what is left are products of rates (ψ̇² on roll).
+   On pitch the thrust's tilt is off as well, which is another J_ψ. On roll the rest angle is
+   right, so the level reading is off by (k − 1)·27.5°, and that is 3.: a pendulum.
+   So `encoder.scale` is drawn, but "nothing found" is no miss: it stands in no rate of hits. Its
+   equals are no wrong names; any other asserted name is.
+6. **A limit never reached**: `motor.saturation` above every voltage of the recording.
+"""
+
+from __future__ import annotations
+
+_EQUAL = {
+    "encoder.offset.pitch": {"aero.reaction_torque"},
+    "aero.reaction_torque": {"encoder.offset.pitch"},
+    "encoder.offset.roll": {"stiffness.pendulum.roll"},
+    "stiffness.pendulum.roll": {"encoder.offset.roll"},
+    "encoder.scale.roll": {"inertia.roll", "stiffness.pendulum.roll", "encoder.offset.roll"},
+    "encoder.scale.pitch": {"inertia.pitch", "inertia.yaw"},
+    "encoder.scale.yaw": {"inertia.yaw"},
+}
+
+NEVER_SEEN = frozenset({"encoder.offset.yaw"})
+UNRATED = frozenset({"encoder.scale.roll", "encoder.scale.pitch", "encoder.scale.yaw"})
+NO_NUMBER = frozenset({"motor.thrust_gain"})
+"""Named, but held to no number."""
+
+
+def equals(name: str) -> frozenset[str]:
+    """The names that describe the same motion, ``name`` among them."""
+    return frozenset({name, *_EQUAL.get(name, ())})

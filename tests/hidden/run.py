@@ -1,0 +1,160 @@
+"""``python -m tests.hidden.run``: flies and diagnoses case after case, and can be stopped.
+
+One JSON line for each case goes to bench-out/hidden/<key>.jsonl: the truth, the document, the
+time. The key is made from the code that is judged and the code that hides, so results of different
+code never mix; what stands there already is not done again. Judging happens afterwards
+(`tests.hidden.tally`), so another question needs no new flights.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import sys
+import time
+import traceback
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from tests.hidden.cases import CLASSES, blind, draw, fly, truth_of
+from tests.hidden.tools import FLIES, TOOLS
+from tests.paths import ROOT
+
+FOLDER = ROOT / "bench-out" / "hidden"
+Line = dict[str, Any]
+
+
+def key(tool: str) -> str:
+    """Of everything that a result depends on."""
+    h = hashlib.sha256(tool.encode())
+    paths = [ROOT / p for p in {*FLIES, *TOOLS[tool].code}]
+    files = {
+        f for p in paths for f in (p.rglob("*") if p.is_dir() else [p])
+        if f.suffix in (".py", ".toml", ".txt")
+    }  # fmt: skip
+    for f in sorted(files):
+        h.update(str(f.relative_to(ROOT)).encode())
+        h.update(f.read_bytes())
+    return f"{tool}-{h.hexdigest()[:16]}"
+
+
+def one(group: str, seed: int, tool: str) -> Line:
+    """Fly a case and ask the tool; what goes wrong is a line as well."""
+    case = draw(group, seed)
+    line: Line = {
+        "case": case.name, "group": group, "seed": seed, "device": case.device,
+        "size": "/".join(h.size for h in case.hidden),
+    }  # fmt: skip
+    flight = fly(case)
+    if flight.outcome.ending != "completed":
+        return {**line, "not_flown": f"{flight.outcome.ending}: {flight.outcome.detail}"}
+    line["truth"] = json.loads(json.dumps(asdict(truth_of(case, flight.recording))))
+    recording = blind(flight.recording)
+    wall, cpu = time.perf_counter(), time.process_time()
+    try:
+        line["document"] = TOOLS[tool].ask(recording)
+    except Exception as error:  # a crash is a result of the bench, not its end
+        line["error"] = f"{type(error).__name__}: {error}"
+        line["traceback"] = traceback.format_exc()
+    line["wall_s"] = round(time.perf_counter() - wall, 2)
+    line["cpu_s"] = round(time.process_time() - cpu, 2)
+    return line
+
+
+def lines(path: Path) -> Iterator[Line]:
+    """What a file holds; a line torn by a stop is left out."""
+    if not path.exists():
+        return
+    for text in path.read_text(encoding="utf-8").splitlines():
+        try:
+            yield json.loads(text)
+        except json.JSONDecodeError:
+            continue
+
+
+def wanted(first: int, share: float, only: Iterable[str] = ()) -> list[tuple[str, int]]:
+    """(class, seed) of a run: ``share`` of each class's cases, its seeds from ``first`` on.
+
+    The classes take turns, so that a run that is stopped has seen something of each.
+    """
+    groups = list(only) or list(CLASSES)
+    counts = {g: max(1, round(share * CLASSES[g].count)) for g in groups}
+    jobs = [((i + 0.5) / n, g, first + i) for g, n in counts.items() for i in range(n)]
+    return [(g, seed) for _, g, seed in sorted(jobs)]
+
+
+def run(
+    jobs: Iterable[tuple[str, int]], tool: str, *, processes: int, folder: Path = FOLDER
+) -> Mapping[str, Line]:
+    """Do what is not done; returns case → line of all jobs."""
+    jobs, path = list(jobs), folder / f"{key(tool)}.jsonl"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _mend(path)
+    done = {line["case"]: line for line in lines(path)}
+    todo = [(g, s) for g, s in jobs if f"{g}-{s}" not in done]
+    print(f"{path.name}: {len(jobs) - len(todo)} of {len(jobs)} are done", file=sys.stderr)
+    start = time.perf_counter()
+    # One BLAS thread a process: the cores are full already.
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    with path.open("a", encoding="utf-8") as out, ProcessPoolExecutor(processes) as pool:
+        futures = [pool.submit(one, g, s, tool) for g, s in todo]
+        try:
+            for n, future in enumerate(as_completed(futures), 1):
+                line = future.result()
+                done[line["case"]] = line
+                out.write(json.dumps(line, ensure_ascii=False) + "\n")
+                out.flush()
+                left = (time.perf_counter() - start) / n * (len(todo) - n)
+                print(f"  {n}/{len(todo)}, {left / 60:.1f} min left: {said(line)}", file=sys.stderr)
+        except KeyboardInterrupt:
+            pool.shutdown(cancel_futures=True)
+            raise
+    names = [f"{g}-{s}" for g, s in jobs]
+    return {name: done[name] for name in names}
+
+
+def _mend(path: Path) -> None:
+    """End a torn last line, so that the next one stands by itself."""
+    if path.exists() and (text := path.read_bytes()) and not text.endswith(b"\n"):
+        with path.open("ab") as out:
+            out.write(b"\n")
+
+
+def said(line: Line) -> str:
+    """A case in one line of text."""
+    from tests.hidden.judge import names
+
+    hidden = ", ".join([*line.get("truth", {}).get("names", ()),
+                        *(f"({n})" for n in line.get("truth", {}).get("unseen", ()))])  # fmt: skip
+    if "document" not in line:
+        return f"{line['case']}: {line.get('not_flown') or line.get('error')}"
+    found = ", ".join(names(line["document"])) or "–"
+    return f"{line['case']}: {hidden or 'nothing'} → {found} ({line['wall_s']:.0f} s)"
+
+
+def arguments() -> argparse.Namespace:
+    p = argparse.ArgumentParser(prog="python -m tests.hidden.run", description=__doc__)
+    p.add_argument("--first", type=int, default=1000, help="first seed (below 1000: final tables)")
+    p.add_argument("--share", type=float, default=1.0, help="of each class's number of cases")
+    p.add_argument("--only", nargs="*", default=[], choices=list(CLASSES), metavar="CLASS")
+    p.add_argument("--tool", default="whole", choices=list(TOOLS))
+    p.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    return p.parse_args()
+
+
+def main() -> None:
+    from tests.hidden.tally import summary
+
+    a = arguments()
+    done = run(wanted(a.first, a.share, a.only), a.tool, processes=a.processes)
+    print(summary(list(done.values())))
+
+
+if __name__ == "__main__":
+    main()

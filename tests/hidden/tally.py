@@ -1,0 +1,209 @@
+"""Rates over judged cases: the rows that the project is held to, and who was taken for whom."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tests.hidden.cases import CLASSES, Truth
+from tests.hidden.judge import RATED_NUMBERS, Number, Verdict, judge, names
+
+PLANS = ("rich", "steps", "run-step")
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A line of `tests.hidden.run` with its verdict (None: not flown, or the diagnosis failed)."""
+
+    line: dict[str, Any]
+    verdict: Verdict | None
+
+    @property
+    def group(self) -> str:
+        return str(self.line["group"])
+
+    @property
+    def shown(self) -> bool:
+        """Something that a recording can tell is hidden."""
+        return bool(self.line["truth"]["names"])
+
+
+@dataclass(frozen=True)
+class Rate:
+    """``hits`` of ``of``; a bar is a least or (``at_most``) a greatest share."""
+
+    what: str
+    hits: int
+    of: int
+    bar: float | None = None
+    at_most: bool = False
+
+    @property
+    def share(self) -> float:
+        return self.hits / self.of if self.of else float("nan")
+
+    @property
+    def met(self) -> bool | None:
+        if self.bar is None or not self.of:
+            return None
+        return self.share <= self.bar if self.at_most else self.share >= self.bar
+
+    @property
+    def text(self) -> str:
+        return f"{100 * self.share:.1f} % ({self.hits}/{self.of})" if self.of else "–"
+
+    @property
+    def asked(self) -> str:
+        return "" if self.bar is None else f"{'≤' if self.at_most else '≥'} {100 * self.bar:g} %"
+
+
+def judged(lines: Iterable[dict[str, Any]]) -> list[Judged]:
+    """Every line with its verdict."""
+    return [
+        Judged(a, judge(a["document"], Truth(**a["truth"])) if "document" in a else None)
+        for a in lines
+    ]
+
+
+def count(
+    cases: Iterable[Judged], what: str, hit: Callable[[Verdict], bool], bar: float | None = None,
+    *, at_most: bool = False,
+) -> Rate:  # fmt: skip
+    """How many of them; a diagnosis that failed is a miss."""
+    cases = list(cases)
+    hits = sum(j.verdict is not None and hit(j.verdict) for j in cases)
+    if at_most:  # … and an alarm
+        hits += sum(j.verdict is None for j in cases)
+    return Rate(what, hits, len(cases), bar, at_most)
+
+
+def rates(all_cases: Sequence[Judged]) -> list[Rate]:
+    """The rows of the issue's table, then the rest."""
+    cases = [j for j in all_cases if "not_flown" not in j.line]
+    faults = len([j for j in cases if j.verdict is None])
+
+    def of(*groups: str) -> list[Judged]:
+        """Cases of classes, in which there is something to be named."""
+        return [
+            j for j in cases
+            if j.group in groups and j.shown and (j.verdict is None or j.verdict.rated)
+        ]  # fmt: skip
+
+    def in_class(*groups: str) -> list[Judged]:
+        return [j for j in cases if j.group in groups]
+
+    numbers = _numbers(cases)
+    rated = [n for n in numbers if n.parameter in RATED_NUMBERS]
+    said = [j.verdict for j in cases if j.verdict is not None]
+    wrong, asserted = sum(len(v.wrong) for v in said), sum(v.asserted for v in said)
+    first = "right cause first"
+    single = ("steps-single", "run-step-single")
+    told = "right cause first, or tied with the first"
+    rows = [
+        count(of("rich-medium", "rich-large"), f"{first}, rich plan, medium and large",
+              lambda v: v.first, 0.97),
+        *(count(in_class(f"{p}-nothing"), f"false alarms where nothing is hidden, {p}",
+                lambda v: v.alarm, 0.01, at_most=True) for p in PLANS),
+        count(of("rich-pair"), "both of two hidden causes", lambda v: v.both, 0.97),
+        count(of("rich-pair"), "exactly those two", lambda v: v.exact, 0.92),
+        Rate("95 % intervals that hold the truth", sum(n.covered for n in numbers), len(numbers),
+             0.90),
+        count(in_class("rich-outside", "steps-outside"),
+              "outside the catalogue: flagged with the right axis", lambda v: v.axis, 0.90),
+        Rate("names asserted without a tie that are wrong, over everything", wrong, asserted, 0.01,
+             at_most=True),
+        count(of("rich-small"), f"{first}, rich plan, small", lambda v: v.first),
+        *(count(of(f"rich-{s}"), f"{told}, rich plan, {s}", lambda v: v.told)
+          for s in ("small", "medium", "large")),
+        *(count(of(g), f"{first}, {g.removesuffix('-single')}, medium and large",
+                lambda v: v.first) for g in single),
+        *(count(of(g), f"{told}, {g.removesuffix('-single')}, medium and large",
+                lambda v: v.told) for g in single),
+        count(of("rich-medium", "rich-large"), "and nothing else, rich plan, medium and large",
+              lambda v: v.exact),
+        count(of("rich-medium", "rich-large"), "something said, rich plan, medium and large",
+              lambda v: v.said),
+        Rate("parameter errors within 5 %", sum(n.error <= 0.05 for n in rated), len(rated)),
+        Rate("diagnoses that failed", faults, len(cases), 0.0, at_most=True),
+        Rate("flights that did not reach their end (left out)", len(all_cases) - len(cases),
+             len(all_cases)),
+    ]  # fmt: skip
+    return [r for r in rows if r.of]
+
+
+def _numbers(cases: Iterable[Judged]) -> list[Number]:
+    return [n for j in cases if j.verdict is not None for n in j.verdict.numbers]
+
+
+def median_error(cases: Iterable[Judged]) -> float:
+    """Of the parameters of causes that were named, as a share; NaN where none was."""
+    errors = [n.error for n in _numbers(cases) if n.parameter in RATED_NUMBERS]
+    return float(np.median(errors)) if errors else float("nan")
+
+
+def confusions(cases: Iterable[Judged]) -> list[tuple[str, str, int, int, str]]:
+    """Hidden effect, class: how often, how often first, and what was first instead."""
+    rows: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
+    right: Counter[tuple[str, str]] = Counter()
+    for j in cases:
+        if "truth" not in j.line:
+            continue
+        truth = j.line["truth"]
+        hidden = " + ".join([*truth["names"], *(f"({n})" for n in truth["unseen"])]) or "nothing"
+        place = (hidden, j.group)
+        rows[place][_first(j)] += 1
+        right[place] += j.verdict is not None and (
+            j.verdict.first or not (j.shown or j.verdict.alarm)
+        )
+    return [
+        (hidden, group, sum(found.values()), right[hidden, group], _listed(found))
+        for (hidden, group), found in sorted(rows.items(), key=lambda r: (_order(r[0][1]), r[0][0]))
+    ]
+
+
+def _first(j: Judged) -> str:
+    if j.verdict is None:
+        return "failed"
+    document = j.line["document"]
+    said = names(document)
+    if not said:
+        axes = [str(a["axis"] or "no axis") for a in document["leftover"]]
+        return f"unknown on {'/'.join(axes)}" if axes else str(document["verdict"])
+    tie = " (tied)" if document["findings"][0]["tied_with"] else ""
+    return " + ".join(said) + tie
+
+
+def _listed(found: Counter[str]) -> str:
+    return ", ".join(f"{name} {n}" if n > 1 else name for name, n in found.most_common())
+
+
+def _order(group: str) -> int:
+    return list(CLASSES).index(group)
+
+
+def times_s(cases: Iterable[Judged]) -> tuple[float, float]:
+    """Median and 95th percentile of the wall time of a diagnosis."""
+    t = [j.line["wall_s"] for j in cases if "wall_s" in j.line]
+    return (float(np.median(t)), float(np.percentile(t, 95))) if t else (float("nan"),) * 2
+
+
+def summary(lines: Sequence[dict[str, Any]]) -> str:
+    """The confusion matrix by rows, without its empty cells, then the rates."""
+    cases = judged(lines)
+    out = [f"{'hidden':45} {'class':16} {'right':>7}  found"]
+    out += [f"{h:45} {g:16} {r:>3}/{n:<3}  {f}" for h, g, n, r, f in confusions(cases)]
+    out.append("")
+    for r in rates(cases):
+        met = {True: "met", False: "NOT MET", None: ""}[r.met]
+        out.append(f"{r.what:66} {r.text:>20}  {r.asked:8} {met}")
+    out.append(f"{'parameter error of the named cause, median':66} "
+               f"{100 * median_error(cases):>18.1f} %  ≤ 5 %")  # fmt: skip
+    middle, slow = times_s(cases)
+    out.append(
+        f"{'seconds for one diagnosis, median and 95th percentile':66} {middle:.1f}, {slow:.1f}"
+    )
+    return "\n".join(out)

@@ -1,0 +1,31 @@
+"""The quick part of the hidden bench: three flights of the classes, flown whole, diagnosed quickly.
+
+The whole is `make bench-hidden`. These seeds are development's, not the final tables'.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.hidden.cases import Truth
+from tests.hidden.judge import Verdict, judge
+from tests.hidden.run import one
+
+
+def verdict(group: str, seed: int) -> Verdict:
+    line = one(group, seed, "quick")
+    assert "document" in line, line.get("traceback")
+    return judge(line["document"], Truth(**line["truth"]))
+
+
+@pytest.mark.timeout(600)
+def test_large_dry_friction_in_yaw_is_the_first_cause_and_no_wrong_name_is_asserted() -> None:
+    v = verdict("rich-large", 1001)
+    assert v.first
+    assert not v.wrong
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("plan", ["rich", "run-step"])
+def test_where_nothing_is_hidden_nothing_is_said(plan: str) -> None:
+    assert not verdict(f"{plan}-nothing", 1000).said

@@ -1,0 +1,68 @@
+"""The runner resumes, mixes nothing, and takes a failure for a result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.hidden import run as module
+from tests.hidden.cases import CLASSES
+from tests.hidden.run import key, lines, one, run, wanted
+from tests.hidden.tools import TOOLS, Tool
+
+
+def answer(recording):
+    return {"verdict": "nothing_found", "findings": [], "leftover": []}
+
+
+def failure(recording):
+    raise ValueError("no convergence")
+
+
+@pytest.fixture
+def tools(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(TOOLS, "answer", Tool("a tool that finds nothing", answer, ()))
+    monkeypatch.setitem(TOOLS, "failure", Tool("a tool that fails", failure, ()))
+
+
+@pytest.mark.usefixtures("tools")
+def test_what_is_done_is_not_done_again(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    job = [("run-step-nothing", 1000)]
+    first = run(job, "answer", processes=1, folder=tmp_path)
+    assert "0 of 1 are done" in capsys.readouterr().err
+    second = run([*job, ("run-step-nothing", 1001)], "answer", processes=1, folder=tmp_path)
+    assert "1 of 2 are done" in capsys.readouterr().err
+    assert second["run-step-nothing-1000"] == first["run-step-nothing-1000"]
+    assert set(second) == {"run-step-nothing-1000", "run-step-nothing-1001"}
+
+
+@pytest.mark.usefixtures("tools")
+def test_a_line_torn_by_a_stop_costs_that_case_alone(tmp_path: Path) -> None:
+    path = tmp_path / f"{key('answer')}.jsonl"
+    path.write_text('{"case": "a"}\n{"case": "b", "gro', encoding="utf-8")
+    run([("run-step-nothing", 1000)], "answer", processes=1, folder=tmp_path)
+    assert [line["case"] for line in lines(path)] == ["a", "run-step-nothing-1000"]
+
+
+@pytest.mark.usefixtures("tools")
+def test_a_tool_that_fails_is_a_line_with_its_error() -> None:
+    line = one("run-step-nothing", 1000, "failure")
+    assert line["error"] == "ValueError: no convergence"
+    assert "document" not in line
+
+
+def test_another_tool_or_other_code_has_another_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert key("whole") != key("quick")
+    before = key("whole")
+    monkeypatch.setattr(module, "FLIES", (*module.FLIES, "README.md"))
+    assert key("whole") == before, "a README changes nothing"
+    monkeypatch.setattr(module, "FLIES", (*module.FLIES, "tests/hidden/judge.py"))
+    assert key("whole") != before
+
+
+def test_a_part_of_the_cases_has_something_of_every_class_from_the_start() -> None:
+    jobs = wanted(1000, 0.1)
+    assert {g for g, _ in jobs} == set(CLASSES)
+    assert {g for g, _ in jobs[: len(jobs) // 2]} >= {g for g, c in CLASSES.items() if c.count > 40}
+    assert all(1000 <= seed < 1000 + CLASSES[g].count for g, seed in jobs)

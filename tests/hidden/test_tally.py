@@ -1,0 +1,77 @@
+"""Rates are counts over the right cases."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from tests.hidden.tally import Rate, confusions, judged, median_error, rates, summary
+from tests.hidden.test_judge import document, finding
+
+
+def line(group: str, hidden: str = "", found: dict[str, Any] | None = None) -> dict[str, Any]:
+    values = {hidden: {"torque_Nm": 0.02}} if hidden else {}
+    truth = {"names": list(values), "unseen": [], "values": values}
+    kept = {"case": f"{group}-1", "group": group, "seed": 1, "truth": truth, "wall_s": 2.0}
+    return {**kept, "document": found} if found is not None else {**kept, "error": "it failed"}
+
+
+RIGHT = document(finding("friction.coulomb", "yaw", torque_Nm=(0.022, 0.002)))
+LINES = [
+    line("rich-large", "friction.coulomb.yaw", RIGHT),
+    line("rich-large", "friction.coulomb.yaw", document(finding("motor.delay"))),
+    line("rich-medium", "friction.coulomb.yaw", document()),
+    line("rich-large", "encoder.scale.yaw", document()),
+    line("rich-nothing", "", document()),
+    line("steps-nothing", "", document(finding("motor.delay"))),
+]
+
+
+def rate(cases: list[dict[str, Any]], what: str) -> Rate:
+    (found,) = [r for r in rates(judged(cases)) if r.what == what]
+    return found
+
+
+def test_a_scale_that_is_another_inertia_is_in_no_rate_of_hits() -> None:
+    r = rate(LINES, "right cause first, rich plan, medium and large")
+    assert (r.hits, r.of, r.met) == (1, 3, False)
+
+
+def test_false_alarms_are_counted_by_plan() -> None:
+    assert rate(LINES, "false alarms where nothing is hidden, rich").text == "0.0 % (0/1)"
+    assert rate(LINES, "false alarms where nothing is hidden, steps").text == "100.0 % (1/1)"
+
+
+def test_wrong_names_are_counted_of_all_that_are_asserted_wherever() -> None:
+    r = rate(LINES, "names asserted without a tie that are wrong, over everything")
+    assert (r.hits, r.of) == (2, 3)
+
+
+def test_a_diagnosis_that_fails_is_a_miss_and_an_alarm() -> None:
+    failed = [line("rich-large", "friction.coulomb.yaw"), line("rich-nothing")]
+    assert rate(failed, "right cause first, rich plan, medium and large").hits == 0
+    assert rate(failed, "false alarms where nothing is hidden, rich").hits == 1
+    assert rate(failed, "diagnoses that failed").text == "100.0 % (2/2)"
+
+
+def test_a_flight_that_did_not_reach_its_end_is_said_and_left_out() -> None:
+    tripped = {"case": "rich-pair-1", "group": "rich-pair", "seed": 1, "not_flown": "tripped: roll"}
+    what = "flights that did not reach their end (left out)"
+    assert rate([*LINES, tripped], what).hits == 1
+
+
+def test_the_error_is_the_median_of_causes_that_were_named() -> None:
+    assert median_error(judged(LINES)) == pytest.approx(0.1)
+
+
+def test_confusions_say_what_was_found_instead() -> None:
+    found = {(hidden, group): text for hidden, group, _, _, text in confusions(judged(LINES))}
+    assert found["friction.coulomb.yaw", "rich-large"] == "friction.coulomb.yaw, motor.delay"
+    assert found["friction.coulomb.yaw", "rich-medium"] == "nothing_found"
+
+
+def test_the_summary_holds_every_rate() -> None:
+    text = summary(LINES)
+    for r in rates(judged(LINES)):
+        assert r.what in text

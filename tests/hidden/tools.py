@@ -1,0 +1,109 @@
+"""Who is asked: our diagnosis, and the peers on the same flights. Each answers with a document.
+
+A tool is a function from a blind recording to a document of the contract's shape, as far as it can
+fill one, and the files that its answer depends on.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from heli3dof.recording.recording import Recording
+from tests.paths import ROOT
+
+PEERS_PYTHON = ROOT / ".venv-peers" / "bin" / "python"
+TIME_LIMIT_S = 300
+Document = dict[str, Any]
+
+FLIES = (
+    "drivers", "heli3dof/experiment", "heli3dof/recording", "heli3dof/rig",
+    "heli3dof/model/controller.py", "tests/hidden/sizes.py", "tests/hidden/cases.py",
+)  # fmt: skip
+"""What every flight depends on."""
+
+
+@dataclass(frozen=True)
+class Tool:
+    """A row of the table; ``code`` are folders and files."""
+
+    title: str
+    ask: Callable[[Recording], Document]
+    code: tuple[str, ...]
+
+    @property
+    def missing(self) -> str:
+        """Why it cannot be asked here, or an empty string."""
+        if self.ask is pysindy and not PEERS_PYTHON.exists():
+            return "its environment is not there: make bench-peers makes it"
+        return ""
+
+
+def whole(recording: Recording) -> Document:
+    return _ours(recording, quick=False)
+
+
+def quick(recording: Recording) -> Document:
+    return _ours(recording, quick=True)
+
+
+def _ours(recording: Recording, *, quick: bool) -> Document:
+    from heli3dof.diagnosis.diagnose import diagnose
+    from heli3dof.diagnosis.document import document
+
+    # Through text, as an outsider would read it.
+    return dict(json.loads(json.dumps(document(diagnose(recording, quick=quick)))))
+
+
+def residuals(recording: Recording) -> Document:
+    from tests.hidden.residual_test import document
+
+    return document(recording)
+
+
+def pysindy(recording: Recording) -> Document:
+    """The flight without take-off and landing, in a process of the peers' environment."""
+    from heli3dof.identification.prepare import prepare
+    from tests.bench.peers import flights
+    from tests.bench.peers.interface import Task, write_task
+
+    usable = prepare([recording], held_out=[recording]).train
+    run = max(usable, key=lambda r: r.stop - r.start)
+    recording = recording.rows(slice(run.start, run.stop))
+    task = Task(
+        recording.t, recording.voltage, recording.angle, flights.nominal(), flights.known(),
+        np.abs(recording.profile.encoder.rad_per_count), np.ones(3),
+    )  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        given, found = Path(folder) / "task.npz", Path(folder) / "found.json"
+        write_task(given, task)
+        done = subprocess.run(
+            [str(PEERS_PYTHON), "-m", "tests.bench.peers.pysindy_discrepancy", given, found],
+            cwd=ROOT, capture_output=True, text=True, timeout=TIME_LIMIT_S,
+        )  # fmt: skip
+        if done.returncode:
+            raise RuntimeError(done.stderr.strip().splitlines()[-1])
+        return dict(json.loads(found.read_text(encoding="utf-8")))
+
+
+TOOLS = {
+    "whole": Tool("**heli3dof diagnose**", whole, ("heli3dof",)),
+    "quick": Tool("**heli3dof diagnose --quick**", quick, ("heli3dof",)),
+    "pysindy": Tool(
+        "PySINDy, discrepancy recipe", pysindy,
+        ("heli3dof/identification/prepare.py", "tests/bench/peers/pysindy_discrepancy.py",
+         "tests/bench/peers/rigid.py",
+         "constraints-peers.txt"),
+    ),
+    "residuals": Tool(
+        "residual test (whiteness, past inputs)", residuals,
+        ("heli3dof/identification", "heli3dof/model", "tests/hidden/residual_test.py"),
+    ),
+}  # fmt: skip

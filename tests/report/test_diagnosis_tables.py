@@ -1,0 +1,112 @@
+"""A diagnosis told: every sentence that a teacher needs, written from the document alone."""
+
+from __future__ import annotations
+
+import copy
+import doctest
+from typing import Any
+
+from heli3dof.report import diagnosis_tables as module
+from heli3dof.report.diagnosis_tables import diagnosis_tables, split_unit
+from heli3dof.report.grid import Grid, to_markdown
+
+ROLL_PITCH_YAW = ("roll", "pitch", "yaw")
+DOCUMENT: dict[str, Any] = {
+    "schema": "heli3dof.diagnosis/1",
+    "recordings": ["step"],
+    "holdout": [],
+    "verdict": "ambiguous",
+    "simulation_error": {
+        a: {"rmse_deg": 2.0, "noise_floor_deg": 0.25, "horizon_s": 1.0} for a in ROLL_PITCH_YAW
+    },
+    "calibration": [
+        {"parameter": "T_g", "nominal": 1.0, "value": 1.1, "std": 0.004, "unit": "N·m"}
+    ],
+    "findings": [
+        {
+            "effect": "friction.coulomb",
+            "axis": "yaw",
+            "parameters": {"torque_Nm": {"value": 0.0301, "std": 0.0004}},
+            "score": 400.0,
+            "confidence": 0.93,
+            "tied_with": ["friction.viscous.yaw"],
+            "gain": {
+                "holdout_rmse_deg": {"before": {}, "after": {}},
+                "holdout_log_likelihood": 123.4,
+            },
+        },
+        {
+            "effect": "disturbance.periodic",
+            "axis": "roll",
+            "parameters": {
+                "torque_Nm": {"value": 0.1, "std": 0.01},
+                "frequency_Hz": {"value": 0.5, "std": None},
+            },
+            "score": 40.0,
+            "confidence": None,
+            "tied_with": [],
+            "gain": {
+                "holdout_rmse_deg": {"before": {}, "after": {}},
+                "holdout_log_likelihood": None,
+            },
+        },
+    ],
+    "not_identifiable": ["motor.delay"],
+    "leftover": [{"axis": "yaw", "depends_on": "pitch_rate", "share": 0.4, "table": [[0.0, 0.0]]}],
+    "next_experiment": {
+        "plan": "coast-down",
+        "separates": ["friction.coulomb.yaw", "friction.viscous.yaw"],
+        "why": "several speeds and reversals",
+    },
+    "gain": {
+        "horizon_s": 1.0,
+        "holdout_rmse_deg": {
+            "before": {"roll": 1.0, "pitch": None, "yaw": 3.0},
+            "after": {"roll": 0.5, "pitch": None, "yaw": 0.3},
+            "noise_floor": {"roll": 0.4, "pitch": None, "yaw": 0.2},
+        },
+    },
+    "model": "step-extended.json",
+}
+
+
+def told(document: dict[str, Any]) -> str:
+    return "\n".join(
+        to_markdown(g) if isinstance(g, Grid) else g for g in diagnosis_tables(document)
+    )
+
+
+def test_the_doctests() -> None:
+    assert doctest.testmod(module).failed == 0
+
+
+def test_size_certainty_tie_gain_and_the_next_flight_are_said() -> None:
+    text = told(DOCUMENT)
+    for words in (
+        "friction.coulomb.yaw | torque | 0.03010 | 0.00040 | N·m | 93 % | 123",
+        "frequency | 0.5 | – | Hz",
+        "friction.coulomb.yaw cannot be told from friction.viscous.yaw",
+        "| yaw | 3.000 | 0.300 | 0.200 |",
+        "depends on pitch rate, 40 % of what is unexplained",
+        "could not show: motor.delay",
+        "heli3dof run coast-down",
+        "+10.0 %",
+    ):
+        assert words in text
+    assert "| pitch | – |" not in text  # an axis that was not measured is not a row of dashes
+
+
+def test_where_nothing_was_found_no_gain_is_claimed() -> None:
+    plain = copy.deepcopy(DOCUMENT)
+    plain.update(
+        verdict="nothing_found", findings=[], leftover=[], not_identifiable=[], next_experiment=None
+    )
+    text = told(plain)
+    assert "Nothing was found that noise alone would not explain" in text
+    assert "mending" not in text
+    assert "heli3dof run" not in text
+
+
+def test_an_unknown_unit_stays_in_the_parameter_s_name() -> None:
+    assert split_unit("flux_Wb") == ("flux_Wb", "")
+    assert split_unit("damping_Nms_per_rad") == ("damping", "N·m·s/rad")
