@@ -3,7 +3,7 @@
 The information H = Σ w ∂c ∂cᵀ is the noise model's; what the scores really do is told by their
 sums over half seconds, B = Σ_b s_b s_bᵀ. With n parameters and m blocks
 
-    κ = tr(H⁻¹ B)/n · m/(m − n)              cov = κ (H + Λ)⁻¹
+    κ = max(1, tr(H⁻¹ B)/n · m/(m − n))      cov = κ (H + Λ)⁻¹
 
 so the intervals stay right where the noise is not what the filter believes. One number is used,
 not the whole sandwich H⁻¹ B H⁻¹, because with a hundred blocks each entry of B is off by 10 to

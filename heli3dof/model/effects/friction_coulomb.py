@@ -4,7 +4,8 @@ Set-valued, with no smoothing of the step: a joint that sticks does not creep. H
 and what it does to a rate that is known only roughly, stands in `heli3dof.model.dry_friction`.
 
 Where accelerations are asked for and no step is taken (a trace of a small friction along a path
-that is known), it is the torque −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s.
+that is known), it is the torque −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J: wide enough
+that its own rate, τ_c/(J ω_s), stays below 250 1/s.
 """
 
 from __future__ import annotations
@@ -14,10 +15,11 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import AXIS, R_DOT, STEPPED, A, Stage
+from heli3dof.model.slots import AXIS, J_R, R_DOT, STEPPED, A, Stage
 
-WIDTH = 0.002
+NARROWEST = 0.002
 """rad/s"""
+REVERSAL_S = 0.004
 
 
 def dry(s: Any, par: Any, mem: Any, out: Any) -> None:
@@ -27,7 +29,8 @@ def dry(s: Any, par: Any, mem: Any, out: Any) -> None:
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
     if s[STEPPED] < 0.5:
         i = int(par[AXIS])
-        out[i] -= par[A] * math.tanh(s[R_DOT + i] / WIDTH)
+        width = NARROWEST + REVERSAL_S * abs(par[A]) / s[J_R + i]
+        out[i] -= par[A] * math.tanh(s[R_DOT + i] / width)
 
 
 EFFECT = Effect(
