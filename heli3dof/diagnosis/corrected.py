@@ -48,7 +48,7 @@ from heli3dof.recording.recording import Recording
 
 PILOTS = 8
 """Flights of each estimate on the way; the same random numbers every time."""
-ROUNDS = 5
+ROUNDS = 7
 NEAR = 0.35
 """Standard deviations: a step smaller than this is the last; what `PILOTS` flights leave open."""
 NOISE_NEAR = 0.1

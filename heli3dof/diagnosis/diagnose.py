@@ -25,10 +25,10 @@ from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import Bench, Step, base_of, eliminated, extended, looked_at
 from heli3dof.recording.recording import Recording
 
-FLIGHTS, QUICK_FLIGHTS = 48, 16
+FLIGHTS, QUICK_FLIGHTS = 64, 16
 FURTHER = 0.5
 """Of the flights, for the nulls after the first finding."""
-PILOTS, QUICK_PILOTS = 8, 6
+PILOTS, QUICK_PILOTS = 12, 6
 LEFT_FLIGHTS, QUICK_LEFT_FLIGHTS = 24, 8
 Says = Callable[[str], None]
 

@@ -63,6 +63,7 @@ class Screen:
         a, m, m0 = self._changes(here, self.plain)
         self.D = forward(here.path, a, m, m0)
         """(P, E) traces, of the plain probes"""
+        self.weight = here.at.w
         self.full = np.einsum("ij,j,ij->i", self.D, here.at.w, self.D)
         self.cross = cross = (here.T * here.at.w) @ self.D.T
         A = here.H + np.diag(problem.prior_precision)
@@ -81,6 +82,12 @@ class Screen:
         """(P,) v per unit of the first parameter squared: what a 1-σ size is, before κ."""
         size = np.array([p.size if p.grows else np.inf for p in self.plain])
         return np.asarray(np.where(np.isfinite(self.v), self.v, 0.0) / size**2)
+
+    def correlation(self, a: int, b: int) -> float:
+        """Of two plain probes' traces, what the base could imitate of each taken out."""
+        full = float((self.D[a] * self.weight) @ self.D[b])
+        shared = full - float(self.cross[:, a] @ self.solved[:, b])
+        return shared / float(np.sqrt(self.v[a] * self.v[b]))
 
     def see(self, look: Look, *, prior: bool) -> Seen:
         """The screen of a look; ``prior``: of the recordings, whose score has the prior in it."""

@@ -7,9 +7,15 @@ nulls' inflation and n a term's parameters
     score = 2 Δℓ_c / κ − n ln N
 
 (BIC; N the encoders' events). A further cause must exceed `SHARE` of the first one's score.
-Diverged fits and fits on a bound are refused. Terms within `TIE` of the best are tied with it, and
-so are those within a share `FORM` of its score: a term is only as right as its formula, and a rig's
-friction, lag or drag is not any formula to better than that.
+Diverged fits and fits on a bound are refused. Terms A and B are tied where their scores differ by
+less than
+
+    max(`TIE`, `FORM` score) + 2 √score `DRIFT` |z̄| √(2 (1 − |ρ|))
+
+`TIE` is what chance does to nested neighbours, `FORM` how right any formula of friction, lag or
+drag is. The last term is what is left of the false slopes z̄ (the nulls' mean z): they were seen
+without the cause and are a little different with it; how much that matters to the choice depends on
+how much the two traces differ, ρ being their correlation beside the base.
 """
 
 from __future__ import annotations
@@ -19,6 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from heli3dof.diagnosis.catalogue import SCANNED, Probe
 from heli3dof.diagnosis.corrected import Corrected, in_threads
 from heli3dof.diagnosis.nulls import Nulls
 from heli3dof.diagnosis.screen import Screen, Seen, with_term
@@ -31,8 +38,12 @@ FITTED = 10
 HOPELESS = 0.1
 """Of the largest Z²: below it no term is fitted."""
 TIE = 6.0
-FORM = 0.1
+FORM = 0.03
+DRIFT = 0.25
 SHARE = 0.05
+ONE_WAY = 0.25
+"""An estimate may go that share of its range below nothing, so as not to be cut off there; a cause
+may not."""
 LARGE = 5.0
 MOST = 4
 """Causes that are looked for, at most."""
@@ -48,6 +59,8 @@ class Contender:
     score: float
     """2 Δℓ_c/κ less ln N for each parameter"""
     Z2: float
+    probe: int
+    """The screen's that saw it best"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,15 +77,26 @@ class Choice:
 
 
 def suspects(seen: Seen, nulls: Nulls) -> list[tuple[Term, float, int]]:
-    """Terms by their best probe's Z², largest first: (term, Z², probe)."""
+    """Terms by their best probe's Z², largest first: (term, Z², probe).
+
+    What points the way that a term cannot go (a negative friction, a delay before the command, less
+    of a periodic torque than the nulls have) counts as nothing.
+    """
     Z = nulls.judged(seen)
-    scanned = np.array([p.size == a for p, a in zip(seen.probes, seen.amplitude, strict=True)])
-    Z2 = np.where(scanned & (Z < 0), 0.0, Z**2)
     best: dict[str, tuple[Term, float, int]] = {}
     for i, p in enumerate(seen.probes):
-        if p.name not in best or Z2[i] > best[p.name][1]:
-            best[p.name] = (p.term, float(Z2[i]), i)
+        Z2 = float(Z[i]) ** 2 if Z[i] > 0 or not one_way(p) else 0.0
+        if p.name not in best or best[p.name][1] < Z2:
+            best[p.name] = (p.term, Z2, i)
     return sorted(best.values(), key=lambda b: -b[1])
+
+
+def one_way(probe: Probe) -> bool:
+    """Whether the term is one that only grows from nothing in the probe's direction."""
+    if probe.term.effect.name in SCANNED or not probe.grows:
+        return True
+    q = probe.term.effect.parameters[0]
+    return q.null - q.low < ONE_WAY * (q.high - q.null)
 
 
 def choose(
@@ -97,9 +121,20 @@ def choose(
     if first_score is not None and best.score < SHARE * first_score:
         return None
     tied = tuple(
-        f.term.name for f in fits[1:] if best.score - f.score < max(TIE, FORM * best.score)
+        f.term.name for f in fits[1:] if best.score - f.score < slack(screen, nulls, best, f)
     )
     return Choice(best.term, best.score, best.Z2, nulls.confidence(best.Z2), tied, tuple(fits))
+
+
+def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> float:
+    """Within how much of the best one's score another is tied with it; see the module."""
+    plain = max(TIE, FORM * best.score)
+    a, b = best.probe, other.probe
+    if max(a, b) >= len(screen.plain):
+        return plain
+    drift = DRIFT * max(abs(nulls.mean[a] / nulls.std[a]), abs(nulls.mean[b] / nulls.std[b]))
+    apart = np.sqrt(2 * (1 - min(abs(screen.correlation(a, b)), 1.0)))
+    return float(plain + 2 * np.sqrt(max(best.score, 0.0)) * drift * apart)
 
 
 def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
@@ -147,7 +182,7 @@ def contend(
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
         won = 2 * (fit.loglik - level.loglik) / nulls.inflation
-        return Contender(term, ext, fit, float(won - len(new) * np.log(rows)), Z2)
+        return Contender(term, ext, fit, float(won - len(new) * np.log(rows)), Z2, i)
 
     fits = [f for f in in_threads(one, len(ranked)) if f is not None]
     return sorted(fits, key=lambda f: -f.score)

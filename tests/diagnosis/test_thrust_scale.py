@@ -28,7 +28,8 @@ def test_what_the_recordings_do_not_tell_says_nothing() -> None:
     one, four = of_ratios(np.full(4, 0.9), told, 0.075), of_ratios(np.full(4, 0.9), SURE, 0.075)
     # T_g alone: half of the ten per cent is its own, half the thrust gain's.
     assert one.k == pytest.approx(0.9**-0.5, abs=0.01)
-    assert four.k > one.k and four.std < one.std
+    assert four.k > one.k
+    assert four.std < one.std
 
 
 @given(st.lists(st.floats(-0.07, 0.07), min_size=5, max_size=5))

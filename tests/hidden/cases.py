@@ -151,7 +151,7 @@ def blind(recording: Recording) -> Recording:
 
 @dataclass(frozen=True)
 class Truth:
-    """What is to be found, in the units that a recording can tell (see `equivalences`).
+    """What is to be found, in SI (see `equivalences`).
 
     ``names``: effects to be named; ``unseen``: hidden, but nothing of it is in the recording;
     ``values``: by name and the contract's parameter.
@@ -169,19 +169,20 @@ def truth_of(case: Case, recording: Recording) -> Truth:
     body = rig.truth.body  # type: ignore[attr-defined]
     rig.close()
     J, T_g = _nominal()
-    in_K_f = profile.motor.K_f / body.K_f
     names, unseen, values = [], [], {}
     for h in case.hidden:
         effect = {**EFFECTS, **OUTSIDE}[h.name]
-        value = h.values[0] * (in_K_f if effect.per_thrust else 1.0)
+        value = h.values[0]
         seen = h.name not in NEVER_SEEN
         if h.name == "mass.imbalance":
-            value = body.T_g * in_K_f - T_g
+            value = body.T_g - T_g
             seen = abs(value) > profile.tolerance * T_g
         if h.name.startswith("inertia."):
             i = ("roll", "pitch", "yaw").index(h.name.rsplit(".", 1)[-1])
-            value = (body.J[i] + body.dJ[i]) * in_K_f / J[i]
+            value = (body.J[i] + body.dJ[i]) / J[i]
             seen = abs(value - 1) > profile.tolerance
+        if h.name == "motor.thrust_gain":
+            value *= body.K_f / profile.motor.K_f
         if h.name == "motor.saturation":
             seen = bool((np.abs(recording.voltage) > h.values[0]).any())
         (names if seen else unseen).append(h.name)

@@ -4,11 +4,10 @@ The bench calls a name right when it is the hidden one *or its exact equal on th
 merely hard to tell (lag from delay, Coulomb from viscous on one step) is not on it: there a tie
 that holds the truth is right, and a name asserted without a tie is right or wrong.
 
-1. **One common factor.** Every torque and inertia times one number moves the same way, so K_f
-   stays at the profile's and all of them are known in units of it (`heli3dof.model.rigid_body`).
-   Sizes are held to truth · K_f,profile / K_f,rig (``per_thrust``). `motor.thrust_gain` k is
-   T_g and all inertias divided by k; its value is not held to a number, as the rig's own masses are
-   drawn within ± 7 %.
+1. **One common factor.** Every torque and inertia times one number moves the same way. Sizes are
+   held to the truth in SI all the same: the profile says how large K_f and the other parameters
+   are, within its tolerance, and how well that tells K_f belongs into the interval.
+   `motor.thrust_gain` is K_f/K_f,profile, the rig's own spread included.
 2. **A tilted thrust.** With the pitch reading off by δ, p = y − δ, the thrust's torques are
    −L_a F cos r sin(y − δ) on yaw and L_a F cos(y − δ) on roll. To first order in δ that is the rig
    without offset and a couple κF along the body's normal with κ = L_a δ: `aero.reaction_torque`.
@@ -39,8 +38,6 @@ _EQUAL = {
 
 NEVER_SEEN = frozenset({"encoder.offset.yaw"})
 UNRATED = frozenset({"encoder.scale.roll", "encoder.scale.pitch", "encoder.scale.yaw"})
-NO_NUMBER = frozenset({"motor.thrust_gain"})
-"""Named, but held to no number."""
 
 
 def equals(name: str) -> frozenset[str]:

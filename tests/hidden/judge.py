@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tests.hidden.cases import Truth
-from tests.hidden.equivalences import NO_NUMBER, UNRATED, equals
+from tests.hidden.equivalences import UNRATED, equals
 from tests.hidden.sizes import EFFECTS, axis_of
 
 Z95 = 1.96
@@ -124,7 +124,7 @@ def _numbers(findings: Sequence[Mapping[str, Any]], truth: Truth) -> list[Number
     out = []
     for f in findings:
         name = _name(f)
-        if name not in truth.names or name in NO_NUMBER:
+        if name not in truth.names:
             continue
         for parameter, true in truth.values[name].items():
             if parameter not in f["parameters"]:

@@ -24,8 +24,7 @@ class Effect:
     """An effect on its axis, as it is hidden.
 
     ``parameter`` is the contract's name of its first parameter, ``null`` the value at which there
-    is no effect, ``per_thrust`` True where it is a torque (or moves with one) and so can only be
-    estimated in units of K_f (`tests.hidden.equivalences`).
+    is no effect.
     """
 
     name: str
@@ -34,48 +33,41 @@ class Effect:
     why: str
     way: str = ONE_WAY
     null: float = 0.0
-    per_thrust: bool = False
-
-
-def _torque(
-    name: str, parameter: str, sizes: tuple[float, float, float], why: str, way: str = ONE_WAY
-) -> Effect:
-    return Effect(name, parameter, sizes, why, way, per_thrust=True)
 
 
 _TABLE = (
-    _torque("friction.coulomb.roll", "torque_Nm", (0.015, 0.04, 0.1),
+    Effect("friction.coulomb.roll", "torque_Nm", (0.015, 0.04, 0.1),
             "limit 0.011 rad/s² · J_r = 0.010; a dry slip ring 0.03 to 0.1"),
-    _torque("friction.coulomb.pitch", "torque_Nm", (0.002, 0.005, 0.012),
+    Effect("friction.coulomb.pitch", "torque_Nm", (0.002, 0.005, 0.012),
             "limit 0.034 rad/s² · J_p = 0.0012"),
-    _torque("friction.coulomb.yaw", "torque_Nm", (0.008, 0.02, 0.05),
+    Effect("friction.coulomb.yaw", "torque_Nm", (0.008, 0.02, 0.05),
             "limit 0.005 rad/s² · J_ψ = 0.005; yaw stops short of its target from 0.02"),
-    _torque("friction.viscous.roll", "damping_Nms_per_rad", (0.04, 0.1, 0.25),
+    Effect("friction.viscous.roll", "damping_Nms_per_rad", (0.04, 0.1, 0.25),
             "rigs have 0.04 to 0.06 1/s · J_r"),
-    _torque("friction.viscous.pitch", "damping_Nms_per_rad", (0.006, 0.02, 0.05),
+    Effect("friction.viscous.pitch", "damping_Nms_per_rad", (0.006, 0.02, 0.05),
             "rigs have 0.04 to 2.5 1/s · J_p = 0.0015 to 0.09"),
-    _torque("friction.viscous.yaw", "damping_Nms_per_rad", (0.03, 0.08, 0.2),
+    Effect("friction.viscous.yaw", "damping_Nms_per_rad", (0.03, 0.08, 0.2),
             "rigs have 0.02 to 0.27 1/s · J_ψ"),
-    _torque("drag.quadratic.roll", "drag_Nms2_per_rad2", (0.15, 0.4, 1.0),
+    Effect("drag.quadratic.roll", "drag_Nms2_per_rad2", (0.15, 0.4, 1.0),
             "as viscous friction at 0.25 rad/s"),
-    _torque("drag.quadratic.pitch", "drag_Nms2_per_rad2", (0.02, 0.06, 0.15),
+    Effect("drag.quadratic.pitch", "drag_Nms2_per_rad2", (0.02, 0.06, 0.15),
             "as viscous friction at 0.3 rad/s"),
-    _torque("drag.quadratic.yaw", "drag_Nms2_per_rad2", (0.08, 0.2, 0.6),
+    Effect("drag.quadratic.yaw", "drag_Nms2_per_rad2", (0.08, 0.2, 0.6),
             "as viscous friction at 0.35 rad/s"),
-    _torque("stiffness.pendulum.roll", "torque_Nm", (0.1, 0.4, 1.0),
+    Effect("stiffness.pendulum.roll", "torque_Nm", (0.1, 0.4, 1.0),
             "k/J_r = ω²: 0.33, 0.66, 1.05 rad/s; rigs have 1.0 to 1.8"),
-    _torque("stiffness.pendulum.pitch", "torque_Nm", (0.003, 0.01, 0.03),
+    Effect("stiffness.pendulum.pitch", "torque_Nm", (0.003, 0.01, 0.03),
             "k/J_p = ω²: 0.29, 0.52, 0.91 rad/s; rigs have 0.17 to 0.93"),
-    _torque("stiffness.cable.yaw", "stiffness_Nm_per_rad", (0.015, 0.05, 0.15),
+    Effect("stiffness.cable.yaw", "stiffness_Nm_per_rad", (0.015, 0.05, 0.15),
             "at 30° of yaw 0.008, 0.026, 0.08 N·m against a noise of 0.015", ONE_WAY),
-    _torque("bias.torque.pitch", "torque_Nm", (0.002, 0.008, 0.025),
+    Effect("bias.torque.pitch", "torque_Nm", (0.002, 0.008, 0.025),
             "1 % of thrust mismatch is 0.0016 N·m; bodies are lopsided by a few per cent", SIGN),
-    _torque("bias.torque.yaw", "torque_Nm", (0.004, 0.015, 0.05),
+    Effect("bias.torque.yaw", "torque_Nm", (0.004, 0.015, 0.05),
             "the last one holds the rig 1.6° in pitch", SIGN),
-    _torque("mass.imbalance", "torque_Nm", (0.36, 0.45, 0.55),
+    Effect("mass.imbalance", "torque_Nm", (0.36, 0.45, 0.55),
             "31, 38, 47 % of T_g = 1.17 N·m, beyond tolerance and spread", SIGN),
     *(Effect(f"inertia.{axis}", "ratio", (1.4, 1.55, 1.7),
-             "beyond tolerance and spread; a mass added far out", RATIO, 1.0, per_thrust=True)
+             "beyond tolerance and spread; a mass added far out", RATIO, 1.0)
       for axis in ("roll", "pitch", "yaw")),
     Effect("motor.lag", "time_constant_s", (0.01, 0.03, 0.08),
            "limit as the delay's, 3 ms; rigs have 0.03 to 0.2 s, 0.1 s leaves pitch ringing"),
@@ -97,9 +89,9 @@ _TABLE = (
            "κF = 0.005, 0.02, 0.07 N·m on yaw", SIGN),
     Effect("aero.inflow", "loss_s_per_m", (0.08, 0.25, 0.6),
            "damps roll with F k L_a² = 0.06, 0.19, 0.46 N·m·s/rad"),
-    _torque("aero.gyroscopic", "momentum_Nms_per_V", (0.0005, 0.002, 0.005),
+    Effect("aero.gyroscopic", "momentum_Nms_per_V", (0.0005, 0.002, 0.005),
             "15 V · 0.3 rad/s: 0.002, 0.009, 0.02 N·m on pitch", SIGN),
-    _torque("mass.change", "mass_kg", (0.005, 0.015, 0.04),
+    Effect("mass.change", "mass_kg", (0.005, 0.015, 0.04),
             "6.5 N·m/kg on roll: 0.03, 0.1, 0.26 N·m; a coin, a bolt, a phone's battery"),
     *(Effect(f"encoder.backlash.{axis}", "angle_deg", sizes,
              "two to twelve encoder steps; couplings have 0.2 to 1°")
@@ -114,10 +106,10 @@ _TABLE = (
     *(Effect(f"encoder.scale.{axis}", "scale", (1.05, 1.12, 1.25),
              "a wrong line count or gear; mostly another inertia (see equivalences)", RATIO, 1.0)
       for axis in ("roll", "pitch", "yaw")),
-    _torque("disturbance.periodic.roll", "torque_Nm", (0.015, 0.05, 0.12),
+    Effect("disturbance.periodic.roll", "torque_Nm", (0.015, 0.05, 0.12),
             "limit 5 σ_w √(2 τ_c/T) √2 = 0.0045; a third to four times the random torque"),
-    _torque("disturbance.periodic.pitch", "torque_Nm", (0.0015, 0.005, 0.012), "the same"),
-    _torque("disturbance.periodic.yaw", "torque_Nm", (0.006, 0.02, 0.05), "the same"),
+    Effect("disturbance.periodic.pitch", "torque_Nm", (0.0015, 0.005, 0.012), "the same"),
+    Effect("disturbance.periodic.yaw", "torque_Nm", (0.006, 0.02, 0.05), "the same"),
     Effect("timing.gaps", "lost_share", (0.003, 0.01, 0.04), "every 300th is lost"),
     Effect("timing.jitter", "jitter_s", (0.0001, 0.0003, 0.0006), "5, 15, 30 % of a period"),
 )  # fmt: skip
@@ -126,13 +118,13 @@ EFFECTS = {e.name: e for e in _TABLE}
 """Name with axis → how it is hidden. `geometry` cannot be: the rig always has it."""
 
 _OUTSIDE = (
-    _torque("other.yaw_torque_from_pitch_rate", "damping_Nms_per_rad", (0.05, 0.12, 0.3),
+    Effect("other.yaw_torque_from_pitch_rate", "damping_Nms_per_rad", (0.05, 0.12, 0.3),
             "at 0.3 rad/s the noise's size, two, six times", SIGN),
-    _torque("other.roll_torque_from_yaw_angle", "torque_Nm", (0.05, 0.15, 0.35),
+    Effect("other.roll_torque_from_yaw_angle", "torque_Nm", (0.05, 0.15, 0.35),
             "a base tilted by 2.5, 7, 17°", SIGN),
-    _torque("other.pitch_torque_from_voltage_product", "torque_Nm_per_V2",
+    Effect("other.pitch_torque_from_voltage_product", "torque_Nm_per_V2",
             (0.0001, 0.0003, 0.0006), "at hover 0.006, 0.017, 0.033 N·m; half of it varies", SIGN),
-    _torque("other.yaw_torque_from_roll_rate_squared", "drag_Nms2_per_rad2", (0.3, 0.8, 2.0),
+    Effect("other.yaw_torque_from_roll_rate_squared", "drag_Nms2_per_rad2", (0.3, 0.8, 2.0),
             "at 0.25 rad/s 0.02, 0.05, 0.12 N·m", SIGN),
 )  # fmt: skip
 

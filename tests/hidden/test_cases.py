@@ -67,15 +67,20 @@ def test_the_diagnosis_gets_no_word_of_what_is_hidden() -> None:
     assert np.array_equal(seen.angle, flight.recording.angle)
 
 
-def test_torques_are_held_to_the_truth_in_units_of_the_thrust_gain() -> None:
-    """A rig with K_f 3 % above its profile, and 0.05 N·m: 0.05/1.03."""
-    case = Case("rich-large", 1000, (Hidden("friction.coulomb.yaw", "large", (0.05,)),), 1005)
+def test_sizes_are_held_to_the_truth_in_si() -> None:
+    """0.05 N·m are 0.05 N·m, and a gain of 1.5 on a K_f 3 % above the profile's is 1.545."""
+    hidden = (
+        Hidden("friction.coulomb.yaw", "large", (0.05,)),
+        Hidden("motor.thrust_gain", "large", (1.5,)),
+    )
+    case = Case("rich-large", 1000, hidden, 1005)
     profile = default_profile()
     body = open_rig(case.device, profile).truth.body  # type: ignore[attr-defined]
     recording = fly(Case("run-step-nothing", 1000, (), 1005)).recording
     truth = truth_of(case, recording)
     ratio = body.K_f / profile.motor.K_f
-    assert truth.values["friction.coulomb.yaw"]["torque_Nm"] == pytest.approx(0.05 / ratio)
+    assert truth.values["friction.coulomb.yaw"]["torque_Nm"] == 0.05
+    assert truth.values["motor.thrust_gain"]["gain"] == pytest.approx(1.5 * ratio)
     assert abs(ratio - 1) > 0.001
 
 

@@ -10,13 +10,13 @@ The settings are those of the manual's "Practical tips": Savitzky–Golay smooth
 differences (``SmoothedFiniteDifference``), columns normalised, and the threshold scanned with the
 sparsest model within one standard error of the best in cross-validation over blocks of time.
 
-Kindnesses: what the base itself may be off by (an inertia's q̈, gravity's torque, the thrust
-gain) is in the library and is no finding; an effect on several axes needs its column on one of
-them. Columns that are nearly one another's multiples (thrust curve, supply sag and dead zone; lag
-and delay; pitch offset and reaction torque; Coulomb friction and backlash) are one column, which
-is then named as a tie: with all of them in, every flight had large opposite coefficients. Timing,
-limits, mass changes and periodic torques of unknown frequency have no column: the recipe has no
-place for them.
+Kindnesses: what the base itself may be off by (an axis' thrust gain over its inertia, gravity's
+torque) is in the library and is no finding (an inertia's own q̈ beside it would fit anything); an
+effect on several axes needs its column on one of them. Columns that are nearly one another's
+multiples (thrust curve, supply sag and dead zone; lag and delay; pitch offset and reaction torque;
+Coulomb friction and backlash) are one column, which is then named as a tie: with all of them in,
+every flight had large opposite coefficients. Timing, limits, mass changes and periodic torques of
+unknown frequency have no column: the recipe has no place for them.
 """
 
 from __future__ import annotations
@@ -64,7 +64,9 @@ def motion(task: Task) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     acceleration = np.asarray(difference(rate, task.t))
     # Accelerations went through the filter twice: so does everything beside them.
     rate, angle = smoothed(rate, window), smoothed(smoothed(task.angle, window), window)
-    voltage = smoothed(smoothed(task.voltage, window), window)
+    # Held from k to k + 1: at sample k half of it is the one before.
+    held = 0.5 * (task.voltage + np.vstack([task.voltage[:1], task.voltage[:-1]]))
+    voltage = smoothed(smoothed(held, window), window)
     flying = np.flatnonzero(task.angle[:, 0] > TAKEN_OFF_RAD)
     edge = round(EDGE_S / task.dt)
     rows = slice(flying[0] + edge, flying[-1] - edge, EVERY)
@@ -94,9 +96,7 @@ def nominal(
     return np.array(rows), np.array([start["J_r"], start["J_p"], start["J_y"]])
 
 
-def library(
-    q: np.ndarray, w: np.ndarray, a: np.ndarray, V: np.ndarray, task: Task
-) -> list[Library]:
+def library(q: np.ndarray, w: np.ndarray, V: np.ndarray, task: Task) -> list[Library]:
     """For each axis names and columns (N, n): torques of candidate effects."""
     L_a, L_h, K_f = task.known
     r, p, psi = q.T
@@ -136,7 +136,6 @@ def library(
     for i, (axis, own) in enumerate(zip(AXES, (roll, pitch, yaw), strict=True)):
         columns = {
             f"{BASE}.gain": gain[i],
-            f"{BASE}.inertia": a[:, i],
             "motor.lag": lag[i],
             f"friction.coulomb.{axis}": -np.tanh(w[:, i] / STICK_RAD_S),
             f"friction.viscous.{axis}": -w[:, i],
@@ -179,7 +178,7 @@ def discrepancy(task: Task) -> dict[str, object]:
     strength: dict[str, float] = {}
     value: dict[str, float] = {}
     thresholds = []
-    for i, (names, X) in enumerate(library(q, w, a, V, task)):
+    for i, (names, X) in enumerate(library(q, w, V, task)):
         y = J[i] * (a - model)[:, i]
         size, scale = float(y.std()), np.sqrt((X**2).mean(axis=0))
         coefficients, threshold = sparse(X / scale, y / size)
