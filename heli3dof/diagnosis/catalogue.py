@@ -53,7 +53,7 @@ def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[
     """
     out = []
     for effect in effects().values():
-        if effect.name in IN_BASE + NOT_RANKED:
+        if effect.name in IN_BASE + NOT_RANKED or not effect.screened:
             continue
         where: list[str | None] = [a for a in AXES if a in effect.axes and a in axes]
         if not effect.axes:

@@ -24,6 +24,7 @@ from heli3dof.model.greybox import GreyBoxModel
 from heli3dof.model.greybox_fly import true_angles
 from heli3dof.model.greybox_linear import balance
 from heli3dof.model.rotor import aim
+from heli3dof.model.slots import FLANK
 from heli3dof.model.stepping import readings, setup, step
 from heli3dof.recording.recording import Recording
 
@@ -36,6 +37,7 @@ def _fly(  # type: ignore[no-untyped-def]
     angle, voltage,
 ):  # fmt: skip
     setup(s, first, address, par, mem)
+    s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
     y, slope, out, force = np.empty(3), np.empty(3), np.empty(N_OUT), np.empty(2)
     w, decay = np.zeros((8, 3)), np.full(3, -1.0)
     N = reference.shape[0]

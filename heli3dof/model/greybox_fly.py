@@ -19,6 +19,7 @@ from heli3dof.model.compiled import compiled
 from heli3dof.model.controller import N_OUT, control_law, parameters, state_at_rest
 from heli3dof.model.opened import after_law, before_law, opening
 from heli3dof.model.rotor import aim
+from heli3dof.model.slots import FLANK
 from heli3dof.model.stepping import readings, setup, step
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def _fly(  # type: ignore[no-untyped-def]
     grid0, grid, t, h, angle, voltage, cmd, limited,
 ):  # fmt: skip
     setup(s, first, address, par, mem)
+    s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
     y, slope, out, force = np.empty(3), np.empty(3), np.empty(N_OUT), np.empty(2)
     w, decay = np.zeros((8, 3)), np.full(3, -1.0)
     N = reference.shape[0]

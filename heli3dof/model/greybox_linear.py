@@ -3,7 +3,7 @@
     z = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) − trim,      z[k+1] = A z[k] + B (V[k] − u0)
 
 by central differences of the step that flies. A delay appends the voltages still on their way.
-Dry friction has no linearisation: about rest it is a stiff damper, so it is left out.
+Dry friction has no linearisation, so it is left out; a play's encoder is in its middle.
 """
 
 from __future__ import annotations
@@ -22,8 +22,6 @@ from heli3dof.model.stepping import readings, setup, step
 
 if TYPE_CHECKING:
     from heli3dof.model.greybox import GreyBoxModel
-
-_LEFT_OUT = "friction.coulomb"
 
 
 class _Plant:
@@ -116,10 +114,11 @@ def linear(model: GreyBoxModel, dt: float) -> LinearModel:
     """
     from heli3dof.model.greybox_fly import true_angles
 
-    keep = [t for t in model.terms if not t.startswith(_LEFT_OUT)]
-    if len(keep) < len(model.terms):
+    terms = model.structure.terms
+    keep = tuple(t.name for t in terms if slots.Stage.DRY not in t.effect.hooks)
+    if len(keep) < len(terms):
         given = model.parameters
-        smaller = replace(model, terms=tuple(keep), values=np.zeros(0))
+        smaller = replace(model, terms=keep, values=np.zeros(0))
         model = replace(smaller, values=smaller.structure.values_of(given))
     plant = _Plant(model, delayed=False)
     q = true_angles(model, np.zeros(3))

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from heli3dof.model import rigid_body, stepping
+from heli3dof.model import dry_friction, rigid_body, stepping
 from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
+from heli3dof.model.dry_friction import settle
 from heli3dof.model.filtering import Stretch, data_of, encoder_noise
 from heli3dof.model.greybox_fly import ON_TABLE_BELOW
 from heli3dof.model.kalman import filter_blocks
@@ -32,12 +33,13 @@ STEP_S = 0.02
 NOISE = np.array([0.05, 0.15, 0.05])
 """(3,) rad/s²/√Hz where the model knows of none; see `heli3dof.model.predict`."""
 R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
+FLANK, STEPPED = _s.FLANK, _s.STEPPED
 
 
 def _roll(s, first, address, par, mem, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]
     """out[k + n]: readings n rows after X[k]; ``mean`` (N + 1, 2): the thrusts' integral."""
     setup(s, first, address, par, mem)
-    x, w = np.empty(6), np.zeros((3, 3))
+    x, w = np.empty(6), np.zeros((8, 3))
     m, slope = np.empty(3), np.empty(3)
     for k in range(X.shape[0] - n):
         if X[k, 0] != X[k, 0]:
@@ -48,7 +50,7 @@ def _roll(s, first, address, par, mem, free, t, V, mean, X, low, n, stride, out)
         while a < k + n:
             b = min(a + stride, k + n)
             h = t[b] - t[a]
-            s[T] = t[a]
+            s[T], s[STEPPED] = t[a], 1.0
             for i in range(2):
                 s[F_FRONT + i] = (mean[b, i] - mean[a, i]) / h
                 s[V_FRONT + i] = V[a, i]
@@ -65,11 +67,15 @@ def _roll(s, first, address, par, mem, free, t, V, mean, X, low, n, stride, out)
             for i in range(3):
                 x[i] += h * x[3 + i] + 0.5 * h * h * w[2, i]
                 x[3 + i] += h * w[2, i]
+            w[3, 0] = w[3, 1] = w[3, 2] = 0.0
+            settle(s, x, h, first, address, par, mem, free, w)
             if x[0] < low:
                 x[0] = low
                 if x[3] < 0.0:
                     x[3] = 0.0
             a = b
+        for i in range(3):  # a play's flank, where it went
+            s[FLANK + i] = 1.0 if x[i] > X[k, i] else -1.0
         readings(s, x, first, address, par, mem, m, slope)
         for i in range(3):
             out[k + n, i] = m[i]
@@ -77,7 +83,12 @@ def _roll(s, first, address, par, mem, free, t, V, mean, X, low, n, stride, out)
 
 _roll_compiled = compiled(
     _roll,
-    calls=(rigid_body._accelerations, rigid_body._body_accelerations, stepping._readings),
+    calls=(
+        rigid_body._accelerations,
+        rigid_body._body_accelerations,
+        stepping._readings,
+        dry_friction._settle,
+    ),
     error_model="numpy",
 )
 

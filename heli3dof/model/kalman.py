@@ -6,13 +6,18 @@ no noise), so they are computed beforehand, exactly. White angular acceleration 
 
     P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ from ∂q̈/∂(q, q̇) every 20 ms
 
+and dry friction then stops what it can (`heli3dof.model.dry_friction`). An encoder that reads k
+times its angle counts a² in its own units, a²/k² of the angle's: so what it says of k is in the
+motion alone, not in how noisy the rig would have to be.
+
 What the encoders say acts on x and P as events (`heli3dof.model.encoder_events`), each on one
 number c of the state, with a score g = ∂ ln Z/∂c and an information w = −∂² ln Z/∂c²:
 x ← x + P_c g, P ← P − P_c P_cᵀ w, P_c being P's column.
 
 Σ ln Z is the likelihood. Along a change of the parameters, with the gains P_c held, the predictor
 obeys x ← x + P_c (g − w δc): `follow` runs it for any number of changed parameter sets and so
-gives ∂c/∂θ at the events, the only thing that Gauss–Newton needs.
+gives ∂c/∂θ at the events, the only thing that Gauss–Newton needs. The gains are held in what is
+read, not in what is behind it (they differ by k).
 """
 
 from __future__ import annotations
@@ -21,19 +26,23 @@ import math
 
 import numpy as np
 
-from heli3dof.model import encoder_events, rigid_body, rotor, stepping
+from heli3dof.model import dry_friction, encoder_events, rigid_body, rotor, stepping
 from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
+from heli3dof.model.dry_friction import settle, shrink
 from heli3dof.model.encoder_events import NEWS, flux, interval, learn
 from heli3dof.model.rigid_body import accelerations
 from heli3dof.model.rotor import thrusts
-from heli3dof.model.stepping import glide, readings, setup, step
+from heli3dof.model.stepping import flanks, glide, leap, readings, setup
 
-R, T, F_FRONT, F_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK
+R, T, F_FRONT, F_BACK, FLANK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.FLANK
+STEPPED = _s.STEPPED
 MEASURE = int(_s.Stage.MEASURE)
 RELINEARISE_S = 0.02
 RATE_0 = 1.0
 """rad/s, how uncertain the rates are where a run starts."""
+STILL = 1e-5
+"""rad, a smaller change of a reading than any encoder's step."""
 
 
 def _grow(P, A, h, a2, Phi, W):  # type: ignore[no-untyped-def]
@@ -111,6 +120,7 @@ def _filter(  # type: ignore[no-untyped-def]
         mem = mem0.copy()
         axes = free[b]
         setup(s, first, address, par, mem)
+        s[STEPPED] = 1.0
         lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
         thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
         decay[0] = -1.0
@@ -120,45 +130,59 @@ def _filter(  # type: ignore[no-untyped-def]
             x[3 + i] = 0.0
             last[i] = y[start, i]
             logZ0[i] = 0.0
-            if axes[i]:
-                P[i, i] = grid[b, i] ** 2 / 12.0 if grid[b, i] > 0.0 else R2[i]
-                P[3 + i, 3 + i] = RATE_0**2
+            s[FLANK + i] = 0.0
         readings(s, x, first, address, par, mem, m, slope)
         for i in range(3):
             x[i] -= (m[i] - x[i]) / slope[i]
         driven = a2 * axes  # a bearing that holds an axis takes its noise too
+        for i in range(3):
+            play = 0.0
+            if seen:
+                rising, falling, _ = flanks(s, x, i, first, address, par, mem, m, slope)
+                play = falling - rising
+            if axes[i]:
+                unit = slope[i] * slope[i]
+                P[i, i] = (grid[b, i] ** 2 if grid[b, i] > 0.0 else 12.0 * R2[i]) + play * play
+                P[i, i] /= 12.0 * unit
+                P[3 + i, 3 + i] = RATE_0**2 / unit
+                driven[i] /= unit
         since = 1e9
         for k in range(start, stop):
             for i in range(3):
                 if y[k, i] != y[k, i] or not axes[i]:
                     continue
-                if seen:
-                    readings(s, x, first, address, par, mem, m, slope)
-                    at, scale = m[i], slope[i]
-                else:
-                    at, scale = x[i], 1.0
-                v = scale * x[3 + i]
-                S = scale * scale * P[i, i] + jitter * jitter * v * v
-                e = y[k, i] - at
                 D = grid[b, i]
                 over = y[k, i] - last[i]
                 last[i] = y[k, i]
+                at, scale, play = x[i], 1.0, 0.0
+                rising = falling = x[i]
+                if seen:
+                    rising, falling, scale = flanks(s, x, i, first, address, par, mem, m, slope)
+                    if D > 0.0 and abs(over) < 0.5 * D:
+                        at, play = 0.5 * (rising + falling), falling - rising
+                    else:
+                        at = rising if over > 0.0 else falling
+                v = scale * x[3 + i]
+                S = scale * scale * P[i, i] + jitter * jitter * v * v
+                e = y[k, i] - at
                 rate = 0.0
                 if D == 0.0:
                     S += R2[i]
                     logZ = -0.5 * (e * e / S + math.log(2.0 * math.pi * S))
                     g, info = e / S, 1.0 / S
                 elif abs(over) < 0.5 * D:
-                    room = 0.5 * D - abs(e)
+                    half = 0.5 * (D + play)  # either flank may be the one that is nearly there
+                    room = half - abs(e)
                     if room > 0.0 and room * room > 1.5 * S:
                         continue
                     S += R2[i]
-                    logZ, g, info = interval(e - 0.5 * D, e + 0.5 * D, S)
+                    logZ, g, info = interval(e - half, e + half, S)
                     if logZ - logZ0[i] > NEWS:
                         continue
                     logZ -= logZ0[i]
+                    at = falling if g > 0.0 else rising  # the flank that is near
                     left = max(S * (1.0 - S * info), 1e-6 * S)
-                    logZ0[i] = interval(e - S * g - 0.5 * D, e - S * g + 0.5 * D, left)[0]
+                    logZ0[i] = interval(e - S * g - half, e - S * g + half, left)[0]
                 else:
                     rate = 1.0 if over > 0.0 else -1.0
                     speed = abs(scale * x[3 + i]) * h[k]
@@ -203,15 +227,19 @@ def _filter(  # type: ignore[no-untyped-def]
                     s[T] = t[k]
                     linearise(s, x, F[k], first, address, par, mem, axes, w, A)
                 since += h[k]
-                step(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
+                leap(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
                 grow(P, A, h[k], driven, Phi, work)
+                for i in range(3):
+                    w[3, i] = math.sqrt(P[3 + i, 3 + i])
+                if settle(s, x, h[k], first, address, par, mem, axes, w):
+                    shrink(P, h[k], w, column)
     return E
 
 
 _CALLS = (
     rigid_body._advance, rigid_body._accelerations, rigid_body._body_accelerations,
     rotor._lagged, rotor._aim, rotor._thrusts, stepping._setup, stepping._step, stepping._glide,
-    stepping._readings, encoder_events._interval, _grow, _linearise,
+    stepping._readings, encoder_events._interval, dry_friction._settle, _grow, _linearise,
 )  # fmt: skip
 filter_blocks = compiled(_filter, calls=_CALLS, error_model="numpy", nogil=True)
 
@@ -231,7 +259,8 @@ def _follow(  # type: ignore[no-untyped-def]
     target, F = np.empty((N, 2)), np.empty((N, 2))
     x = np.empty(6)
     m, slope, w = np.empty(3), np.ones(3), np.zeros((8, 3))
-    decay = np.full(3, -1.0)
+    decay, last = np.full(3, -1.0), np.empty(3)
+    own, ratio = np.ones((blocks.shape[0], 3)), np.ones(3)
     for v in range(s0.shape[0]):
         par = pars[v]
         n = 0
@@ -246,18 +275,25 @@ def _follow(  # type: ignore[no-untyped-def]
             for i in range(3):
                 x[i] = y[start, i] if y[start, i] == y[start, i] else 0.0
                 x[3 + i] = 0.0
+                s[FLANK + i] = 0.0
+                last[i] = y[start, i]
             readings(s, x, first, address, par, mem, m, slope)
             for i in range(3):
                 x[i] -= (m[i] - x[i]) / slope[i]
+                if v == 0:
+                    own[b, i] = slope[i]
+                ratio[i] = own[b, i] / slope[i]
             for k in range(start, stop):
                 while n < E and row[n] == k:
                     c = state[n]
-                    if c < 3:
-                        if seen:
-                            readings(s, x, first, address, par, mem, m, slope)
-                            d = m[c] - C[n]
-                        else:
-                            d = x[c] - C[n]
+                    if c < 3 and not seen:
+                        d = x[c] - C[n]
+                    elif c < 3:
+                        over = y[k, c] - last[c]
+                        rising, falling, _ = flanks(s, x, c, first, address, par, mem, m, slope)
+                        if abs(over) < STILL:
+                            over = -G[n]
+                        d = (rising if over > 0.0 else falling) - C[n]
                     elif c < 6:
                         d = slope[c - 3] * x[c] - C[n]
                     else:
@@ -265,8 +301,12 @@ def _follow(  # type: ignore[no-untyped-def]
                     D[v, n] = d
                     g = G[n] - W[n] * d
                     for j in range(6):
-                        x[j] += K[n, j] * g
+                        x[j] += K[n, j] * g * ratio[j % 3]
                     n += 1
+                if seen:
+                    for i in range(3):
+                        if y[k, i] == y[k, i]:
+                            last[i] = y[k, i]
                 if k + 1 < stop:
                     glide(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
 

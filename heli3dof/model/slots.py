@@ -46,7 +46,13 @@ SLEW = 33
 """V/s, the fastest that a rotor spins up; 0 where nothing limits it."""
 SPEED_FRONT, SPEED_BACK = 34, 35
 """V, the rotors' speeds: the voltage that would keep them"""
-SIZE = 40
+FLANK = 37
+"""Which flank of an encoder's play carries it; ``FLANK + axis``: 1 the angle rises, −1 it falls,
+0 neither, the middle of the play; 2, in flights, what the effect remembers says."""
+STEPPED = 40
+"""1 while a step is taken, whose dry friction comes at its end; 0 where accelerations alone are
+asked for, and dry friction is among the torques, its step smoothed."""
+SIZE = 48
 
 AXIS, A, B, C, D = 0, 1, 2, 3, 4
 PARAMETERS = 6
@@ -68,3 +74,5 @@ class Stage(enum.IntEnum):
     """At every evaluation; ``out`` (3,) N·m, torques on roll, pitch, yaw, to be added to."""
     MEASURE = 4
     """Once a sample; ``out`` (3,) rad, what the encoders see, to be changed in place."""
+    DRY = 5
+    """After every step; ``out`` (3,) N·m, the most that dry friction holds with, to be added to."""

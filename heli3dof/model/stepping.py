@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import math
 
-from heli3dof.model import rigid_body, rotor
+from heli3dof.model import dry_friction, rigid_body, rotor
 from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
+from heli3dof.model.dry_friction import settle
 from heli3dof.model.hooks import caller
 from heli3dof.model.rigid_body import accelerations, advance
 from heli3dof.model.rotor import lagged
 
 call = caller()
 R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
+FLANK, STEPPED = _s.FLANK, _s.STEPPED
 TAU_M, K_F, GAIN_FRONT, SLEW = _s.TAU_M, _s.K_F, _s.GAIN_FRONT, _s.SLEW
 SETUP, MEASURE = int(_s.Stage.SETUP), int(_s.Stage.MEASURE)
 
@@ -30,14 +32,18 @@ def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
 setup = compiled(_setup, error_model="numpy")
 
 
-def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """x (6,) from row k to the next; ``decay`` (3,) keeps exp(−h/2τ) and exp(−h/τ) for its h."""
+def _leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
+    """x (6,) from row k to the next, dry friction aside.
+
+    ``decay`` (3,) keeps exp(−h/2τ) and exp(−h/τ) for its h; w (8, 3) is work space, whose last row
+    holds the thrusts at the end.
+    """
     if decay[0] != h[k]:
         decay[0] = h[k]
         tau = s[TAU_M]
         decay[1] = math.exp(-0.5 * h[k] / tau) if tau > 0.0 else 0.0
         decay[2] = decay[1] * decay[1]
-    s[T] = t[k]
+    s[T], s[STEPPED] = t[k], 1.0
     s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
     for m in range(2):
         # Without a lag the thrust is the target from the first instant.
@@ -52,7 +58,20 @@ def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     advance(s, x, h[k], w[5], w[6], w[7], first, address, par, mem, free, w)
 
 
-step = compiled(_step, calls=(rigid_body._advance, rotor._lagged), error_model="numpy")
+leap = compiled(_leap, calls=(rigid_body._advance, rotor._lagged), error_model="numpy")
+
+
+def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
+    """As `_leap`, and what dry friction makes of it."""
+    leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
+    w[3, 0] = w[3, 1] = w[3, 2] = 0.0
+    settle(s, x, h[k], first, address, par, mem, free, w)
+
+
+step = compiled(
+    _step, calls=(_leap, rigid_body._advance, rotor._lagged, dry_friction._settle),
+    error_model="numpy",
+)  # fmt: skip
 
 
 def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
@@ -60,7 +79,7 @@ def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay
     if decay[0] != h[k]:
         decay[0] = h[k]
         decay[1] = math.exp(-0.5 * h[k] / s[TAU_M]) if s[TAU_M] > 0.0 else 0.0
-    s[T] = t[k]
+    s[T], s[STEPPED] = t[k], 1.0
     s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
     for m in range(2):
         s[F_FRONT + m] = target[k, m] + (F[k, m] - target[k, m]) * decay[1]
@@ -74,13 +93,21 @@ def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay
     for i in range(3):
         x[i] += h[k] * x[3 + i] + 0.5 * h[k] * h[k] * w[2, i]
         x[3 + i] += h[k] * w[2, i]
+    w[3, 0] = w[3, 1] = w[3, 2] = 0.0
+    settle(s, x, h[k], first, address, par, mem, free, w)
 
 
-glide = compiled(_glide, calls=(rigid_body._accelerations, rotor._lagged), error_model="numpy")
+glide = compiled(
+    _glide, calls=(rigid_body._accelerations, rotor._lagged, dry_friction._settle),
+    error_model="numpy",
+)  # fmt: skip
 
 
 def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
-    """What the encoders should read, (3,) rad into m, and ∂m_i/∂q_i into ``slope``."""
+    """What the encoders should read, (3,) rad into m, and ∂m_i/∂q_i into ``slope``.
+
+    Which flank of a play carries its encoder is s[FLANK + i]; see `heli3dof.model.slots`.
+    """
     for i in range(3):
         m[i] = x[i]
         slope[i] = 1.0
@@ -90,9 +117,25 @@ def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-unty
             s[R + i], s[R + 3 + i] = x[i], x[3 + i]
         for e in range(first[MEASURE], first[MEASURE + 1]):
             call(address, e, s, par, mem, m)
+            # The slope is an angle that never was: nothing may remember it.
+            kept = mem[e].copy()
             call(address, e, s, par, mem, slope)
+            mem[e, :] = kept
         for i in range(3):
             slope[i] = (slope[i] - m[i]) / 1e-6
 
 
 readings = compiled(_readings, error_model="numpy")
+
+
+def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
+    """(reading of axis i while its angle rises, while it falls, ∂reading/∂angle), rad."""
+    s[FLANK + i] = 1.0
+    readings(s, x, first, address, par, mem, m, slope)
+    rising, steep = m[i], slope[i]
+    s[FLANK + i] = -1.0
+    readings(s, x, first, address, par, mem, m, slope)
+    return rising, m[i], steep
+
+
+flanks = compiled(_flanks, calls=(_readings,), error_model="numpy")

@@ -3,7 +3,7 @@
 The information H = Σ w ∂c ∂cᵀ is the noise model's; what the scores really do is told by their
 sums over half seconds, B = Σ_b s_b s_bᵀ. With n parameters and m blocks
 
-    κ = tr(H⁻¹ B)/n · m/(m − n)              cov = κ (H + Λ)⁻¹
+    κ = max(1, tr(H⁻¹ B)/n · m/(m − n))      cov = κ (H + Λ)⁻¹
 
 so the intervals stay right where the noise is not what the filter believes. One number is used,
 not the whole sandwich H⁻¹ B H⁻¹, because with a hundred blocks each entry of B is off by 10 to
@@ -22,6 +22,7 @@ import numpy as np
 
 from heli3dof.identification.greybox.fit import OTHER_ROUNDS, Optimum, maximise
 from heli3dof.identification.greybox.likelihood import Likelihood, score_and_information
+from heli3dof.identification.greybox.starts import likeliest_start
 from heli3dof.model.effects import Term
 from heli3dof.model.filtering import Data
 from heli3dof.model.rig_model import Free, Structure
@@ -74,7 +75,8 @@ class Estimate:
 
     @cached_property
     def inflation(self) -> float:
-        """κ; 1 where there are too few blocks to say."""
+        """κ, at least 1 (scores of half seconds scatter less than those of slow drifts); 1 where
+        there are too few blocks to say."""
         o, n = self.optimum, len(self.free)
         scores = block_scores(self.problem.data, o, BLOCK_S)
         m = len(scores)
@@ -82,7 +84,7 @@ class Estimate:
             return 1.0
         A = o.information + np.diag(self.problem.prior_precision)
         trace = float(np.trace(np.linalg.solve(A, scores.T @ scores)))
-        return max(trace / n * m / (m - n), 0.25)
+        return max(trace / n * m / (m - n), 1.0)
 
     @cached_property
     def covariance(self) -> np.ndarray:
@@ -148,6 +150,10 @@ def estimate(
     problem: Likelihood, *, start: np.ndarray | None = None, noise: np.ndarray | None = None
 ) -> Estimate:
     """The best of the starts: the nominal rig, and where that does not settle, others beside it."""
+    if any(t.effect.starts for t in problem.structure.terms):
+        start, noise = likeliest_start(
+            problem, problem.prior_mean if start is None else start, noise
+        )
     best = maximise(problem, start, noise)
     if not best.converged:
         for factor in (0.7, 1.5):

@@ -29,6 +29,10 @@ OTHER_ROUNDS = 12
 SURE = 3.0
 """A step that wins no more than this is taken without asking the likelihood, which is rough at
 that scale (its terms in P are left out of the score; their expectation is zero)."""
+AT_ONCE = 5
+"""Rounds of whole steps. A joint that sticks or slips makes the score as rough as a tenth of a
+standard deviation, and whole steps circle for ever; the n-th step after these is 1/(n + 1) of one,
+so they end at the middle of the roughness."""
 NOISE_SETTLED = 0.05
 """Of the log intensity."""
 NOISE_START = (0.03, 0.06, 0.02, 0.0)
@@ -92,17 +96,18 @@ def maximise(
         A = H + np.diag(precision)
         stuck = ((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0))
         go = ~stuck
-        gain = 0.0
+        gain, part = 0.0, 1.0
         accepted = False
         for _ in range(12):
             damped = A[np.ix_(go, go)] + lam * np.diag(np.diag(A)[go])
             delta = np.zeros(len(theta))
             delta[go] = np.linalg.solve(damped, g[go])
             gain = 0.5 * float(g[go] @ delta[go])
-            if gain < TOLERANCE:
+            part = 1.0 / max(1, count - AT_ONCE) if gain <= SURE else 1.0
+            if gain * part**2 < TOLERANCE:
                 accepted = True
                 break
-            new = np.clip(theta + delta, low, high)
+            new = np.clip(theta + part * delta, low, high)
             there = -np.inf
             if gain > SURE:
                 trial = problem.run(new, a, keep=0)
@@ -112,7 +117,7 @@ def maximise(
                 lam = max(lam / 10, 1e-9)
                 break
             lam *= 10
-        settled = accepted and gain < TOLERANCE and moved <= NOISE_SETTLED
+        settled = accepted and gain * part**2 < TOLERANCE and moved <= NOISE_SETTLED
         if settled or not accepted:
             break
     # At a small last step the pass and the tangents are those of the optimum.

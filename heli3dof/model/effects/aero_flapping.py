@@ -23,4 +23,6 @@ EFFECT = Effect(
     hooks={Stage.TORQUE: torque},
     confused_with=("aero.gyroscopic",),
     separated_by="large",
+    identifiable="fast travel with pitch free: yaw steps",
+    evidence="yaw_rate",
 )

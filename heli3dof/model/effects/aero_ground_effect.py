@@ -32,4 +32,6 @@ EFFECT = Effect(
     order=2,
     confused_with=("stiffness.pendulum",),
     separated_by="large",
+    identifiable="flight at several heights, one of them within 20 cm of the table",
+    evidence="roll",
 )

@@ -34,4 +34,6 @@ EFFECT = Effect(
     parameters=(Parameter("momentum_Nms_per_V", "N·m·s/V", 0.0, -0.05, 0.05, 0.001, "k"),),
     hooks={Stage.TORQUE: torque},
     separated_by="large",
+    identifiable="fast pitch and roll together: their torques cross over",
+    evidence="pitch_rate",
 )

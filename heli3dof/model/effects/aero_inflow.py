@@ -28,4 +28,6 @@ EFFECT = Effect(
     order=3,
     confused_with=("friction.viscous",),
     separated_by="large",
+    identifiable="quick climbs and descents while the thrust is known",
+    evidence="roll_rate",
 )

@@ -26,4 +26,6 @@ EFFECT = Effect(
     hooks={Stage.TORQUE: torque},
     confused_with=("bias.torque.yaw", "encoder.offset.pitch"),
     separated_by="large",
+    identifiable="several common voltages: the torque on yaw grows with the thrust",
+    evidence="voltage_sum",
 )

@@ -14,6 +14,12 @@ from heli3dof.axes import AXES
 from heli3dof.model.hooks import Hook
 from heli3dof.model.slots import Stage
 
+ABSCISSAE = (
+    "roll", "pitch", "yaw", "roll_rate", "pitch_rate", "yaw_rate", "voltage_sum",
+    "voltage_difference", "voltage_front", "voltage_back", "time",
+)  # fmt: skip
+"""What the evidence for an effect may be drawn against; ``{axis}`` in one stands for the term's."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -60,7 +66,10 @@ class Effect:
     """One physical effect of the contract's table.
 
     ``axes`` is empty for an effect without one. ``order`` places it among the effects of the same
-    stage (along the signal's path). ``separated_by`` names the plan that shows it best.
+    stage (along the signal's path). ``separated_by`` names the plan that shows it best. ``starts``
+    are values of its first parameter, rising, from the likeliest of which a fit starts: for an
+    effect whose likelihood has no slope where it is absent. ``identifiable`` says what motion
+    shows it, ``evidence`` against which variable it is drawn, one of `ABSCISSAE`.
     """
 
     name: str
@@ -71,7 +80,19 @@ class Effect:
     order: int = 0
     confused_with: tuple[str, ...] = ()
     separated_by: str = ""
+    starts: tuple[float, ...] = ()
+    identifiable: str = ""
+    evidence: str = ""
     extra: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def screened(self) -> bool:
+        """Its trace in the innovations of a fit without it says whether it is there.
+
+        Not so where ``starts`` are named (the likelihood has to be asked at those), nor for what
+        has no hooks: clocks and lost samples are seen in the time stamps.
+        """
+        return bool(self.hooks) and not self.starts
 
 
 @dataclass(frozen=True)
@@ -84,6 +105,11 @@ class Term:
     @property
     def name(self) -> str:
         return self.effect.name if self.axis is None else f"{self.effect.name}.{self.axis}"
+
+    @property
+    def evidence(self) -> str:
+        """The variable against which its evidence is drawn, for its axis."""
+        return self.effect.evidence.format(axis=self.axis)
 
     @property
     def axis_index(self) -> int:

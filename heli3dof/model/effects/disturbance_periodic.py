@@ -24,4 +24,7 @@ EFFECT = Effect(
     ),
     hooks={Stage.TORQUE: torque},
     axes=AXES,
+    separated_by="steps",
+    identifiable="a flight of several periods",
+    evidence="time",
 )

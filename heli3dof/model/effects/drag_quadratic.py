@@ -22,4 +22,6 @@ EFFECT = Effect(
     axes=AXES,
     confused_with=("friction.viscous",),
     separated_by="large",
+    identifiable="several speeds on the axis, well apart",
+    evidence="{axis}_rate",
 )

@@ -27,4 +27,6 @@ EFFECT = Effect(
     order=2,
     confused_with=("bias.torque", "mass.imbalance"),
     separated_by="large",
+    identifiable="large pitch or roll angles with the thrust varied",
+    evidence="voltage_sum",
 )

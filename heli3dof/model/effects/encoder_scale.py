@@ -29,4 +29,6 @@ EFFECT = Effect(
     order=1,
     confused_with=("inertia",),
     separated_by="large",
+    identifiable="large angles: only the sines and cosines tell it from an inertia",
+    evidence="{axis}",
 )

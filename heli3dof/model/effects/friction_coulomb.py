@@ -1,8 +1,11 @@
-"""Dry friction: τ = −τ_c tanh(q̇ / ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J.
+"""Dry friction: τ = −τ_c sgn(q̇), and in a joint at rest whatever holds it still, up to ±τ_c.
 
-The set-valued −τ_c sgn(q̇) with its step smoothed over ω_s: so narrow that a joint at rest hardly
-creeps, and wide enough that a step of integration never overshoots the reversal (the friction's own
-rate, τ_c/(J ω_s), stays below 250 1/s).
+Set-valued, with no smoothing of the step: a joint that sticks does not creep. How it is stepped,
+and what it does to a rate that is known only roughly, stands in `heli3dof.model.dry_friction`.
+
+Where accelerations are asked for and no step is taken (a trace of a small friction along a path
+that is known), it is the torque −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J: wide enough
+that its own rate, τ_c/(J ω_s), stays below 250 1/s.
 """
 
 from __future__ import annotations
@@ -12,25 +15,32 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import AXIS, J_R, R_DOT, A, Stage
+from heli3dof.model.slots import AXIS, J_R, R_DOT, STEPPED, A, Stage
 
 NARROWEST = 0.002
 """rad/s"""
 REVERSAL_S = 0.004
 
 
+def dry(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[int(par[AXIS])] += par[A]
+
+
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
-    i = int(par[AXIS])
-    width = NARROWEST + REVERSAL_S * abs(par[A]) / s[J_R + i]
-    out[i] -= par[A] * math.tanh(s[R_DOT + i] / width)
+    if s[STEPPED] < 0.5:
+        i = int(par[AXIS])
+        width = NARROWEST + REVERSAL_S * abs(par[A]) / s[J_R + i]
+        out[i] -= par[A] * math.tanh(s[R_DOT + i] / width)
 
 
 EFFECT = Effect(
     name="friction.coulomb",
-    summary="Dry friction: −τ_c sgn(q̇).",
+    summary="Dry friction: −τ_c sgn(q̇), and at rest up to ±τ_c.",
     parameters=(Parameter("torque_Nm", "N·m", 0.0, -0.1, 1.0, 0.02, "τ_c"),),
-    hooks={Stage.TORQUE: torque},
+    hooks={Stage.DRY: dry, Stage.TORQUE: torque},
     axes=AXES,
     confused_with=("friction.viscous", "encoder.backlash"),
     separated_by="multisine",
+    identifiable="reversals at several speeds; a joint that comes to rest shows it best",
+    evidence="{axis}_rate",
 )

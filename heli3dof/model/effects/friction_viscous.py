@@ -22,4 +22,6 @@ EFFECT = Effect(
     axes=AXES,
     confused_with=("friction.coulomb", "drag.quadratic", "aero.inflow"),
     separated_by="multisine",
+    identifiable="several speeds on the axis",
+    evidence="{axis}_rate",
 )

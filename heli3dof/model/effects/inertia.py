@@ -23,4 +23,7 @@ EFFECT = Effect(
     hooks={Stage.SETUP: setup},
     axes=AXES,
     confused_with=("motor.thrust_gain",),
+    separated_by="multisine",
+    identifiable="any accelerated flight; it is a parameter of the base",
+    evidence="{axis}",
 )

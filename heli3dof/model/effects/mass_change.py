@@ -1,7 +1,8 @@
 """A mass is put onto the body, at L_a on the pitch axis, during the flight.
 
-From its time on: τ_roll = −m g L_a cos r. Its inertia, m L_a² on roll and yaw, is left out: a few
-per cent of the weight's effect on a slow flight.
+From its time on: τ_roll = −m g L_a cos r, growing to that over the tenth of a second about it that
+putting something down takes (a step would have no slope in its time). Its inertia, m L_a² on roll
+and yaw, is left out: a few per cent of the weight's effect on a slow flight.
 """
 
 from __future__ import annotations
@@ -12,10 +13,13 @@ from typing import Any
 from heli3dof.model.effects.base import Effect, Parameter
 from heli3dof.model.slots import L_A, A, B, R, Stage, T
 
+PUT_DOWN_S = 0.1
+
 
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
-    if s[T] >= par[B]:
-        out[0] -= par[A] * 9.81 * s[L_A] * math.cos(s[R])
+    on = 0.5 + (s[T] - par[B]) / PUT_DOWN_S
+    if on > 0.0:
+        out[0] -= min(on, 1.0) * par[A] * 9.81 * s[L_A] * math.cos(s[R])
 
 
 EFFECT = Effect(
@@ -27,4 +31,7 @@ EFFECT = Effect(
     ),
     hooks={Stage.TORQUE: torque},
     confused_with=("mass.imbalance",),
+    separated_by="levels",
+    identifiable="steady flight before and after",
+    evidence="time",
 )

@@ -21,4 +21,7 @@ EFFECT = Effect(
     parameters=(Parameter("torque_Nm", "N·m", 0.0, -2.0, 2.0, 0.1, "added to T_g"),),
     hooks={Stage.SETUP: setup},
     confused_with=("motor.thrust_gain",),
+    separated_by="levels",
+    identifiable="any flight; it is a parameter of the base",
+    evidence="time",
 )

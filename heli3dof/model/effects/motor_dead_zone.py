@@ -24,4 +24,6 @@ EFFECT = Effect(
     order=4,
     confused_with=("motor.thrust_curve", "mass.imbalance", "stiffness.pendulum"),
     separated_by="large",
+    identifiable="several levels of thrust, and voltages near zero",
+    evidence="voltage_front",
 )

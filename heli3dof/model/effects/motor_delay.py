@@ -22,5 +22,7 @@ EFFECT = Effect(
     parameters=(Parameter("delay_s", "s", 0.0, 0.0, 0.2, 0.01, "the delay", start=0.002),),
     hooks={Stage.SETUP: setup},
     confused_with=("motor.lag",),
-    separated_by="multisine",
+    separated_by="chirp",
+    identifiable="quick changes of voltage: doublets, a multisine or a chirp on pitch",
+    evidence="voltage_difference",
 )

@@ -25,5 +25,7 @@ EFFECT = Effect(
     ),
     hooks={Stage.SETUP: setup},
     confused_with=("motor.delay",),
-    separated_by="multisine",
+    separated_by="chirp",
+    identifiable="quick changes of voltage: doublets, a multisine or a chirp on pitch",
+    evidence="voltage_difference",
 )

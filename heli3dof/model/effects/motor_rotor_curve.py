@@ -30,4 +30,6 @@ EFFECT = Effect(
     order=1,
     confused_with=("motor.thrust_curve", "motor.dead_zone"),
     separated_by="large",
+    identifiable="several levels of thrust with quick changes between",
+    evidence="voltage_sum",
 )

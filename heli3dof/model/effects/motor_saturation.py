@@ -24,4 +24,6 @@ EFFECT = Effect(
     order=3,
     confused_with=("motor.supply_sag",),
     separated_by="large",
+    identifiable="voltages above the limit",
+    evidence="voltage_sum",
 )

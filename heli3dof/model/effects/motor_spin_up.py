@@ -27,4 +27,6 @@ EFFECT = Effect(
     order=1,
     confused_with=("motor.lag", "motor.delay", "motor.saturation"),
     separated_by="large",
+    identifiable="large steps of voltage upwards",
+    evidence="voltage_sum",
 )

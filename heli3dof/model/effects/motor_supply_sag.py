@@ -24,4 +24,6 @@ EFFECT = Effect(
     order=2,
     confused_with=("motor.thrust_curve", "motor.saturation"),
     separated_by="large",
+    identifiable="a wide range of both motors' voltage",
+    evidence="voltage_sum",
 )

@@ -25,4 +25,6 @@ EFFECT = Effect(
     order=5,
     confused_with=("motor.dead_zone", "motor.supply_sag", "stiffness.pendulum"),
     separated_by="large",
+    identifiable="several levels of thrust",
+    evidence="voltage_sum",
 )

@@ -23,5 +23,7 @@ EFFECT = Effect(
     parameters=(Parameter("gain", "–", 1.0, 0.2, 4.0, 0.2, "k", prior_std=0.15),),
     hooks={Stage.SETUP: setup},
     confused_with=("mass.imbalance", "inertia"),
-    separated_by="",
+    separated_by="levels",
+    identifiable="a part that was weighed; else it cannot be told from all masses",
+    evidence="voltage_sum",
 )

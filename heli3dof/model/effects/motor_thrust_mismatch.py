@@ -24,4 +24,6 @@ EFFECT = Effect(
     hooks={Stage.SETUP: setup},
     confused_with=("bias.torque.pitch", "encoder.offset.pitch"),
     separated_by="large",
+    identifiable="the thrust varied: the torque on pitch grows with it",
+    evidence="voltage_sum",
 )

@@ -21,4 +21,6 @@ EFFECT = Effect(
     axes=("yaw",),
     confused_with=("bias.torque.yaw",),
     separated_by="large",
+    identifiable="travel to both sides, half a turn apart",
+    evidence="yaw",
 )

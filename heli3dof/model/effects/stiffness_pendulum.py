@@ -26,4 +26,6 @@ EFFECT = Effect(
     axes=("roll", "pitch"),
     confused_with=("aero.ground_effect", "motor.dead_zone", "motor.thrust_curve"),
     separated_by="large",
+    identifiable="steady flight at several angles, 10° apart or more",
+    evidence="{axis}",
 )

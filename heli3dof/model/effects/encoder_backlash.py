@@ -1,0 +1,43 @@
+"""Play between an axis and its encoder: it moves only while one of two flanks carries it.
+
+Of full width w, half of it either way: rising, the encoder stands at q − w/2, falling at q + w/2,
+and in between where it was left, e ← min(q + w/2, max(q − w/2, e)).
+
+A filter knows which flank carried an edge, and that an encoder at rest has both flanks short of the
+next one: its step is wider by w. So no memory is needed there; in flights ``mem`` holds e.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from heli3dof.axes import AXES
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.slots import AXIS, FLANK, A, Stage
+
+
+def measure(s: Any, par: Any, mem: Any, out: Any) -> None:
+    i = int(par[AXIS])
+    half = 0.5 * par[A] * math.pi / 180.0
+    if s[FLANK + i] > 1.5:
+        if mem[0] == 0.0:
+            mem[0], mem[1] = 1.0, out[i]
+        mem[1] = min(out[i] + half, max(out[i] - half, mem[1]))
+        out[i] = mem[1]
+    else:
+        out[i] -= half * s[FLANK + i]
+
+
+EFFECT = Effect(
+    name="encoder.backlash",
+    summary="Play between the axis and its encoder.",
+    parameters=(Parameter("angle_deg", "°", 0.0, -0.5, 10.0, 0.3, "full width of the play"),),
+    hooks={Stage.MEASURE: measure},
+    axes=AXES,
+    starts=(0.05, 0.09, 0.16, 0.28, 0.5, 0.9, 1.6, 2.8, 5.0),
+    confused_with=("friction.coulomb", "motor.delay"),
+    separated_by="large",
+    identifiable="reversals of the axis, slow and quick",
+    evidence="{axis}_rate",
+)

@@ -1,0 +1,30 @@
+"""docs/effects.md says what the catalogue holds, and the catalogue says all that the page needs."""
+
+from __future__ import annotations
+
+import pytest
+
+from heli3dof.diagnosis.catalogue_page import with_table
+from heli3dof.experiment.plan import load_plan
+from heli3dof.model.effects import effects, term
+from heli3dof.model.effects.base import ABSCISSAE
+from tests.paths import ROOT
+
+PAGE = (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
+
+
+def test_the_table_is_the_catalogues() -> None:
+    fix = "run: python -m heli3dof.diagnosis.catalogue_page docs/effects.md"
+    assert with_table(PAGE) == PAGE, fix
+
+
+@pytest.mark.parametrize("name", effects())
+def test_an_effect_says_what_shows_it_what_it_is_taken_for_and_how_it_is_drawn(name: str) -> None:
+    effect = effects()[name]
+    assert effect.identifiable
+    load_plan(effect.separated_by)
+    for axis in effect.axes or (None,):
+        own = name if axis is None else f"{name}.{axis}"
+        assert term(own).evidence in ABSCISSAE
+    for other in effect.confused_with:
+        assert other in effects() or term(other)

@@ -1,0 +1,45 @@
+"""What the emulated rig hides comes out of a full fit with its size; seeds from 1000 on.
+
+Torques are compared in units of the profile's K_f, which the rig has too where nothing is spread.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import pytest
+
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.method import fit_greybox
+
+
+@lru_cache(maxsize=4)
+def fitted(name: str, size: float, seed: int = 1021, until_s: float = 40.0) -> Estimate:
+    device = f"mock:?speed=max&seed={seed}&hide={name}:{size:g}"
+    flight = fly_plan(load_plan("rich"), device=device, seed=seed)
+    return fit_greybox(flight.recording.between(0, until_s), (name,))
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "share"),
+    [
+        ("friction.coulomb.yaw", 0.06, 0.03),
+        ("friction.coulomb.pitch", 0.01, 0.03),
+        ("encoder.backlash.pitch", 0.5, 0.03),
+        ("encoder.backlash.yaw", 0.8, 0.05),
+        ("motor.dead_zone", 1.5, 0.15),
+    ],
+)
+def test_a_hidden_effects_size_is_right(name: str, size: float, share: float) -> None:
+    found = fitted(name, size)
+    assert found.optimum.converged
+    assert found.values[-1] == pytest.approx(size, rel=share)
+    assert abs(found.values[-1] - size) < 3.5 * found.std[-1]
+
+
+def test_an_encoders_scale_is_told_from_an_inertia() -> None:
+    found = fitted("encoder.scale.roll", 0.9)
+    assert found.optimum.converged
+    assert found.values[-1] == pytest.approx(0.9, abs=0.02)
