@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import heli3dof as h3
+from heli3dof.comparison.shares import error_deg, shares
 from heli3dof.identification.greybox.freeflight import free_rows
-from heli3dof.identification.shares import error_deg, shares
 from heli3dof.model.greybox import GreyBoxModel
 from heli3dof.report.grid import to_markdown
 from heli3dof.report.identification_section import parameters_table

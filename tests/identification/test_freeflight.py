@@ -19,7 +19,6 @@ from heli3dof.identification.greybox.freeflight import (
 from heli3dof.identification.greybox.method import DEFAULT_TERMS, lying_clocks
 from heli3dof.identification.greybox.multistep import robust, scales
 from heli3dof.identification.prepare import prepare
-from heli3dof.identification.shares import without
 from heli3dof.model.modelfile import load_model, save_model
 from heli3dof.recording.recording import Recording
 from tests.identification.known_flights import fly
@@ -113,14 +112,3 @@ def test_predictions_find_a_pitch_encoder_that_was_zeroed_elsewhere(
     frozen = replace(read, varying={})
     assert after < before + 0.5
     assert yaw_error(frozen, moved) > after + 2.0
-
-
-def test_a_term_left_out_is_at_its_absence_and_the_rest_stays() -> None:
-    from heli3dof.model.greybox import nominal
-
-    model = nominal(fly(1022).recording.profile, ("bias.torque.yaw", "motor.lag"))
-    model = replace(model, values=model.values + 0.01, varying={"bias.torque.yaw.torque_Nm": 1.0})
-    bare = without(model, "bias.torque.yaw")
-    assert bare.parameters["bias.torque.yaw.torque_Nm"] == 0.0
-    assert bare.varying == {}
-    assert bare.parameters["motor.lag.time_constant_s"] == pytest.approx(0.09)
