@@ -49,7 +49,7 @@ def test_a_sample_taken_late_moves_every_angle_by_its_rate(recording: Recording)
 
 
 def test_an_encoder_that_was_zeroed_elsewhere_is_found_again(recording: Recording) -> None:
-    """4° is added to what pitch reads; yaw turns as the true angle says. A wide prior pulls little."""
+    """4° is added to what pitch reads; yaw turns as the true angle says. The prior is wide."""
     structure = Structure(recording.profile, terms(("encoder.offset.pitch",)))
     angle = recording.angle + np.radians([0.0, 4.0, 0.0])
     noise = np.array([0.5, 0.5, 0.2])
