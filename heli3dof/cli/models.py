@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 class Method(StrEnum):
     greybox = "greybox"
+    freeflight = "freeflight"
     pem = "pem"
     pbsid = "pbsid"
     tf4 = "tf4"
@@ -34,7 +35,10 @@ def identify(
     recordings: Recordings,
     method: Annotated[
         Method,
-        typer.Option(help="greybox: physical; pem, pbsid, oe: black boxes; tf4: the paper's form."),
+        typer.Option(
+            help="greybox, freeflight: physical, by likelihood or from 3 s flights; pem, pbsid, "
+            "oe: black boxes; tf4: the paper's form."
+        ),
     ] = Method.greybox,
     order: Annotated[
         int | None, typer.Option("--order", help="States of a black box; chosen when not given.")

@@ -30,6 +30,11 @@ METHODS: dict[str, Method] = {
         "heli3dof.identification.greybox.method",
         physical=True,
     ),
+    "freeflight": Method(
+        "physical parameters from free flights of up to 3 s, for logs whose clock lies",
+        "heli3dof.identification.greybox.freeflight",
+        physical=True,
+    ),
     "pem": Method(
         "prediction error in innovation form, started from PBSID-opt",
         "heli3dof.identification.blackbox",

@@ -6,6 +6,7 @@ known from the voltages. An axis that was not measured is taken as held still.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -18,6 +19,11 @@ from heli3dof.recording.recording import Recording
 GAP = 1.5
 """A step of the clock longer than this many periods is a gap."""
 LEAD_S = 1.0
+ON_TABLE_BELOW = math.radians(-15.0)
+"""A flight whose roll never falls below this has no table in it."""
+CLIMB_S = 0.1
+AT_REST_S = 0.02
+"""A rig that lies on its table that long at the start had not begun to fly."""
 ENCODER_NOISE = 0.06
 """How well an encoder's edges lie where they should, standard deviation in encoder steps; of an
 angle that is on no grid, the noise of a reading in steps of the profile's encoder."""
@@ -107,9 +113,14 @@ def data_of(
         y[: run.start - start] = np.nan
         if (every := round(read_every_s / rec.dt)) > 1:
             y[(np.arange(len(y)) - (run.start - start)) % every != 0] = np.nan
-        parts.append((t - rec.t[0], h, rec.voltage[rows], y))
-        n = run.stop - start
-        blocks.append((at, at + run.start - start, at + n))
+        v, t = rec.voltage[rows], t - rec.t[0]
+        if start == 0 and starts_on_table(rec):
+            # One row before the first, without voltage: the rotors stood still.
+            t, h = np.append(t[0] - h[0], t), np.append(h[0], h)
+            v, y = np.vstack([np.zeros(2), v]), np.vstack([np.full(3, np.nan), y])
+        parts.append((t, h, v, y))
+        n = len(t)
+        blocks.append((at, at + n - (run.stop - run.start), at + n))
         at += n
         free.append([not np.isnan(y[:, i]).all() for i in range(3)])
         grid.append(
@@ -134,6 +145,25 @@ def data_of(
 def encoder_noise(data: Data, steps: float = ENCODER_NOISE) -> np.ndarray:
     """(3,) rad², the variance R of what an event tells of the angle: that many steps squared."""
     return np.asarray((steps * data.rad_per_count) ** 2)
+
+
+def starts_on_table(recording: Recording) -> bool:
+    """True where the first row finds the rig at rest on its table, its rotors not yet turning."""
+    roll = recording.angle[:, 0]
+    if np.isnan(roll[0]) or not roll[0] < ON_TABLE_BELOW:
+        return False
+    near = 2.5 * abs(recording.profile.encoder.rad_per_count[0])
+    first = recording.t < recording.t[0] + AT_REST_S
+    return bool(roll[0] <= np.nanmin(roll) + near and np.ptp(roll[first]) <= near)
+
+
+def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
+    """How many rows after lift-off the climb ends: above half of ``rest`` (rad), roll has not
+    risen for `CLIMB_S`. Until then rotors spin up from nothing, and clocks stumble most."""
+    ahead = max(1, round(CLIMB_S / dt))
+    later = roll[np.minimum(np.arange(len(roll)) + ahead, len(roll) - 1)]
+    done = np.flatnonzero((later <= roll) & (roll > 0.5 * rest))
+    return min(int(done[0]) + ahead, len(roll)) if len(done) else len(roll)
 
 
 def _lead(recording: Recording, start: int) -> int:

@@ -42,6 +42,9 @@ class GreyBoxModel:
     """(n, n) of the values; NaN where unknown."""
     jitter_s: float = 0.0
     """s: how far sampling instants scatter, standard deviation."""
+    varying: Mapping[str, float] = field(default_factory=dict)
+    """Parameters that differ from recording to recording, about their value, with this standard
+    deviation in their unit: `predict` re-estimates them (`heli3dof.model.instants`)."""
     extra: Mapping[str, Any] = field(default_factory=dict)
     """Whatever else belongs in the model file: recordings, verdicts, versions."""
     kind: str = "greybox"

@@ -6,7 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 import heli3dof as h3
+from heli3dof.comparison.shares import error_deg, shares
+from heli3dof.identification.greybox.freeflight import free_rows
+from heli3dof.model.greybox import GreyBoxModel
 from heli3dof.report.grid import to_markdown
 from heli3dof.report.identification_section import parameters_table
 from heli3dof.report.tables import prediction_table
@@ -76,8 +81,36 @@ def measure() -> list[Figure]:
                         else "roll / pitch / yaw; the profile's nominal values",
                     )
                 )
+        if isinstance(grey := found[-1].model, GreyBoxModel) and grey.varying:
+            figures += fitted_to_flights(trial, grey, test)
     write_page(PAGE, blocks)
     return figures
+
+
+def fitted_to_flights(
+    trial: Trial, model: GreyBoxModel, test: Sequence[h3.Recording]
+) -> list[Figure]:
+    """The same error from the end of the climb on, and each term's share of the whole error."""
+    free = [r.rows(slice(int(np.flatnonzero(free_rows(r))[0]), None)) for r in test]
+    figures = [
+        Figure(
+            f"{trial.rig}: grey box, over 3 s, from the end of the climb on",
+            _deg(error_deg(model, free, 3.0)),
+            how="roll / pitch / yaw; what a take-off does to a clock no model holds",
+        )
+    ]
+    return figures + [
+        Figure(
+            f"{trial.rig}: grey box without {s.term}",
+            _deg(s.without_deg),
+            how=f"not refitted, from the end of the climb on; with it {_deg(s.whole_deg)}",
+        )
+        for s in shares(model, free)
+    ]
+
+
+def _deg(rmse: np.ndarray) -> str:
+    return " / ".join(f"{e:.2f}" for e in rmse) + " °"
 
 
 def write_page(page: Path, blocks: dict[str, str]) -> None:

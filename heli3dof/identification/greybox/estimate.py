@@ -68,6 +68,15 @@ class Estimate:
         """(n,) in their units"""
         return self.problem.values(self.optimum.theta)
 
+    @property
+    def theta(self) -> np.ndarray:
+        """(n,) coordinates"""
+        return self.optimum.theta
+
+    def values_at(self, theta: np.ndarray) -> np.ndarray:
+        """(n,) coordinates → values"""
+        return self.problem.values(theta)
+
     @cached_property
     def slopes(self) -> np.ndarray:
         """(n,) ∂value/∂coordinate"""

@@ -18,6 +18,7 @@ from heli3dof.identification.found import Found, Innovations, Parameter, Request
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.fit import NOISE_START
 from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.multistep import Fitted
 from heli3dof.identification.prepare import Prepared, Run
 from heli3dof.identification.statistics import Pole
 from heli3dof.identification.transfer import TransferFunctions
@@ -28,6 +29,7 @@ from heli3dof.model.effects import terms
 from heli3dof.model.filtering import GAP, Stretch, data_of
 from heli3dof.model.greybox import GreyBoxModel
 from heli3dof.model.rig_model import Structure
+from heli3dof.recording.jitter import motion_jitter
 from heli3dof.recording.recording import Recording
 
 DEFAULT_TERMS = (
@@ -44,10 +46,16 @@ TEST_INTERVAL_S = 0.04
 """Residual tests look at errors of predictions this far ahead, end to end: at every sample an
 encoder's rounding is most of an error."""
 LEAST_RUN_S = 0.5
+LYING = 0.2
+"""Of the period: below it the likelihood, whose filter knows jitter, does better."""
 
 
 def fit(prepared: Prepared, request: Request) -> Found:
     """The grey box on the prepared training runs, and on what recordings of fewer angles hold."""
+    if request.terms is None and not request.partial and lying_clocks(prepared):
+        from heli3dof.identification.greybox import freeflight
+
+        return freeflight.handed_over(freeflight.fit(prepared, request))
     first = prepared.recordings[0]
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]
@@ -60,7 +68,7 @@ def fit(prepared: Prepared, request: Request) -> Found:
     sources = sorted({r.source for r in runs})
     model = model_of(found, [several[i] for i in sources], request.name)
     linear = model.linear(prepared.dt)
-    poles_, transfer, response = _linear_figures(found, prepared.dt)
+    poles_, transfer, response = linear_figures(found, prepared.dt)
     return Found(
         model=model,
         order=linear.order,
@@ -74,6 +82,17 @@ def fit(prepared: Prepared, request: Request) -> Found:
         test_interval_s=TEST_INTERVAL_S,
         correlation=found.correlation,
     )
+
+
+def lying_clocks(prepared: Prepared) -> bool:
+    """True where the motion shows that samples of the training runs were not taken when they say,
+    by more than `LYING` of the period."""
+    found = []
+    for i in sorted({r.source for r in prepared.train}):
+        r = prepared.recordings[i]
+        m = motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count)
+        found.append(m.found and m.sigma_s > LYING * r.dt)
+    return all(found)
 
 
 def compile_first(problem: Likelihood) -> None:
@@ -224,22 +243,22 @@ def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[Run]) ->
     return E, U
 
 
-def _linear_figures(
-    found: Estimate, dt: float
+def linear_figures(
+    found: Estimate | Fitted, dt: float
 ) -> tuple[
     tuple[Pole, ...],
     TransferFunctions,
     Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
 ]:
     """Poles, transfer functions and responses about hover, by differences along the parameters."""
-    theta = found.optimum.theta
+    theta = found.theta
     sd = found.std / found.slopes
     cov = found.covariance / np.outer(found.slopes, found.slopes)
 
     def at(point: np.ndarray) -> Any:
         model = GreyBoxModel(
             "", found.structure.profile, tuple(t.name for t in found.structure.terms),
-            found.problem.values(point), np.zeros(3), np.full((len(point), len(point)), np.nan),
+            found.values_at(point), np.zeros(3), np.full((len(point), len(point)), np.nan),
         )  # fmt: skip
         return model.linear(dt).continuous()
 

@@ -34,6 +34,7 @@ def to_dict(model: GreyBoxModel) -> dict[str, Any]:
         "covariance": model.covariance.tolist(),
         "acceleration_noise_rad_per_s2_per_sqrtHz": model.noise.tolist(),
         "timing_jitter_s": model.jitter_s,
+        "varying_by_recording": dict(model.varying),
         "extra": dict(model.extra),
     }
 
@@ -59,6 +60,7 @@ def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
         noise=np.array(data["acceleration_noise_rad_per_s2_per_sqrtHz"], dtype=float),
         covariance=np.array(data["covariance"], dtype=float).reshape(n, n),
         jitter_s=float(data.get("timing_jitter_s", 0.0)),
+        varying={str(k): float(v) for k, v in data.get("varying_by_recording", {}).items()},
         extra=dict(data.get("extra", {})),
     )
     try:
@@ -70,6 +72,8 @@ def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
         raise ValueError(
             f"its parameters are {', '.join(given)}, its terms ask for {', '.join(expected)}"
         )
+    if unknown := set(model.varying) - set(expected):
+        raise ValueError(f"varying_by_recording names {', '.join(sorted(unknown))}: no parameter")
     if model.noise.shape != (3,) or not np.isfinite(model.values).all():
         raise ValueError("a parameter or the noise holds null where a number belongs")
     return model

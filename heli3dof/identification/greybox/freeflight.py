@@ -1,0 +1,232 @@
+"""The method ``freeflight``: physical parameters from free flights of up to 3 s.
+
+For real rigs whose log's clock lies (`heli3dof.recording.jitter` finds that from the motion); what
+is minimised, and why, stands in `heli3dof.identification.greybox.multistep`. ``greybox`` hands over
+to it by itself where it finds such a clock and no terms were asked for.
+
+`REAL_TERMS` are what identified rigs were found to need beside the defaults: thrust as a power of
+the rotor's speed, a spin-up limit, dry friction, inflow, the propellers' momentum, flapping, and an
+offset of the pitch encoder that is another in every recording (it is zeroed wherever the body
+happened to hang). `SPREAD` are their weak priors where flights about one trim would leave them
+free to cancel one another: pitch damping and flapping act alike until yaw moves.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from heli3dof.errors import RecordingError
+from heli3dof.identification.found import Found, Parameter, Request
+from heli3dof.identification.greybox.multistep import Fitted, MultiStep, search
+from heli3dof.identification.prepare import Prepared, Run
+from heli3dof.identification.usable import unusable
+from heli3dof.model.effects import terms
+from heli3dof.model.filtering import GAP, Stretch, climb_rows, data_of, starts_on_table
+from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.model.greybox_predict import held, table_of
+from heli3dof.model.greybox_windows import Flight
+from heli3dof.model.rig_model import Structure
+from heli3dof.recording.recording import Recording
+
+REAL_TERMS = (
+    "stiffness.pendulum.roll",
+    "stiffness.pendulum.pitch",
+    "friction.viscous.pitch",
+    "friction.viscous.yaw",
+    "motor.lag",
+    "bias.torque.pitch",
+    "motor.rotor_curve",
+    "motor.spin_up",
+    "aero.inflow",
+    "aero.gyroscopic",
+    "aero.flapping",
+    "friction.coulomb.roll",
+    "friction.coulomb.pitch",
+    "friction.coulomb.yaw",
+    "encoder.offset.pitch",
+)
+OFFSET = "encoder.offset.pitch.angle_deg"
+VARYING = {OFFSET: 3.0}
+"""°: how far apart two recordings' zeros lie."""
+SPREAD = {
+    OFFSET: 8.0,
+    "aero.flapping.moment_Nms_per_rad": 0.05,
+    "friction.viscous.pitch.damping_Nms_per_rad": 0.03,
+    "friction.viscous.yaw.damping_Nms_per_rad": 0.05,
+}
+"""Prior standard deviations: identified rigs' damping (rig.md) in N·m·s/rad, a few times over."""
+WINDOW_S = 3.0
+APART_S = 0.2
+LEAST_WINDOWS = 20
+WHY = (
+    "These logs' clocks are even, but the samples were not taken evenly (found from the motion): "
+    "one step ahead that is noise of the rate's size, which pulls every inertia and thrust "
+    "parameter off. Fitted to free flights of up to 3 s instead (method freeflight); "
+    "--method greybox --terms NAME,… forces the likelihood."
+)
+
+
+def fit(prepared: Prepared, request: Request) -> Found:
+    """Free flights of the training runs of the prepared recordings."""
+    from heli3dof.identification.greybox.method import TEST_INTERVAL_S, innovations, linear_figures
+
+    sources = sorted({r.source for r in prepared.train})
+    several = [_cut(prepared.recordings[i], prepared.train, i) for i in sources]
+    found = fit_freeflight(several, request.terms or REAL_TERMS)
+    whole = [prepared.recordings[i] for i in sources]
+    model = model_of(found, whole, request.name)
+    poles, transfer, response = linear_figures(found, prepared.dt)
+    return Found(
+        model=model,
+        order=model.linear(prepared.dt).order,
+        interval_s=prepared.dt,
+        innovations=lambda p, runs: innovations(model, p, runs),
+        poles=poles,
+        transfer=transfer,
+        parameters=parameters(found),
+        warnings=warnings(found),
+        response=response,
+        test_interval_s=TEST_INTERVAL_S,
+        correlation=found.correlation,
+    )
+
+
+def fit_freeflight(
+    recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS, *, threads: int = 2
+) -> Fitted:
+    """Fit a rig with these terms to flights with all three angles.
+
+    Raises RecordingError where no free flight of 3 s fits between take-off, table and stops.
+    """
+    return search(problem_of(recordings, names, threads=threads))
+
+
+def problem_of(
+    recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS, *, threads: int = 2
+) -> MultiStep:
+    """The recordings cut into windows, with the priors of this module."""
+    structure = Structure(recordings[0].profile, terms(names))
+    parts = [(r, flight_of(r)) for r in recordings]
+    flights = [(r, f) for r, f in parts if len(f.starts) >= 2]
+    if sum(len(f.starts) for _, f in flights) < LEAST_WINDOWS:
+        raise RecordingError(
+            f"There are too few free flights of {WINDOW_S:.0f} s to fit.",
+            cause="the recordings are short, or spend their time on the table or at a stop.",
+            fix="heli3dof info on the recordings, or --method greybox --terms NAME,…",
+        )
+    data, rows = [], []
+    for r, _ in flights:
+        runs = _airborne(r)
+        d = data_of([r], runs)
+        where = np.full(len(d.t), -1)
+        for run, (_, start, stop) in zip(runs, d.blocks, strict=True):
+            where[start:stop] = np.arange(run.start, run.stop)
+        data.append(d)
+        rows.append(where)
+    there = {k: v for k, v in VARYING.items() if k in structure.names}
+    spread = {k: v for k, v in SPREAD.items() if k in structure.names}
+    return MultiStep(
+        structure,
+        tuple(f for _, f in flights),
+        tuple(data),
+        tuple(rows),
+        varying=there,
+        spread=spread,
+        threads=threads,
+    )
+
+
+def flight_of(recording: Recording) -> Flight:
+    """The recording and its starts, every `APART_S`, whose windows hold usable rows only."""
+    r = recording
+    n, every = round(WINDOW_S / r.dt), max(1, round(APART_S / r.dt))
+    bad = ~free_rows(r)
+    count = np.concatenate([[0], np.cumsum(bad)])
+    k = np.arange(0, max(len(r) - n, 0), every)
+    h = np.append(np.diff(r.t), r.dt)
+    return Flight(
+        r.t - r.t[0], h, held(r.voltage), r.angle, np.isfinite(r.angle).any(axis=0),
+        table_of(r)[0], k[count[k + n] == count[k]], starts_on_table(r),
+    )  # fmt: skip
+
+
+def free_rows(recording: Recording) -> np.ndarray:
+    """(N,) bool: usable, and a take-off counts from the end of its climb.
+
+    A linear model needs seconds more (`heli3dof.identification.usable`), the rigid body does not.
+    """
+    masks = unusable(recording)
+    bad = np.logical_or.reduce([m for reason, m in masks.items() if reason != "take_off"])
+    bad |= np.concatenate([[False], np.diff(recording.t) > GAP * recording.dt])
+    roll = recording.angle[:, 0]
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], masks["take_off"].astype(int), [0]])))
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        bad[a : a + climb_rows(roll[a:b], float(np.nanmin(roll)), recording.dt)] = True
+    return np.asarray(~bad)
+
+
+def _airborne(recording: Recording) -> list[Stretch]:
+    """Stretches off the table in which everything was read: where the filter runs."""
+    ok = ~table_of(recording)[1] & ~unusable(recording)["unread"]
+    breaks = np.flatnonzero(np.diff(recording.t) > GAP * recording.dt) + 1
+    edges = np.unique(
+        np.concatenate([[0, len(ok)], breaks, np.flatnonzero(np.diff(ok.astype(int))) + 1])
+    )
+    return [Stretch(0, int(a), int(b)) for a, b in itertools.pairwise(edges) if ok[a] and b - a > 2]
+
+
+def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:
+    """The recording up to the last row that may be fitted."""
+    return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
+
+
+def model_of(found: Fitted, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
+    """The fitted model, whose predictions re-estimate what differs by recording."""
+    return GreyBoxModel(
+        name=name,
+        profile=found.structure.profile,
+        terms=tuple(t.name for t in found.structure.terms),
+        values=found.values,
+        noise=found.noise[:3],
+        jitter_s=float(found.noise[3]),
+        covariance=found.covariance,
+        varying=dict(found.problem.varying),
+        extra={
+            "method": "freeflight",
+            "recordings": [{"name": r.name, "sha256": r.digest} for r in recordings],
+            "converged": found.converged,
+            "by_recording": {name: values.tolist() for name, values in found.by_recording.items()},
+        },
+    )
+
+
+def parameters(found: Fitted) -> dict[str, Parameter]:
+    """By name, with standard deviation, nominal value and verdict."""
+    out = {}
+    std, prior = found.std, found.prior_std
+    for f, v, s, p in zip(found.structure.free, found.values, std, prior, strict=True):
+        vague = s > 0.7 * p and f.name not in found.problem.varying
+        said = f"{f.name}: these recordings say little of it; its prior does." if vague else ""
+        nominal = f.start if f.term is None else f.null
+        out[f.name] = Parameter(float(v), float(s), f.unit, np.nan, nominal, said)
+    return out
+
+
+def warnings(found: Fitted) -> tuple[str, ...]:
+    """What to be told of besides the numbers."""
+    said = [p.verdict for p in parameters(found).values() if p.verdict]
+    if not found.converged:
+        said.append(f"The fit had not settled after {found.rounds} rounds: too little motion.")
+    for name, values in found.by_recording.items():
+        each = ", ".join(f"{v:.3g}" for v in values)
+        said.append(f"{name} differs by recording: {each}. Predictions re-estimate it.")
+    return tuple(said)
+
+
+def handed_over(found: Found) -> Found:
+    """The same, saying why the likelihood was left."""
+    return replace(found, warnings=(WHY, *found.warnings))

@@ -1,0 +1,348 @@
+"""A fit to free flights of up to 3 s, for logs whose clock lies or whose rig no model holds whole.
+
+One step ahead, a sample that was taken at another time than it says is an error of the rate's size,
+and every parameter that acts through accelerations is pulled to zero. Over a second or more it is
+nothing. So the errors of free flights from the filter's states (`heli3dof.model.instants`) are
+minimised, at several horizons h_j from many starts k::
+
+    Q(θ) = (T/τ)/(S M) Σ_k Σ_j Σ_i ρ(e_i[k, j]/s_i[j]) + (θ − θ_0)ᵀ Λ (θ − θ_0),
+    ρ(u) = 2 c² (√(1 + (u/c)²) − 1),   c = `ROBUST`
+
+with S starts, M horizons, and T/τ the number of independent windows in T seconds of flight
+(`WINDOW_S`). The scales s are the errors' own, taken again in each stage; the stages go from short
+horizons to long ones, because a poor start diverges over long ones. Gauss–Newton with Levenberg's
+λ; the tangents by differences, the filter's dependence on θ included.
+
+Λ is the weak prior of every term, and of the inertias their geometry: their *ratios* follow from
+lengths and a few masses, their common factor (in units of K_f) from the thrust gain, which is off
+by a factor of two between rigs.
+
+A parameter named in ``varying`` has a value of its own in each recording, N(mean, spread²).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.model.filtering import Data
+from heli3dof.model.greybox_windows import Flight, errors
+from heli3dof.model.instants import follow
+from heli3dof.model.rig_model import Structure
+
+STAGES_S = (
+    (0.1, 0.2, 0.4),
+    (0.25, 0.5, 0.75, 1.0),
+    (0.25, 0.5, 1.0, 1.5, 2.0),
+    (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0),
+    (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0),
+)
+ROUNDS = 8
+WINDOW_S = 1.0
+"""Errors of windows that start further apart than this are taken as independent."""
+ROBUST = 4.0
+RATIO_STD, COMMON_STD = 0.04, 0.5
+"""Of the logarithms: the inertias' ratios to roll's, and roll's."""
+DIFFERENCE = 1e-3
+SETTLED = 0.03
+NOISE_START = (0.08, 0.15, 0.06)
+"""rad/s²/√Hz"""
+JITTERS_S = (0.0, 0.001, 0.002, 0.004)
+FAR = 3.0
+"""rad: an error no larger than that is counted."""
+
+
+@dataclass(frozen=True, eq=False)
+class MultiStep:
+    """Flights with the data of their filters, and a structure."""
+
+    structure: Structure
+    flights: tuple[Flight, ...]
+    data: tuple[Data, ...]
+    """One per flight; blocks, laid end to end"""
+    rows: tuple[np.ndarray, ...]
+    """(n_i,) per flight: which row of the flight each row of its data is; −1 where none"""
+    varying: Mapping[str, float] = field(default_factory=dict)
+    spread: Mapping[str, float] = field(default_factory=dict)
+    """Prior standard deviations in the parameters' units, in place of the effects' own."""
+    ratio_std: float = RATIO_STD
+    common_std: float = COMMON_STD
+    threads: int = 2
+
+    @property
+    def n(self) -> int:
+        return len(self.structure.free)
+
+    @cached_property
+    def own(self) -> np.ndarray:
+        """(B,) indices of the parameters that vary."""
+        return np.array([self.structure.names.index(v) for v in self.varying], dtype=int)
+
+    @property
+    def dim(self) -> int:
+        return self.n + len(self.own) * len(self.flights)
+
+    @cached_property
+    def start(self) -> np.ndarray:
+        """(dim,) coordinates: the common ones, then each recording's own."""
+        theta = np.array([f.inward(f.start) for f in self.structure.free])
+        return np.concatenate([theta, np.tile(theta[self.own], len(self.flights))])
+
+    @cached_property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        free = self.structure.free
+        out = []
+        for side in ("low", "high"):
+            c = np.array([f.inward(getattr(f, side)) for f in free])
+            out.append(np.concatenate([c, np.tile(c[self.own], len(self.flights))]))
+        return out[0], out[1]
+
+    @cached_property
+    def prior(self) -> np.ndarray:
+        """Λ (dim, dim), in coordinates"""
+        free = self.structure.free
+        std = []
+        for f in free:
+            given = self.spread.get(f.name, f.prior_std)
+            std.append(given if f.log else given / f.typical)
+        L = np.zeros((self.dim, self.dim))
+        L[: self.n, : self.n] = np.diag(1 / np.square(std))
+        r, p, y = (self.structure.names.index(f"J_{a}") for a in AXES)
+        for j in (r, p, y):
+            L[j, j] = 0.0
+        for j in (p, y):
+            d = np.zeros(self.dim)
+            d[j], d[r] = 1.0, -1.0
+            L += np.outer(d, d) / self.ratio_std**2
+        L[r, r] += 1 / self.common_std**2
+        for i in range(len(self.flights)):
+            for b, j in enumerate(self.own):
+                d = np.zeros(self.dim)
+                d[j], d[self.n + i * len(self.own) + b] = 1.0, -1.0
+                size = self.varying[free[j].name] / free[j].typical
+                L += np.outer(d, d) / size**2
+        return L
+
+    def values(self, z: np.ndarray, flight: int | None = None) -> np.ndarray:
+        """(n,) values, with a recording's own numbers where one is given."""
+        theta = z[: self.n].copy()
+        if flight is not None:
+            b = len(self.own)
+            theta[self.own] = z[self.n + flight * b : self.n + (flight + 1) * b]
+        return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
+
+    def states(self, z: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:
+        """(N, 6) of flight i's rows; NaN where there is none."""
+        flight = self.flights[i]
+        X = np.full((len(flight.t), 6), np.nan)
+        found = follow(self.structure, self.values(z, i), self.data[i], noise[:3], noise[3])
+        there = self.rows[i] >= 0
+        X[self.rows[i][there]] = found.states[there]
+        return X
+
+    def errors(self, z: np.ndarray, noise: np.ndarray, horizons_s: Sequence[float]) -> list[Any]:
+        """Per flight (S, M, 3) rad."""
+        out = []
+        for i, flight in enumerate(self.flights):
+            ahead = np.array([max(1, round(h / flight.dt)) for h in horizons_s])
+            X = self.states(z, i, noise)
+            e = errors(self.structure, self.values(z, i), flight, X, ahead)
+            out.append(np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR))
+        return out
+
+    def loglik(self, z: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """(3,) of the filter's readings"""
+        parts = [
+            follow(self.structure, self.values(z, i), d, noise[:3], noise[3]).loglik
+            for i, d in enumerate(self.data)
+        ]
+        return np.asarray(np.sum(parts, axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Where the search ended."""
+
+    problem: MultiStep
+    z: np.ndarray
+    noise: np.ndarray
+    """(4,) rad/s²/√Hz on roll, pitch, yaw; s of jitter"""
+    scale: np.ndarray
+    """(M, 3) rad: the errors' scales at the last stage's horizons"""
+    cost: float
+    tangents: np.ndarray
+    """(dim, R) of the weighted residuals"""
+    rounds: int
+    converged: bool
+
+    @property
+    def structure(self) -> Structure:
+        return self.problem.structure
+
+    @property
+    def theta(self) -> np.ndarray:
+        """(n,) coordinates; of what differs by recording, the recordings' mean."""
+        theta = self.z[: self.problem.n].copy()
+        if len(self.problem.own):
+            theta[self.problem.own] = self._own.mean(axis=0)
+        return np.asarray(theta)
+
+    @property
+    def _own(self) -> np.ndarray:
+        p = self.problem
+        return np.asarray(self.z[p.n :].reshape(len(p.flights), len(p.own)))
+
+    @property
+    def by_recording(self) -> dict[str, np.ndarray]:
+        """(flights,) values of each parameter that differs, in its unit."""
+        free = self.structure.free
+        return {
+            free[j].name: np.array([free[j].outward(c) for c in self._own[:, b]])
+            for b, j in enumerate(self.problem.own)
+        }
+
+    def values_at(self, theta: np.ndarray) -> np.ndarray:
+        """(n,) coordinates → values"""
+        return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
+
+    @property
+    def values(self) -> np.ndarray:
+        """(n,)"""
+        return self.values_at(self.theta)
+
+    @cached_property
+    def slopes(self) -> np.ndarray:
+        """(n,) ∂value/∂coordinate"""
+        return np.array([f.slope(v) for f, v in zip(self.structure.free, self.values, strict=True)])
+
+    @property
+    def std(self) -> np.ndarray:
+        """(n,) in the units of the values"""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def prior_std(self) -> np.ndarray:
+        """(n,) what it was before the recordings spoke"""
+        n = self.problem.n
+        return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.problem.prior))[:n]) * self.slopes)
+
+    @property
+    def correlation(self) -> np.ndarray:
+        """(n, n)"""
+        return np.asarray(self.covariance / np.outer(self.std, self.std))
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """(n, n) of the values in their units."""
+        p = self.problem
+        H = self.tangents @ self.tangents.T + p.prior
+        C = np.linalg.inv(H)[: p.n, : p.n]
+        return np.asarray(C * np.outer(self.slopes, self.slopes))
+
+
+def robust(u: np.ndarray) -> np.ndarray:
+    """√ρ(u) with u's sign."""
+    return np.asarray(np.sign(u) * ROBUST * np.sqrt(2 * (np.sqrt(1 + (u / ROBUST) ** 2) - 1)))
+
+
+def scales(e: np.ndarray) -> np.ndarray:
+    """(M, 3) rad from errors (S, M, 3): half of the median's, half of the mean square's."""
+    size = np.sqrt(np.mean(np.minimum(np.abs(e), 1.0) ** 2, axis=0))
+    return np.asarray(np.maximum(size, np.radians(0.1)))
+
+
+def search(
+    problem: MultiStep,
+    start: np.ndarray | None = None,
+    noise: np.ndarray | None = None,
+    *,
+    stages_s: Sequence[Sequence[float]] = STAGES_S,
+    say: Callable[[str], None] | None = None,
+) -> Fitted:
+    """The minimum from ``start`` (dim,), through the stages."""
+    p = problem
+    z = p.start.copy() if start is None else start.copy()
+    low, high = p.bounds
+    a = np.array([*NOISE_START, 0.002]) if noise is None else np.array(noise, dtype=float)
+    count = 0
+    done = False
+    mapper: Callable[..., Iterable[Any]] = map
+    if p.threads > 1:
+        mapper = ThreadPoolExecutor(p.threads).map
+    for stage in stages_s:
+        if noise is None:
+            a = better_noise(p, z, a)
+        first = np.concatenate(p.errors(z, a, stage))
+        scale = scales(first)
+        seconds = sum(len(f.starts) * _apart(f) for f in p.flights)
+        weight = np.sqrt(seconds / WINDOW_S / first[..., 0].size)
+
+        def residuals(at: np.ndarray, a=a, stage=stage, scale=scale, weight=weight) -> np.ndarray:  # type: ignore[no-untyped-def]
+            e = np.concatenate(p.errors(at, a, stage))
+            return np.asarray(weight * robust(e / scale).ravel())
+
+        def cost(r: np.ndarray, at: np.ndarray) -> float:
+            d = at - p.start
+            return float(r @ r + d @ p.prior @ d)
+
+        r = residuals(z)
+        here = cost(r, z)
+        begun = here
+        lam = 1e-3
+        done = False
+        for _ in range(ROUNDS):
+            count += 1
+            step = np.where(z + DIFFERENCE < high, DIFFERENCE, -DIFFERENCE)
+            moved = mapper(residuals, [z + np.eye(p.dim)[j] * step[j] for j in range(p.dim)])
+            D = (np.array(list(moved)) - r) / step[:, None]
+            g = D @ r + p.prior @ (z - p.start)
+            H = D @ D.T + p.prior
+            go = ~(((z <= low) & (g > 0)) | ((z >= high) & (g < 0)))
+            gain = 0.0
+            for _ in range(8):
+                A = H + lam * np.diag(np.diag(H))
+                delta = np.zeros(p.dim)
+                delta[go] = -np.linalg.solve(A[np.ix_(go, go)], g[go])
+                new = np.clip(z + delta, low, high)
+                q = residuals(new)
+                if (there := cost(q, new)) < here:
+                    gain, z, r, here = here - there, new, q, there
+                    lam = max(lam / 10, 1e-6)
+                    break
+                lam *= 10
+            if gain < SETTLED:
+                done = True
+                break
+        if say is not None:
+            say(f"{stage[-1]} s: {begun:.1f} → {here:.1f} in {count}, noise {np.round(a, 4)}")
+    return Fitted(p, z, a, scale, here, D, count, done)
+
+
+def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
+    """The likeliest jitter, then a few Newton steps of the log intensities."""
+    a = a.copy()
+    tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]
+    a[3] = JITTERS_S[int(np.argmax(tried))]
+    for _ in range(4):
+        factor = np.exp(0.5)
+        mid = p.loglik(z, a)
+        up = p.loglik(z, np.append(a[:3] * factor, a[3]))
+        down = p.loglik(z, np.append(a[:3] / factor, a[3]))
+        slope, bend = up - down, -(up - 2 * mid + down) / 0.25
+        move = np.where(bend > 0, slope / np.where(bend > 0, bend, 1), np.sign(slope))
+        move = np.clip(move, -0.7, 1.0)
+        a[:3] = np.clip(a[:3] * np.exp(move), 1e-4, 30.0)
+        if np.abs(move).max() < 0.1:
+            break
+    return a
+
+
+def _apart(flight: Flight) -> float:
+    """s between starts"""
+    return float(np.median(np.diff(flight.t[flight.starts])))

@@ -1,0 +1,114 @@
+"""The fit to free flights: on the mock rig with a clock that lies, and on a real rig's log."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import heli3dof as h3
+from heli3dof.errors import RecordingError
+from heli3dof.identification.greybox.freeflight import (
+    OFFSET,
+    fit_freeflight,
+    free_rows,
+    model_of,
+    problem_of,
+)
+from heli3dof.identification.greybox.method import DEFAULT_TERMS, lying_clocks
+from heli3dof.identification.greybox.multistep import robust, scales
+from heli3dof.identification.prepare import prepare
+from heli3dof.model.modelfile import load_model, save_model
+from heli3dof.recording.recording import Recording
+from tests.identification.known_flights import fly
+from tests.paths import REAL_DATA
+
+RIG_A = REAL_DATA / "rig-a"
+
+
+def blurred(recording: Recording, sigma_s: float, seed: int) -> Recording:
+    """The same flight, every row's angles taken at another instant than its time says."""
+    t = recording.t
+    late = sigma_s * np.random.default_rng(seed).standard_normal(len(t))
+    step = np.abs(recording.profile.encoder.rad_per_count)
+    angle = [np.interp(t + late, t, recording.angle[:, i]) for i in range(3)]
+    return replace(recording, angle=np.round(np.column_stack(angle) / step) * step)
+
+
+@pytest.fixture(scope="module")
+def real() -> Recording:
+    if not RIG_A.is_dir():
+        pytest.skip("the real recordings are not here")
+    return h3.load(RIG_A / "closed-1a.csv", h3.load_profile(RIG_A / "profile.toml"))
+
+
+def test_small_errors_count_by_their_square_and_large_ones_by_their_size() -> None:
+    assert robust(np.array([0.1]))[0] == pytest.approx(0.1, rel=1e-3)
+    assert robust(np.array([400.0]))[0] ** 2 == pytest.approx(2 * 4.0 * 400, rel=0.02)
+
+
+def test_the_scale_of_an_error_is_its_rms() -> None:
+    e = np.array([0.3, -0.3, 0.1, -0.1]).reshape(4, 1, 1) * np.ones((1, 1, 3))
+    np.testing.assert_allclose(scales(e), np.sqrt(0.05))
+
+
+def test_inertias_may_all_be_off_together_but_not_against_one_another() -> None:
+    problem = problem_of([fly(1022).recording.between(0, 25)], DEFAULT_TERMS)
+    names = problem.structure.names
+    together, apart = np.zeros(problem.dim), np.zeros(problem.dim)
+    for a in ("roll", "pitch", "yaw"):
+        together[names.index(f"J_{a}")] = 0.2
+    apart[names.index("J_pitch")] = 0.2
+    assert together @ problem.prior @ together == pytest.approx((0.2 / 0.5) ** 2)
+    assert apart @ problem.prior @ apart == pytest.approx((0.2 / 0.04) ** 2)
+
+
+def test_a_blurred_clock_leaves_the_parameters_right() -> None:
+    flight = fly(1023, spread=0.0)
+    found = fit_freeflight([blurred(flight.recording.between(0, 30), 0.003, 1023)], DEFAULT_TERMS)
+    truth, at = flight.truth, dict(zip(found.structure.names, found.values, strict=True))
+    assert found.noise[3] >= 0.002
+    assert at["T_g"] == pytest.approx(truth["T_g"], rel=0.03)
+    for name in ("J_roll", "J_pitch", "J_yaw", "stiffness.pendulum.roll.torque_Nm"):
+        assert at[name] == pytest.approx(truth[name], rel=0.12)
+
+
+def test_recordings_too_short_for_one_free_flight_are_refused() -> None:
+    with pytest.raises(RecordingError, match="free flights"):
+        problem_of([fly(1022).recording.between(0, 4)], DEFAULT_TERMS)
+
+
+def test_a_real_take_off_counts_from_the_end_of_its_climb(real: Recording) -> None:
+    rows = free_rows(real)
+    assert real.t[np.flatnonzero(rows)[0]] == pytest.approx(1.35, abs=0.1)
+
+
+def test_a_real_logs_clock_is_found_to_lie(real: Recording) -> None:
+    assert lying_clocks(prepare([real]))
+
+
+def test_predictions_find_a_pitch_encoder_that_was_zeroed_elsewhere(
+    real: Recording, tmp_path
+) -> None:  # type: ignore[no-untyped-def]
+    """Shift all of pitch by 3°: one free flight after 20 s of it is as good as before."""
+    problem = problem_of([real])
+    z = problem.start.copy()
+    from heli3dof.identification.greybox.multistep import search
+
+    found = search(problem, z, stages_s=((0.25, 0.5, 1.0),))
+    model = model_of(found, [real], "rig-a")
+    save_model(model, tmp_path / "m.json")
+    read = load_model(tmp_path / "m.json", real.profile)
+    assert read.varying == {OFFSET: 3.0}
+    moved = replace(real, angle=real.angle + np.radians([0.0, 3.0, 0.0]))
+    late = real.t - real.t[0] > 20
+
+    def yaw_error(m, recording: Recording) -> float:  # type: ignore[no-untyped-def]
+        e = (m.predict(recording, 2.0) - recording.angle)[late]
+        return float(np.degrees(np.sqrt((e[:, 2] ** 2).mean())))
+
+    before, after = yaw_error(read, real), yaw_error(read, moved)
+    frozen = replace(read, varying={})
+    assert after < before + 0.5
+    assert yaw_error(frozen, moved) > after + 2.0
