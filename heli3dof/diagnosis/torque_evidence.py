@@ -65,7 +65,7 @@ class Evidence:
 
 def variable_of(effect: Effect, axis: str | None) -> str | None:
     """One of `UNITS`; None for an effect that is no torque (encoders, timing)."""
-    if Stage.MEASURE in effect.hooks:
+    if not effect.hooks or Stage.MEASURE in effect.hooks:
         return None
     said = LATE.get(effect.name) or getattr(effect, "evidence", "") or DEPENDS_ON.get(effect.name)
     if not isinstance(said, str) or not said:

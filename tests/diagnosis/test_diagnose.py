@@ -24,7 +24,7 @@ def test_a_cable_stiffness_in_yaw_is_named_and_its_size_is_right() -> None:
     assert [f.choice.term.name for f in found.findings] == ["stiffness.cable.yaw"]
     value, std = found.findings[0].values["stiffness_Nm_per_rad"]
     assert value == pytest.approx(0.1, abs=max(4 * std, 0.01))
-    assert found.findings[0].log_likelihood > 50
+    assert found.findings[0].gain.log_likelihood.low > 50
     written = json.loads(json.dumps(to_document(found)))
     assert written["schema"] == "heli3dof.diagnosis/1"
     assert written["verdict"] == "explained"
