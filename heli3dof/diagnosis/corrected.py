@@ -54,6 +54,8 @@ NEAR = 0.35
 NOISE_NEAR = 0.1
 _PROBE = 0.5  # step of the log intensity, as in `fit`
 WORKERS = 2
+HELD = ("mass.change.time_s",)
+"""Where a scan puts it: the likelihood along an instant is too jagged to climb."""
 COARSE = {"mass.change.time_s": 5e-3}
 """Steps of the differences where a hundredth of a second must show (in typical sizes)."""
 X = TypeVar("X")
@@ -105,6 +107,11 @@ def look(problem: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bo
     down = problem.run(theta, noise / factor, keep=0).loglik
     slope = (up - down) / (2 * _PROBE)
     return Look(at, p, T, g, H, slope, (up - 2 * at.loglik + down) / _PROBE**2)
+
+
+def held(problem: Likelihood) -> np.ndarray:
+    """(n,) bool: which parameters stay where they are."""
+    return np.array([f.name in HELD for f in problem.structure.free])
 
 
 def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
@@ -230,7 +237,9 @@ def correct(
         )
         H = 0.5 * (here.H + np.mean([f.H for f in flown], axis=0))
         A = H + np.diag(precision)
-        step = np.linalg.solve(A, g)
+        step = np.zeros(n)
+        go = ~held(problem)
+        step[go] = np.linalg.solve(A[np.ix_(go, go)], g[go])
         sd = np.sqrt(np.diag(np.linalg.inv(A)))
         slope = here.slope - np.mean([f.slope for f in flown], axis=0)
         bend = np.minimum(np.minimum(here.bend, np.mean([f.bend for f in flown], axis=0)), -1.0)
@@ -241,13 +250,15 @@ def correct(
             break
         if count == 1:
             scale = np.concatenate([sd, np.full(3, NOISE_NEAR / NEAR)])
-        go = secant.next(
+        move_on = secant.next(
             np.concatenate([theta, np.log(noise[:3])]) / scale, np.concatenate([step, move]) / scale
         )
-        go = go * scale
-        theta = np.clip(theta + go[:n], low, high)
+        move_on = move_on * scale
+        theta = np.clip(theta + move_on[:n], low, high)
         noise = noise.copy()
-        noise[:3] = np.clip(noise[:3] * np.exp(np.clip(go[n:], -1.0, 1.0)), NOISE_LOW, NOISE_HIGH)
+        noise[:3] = np.clip(
+            noise[:3] * np.exp(np.clip(move_on[n:], -1.0, 1.0)), NOISE_LOW, NOISE_HIGH
+        )
     here = look(problem, theta, noise)
     scores = np.array([f.g for f in flown])
     C = _scatter(scores, here.H)

@@ -23,7 +23,7 @@ from heli3dof.model.effects import Term
 LOWEST_HZ, HIGHEST_HZ = 0.08, 8.0
 KNOTS = 9
 BIN_S = 0.02
-INSTANT_S = 0.25
+INSTANT_S = 0.05
 Scale = tuple[np.ndarray, np.ndarray]
 """Where, and the information there."""
 

@@ -207,6 +207,6 @@ def beginning_of(ext: Likelihood, found: Corrected, seen: Seen, i: int, true: fl
         if f.log:
             inside.append(f.inward(min(max(v, f.low * 1.1), f.high / 1.1)))
         else:
-            room = 0.01 * (f.high - f.low)
+            room = min(0.01 * (f.high - f.low), 0.05 * f.typical)
             inside.append(f.inward(min(max(v, f.low + room), f.high - room)))
     return np.concatenate([found.optimum.theta, inside])

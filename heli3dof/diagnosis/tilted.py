@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.corrected import Look, look
+from heli3dof.diagnosis.corrected import Look, held, look
 from heli3dof.identification.greybox.fit import NOISE_HIGH, NOISE_LOW, Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
 
@@ -70,6 +70,7 @@ def maximise_tilted(
         g = here.g - tilt.theta - precision * (theta - problem.prior_mean)
         A = here.H + np.diag(precision)
         go = ~(((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0)))
+        go &= ~held(problem)
         gain, accepted = 0.0, False
         for _ in range(10):
             damped = A[np.ix_(go, go)] + lam * np.diag(np.diag(A)[go])

@@ -40,7 +40,7 @@ def test_a_cause_once_taken_is_gone_from_what_is_left_and_can_be_taken_out_again
     assert less.structure.terms == ()
 
 
-def test_a_lag_and_a_delay_are_tied_in_a_plain_step() -> None:
+def test_in_a_plain_step_a_delay_is_named_or_tied_never_excluded() -> None:
     _, step = step_of(step_plan((10.0, None, None)), "motor.delay:0.015", 1016)
     assert step.choice is not None
-    assert {step.choice.term.name, *step.choice.tied_with} >= {"motor.lag", "motor.delay"}
+    assert "motor.delay" in {step.choice.term.name, *step.choice.tied_with}
