@@ -105,7 +105,7 @@ def findings(document: Document) -> Grid:
             ends = ["", "", ""]
     return Grid(
         "Causes, strongest first",
-        ["cause", "what", "size", "±", "unit", "certainty", "ln L"],
+        ["cause", "what", "size", "±", "unit", "certainty", "ln L"],
         rows,
         notes=["±: one standard deviation; ln L: log-likelihood won by the cause."] if rows else [],
         text_columns=2,
