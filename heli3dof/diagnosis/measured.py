@@ -35,7 +35,7 @@ def adopted(
         gains = [gain(held_out(w, holdout), after, seed=seed) for w in less]
         poor = [i for i, g in enumerate(gains) if not pays(g)]
         if not poor:
-            return found, _findings(found, kept, gains), tuple(dropped), after
+            return found, _findings(found, kept, less, gains), tuple(dropped), after
         worst = min(poor, key=lambda i: gains[i].log_likelihood.value)
         dropped.append(Dropped(kept[worst].term.name, gains[worst]))
         found = less[worst]
@@ -57,11 +57,12 @@ def fitted(
 
 
 def _findings(
-    found: Corrected, choices: Sequence[Choice], gains: Sequence[Gain]
+    found: Corrected, choices: Sequence[Choice], less: Sequence[Corrected], gains: Sequence[Gain]
 ) -> tuple[Finding, ...]:
     scale = thrust_scale(found)
     return tuple(
-        Finding(c, in_SI(found, scale, c.term.name), g) for c, g in zip(choices, gains, strict=True)
+        Finding(c, in_SI(found, scale, c.term.name), g, w.optimum.noise)
+        for c, w, g in zip(choices, less, gains, strict=True)
     )
 
 
