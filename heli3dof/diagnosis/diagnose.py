@@ -23,6 +23,7 @@ from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.result import Diagnosis, Finding
 from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import BASES, Bench, Step, base_of, eliminated, extended, looked_at
+from heli3dof.diagnosis.workers import watched
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.recording.recording import Recording
 
@@ -31,6 +32,7 @@ FURTHER = 0.5
 """Of the flights, for the nulls after the first finding."""
 PILOTS, QUICK_PILOTS = 12, 6
 LEFT_FLIGHTS, QUICK_LEFT_FLIGHTS = 24, 8
+SAID_EVERY_S = 1.0
 Says = Callable[[str], None]
 
 
@@ -60,6 +62,14 @@ def diagnose(
     train = [recordings] if isinstance(recordings, Recording) else list(recordings)
     held = [] if holdout is None else [holdout] if isinstance(holdout, Recording) else list(holdout)
     clock = Clock(says)
+    with watched(clock.counts):
+        return _diagnosed(train, held, clock, quick=quick, seed=seed, base=base)
+
+
+def _diagnosed(
+    train: list[Recording], held: list[Recording], clock: Clock, *, quick: bool, seed: int,
+    base: str,
+) -> Diagnosis:  # fmt: skip
     names = (tuple(r.name for r in train), tuple(r.name for r in held))
     clock.start("integrity", "Checking the recordings themselves …")
     faults = integrity([*train, *held])
@@ -123,11 +133,19 @@ class Clock:
         self.says = says
         self.seconds: dict[str, float] = {}
         self._stage, self._since = "", time.perf_counter()
+        self._sentence, self._said = "", self._since
 
     def start(self, stage: str, sentence: str) -> None:
         self.stop()
-        self._stage = stage
+        self._stage, self._sentence, self._said = stage, sentence, self._since
         self.says(sentence)
+
+    def counts(self, what: str, done: int, of: int) -> None:
+        """Of a stage that lasts, every `SAID_EVERY_S`: ``… flights: 31 of 64``."""
+        now = time.perf_counter()
+        if now - self._said >= SAID_EVERY_S:
+            self._said = now
+            self.says(f"{self._sentence} {what}: {done} of {of}")
 
     def stop(self) -> None:
         now = time.perf_counter()

@@ -26,10 +26,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.catalogue import SCANNED, Probe
-from heli3dof.diagnosis.corrected import Corrected, in_threads
+from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.nulls import DRIFT, Nulls
 from heli3dof.diagnosis.screen import Screen, Seen, with_term
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.fit import Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.effects import Term
@@ -187,7 +188,7 @@ def contend(
         won = 2 * (fit.loglik - level.loglik) / nulls.inflation
         return Contender(term, ext, fit, float(won - len(new) * np.log(rows)), Z2, i)
 
-    fits = [f for f in in_threads(one, len(ranked)) if f is not None]
+    fits = [f for f in in_threads(one, len(ranked), what="fits") if f is not None]
     return sorted(fits, key=lambda f: -f.score)
 
 
