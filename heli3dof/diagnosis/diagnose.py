@@ -34,6 +34,7 @@ from heli3dof.diagnosis.steps import (
     settled_again,
     without,
 )
+from heli3dof.diagnosis.workers import watched
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.recording.recording import Recording
 
@@ -42,6 +43,7 @@ FURTHER = 0.5
 """Of the flights, for the nulls after the first finding."""
 PILOTS, QUICK_PILOTS = 12, 6
 LEFT_FLIGHTS, QUICK_LEFT_FLIGHTS = 24, 8
+SAID_EVERY_S = 1.0
 Says = Callable[[str], None]
 
 
@@ -71,6 +73,14 @@ def diagnose(
     train = [recordings] if isinstance(recordings, Recording) else list(recordings)
     held = [] if holdout is None else [holdout] if isinstance(holdout, Recording) else list(holdout)
     clock = Clock(says)
+    with watched(clock.counts):
+        return _diagnosed(train, held, clock, quick=quick, seed=seed, base=base)
+
+
+def _diagnosed(
+    train: list[Recording], held: list[Recording], clock: Clock, *, quick: bool, seed: int,
+    base: str,
+) -> Diagnosis:  # fmt: skip
     names = (tuple(r.name for r in train), tuple(r.name for r in held))
     clock.start("integrity", "Checking the recordings themselves …")
     faults = integrity([*train, *held])
@@ -149,11 +159,19 @@ class Clock:
         self.says = says
         self.seconds: dict[str, float] = {}
         self._stage, self._since = "", time.perf_counter()
+        self._sentence, self._said = "", self._since
 
     def start(self, stage: str, sentence: str) -> None:
         self.stop()
-        self._stage = stage
+        self._stage, self._sentence, self._said = stage, sentence, self._since
         self.says(sentence)
+
+    def counts(self, what: str, done: int, of: int) -> None:
+        """Of a stage that lasts, every `SAID_EVERY_S`: ``… flights: 31 of 64``."""
+        now = time.perf_counter()
+        if now - self._said >= SAID_EVERY_S:
+            self._said = now
+            self.says(f"{self._sentence} {what}: {done} of {of}")
 
     def stop(self) -> None:
         now = time.perf_counter()

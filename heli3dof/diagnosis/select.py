@@ -26,11 +26,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.catalogue import SCANNED, Probe
-from heli3dof.diagnosis.corrected import Corrected, in_threads
+from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.nulls import DRIFT, Nulls
 from heli3dof.diagnosis.screen import Screen, Seen, with_term
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.diagnosis.trials import Trial, beginning, widened
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.fit import Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.effects import Term
@@ -208,7 +209,7 @@ def contend(
     def either(k: int) -> Contender | None:
         return one(k) if k < len(ranked) else trial(k - len(ranked))
 
-    fits = [f for f in in_threads(either, len(ranked) + len(tried)) if f is not None]
+    fits = [f for f in in_threads(either, len(ranked) + len(tried), what="fits") if f is not None]
     return sorted(fits, key=lambda f: -f.score)
 
 
