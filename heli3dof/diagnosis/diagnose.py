@@ -135,8 +135,8 @@ def causes(
 ) -> tuple[list[Step], Corrected]:
     """Forward: every step that was made (the last one found nothing, or is the last allowed)."""
     found, steps = base, list[Step]()
-    score = None
-    while len(steps) < MOST:
+    score, left = None, MOST
+    while left:
         n = flights if not steps else max(8, round(FURTHER * flights))
         clock.start(f"screen {len(steps) + 1}", f"Screening against {n} simulated nulls …")
         step = looked_at(bench, found, n)
@@ -147,8 +147,8 @@ def causes(
             break
         clock.says(f"Found {step.choice.term.name}.")
         found = extended(bench, step.choice)
-        if not step.choice.term.effect.within:  # what a simpler base lacks is no measure of causes
-            score = score or step.choice.score
+        if not step.choice.term.effect.within:  # what a simpler base lacks is no cause in the rig
+            score, left = score or step.choice.score, left - 1
     return steps, found
 
 

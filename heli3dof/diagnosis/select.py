@@ -117,6 +117,7 @@ def choose(
     fits = contend(found, screen, seen, nulls, bias, ranked, tried)
     if not fits:
         return None
+    fits = surest_first(screen, nulls, fits)
     best = fits[0]
     if best.score <= 0 or nulls.threshold / 2 > best.Z2:
         return None
@@ -126,6 +127,15 @@ def choose(
         f.term.name for f in fits[1:] if best.score - f.score < slack(screen, nulls, best, f)
     )
     return Choice(best.term, best.score, best.Z2, nulls.confidence(best.Z2), tied, tuple(fits))
+
+
+def surest_first(screen: Screen, nulls: Nulls, fits: Sequence[Contender]) -> list[Contender]:
+    """Best first; but of those tied with the best, what every rig has goes before what some have.
+
+    That is what a simpler base leaves out: a body has its geometry, it need not have a pendulum.
+    """
+    near = [f for f in fits if fits[0].score - f.score < slack(screen, nulls, fits[0], f)]
+    return sorted(fits, key=lambda f: not (f in near and f.term.effect.within))
 
 
 def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> float:
@@ -190,7 +200,9 @@ def contend(
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
         won = 2 * (fit.loglik - level.loglik) / nulls.inflation
-        return Contender(term, ext, fit, float(won - len(new) * np.log(rows)), Z2, i)
+        # What a simpler base leaves out has no number to be bought: its share is believed to be 1.
+        bought = 0 if term.effect.within else len(new)
+        return Contender(term, ext, fit, float(won - bought * np.log(rows)), Z2, i)
 
     def trial(k: int) -> Contender | None:
         term = tried[k].term
