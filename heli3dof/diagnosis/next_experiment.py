@@ -151,7 +151,8 @@ def recommend(
 def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
     """The experiment that a diagnosis asks for: its first tie, or else what it could not see.
 
-    None where nothing is open, where the data are at fault, or where no plan can be flown.
+    None where nothing is open, where the data are at fault, where no plan can be flown, or where
+    none would show it.
     """
     if found.fitted is None:
         return None
@@ -165,7 +166,8 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
             base = Estimate(best.problem, best.optimum)
         if found.findings or not found.not_identifiable:
             return None
-        return recommend(base, [Cause.typical(found.not_identifiable[0])], seed=seed)
+        asked = recommend(base, [Cause.typical(found.not_identifiable[0])], seed=seed)
+        return None if (asked.certainty or 0.0) < HOPELESS else asked
     except UsageError:
         return None
 

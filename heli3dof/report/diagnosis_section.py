@@ -31,6 +31,7 @@ def diagnosis_section(
     bad = document["verdict"] == "bad_data"
     blocks = [key(words.verdict(document))]
     blocks += [warning(s) if bad else paragraph(s) for s in words.faults(document)]
+    blocks += map(paragraph, words.unmeasured(document))
     blocks += [*_next(document), *_wrong(p), *_causes(document, p), *_gain(p), *_left(document, p)]
     if document["calibration"]:
         blocks.append(table(calibration(document)))

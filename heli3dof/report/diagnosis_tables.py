@@ -65,6 +65,7 @@ def diagnosis_tables(document: Document) -> list[Grid | str]:
     grids = (wrong(document), findings(document), gains(document), calibration(document))
     told = [grid for grid in grids if grid.rows]
     out: list[Grid | str] = [words.verdict(document), *words.faults(document)]
+    out += words.unmeasured(document)
     for grid in told:
         out.append(grid)
         if grid is grids[1]:
@@ -115,7 +116,7 @@ def findings(document: Document) -> Grid:
 def gains(document: Document) -> Grid:
     """The base simulation refitted against the extended one, with the interval of what is won."""
     heads = ["axis", "before °", "after °", "less by °", "95 % interval", "noise alone °"]
-    if not document["findings"]:
+    if not words.adopted(document):
         return Grid("", heads, [])
     gain = document["gain"]
     error = gain["holdout_rmse_deg"]
