@@ -23,6 +23,7 @@ VERDICTS = {
     "not_identifiable": "These recordings hold too little to say what is wrong.",
     "bad_data": "The recording itself is at fault: no physics is blamed before that is mended.",
 }
+UNCONFIRMED = "Something would fit better, but is not confirmed by data that it has not seen."
 LISTED = 6
 """Names in a sentence before the rest are counted."""
 NEVER = frozenset({"encoder.offset.yaw"})
@@ -64,6 +65,8 @@ def summary_of(name: str) -> str:
 def verdict(document: Document) -> str:
     """The one sentence to take away."""
     word = str(document["verdict"])
+    if word == "nothing_found" and document.get("dropped"):
+        return f"Verdict: nothing found. {UNCONFIRMED}"
     return f"Verdict: {word.replace('_', ' ')}. {VERDICTS[word]}"
 
 
@@ -167,7 +170,7 @@ def next_steps(document: Document) -> Iterator[str]:
         )
     upcoming = document["next_experiment"]
     if upcoming is not None:
-        yield f"Fly next: heli3dof run {upcoming['plan']} ({upcoming['why']})"
+        yield f"Fly next: heli3dof run {upcoming['plan']}. Why: {upcoming['why']}."
     if document["leftover"]:
         yield (
             "For what is left over: look at its picture (--report FILE.html), think what on the "
