@@ -54,7 +54,6 @@ def diagnose(
     from heli3dof.diagnosis.diagnose import diagnose as find
     from heli3dof.diagnosis.document import document as to_document
     from heli3dof.diagnosis.next_experiment import next_of
-    from heli3dof.errors import UsageError
     from heli3dof.model.modelfile import save_model
     from heli3dof.recording.output import check_output
     from heli3dof.report.diagnosis_page import diagnosis_page
@@ -62,12 +61,6 @@ def diagnose(
     from heli3dof.report.grid import Grid, to_rich
     from heli3dof.report.html import write_page
 
-    if base is Base.hover:
-        raise UsageError(
-            "--base hover is not built yet.",
-            cause="this version judges the nonlinear rigid body only.",
-            fix="heli3dof diagnose without --base; heli3dof compare judges the hover model",
-        )
     talk = Talk(as_json=as_json, quiet=quiet)
     path = output or Path(f"{recordings[0].name.split('.')[0]}-extended.json")
     check_output(path, force=force)
@@ -77,7 +70,7 @@ def diagnose(
     test = load_all(talk, holdout or [], profile)
     distinct(train, test)
     with saying(talk) as says:
-        found = find(train, test or None, quick=quick, seed=seed, says=says)
+        found = find(train, test or None, quick=quick, seed=seed, says=says, base=base.value)
         written = None
         if found.fitted is not None:
             written = str(save_model(found.fitted.model, path, force=force))

@@ -50,7 +50,8 @@ def fitted(
     model = model_of(found, train, "extended")
     before = after if found is base else held_out(base, holdout)
     at = model_at(found.problem, found.optimum.theta, found.optimum.noise)
-    wrong = how_wrong(nominal(train[0].profile), holdout or train, truth=at, seed=seed)
+    profiles = nominal(train[0].profile, tuple(t.name for t in base.structure.terms))
+    wrong = how_wrong(profiles, holdout or train, truth=at, seed=seed)
     floor = {a: _number(wrong.at(1.0, a)[1]) for a in AXES}
     return Fitted(base, found, model, gain(before, after, seed=seed), before, after, wrong, floor)
 
