@@ -53,11 +53,13 @@ def _causes(document: Document, p: Pictured) -> list[str]:
         return []
     blocks = [subheading("The causes"), table(told)]
     drawn = {e.name: e for e in p.evidence}
+    said: set[str] = set()
     for finding, sentence in zip(document["findings"], words.causes(document), strict=True):
-        blocks.append(paragraph(sentence))
         e = drawn.get(words.name_of(finding))
-        if e is not None:
-            blocks.append(figure(evidence_figure(e), _alt(e)))
+        if sentence not in said:  # two recordings may have one fault
+            blocks.append(paragraph(sentence))
+            blocks += [] if e is None else [figure(evidence_figure(e), _alt(e))]
+        said.add(sentence)
     return blocks
 
 
