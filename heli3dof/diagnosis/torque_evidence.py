@@ -17,6 +17,7 @@ is what the rig that does not know of it lacks.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -100,16 +101,17 @@ def evidence(found: Estimate, term: Term, noise: np.ndarray) -> Evidence | None:
     given = dict(zip(found.structure.names, found.values.tolist(), strict=True))
     theta = lacking.coordinates(lacking.structure.values_of(given))
     flight = trail_at(lacking, theta, noise)
-    if Stage.MEASURE in term.effect.hooks:
+    misleads = Stage.MEASURE in term.effect.hooks
+    if misleads:
         knowing = trail_at(found.problem, found.optimum.theta, found.optimum.noise)
         with_it = knowing.slope * knowing.q_ddot
     else:
         with_it = along(found.problem, found.optimum.theta, flight.X)[3]
     cause = flight.as_torque(with_it - flight.q_ddot)
-    if term.axis is not None and Stage.MEASURE not in term.effect.hooks:
+    if term.axis is not None and not misleads:
         i = AXES.index(term.axis)
     else:
-        name, i = _clearest(flight, cause, name)
+        name, i = _clearest(flight, cause, (name,) if misleads else (name, *OTHERS))
     z = flight.variable(name)
     unit = UNITS[name]
     frequency = given.get(f"{term.name}.frequency_Hz")
@@ -139,15 +141,15 @@ def leftover_evidence(found: Estimate, rest: Leftover) -> Evidence:
     )  # fmt: skip
 
 
-def _clearest(flight: Trail, cause: np.ndarray, said: str) -> tuple[str, int]:
+def _clearest(flight: Trail, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
     """The variable and axis in which the cause's bins stand out most from the error bars.
 
     Their mean does not count: a constant is what the base's trim takes. Another variable than
-    the one ``said`` is taken where it is `CLEARER`: a dead zone is a torque on yaw that follows
-    pitch, once the trim has taken the rest of it.
+    the first of ``names`` is taken where it is `CLEARER`: a dead zone is a torque on yaw that
+    follows pitch, once the trim has taken the rest of it.
     """
-    best = (said, 0, -1.0)
-    for name in dict.fromkeys((said, *OTHERS)):
+    best = (names[0], 0, -1.0)
+    for name in dict.fromkeys(names):
         z = flight.variable(name)
         for i in range(3):
             rows = flight.flown & np.isfinite(flight.torque[:, i])

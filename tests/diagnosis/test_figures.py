@@ -98,9 +98,7 @@ def test_every_effect_that_is_a_torque_has_a_variable() -> None:
             name = variable_of(effect, axis)
             if effect.name.startswith(("encoder.backlash", "timing.")):
                 assert name is None
-            elif effect.name.startswith("encoder."):
-                assert name in UNITS
-            elif effect.name in ("motor.lag", "friction.viscous"):
+            elif effect.name.startswith(("encoder.", "motor.lag", "friction.viscous")):
                 assert name in UNITS
 
 
