@@ -10,6 +10,7 @@ import pytest
 import heli3dof as h3
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.freeflight import (
+    COMMON_STD,
     OFFSET,
     fit_freeflight,
     free_rows,
@@ -60,7 +61,7 @@ def test_inertias_may_all_be_off_together_but_not_against_one_another() -> None:
     for a in ("roll", "pitch", "yaw"):
         together[names.index(f"J_{a}")] = 0.2
     apart[names.index("J_pitch")] = 0.2
-    assert together @ problem.prior @ together == pytest.approx((0.2 / 0.5) ** 2)
+    assert together @ problem.prior @ together == pytest.approx((0.2 / COMMON_STD) ** 2)
     assert apart @ problem.prior @ apart == pytest.approx((0.2 / 0.04) ** 2)
 
 
