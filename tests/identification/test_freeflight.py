@@ -11,7 +11,7 @@ import heli3dof as h3
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.freeflight import (
     COMMON_STD,
-    OFFSET,
+    VARYING,
     fit_freeflight,
     free_rows,
     model_of,
@@ -101,7 +101,7 @@ def test_predictions_find_a_pitch_encoder_that_was_zeroed_elsewhere(
     model = model_of(found, [real], "rig-a")
     save_model(model, tmp_path / "m.json")
     read = load_model(tmp_path / "m.json", real.profile)
-    assert read.varying == {OFFSET: 3.0}
+    assert read.varying == VARYING
     moved = replace(real, angle=real.angle + np.radians([0.0, 3.0, 0.0]))
     late = real.t - real.t[0] > 20
 

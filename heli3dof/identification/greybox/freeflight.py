@@ -7,7 +7,8 @@ to it by itself where it finds such a clock and no terms were asked for.
 `REAL_TERMS` are what identified rigs were found to need beside the defaults: thrust as a power of
 the rotor's speed, a spin-up limit, dry friction, inflow, the propellers' momentum, flapping, and an
 offset of the pitch encoder that is another in every recording (it is zeroed wherever the body
-happened to hang). `PRIORS` are what is known of their sizes before any flight.
+happened to hang), and a weight that is (what it lifts, or how well its motors pull when warm:
+`mass.imbalance` stands for both). `PRIORS` are what is known of their sizes before any flight.
 """
 
 from __future__ import annotations
@@ -48,10 +49,12 @@ REAL_TERMS = (
     "friction.coulomb.pitch",
     "friction.coulomb.yaw",
     "encoder.offset.pitch",
+    "mass.imbalance",
 )
 OFFSET = "encoder.offset.pitch.angle_deg"
-VARYING = {OFFSET: 3.0}
-"""°: how far apart two recordings' zeros lie."""
+WEIGHT = "mass.imbalance.torque_Nm"
+VARYING = {OFFSET: 3.0, WEIGHT: 0.1}
+"""How far apart two recordings' zeros lie (°), and what a motor must lift (N·m)."""
 PRIORS: dict[str, tuple[float, float]] = {
     "motor.rotor_curve.exponent": (2.0, 0.2),
     "motor.lag.time_constant_s": (0.1, 0.05),
@@ -69,6 +72,7 @@ PRIORS: dict[str, tuple[float, float]] = {
     "aero.inflow.loss_s_per_m": (0.3, 0.3),
     "bias.torque.pitch.torque_Nm": (0.0, 0.02),
     OFFSET: (0.0, 8.0),
+    WEIGHT: (0.0, 0.1),
 }
 """Mean and standard deviation: what identified rigs and propellers are like (rig.md). Flights about
 one trim would let terms cancel one another: pitch damping and flapping act alike until yaw moves.

@@ -270,6 +270,7 @@ def search(
     noise: np.ndarray | None = None,
     *,
     stages_s: Sequence[Sequence[float]] = STAGES_S,
+    rounds: int = ROUNDS,
     say: Callable[[str], None] | None = None,
 ) -> Fitted:
     """The minimum from ``start`` (dim,), through the stages."""
@@ -303,7 +304,7 @@ def search(
         begun = here
         lam = 1e-3
         done = False
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             count += 1
             step = np.where(z + DIFFERENCE < high, DIFFERENCE, -DIFFERENCE)
             moved = mapper(residuals, [z + np.eye(p.dim)[j] * step[j] for j in range(p.dim)])
