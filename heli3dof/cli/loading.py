@@ -29,6 +29,32 @@ def load_all(talk: Talk, paths: Sequence[Path], profile: Path | None) -> list[Re
     return loaded
 
 
+def distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> None:
+    """Raise UsageError for a flight that is given twice, by what it holds and not by its name.
+
+    Twice among the first it would count twice; in ``holdout`` it would confirm itself.
+    """
+    from heli3dof.errors import UsageError
+
+    fitted = {r.digest: r.name for r in train}
+    for r in holdout:
+        if r.digest in fitted:
+            raise UsageError(
+                f"{r.name} holds the very samples of {fitted[r.digest]}, which is fitted: it is "
+                "no hold-out.",
+                cause="the same file, or a copy of it, stands on both sides of --holdout.",
+                fix="hold out another flight (heli3dof run rich --seed 2 makes one), or leave "
+                "--holdout away: the gain is then measured on blocks left out",
+            )
+    if len(fitted) < len(train):
+        names = [r.name for r in train]
+        raise UsageError(
+            f"The same samples are given twice among {', '.join(names)}.",
+            cause="a file was named twice, or one is a copy of another.",
+            fix="name every flight once",
+        )
+
+
 def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
     """Recordings, and models by name or file, among the arguments of a verb."""
     from heli3dof.errors import UsageError

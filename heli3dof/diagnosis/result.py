@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from heli3dof.diagnosis.calibration import Off
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.gain import Gain, HeldOut
@@ -25,6 +27,8 @@ class Finding:
     """Parameter → (value, standard deviation) in the final fit, SI"""
     gain: Gain
     """Everything found without this one (refitted) → everything found"""
+    noise: np.ndarray
+    """(4,) of that fit without it, as `Optimum.noise`: with it a filter sees what is missing"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,7 +58,7 @@ def _leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     advance(s, x, h[k], w[5], w[6], w[7], first, address, par, mem, free, w)
 
 
-leap = compiled(_leap, calls=(rigid_body._advance, rotor._lagged), error_model="numpy")
+leap = compiled(_leap, calls=(rigid_body._advance, rotor._lagged), leaf=True, error_model="numpy")
 
 
 def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
@@ -70,7 +70,7 @@ def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
 
 step = compiled(
     _step, calls=(_leap, rigid_body._advance, rotor._lagged, dry_friction._settle),
-    error_model="numpy",
+    leaf=True, error_model="numpy",
 )  # fmt: skip
 
 
@@ -99,7 +99,7 @@ def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay
 
 glide = compiled(
     _glide, calls=(rigid_body._accelerations, rotor._lagged, dry_friction._settle),
-    error_model="numpy",
+    leaf=True, error_model="numpy",
 )  # fmt: skip
 
 
