@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +23,7 @@ import numpy as np
 from heli3dof.diagnosis.ahead import ahead, of_rows, starts_of
 from heli3dof.diagnosis.gain import CELL_S, HORIZON_S, Course, HeldOut
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.fit import NOISE_SETTLED
 from heli3dof.identification.greybox.likelihood import Likelihood, Pass, score_and_information
@@ -37,7 +37,6 @@ PURGE_S = 0.5
 ROUNDS = 4
 FAR = 1.0
 LEAST_PIECE_S = 1.0
-THREADS = 2
 SETTLE_S = 1.0
 """The filter starts this much before the rows that count."""
 NOISE_STEPS = 4
@@ -59,12 +58,13 @@ def on_blocks(found: Estimate, blocks: int = BLOCKS) -> HeldOut:
     at = problem.run(o.theta, o.noise)
     tangents = problem.tangents(o.theta, at)
 
-    def one(rows: tuple[int, int]) -> Seen:
-        theta = _refitted(found, at, tangents, rows)
-        return _evaluate(problem, theta, o.noise, rows)
+    cuts = _cuts(d, blocks)
 
-    with ThreadPoolExecutor(THREADS) as pool:
-        return _cells(d, "blocks left out", list(pool.map(one, _cuts(d, blocks))))
+    def one(k: int) -> Seen:
+        theta = _refitted(found, at, tangents, cuts[k])
+        return _evaluate(problem, theta, o.noise, cuts[k])
+
+    return _cells(d, "blocks left out", in_threads(one, len(cuts), what="blocks"))
 
 
 def held_out(found: Estimate, holdout: Sequence[Recording]) -> HeldOut:

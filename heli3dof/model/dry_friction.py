@@ -59,7 +59,7 @@ def _soft(v: float, sd: float, b: float) -> tuple[float, float, float]:
     return mean, Qa + Qc, max(sd * sd * (Qa - a * ua + Qc - c * uc) - mean * mean, 0.0)
 
 
-soft = compiled(_soft, error_model="numpy")
+soft = compiled(_soft, leaf=True, error_model="numpy")
 
 
 def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
@@ -133,7 +133,7 @@ def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-unty
     return True
 
 
-settle = compiled(_settle, calls=(_soft,), error_model="numpy")
+settle = compiled(_settle, calls=(_soft,), leaf=True, error_model="numpy")
 
 
 def _shrink(P, h, w, row):  # type: ignore[no-untyped-def]
@@ -157,4 +157,4 @@ def _shrink(P, h, w, row):  # type: ignore[no-untyped-def]
         P[c, c] += w[3, i] - rho * rho * row[c]
 
 
-shrink = compiled(_shrink, error_model="numpy")
+shrink = compiled(_shrink, leaf=True, error_model="numpy")

@@ -118,7 +118,7 @@ def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> N
         a[2] += s[LINEAR] * (hover - a[2])
 
 
-body_accelerations = compiled(_body_accelerations, error_model="numpy")
+body_accelerations = compiled(_body_accelerations, leaf=True, error_model="numpy")
 
 
 def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type: ignore[no-untyped-def]
@@ -136,7 +136,9 @@ def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type
     body_accelerations(s, force, torque, free, a)
 
 
-accelerations = compiled(_accelerations, calls=(_body_accelerations,), error_model="numpy")
+accelerations = compiled(
+    _accelerations, calls=(_body_accelerations,), leaf=True, error_model="numpy"
+)
 """``accelerations(s, first, address, par, mem, free, force, torque, a)``: q̈ with effects.
 
 ``first``, ``address``, ``par``, ``mem`` are the effects that are on (`heli3dof.model.rig_model`);
@@ -165,7 +167,9 @@ def _advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w):  # type: i
         x[3 + i] += h / 6.0 * (a0[i] + 4.0 * am[i] + a1[i])
 
 
-advance = compiled(_advance, calls=(_accelerations, _body_accelerations), error_model="numpy")
+advance = compiled(
+    _advance, calls=(_accelerations, _body_accelerations), leaf=True, error_model="numpy"
+)
 """``advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w)``: x (6,) one step further.
 
 Runge, Kutta and Nyström with Simpson's weights: the thrusts, which are known exactly at the start,
