@@ -126,7 +126,8 @@ def causes(
             break
         clock.says(f"Found {step.choice.term.name}.")
         found = extended(bench, step.choice)
-        score = score or step.choice.score
+        if step.choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing
+            score = score or step.choice.score
     return steps, found
 
 

@@ -139,7 +139,10 @@ def worst(before: HeldOut, after: HeldOut) -> Worst | None:
     with np.errstate(invalid="ignore", divide="ignore"):
         cells = _rmse_deg(before.squares, before.counts)
         then = _rmse_deg(after.squares, after.counts)
-        usual = np.nanmedian(np.where(after.counts > 0, then, np.nan), axis=0)
+        told = after.counts > 0
+        usual = np.array(
+            [np.median(then[k, i]) if (k := told[:, i]).any() else np.nan for i in range(3)]
+        )
         ratio = np.where(before.counts > 0, cells / usual, np.nan)
     if not np.isfinite(ratio).any():
         return None

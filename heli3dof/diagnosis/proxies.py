@@ -8,8 +8,8 @@ would be taken. What tells the two apart is the leftover: beside the free-form t
 
 A, g of the fit's coordinates and of the free-form torques, says what is left of the term's first
 parameter v. A cause that is there keeps its size beside a leftover of another shape; a stand-in
-loses it: Z'² falls below `KEPT` of what Z² was without the leftover, and v' below `SIZE` of v. One
-that keeps its size but not its Z² is not to be told from the leftover by these recordings: "…-like".
+loses it: Z'² falls below `KEPT` of what Z² was without the leftover, and v' below `SIZE` of v.
+One that keeps its size but not its Z² cannot be told from the leftover here: it is "…-like".
 """
 
 from __future__ import annotations

@@ -124,7 +124,21 @@ def choose(
     tied = tuple(
         f.term.name for f in fits[1:] if best.score - f.score < slack(screen, nulls, best, f)
     )
-    return Choice(best.term, best.score, best.Z2, nulls.confidence(best.Z2), tied, tuple(fits))
+    sure = min(nulls.confidence(best.Z2), this_one([f.score for f in fits]))
+    return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits))
+
+
+def this_one(scores: Sequence[float]) -> float:
+    """The chance of the first of the scores against the second, both as likely before.
+
+    Scores are 2 ln L, so it is 1/(1 + exp(−Δ/2)) of their difference.
+
+    >>> round(this_one([20.0, 20.0]), 2), round(this_one([26.0, 20.0]), 2)
+    (0.5, 0.95)
+    """
+    if len(scores) < 2:
+        return 1.0
+    return float(1 / (1 + np.exp(-min(scores[0] - scores[1], 200.0) / 2)))
 
 
 def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> float:
