@@ -89,4 +89,4 @@ def _likelier(g: Gain) -> bool:
 
 
 def _number(value: float) -> float | None:
-    return value if value == value else None
+    return value if math.isfinite(value) else None

@@ -155,7 +155,8 @@ def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> fl
 def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
     """Terms of which even a large size (`LARGE` × typical) stays below 3 σ in these recordings.
 
-    A number that is found for one of them is one that a rig cannot have.
+    A number that is found for one of them is one that a rig cannot have. The nearest to being told
+    stands first: another flight tells of it soonest.
     """
     sigma = nulls.std[: len(screen.plain)] / np.sqrt(np.maximum(screen.information(), 1e-300))
     best: dict[str, float] = {}
@@ -164,7 +165,7 @@ def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
         if not p.grows:  # a limit: it is seen where it was reached
             share = 0.0 if np.isfinite(v) else np.inf
         best[p.name] = min(best.get(p.name, np.inf), share)
-    return tuple(n for n, share in best.items() if share > 1)
+    return tuple(sorted((n for n, share in best.items() if share > 1), key=lambda n: best[n]))
 
 
 def contend(
