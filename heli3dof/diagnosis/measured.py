@@ -43,7 +43,7 @@ def adopted(
         gains = [gain(held_out(w, holdout), after, seed=seed) for w in less]
         poor = [i for i, g in enumerate(gains) if not (pays(g) or (i == 0 and _likelier(g)))]
         if not poor:
-            return found, _findings(found, kept, gains), tuple(dropped), after
+            return found, _findings(found, kept, less, gains), tuple(dropped), after
         worst = min(poor, key=lambda i: gains[i].log_likelihood.value)
         dropped.append(Dropped(kept[worst].term.name, gains[worst]))
         found = less[worst]
@@ -58,18 +58,19 @@ def fitted(
     model = model_of(found, train, "extended")
     before = after if found is base else held_out(base, holdout)
     at = model_at(found.problem, found.optimum.theta, found.optimum.noise)
-    wrong = how_wrong(nominal(train[0].profile), holdout or train, truth=at, seed=seed)
+    profiles = nominal(train[0].profile, tuple(t.name for t in base.structure.terms))
+    wrong = how_wrong(profiles, holdout or train, truth=at, seed=seed)
     floor = {a: _number(wrong.at(1.0, a)[1]) for a in AXES}
     return Fitted(base, found, model, gain(before, after, seed=seed), before, after, wrong, floor)
 
 
 def _findings(
-    found: Corrected, choices: Sequence[Choice], gains: Sequence[Gain]
+    found: Corrected, choices: Sequence[Choice], less: Sequence[Corrected], gains: Sequence[Gain]
 ) -> tuple[Finding, ...]:
     scale = thrust_scale(found)
     return tuple(
-        Finding(c, forwards(in_SI(found, scale, c.term.name)), g)
-        for c, g in zip(choices, gains, strict=True)
+        Finding(c, forwards(in_SI(found, scale, c.term.name)), g, w.optimum.noise)
+        for c, w, g in zip(choices, less, gains, strict=True)
     )
 
 

@@ -8,8 +8,8 @@ would be taken. What tells the two apart is the leftover: beside the free-form t
 
 A, g of the fit's coordinates and of the free-form torques, says what is left of the term's first
 parameter v. A cause that is there keeps its size beside a leftover of another shape; a stand-in
-loses it: Z'² falls below `KEPT` of what Z² was without the leftover, and v' below `SIZE` of v.
-One that keeps its size but not its Z² cannot be told from the leftover here: it is "…-like".
+loses it: Z'² falls below `KEPT` of what Z² was without the leftover, and v' below `SIZE` of v. One
+that keeps its size but not its Z² these recordings cannot tell from the leftover: "…-like".
 """
 
 from __future__ import annotations
@@ -60,7 +60,9 @@ def beside(found: Estimate, held: Held) -> tuple[Beside, ...]:
     step, step_alone = inverse @ g, alone @ g[:n]
     out = []
     for t in found.structure.terms:
-        j = next(i for i, f in enumerate(found.free) if f.term == t.name)
+        j = next((i for i, f in enumerate(found.free) if f.term == t.name), None)
+        if j is None:  # a simpler base's own, without a number
+            continue
         f, v = found.free[j], float(found.values[j])
         per = f.slope(v)
         size, size_ = (v + per * float(d[j]) - f.null for d in (step_alone, step))
@@ -69,9 +71,14 @@ def beside(found: Estimate, held: Held) -> tuple[Beside, ...]:
     return tuple(out)
 
 
-def stand_ins(found: Estimate, left: Sequence[Leftover], held: Held) -> tuple[str, ...]:
-    """The terms of the fit whose place the leftovers take; none where nothing is left."""
-    return tuple(b.name for b in beside(found, held) if b.stands_in) if left else ()
+def stand_ins(
+    findings: Sequence[Finding], found: Estimate, left: Sequence[Leftover], held: Held
+) -> tuple[str, ...]:
+    """The findings whose place the leftovers take; none where nothing is left."""
+    if not left:
+        return ()
+    named = {f.choice.term.name for f in findings if not f.choice.term.effect.within}
+    return tuple(b.name for b in beside(found, held) if b.stands_in and b.name in named)
 
 
 def doubted(

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from heli3dof.diagnosis.calibration import Off
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.gain import Gain, HeldOut
@@ -28,6 +30,8 @@ class Finding:
     """Parameter → (value, standard deviation) in the final fit, SI"""
     gain: Gain
     """Everything found without this one (refitted) → everything found"""
+    noise: np.ndarray
+    """(4,) of that fit without it, as `Optimum.noise`: with it a filter sees what is missing"""
     like: bool = False
     """Beside what is left without a name it is not sure any more: "…-like\""""
 

@@ -26,11 +26,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.catalogue import SCANNED, Probe
-from heli3dof.diagnosis.corrected import Corrected, in_threads
+from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.nulls import DRIFT, Nulls
 from heli3dof.diagnosis.screen import Screen, Seen, with_term
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.diagnosis.trials import Trial, beginning, widened
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.fit import Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.effects import Term
@@ -116,6 +117,7 @@ def choose(
     fits = contend(found, screen, seen, nulls, bias, ranked, tried)
     if not fits:
         return None
+    fits = surest_first(screen, nulls, fits)
     best = fits[0]
     if best.score <= 0 or nulls.threshold / 2 > best.Z2:
         return None
@@ -139,6 +141,15 @@ def this_one(scores: Sequence[float]) -> float:
     if len(scores) < 2:
         return 1.0
     return float(1 / (1 + np.exp(-min(scores[0] - scores[1], 200.0) / 2)))
+
+
+def surest_first(screen: Screen, nulls: Nulls, fits: Sequence[Contender]) -> list[Contender]:
+    """Best first; but of those tied with the best, what every rig has goes before what some have.
+
+    That is what a simpler base leaves out: a body has its geometry, it need not have a pendulum.
+    """
+    near = [f for f in fits if fits[0].score - f.score < slack(screen, nulls, fits[0], f)]
+    return sorted(fits, key=lambda f: not (f in near and f.term.effect.within))
 
 
 def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> float:
@@ -204,7 +215,9 @@ def contend(
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
         won = 2 * (fit.loglik - level.loglik) / nulls.inflation
-        return Contender(term, ext, fit, float(won - len(new) * np.log(rows)), Z2, i)
+        # What a simpler base leaves out has no number to be bought: its share is believed to be 1.
+        bought = 0 if term.effect.within else len(new)
+        return Contender(term, ext, fit, float(won - bought * np.log(rows)), Z2, i)
 
     def trial(k: int) -> Contender | None:
         term = tried[k].term
@@ -223,7 +236,7 @@ def contend(
     def either(k: int) -> Contender | None:
         return one(k) if k < len(ranked) else trial(k - len(ranked))
 
-    fits = [f for f in in_threads(either, len(ranked) + len(tried)) if f is not None]
+    fits = [f for f in in_threads(either, len(ranked) + len(tried), what="fits") if f is not None]
     return sorted(fits, key=lambda f: -f.score)
 
 

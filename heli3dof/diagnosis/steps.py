@@ -23,6 +23,7 @@ from heli3dof.identification.greybox.fit import Optimum, _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.method import compile_first, usable_runs
 from heli3dof.model.effects import Term
+from heli3dof.model.effects import terms as named
 from heli3dof.model.filtering import data_of
 from heli3dof.model.rig_model import Structure
 from heli3dof.recording.recording import Recording
@@ -32,6 +33,9 @@ CHATTERS = 1.2
 QUIETER = np.array([0.5, 0.7, 1.0, 1.0])
 """What the filter makes of a chattering flight's noise, roughly; roll and pitch chatter most."""
 
+BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
+"""What each base simulation is made of beside the rigid body."""
+
 
 @dataclass(frozen=True)
 class Bench:
@@ -40,6 +44,8 @@ class Bench:
     recordings: tuple[Recording, ...]
     seed: int
     pilots: int
+    base: str = "rigid"
+    """One of `BASES`"""
 
     @property
     def loop_is_known(self) -> bool:
@@ -80,7 +86,7 @@ class Step:
 def base_of(bench: Bench) -> Corrected:
     """The base simulation, fitted. Raises RecordingError where there is nothing to fit."""
     runs = [run for i, r in enumerate(bench.recordings) for run in usable_runs(r, i)]
-    structure = Structure(bench.recordings[0].profile, ())
+    structure = Structure(bench.recordings[0].profile, named(BASES[bench.base]))
     problem = Informed(data_of(bench.recordings, runs), structure)
     compile_first(problem)
     found = estimate(problem)

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.corrected import in_threads
 from heli3dof.diagnosis.screen import with_term
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.fit import _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.effects import Term, effects
@@ -69,7 +69,7 @@ def trials(
         at = np.append(theta, ext.structure.free[-1].inward(value))
         return Trial(terms[k], value, float(ext.run(at, noise, keep=0).loglik.sum()) - none)
 
-    return [t for t in in_threads(one, len(terms)) if t.gain > WORTH]
+    return [t for t in in_threads(one, len(terms), what="plays") if t.gain > WORTH]
 
 
 def widened(problem: Likelihood, theta: np.ndarray, term: Term) -> Likelihood:

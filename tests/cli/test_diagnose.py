@@ -119,6 +119,3 @@ def test_what_is_no_recording_and_a_log_without_a_profile_are_refused(tmp_path: 
     log.write_text("t_s,v_front_V,v_back_V,roll_deg\n0,0,0,0\n0.002,0,0,0\n")
     assert heli3dof("diagnose", log).code == 2
     assert heli3dof("diagnose", "x.mcap", "--base", "square").code == 2
-    hover = heli3dof("diagnose", "x.mcap", "--base", "hover")
-    assert hover.code == 2
-    assert "not built yet" in hover.err

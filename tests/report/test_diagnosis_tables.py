@@ -65,6 +65,11 @@ DOCUMENT: dict[str, Any] = {
             "after": {"roll": 0.5, "pitch": None, "yaw": 0.3},
             "noise_floor": {"roll": 0.4, "pitch": None, "yaw": 0.2},
         },
+        "rmse_reduction_deg": {
+            "roll": None,
+            "pitch": None,
+            "yaw": {"value": 2.7, "interval": [2.5, 2.9]},
+        },
     },
     "model": "step-extended.json",
 }
@@ -83,12 +88,13 @@ def test_the_doctests() -> None:
 def test_size_certainty_tie_gain_and_the_next_flight_are_said() -> None:
     text = told(DOCUMENT)
     for words in (
-        "friction.coulomb.yaw | torque | 0.03010 | 0.00040 | N·m | 93 % | 123",
+        "friction.coulomb.yaw | torque | 0.03010 | 0.00040 | N·m | 123",
+        "Something is there (93 %)",
         "frequency | 0.5 | – | Hz",
-        "friction.coulomb.yaw cannot be told from friction.viscous.yaw",
-        "| yaw | 3.000 | 0.300 | 0.200 |",
+        "it cannot be told from friction.viscous.yaw by these recordings",
+        "| yaw | 3.000 | 0.300 | +2.700 | 2.500 … 2.900 | 0.200 |",
         "depends on pitch rate, 40 % of what is unexplained",
-        "could not show: motor.delay",
+        "could not show even a large motor.delay",
         "heli3dof run coast-down",
         "+10.0 %",
     ):
@@ -105,6 +111,33 @@ def test_where_nothing_was_found_no_gain_is_claimed() -> None:
     assert "Nothing was found that noise alone would not explain" in text
     assert "mending" not in text
     assert "heli3dof run" not in text
+
+
+def test_a_fault_of_the_recording_is_said_with_its_cause_and_a_remedy() -> None:
+    bad = copy.deepcopy(DOCUMENT)
+    fault = {
+        "check": "encoder.sign",
+        "kind": "bad_data",
+        "sentence": "step: roll turns the wrong way.",
+        "cause": "the encoder's sign is wrong.",
+        "fix": "set encoder.roll = 4096",
+    }
+    bad.update(
+        verdict="bad_data", findings=[], leftover=[], next_experiment=None, model=None,
+        calibration=[], not_identifiable=[], integrity=[fault, {**fault, "kind": "note"}],
+    )  # fmt: skip
+    text = told(bad)
+    said = "step: roll turns the wrong way. Likely cause: the encoder's sign is wrong. Try: set"
+    assert f"\n{said}" in text
+    assert f"\nNote: {said}" in text
+    assert "diagnose once more" in text
+    assert "{" not in text  # sentences, not dictionaries
+
+
+def test_what_an_unknown_loop_costs_is_said() -> None:
+    log = {**DOCUMENT, "about": {"nulls": "Bonferroni over the probes, doubled"}}
+    assert "add [controller] to the profile" in told(log)
+    assert "[controller]" not in told(DOCUMENT)
 
 
 def test_an_unknown_unit_stays_in_the_parameter_s_name() -> None:
