@@ -39,6 +39,8 @@ from heli3dof.model.effects import Term
 FITTED = 10
 HOPELESS = 0.1
 """Of the largest Z²: below it no term is fitted."""
+OVERTAKES = 30.0
+"""A full fit's score may be that many times its Z², where noise swelled to cover the cause."""
 TIE = 6.0
 FORM = 0.03
 SHARE = 0.05
@@ -233,10 +235,10 @@ def contend(
         score = float(won - len(new) * np.log(rows))
         return Contender(term, ext, fit, score, score, None)
 
-    def either(k: int) -> Contender | None:
-        return one(k) if k < len(ranked) else trial(k - len(ranked))
-
-    fits = [f for f in in_threads(either, len(ranked) + len(tried), what="fits") if f is not None]
+    fits = [f for f in in_threads(trial, len(tried), what="fits") if f is not None]
+    most = max((f.score for f in fits), default=0.0)
+    ranked = [r for r in ranked if OVERTAKES * r[1] > most]
+    fits += [f for f in in_threads(one, len(ranked), what="fits") if f is not None]
     return sorted(fits, key=lambda f: -f.score)
 
 
