@@ -26,6 +26,8 @@ VERDICTS = {
 UNCONFIRMED = "Something would fit better, but is not confirmed by data that it has not seen."
 LISTED = 6
 """Names in a sentence before the rest are counted."""
+MUCH = 1.5
+"""How much larger than the simulation's error a noise floor is no floor any more."""
 NEVER = frozenset({"encoder.offset.yaw"})
 """What no flight can show: nothing but a cable knows yaw's zero. Not worth a sentence."""
 
@@ -83,7 +85,7 @@ def faults(document: Document) -> Iterator[str]:
 
 
 def unmeasured(document: Document) -> Iterator[str]:
-    """Why there is no number for how wrong the simulation is, where there is none."""
+    """Where there is no number for how wrong the simulation is, or none to hold it against."""
     fitted = document["verdict"] not in ("bad_data", "not_identifiable")
     error = document["simulation_error"]
     if fitted and error and all(e["rmse_deg"] is None for e in error.values()):
@@ -91,6 +93,17 @@ def unmeasured(document: Document) -> Iterator[str]:
         yield (
             f"How wrong the simulation is was not measured: no stretch without a gap or a stop is "
             f"long enough to predict {seconds:g} s ahead."
+        )
+    noisy = [
+        axis
+        for axis, e in error.items()
+        if number(e["noise_floor_deg"]) > MUCH * number(e["rmse_deg"])
+    ]
+    if noisy:
+        yield (
+            f"On {listed(noisy)} the fitted model expects more noise than the simulation is wrong: "
+            "some of what it calls noise is none (dry friction or play does that), and sizes on "
+            "that axis are rough."
         )
 
 

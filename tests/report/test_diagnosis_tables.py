@@ -8,7 +8,9 @@ from typing import Any
 
 from heli3dof.report import diagnosis_tables as module
 from heli3dof.report.diagnosis_tables import diagnosis_tables, split_unit
+from heli3dof.report.diagnosis_words import VERDICTS, summary_of
 from heli3dof.report.grid import Grid, to_markdown
+from tests.paths import ROOT
 
 ROLL_PITCH_YAW = ("roll", "pitch", "yaw")
 DOCUMENT: dict[str, Any] = {
@@ -132,6 +134,36 @@ def test_a_fault_of_the_recording_is_said_with_its_cause_and_a_remedy() -> None:
     assert f"\nNote: {said}" in text
     assert "diagnose once more" in text
     assert "{" not in text  # sentences, not dictionaries
+
+
+def test_noise_above_the_error_is_no_floor_and_is_said_to_be_none() -> None:
+    noisy = copy.deepcopy(DOCUMENT)
+    noisy["simulation_error"]["pitch"]["noise_floor_deg"] = 9.0
+    assert "On pitch the fitted model expects more noise" in told(noisy)
+    assert "expects more noise" not in told(DOCUMENT)
+
+
+def test_a_cause_beside_something_unknown_on_its_axis_is_only_alike() -> None:
+    assert "read it as friction.coulomb.yaw-like" in told(DOCUMENT)
+    assert "roll-like" not in told(DOCUMENT)
+
+
+def test_a_cause_that_is_not_confirmed_is_told_as_such() -> None:
+    dropped = {
+        "effect": "motor.delay",
+        "gain": {"holdout_log_likelihood_interval": [-24.0, 110.0]},
+    }
+    text = told({**DOCUMENT, "verdict": "nothing_found", "findings": [], "dropped": [dropped]})
+    assert "not confirmed by data that it has not seen" in text
+    assert "Not adopted: motor.delay" in text
+    assert "(ln L −24 … 110)" in text
+
+
+def test_the_readme_quotes_what_is_said() -> None:
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").replace("> ", "").split())
+    name = "stiffness.cable.yaw"
+    assert VERDICTS["explained"] in text
+    assert f"{name}: {summary_of(name)}" in text
 
 
 def test_what_an_unknown_loop_costs_is_said() -> None:
