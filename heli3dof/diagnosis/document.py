@@ -41,7 +41,7 @@ def document(
         "gain": {"horizon_s": HORIZON_S, **_gain(None if f is None else f.gain, f)},
         "model": model,
         "integrity": [x.to_dict() for x in d.integrity],
-        "dropped": [{"effect": x.name, "gain": _gain(x.gain)} for x in d.dropped],
+        "dropped": [{"effect": x.name, "why": x.why, "gain": _gain(x.gain)} for x in d.dropped],
         "about": dict(d.about),
     }
 
@@ -122,6 +122,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "score": f.choice.score,
         "confidence": f.choice.confidence,
         "tied_with": list(f.choice.tied_with),
+        "like": f.like,
         "gain": _gain(f.gain),
     }
 

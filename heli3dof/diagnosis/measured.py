@@ -3,6 +3,10 @@
 `heli3dof.diagnosis.gain` compares two fits; here they are made: everything found, everything but
 one, nothing (the base), each refitted. A cause whose gain does not pay is taken out, the one that
 pays least first, and the rest are measured again.
+
+The first cause stood up to the nulls, and a short flight's few cells bound no gain: it pays where
+held-out data are likelier with it. Later ones are only as good as the first one's formula; they pay
+where the gain's interval lies above zero.
 """
 
 from __future__ import annotations
@@ -23,6 +27,9 @@ from heli3dof.identification.greybox.method import model_of
 from heli3dof.model.greybox import nominal
 from heli3dof.recording.recording import Recording
 
+LEAST = 3.0
+"""Held-out log-likelihood that a first cause has to gain: odds of 20 to one."""
+
 
 def adopted(
     found: Corrected, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int
@@ -33,7 +40,7 @@ def adopted(
         after = held_out(found, holdout)
         less = [without(found, c.term) for c in kept]
         gains = [gain(held_out(w, holdout), after, seed=seed) for w in less]
-        poor = [i for i, g in enumerate(gains) if not pays(g)]
+        poor = [i for i, g in enumerate(gains) if not (pays(g) or (i == 0 and _likelier(g)))]
         if not poor:
             return found, _findings(found, kept, less, gains), tuple(dropped), after
         worst = min(poor, key=lambda i: gains[i].log_likelihood.value)
@@ -64,6 +71,10 @@ def _findings(
         Finding(c, in_SI(found, scale, c.term.name), g, w.optimum.noise)
         for c, w, g in zip(choices, less, gains, strict=True)
     )
+
+
+def _likelier(g: Gain) -> bool:
+    return g.log_likelihood.value > LEAST
 
 
 def _number(value: float) -> float | None:

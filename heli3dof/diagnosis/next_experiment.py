@@ -26,11 +26,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from heli3dof.diagnosis.catalogue import Probe, probes
-from heli3dof.diagnosis.corrected import in_threads, look
+from heli3dof.diagnosis.corrected import look
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.diagnosis.screen import Screen
 from heli3dof.diagnosis.select import TIE, Contender
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.errors import CheckFailed, UsageError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.experiment.simulate import simulate
