@@ -155,11 +155,12 @@ def leftovers(document: Document) -> Iterator[str]:
 def unadopted(document: Document) -> Iterator[str]:
     """Causes that were found and do not pay, and what could not be seen at all."""
     for x in document.get("dropped", ()):
-        low, high = x["gain"].get("holdout_log_likelihood_interval", (math.nan, math.nan))
-        yield (
-            f"Not adopted: {x['effect']} fits these recordings better, but does not surely pay on "
-            f"data that it has not seen (ln L {fixed(low, 0)} … {fixed(high, 0)})."
-        )
+        low, high = x["gain"].get("holdout_log_likelihood_interval", (None, None))
+        why = "does not surely pay on data that it has not seen"
+        if high is not None and high < 0:
+            why = "data that it has not seen contradict it: is the hold-out from the same rig?"
+        span = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"
+        yield f"Not adopted: {x['effect']} fits these recordings better, but {why} ({span})."
     dark = [str(x) for x in document["not_identifiable"] if x not in NEVER]
     if dark:
         more = f" and {len(dark) - LISTED} more" if len(dark) > LISTED else ""
@@ -184,6 +185,11 @@ def next_steps(document: Document) -> Iterator[str]:
     upcoming = document["next_experiment"]
     if upcoming is not None:
         yield f"Fly next: heli3dof run {upcoming['plan']}. Why: {upcoming['why']}."
+    elif document["verdict"] == "nothing_found":
+        yield (
+            "What is small shows in a larger flight: heli3dof run large, and diagnose it together "
+            "with these."
+        )
     if document["leftover"]:
         yield (
             "For what is left over: look at its picture (--report FILE.html), think what on the "

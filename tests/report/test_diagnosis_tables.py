@@ -112,7 +112,7 @@ def test_where_nothing_was_found_no_gain_is_claimed() -> None:
     text = told(plain)
     assert "Nothing was found that noise alone would not explain" in text
     assert "mending" not in text
-    assert "heli3dof run" not in text
+    assert "Fly next" not in text
 
 
 def test_a_fault_of_the_recording_is_said_with_its_cause_and_a_remedy() -> None:
