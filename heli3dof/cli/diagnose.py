@@ -92,9 +92,12 @@ def diagnose(
 
 @contextmanager
 def saying(talk: Talk) -> Iterator[Callable[[str], None]]:
-    """What is being done: one line that changes on a terminal, a line for each elsewhere."""
+    """What is being done: one line that changes on a terminal, a line for each stage elsewhere.
+
+    What stands behind the stage's "…" is how far it has come: a log file does not want that.
+    """
     if talk.quiet or not live_allowed():
-        yield talk.note
+        yield lambda sentence: None if "… " in sentence else talk.note(sentence)
         return
     with talk.err.status("Reading …") as status:
         yield status.update

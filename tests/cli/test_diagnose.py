@@ -80,6 +80,8 @@ def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(said: Said) -
     assert gain["after"]["yaw"] < 0.5 * gain["before"]["yaw"]
     for words in ("stiffness.cable.yaw", "noise alone", "Calibration"):
         assert words in said.err
+    assert "Screening against 8 simulated nulls …\n" in said.err
+    assert "nulls … " not in said.err  # how far it has come is for terminals
 
 
 def test_the_page_holds_the_picture_of_the_cable_and_links_nowhere(
