@@ -85,6 +85,8 @@ def diagnose(
         with talk.working("Drawing the report …"):
             write_page(diagnosis_page(found, document, train, test), report, force=force)
         talk.note(f"Report: {report}")
+    elif found.fitted is not None:
+        talk.note("Pictures, and Table II before and after: add --report FILE.html")
     talk.emit(document)
     if found.verdict == "bad_data":
         raise typer.Exit(BAD_DATA)

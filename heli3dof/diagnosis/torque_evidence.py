@@ -55,6 +55,10 @@ LATE = {"motor.lag": "voltage_difference_slope", "motor.delay": "voltage_differe
 VOLTAGES = ("voltage_sum", "voltage_difference", "voltage_front", "voltage_back")
 OTHERS = ("roll", "pitch", *VOLTAGES[:2])
 """Where a torque that follows a voltage may be seen better, once the trim has taken its part."""
+INSTEAD = {
+    **dict.fromkeys(VOLTAGES, OTHERS),
+    "voltage_difference_slope": ("voltage_sum_slope",),  # what comes late on roll
+}
 CLEARER = 2.0
 
 
@@ -113,7 +117,7 @@ def evidence(found: Estimate, term: Term, noise: np.ndarray) -> Evidence | None:
     if term.axis is not None and not misleads:
         i = AXES.index(term.axis)
     else:
-        others = OTHERS if name in VOLTAGES and not misleads else ()
+        others = () if misleads else INSTEAD.get(name, ())
         name, i = _clearest(flight, cause, (name, *others))
     z = flight.variable(name)
     unit = UNITS[name]

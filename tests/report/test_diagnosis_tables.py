@@ -104,6 +104,13 @@ def test_size_certainty_tie_gain_and_the_next_flight_are_said() -> None:
     assert "| pitch | – |" not in text  # an axis that was not measured is not a row of dashes
 
 
+def test_the_worst_stretch_is_named() -> None:
+    document = copy.deepcopy(DOCUMENT)
+    worst = {"recording": "step", "start_s": 4.5, "stop_s": 7.5, "rmse_deg": 6.408}
+    document["simulation_error"]["pitch"]["worst"] = [worst]
+    assert "Worst: pitch 4.5 to 7.5 s of step (6.41°)." in told(document)
+
+
 def test_where_nothing_was_found_no_gain_is_claimed() -> None:
     plain = copy.deepcopy(DOCUMENT)
     plain.update(
