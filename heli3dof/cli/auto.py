@@ -47,6 +47,8 @@ def run_auto(
     from heli3dof.experiment.plan import load_plan
     from heli3dof.model.modelfile import save_model
     from heli3dof.report.diagnosis_page import diagnosis_page
+    from heli3dof.report.diagnosis_tables import diagnosis_tables
+    from heli3dof.report.grid import Grid, to_rich
     from heli3dof.report.html import write_page
 
     if first.duration_s > 60 * budget_min:
@@ -78,6 +80,8 @@ def run_auto(
     if found.fitted is not None:
         model = str(save_model(found.fitted.model, folder / "extended.json"))
     document = to_document(found, model, upcoming)
+    talk.show(f"Ended: {ended}.")
+    talk.show(*(to_rich(g) if isinstance(g, Grid) else g for g in diagnosis_tables(document)))
     text = diagnosis_page(found, document, flights, title=f"Diagnosis: {folder.name}")
     report = write_page(text, folder / "report.html")
     return {

@@ -90,6 +90,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
             title="heli3dof demo",
         )
         report = write_page(text, folder / "report.html")
+    talk.show(f"What the rig hid, and no part of this was told: {HIDDEN.replace(',', ', ')}")
     talk.note(f"Report: {report.resolve()}")
     talk.emit(
         {

@@ -85,6 +85,8 @@ def diagnose(
         with talk.working("Drawing the report …"):
             write_page(diagnosis_page(found, document, train, test), report, force=force)
         talk.note(f"Report: {report}")
+    elif found.fitted is not None:
+        talk.note("Pictures, and Table II before and after: add --report FILE.html")
     talk.emit(document)
     if found.verdict == "bad_data":
         raise typer.Exit(BAD_DATA)
@@ -92,9 +94,12 @@ def diagnose(
 
 @contextmanager
 def saying(talk: Talk) -> Iterator[Callable[[str], None]]:
-    """What is being done: one line that changes on a terminal, a line for each elsewhere."""
+    """What is being done: one line that changes on a terminal, a line for each stage elsewhere.
+
+    What stands behind the stage's "…" is how far it has come: a log file does not want that.
+    """
     if talk.quiet or not live_allowed():
-        yield talk.note
+        yield lambda sentence: None if "… " in sentence else talk.note(sentence)
         return
     with talk.err.status("Reading …") as status:
         yield status.update

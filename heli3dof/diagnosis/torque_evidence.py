@@ -52,7 +52,13 @@ LATE = {"motor.lag": "voltage_difference_slope", "motor.delay": "voltage_differe
 """What comes late is no function of the voltage: τ K_f dV/dt is what is missing meanwhile."""
 
 
-OTHERS = ("roll", "pitch", "voltage_sum", "voltage_difference")
+VOLTAGES = ("voltage_sum", "voltage_difference", "voltage_front", "voltage_back")
+OTHERS = ("roll", "pitch", *VOLTAGES[:2])
+"""Where a torque that follows a voltage may be seen better, once the trim has taken its part."""
+INSTEAD = {
+    **dict.fromkeys(VOLTAGES, OTHERS),
+    "voltage_difference_slope": ("voltage_sum_slope",),  # what comes late on roll
+}
 CLEARER = 2.0
 
 
@@ -111,7 +117,8 @@ def evidence(found: Estimate, term: Term, noise: np.ndarray) -> Evidence | None:
     if term.axis is not None and not misleads:
         i = AXES.index(term.axis)
     else:
-        name, i = _clearest(flight, cause, (name,) if misleads else (name, *OTHERS))
+        others = () if misleads else INSTEAD.get(name, ())
+        name, i = _clearest(flight, cause, (name, *others))
     z = flight.variable(name)
     unit = UNITS[name]
     frequency = given.get(f"{term.name}.frequency_Hz")
@@ -142,13 +149,15 @@ def leftover_evidence(found: Estimate, rest: Leftover) -> Evidence:
 
 
 def _clearest(flight: Trail, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
-    """The variable and axis in which the cause's bins stand out most from the error bars.
+    """The variable and axis in which the points follow the cause's bins best, in error bars:
 
-    Their mean does not count: a constant is what the base's trim takes. Another variable than
-    the first of ``names`` is taken where it is `CLEARER`: a dead zone is a torque on yaw that
-    follows pitch, once the trim has taken the rest of it.
+    Σ (τ̂ − mean)²/σ² − Σ (τ̂ − τ − mean)²/σ²
+
+    The mean does not count: a constant is what the base's trim takes. Another variable than the
+    first of ``names`` is taken where it is `CLEARER`: a dead zone is a torque on yaw that follows
+    pitch, once the trim has taken the rest of it.
     """
-    best = (names[0], 0, -1.0)
+    best = (names[0], 0, 0.0)
     for name in dict.fromkeys(names):
         z = flight.variable(name)
         for i in range(3):
@@ -157,12 +166,16 @@ def _clearest(flight: Trail, cause: np.ndarray, names: Sequence[str]) -> tuple[s
                 continue
             h = flight.data.h[rows]
             _, mean, _ = _binned(z[rows], cause[rows, i], h, BINS)
-            _, _, std = _binned(z[rows], flight.torque[rows, i], h, BINS)
+            _, torque, std = _binned(z[rows], flight.torque[rows, i], h, BINS)
             weight = 1 / np.maximum(std, 1e-12) ** 2
-            clear = float(np.sum(weight * (mean - np.average(mean, weights=weight)) ** 2))
+            clear = _about_mean(torque, weight) - _about_mean(torque - mean, weight)
             if clear > best[2] * (1.0 if name == best[0] else CLEARER):
                 best = (name, i, clear)
     return best[0], best[1]
+
+
+def _about_mean(x: np.ndarray, weight: np.ndarray) -> float:
+    return float(np.sum(weight * (x - np.average(x, weights=weight)) ** 2))
 
 
 def _binned(

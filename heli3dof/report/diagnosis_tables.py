@@ -88,8 +88,19 @@ def wrong(document: Document) -> Grid:
         f"How wrong the simulation is, predicting {seconds:g} s ahead (RMS)",
         ["axis", "simulation °", "noise alone °"],
         rows,
-        notes=["The simulation as the profile has it, nothing fitted."] if rows else [],
+        notes=["The simulation as the profile has it, nothing fitted.", *_worst(error)],
     )
+
+
+def _worst(error: Document) -> list[str]:
+    """Where it is furthest off, in one line."""
+    said = [
+        f"{axis} {fixed(w['start_s'], 1)} to {fixed(w['stop_s'], 1)} s of {w['recording']} "
+        f"({fixed(w['rmse_deg'], 2, '°')})"
+        for axis in AXES
+        for w in error[axis].get("worst", ())
+    ]
+    return [f"Worst: {', '.join(said)}."] if said else []
 
 
 def findings(document: Document) -> Grid:

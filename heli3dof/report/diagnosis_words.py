@@ -26,6 +26,8 @@ VERDICTS = {
 UNCONFIRMED = "Something would fit better, but is not confirmed by data that it has not seen."
 LISTED = 6
 """Names in a sentence before the rest are counted."""
+MUCH = 1.5
+"""How much larger than the simulation's error a noise floor is no floor any more."""
 NEVER = frozenset({"encoder.offset.yaw"})
 """What no flight can show: nothing but a cable knows yaw's zero. Not worth a sentence."""
 
@@ -83,7 +85,7 @@ def faults(document: Document) -> Iterator[str]:
 
 
 def unmeasured(document: Document) -> Iterator[str]:
-    """Why there is no number for how wrong the simulation is, where there is none."""
+    """Where there is no number for how wrong the simulation is, or none to hold it against."""
     fitted = document["verdict"] not in ("bad_data", "not_identifiable")
     error = document["simulation_error"]
     if fitted and error and all(e["rmse_deg"] is None for e in error.values()):
@@ -91,6 +93,17 @@ def unmeasured(document: Document) -> Iterator[str]:
         yield (
             f"How wrong the simulation is was not measured: no stretch without a gap or a stop is "
             f"long enough to predict {seconds:g} s ahead."
+        )
+    noisy = [
+        axis
+        for axis, e in error.items()
+        if number(e["noise_floor_deg"]) > MUCH * number(e["rmse_deg"])
+    ]
+    if noisy:
+        yield (
+            f"On {listed(noisy)} the fitted model expects more noise than the simulation is wrong: "
+            "some of what it calls noise is none (dry friction or play does that), and sizes on "
+            "that axis are rough."
         )
 
 
@@ -142,11 +155,12 @@ def leftovers(document: Document) -> Iterator[str]:
 def unadopted(document: Document) -> Iterator[str]:
     """Causes that were found and do not pay, and what could not be seen at all."""
     for x in document.get("dropped", ()):
-        low, high = x["gain"].get("holdout_log_likelihood_interval", (math.nan, math.nan))
-        yield (
-            f"Not adopted: {x['effect']} fits these recordings better, but does not surely pay on "
-            f"data that it has not seen (ln L {fixed(low, 0)} … {fixed(high, 0)})."
-        )
+        low, high = x["gain"].get("holdout_log_likelihood_interval", (None, None))
+        why = "does not surely pay on data that it has not seen"
+        if high is not None and high < 0:
+            why = "data that it has not seen contradict it: is the hold-out from the same rig?"
+        span = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"
+        yield f"Not adopted: {x['effect']} fits these recordings better, but {why} ({span})."
     dark = [str(x) for x in document["not_identifiable"] if x not in NEVER]
     if dark:
         more = f" and {len(dark) - LISTED} more" if len(dark) > LISTED else ""
@@ -171,6 +185,11 @@ def next_steps(document: Document) -> Iterator[str]:
     upcoming = document["next_experiment"]
     if upcoming is not None:
         yield f"Fly next: heli3dof run {upcoming['plan']}. Why: {upcoming['why']}."
+    elif document["verdict"] == "nothing_found":
+        yield (
+            "What is small shows in a larger flight: heli3dof run large, and diagnose it together "
+            "with these."
+        )
     if document["leftover"]:
         yield (
             "For what is left over: look at its picture (--report FILE.html), think what on the "

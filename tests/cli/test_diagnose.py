@@ -40,7 +40,8 @@ def said(flight: Path) -> Said:
         few.setattr(module, "QUICK_FLIGHTS", 8, raising=False)
         few.setattr(module, "QUICK_PILOTS", 4, raising=False)
         model = flight.with_name("extended.json")
-        return heli3dof("diagnose", flight, "--quick", "-o", model, "--json", "--seed", "3")
+        page = ("--report", flight.with_name("page.html"))
+        return heli3dof("diagnose", flight, "--quick", "-o", model, *page, "--json", "--seed", "3")
 
 
 def numbers(value: Any) -> list[float]:
@@ -79,6 +80,38 @@ def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(said: Said) -
     assert gain["after"]["yaw"] < 0.5 * gain["before"]["yaw"]
     for words in ("stiffness.cable.yaw", "noise alone", "Calibration"):
         assert words in said.err
+    assert "Screening against 8 simulated nulls …\n" in said.err
+    assert "nulls … " not in said.err  # how far it has come is for terminals
+
+
+def test_the_page_holds_the_picture_of_the_cable_and_links_nowhere(
+    said: Said, flight: Path
+) -> None:
+    page = flight.with_name("page.html").read_text(encoding="utf-8")
+    assert 'alt="Residual yaw torque against yaw, with stiffness.cable.yaw as fitted"' in page
+    assert "The worst stretch of yaw" in page
+    assert "Table II before and after" in page
+    assert 'src="http' not in page
+    assert 'href="http' not in page
+
+
+def test_what_was_fitted_is_no_hold_out_whatever_its_name(flight: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "another.mcap"
+    copy.write_bytes(flight.read_bytes())
+    both = heli3dof("diagnose", flight, "--holdout", copy, "-o", tmp_path / "m.json")
+    assert both.code == 2
+    assert "it is no hold-out" in both.err
+    twice = heli3dof("diagnose", flight, copy, "-o", tmp_path / "m.json")
+    assert twice.code == 2
+    assert "given twice" in twice.err
+
+
+def test_a_model_among_the_recordings_is_called_one(said: Said, tmp_path: Path) -> None:
+    model = said.document["model"]
+    wrong = heli3dof("diagnose", model, "-o", tmp_path / "m.json")
+    assert wrong.code == 5
+    assert "model file" in wrong.err
+    assert "heli3dof compare" in wrong.err
 
 
 def test_the_extended_model_is_a_model_file_and_is_never_overwritten(

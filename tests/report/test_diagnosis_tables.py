@@ -8,7 +8,9 @@ from typing import Any
 
 from heli3dof.report import diagnosis_tables as module
 from heli3dof.report.diagnosis_tables import diagnosis_tables, split_unit
+from heli3dof.report.diagnosis_words import VERDICTS, summary_of
 from heli3dof.report.grid import Grid, to_markdown
+from tests.paths import ROOT
 
 ROLL_PITCH_YAW = ("roll", "pitch", "yaw")
 DOCUMENT: dict[str, Any] = {
@@ -102,6 +104,13 @@ def test_size_certainty_tie_gain_and_the_next_flight_are_said() -> None:
     assert "| pitch | – |" not in text  # an axis that was not measured is not a row of dashes
 
 
+def test_the_worst_stretch_is_named() -> None:
+    document = copy.deepcopy(DOCUMENT)
+    worst = {"recording": "step", "start_s": 4.5, "stop_s": 7.5, "rmse_deg": 6.408}
+    document["simulation_error"]["pitch"]["worst"] = [worst]
+    assert "Worst: pitch 4.5 to 7.5 s of step (6.41°)." in told(document)
+
+
 def test_where_nothing_was_found_no_gain_is_claimed() -> None:
     plain = copy.deepcopy(DOCUMENT)
     plain.update(
@@ -110,7 +119,7 @@ def test_where_nothing_was_found_no_gain_is_claimed() -> None:
     text = told(plain)
     assert "Nothing was found that noise alone would not explain" in text
     assert "mending" not in text
-    assert "heli3dof run" not in text
+    assert "Fly next" not in text
 
 
 def test_a_fault_of_the_recording_is_said_with_its_cause_and_a_remedy() -> None:
@@ -132,6 +141,36 @@ def test_a_fault_of_the_recording_is_said_with_its_cause_and_a_remedy() -> None:
     assert f"\nNote: {said}" in text
     assert "diagnose once more" in text
     assert "{" not in text  # sentences, not dictionaries
+
+
+def test_noise_above_the_error_is_no_floor_and_is_said_to_be_none() -> None:
+    noisy = copy.deepcopy(DOCUMENT)
+    noisy["simulation_error"]["pitch"]["noise_floor_deg"] = 9.0
+    assert "On pitch the fitted model expects more noise" in told(noisy)
+    assert "expects more noise" not in told(DOCUMENT)
+
+
+def test_a_cause_beside_something_unknown_on_its_axis_is_only_alike() -> None:
+    assert "read it as friction.coulomb.yaw-like" in told(DOCUMENT)
+    assert "roll-like" not in told(DOCUMENT)
+
+
+def test_a_cause_that_is_not_confirmed_is_told_as_such() -> None:
+    dropped = {
+        "effect": "motor.delay",
+        "gain": {"holdout_log_likelihood_interval": [-24.0, 110.0]},
+    }
+    text = told({**DOCUMENT, "verdict": "nothing_found", "findings": [], "dropped": [dropped]})
+    assert "not confirmed by data that it has not seen" in text
+    assert "Not adopted: motor.delay" in text
+    assert "(ln L −24 … 110)" in text
+
+
+def test_the_readme_quotes_what_is_said() -> None:
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").replace("> ", "").split())
+    name = "stiffness.cable.yaw"
+    assert VERDICTS["explained"] in text
+    assert f"{name}: {summary_of(name)}" in text
 
 
 def test_what_an_unknown_loop_costs_is_said() -> None:
