@@ -110,8 +110,10 @@ def figures(cases: list[Judged]) -> list[Figure]:
     ]  # fmt: skip
     error = median_error(cases)
     out.append(
-        Figure("parameter error of the named cause, median", f"{100 * error:.1f} %", "≤ 5 %",
-               error <= 0.05, "of its distance from no effect, in units of K_f")
+        Figure("parameter error of the named cause, median",
+               "–" if np.isnan(error) else f"{100 * error:.1f} %", "≤ 5 %",
+               None if np.isnan(error) else error <= 0.05,
+               "of its distance from no effect, in units of K_f")
     )  # fmt: skip
     return out
 
