@@ -39,6 +39,8 @@ from heli3dof.model.effects import Term
 FITTED = 10
 HOPELESS = 0.1
 """Of the largest Z²: below it no term is fitted."""
+NEARER = 0.1
+"""Of the way from nothing to where the screen saw a term: the start of a second attempt."""
 OVERTAKES = 30.0
 """A full fit's score may be that many times its Z², where noise swelled to cover the cause."""
 TIE = 6.0
@@ -214,6 +216,12 @@ def contend(
                 theta_0[0] = new[0].inward(new[0].null)
         tilt = Tilt(np.append(bias, slope), none, np.append(o.theta, theta_0), o.noise)
         fit = maximise_tilted(ext, np.append(level.theta, start[len(o.theta) :]), level.noise, tilt)
+        if not fit.loglik > level.loglik and not new[0].log:
+            # It lost its way: absent it does as well as the level, so from near there it must win.
+            near = start[len(o.theta) :].copy()
+            absent = new[0].inward(new[0].null)
+            near[0] = absent + NEARER * (near[0] - absent)
+            fit = maximise_tilted(ext, np.append(level.theta, near), level.noise, tilt, rounds=28)
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
         won = 2 * (fit.loglik - level.loglik) / nulls.inflation
