@@ -101,7 +101,7 @@ def _diagnosed(
     clock.start("left", "Looking for what has no name …")
     again = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
     left, beside_it = examined(found, train, flights=again, seed=seed)
-    posing = stand_ins(found, left, beside_it)
+    posing = stand_ins(findings, found, left, beside_it)
     if posing:
         kept = [f.choice for f in findings if f.choice.term.name not in posing]
         gains = {f.choice.term.name: f.gain for f in findings}
@@ -148,7 +148,9 @@ def causes(
         clock.says(f"Found {step.choice.term.name}.")
         found = extended(bench, step.choice)
         if not step.choice.term.effect.within:  # what a simpler base lacks is no cause in the rig
-            score, left = score or step.choice.score, left - 1
+            left -= 1
+            if step.choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing
+                score = score or step.choice.score
     return steps, found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from heli3dof.axes import AXES
@@ -202,4 +203,5 @@ def _next(d: Diagnosis) -> dict[str, Any] | None:
 
 
 def _number(value: float) -> float | None:
-    return value if value == value else None
+    """JSON knows neither NaN nor infinity."""
+    return value if math.isfinite(value) else None

@@ -11,7 +11,8 @@ where the gain's interval lies above zero.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.calibration import in_SI
@@ -68,9 +69,20 @@ def _findings(
 ) -> tuple[Finding, ...]:
     scale = thrust_scale(found)
     return tuple(
-        Finding(c, in_SI(found, scale, c.term.name), g, w.optimum.noise)
+        Finding(c, forwards(in_SI(found, scale, c.term.name)), g, w.optimum.noise)
         for c, w, g in zip(choices, less, gains, strict=True)
     )
+
+
+def forwards(values: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """A periodic torque with τ > 0 and a phase in (−π, π]: −τ sin is τ sin half a period later."""
+    out = dict(values)
+    if {"torque_Nm", "phase_rad"} <= out.keys():
+        (torque, std), (phase, spread) = out["torque_Nm"], out["phase_rad"]
+        turned = phase + (math.pi if torque < 0 else 0.0)
+        out["torque_Nm"] = abs(torque), std
+        out["phase_rad"] = math.pi - (math.pi - turned) % (2 * math.pi), spread
+    return out
 
 
 def _likelier(g: Gain) -> bool:
@@ -78,4 +90,4 @@ def _likelier(g: Gain) -> bool:
 
 
 def _number(value: float) -> float | None:
-    return value if value == value else None
+    return value if math.isfinite(value) else None

@@ -60,7 +60,9 @@ def beside(found: Estimate, held: Held) -> tuple[Beside, ...]:
     step, step_alone = inverse @ g, alone @ g[:n]
     out = []
     for t in found.structure.terms:
-        j = next(i for i, f in enumerate(found.free) if f.term == t.name)
+        j = next((i for i, f in enumerate(found.free) if f.term == t.name), None)
+        if j is None:  # a simpler base's own, without a number
+            continue
         f, v = found.free[j], float(found.values[j])
         per = f.slope(v)
         size, size_ = (v + per * float(d[j]) - f.null for d in (step_alone, step))
@@ -69,9 +71,14 @@ def beside(found: Estimate, held: Held) -> tuple[Beside, ...]:
     return tuple(out)
 
 
-def stand_ins(found: Estimate, left: Sequence[Leftover], held: Held) -> tuple[str, ...]:
-    """The terms of the fit whose place the leftovers take; none where nothing is left."""
-    return tuple(b.name for b in beside(found, held) if b.stands_in) if left else ()
+def stand_ins(
+    findings: Sequence[Finding], found: Estimate, left: Sequence[Leftover], held: Held
+) -> tuple[str, ...]:
+    """The findings whose place the leftovers take; none where nothing is left."""
+    if not left:
+        return ()
+    named = {f.choice.term.name for f in findings if not f.choice.term.effect.within}
+    return tuple(b.name for b in beside(found, held) if b.stands_in and b.name in named)
 
 
 def doubted(

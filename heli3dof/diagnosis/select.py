@@ -39,6 +39,8 @@ from heli3dof.model.effects import Term
 FITTED = 10
 HOPELESS = 0.1
 """Of the largest Z²: below it no term is fitted."""
+OVERTAKES = 30.0
+"""A full fit's score may be that many times its Z², where noise swelled to cover the cause."""
 TIE = 6.0
 FORM = 0.03
 SHARE = 0.05
@@ -126,7 +128,21 @@ def choose(
     tied = tuple(
         f.term.name for f in fits[1:] if best.score - f.score < slack(screen, nulls, best, f)
     )
-    return Choice(best.term, best.score, best.Z2, nulls.confidence(best.Z2), tied, tuple(fits))
+    sure = min(nulls.confidence(best.Z2), this_one([f.score for f in fits]))
+    return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits))
+
+
+def this_one(scores: Sequence[float]) -> float:
+    """The chance of the first of the scores against the second, both as likely before.
+
+    Scores are 2 ln L, so it is 1/(1 + exp(−Δ/2)) of their difference.
+
+    >>> round(this_one([20.0, 20.0]), 2), round(this_one([26.0, 20.0]), 2)
+    (0.5, 0.95)
+    """
+    if len(scores) < 2:
+        return 1.0
+    return float(1 / (1 + np.exp(-min(scores[0] - scores[1], 200.0) / 2)))
 
 
 def surest_first(screen: Screen, nulls: Nulls, fits: Sequence[Contender]) -> list[Contender]:
@@ -152,7 +168,8 @@ def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> fl
 def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
     """Terms of which even a large size (`LARGE` × typical) stays below 3 σ in these recordings.
 
-    A number that is found for one of them is one that a rig cannot have.
+    A number that is found for one of them is one that a rig cannot have. The nearest to being told
+    stands first: another flight tells of it soonest.
     """
     sigma = nulls.std[: len(screen.plain)] / np.sqrt(np.maximum(screen.information(), 1e-300))
     best: dict[str, float] = {}
@@ -161,7 +178,7 @@ def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
         if not p.grows:  # a limit: it is seen where it was reached
             share = 0.0 if np.isfinite(v) else np.inf
         best[p.name] = min(best.get(p.name, np.inf), share)
-    return tuple(n for n, share in best.items() if share > 1)
+    return tuple(sorted((n for n, share in best.items() if share > 1), key=lambda n: best[n]))
 
 
 def contend(
@@ -218,10 +235,10 @@ def contend(
         score = float(won - len(new) * np.log(rows))
         return Contender(term, ext, fit, score, score, None)
 
-    def either(k: int) -> Contender | None:
-        return one(k) if k < len(ranked) else trial(k - len(ranked))
-
-    fits = [f for f in in_threads(either, len(ranked) + len(tried), what="fits") if f is not None]
+    fits = [f for f in in_threads(trial, len(tried), what="fits") if f is not None]
+    most = max((f.score for f in fits), default=0.0)
+    ranked = [r for r in ranked if OVERTAKES * r[1] > most]
+    fits += [f for f in in_threads(one, len(ranked), what="fits") if f is not None]
     return sorted(fits, key=lambda f: -f.score)
 
 

@@ -3,8 +3,10 @@ past voltages explain? (Ljung, "System Identification", 16.6.) It says *that* so
 never what.
 
 The base is the same one that the diagnosis starts from. Innovations every 40 ms, whiteness over 20
-lags and past inputs as `heli3dof identify` reports them, each against its 99 % point. A recording
-that cannot be fitted (its samples are late or lost) has failed as well.
+lags and past inputs as `heli3dof identify` reports them, each against a multiple of its 99 % point:
+at the point itself 29 of 30 flights fail in which nothing is hidden (the encoder's steps are no
+white noise), so the multiples are those at which one of these 30 does (seeds 1000 to 1009 of the
+three plans). A recording that cannot be fitted (its samples are late or lost) has failed as well.
 """
 
 from __future__ import annotations
@@ -17,6 +19,9 @@ from heli3dof.identification.prepare import prepare
 from heli3dof.identification.residuals import past_inputs, whiteness
 from heli3dof.recording.recording import Recording
 
+BOUNDS = {"whiteness": 5.0, "past inputs": 2.0}
+"""In 99 % points."""
+
 
 def document(recording: Recording) -> dict[str, Any]:
     """A document as the contract's: a failed test is an unexplained rest on no axis by name."""
@@ -27,10 +32,11 @@ def document(recording: Recording) -> dict[str, Any]:
         return {"verdict": "bad_data", "findings": [], "leftover": []}
     e, u = innovations(model, prepared, prepared.train)
     tests = {"whiteness": whiteness(e), "past inputs": past_inputs(e, u)}
-    failed = [name for name, test in tests.items() if not test.passed]
+    about = {name: test.statistic / test.bound for name, test in tests.items()}
+    failed = [name for name, ratio in about.items() if ratio > BOUNDS[name]]
     return {
         "verdict": "unexplained" if failed else "nothing_found",
         "findings": [],
         "leftover": [{"axis": None, "depends_on": name} for name in failed],
-        "about": {name: test.statistic / test.bound for name, test in tests.items()},
+        "about": about,
     }

@@ -12,6 +12,7 @@ import argparse
 import hashlib
 import json
 import os
+import signal
 import sys
 import time
 import traceback
@@ -102,6 +103,7 @@ def run(
     # One BLAS thread a process: the cores are full already.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+    before = signal.signal(signal.SIGTERM, _stop)
     with path.open("a", encoding="utf-8") as out, ProcessPoolExecutor(processes) as pool:
         futures = [pool.submit(one, g, s, tool) for g, s in todo]
         try:
@@ -115,8 +117,15 @@ def run(
         except KeyboardInterrupt:
             pool.shutdown(cancel_futures=True)
             raise
+        finally:
+            signal.signal(signal.SIGTERM, before)
     names = [f"{g}-{s}" for g, s in jobs]
     return {name: done[name] for name in names}
+
+
+def _stop(signum: int, frame: object) -> None:
+    """As Ctrl-C: the workers end as well. Left alone they would wait for work for ever."""
+    raise KeyboardInterrupt
 
 
 def _mend(path: Path) -> None:

@@ -57,6 +57,21 @@ class Rate:
         return f"{100 * self.share:.1f} % ({self.hits}/{self.of})" if self.of else "–"
 
     @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's, 95 %: what so many cases say of the share; (0, 1) where there is none."""
+        if not self.of:
+            return 0.0, 1.0
+        from scipy.stats import binomtest
+
+        found = binomtest(self.hits, self.of).proportion_ci(0.95, method="wilson")
+        return float(found.low), float(found.high)
+
+    @property
+    def between(self) -> str:
+        low, high = self.interval
+        return f"{100 * low:.1f} to {100 * high:.1f} %"
+
+    @property
     def asked(self) -> str:
         return "" if self.bar is None else f"{'≤' if self.at_most else '≥'} {100 * self.bar:g} %"
 
@@ -199,7 +214,7 @@ def summary(lines: Sequence[dict[str, Any]]) -> str:
     out.append("")
     for r in rates(cases):
         met = {True: "met", False: "NOT MET", None: ""}[r.met]
-        out.append(f"{r.what:66} {r.text:>20}  {r.asked:8} {met}")
+        out.append(f"{r.what:66} {r.text:>20}  {r.between:16}  {r.asked:8} {met}")
     out.append(f"{'parameter error of the named cause, median':66} "
                f"{100 * median_error(cases):>18.1f} %  ≤ 5 %")  # fmt: skip
     middle, slow = times_s(cases)

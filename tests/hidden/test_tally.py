@@ -43,6 +43,13 @@ def test_false_alarms_are_counted_by_plan() -> None:
     assert rate(LINES, "false alarms where nothing is hidden, steps").text == "100.0 % (1/1)"
 
 
+def test_a_share_comes_with_what_so_few_flights_say_of_it() -> None:
+    # Wilson: 0 of n leaves up to z²/(n + z²), z = 1.96.
+    assert Rate("", 0, 10).interval == pytest.approx((0.0, 3.8415 / 13.8415), abs=1e-3)
+    assert Rate("", 0, 1).between == "0.0 to 79.3 %"
+    assert Rate("", 97, 100).interval[0] < 0.97 < Rate("", 97, 100).interval[1]
+
+
 def test_wrong_names_are_counted_of_all_that_are_asserted_wherever() -> None:
     r = rate(LINES, "names asserted without a tie that are wrong, over everything")
     assert (r.hits, r.of) == (2, 3)
