@@ -74,8 +74,10 @@ def diagnose(
         written = None
         if found.fitted is not None:
             written = str(save_model(found.fitted.model, path, force=force))
-        says("Simulating what to fly next …")
-        upcoming = None if quick else next_of(found, seed=seed)
+        upcoming = None
+        if found.fitted is not None and not quick:
+            says("Simulating what to fly next …")
+            upcoming = next_of(found, seed=seed)
     document = to_document(found, written, upcoming)
     for each in diagnosis_tables(document):
         talk.show(to_rich(each) if isinstance(each, Grid) else each)

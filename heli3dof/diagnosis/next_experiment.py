@@ -28,7 +28,7 @@ import numpy as np
 from heli3dof.diagnosis.catalogue import Probe, probes
 from heli3dof.diagnosis.corrected import look
 from heli3dof.diagnosis.noisy_flight import noisy_flight
-from heli3dof.diagnosis.result import Diagnosis
+from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis
 from heli3dof.diagnosis.screen import Screen
 from heli3dof.diagnosis.select import TIE, Contender
 from heli3dof.diagnosis.workers import in_threads
@@ -165,7 +165,9 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
                 tied = [c for c in others if c.term.name in finding.choice.tied_with]
                 return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
-        open_ = [x.name for x in found.dropped] or list(found.not_identifiable)
+        open_ = [x.name for x in found.dropped if x.why == DOES_NOT_PAY] or list(
+            found.not_identifiable
+        )
         if found.findings or not open_:
             return None
         asked = recommend(base, [Cause.typical(open_[0])], seed=seed)

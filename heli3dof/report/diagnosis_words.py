@@ -122,7 +122,8 @@ def causes(document: Document) -> Iterator[str]:
             )
         elif sure is not None:
             said += f" Certainty that it is there: {certainty(sure)}."
-        if f["axis"] in {rest["axis"] for rest in document["leftover"]}:
+        named = f["gain"]["holdout_log_likelihood"] is not None
+        if named and f["axis"] in {rest["axis"] for rest in document["leftover"]}:
             said += (
                 f" As something without a name acts on {f['axis']} too, read it as {name}-like: "
                 "it may stand in for a part of that."
@@ -148,7 +149,7 @@ def leftovers(document: Document) -> Iterator[str]:
             also = listed([variable(str(v)) for v in rest["also"]], "or")
             said += f" (or on {also}: this flight hardly tells)"
         if rest.get("like"):
-            said += f"; it looks like {rest['like']}, but is not surely that"
+            said += f"; it is {rest['like']}, not surely that cause"
         yield f"{said}."
 
 
@@ -156,7 +157,7 @@ def unadopted(document: Document) -> Iterator[str]:
     """Causes that were found and do not pay, and what could not be seen at all."""
     for x in document.get("dropped", ()):
         low, high = x["gain"].get("holdout_log_likelihood_interval", (None, None))
-        why = "does not surely pay on data that it has not seen"
+        why = str(x.get("why", "it does not surely pay on data that it has not seen"))
         if high is not None and high < 0:
             why = "data that it has not seen contradict it: is the hold-out from the same rig?"
         span = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"

@@ -16,6 +16,8 @@ from heli3dof.diagnosis.integrity.view import View
 OFF = 0.02
 """Share of v_max below which a voltage drives nothing."""
 COUNTS = 3
+LEAST_S = 1.0
+"""A shorter recording says nothing of why it holds no motion."""
 TABLE_BELOW, LIFTED, MOVES = np.radians(-15.0), np.radians(1.0), np.radians(2.0)
 
 
@@ -37,9 +39,10 @@ def nothing(view: View) -> Iterable[Fault]:
             "nothing.moves", Kind.NOT_IDENTIFIABLE, r.name,
             f"{r.name}: no angle moves by more than {COUNTS} counts in {r.duration:.3g} s; the "
             f"voltage reaches {top:.3g} V.",
+            "the recording is a fragment." if r.duration < LEAST_S else
             "the motors were off." if off else
             "the amplifier was not enabled, its supply is off, or the rig is clamped.",
-            "heli3dof run-step --roll 5" if off else
+            "heli3dof run-step --roll 5" if off or r.duration < LEAST_S else
             "switch the amplifier on, free the arm, then heli3dof run-step --roll 5",
             confidence=1.0,
         )  # fmt: skip
