@@ -61,6 +61,7 @@ pages: $(STAMP)
 	$(BIN)/python -m heli3dof.model.paper_numbers docs/paper.md
 	$(BIN)/python -m heli3dof_drivers.emulator.page docs/mock.md
 	$(BIN)/python -m heli3dof.diagnosis.catalogue_page docs/effects.md
+	$(BIN)/python -m heli3dof.diagnosis.integrity_page docs/diagnosis.md
 	$(BIN)/python -m tests.report.comparison_page
 
 recordings: $(STAMP)

@@ -46,6 +46,10 @@ def run_auto(
     from heli3dof.errors import UsageError
     from heli3dof.experiment.plan import load_plan
     from heli3dof.model.modelfile import save_model
+    from heli3dof.report.diagnosis_page import diagnosis_page
+    from heli3dof.report.diagnosis_tables import diagnosis_tables
+    from heli3dof.report.grid import Grid, to_rich
+    from heli3dof.report.html import write_page
 
     if first.duration_s > 60 * budget_min:
         raise UsageError(
@@ -76,7 +80,10 @@ def run_auto(
     if found.fitted is not None:
         model = str(save_model(found.fitted.model, folder / "extended.json"))
     document = to_document(found, model, upcoming)
-    report = _report(flights, document, folder)
+    talk.show(f"Ended: {ended}.")
+    talk.show(*(to_rich(g) if isinstance(g, Grid) else g for g in diagnosis_tables(document)))
+    text = diagnosis_page(found, document, flights, title=f"Diagnosis: {folder.name}")
+    report = write_page(text, folder / "report.html")
     return {
         "schema": "heli3dof.auto/1",
         "folder": str(folder),
@@ -124,12 +131,3 @@ def _flown(
         )  # fmt: skip
     flight.raise_if_cut_short()
     return flight.recording
-
-
-def _report(flights: Sequence[Recording], document: dict[str, Any], folder: Path) -> Path:
-    from heli3dof.report.diagnosis_tables import told_section
-    from heli3dof.report.flight_report import flight_report
-    from heli3dof.report.html import write_page
-
-    text = flight_report(flights, extra=[told_section(document)], title=f"Diagnosis: {folder.name}")
-    return write_page(text, folder / "report.html")

@@ -37,7 +37,9 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     from heli3dof.experiment.plan import load_plan, step_plan
     from heli3dof.model.hover import hover_model
     from heli3dof.model.modelfile import save_model
-    from heli3dof.report.diagnosis_tables import diagnosis_tables, told_section
+    from heli3dof.report.diagnosis_pictured import pictured
+    from heli3dof.report.diagnosis_section import diagnosis_section
+    from heli3dof.report.diagnosis_tables import diagnosis_tables
     from heli3dof.report.flight_report import flight_report
     from heli3dof.report.grid import Grid, to_rich
     from heli3dof.report.html import write_page
@@ -78,15 +80,17 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     told = diagnosis_tables(document)
     talk.show(*(to_rich(g) if isinstance(g, Grid) else g for g in told))
     with talk.working("Writing the report …"):
+        told_of = diagnosis_section(document, pictured(wrong, [train], [step]))
         text = flight_report(
             [step],
             models=models,
             comparison=comparison,
             reproduced=published,
-            extra=[*(identification_section(f) for f in found), told_section(document)],
+            extra=[*(identification_section(f) for f in found), told_of],
             title="heli3dof demo",
         )
         report = write_page(text, folder / "report.html")
+    talk.show(f"What the rig hid, and no part of this was told: {HIDDEN.replace(',', ', ')}")
     talk.note(f"Report: {report.resolve()}")
     talk.emit(
         {

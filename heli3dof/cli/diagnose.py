@@ -39,6 +39,9 @@ def diagnose(
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer simulated nulls: a first look.")
     ] = False,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="FILE", help="Figures and tables, HTML.")
+    ] = None,
     profile: ProfileFile = None,
     output: Output = None,
     force: Force = False,
@@ -47,29 +50,27 @@ def diagnose(
     quiet: Quiet = False,
 ) -> None:
     """What the simulation gets wrong, and why: heli3dof diagnose rec.mcap -o model.json."""
-    from heli3dof.cli.loading import load_all
+    from heli3dof.cli.loading import distinct, load_all
     from heli3dof.diagnosis.diagnose import diagnose as find
     from heli3dof.diagnosis.document import document as to_document
     from heli3dof.diagnosis.next_experiment import next_of
-    from heli3dof.errors import UsageError
     from heli3dof.model.modelfile import save_model
     from heli3dof.recording.output import check_output
+    from heli3dof.report.diagnosis_page import diagnosis_page
     from heli3dof.report.diagnosis_tables import diagnosis_tables
     from heli3dof.report.grid import Grid, to_rich
+    from heli3dof.report.html import write_page
 
-    if base is Base.hover:
-        raise UsageError(
-            "--base hover is not built yet.",
-            cause="this version judges the nonlinear rigid body only.",
-            fix="heli3dof diagnose without --base; heli3dof compare judges the hover model",
-        )
     talk = Talk(as_json=as_json, quiet=quiet)
     path = output or Path(f"{recordings[0].name.split('.')[0]}-extended.json")
     check_output(path, force=force)
+    if report is not None:
+        check_output(report, force=force)
     train = load_all(talk, recordings, profile)
     test = load_all(talk, holdout or [], profile)
+    distinct(train, test)
     with saying(talk) as says:
-        found = find(train, test or None, quick=quick, seed=seed, says=says)
+        found = find(train, test or None, quick=quick, seed=seed, says=says, base=base.value)
         written = None
         if found.fitted is not None:
             written = str(save_model(found.fitted.model, path, force=force))
@@ -80,6 +81,12 @@ def diagnose(
         talk.show(to_rich(each) if isinstance(each, Grid) else each)
     if written is not None:
         talk.note(f"Model: {written}")
+    if report is not None:
+        with talk.working("Drawing the report …"):
+            write_page(diagnosis_page(found, document, train, test), report, force=force)
+        talk.note(f"Report: {report}")
+    elif found.fitted is not None:
+        talk.note("Pictures, and Table II before and after: add --report FILE.html")
     talk.emit(document)
     if found.verdict == "bad_data":
         raise typer.Exit(BAD_DATA)
@@ -87,9 +94,12 @@ def diagnose(
 
 @contextmanager
 def saying(talk: Talk) -> Iterator[Callable[[str], None]]:
-    """What is being done: one line that changes on a terminal, a line for each elsewhere."""
+    """What is being done: one line that changes on a terminal, a line for each stage elsewhere.
+
+    What stands behind the stage's "…" is how far it has come: a log file does not want that.
+    """
     if talk.quiet or not live_allowed():
-        yield talk.note
+        yield lambda sentence: None if "… " in sentence else talk.note(sentence)
         return
     with talk.err.status("Reading …") as status:
         yield status.update

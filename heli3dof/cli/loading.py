@@ -16,17 +16,52 @@ if TYPE_CHECKING:
 
 def load_all(talk: Talk, paths: Sequence[Path], profile: Path | None) -> list[Recording]:
     """Load every recording; say aloud what is odd about each."""
+    from heli3dof.errors import RecordingError
     from heli3dof.recording.load import load
     from heli3dof.rig.profile import load_profile
 
     chosen = load_profile(profile) if profile else None
     loaded = []
     for path in paths:
+        if path.suffix in (".json", ".toml") and path.is_file():
+            raise RecordingError(
+                f"{path} is no recording: its name is that of a "
+                f"{'model file' if path.suffix == '.json' else 'profile or a plan'}.",
+                cause="a file of another kind stands where recordings are expected.",
+                fix=f"heli3dof compare REC... {path}, to judge a model"
+                if path.suffix == ".json" else f"--profile {path}, or heli3dof run {path}",
+            )  # fmt: skip
         recording = load(path, chosen)
         for warning in recording.meta.get("warnings", ()):
             talk.warn(f"{path.name}: {warning}")
         loaded.append(recording)
     return loaded
+
+
+def distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> None:
+    """Raise UsageError for a flight that is given twice, by what it holds and not by its name.
+
+    Twice among the first it would count twice; in ``holdout`` it would confirm itself.
+    """
+    from heli3dof.errors import UsageError
+
+    fitted = {r.digest: r.name for r in train}
+    for r in holdout:
+        if r.digest in fitted:
+            raise UsageError(
+                f"{r.name} holds the very samples of {fitted[r.digest]}, which is fitted: it is "
+                "no hold-out.",
+                cause="the same file, or a copy of it, stands on both sides of --holdout.",
+                fix="hold out another flight (heli3dof run rich --seed 2 makes one), or leave "
+                "--holdout away: the gain is then measured on blocks left out",
+            )
+    if len(fitted) < len(train):
+        names = [r.name for r in train]
+        raise UsageError(
+            f"The same samples are given twice among {', '.join(names)}.",
+            cause="a file was named twice, or one is a copy of another.",
+            fix="name every flight once",
+        )
 
 
 def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:

@@ -1,13 +1,13 @@
 """`diagnose`: recordings in, a `Diagnosis` out. The order of things is the order of this file.
 
 0. Integrity: a recording that is itself at fault is not diagnosed.
-1. The base: the profile's rigid body, its T_g and inertias fitted and freed of the filter's bias
-   (`heli3dof.diagnosis.corrected`).
+1. The base: the profile's rigid body or the paper's hover model, its T_g and inertias fitted and
+   freed of the filter's bias (`heli3dof.diagnosis.corrected`).
 2. The screen of every candidate, against simulated nulls of the recordings' own fit.
 3. Causes one by one by full fits (`heli3dof.diagnosis.select`); after each, its own correction,
    nulls and screen anew. Then backwards: what the others made superfluous goes.
 4. What it gains on data not seen, against the base refitted; what does not pay goes.
-5. What is left and has no name.
+5. What is left and has no name; names that only stood in for it go (`proxies`).
 """
 
 from __future__ import annotations
@@ -18,11 +18,24 @@ from collections.abc import Callable, Sequence
 from heli3dof.diagnosis.calibration import off_nominal
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.integrity import Kind, integrity
-from heli3dof.diagnosis.leftover import Leftover, leftover
+from heli3dof.diagnosis.leftover import Leftover, examined
 from heli3dof.diagnosis.measured import adopted, fitted
-from heli3dof.diagnosis.result import Diagnosis, Finding
+from heli3dof.diagnosis.proxies import doubted, named_like, stand_ins
+from heli3dof.diagnosis.result import STANDS_IN, Diagnosis, Dropped, Finding
 from heli3dof.diagnosis.select import MOST
-from heli3dof.diagnosis.steps import Bench, Step, base_of, eliminated, extended, looked_at
+from heli3dof.diagnosis.steps import (
+    BASES,
+    Bench,
+    Step,
+    base_of,
+    eliminated,
+    extended,
+    looked_at,
+    settled_again,
+    without,
+)
+from heli3dof.diagnosis.workers import watched
+from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.recording.recording import Recording
 
 FLIGHTS, QUICK_FLIGHTS = 64, 16
@@ -30,6 +43,7 @@ FURTHER = 0.5
 """Of the flights, for the nulls after the first finding."""
 PILOTS, QUICK_PILOTS = 12, 6
 LEFT_FLIGHTS, QUICK_LEFT_FLIGHTS = 24, 8
+SAID_EVERY_S = 1.0
 Says = Callable[[str], None]
 
 
@@ -40,16 +54,33 @@ def diagnose(
     quick: bool = False,
     seed: int = 0,
     says: Says = lambda sentence: None,
+    base: str = "rigid",
 ) -> Diagnosis:
     """What the simulation of these recordings gets wrong, and why.
 
+    ``base`` is the simulation that is judged: "rigid", the nonlinear rigid body, or "hover", the
+    paper's linear model, beside which the rigid body is one more candidate, ``geometry``.
     ``quick`` simulates `QUICK_FLIGHTS` nulls instead of `FLIGHTS`. Without ``holdout`` the gains
     are measured on blocks left out, and the document says so. Raises RecordingError
-    where nothing can be fitted.
+    where nothing can be fitted, UsageError for a base that there is not.
     """
+    if base not in BASES:
+        raise UsageError(
+            f"There is no base simulation {base!r}.",
+            cause=f"a typing error; {did_you_mean(base, list(BASES))}",
+            fix=f"one of {', '.join(BASES)}",
+        )
     train = [recordings] if isinstance(recordings, Recording) else list(recordings)
     held = [] if holdout is None else [holdout] if isinstance(holdout, Recording) else list(holdout)
     clock = Clock(says)
+    with watched(clock.counts):
+        return _diagnosed(train, held, clock, quick=quick, seed=seed, base=base)
+
+
+def _diagnosed(
+    train: list[Recording], held: list[Recording], clock: Clock, *, quick: bool, seed: int,
+    base: str,
+) -> Diagnosis:  # fmt: skip
     names = (tuple(r.name for r in train), tuple(r.name for r in held))
     clock.start("integrity", "Checking the recordings themselves …")
     faults = integrity([*train, *held])
@@ -57,25 +88,40 @@ def diagnose(
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
-    bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS)
+    bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base)
     clock.start("base", "Fitting the base simulation, and flying it for its bias …")
-    base = base_of(bench)
-    steps, found = causes(bench, base, flights, clock)
+    least = base_of(bench)
+    steps, found = causes(bench, least, flights, clock)
     first = steps[0]
     clock.start("backward", "Each cause once more without it …")
     found, steps = eliminated(bench, found, steps)
     clock.start("gain", "Measuring the gain on what was not seen …")
     taken = [s.choice for s in steps if s.choice is not None]
     found, findings, dropped, after = adopted(found, taken, held, seed=seed)
-    whole = fitted(base, found, after, train, held, seed=seed)
     clock.start("left", "Looking for what has no name …")
-    left = leftover(found, train, flights=QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS, seed=seed)
+    again = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
+    left, beside_it = examined(found, train, flights=again, seed=seed)
+    posing = stand_ins(findings, found, left, beside_it)
+    if posing:
+        kept = [f.choice for f in findings if f.choice.term.name not in posing]
+        gains = {f.choice.term.name: f.gain for f in findings}
+        dropped += tuple(Dropped(n, gains[n], STANDS_IN) for n in posing)
+        for f in findings:
+            if f.choice.term.name in posing:
+                found = without(found, f.choice.term)
+        found, findings, poor, after = adopted(settled_again(bench, found), kept, held, seed=seed)
+        dropped += poor
+        left, beside_it = examined(found, train, flights=again, seed=seed)
+        left = named_like(left, posing)
+    findings = doubted(findings, found, left, beside_it)
+    clock.start("gain", "Measuring the gain on what was not seen …")
+    whole = fitted(least, found, after, train, held, seed=seed)
     off = off_nominal(found)
     clock.stop()
     about = {
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
         "threshold": first.nulls.threshold, "largest": first.largest,
-        "gain_measured_on": whole.gain.on, "seconds": clock.seconds,
+        "gain_measured_on": whole.gain.on, "base": base, "seconds": clock.seconds,
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
     return Diagnosis(
@@ -89,8 +135,8 @@ def causes(
 ) -> tuple[list[Step], Corrected]:
     """Forward: every step that was made (the last one found nothing, or is the last allowed)."""
     found, steps = base, list[Step]()
-    score = None
-    while len(steps) < MOST:
+    score, left = None, MOST
+    while left:
         n = flights if not steps else max(8, round(FURTHER * flights))
         clock.start(f"screen {len(steps) + 1}", f"Screening against {n} simulated nulls …")
         step = looked_at(bench, found, n)
@@ -101,7 +147,10 @@ def causes(
             break
         clock.says(f"Found {step.choice.term.name}.")
         found = extended(bench, step.choice)
-        score = score or step.choice.score
+        if not step.choice.term.effect.within:  # what a simpler base lacks is no cause in the rig
+            left -= 1
+            if step.choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing
+                score = score or step.choice.score
     return steps, found
 
 
@@ -112,11 +161,19 @@ class Clock:
         self.says = says
         self.seconds: dict[str, float] = {}
         self._stage, self._since = "", time.perf_counter()
+        self._sentence, self._said = "", self._since
 
     def start(self, stage: str, sentence: str) -> None:
         self.stop()
-        self._stage = stage
+        self._stage, self._sentence, self._said = stage, sentence, self._since
         self.says(sentence)
+
+    def counts(self, what: str, done: int, of: int) -> None:
+        """Of a stage that lasts, every `SAID_EVERY_S`: ``… flights: 31 of 64``."""
+        now = time.perf_counter()
+        if now - self._said >= SAID_EVERY_S:
+            self._said = now
+            self.says(f"{self._sentence} {what}: {done} of {of}")
 
     def stop(self) -> None:
         now = time.perf_counter()

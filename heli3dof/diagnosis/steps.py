@@ -17,11 +17,13 @@ from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simula
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
+from heli3dof.diagnosis.trials import trials
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.fit import Optimum, _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.method import compile_first, usable_runs
 from heli3dof.model.effects import Term
+from heli3dof.model.effects import terms as named
 from heli3dof.model.filtering import data_of
 from heli3dof.model.rig_model import Structure
 from heli3dof.recording.recording import Recording
@@ -31,6 +33,9 @@ CHATTERS = 1.2
 QUIETER = np.array([0.5, 0.7, 1.0, 1.0])
 """What the filter makes of a chattering flight's noise, roughly; roll and pitch chatter most."""
 
+BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
+"""What each base simulation is made of beside the rigid body."""
+
 
 @dataclass(frozen=True)
 class Bench:
@@ -39,6 +44,8 @@ class Bench:
     recordings: tuple[Recording, ...]
     seed: int
     pilots: int
+    base: str = "rigid"
+    """One of `BASES`"""
 
     @property
     def loop_is_known(self) -> bool:
@@ -70,14 +77,16 @@ class Step:
 
     def chosen(self, bench: Bench, first_score: float | None) -> Step:
         """The same with its choice made."""
-        made = choose(self.found, self.screen, self.seen, self.nulls, self.bias, first_score)
+        o = self.found.optimum
+        tried = trials(self.found.problem, o.theta, o.noise, bench.axes)
+        made = choose(self.found, self.screen, self.seen, self.nulls, self.bias, first_score, tried)
         return replace(self, choice=made)
 
 
 def base_of(bench: Bench) -> Corrected:
     """The base simulation, fitted. Raises RecordingError where there is nothing to fit."""
     runs = [run for i, r in enumerate(bench.recordings) for run in usable_runs(r, i)]
-    structure = Structure(bench.recordings[0].profile, ())
+    structure = Structure(bench.recordings[0].profile, named(BASES[bench.base]))
     problem = Informed(data_of(bench.recordings, runs), structure)
     compile_first(problem)
     found = estimate(problem)
@@ -146,6 +155,11 @@ def settled(bench: Bench, problem: Likelihood, at: Optimum) -> Corrected:
         pilots=bench.pilots,
         rounds=4,
     )
+
+
+def settled_again(bench: Bench, found: Corrected) -> Corrected:
+    """The same structure, freed of its bias anew; the base's own fit where no term is left."""
+    return settled(bench, found.problem, found.optimum)
 
 
 def without(found: Corrected, term: Term) -> Corrected:

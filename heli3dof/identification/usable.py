@@ -7,7 +7,8 @@ free fall. Those rows are left out, and each one's reason is counted:
 ``table``         on the table or within 1° of it, from the first row to lift-off and after landing
 ``take_off``      from lift-off until roll is half-way to level, the voltages have been off their
                   limit for 0.25 s, and 3 s have passed
-``stop``          an angle that rests for 0.3 s within 0.2° of its extreme, beyond 25°
+``stop``          roll or pitch resting for 0.3 s within 0.2° of its extreme, beyond 25°; yaw has
+                  no stop
 ``motors_off``    both voltages zero for 0.1 s and more, and from there to the next lift-off
 ``falling``       the end of a flight, from where roll last was half-way to level
 ``ramp_down``     the flight loop's own landing (channel ``phase``)
@@ -22,7 +23,7 @@ import itertools
 
 import numpy as np
 
-from heli3dof.axes import AXES, ROLL
+from heli3dof.axes import AXES, ROLL, YAW
 from heli3dof.recording.recording import Recording
 
 REASONS = ("unread", "table", "take_off", "stop", "motors_off", "falling", "ramp_down")
@@ -61,7 +62,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
         rows["motors_off"] |= _dropping(off, roll)
         rows["falling"] = _falling(roll)
     rows["stop"] = np.zeros(len(recording), dtype=bool)
-    for i in measured:
+    for i in (i for i in measured if i != YAW):
         # Roll's lower stop is the table, which has a reason of its own.
         above = y[:, i] if i != ROLL else np.maximum(y[:, i], 0.0)
         rows["stop"] |= _at_stop(above, recording.dt)

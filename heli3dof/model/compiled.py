@@ -19,15 +19,25 @@ from typing import Any
 
 
 def compiled(
-    function: Callable[..., Any], *, calls: tuple[Callable[..., Any], ...] = (), **options: Any
+    function: Callable[..., Any],
+    *,
+    calls: tuple[Callable[..., Any], ...] = (),
+    leaf: bool = False,
+    **options: Any,
 ) -> Any:
     """``function`` under ``numba.njit``, cached; ``calls`` are the functions it calls.
+
+    A ``leaf`` is called once a row or more, makes no array and calls none but leaves: it is built
+    into its callers, and without numba's counting of references to arrays, which costs up to ten
+    times as much as the sums of a rigid body do.
 
     Floating point is strict (no fastmath): the same numbers as in Python. ``options`` go to numba,
     for instance ``error_model="numpy"`` where no division by zero is to raise.
     """
     import numba
 
+    if leaf:
+        options |= {"_nrt": False, "forceinline": True}
     dispatcher: Any = numba.njit(cache=True, **options)(function)
     if calls:
         try:

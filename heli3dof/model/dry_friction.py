@@ -9,6 +9,8 @@ which in the joint itself is the soft threshold S(v) = sgn(v) max(|v| − b, 0),
 joint that rests under less than τ_c stays where it is, to the last digit, and a reversal cannot
 overshoot. Joints that share W are gone through until nothing changes.
 
+As far as the body is the hover model (`slots.LINEAR`), W is diag(1/J).
+
 In the filter a rate is N(v, σ²), and what friction does to it is S averaged over that: with
 α = (b − v)/σ, β = (b + v)/σ, φ and Q the normal density and its upper tail, u(α) = φ(α) − αQ(α)
 
@@ -27,7 +29,7 @@ from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
 from heli3dof.model.hooks import caller
 
-R, P, J_R, J_P, J_PSI = _s.R, _s.P, _s.J_R, _s.J_P, _s.J_PSI
+R, P, J_R, J_P, J_PSI, LINEAR = _s.R, _s.P, _s.J_R, _s.J_P, _s.J_PSI, _s.LINEAR
 DRY = int(_s.Stage.DRY)
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 SURE = 6.0
@@ -57,7 +59,7 @@ def _soft(v: float, sd: float, b: float) -> tuple[float, float, float]:
     return mean, Qa + Qc, max(sd * sd * (Qa - a * ua + Qc - c * uc) - mean * mean, 0.0)
 
 
-soft = compiled(_soft, error_model="numpy")
+soft = compiled(_soft, leaf=True, error_model="numpy")
 
 
 def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
@@ -86,6 +88,19 @@ def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-unty
     w[5, 0], w[5, 1], w[5, 2] = u * v * yy / pp if pp > 0.0 else 0.0, 1.0, 0.0
     w[5, 2] = -v * yy / pp if pp > 0.0 else 0.0
     w[6, 0], w[6, 1], w[6, 2] = -u, -v, 1.0
+    if s[LINEAR] != 0.0:
+        for i in range(3):
+            was = rr if i == 0 else (pp if i == 1 else yy)
+            now = was + s[LINEAR] * (1.0 / s[J_R + i] - was) if free[i] else 0.0
+            for j in range(3):
+                if j != i and now > 0.0:
+                    w[4 + i, j] *= (1.0 - s[LINEAR]) * was / now
+            if i == 0:
+                rr = now
+            elif i == 1:
+                pp = now
+            else:
+                yy = now
     dry = 0
     for i in range(3):
         if w[0, i] != 0.0 and free[i]:
@@ -118,7 +133,7 @@ def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-unty
     return True
 
 
-settle = compiled(_settle, calls=(_soft,), error_model="numpy")
+settle = compiled(_settle, calls=(_soft,), leaf=True, error_model="numpy")
 
 
 def _shrink(P, h, w, row):  # type: ignore[no-untyped-def]
@@ -142,4 +157,4 @@ def _shrink(P, h, w, row):  # type: ignore[no-untyped-def]
         P[c, c] += w[3, i] - rho * rho * row[c]
 
 
-shrink = compiled(_shrink, error_model="numpy")
+shrink = compiled(_shrink, leaf=True, error_model="numpy")

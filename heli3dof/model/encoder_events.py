@@ -46,7 +46,7 @@ def _tail(x: float) -> float:
     return 1.0 / d
 
 
-tail = compiled(_tail, error_model="numpy")
+tail = compiled(_tail, leaf=True, error_model="numpy")
 
 
 def _interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
@@ -74,7 +74,7 @@ def _interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
     return logZ, sign * ratio / sd, (ratio * ratio - second) / S
 
 
-interval = compiled(_interval, calls=(_tail,), error_model="numpy")
+interval = compiled(_interval, calls=(_tail,), leaf=True, error_model="numpy")
 
 
 def _flux(v: float, var: float) -> tuple[float, float, float]:
@@ -94,7 +94,7 @@ def _flux(v: float, var: float) -> tuple[float, float, float]:
     return math.log(sd * f) - 0.5 * u * u - math.log(SQRT2PI), g, g * g - 1.0 / (var * f)
 
 
-flux = compiled(_flux, calls=(_tail,), error_model="numpy")
+flux = compiled(_flux, calls=(_tail,), leaf=True, error_model="numpy")
 
 
 def _learn(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
@@ -108,4 +108,4 @@ def _learn(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
             P[n, j] = P[j, n]
 
 
-learn = compiled(_learn, error_model="numpy")
+learn = compiled(_learn, leaf=True, error_model="numpy")

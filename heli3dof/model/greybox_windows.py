@@ -15,16 +15,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.model import rigid_body, stepping
+from heli3dof.model import dry_friction, rigid_body, stepping
 from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
+from heli3dof.model.dry_friction import settle
 from heli3dof.model.greybox_predict import STEP_S, impulse
 from heli3dof.model.instants import positions
 from heli3dof.model.rig_model import Structure
 from heli3dof.model.rigid_body import accelerations
 from heli3dof.model.stepping import readings, setup
 
-R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
+R, T, F_FRONT, V_FRONT, STEPPED = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.STEPPED
 
 
 def _windows(  # type: ignore[no-untyped-def]
@@ -32,7 +33,7 @@ def _windows(  # type: ignore[no-untyped-def]
 ):
     """out (S, M, 3): readings ``ahead`` (M,) rows, rising, after each of ``starts`` (S,)."""
     setup(s, first, address, par, mem)
-    x, w = np.empty(6), np.zeros((3, 3))
+    x, w = np.empty(6), np.zeros((8, 3))
     m, slope = np.empty(3), np.empty(3)
     for n in range(starts.shape[0]):
         k = starts[n]
@@ -46,7 +47,7 @@ def _windows(  # type: ignore[no-untyped-def]
             while a < end:
                 b = min(a + stride, end)
                 h = t[b] - t[a]
-                s[T] = t[a]
+                s[T], s[STEPPED] = t[a], 1.0
                 for q in range(2):
                     s[F_FRONT + q] = (mean[b, q] - mean[a, q]) / h
                     s[V_FRONT + q] = V[a, q]
@@ -62,6 +63,8 @@ def _windows(  # type: ignore[no-untyped-def]
                 for q in range(3):
                     x[q] += h * x[3 + q] + 0.5 * h * h * w[2, q]
                     x[3 + q] += h * w[2, q]
+                w[3, 0] = w[3, 1] = w[3, 2] = 0.0
+                settle(s, x, h, first, address, par, mem, free, w)
                 if x[0] < low:
                     x[0] = low
                     if x[3] < 0.0:
@@ -74,10 +77,13 @@ def _windows(  # type: ignore[no-untyped-def]
 
 _windows_compiled = compiled(
     _windows,
-    calls=(rigid_body._accelerations, rigid_body._body_accelerations, stepping._readings),
+    calls=(
+        rigid_body._accelerations, rigid_body._body_accelerations, stepping._readings,
+        dry_friction._settle,
+    ),
     error_model="numpy",
     nogil=True,
-)
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

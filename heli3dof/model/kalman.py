@@ -74,7 +74,7 @@ def _grow(P, A, h, a2, Phi, W):  # type: ignore[no-untyped-def]
         P[3 + i, 3 + i] += a2[i] * h
 
 
-grow = compiled(_grow, error_model="numpy")
+grow = compiled(_grow, leaf=True, error_model="numpy")
 
 
 def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
@@ -92,7 +92,7 @@ def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[n
         s[R + j] = x[j]
 
 
-linearise = compiled(_linearise, calls=(rigid_body._accelerations,), error_model="numpy")
+linearise = compiled(_linearise, calls=(rigid_body._accelerations,), leaf=True, error_model="numpy")
 
 
 def _filter(  # type: ignore[no-untyped-def]

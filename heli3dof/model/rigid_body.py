@@ -34,6 +34,15 @@ For small pitch and slow yaw these are the equations of rig.md, J_roll r̈ = L_a
 and so on. The motors' difference in mass acts through its weight only; its product of inertia,
 (m_f − m_b) L_a L_h, is left out. Rotors: τ_m Ḟ_i = K_f g_i f(V_i) − F_i, solved exactly.
 
+The paper's hover model is the same body to first order about level hover, F = T_g/L_a and
+D = G_p/L_h; with what effects exert (τ) it reads
+
+    J_r r̈ = L_a F − T_g + τ_r      J_p p̈ = L_h D − G_p + τ_p      J_ψ ψ̈ = −T_g p + G_p r + τ_ψ
+
+(its eqs (10), (11), errata E3 and E4 mended; T_g = 2 L_a K_f V_o, and G_p = 0 as the paper takes
+both motors for equal). With s[LINEAR] = λ the body accelerates (1 − λ) times as the rigid body and
+λ times as this; λ is zero unless `heli3dof.model.effects.base_hover` is on.
+
 What no flight can tell: all torques and inertias multiplied by one factor move the same way. So
 K_f stays at the profile's value as the unit, and T_g, J_r, J_p, J_ψ and every effect's torque are
 estimated *in units of it*: if the true K_f is 1.1 times the profile's, they are all 1.1 times too.
@@ -50,7 +59,7 @@ from heli3dof.model.compiled import compiled
 from heli3dof.model.hooks import caller
 
 R, P, R_DOT, P_DOT, PSI_DOT = _s.R, _s.P, _s.R_DOT, _s.P_DOT, _s.PSI_DOT
-L_A, L_H, T_G, G_P = _s.L_A, _s.L_H, _s.T_G, _s.G_P
+L_A, L_H, T_G, G_P, LINEAR = _s.L_A, _s.L_H, _s.T_G, _s.G_P, _s.LINEAR
 J_R, J_P, J_PSI = _s.J_R, _s.J_P, _s.J_PSI
 F_FRONT, F_BACK = _s.F_FRONT, _s.F_BACK
 SPEED_FRONT, SPEED_BACK = _s.SPEED_FRONT, _s.SPEED_BACK
@@ -100,9 +109,16 @@ def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> N
     a[0] = (b_r - m_ry * yaw) / m_rr
     a[1] = (b_p - m_py * yaw) / m_pp
     a[2] = yaw
+    if s[LINEAR] != 0.0:
+        hover = (L_a * F - s[T_G] + torque[0]) / Jr if free[0] else 0.0
+        a[0] += s[LINEAR] * (hover - a[0])
+        hover = (L_h * D - s[G_P] + torque[1]) / Jp if free[1] else 0.0
+        a[1] += s[LINEAR] * (hover - a[1])
+        hover = (-s[T_G] * s[P] + s[G_P] * s[R] + torque[2]) / s[J_PSI] if free[2] else 0.0
+        a[2] += s[LINEAR] * (hover - a[2])
 
 
-body_accelerations = compiled(_body_accelerations, error_model="numpy")
+body_accelerations = compiled(_body_accelerations, leaf=True, error_model="numpy")
 
 
 def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type: ignore[no-untyped-def]
@@ -120,7 +136,9 @@ def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type
     body_accelerations(s, force, torque, free, a)
 
 
-accelerations = compiled(_accelerations, calls=(_body_accelerations,), error_model="numpy")
+accelerations = compiled(
+    _accelerations, calls=(_body_accelerations,), leaf=True, error_model="numpy"
+)
 """``accelerations(s, first, address, par, mem, free, force, torque, a)``: q̈ with effects.
 
 ``first``, ``address``, ``par``, ``mem`` are the effects that are on (`heli3dof.model.rig_model`);
@@ -149,7 +167,9 @@ def _advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w):  # type: i
         x[3 + i] += h / 6.0 * (a0[i] + 4.0 * am[i] + a1[i])
 
 
-advance = compiled(_advance, calls=(_accelerations, _body_accelerations), error_model="numpy")
+advance = compiled(
+    _advance, calls=(_accelerations, _body_accelerations), leaf=True, error_model="numpy"
+)
 """``advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w)``: x (6,) one step further.
 
 Runge, Kutta and Nyström with Simpson's weights: the thrusts, which are known exactly at the start,

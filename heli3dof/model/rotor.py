@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
 from heli3dof.model.hooks import caller
@@ -39,7 +37,7 @@ def _lagged(F: float, target: float, tau: float, slew: float, h: float) -> float
     return target + (F - target) * math.exp(-h / tau)
 
 
-lagged = compiled(_lagged, error_model="numpy")
+lagged = compiled(_lagged, leaf=True, error_model="numpy")
 
 
 def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
@@ -60,20 +58,18 @@ def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-un
     out[1] *= s[K_F] * s[GAIN_BACK]
 
 
-aim = compiled(_aim, error_model="numpy")
+aim = compiled(_aim, leaf=True, error_model="numpy")
 
 
 def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
     """Rows lead … stop: what the voltages aim at, and the thrusts at each row's start, (N, 2) N."""
-    out = np.empty(2)
     tau = s[TAU_M]
     left, at = 0.0, -1.0
     for k in range(lead, stop):
-        aim(s, V, h, lead, k, first, address, par, mem, out)
+        aim(s, V, h, lead, k, first, address, par, mem, target[k])
         for m in range(2):
-            target[k, m] = out[m]
             if k == lead:
-                F[k, m] = out[m]
+                F[k, m] = target[k, m]
             elif s[SLEW] > 0.0:
                 slew = s[SLEW] * s[K_F] * s[GAIN_FRONT + m]
                 F[k, m] = lagged(F[k - 1, m], target[k - 1, m], tau, slew, h[k - 1])
@@ -84,4 +80,4 @@ def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type:
                 F[k, m] = target[k - 1, m] + (F[k - 1, m] - target[k - 1, m]) * left
 
 
-thrusts = compiled(_thrusts, calls=(_lagged, _aim), error_model="numpy")
+thrusts = compiled(_thrusts, calls=(_lagged, _aim), leaf=True, error_model="numpy")

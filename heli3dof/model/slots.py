@@ -52,6 +52,8 @@ FLANK = 37
 STEPPED = 40
 """1 while a step is taken, whose dry friction comes at its end; 0 where accelerations alone are
 asked for, and dry friction is among the torques, its step smoothed."""
+LINEAR = 41
+"""0 the rigid body … 1 the paper's hover model, which is the rigid body linearised level."""
 SIZE = 48
 
 AXIS, A, B, C, D = 0, 1, 2, 3, 4

@@ -1,63 +1,89 @@
 """A diagnosis as a section of the HTML report: what is wrong, the causes, each with its picture.
 
-The tables that come from the contract's document are made elsewhere and passed in; here stand
-those of how wrong, of Table II before and after and of what is left, and the figures.
+The words and the causes' table come from the contract's document
+(`heli3dof.report.diagnosis_words`, `heli3dof.report.diagnosis_tables`); the figures, and what the
+document has no room for, from `Pictured`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.gain import Gain, HeldOut
+from heli3dof.diagnosis.gain import Gain
 from heli3dof.diagnosis.gain_replay import Replayed
 from heli3dof.diagnosis.how_wrong import HowWrong
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.torque_evidence import Evidence
+from heli3dof.report import diagnosis_words as words
 from heli3dof.report.diagnosis_figures import evidence_figure, stretch_figure
+from heli3dof.report.diagnosis_pictured import Pictured
+from heli3dof.report.diagnosis_tables import calibration, findings
+from heli3dof.report.diagnosis_words import Document
 from heli3dof.report.grid import NONE, Grid, fixed
-from heli3dof.report.html import Section, figure, paragraph, subheading, table
-
-
-@dataclass(frozen=True, eq=False)
-class Pictured:
-    """All that the section draws; what is None or empty is left out."""
-
-    wrong: HowWrong | None = None
-    evidence: Sequence[Evidence] = ()
-    """Of the findings, then of the leftovers"""
-    leftovers: Sequence[Leftover] = ()
-    gain: Gain | None = None
-    before: HeldOut | None = None
-    after: HeldOut | None = None
-    replayed: Sequence[Replayed] = ()
-    names: Mapping[int, str] | None = None
-    """Names of the held-out recordings by number"""
+from heli3dof.report.html import Section, figure, key, paragraph, subheading, table, warning
 
 
 def diagnosis_section(
-    p: Pictured, tables: Sequence[Grid | str] = (), title: str = "Diagnosis"
+    document: Document, p: Pictured = Pictured(), title: str = "Diagnosis"
 ) -> Section:
-    """The section: ``tables`` (and sentences) first, then tables and figures of ``p``."""
-    blocks = [table(t) if isinstance(t, Grid) else paragraph(t) for t in tables]
-    if p.wrong is not None:
-        blocks.append(table(how_wrong_table(p.wrong)))
-    if p.evidence:
-        blocks.append(subheading("The causes, as they are seen"))
-        blocks += [figure(evidence_figure(e), _alt(e)) for e in p.evidence]
-    if p.leftovers:
-        blocks.append(table(leftover_table(p.leftovers)))
-    if p.gain is not None:
-        blocks += [subheading("What mending gains"), table(gain_table(p.gain))]
-        if p.before is not None and p.after is not None and p.gain.worst is not None:
-            w = p.gain.worst
-            name = (p.names or {}).get(w.source, "")
-            drawn = stretch_figure(p.before, p.after, w, name)
-            blocks.append(figure(drawn, f"The worst stretch of {w.axis}, before and after"))
+    """Verdict and faults, how wrong, the causes, the gain, what is left, what to do next."""
+    bad = document["verdict"] == "bad_data"
+    blocks = [key(words.verdict(document))]
+    blocks += [warning(s) if bad else paragraph(s) for s in words.faults(document)]
+    blocks += map(paragraph, words.unmeasured(document))
+    blocks += [*_next(document), *_wrong(p), *_causes(document, p), *_gain(p), *_left(document, p)]
+    if document["calibration"]:
+        blocks.append(table(calibration(document)))
+    return Section(title, blocks)
+
+
+def _next(document: Document) -> list[str]:
+    steps = [paragraph(s) for s in words.next_steps(document)]
+    return [subheading("What to do next"), *steps] if steps else []
+
+
+def _wrong(p: Pictured) -> list[str]:
+    return [] if p.wrong is None else [table(how_wrong_table(p.wrong))]
+
+
+def _causes(document: Document, p: Pictured) -> list[str]:
+    told = findings(document)
+    if not told.rows:
+        return []
+    blocks = [subheading("The causes"), table(told)]
+    drawn = {e.name: e for e in p.evidence}
+    said: set[str] = set()
+    for finding, sentence in zip(document["findings"], words.causes(document), strict=True):
+        e = drawn.get(words.name_of(finding))
+        if sentence not in said:  # two recordings may have one fault
+            blocks.append(paragraph(sentence))
+            blocks += [] if e is None else [figure(evidence_figure(e), _alt(e))]
+        said.add(sentence)
+    return blocks
+
+
+def _gain(p: Pictured) -> list[str]:
+    if p.gain is None:
+        return []
+    blocks = [subheading("What mending gains"), table(gain_table(p.gain))]
+    if p.before is not None and p.after is not None and p.gain.worst is not None:
+        w = p.gain.worst
+        name = p.names[w.source] if w.source < len(p.names) else ""
+        drawn = stretch_figure(p.before, p.after, w, name)
+        blocks.append(figure(drawn, f"The worst stretch of {w.axis}, before and after"))
     if p.replayed:
         blocks.append(table(replayed_table(p.replayed)))
-    return Section(title, blocks)
+    return blocks
+
+
+def _left(document: Document, p: Pictured) -> list[str]:
+    blocks = [paragraph(s) for s in words.unadopted(document)]
+    if p.leftovers:
+        blocks += [subheading("What is left"), *(map(paragraph, words.leftovers(document)))]
+        blocks.append(table(leftover_table(p.leftovers)))
+        blocks += [figure(evidence_figure(e), _alt(e)) for e in p.leftover_evidence]
+    return blocks
 
 
 def how_wrong_table(w: HowWrong) -> Grid:
@@ -104,11 +130,11 @@ def leftover_table(leftovers: Sequence[Leftover]) -> Grid:
     rows = [
         [
             r.axis,
-            r.depends_on.replace("_", " ").replace("*", " × "),
+            words.variable(r.depends_on),
             f"{100 * r.share:.0f}",
             f"{r.confidence:.4f}",
             r.like or NONE,
-            ", ".join(r.also).replace("_", " ").replace("*", " × ") or NONE,
+            words.variable(", ".join(r.also)) or NONE,
         ]
         for r in leftovers
     ]

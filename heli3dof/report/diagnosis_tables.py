@@ -1,37 +1,18 @@
 """A diagnosis for the terminal: how wrong, the causes, what mending gains, what is left, what next.
 
 Written from the contract's document (``heli3dof.diagnosis/1``) alone, so that a diagnosis read back
-from a file is told like one just made.
+from a file is told like one just made. Sentences are those of `heli3dof.report.diagnosis_words`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Sequence
 
 from heli3dof.axes import AXES
+from heli3dof.report import diagnosis_words as words
+from heli3dof.report.diagnosis_words import Document, name_of, number
 from heli3dof.report.grid import NONE, Grid, fixed
-from heli3dof.report.html import Section, paragraph, table
-
-Document = Mapping[str, Any]
-
-VERDICTS = {
-    "explained": "What the simulation gets wrong is explained by the causes below.",
-    "nothing_found": "Nothing was found that noise alone would not explain.",
-    "ambiguous": "Something is wrong, but this recording cannot tell its possible causes apart.",
-    "unexplained": "Something is left that no known cause explains.",
-    "not_identifiable": "These recordings hold too little to say what is wrong.",
-    "bad_data": "The recording itself is at fault: no physics is blamed before that is mended.",
-}
-LISTED = 6
-"""Names in a sentence before the rest are counted."""
-
-
-def name_of(finding: Document) -> str:
-    """``friction.coulomb`` on ``yaw`` → ``friction.coulomb.yaw``."""
-    axis = finding.get("axis")
-    return str(finding["effect"]) if axis is None else f"{finding['effect']}.{axis}"
 
 
 def split_unit(key: str) -> tuple[str, str]:
@@ -81,20 +62,17 @@ def significant(value: float | None, std: float | None = None) -> str:
 
 def diagnosis_tables(document: Document) -> list[Grid | str]:
     """Grids and sentences in reading order; those that have nothing to say are left out."""
-    out: list[Grid | str] = [
-        f"Verdict: {str(document['verdict']).replace('_', ' ')}. {VERDICTS[document['verdict']]}"
-    ]
-    out += [str(s) for s in document.get("integrity", ())]
-    for grid in (wrong(document), findings(document), gains(document), calibration(document)):
-        if grid.rows:
-            out.append(grid)
-    return [*out, *sentences(document)]
-
-
-def told_section(document: Document) -> Section:
-    """The same for the HTML report."""
-    told = diagnosis_tables(document)
-    return Section("Diagnosis", [table(x) if isinstance(x, Grid) else paragraph(x) for x in told])
+    grids = (wrong(document), findings(document), gains(document), calibration(document))
+    told = [grid for grid in grids if grid.rows]
+    out: list[Grid | str] = [words.verdict(document), *words.faults(document)]
+    out += words.unmeasured(document)
+    for grid in told:
+        out.append(grid)
+        if grid is grids[1]:
+            out += dict.fromkeys(words.causes(document))  # two recordings may have one fault
+    for said in (words.leftovers, words.unadopted, words.next_steps):
+        out += said(document)
+    return out
 
 
 def wrong(document: Document) -> Grid:
@@ -110,34 +88,35 @@ def wrong(document: Document) -> Grid:
         f"How wrong the simulation is, predicting {seconds:g} s ahead (RMS)",
         ["axis", "simulation °", "noise alone °"],
         rows,
-        notes=["The simulation as the profile has it, nothing fitted."] if rows else [],
+        notes=["The simulation as the profile has it, nothing fitted.", *_worst(error)],
     )
 
 
+def _worst(error: Document) -> list[str]:
+    """Where it is furthest off, in one line."""
+    said = [
+        f"{axis} {fixed(w['start_s'], 1)} to {fixed(w['stop_s'], 1)} s of {w['recording']} "
+        f"({fixed(w['rmse_deg'], 2, '°')})"
+        for axis in AXES
+        for w in error[axis].get("worst", ())
+    ]
+    return [f"Worst: {', '.join(said)}."] if said else []
+
+
 def findings(document: Document) -> Grid:
-    """The causes: size, deviation, how sure, and what each gains."""
+    """The causes: size, deviation, and what each gains; how sure they are is said in words."""
     rows = []
     for f in document["findings"]:
-        name, sure = name_of(f), _sure(f["confidence"])
-        if not f["parameters"]:
-            gain = fixed(_number(f["gain"]["holdout_log_likelihood"]), 0)
-            rows.append([name, "", NONE, NONE, "", sure, gain])
-        for i, (key, number) in enumerate(f["parameters"].items()):
+        won = fixed(number(f["gain"]["holdout_log_likelihood"]), 0)
+        for key, sized in f["parameters"].items() or [("", {"value": None, "std": None})]:
             what, unit = split_unit(key)
-            rows.append(
-                [
-                    name if i == 0 else "",
-                    what,
-                    significant(number["value"], number["std"]),
-                    significant(number["std"], number["std"]),
-                    unit,
-                    sure if i == 0 else "",
-                    fixed(_number(f["gain"]["holdout_log_likelihood"]), 0) if i == 0 else "",
-                ]
-            )
+            value, std = sized["value"], sized["std"]
+            size = [significant(value, std), significant(std, std)]
+            rows.append([name_of(f), what, *size, unit, won])
+            won = ""
     return Grid(
         "Causes, strongest first",
-        ["cause", "what", "size", "±", "unit", "certainty", "ln L"],
+        ["cause", "what", "size", "±", "unit", "ln\u00a0L"],
         rows,
         notes=["±: one standard deviation; ln L: log-likelihood won by the cause."] if rows else [],
         text_columns=2,
@@ -145,28 +124,45 @@ def findings(document: Document) -> Grid:
 
 
 def gains(document: Document) -> Grid:
-    """The base simulation refitted against the extended one."""
+    """The base simulation refitted against the extended one, with the interval of what is won."""
+    heads = ["axis", "before °", "after °", "less by °", "95 % interval", "noise alone °"]
+    if not words.adopted(document):
+        return Grid("", heads, [])
     gain = document["gain"]
     error = gain["holdout_rmse_deg"]
     before, after, floor = (error[k] for k in ("before", "after", "noise_floor"))
-    if not document["findings"]:
-        return Grid("", ["axis"], [])
-    rows = [
-        [axis, *(_degrees(side.get(axis)) for side in (before, after, floor))]
-        for axis in AXES
-        if before.get(axis) is not None
+    fall = gain.get("rmse_reduction_deg", {})
+    rows = []
+    for axis in AXES:
+        if before.get(axis) is None:
+            continue
+        won = fall.get(axis) or {"value": None, "interval": (None, None)}
+        sides = (_degrees(side.get(axis)) for side in (before, after))
+        less = fixed(number(won["value"]), 3, sign=True)
+        rows.append([axis, *sides, less, interval(won["interval"]), _degrees(floor.get(axis))])
+    where = "the held-out recordings" if document["holdout"] else "blocks left out of the fit"
+    notes = [
+        f"Measured on {where}; before: the base simulation with its own parameters refitted, "
+        "so that nothing here is mere calibration."
     ]
-    where = document.get("about", {}).get("gain_measured_on", "the recordings themselves")
-    where = "the held-out recordings" if document["holdout"] else where
-    return Grid(
-        f"What mending gains, predicting {gain['horizon_s']:g} s ahead (RMS)",
-        ["axis", "before °", "after °", "noise alone °"],
-        rows,
-        notes=[
-            f"Measured on {where}; before: the base simulation with its own parameters refitted, "
-            "so that nothing here is mere calibration."
-        ],
-    )
+    L = gain.get("holdout_log_likelihood")
+    if L is not None:
+        span = gain.get("holdout_log_likelihood_interval", (None, None))
+        notes.append(f"Log-likelihood won there: {fixed(L, 0, sign=True)} ({interval(span, 0)}).")
+    title = f"What mending gains, predicting {gain['horizon_s']:g} s ahead (RMS)"
+    return Grid(title, heads, rows, notes)
+
+
+def interval(ends: Sequence[float | None], digits: int = 3) -> str:
+    """Two ends as people read them; a dash where there is none.
+
+    >>> interval((0.1, 0.25)), interval((None, None))
+    ('0.100 … 0.250', '–')
+    """
+    low, high = (number(x) for x in ends)
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return NONE
+    return f"{fixed(low, digits)} … {fixed(high, digits)}"
 
 
 def calibration(document: Document) -> Grid:
@@ -192,44 +188,5 @@ def calibration(document: Document) -> Grid:
     )
 
 
-def sentences(document: Document) -> list[str]:
-    """Ties, what could not be seen, what is left and what to fly next."""
-    out = []
-    for f in document["findings"]:
-        if f["tied_with"]:
-            others = " or ".join(f["tied_with"])
-            out.append(f"{name_of(f)} cannot be told from {others} by these recordings.")
-    for rest in document["leftover"]:
-        share = _number(rest["share"])
-        out.append(
-            f"Left over: a torque on {rest['axis']} that depends on "
-            f"{str(rest['depends_on']).replace('_', ' ')}"
-            + (f", {share * 100:.0f} % of what is unexplained." if math.isfinite(share) else ".")
-        )
-    dark = list(document["not_identifiable"])
-    if dark:
-        more = f" and {len(dark) - LISTED} more" if len(dark) > LISTED else ""
-        out.append(f"These recordings could not show: {', '.join(dark[:LISTED])}{more}.")
-    next_ = document["next_experiment"]
-    if next_ is not None:
-        out.append(f"Fly next: heli3dof run {next_['plan']} ({next_['why']})")
-    return out
-
-
 def _degrees(value: float | None) -> str:
-    return fixed(_number(value), 3)
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else float(value)
-
-
-def _sure(confidence: float | None) -> str:
-    """Never 100 %: nothing is.
-
-    >>> _sure(0.9999), _sure(0.873), _sure(None)
-    ('> 99 %', '87 %', '–')
-    """
-    if confidence is None or not math.isfinite(confidence):
-        return NONE
-    return "> 99 %" if confidence > 0.99 else f"{confidence * 100:.0f} %"
+    return fixed(number(value), 3)

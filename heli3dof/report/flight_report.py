@@ -48,6 +48,7 @@ def flight_report(
     models: Sequence[Model] = (),
     comparison: Comparison | None = None,
     reproduced: Sequence[Reproduced] = (),
+    first: Iterable[Section] = (),
     extra: Iterable[Section] = (),
     lede: Sequence[str] = (),
     title: str = "",
@@ -55,7 +56,7 @@ def flight_report(
     """The whole HTML document.
 
     ``extra`` sections (an identification's, a diagnosis's) stand between the comparison and the
-    paper's numbers, and ``lede`` sentences stand first, before what the comparison says;
+    paper's numbers, ``first`` ones before the flights, and ``lede`` sentences before everything;
     ``reproduced`` is what `heli3dof.comparison.reproduce.reproduce` returns.
     """
     names = ", ".join(r.name for r in recordings)
@@ -64,6 +65,7 @@ def flight_report(
     sections = [
         Section("In short", [key(s) for s in (*lede, *short)]),
         Section("Warnings", [warning(w) for w in found]),
+        *first,
         Section("The flight" if len(recordings) == 1 else "The flights", _flights(recordings)),
         Section("Models", model_blocks(models, recordings[0].profile if recordings else None)),
         Section("Comparison", [] if comparison is None else _comparison(comparison)),
@@ -74,8 +76,8 @@ def flight_report(
     seconds = sum(r.duration for r in recordings)
     return page(
         title or f"Flight report: {names}",
-        f"{len(recordings)} recording{'s' if len(recordings) != 1 else ''}, {seconds:.1f} s, "
-        f"{len(models)} model{'s' if len(models) != 1 else ''}",
+        f"{len(recordings)} recording{'s' if len(recordings) != 1 else ''}, {seconds:.1f} s"
+        + (f", {len(models)} model{'s' if len(models) != 1 else ''}" if models else ""),
         sections,
         footer="Angles in degrees: roll is the arm's elevation (+ body up), pitch the body's tilt "
         "(+ front motor up), yaw the travel (+ counter-clockwise).",

@@ -49,7 +49,7 @@ def one_fit(job: tuple[int, str, float]) -> dict[str, Any]:
         f"{e.name}.{a}" if a else e.name
         for e in effects().values()
         for a in (e.axes or ("",))
-        if len(e.parameters) == 1 and e.name not in on and e.name not in REDUNDANT
+        if len(e.parameters) == 1 and e.screened and e.name not in {*on, *REDUNDANT}
     ]
     return {
         "error": found.optimum.theta - truth,
@@ -65,10 +65,8 @@ def one_fit(job: tuple[int, str, float]) -> dict[str, Any]:
 LAG = "motor.lag.time_constant_s"
 REDUNDANT = {
     "motor.thrust_gain", "mass.imbalance", "inertia", "motor.spin_up", "motor.saturation",
-    "encoder.scale",
 }  # fmt: skip
-"""Base parameters under another name, effects whose score at their start says nothing, and the one
-whose score is known to be wrong (see its file)."""
+"""Base parameters under another name, and effects whose score at their start says nothing."""
 
 
 def one_replay(seed: int) -> np.ndarray:
@@ -154,8 +152,7 @@ def measure() -> list[Figure]:
             false = sorted(f["false"] for f in fits)
             figures.append(
                 Figure(f"largest score of any absent effect, {name}", f"{false[-1]:.3g}",
-                       how="χ², the largest of some 20 (encoder.scale's, which is wrong, aside); "
-                       f"median {np.median(false):.2g}")
+                       how=f"χ², the largest of some 20; median {np.median(false):.2g}")
             )  # fmt: skip
         fit = np.mean(all_of(one_replay, list(REPLAY_SEEDS)), axis=0)
         for i, axis in enumerate(("roll", "pitch", "yaw")):

@@ -83,6 +83,8 @@ def test_it_flies_what_separates_until_nothing_is_tied(
     d = said.document
     assert seen == [1, 2]  # every diagnosis is of all flights so far
     assert d["ended"] == "settled"
+    assert "Ended: settled." in said.err
+    assert "Verdict" in said.err
     assert [Path(p).name for p in d["flights"]] == ["1-short.mcap", "2-short.mcap"]
     for path in d["flights"]:
         assert read_recording(path).meta["outcome"] == "completed"

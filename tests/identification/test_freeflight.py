@@ -10,7 +10,8 @@ import pytest
 import heli3dof as h3
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.freeflight import (
-    OFFSET,
+    COMMON_STD,
+    VARYING,
     fit_freeflight,
     free_rows,
     model_of,
@@ -60,7 +61,7 @@ def test_inertias_may_all_be_off_together_but_not_against_one_another() -> None:
     for a in ("roll", "pitch", "yaw"):
         together[names.index(f"J_{a}")] = 0.2
     apart[names.index("J_pitch")] = 0.2
-    assert together @ problem.prior @ together == pytest.approx((0.2 / 0.5) ** 2)
+    assert together @ problem.prior @ together == pytest.approx((0.2 / COMMON_STD) ** 2)
     assert apart @ problem.prior @ apart == pytest.approx((0.2 / 0.04) ** 2)
 
 
@@ -100,7 +101,7 @@ def test_predictions_find_a_pitch_encoder_that_was_zeroed_elsewhere(
     model = model_of(found, [real], "rig-a")
     save_model(model, tmp_path / "m.json")
     read = load_model(tmp_path / "m.json", real.profile)
-    assert read.varying == {OFFSET: 3.0}
+    assert read.varying == VARYING
     moved = replace(real, angle=real.angle + np.radians([0.0, 3.0, 0.0]))
     late = real.t - real.t[0] > 20
 

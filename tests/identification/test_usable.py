@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from heli3dof.axes import YAW
 from heli3dof.identification.usable import clipped, unusable
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import default_profile
@@ -80,6 +83,15 @@ def test_an_angle_on_its_stop_is_left_out_and_a_turning_point_is_not() -> None:
     rows = unusable(flight(np.round(roll * 4096 / 360) * 360 / 4096))
     assert rows["stop"][2010:2390].all()
     assert rows["stop"].sum() < 450
+
+
+def test_yaw_has_no_stop_and_may_rest_anywhere() -> None:
+    """Dry friction holds yaw on one count at 90° while roll and pitch fly on."""
+    level = flight(np.full(3000, 5.0))
+    angle = level.angle.copy()
+    angle[:, YAW] = np.deg2rad(np.minimum(90.0, np.linspace(0.0, 180.0, len(angle))))
+    rows = unusable(replace(level, angle=angle))
+    assert not rows["stop"].any()
 
 
 def test_the_flight_loop_s_own_ramp_down_is_left_out() -> None:

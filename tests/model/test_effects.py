@@ -38,6 +38,7 @@ CONTRACT = {
     "encoder.offset": ("angle_deg", {"roll", "pitch", "yaw"}),
     "encoder.scale": ("scale", {"roll", "pitch", "yaw"}),
     "disturbance.periodic": ("torque_Nm", {"roll", "pitch", "yaw"}),
+    "geometry": ("share", set()),
 }
 RNG = np.random.default_rng(0)
 
@@ -86,7 +87,14 @@ def test_machine_code_does_what_the_python_says(name: str) -> None:
         np.testing.assert_allclose(theirs, mine, rtol=1e-14, atol=1e-16)
 
 
-@pytest.mark.parametrize("name", all_names())
+SWITCHES = [n for n in all_names() if not term(n).effect.parameters]
+
+
+def test_only_the_choice_of_the_base_is_a_switch_without_parameters() -> None:
+    assert SWITCHES == ["base.hover"]
+
+
+@pytest.mark.parametrize("name", sorted(set(all_names()) - set(SWITCHES)))
 def test_at_its_null_value_an_effect_changes_nothing(name: str) -> None:
     t = term(name)
     par = np.zeros(slots.PARAMETERS)

@@ -8,7 +8,9 @@ from typing import Any
 
 from heli3dof.report import diagnosis_tables as module
 from heli3dof.report.diagnosis_tables import diagnosis_tables, split_unit
+from heli3dof.report.diagnosis_words import VERDICTS, summary_of
 from heli3dof.report.grid import Grid, to_markdown
+from tests.paths import ROOT
 
 ROLL_PITCH_YAW = ("roll", "pitch", "yaw")
 DOCUMENT: dict[str, Any] = {
@@ -65,6 +67,11 @@ DOCUMENT: dict[str, Any] = {
             "after": {"roll": 0.5, "pitch": None, "yaw": 0.3},
             "noise_floor": {"roll": 0.4, "pitch": None, "yaw": 0.2},
         },
+        "rmse_reduction_deg": {
+            "roll": None,
+            "pitch": None,
+            "yaw": {"value": 2.7, "interval": [2.5, 2.9]},
+        },
     },
     "model": "step-extended.json",
 }
@@ -83,17 +90,25 @@ def test_the_doctests() -> None:
 def test_size_certainty_tie_gain_and_the_next_flight_are_said() -> None:
     text = told(DOCUMENT)
     for words in (
-        "friction.coulomb.yaw | torque | 0.03010 | 0.00040 | N·m | 93 % | 123",
+        "friction.coulomb.yaw | torque | 0.03010 | 0.00040 | N·m | 123",
+        "Something is there (93 %)",
         "frequency | 0.5 | – | Hz",
-        "friction.coulomb.yaw cannot be told from friction.viscous.yaw",
-        "| yaw | 3.000 | 0.300 | 0.200 |",
+        "it cannot be told from friction.viscous.yaw by these recordings",
+        "| yaw | 3.000 | 0.300 | +2.700 | 2.500 … 2.900 | 0.200 |",
         "depends on pitch rate, 40 % of what is unexplained",
-        "could not show: motor.delay",
+        "could not show even a large motor.delay",
         "heli3dof run coast-down",
         "+10.0 %",
     ):
         assert words in text
     assert "| pitch | – |" not in text  # an axis that was not measured is not a row of dashes
+
+
+def test_the_worst_stretch_is_named() -> None:
+    document = copy.deepcopy(DOCUMENT)
+    worst = {"recording": "step", "start_s": 4.5, "stop_s": 7.5, "rmse_deg": 6.408}
+    document["simulation_error"]["pitch"]["worst"] = [worst]
+    assert "Worst: pitch 4.5 to 7.5 s of step (6.41°)." in told(document)
 
 
 def test_where_nothing_was_found_no_gain_is_claimed() -> None:
@@ -104,7 +119,64 @@ def test_where_nothing_was_found_no_gain_is_claimed() -> None:
     text = told(plain)
     assert "Nothing was found that noise alone would not explain" in text
     assert "mending" not in text
-    assert "heli3dof run" not in text
+    assert "Fly next" not in text
+
+
+def test_a_fault_of_the_recording_is_said_with_its_cause_and_a_remedy() -> None:
+    bad = copy.deepcopy(DOCUMENT)
+    fault = {
+        "check": "encoder.sign",
+        "kind": "bad_data",
+        "sentence": "step: roll turns the wrong way.",
+        "cause": "the encoder's sign is wrong.",
+        "fix": "set encoder.roll = 4096",
+    }
+    bad.update(
+        verdict="bad_data", findings=[], leftover=[], next_experiment=None, model=None,
+        calibration=[], not_identifiable=[], integrity=[fault, {**fault, "kind": "note"}],
+    )  # fmt: skip
+    text = told(bad)
+    said = "step: roll turns the wrong way. Likely cause: the encoder's sign is wrong. Try: set"
+    assert f"\n{said}" in text
+    assert f"\nNote: {said}" in text
+    assert "diagnose once more" in text
+    assert "{" not in text  # sentences, not dictionaries
+
+
+def test_noise_above_the_error_is_no_floor_and_is_said_to_be_none() -> None:
+    noisy = copy.deepcopy(DOCUMENT)
+    noisy["simulation_error"]["pitch"]["noise_floor_deg"] = 9.0
+    assert "On pitch the fitted model expects more noise" in told(noisy)
+    assert "expects more noise" not in told(DOCUMENT)
+
+
+def test_a_cause_beside_something_unknown_on_its_axis_is_only_alike() -> None:
+    assert "read it as friction.coulomb.yaw-like" in told(DOCUMENT)
+    assert "roll-like" not in told(DOCUMENT)
+
+
+def test_a_cause_that_is_not_confirmed_is_told_as_such() -> None:
+    dropped = {
+        "effect": "motor.delay",
+        "gain": {"holdout_log_likelihood_interval": [-24.0, 110.0]},
+    }
+    text = told({**DOCUMENT, "verdict": "nothing_found", "findings": [], "dropped": [dropped]})
+    assert "not confirmed by data that it has not seen" in text
+    assert "Not adopted: motor.delay" in text
+    assert "(ln L −24 … 110)" in text
+
+
+def test_the_readme_quotes_what_is_said() -> None:
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").replace("> ", "").split())
+    name = "stiffness.cable.yaw"
+    assert VERDICTS["explained"] in text
+    assert f"{name}: {summary_of(name)}" in text
+
+
+def test_what_an_unknown_loop_costs_is_said() -> None:
+    log = {**DOCUMENT, "about": {"nulls": "Bonferroni over the probes, doubled"}}
+    assert "add [controller] to the profile" in told(log)
+    assert "[controller]" not in told(DOCUMENT)
 
 
 def test_an_unknown_unit_stays_in_the_parameter_s_name() -> None:

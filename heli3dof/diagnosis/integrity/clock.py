@@ -103,7 +103,8 @@ def device(view: View) -> Iterable[Fault]:
             f"{r.name}: the device's clock runs {100 * off:+.3g} % against t_s "
             f"({np.ptp(own):.4g} s against {r.duration:.4g} s).",
             "one of the two is set by another program, or counts ticks of another length.",
-            "heli3dof doctor: it measures both clocks",
+            "time a flight with a watch and keep the clock that is right: heli3dof export REC -o "
+            "rec.csv, make it t_s there, heli3dof import rec.csv",
         )  # fmt: skip
 
 

@@ -20,7 +20,8 @@ def ended(view: View) -> Iterable[Fault]:
         + (f": {detail}." if detail else "."),
         "a loop that this rig does not close as the profile says: an encoder's sign, front and "
         "back swapped, the amplifier's gain; or an envelope too tight.",
-        "move each axis by hand and watch its sign: heli3dof monitor; then heli3dof doctor",
+        "amplifier off, turn each axis by hand during heli3dof run-step --roll 1, and look at the "
+        "signs: heli3dof report REC",
         confidence=0.5,
     )  # fmt: skip
 

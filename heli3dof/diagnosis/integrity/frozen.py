@@ -73,7 +73,8 @@ def frozen(view: View) -> Iterable[Fault]:
             f"{why}.",
             "the encoder's cable or its input on the card; or the axis is clamped, or rests at a "
             "stop that a wrong scale or offset hides.",
-            "turn the axis by hand and watch it: heli3dof monitor; then record again"
+            "amplifier off, turn the axis by hand during heli3dof run-step --roll 1; heli3dof "
+            "report REC must show it move; then record again"
             if whole or a < 5 / r.dt else
             f"use the flight before: recording.between(0, {r.t[a]:.3g}); check the encoder's cable",
             axis=AXES[i], confidence=0.99,
@@ -89,7 +90,8 @@ def _perhaps(view: View, i: int) -> Iterable[Fault]:
             f"{r.name}: {AXES[i]} never moves by a count. Its voltages are too small to tell "
             "whether it should.",
             "the axis is clamped or held by friction, or its encoder is not connected.",
-            "turn the axis by hand and watch it: heli3dof monitor", axis=AXES[i], confidence=0.5,
+            "amplifier off, turn the axis by hand during heli3dof run-step --roll 1; heli3dof "
+            "report REC must show it move", axis=AXES[i], confidence=0.5,
         )  # fmt: skip
 
 

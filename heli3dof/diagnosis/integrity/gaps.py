@@ -48,7 +48,8 @@ def gaps(view: View) -> Iterable[Fault]:
         f"{r.name}: {', '.join(parts)}.",
         "the link dropped samples, or the logging program could not keep up; the voltage stood "
         "meanwhile.",
-        "heli3dof doctor: it measures the link; log to a faster disk",
+        "another cable or port, a faster disk; heli3dof run-step --roll 5 says how many periods "
+        "were late or missed",
         effect="timing.gaps", parameters={"lost_share": (share, std)},
         confidence=1.0 if kind == Kind.FINDING else 0.5,
     )  # fmt: skip

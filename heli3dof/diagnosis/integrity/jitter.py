@@ -37,7 +37,7 @@ def jitter(view: View) -> Iterable[Fault]:
             f"angles were sampled ±{1e3 * hidden.sigma_s:.2g} ms (RMS) off it: all axes jump "
             "together in proportion to their rates.",
             "the logging host was late and caught up, and wrote the instants that were planned.",
-            "log the device's own time stamps; heli3dof doctor measures the link",
+            "log the device's own time stamps; close what else runs on the logging computer",
             effect="timing.jitter",
             parameters={"jitter_s": (sigma, hidden.variance_std_s2 / (2 * sigma))},
         )  # fmt: skip
@@ -48,7 +48,8 @@ def jitter(view: View) -> Iterable[Fault]:
             f"{r.name}: samples are taken ±{1e6 * seen:.3g} µs (RMS) off their due instants, by "
             "their stamps" + ("." if named else "; a computer's ordinary timer, no fault."),
             "a timer without real-time priority, or a bus shared with others.",
-            "heli3dof doctor: it measures the loop's latency" if named else "nothing to do",
+            "chrt -f 50 heli3dof run-step --roll 5: it says how many periods were late"
+            if named else "nothing to do",
             effect="timing.jitter", parameters={"jitter_s": (seen, std)},
         )  # fmt: skip
 

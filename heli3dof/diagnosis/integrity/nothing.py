@@ -39,7 +39,9 @@ def nothing(view: View) -> Iterable[Fault]:
             f"voltage reaches {top:.3g} V.",
             "the motors were off." if off else
             "the amplifier was not enabled, its supply is off, or the rig is clamped.",
-            "heli3dof run-step --roll 5" if off else "heli3dof doctor", confidence=1.0,
+            "heli3dof run-step --roll 5" if off else
+            "switch the amplifier on, free the arm, then heli3dof run-step --roll 5",
+            confidence=1.0,
         )  # fmt: skip
     elif top < OFF * r.profile.motor.v_max:
         yield Fault(
@@ -60,7 +62,7 @@ def nothing(view: View) -> Iterable[Fault]:
                 + (f"; {names} move." if not still else "."),
                 f"the voltage (at most {top:.3g} V) does not lift it, the amplifier is off, or "
                 "roll's encoder is not connected.",
-                "heli3dof run-step --roll 5; heli3dof doctor",
+                "check the amplifier and roll's encoder, then heli3dof run-step --roll 5",
             )  # fmt: skip
 
 

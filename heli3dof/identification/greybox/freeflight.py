@@ -7,8 +7,8 @@ to it by itself where it finds such a clock and no terms were asked for.
 `REAL_TERMS` are what identified rigs were found to need beside the defaults: thrust as a power of
 the rotor's speed, a spin-up limit, dry friction, inflow, the propellers' momentum, flapping, and an
 offset of the pitch encoder that is another in every recording (it is zeroed wherever the body
-happened to hang). `SPREAD` are their weak priors where flights about one trim would leave them
-free to cancel one another: pitch damping and flapping act alike until yaw moves.
+happened to hang), and a weight that is (what it lifts, or how well its motors pull when warm:
+`mass.imbalance` stands for both). `PRIORS` are what is known of their sizes before any flight.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import numpy as np
 from heli3dof.errors import RecordingError
 from heli3dof.identification.found import Found, Parameter, Request
 from heli3dof.identification.greybox.multistep import Fitted, MultiStep, search
+from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.identification.prepare import Prepared, Run
 from heli3dof.identification.usable import unusable
 from heli3dof.model.effects import terms
@@ -48,17 +49,39 @@ REAL_TERMS = (
     "friction.coulomb.pitch",
     "friction.coulomb.yaw",
     "encoder.offset.pitch",
+    "mass.imbalance",
 )
 OFFSET = "encoder.offset.pitch.angle_deg"
-VARYING = {OFFSET: 3.0}
-"""°: how far apart two recordings' zeros lie."""
-SPREAD = {
-    OFFSET: 8.0,
-    "aero.flapping.moment_Nms_per_rad": 0.05,
-    "friction.viscous.pitch.damping_Nms_per_rad": 0.03,
-    "friction.viscous.yaw.damping_Nms_per_rad": 0.05,
+WEIGHT = "mass.imbalance.torque_Nm"
+VARYING = {OFFSET: 3.0, WEIGHT: 0.1}
+"""How far apart two recordings' zeros lie (°), and what a motor must lift (N·m)."""
+PRIORS: dict[str, tuple[float, float]] = {
+    "motor.rotor_curve.exponent": (2.0, 0.2),
+    "motor.lag.time_constant_s": (0.1, 0.05),
+    "motor.spin_up.slowness_s_per_V": (0.015, 0.015),
+    "stiffness.pendulum.roll.torque_Nm": (1.0, 2.0),
+    "stiffness.pendulum.pitch.torque_Nm": (0.0, 0.2),
+    "friction.viscous.roll.damping_Nms_per_rad": (0.0, 0.05),
+    "friction.viscous.pitch.damping_Nms_per_rad": (0.0, 0.05),
+    "friction.viscous.yaw.damping_Nms_per_rad": (0.0, 0.2),
+    "friction.coulomb.roll.torque_Nm": (0.0, 0.05),
+    "friction.coulomb.pitch.torque_Nm": (0.0, 0.01),
+    "friction.coulomb.yaw.torque_Nm": (0.0, 0.05),
+    "aero.flapping.moment_Nms_per_rad": (0.0, 0.15),
+    "aero.gyroscopic.momentum_Nms_per_V": (0.0, 0.005),
+    "aero.inflow.loss_s_per_m": (0.3, 0.3),
+    "bias.torque.pitch.torque_Nm": (0.0, 0.02),
+    OFFSET: (0.0, 8.0),
+    WEIGHT: (0.0, 0.1),
 }
-"""Prior standard deviations: identified rigs' damping (rig.md) in N·m·s/rad, a few times over."""
+"""Mean and standard deviation: what identified rigs and propellers are like (rig.md). Flights about
+one trim would let terms cancel one another: pitch damping and flapping act alike until yaw moves.
+"""
+POSITIVE = ("friction.", "aero.flapping", "stiffness.pendulum")
+"""What can only take energy, or pull back: never below zero."""
+COMMON_STD = 0.15
+STAGES_S = ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0))
+"""From the weak form's start (`heli3dof.identification.greybox.weak_form`)."""
 WINDOW_S = 3.0
 APART_S = 0.2
 LEAST_WINDOWS = 20
@@ -102,7 +125,8 @@ def fit_freeflight(
 
     Raises RecordingError where no free flight of 3 s fits between take-off, table and stops.
     """
-    return search(problem_of(recordings, names, threads=threads))
+    problem = problem_of(recordings, names, threads=threads)
+    return search(problem, weak_start(problem), stages_s=STAGES_S)
 
 
 def problem_of(
@@ -128,14 +152,17 @@ def problem_of(
         data.append(d)
         rows.append(where)
     there = {k: v for k, v in VARYING.items() if k in structure.names}
-    spread = {k: v for k, v in SPREAD.items() if k in structure.names}
+    priors = {k: v for k, v in PRIORS.items() if k in structure.names}
     return MultiStep(
         structure,
         tuple(f for _, f in flights),
         tuple(data),
         tuple(rows),
         varying=there,
-        spread=spread,
+        spread={k: v for k, (_, v) in priors.items()},
+        centre={k: v for k, (v, _) in priors.items()},
+        least={k: 0.0 for k in structure.names if k.startswith(POSITIVE)},
+        common_std=COMMON_STD,
         threads=threads,
     )
 

@@ -71,6 +71,10 @@ class MultiStep:
     varying: Mapping[str, float] = field(default_factory=dict)
     spread: Mapping[str, float] = field(default_factory=dict)
     """Prior standard deviations in the parameters' units, in place of the effects' own."""
+    centre: Mapping[str, float] = field(default_factory=dict)
+    """Prior means, in place of the effects' starts."""
+    least: Mapping[str, float] = field(default_factory=dict)
+    """Lowest values, in place of the effects' own."""
     ratio_std: float = RATIO_STD
     common_std: float = COMMON_STD
     threads: int = 2
@@ -91,7 +95,7 @@ class MultiStep:
     @cached_property
     def start(self) -> np.ndarray:
         """(dim,) coordinates: the common ones, then each recording's own."""
-        theta = np.array([f.inward(f.start) for f in self.structure.free])
+        theta = np.array([f.inward(self.centre.get(f.name, f.start)) for f in self.structure.free])
         return np.concatenate([theta, np.tile(theta[self.own], len(self.flights))])
 
     @cached_property
@@ -99,7 +103,8 @@ class MultiStep:
         free = self.structure.free
         out = []
         for side in ("low", "high"):
-            c = np.array([f.inward(getattr(f, side)) for f in free])
+            other = self.least if side == "low" else {}
+            c = np.array([f.inward(other.get(f.name, getattr(f, side))) for f in free])
             out.append(np.concatenate([c, np.tile(c[self.own], len(self.flights))]))
         return out[0], out[1]
 
@@ -110,7 +115,9 @@ class MultiStep:
         std = []
         for f in free:
             given = self.spread.get(f.name, f.prior_std)
-            std.append(given if f.log else given / f.typical)
+            mean = self.centre.get(f.name, f.start)
+            as_given = f.name not in self.spread and f.log
+            std.append(given if as_given else given / f.slope(mean))
         L = np.zeros((self.dim, self.dim))
         L[: self.n, : self.n] = np.diag(1 / np.square(std))
         r, p, y = (self.structure.names.index(f"J_{a}") for a in AXES)
@@ -263,6 +270,7 @@ def search(
     noise: np.ndarray | None = None,
     *,
     stages_s: Sequence[Sequence[float]] = STAGES_S,
+    rounds: int = ROUNDS,
     say: Callable[[str], None] | None = None,
 ) -> Fitted:
     """The minimum from ``start`` (dim,), through the stages."""
@@ -296,7 +304,7 @@ def search(
         begun = here
         lam = 1e-3
         done = False
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             count += 1
             step = np.where(z + DIFFERENCE < high, DIFFERENCE, -DIFFERENCE)
             moved = mapper(residuals, [z + np.eye(p.dim)[j] * step[j] for j in range(p.dim)])

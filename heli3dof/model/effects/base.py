@@ -69,7 +69,8 @@ class Effect:
     stage (along the signal's path). ``separated_by`` names the plan that shows it best. ``starts``
     are values of its first parameter, rising, from the likeliest of which a fit starts: for an
     effect whose likelihood has no slope where it is absent. ``identifiable`` says what motion
-    shows it, ``evidence`` against which variable it is drawn, one of `ABSCISSAE`.
+    shows it, ``evidence`` against which variable it is drawn, one of `ABSCISSAE`. ``within`` names
+    the term without which it means nothing. One without parameters is a switch, no cause.
     """
 
     name: str
@@ -83,6 +84,7 @@ class Effect:
     starts: tuple[float, ...] = ()
     identifiable: str = ""
     evidence: str = ""
+    within: str = ""
     extra: Mapping[str, str] = field(default_factory=dict)
 
     @property

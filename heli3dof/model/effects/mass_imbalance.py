@@ -1,25 +1,27 @@
-"""The level arm's gravity torque differs from nominal: T_g → T_g + τ, + for a heavier body.
+"""The level arm's gravity torque differs from nominal: −τ cos r on roll, + for a heavier body.
 
-The base parameter T_g already holds it; it is here for simulating with it.
+The base parameter T_g already holds it; it is here for simulating with it, and for rigs that weigh
+another amount (or whose motors pull otherwise) in every recording.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import T_G, A, Stage
+from heli3dof.model.slots import A, R, Stage
 
 
-def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
-    out[T_G] += par[A]
+def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[0] -= par[A] * math.cos(s[R])
 
 
 EFFECT = Effect(
     name="mass.imbalance",
     summary="The level arm's gravity torque differs from nominal.",
     parameters=(Parameter("torque_Nm", "N·m", 0.0, -2.0, 2.0, 0.1, "added to T_g"),),
-    hooks={Stage.SETUP: setup},
+    hooks={Stage.TORQUE: torque},
     confused_with=("motor.thrust_gain",),
     separated_by="levels",
     identifiable="any flight; it is a parameter of the base",

@@ -1,0 +1,254 @@
+"""Causes where no loop is known and the clock lies: the full physical model, and backwards from it.
+
+Forward steps need a base that is nearly right, and nulls need the loop; such logs have neither. So
+everything that a rig of this kind is known to have is fitted at once by the errors of free flights
+(`heli3dof.identification.greybox.multistep`), and then each term is left out in turn. On the
+windows of blocks that the fit has not seen, with and without term t, both refitted,
+
+    d_k = Σ_i mean_j ρ(e_k[j, i]/s_i[j]) |without t  −  the same |with it,     Δ = mean_k d_k
+
+Windows overlap and share their noise within `CELL_S`, so cells are drawn, not windows: t is kept
+where the 95 % bootstrap interval of Δ lies above zero. The one that is needed least goes first,
+and the rest is looked at again. What was left out, but serves as well in the place of one that was
+kept, is tied with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from heli3dof.identification.greybox.multistep import Fitted, MultiStep, robust, search
+from heli3dof.model.effects import terms
+from heli3dof.model.greybox_windows import Flight
+from heli3dof.model.rig_model import Structure
+
+STAGES_S = ((0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0),)
+BLOCK_S = 6.0
+WINDOW_S = 3.0
+CELL_S = 3.0
+FOLDS = 2
+DRAWS = 2000
+LEVEL = 0.95
+REFIT = 3
+"""Rounds of a refit from where the fit stood."""
+CLEAR = 30.0
+"""(θ/σ)²: a term above it is not tried before all others have been."""
+TRADED = 0.5
+"""Correlation from which on a kept term may be tied with one that went."""
+Says = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Worse:
+    """By how much held-out windows are worse without a term: Δ with its bootstrap interval."""
+
+    value: float
+    low: float
+    high: float
+    std: float
+    positive: float
+    """Share of the draws above zero"""
+
+    @property
+    def kept(self) -> bool:
+        return self.low > 0
+
+
+@dataclass(frozen=True, eq=False)
+class Removal:
+    """A term, what it costs to do without it, and the fit that does."""
+
+    term: str
+    worse: Worse
+    without: Fitted
+    tied_with: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Backward:
+    """What is left, with what each is worth, and what went."""
+
+    fit: Fitted
+    kept: tuple[Removal, ...]
+    """Most needed first"""
+    gone: tuple[Removal, ...]
+    """In the order in which they went"""
+
+
+def backward(
+    problem: MultiStep, found: Fitted, *, seed: int = 0, says: Says = lambda s: None
+) -> Backward:
+    """Leave out what held-out windows do not need. ``found`` is the fit of ``problem``."""
+    gone: list[Removal] = []
+    proven: dict[str, Removal] = {}
+    folds = refitted_folds(problem, found)
+    while True:
+        order = by_need(found)
+        doubtful = [t for t, z2 in order if t not in proven and z2 < CLEAR]
+        rest = [t for t, z2 in order if t not in proven and z2 >= CLEAR]
+        out: Removal | None = None
+        for name in [*doubtful, *rest]:
+            says(f"Without {name} …")
+            tried = removal(found, folds, name, seed=seed)
+            if not tried.worse.kept:
+                out = tried
+                break
+            proven[name] = tried
+        if out is None:
+            break
+        # What needs the neighbour that went must be asked again.
+        near = traded(found, out.term)
+        proven = {k: v for k, v in proven.items() if k not in near}
+        gone.append(replace(out, tied_with=tuple(near)))
+        found = out.without
+        problem = found.problem
+        folds = refitted_folds(problem, found)
+    says("Looking for ties …")
+    kept = [with_ties(found, folds, proven[t], gone, seed) for t, _ in by_need(found)]
+    return Backward(found, tuple(sorted(kept, key=lambda r: -r.worse.value)), tuple(gone))
+
+
+def by_need(found: Fitted) -> list[tuple[str, float]]:
+    """(term, Σ (θ − null)²/σ² of its numbers), least needed first; recordings' own numbers count
+    each for itself."""
+    p, out = found.problem, {}
+    C = np.linalg.inv(found.tangents @ found.tangents.T + p.prior)
+    for t in found.structure.terms:
+        z2 = 0.0
+        for j, f in enumerate(found.structure.free):
+            if f.term != t.name:
+                continue
+            null = f.inward(f.low if f.log else f.null)
+            at = [j] if f.name not in p.varying else own(p, j)
+            z2 += sum(float((found.z[i] - null) ** 2 / C[i, i]) for i in at)
+        out[t.name] = z2
+    return sorted(out.items(), key=lambda kv: kv[1])
+
+
+def own(problem: MultiStep, j: int) -> list[int]:
+    """Where the recordings' own numbers of parameter j stand."""
+    b = list(problem.own).index(j)
+    return [problem.n + i * len(problem.own) + b for i in range(len(problem.flights))]
+
+
+def traded(found: Fitted, name: str) -> list[str]:
+    """Other terms whose numbers are correlated with that one's."""
+    free, C = found.structure.free, found.correlation
+    mine = [j for j, f in enumerate(free) if f.term == name]
+    near = {
+        f.term: max(abs(C[i, j]) for i in mine)
+        for j, f in enumerate(free)
+        if f.term not in (None, name)
+    }
+    return [t for t, c in near.items() if c > TRADED and t is not None]
+
+
+def removal(found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], name: str, *, seed: int,
+            instead: str | None = None) -> Removal:  # fmt: skip
+    """Without that term, or with ``instead`` in its place, everything refitted."""
+    worse = []
+    for fit, test in folds:
+        less = refit(fit, name, instead)
+        worse.append((cells(less, test, fit.scale), cells(fit, test, fit.scale)))
+    lost = np.concatenate([a - b for a, b in worse])
+    return Removal(name, interval(lost, seed), refit(found, name, instead))
+
+
+def refit(found: Fitted, name: str, instead: str | None = None) -> Fitted:
+    """The fit with that term left out, warm."""
+    p = found.problem
+    names = [t.name for t in found.structure.terms if t.name != name]
+    if instead is not None:
+        names.append(instead)
+    new = restructured(p, names)
+    return search(new, moved(found, new), found.noise, stages_s=STAGES_S, rounds=REFIT)
+
+
+def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
+    """The same flights with other terms."""
+    structure = Structure(p.structure.profile, terms(names))
+    here = set(structure.names)
+    return replace(
+        p,
+        structure=structure,
+        varying={k: v for k, v in p.varying.items() if k in here},
+    )
+
+
+def moved(found: Fitted, new: MultiStep) -> np.ndarray:
+    """(dim,) of ``new``: what both have stays, what is new stands at its prior."""
+    old, z = found.problem, new.start.copy()
+    at = {n: j for j, n in enumerate(old.structure.names)}
+    for j, n in enumerate(new.structure.names):
+        if n in at:
+            z[j] = found.z[at[n]]
+            if n in new.varying:
+                z[own(new, j)] = found.z[own(old, at[n])]
+    return z
+
+
+def refitted_folds(problem: MultiStep, found: Fitted) -> list[tuple[Fitted, MultiStep]]:
+    """For each fold: the fit to the blocks of the others, and its own windows."""
+    out = []
+    for fold in range(FOLDS):
+        split = [halves(f, fold) for f in problem.flights]
+        train = replace(problem, flights=tuple(a for a, _ in split))
+        test = replace(problem, flights=tuple(b for _, b in split))
+        fit = search(train, found.z, found.noise, stages_s=STAGES_S, rounds=REFIT)
+        out.append((fit, test))
+    return out
+
+
+def halves(flight: Flight, fold: int) -> tuple[Flight, Flight]:
+    """(to fit, to test): windows inside a block of `BLOCK_S` of the fold's, and those outside."""
+    start = flight.t[flight.starts]
+    stop = start + WINDOW_S
+    block = np.floor(start / BLOCK_S).astype(int)
+    last = np.floor((stop - 1e-9) / BLOCK_S).astype(int)
+    test = (block % FOLDS == fold) & (last == block)
+    train = (block % FOLDS != fold) & (last == block)
+    return replace(flight, starts=flight.starts[train]), replace(flight, starts=flight.starts[test])
+
+
+def cells(found: Fitted, test: MultiStep, scale: np.ndarray) -> np.ndarray:
+    """(m,) mean loss of the test's windows in each cell of `CELL_S`, recording by recording."""
+    there = replace(
+        test, structure=found.structure, varying=found.problem.varying,
+    )  # fmt: skip
+    out = []
+    for flight, e in zip(
+        there.flights, there.errors(found.z, found.noise, STAGES_S[-1]), strict=True
+    ):
+        loss = (robust(e / scale) ** 2).mean(axis=1).sum(axis=1)
+        cell = np.floor(flight.t[flight.starts] / CELL_S).astype(int)
+        out += [loss[cell == c].mean() for c in np.unique(cell)]
+    return np.array(out)
+
+
+def interval(lost: np.ndarray, seed: int) -> Worse:
+    """Mean of (m,) cells and its bootstrap."""
+    rng = np.random.default_rng([seed, 7])
+    means = lost[rng.integers(0, len(lost), (DRAWS, len(lost)))].mean(axis=1)
+    tail = 50 * (1 - LEVEL)
+    low, high = np.percentile(means, [tail, 100 - tail])
+    return Worse(
+        float(lost.mean()), float(low), float(high), float(means.std()), float((means > 0).mean())
+    )
+
+
+def with_ties(
+    found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], kept: Removal,
+    gone: Sequence[Removal], seed: int,
+) -> Removal:  # fmt: skip
+    """The same, naming what went and serves as well in its place."""
+    tied = []
+    for other in gone:
+        if kept.term not in other.tied_with:
+            continue
+        swapped = removal(found, folds, kept.term, seed=seed, instead=other.term).worse
+        if swapped.low <= 0:
+            tied.append(other.term)
+    return replace(kept, tied_with=tuple(tied))

@@ -1,0 +1,220 @@
+"""A start for the fit to free flights: the equations of motion in their weak form.
+
+With a test function φ that vanishes with its slope at both ends of a span, two integrations by
+parts move the derivatives from the measured angles to φ,
+
+    ∫ φ″ q dt = ∫ φ q̈(q, q̇, F; θ) dt,      φ(τ) = (1 − τ²)³,  τ ∈ [−1, 1],
+
+so that nothing is differentiated twice, and an angle that was read at another instant than it says
+costs what ∫ φ″ of a few counts is. q is the reading freed of what the encoders do to it
+(∂q/∂reading included), q̇ its derivative by a short polynomial (`SMOOTH_S`), F follows from the
+voltages alone. Spans of `SPANS_S` lie over all free rows. Minimised is
+
+    Σ (2 asinh(e/2s))² + (θ − θ_0)ᵀ Λ (θ − θ_0)
+
+with s the errors' own scale (1.48 × their median size), taken again `ROUNDS` times. No motion is
+simulated, so that it converges from starts from which a free flight runs away, in seconds. The
+errors in q and q̇ on the right-hand side pull the estimates a little: it is a start, not the end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from heli3dof.identification.greybox.multistep import MultiStep
+from heli3dof.model import rigid_body, stepping
+from heli3dof.model import slots as _s
+from heli3dof.model.compiled import compiled
+from heli3dof.model.greybox_predict import impulse
+from heli3dof.model.greybox_windows import Flight
+from heli3dof.model.rigid_body import accelerations
+from heli3dof.model.stepping import readings, setup
+
+R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
+SPANS_S = (0.4, 1.2)
+OVERLAP = 3
+"""Spans begin every third of their length."""
+SMOOTH_S = 0.07
+ROUNDS = 4
+STEPS = 15
+DIFFERENCE = 1e-4
+SETTLED = 1e-4
+"""Of the cost."""
+FAR = 20.0
+"""Scales: what is not finite counts as that."""
+
+
+def _along(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: ignore[no-untyped-def]
+    """out (N, 6): each row's angles, freed of the encoders, and the rig's accelerations there."""
+    setup(s, first, address, par, mem)
+    x, w = np.empty(6), np.zeros((3, 3))
+    m, slope = np.empty(3), np.empty(3)
+    for k in range(t.shape[0]):
+        s[T] = t[k]
+        for i in range(2):
+            s[F_FRONT + i] = F[k, i]
+            s[V_FRONT + i] = V[k, i]
+        for i in range(3):
+            x[i] = y[k, i]
+            x[3 + i] = y_dot[k, i]
+        readings(s, x, first, address, par, mem, m, slope)
+        for i in range(3):
+            x[i] -= (m[i] - x[i]) / slope[i]
+            x[3 + i] /= slope[i]
+            out[k, i] = x[i]
+        for i in range(6):
+            s[R + i] = x[i]
+        for i in range(2):
+            s[F_FRONT + i] = F[k, i]
+        accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
+        for i in range(3):
+            out[k, 3 + i] = w[2, i]
+
+
+_along_compiled = compiled(
+    _along,
+    calls=(rigid_body._accelerations, rigid_body._body_accelerations, stepping._readings),
+    error_model="numpy",
+    nogil=True,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Span:
+    """Test functions of one length over a flight: n spans of L rows."""
+
+    rows: np.ndarray
+    """(n,) their first rows"""
+    phi: np.ndarray
+    phi_2: np.ndarray
+    """(L,) weights of ∫ φ · dt and ∫ φ″ · dt, the former summing to 1"""
+
+    def integrals(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """(n, 3) rad/s²: ∫ φ″ q dt − ∫ φ a dt from (N, 3) each."""
+        out = [
+            np.correlate(q[:, i], self.phi_2, "valid") - np.correlate(a[:, i], self.phi, "valid")
+            for i in range(3)
+        ]
+        return np.asarray(np.stack(out, axis=1)[self.rows])
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A flight as the weak form needs it."""
+
+    flight: Flight
+    y: np.ndarray
+    y_smooth: np.ndarray
+    y_dot: np.ndarray
+    """(N, 3) rad, rad, rad/s"""
+    spans: tuple[Span, ...]
+
+
+def log_of(flight: Flight, window_s: float = 3.0) -> Log:
+    """The flight's readings, smoothed, and the spans that lie inside its windows."""
+    from scipy.signal import savgol_filter
+
+    t, dt = flight.t, flight.dt
+    y = flight.y.copy()
+    for i in range(3):
+        good = np.isfinite(y[:, i])
+        y[:, i] = np.interp(t, t[good], y[good, i]) if good.any() else 0.0
+    width = max(5, round(SMOOTH_S / dt) | 1)
+    smooth = savgol_filter(y, width, 2, axis=0)
+    rate = savgol_filter(y, width, 2, deriv=1, delta=dt, axis=0)
+    free = np.zeros(len(t), dtype=bool)
+    for k in flight.starts:
+        free[k : k + round(window_s / dt)] = True
+    return Log(flight, y, smooth, rate, tuple(span(free, dt, s) for s in SPANS_S))
+
+
+def span(free: np.ndarray, dt: float, width_s: float) -> Span:
+    """Test functions ``width_s`` long on free rows only."""
+    n = round(width_s / dt)
+    tau = np.linspace(-1, 1, n)
+    phi = (1 - tau**2) ** 3
+    phi_2 = (24 * tau**2 * (1 - tau**2) - 6 * (1 - tau**2) ** 2) * (2 / ((n - 1) * dt)) ** 2
+    phi_2 -= phi_2.mean()  # of a constant it is nothing, whatever the sum of rows says
+    bad = np.concatenate([[0], np.cumsum(~free)])
+    k = np.arange(0, max(len(free) - n, 0), max(1, n // OVERLAP))
+    return Span(k[bad[k + n] == bad[k]], phi / phi.sum(), phi_2 / phi.sum())
+
+
+def residuals(problem: MultiStep, logs: Sequence[Log], z: np.ndarray) -> list[np.ndarray]:
+    """By length of span (n, 3) rad/s², all flights."""
+    found: list[list[np.ndarray]] = [[] for _ in SPANS_S]
+    for i, log in enumerate(logs):
+        values, f, st = problem.values(z, i), log.flight, problem.structure
+        mean = np.diff(impulse(st, values, f.V, f.h, still=f.still), axis=0) / f.h[:, None]
+        s, par = st.arrays(values)
+        out = np.empty((len(f.t), 6))
+        _along_compiled(
+            s, st.hooks.first, st.hooks.address, par, st.memory, f.free, f.t, f.V, mean,
+            log.y_smooth, log.y_dot, out,
+        )  # fmt: skip
+        # What the encoders do to an angle is smooth: the unsmoothed one less the same.
+        q = log.y + (out[:, :3] - log.y_smooth)
+        for j, each in enumerate(log.spans):
+            found[j].append(each.integrals(q, out[:, 3:]))
+    return [np.concatenate(e) for e in found]
+
+
+def scales(e: np.ndarray) -> np.ndarray:
+    """(3,) rad/s²"""
+    e = np.nan_to_num(e, nan=1e3, posinf=1e3, neginf=-1e3)
+    return np.asarray(np.maximum(1.4826 * np.median(np.abs(e), axis=0), 1e-6))
+
+
+def weak_start(
+    problem: MultiStep, start: np.ndarray | None = None, rounds: int = ROUNDS
+) -> np.ndarray:
+    """(dim,) coordinates from which the fit to free flights may start."""
+    logs = [log_of(f) for f in problem.flights]
+    low, high = problem.bounds
+    z = np.clip(problem.start if start is None else start, low, high)
+    for _ in range(rounds):
+        scale = [scales(e) for e in residuals(problem, logs, z)]
+        z = _minimum(problem, logs, scale, z)
+    return np.asarray(z)
+
+
+def _minimum(
+    problem: MultiStep, logs: Sequence[Log], scale: Sequence[np.ndarray], z: np.ndarray
+) -> np.ndarray:
+    low, high = problem.bounds
+
+    def weighted(at: np.ndarray) -> np.ndarray:
+        e = [e / s for e, s in zip(residuals(problem, logs, at), scale, strict=True)]
+        flat = np.concatenate([x.ravel() for x in e])
+        flat = np.nan_to_num(flat, nan=FAR, posinf=FAR, neginf=-FAR)
+        return np.asarray(2 * np.arcsinh(flat / 2))
+
+    def cost(r: np.ndarray, at: np.ndarray) -> float:
+        d = at - problem.start
+        return float(r @ r + d @ problem.prior @ d)
+
+    r = weighted(z)
+    here, lam = cost(r, z), 1e-2
+    for _ in range(STEPS):
+        before = here
+        side = np.where(z + DIFFERENCE < high, DIFFERENCE, -DIFFERENCE)
+        D = np.array([(weighted(z + d) - r) for d in np.diag(side)]) / side[:, None]
+        g = D @ r + problem.prior @ (z - problem.start)
+        H = D @ D.T + problem.prior
+        go = ~(((z <= low) & (g > 0)) | ((z >= high) & (g < 0)))
+        for _ in range(8):
+            A = H + lam * np.diag(np.diag(H))
+            delta = np.zeros(problem.dim)
+            delta[go] = -np.linalg.solve(A[np.ix_(go, go)], g[go])
+            new = np.clip(z + delta, low, high)
+            q = weighted(new)
+            if (there := cost(q, new)) < here:
+                z, r, here, lam = new, q, there, max(lam / 8, 1e-7)
+                break
+            lam *= 8
+        if before - here < SETTLED * before:
+            break
+    return np.asarray(z)

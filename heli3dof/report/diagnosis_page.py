@@ -1,0 +1,28 @@
+"""The HTML page of a diagnosis: the diagnosis, then its flights and where they came from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from heli3dof.diagnosis.result import Diagnosis
+from heli3dof.recording.recording import Recording
+from heli3dof.report.diagnosis_pictured import pictured
+from heli3dof.report.diagnosis_section import diagnosis_section
+from heli3dof.report.flight_report import flight_report
+
+
+def diagnosis_page(
+    found: Diagnosis,
+    document: dict[str, Any],
+    recordings: Sequence[Recording],
+    holdout: Sequence[Recording] = (),
+    *,
+    title: str = "",
+) -> str:
+    """The whole HTML document; ``document`` is the contract's, of the same diagnosis."""
+    section = diagnosis_section(document, pictured(found, recordings, holdout))
+    names = ", ".join(r.name for r in recordings)
+    return flight_report(
+        [*recordings, *holdout], first=[section], title=title or f"Diagnosis: {names}"
+    )

@@ -1,0 +1,62 @@
+"""What a diagnosis' report draws, gathered from the diagnosis and the recordings it is of.
+
+Nothing is fitted here: the filter is run along the recordings once more for each finding, and the
+two simulations, before and after, are flown through each recording's own references.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from heli3dof.diagnosis.gain import Gain, HeldOut
+from heli3dof.diagnosis.gain_replay import Replayed, replayed
+from heli3dof.diagnosis.how_wrong import HowWrong
+from heli3dof.diagnosis.leftover import Leftover
+from heli3dof.diagnosis.result import Diagnosis
+from heli3dof.diagnosis.torque_evidence import Evidence, evidence, leftover_evidence
+from heli3dof.identification.greybox.method import model_of
+from heli3dof.recording.recording import Recording
+
+
+@dataclass(frozen=True, eq=False)
+class Pictured:
+    """All that the section draws; what is None or empty is left out."""
+
+    wrong: HowWrong | None = None
+    evidence: Sequence[Evidence] = ()
+    """Of the findings that are seen in a torque"""
+    leftovers: Sequence[Leftover] = ()
+    leftover_evidence: Sequence[Evidence] = ()
+    gain: Gain | None = None
+    before: HeldOut | None = None
+    after: HeldOut | None = None
+    replayed: Sequence[Replayed] = ()
+    names: Sequence[str] = ()
+    """Of the recordings on which the gain was measured"""
+
+
+def pictured(
+    found: Diagnosis, recordings: Sequence[Recording], holdout: Sequence[Recording] = ()
+) -> Pictured:
+    """The pictures of a diagnosis; empty where the recordings themselves were at fault."""
+    f = found.fitted
+    if f is None:
+        return Pictured()
+    unseen = list(holdout) or list(recordings)
+    flown: tuple[Replayed, ...] = ()
+    if found.findings:
+        base = model_of(f.base, list(recordings), "base")
+        flown = replayed(base, f.model, unseen)
+    seen = (evidence(f.final, x.choice.term, x.noise) for x in found.findings)
+    return Pictured(
+        f.wrong,
+        [e for e in seen if e is not None],
+        found.leftovers,
+        [leftover_evidence(f.final, x) for x in found.leftovers],
+        f.gain if found.findings else None,
+        f.before,
+        f.after,
+        flown,
+        [r.name for r in unseen],
+    )
