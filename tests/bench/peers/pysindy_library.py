@@ -82,10 +82,10 @@ def columns(
     lagged = V[0] + lfilter([k], [1, k - 1], V - V[0], axis=0)
     height = L_a * (np.sin(r) - np.sin(REST_RAD))
     gain, lag = by_voltage(V), by_voltage(lagged - V)
+    curve = by_voltage(V * np.abs(V) / abs(V_o) - V)
     roll = {
         "base.gravity": -of["T_g"] * np.cos(r),
         "stiffness.pendulum.roll": -np.sin(r),
-        "motor.thrust_curve": by_voltage(V * np.abs(V) / abs(V_o) - V)[0],
         "aero.ground_effect": by_voltage(V * np.exp(-height / HEIGHT_M)[:, None])[0],
         "aero.inflow": by_voltage(-V * (L_a * w[:, :1]))[0],
     }
@@ -104,6 +104,7 @@ def columns(
         {
             "base.gain": gain[i],
             "motor.lag": lag[i],
+            "motor.thrust_curve": curve[i],
             f"friction.coulomb.{axis}": -np.tanh(w[:, i] / STICK_RAD_S),
             f"friction.viscous.{axis}": -w[:, i],
             f"drag.quadratic.{axis}": -w[:, i] * np.abs(w[:, i]),
