@@ -12,12 +12,20 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.catalogue import candidates, probes, scans
-from heli3dof.diagnosis.corrected import NOISE_NEAR, Corrected, Informed, correct, look
+from heli3dof.diagnosis.corrected import (
+    NOISE_NEAR,
+    Corrected,
+    Informed,
+    correct,
+    fly_again,
+    look,
+    model_at,
+)
 from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simulated_nulls
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
-from heli3dof.diagnosis.trials import trials
+from heli3dof.diagnosis.trials import standing_out, trials
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.fit import Optimum, _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -28,6 +36,8 @@ from heli3dof.model.filtering import data_of
 from heli3dof.model.rig_model import Structure
 from heli3dof.recording.recording import Recording
 
+TRIAL_FLIGHTS = 12
+"""With which what can only be tried is compared."""
 CHATTERS = 1.2
 """Inflation of a fit from which its bias is too large to start from."""
 QUIETER = np.array([0.5, 0.7, 1.0, 1.0])
@@ -78,7 +88,15 @@ class Step:
     def chosen(self, bench: Bench, first_score: float | None) -> Step:
         """The same with its choice made."""
         o = self.found.optimum
-        tried = trials(self.found.problem, o.theta, o.noise, bench.axes)
+        problem = self.found.problem
+        tried = trials(problem, o.theta, o.noise, bench.axes)
+        if tried and bench.loop_is_known:
+            model = model_at(problem, o.theta, o.noise)
+            flown = [
+                fly_again(model, bench.recordings, problem.data, (bench.seed, 3, b))
+                for b in range(TRIAL_FLIGHTS)
+            ]
+            tried = [t for t in tried if standing_out(t, problem, o.theta, o.noise, flown)]
         made = choose(self.found, self.screen, self.seen, self.nulls, self.bias, first_score, tried)
         return replace(self, choice=made)
 

@@ -8,7 +8,12 @@ play w beside that of none, everything else and the noise held,
 
 tells the two apart at once: where the encoder has no play its edges lie w/2 off where the filter
 then expects them, which costs hundreds; where it has, and the noise was swollen to cover it, Δℓ is
-positive. Such a term is fitted in full, from the likeliest of its ``starts`` with the noise settled
+positive. An axis that hardly moves tells little, and Δℓ scatters widely there: it must also stand
+out from the largest that it is in flights of the estimate itself, where there is no play,
+
+    Δℓ > max Δℓ_null + `WORTH`
+
+Such a term is fitted in full, from the likeliest of its ``starts`` with the noise settled
 at each of two rounds, and compared with the others by the same score.
 """
 
@@ -24,8 +29,9 @@ from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.fit import _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.effects import Term, effects
+from heli3dof.model.filtering import Data
 
-WORTH = 20.0
+WORTH = 40.0
 """Δℓ of the first of the ``starts`` from which on a term is fitted: play scores hundreds there,
 flights without it lose as much."""
 SETTLING = 4
@@ -70,6 +76,22 @@ def trials(
         return Trial(terms[k], value, float(ext.run(at, noise, keep=0).loglik.sum()) - none)
 
     return [t for t in in_threads(one, len(terms), what="plays") if t.gain > WORTH]
+
+
+def standing_out(
+    found: Trial, problem: Likelihood, theta: np.ndarray, noise: np.ndarray, nulls: Sequence[Data]
+) -> bool:
+    """True where Δℓ is above what it is in any of the ``nulls``, at the same point."""
+    ext = widened(problem, theta, found.term)
+    at = np.append(theta, ext.structure.free[-1].inward(found.value))
+
+    def one(b: int) -> float:
+        with_it = replace(ext, data=nulls[b]).run(at, noise, keep=0).loglik.sum()
+        none = replace(problem, data=nulls[b]).run(theta, noise, keep=0).loglik.sum()
+        return float(with_it - none)
+
+    gains = np.array(in_threads(one, len(nulls), what="flights"))
+    return bool(found.gain > gains.max() + WORTH)
 
 
 def widened(problem: Likelihood, theta: np.ndarray, term: Term) -> Likelihood:
