@@ -113,7 +113,7 @@ def figures(cases: list[Judged]) -> list[Figure]:
         Figure("parameter error of the named cause, median",
                "–" if np.isnan(error) else f"{100 * error:.1f} %", "≤ 5 %",
                None if np.isnan(error) else error <= 0.05,
-               "of its distance from no effect, in units of K_f")
+               "of its distance from no effect, in SI")
     )  # fmt: skip
     return out
 
