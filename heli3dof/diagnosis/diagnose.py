@@ -20,6 +20,7 @@ from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.leftover import Leftover, leftover
 from heli3dof.diagnosis.measured import adopted, fitted
+from heli3dof.diagnosis.real_log import applies, diagnose_real
 from heli3dof.diagnosis.result import Diagnosis, Finding
 from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import BASES, Bench, Step, base_of, eliminated, extended, looked_at
@@ -66,6 +67,8 @@ def diagnose(
     for stops in (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE):
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
+    if base == "rigid" and applies(train):
+        return diagnose_real(train, held, faults, seed=seed, says=says)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
     bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base)
     clock.start("base", "Fitting the base simulation, and flying it for its bias …")

@@ -36,7 +36,7 @@ def adopted(
         poor = [i for i, g in enumerate(gains) if not pays(g)]
         if not poor:
             return found, _findings(found, kept, less, gains), tuple(dropped), after
-        worst = min(poor, key=lambda i: gains[i].log_likelihood.value)
+        worst = min(poor, key=lambda i: won(gains[i]))
         dropped.append(Dropped(kept[worst].term.name, gains[worst]))
         found = less[worst]
         del kept[worst]
@@ -64,6 +64,12 @@ def _findings(
         Finding(c, in_SI(found, scale, c.term.name), g, w.optimum.noise)
         for c, w, g in zip(choices, less, gains, strict=True)
     )
+
+
+def won(g: Gain) -> float:
+    """The log-likelihood's gain"""
+    assert g.log_likelihood is not None
+    return g.log_likelihood.value
 
 
 def _number(value: float) -> float | None:

@@ -153,7 +153,7 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
 
     None where nothing is open, where the data are at fault, or where no plan can be flown.
     """
-    if found.fitted is None:
+    if found.fitted is None or found.fitted.base is None:
         return None
     base: Estimate = found.fitted.base
     try:

@@ -160,7 +160,9 @@ class MultiStep:
             ahead = np.array([max(1, round(h / flight.dt)) for h in horizons_s])
             X = self.states(z, i, noise)
             e = errors(self.structure, self.values(z, i), flight, X, ahead)
-            out.append(np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR))
+            e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
+            e[..., ~flight.free] = 0.0  # not measured
+            out.append(e)
         return out
 
     def loglik(self, z: np.ndarray, noise: np.ndarray) -> np.ndarray:
@@ -259,8 +261,9 @@ def robust(u: np.ndarray) -> np.ndarray:
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """(M, 3) rad from errors (S, M, 3): half of the median's, half of the mean square's."""
-    size = np.sqrt(np.mean(np.minimum(np.abs(e), 1.0) ** 2, axis=0))
+    """(M, 3) rad from errors (S, M, 3), each cut at 1 rad: their RMS; zeros were not measured."""
+    there = np.maximum((e != 0).sum(axis=0), 1)
+    size = np.sqrt((np.minimum(np.abs(e), 1.0) ** 2).sum(axis=0) / there)
     return np.asarray(np.maximum(size, np.radians(0.1)))
 
 
