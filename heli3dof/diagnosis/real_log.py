@@ -17,7 +17,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.ahead import HORIZONS_S
-from heli3dof.diagnosis.backward import CELL_S, Backward, Removal, backward
+from heli3dof.diagnosis.backward import CELL_S, Backward, Removal, backward, known_beforehand
 from heli3dof.diagnosis.calibration import Calibrated
 from heli3dof.diagnosis.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
 from heli3dof.diagnosis.how_wrong import HowWrong
@@ -40,6 +40,8 @@ from heli3dof.recording.recording import Recording
 
 OVER_S = 3.0
 STEP_S = 0.25
+FAR = 10 * np.pi
+"""rad: no flight is further off than that."""
 WHY = (
     "The loop is unknown and the clock lies, so neither nulls nor a likelihood can be trusted: "
     "the full physical model was fitted to free flights of 3 s, and what held-out flights do not "
@@ -92,6 +94,7 @@ def diagnose_real(
             name: dict(zip([r.name for r in train], values.tolist(), strict=False))
             for name, values in found.fit.by_recording.items()
         },
+        "known_beforehand": sorted(known_beforehand(found.fit.problem)),
         "explains": explains(found.fit, train),
         "seed": seed,
     }  # fmt: skip
@@ -143,7 +146,7 @@ def fly(model: GreyBoxModel, recording: Recording, ahead: np.ndarray) -> np.ndar
     states = filtered(model, recording)[3]
     with np.errstate(all="ignore"):
         e = errors(model.structure, model.values, flight, states, ahead, tuple(model.varying))
-    e = np.nan_to_num(e, nan=np.pi, posinf=np.pi, neginf=-np.pi)
+    e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
     e[..., ~flight.free] = np.nan
     return np.asarray(e)
 
