@@ -56,7 +56,7 @@ class Talk:
         """A result: a table or a sentence."""
         if not self.quiet:
             for each in what:
-                self.out.print(each, soft_wrap=isinstance(each, str))
+                self.out.print(each, soft_wrap=isinstance(each, str), markup=False)
 
     def note(self, text: str) -> None:
         """An aside on stderr: where a file went, what was assumed."""

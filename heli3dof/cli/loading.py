@@ -16,12 +16,21 @@ if TYPE_CHECKING:
 
 def load_all(talk: Talk, paths: Sequence[Path], profile: Path | None) -> list[Recording]:
     """Load every recording; say aloud what is odd about each."""
+    from heli3dof.errors import RecordingError
     from heli3dof.recording.load import load
     from heli3dof.rig.profile import load_profile
 
     chosen = load_profile(profile) if profile else None
     loaded = []
     for path in paths:
+        if path.suffix in (".json", ".toml") and path.is_file():
+            raise RecordingError(
+                f"{path} is no recording: its name is that of a "
+                f"{'model file' if path.suffix == '.json' else 'profile or a plan'}.",
+                cause="a file of another kind stands where recordings are expected.",
+                fix=f"heli3dof compare REC... {path}, to judge a model"
+                if path.suffix == ".json" else f"--profile {path}, or heli3dof run {path}",
+            )  # fmt: skip
         recording = load(path, chosen)
         for warning in recording.meta.get("warnings", ()):
             talk.warn(f"{path.name}: {warning}")

@@ -48,10 +48,12 @@ class Ahead:
 
 
 def mean_square(e: np.ndarray) -> np.ndarray:
-    """Over the first axis, what is NaN left out; NaN where nothing is left."""
+    """Over the first axis, what is NaN left out; NaN where nothing is left, ∞ where a prediction
+    ran away."""
     there = np.isfinite(e)
     count = there.sum(axis=0)
-    total = (np.where(there, e, 0.0) ** 2).sum(axis=0)
+    with np.errstate(over="ignore"):
+        total = (np.where(there, e, 0.0) ** 2).sum(axis=0)
     return np.asarray(np.where(count > 0, total / np.maximum(count, 1), np.nan))
 
 

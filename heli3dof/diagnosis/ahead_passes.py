@@ -27,6 +27,8 @@ from heli3dof.model.stepping import readings, setup
 
 R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
 STEP_S = 0.02
+DECAY, PARTS = 0.5, 1000.0
+"""A step of the variances is so much of the fastest time constant at most; in so many at most."""
 
 
 def _roll_on(  # type: ignore[no-untyped-def]
@@ -105,6 +107,20 @@ roll_on = compiled(
 )  # fmt: skip
 
 
+def _grow_stably(P, A, d, a2, Phi, work):  # type: ignore[no-untyped-def]
+    """`grow` by d in as many parts as the fastest decay in A (dry friction near rest) asks for."""
+    fastest = 0.0
+    for i in range(3):
+        for j in range(3):
+            fastest = max(fastest, abs(A[i, 3 + j]))
+    parts = 1 + int(min(d * fastest / DECAY, PARTS))
+    for _ in range(parts):
+        grow(P, A, d / parts, a2, Phi, work)
+
+
+grow_stably = compiled(_grow_stably, calls=(kalman._grow,), error_model="numpy", nogil=True)
+
+
 def _scatter(  # type: ignore[no-untyped-def]
     blocks, free, t, h, A, slope, row, state, W, K, a2, P0, starts, rows, out
 ):
@@ -148,13 +164,13 @@ def _scatter(  # type: ignore[no-untyped-def]
                         c = a + 1
                         while c < end and t[c + 1] - t[a] <= STEP_S:
                             c += 1
-                        grow(Q, A[a], t[c] - t[a], driven, Phi, work)
+                        grow_stably(Q, A[a], t[c] - t[a], driven, Phi, work)
                         a = c
                     for i in range(3):
                         out[at, m, i] = Q[i, i]
                 at += 1
             if k + 1 < stop:
-                grow(P, A[k], h[k], driven, Phi, work)
+                grow_stably(P, A[k], h[k], driven, Phi, work)
 
 
-scatter = compiled(_scatter, calls=(kalman._grow,), error_model="numpy", nogil=True)
+scatter = compiled(_scatter, calls=(_grow_stably, kalman._grow), error_model="numpy", nogil=True)

@@ -20,15 +20,14 @@ Renault 1993), with the filter as the auxiliary model. How far θ scatters follo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.perturbation import Path, forcing, forward, path
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.fit import (
     NOISE_HIGH,
@@ -53,12 +52,10 @@ NEAR = 0.35
 """Standard deviations: a step smaller than this is the last; what `PILOTS` flights leave open."""
 NOISE_NEAR = 0.1
 _PROBE = 0.5  # step of the log intensity, as in `fit`
-WORKERS = 2
 HELD = ("mass.change.time_s",)
 """Where a scan puts it: the likelihood along an instant is too jagged to climb."""
 COARSE = {"mass.change.time_s": 5e-3}
 """Steps of the differences where a hundredth of a second must show (in typical sizes)."""
-X = TypeVar("X")
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,19 +187,6 @@ def fly_again(
     return data_of(flown, data.runs)
 
 
-def in_threads(
-    work: Callable[[int], X], count: int, done: Callable[[int], None] | None = None
-) -> list[X]:
-    """``work(0)`` … ``work(count − 1)`` on `WORKERS` threads (the kernels let go of the lock)."""
-    out: list[X] = []
-    with ThreadPoolExecutor(WORKERS) as pool:
-        for i, result in enumerate(pool.map(work, range(count))):
-            out.append(result)
-            if done is not None:
-                done(i + 1)
-    return out
-
-
 def correct(
     problem: Likelihood,
     theta: np.ndarray,
@@ -229,6 +213,7 @@ def correct(
                 replace(problem, data=fly_again(m, recordings, problem.data, (seed, 7, b))), th, a
             ),
             pilots,
+            what=f"flights, round {count}",
         )
         g = (
             here.g

@@ -7,7 +7,7 @@
 3. Causes one by one by full fits (`heli3dof.diagnosis.select`); after each, its own correction,
    nulls and screen anew. Then backwards: what the others made superfluous goes.
 4. What it gains on data not seen, against the base refitted; what does not pay goes.
-5. What is left and has no name.
+5. What is left and has no name; names that only stood in for it go (`proxies`).
 """
 
 from __future__ import annotations
@@ -18,12 +18,24 @@ from collections.abc import Callable, Sequence
 from heli3dof.diagnosis.calibration import off_nominal
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.integrity import Kind, integrity
-from heli3dof.diagnosis.leftover import Leftover, leftover
+from heli3dof.diagnosis.leftover import Leftover, examined
 from heli3dof.diagnosis.measured import adopted, fitted
+from heli3dof.diagnosis.proxies import doubted, named_like, stand_ins
 from heli3dof.diagnosis.real_log import applies, diagnose_real
-from heli3dof.diagnosis.result import Diagnosis, Finding
+from heli3dof.diagnosis.result import STANDS_IN, Diagnosis, Dropped, Finding
 from heli3dof.diagnosis.select import MOST
-from heli3dof.diagnosis.steps import BASES, Bench, Step, base_of, eliminated, extended, looked_at
+from heli3dof.diagnosis.steps import (
+    BASES,
+    Bench,
+    Step,
+    base_of,
+    eliminated,
+    extended,
+    looked_at,
+    settled_again,
+    without,
+)
+from heli3dof.diagnosis.workers import watched
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.recording.recording import Recording
 
@@ -32,6 +44,7 @@ FURTHER = 0.5
 """Of the flights, for the nulls after the first finding."""
 PILOTS, QUICK_PILOTS = 12, 6
 LEFT_FLIGHTS, QUICK_LEFT_FLIGHTS = 24, 8
+SAID_EVERY_S = 1.0
 Says = Callable[[str], None]
 
 
@@ -61,6 +74,14 @@ def diagnose(
     train = [recordings] if isinstance(recordings, Recording) else list(recordings)
     held = [] if holdout is None else [holdout] if isinstance(holdout, Recording) else list(holdout)
     clock = Clock(says)
+    with watched(clock.counts):
+        return _diagnosed(train, held, clock, quick=quick, seed=seed, base=base)
+
+
+def _diagnosed(
+    train: list[Recording], held: list[Recording], clock: Clock, *, quick: bool, seed: int,
+    base: str,
+) -> Diagnosis:  # fmt: skip
     names = (tuple(r.name for r in train), tuple(r.name for r in held))
     clock.start("integrity", "Checking the recordings themselves …")
     faults = integrity([*train, *held])
@@ -68,7 +89,7 @@ def diagnose(
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
     if base == "rigid" and applies(train):
-        return diagnose_real(train, held, faults, seed=seed, says=says)
+        return diagnose_real(train, held, faults, seed=seed, says=clock.says)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
     bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base)
     clock.start("base", "Fitting the base simulation, and flying it for its bias …")
@@ -80,9 +101,24 @@ def diagnose(
     clock.start("gain", "Measuring the gain on what was not seen …")
     taken = [s.choice for s in steps if s.choice is not None]
     found, findings, dropped, after = adopted(found, taken, held, seed=seed)
-    whole = fitted(least, found, after, train, held, seed=seed)
     clock.start("left", "Looking for what has no name …")
-    left = leftover(found, train, flights=QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS, seed=seed)
+    again = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
+    left, beside_it = examined(found, train, flights=again, seed=seed)
+    posing = stand_ins(findings, found, left, beside_it)
+    if posing:
+        kept = [f.choice for f in findings if f.choice.term.name not in posing]
+        gains = {f.choice.term.name: f.gain for f in findings}
+        dropped += tuple(Dropped(n, gains[n], STANDS_IN) for n in posing)
+        for f in findings:
+            if f.choice.term.name in posing:
+                found = without(found, f.choice.term)
+        found, findings, poor, after = adopted(settled_again(bench, found), kept, held, seed=seed)
+        dropped += poor
+        left, beside_it = examined(found, train, flights=again, seed=seed)
+        left = named_like(left, posing)
+    findings = doubted(findings, found, left, beside_it)
+    clock.start("gain", "Measuring the gain on what was not seen …")
+    whole = fitted(least, found, after, train, held, seed=seed)
     off = off_nominal(found)
     clock.stop()
     about = {
@@ -102,8 +138,8 @@ def causes(
 ) -> tuple[list[Step], Corrected]:
     """Forward: every step that was made (the last one found nothing, or is the last allowed)."""
     found, steps = base, list[Step]()
-    score = None
-    while len(steps) < MOST:
+    score, left = None, MOST
+    while left:
         n = flights if not steps else max(8, round(FURTHER * flights))
         clock.start(f"screen {len(steps) + 1}", f"Screening against {n} simulated nulls …")
         step = looked_at(bench, found, n)
@@ -114,8 +150,10 @@ def causes(
             break
         clock.says(f"Found {step.choice.term.name}.")
         found = extended(bench, step.choice)
-        if not step.choice.term.effect.within:  # what a simpler base lacks is no measure of causes
-            score = score or step.choice.score
+        if not step.choice.term.effect.within:  # what a simpler base lacks is no cause in the rig
+            left -= 1
+            if step.choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing
+                score = score or step.choice.score
     return steps, found
 
 
@@ -126,11 +164,19 @@ class Clock:
         self.says = says
         self.seconds: dict[str, float] = {}
         self._stage, self._since = "", time.perf_counter()
+        self._sentence, self._said = "", self._since
 
     def start(self, stage: str, sentence: str) -> None:
         self.stop()
-        self._stage = stage
+        self._stage, self._sentence, self._said = stage, sentence, self._since
         self.says(sentence)
+
+    def counts(self, what: str, done: int, of: int) -> None:
+        """Of a stage that lasts, every `SAID_EVERY_S`: ``… flights: 31 of 64``."""
+        now = time.perf_counter()
+        if now - self._said >= SAID_EVERY_S:
+            self._said = now
+            self.says(f"{self._sentence} {what}: {done} of {of}")
 
     def stop(self) -> None:
         now = time.perf_counter()

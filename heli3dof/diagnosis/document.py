@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from heli3dof.axes import AXES
@@ -41,7 +42,7 @@ def document(
         "gain": {"horizon_s": HORIZON_S, **_gain(None if f is None else f.gain, f)},
         "model": model,
         "integrity": [x.to_dict() for x in d.integrity],
-        "dropped": [{"effect": x.name, "gain": _gain(x.gain)} for x in d.dropped],
+        "dropped": [{"effect": x.name, "why": x.why, "gain": _gain(x.gain)} for x in d.dropped],
         "about": dict(d.about),
     }
 
@@ -124,6 +125,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "score": f.choice.score,
         "confidence": f.choice.confidence,
         "tied_with": list(f.choice.tied_with),
+        "like": f.like,
         "gain": _gain(f.gain),
     }
 
@@ -203,4 +205,5 @@ def _next(d: Diagnosis) -> dict[str, Any] | None:
 
 
 def _number(value: float) -> float | None:
-    return value if value == value else None
+    """JSON knows neither NaN nor infinity."""
+    return value if math.isfinite(value) else None

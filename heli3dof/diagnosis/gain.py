@@ -136,11 +136,19 @@ def pays(g: Gain) -> bool:
 
 
 def worst(before: HeldOut, after: HeldOut) -> Worst | None:
-    """The cell in which ``before`` is furthest off, each axis in units of its own median cell."""
+    """The cell in which ``before`` is furthest off, each axis in units of its own median cell.
+
+    None where no prediction could be made at all.
+    """
+    if not after.counts.any():
+        return None
     with np.errstate(invalid="ignore", divide="ignore"):
         cells = _rmse_deg(before.squares, before.counts)
         then = _rmse_deg(after.squares, after.counts)
-        usual = np.nanmedian(np.where(after.counts > 0, then, np.nan), axis=0)
+        told = after.counts > 0
+        usual = np.array(
+            [np.median(x[k]) if k.any() else np.nan for x, k in zip(then.T, told.T, strict=True)]
+        )
         ratio = np.where(before.counts > 0, cells / usual, np.nan)
     if not np.isfinite(ratio).any():
         return None

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +23,7 @@ import numpy as np
 from heli3dof.diagnosis.ahead import ahead, of_rows, starts_of
 from heli3dof.diagnosis.gain import CELL_S, HORIZON_S, Course, HeldOut
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.fit import NOISE_SETTLED
 from heli3dof.identification.greybox.likelihood import Likelihood, Pass, score_and_information
@@ -37,7 +37,6 @@ PURGE_S = 0.5
 ROUNDS = 4
 FAR = 1.0
 LEAST_PIECE_S = 1.0
-THREADS = 2
 SETTLE_S = 1.0
 """The filter starts this much before the rows that count."""
 NOISE_STEPS = 4
@@ -59,12 +58,13 @@ def on_blocks(found: Estimate, blocks: int = BLOCKS) -> HeldOut:
     at = problem.run(o.theta, o.noise)
     tangents = problem.tangents(o.theta, at)
 
-    def one(rows: tuple[int, int]) -> Seen:
-        theta = _refitted(found, at, tangents, rows)
-        return _evaluate(problem, theta, o.noise, rows)
+    cuts = _cuts(d, blocks)
 
-    with ThreadPoolExecutor(THREADS) as pool:
-        return _cells(d, "blocks left out", list(pool.map(one, _cuts(d, blocks))))
+    def one(k: int) -> Seen:
+        theta = _refitted(found, at, tangents, cuts[k])
+        return _evaluate(problem, theta, o.noise, cuts[k])
+
+    return _cells(d, "blocks left out", in_threads(one, len(cuts), what="blocks"))
 
 
 def held_out(found: Estimate, holdout: Sequence[Recording]) -> HeldOut:
@@ -137,15 +137,10 @@ def _evaluate(
     """What the rig at θ says of rows [a, b), at the noise that suits it best there."""
     whole = problem.data
     near = replace(problem, data=_near(whole, rows))
-    noise = _noise(near, theta, noise)
+    noise = _noise(near, theta, noise, rows[0])
     X = near.run(theta, noise, keep=3).X
     assert X is not None
-    loglik = np.zeros(len(whole.t))
-    total = 0.0
-    for _, start, stop in near.data.blocks:
-        so_far = X[start:stop, 6:].sum(axis=1)
-        loglik[start:stop] = np.diff(so_far, prepend=total)
-        total = float(so_far[-1])
+    loglik = _row_by_row(near.data, X).sum(axis=1)
     inside = np.zeros(len(whole.t), dtype=bool)
     inside[rows[0] : rows[1]] = True
     loglik[~inside] = 0.0
@@ -169,15 +164,32 @@ def _near(d: Data, rows: tuple[int, int]) -> Data:
     return of_rows(d, np.array(kept, dtype=np.int64).reshape(-1, 3))
 
 
-def _noise(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """(4,) with the intensities at which these data are likeliest; Newton, axis by axis."""
+def _row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
+    """(N, 3) ln Z of each row by axis, from a pass with ``keep`` 3; 0 outside the blocks."""
+    out = np.zeros((len(d.t), 3))
+    total = np.zeros(3)
+    for _, start, stop in d.blocks:
+        out[start:stop] = np.diff(X[start:stop, 6:], axis=0, prepend=total[None])
+        total = X[stop - 1, 6:]
+    return out
+
+
+def _noise(problem: Likelihood, theta: np.ndarray, noise: np.ndarray, first: int) -> np.ndarray:
+    """(4,) with the intensities at which the rows from ``first`` are likeliest; Newton, by axis.
+
+    The rows before it only settle the filter. A filter that starts on an encoder's edge takes its
+    chatter for a rate, and noise that was fitted to that would spoil everything after.
+    """
     a = np.array(noise, dtype=float)
     axes = problem.data.axes
+
+    def loglik(at: np.ndarray) -> np.ndarray:
+        X = problem.run(theta, at, keep=3).X
+        assert X is not None
+        return np.asarray(_row_by_row(problem.data, X)[first:].sum(axis=0))
+
     for _ in range(NOISE_STEPS):
-        up, mid, down = (
-            problem.run(theta, np.append(a[:3] * np.exp(d), a[3]), keep=0).loglik
-            for d in (_PROBE, 0.0, -_PROBE)
-        )
+        up, mid, down = (loglik(np.append(a[:3] * np.exp(d), a[3])) for d in (_PROBE, 0.0, -_PROBE))
         slope, bend = (up - down) / (2 * _PROBE), (2 * mid - up - down) / _PROBE**2
         with np.errstate(divide="ignore", invalid="ignore"):
             move = np.where(bend > 0, slope / bend, np.sign(slope))

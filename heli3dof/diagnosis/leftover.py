@@ -96,6 +96,13 @@ def leftover(
     ``flights`` simulated nulls, at least `LEAST_FLIGHTS`, where the loop is known; elsewhere the
     scatter of half-second blocks stands in for them, and twice Bonferroni's threshold is asked for.
     """
+    return examined(found, recordings, flights=flights, seed=seed)[0]
+
+
+def examined(
+    found: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
+) -> tuple[tuple[Leftover, ...], Held]:
+    """The same, and all that was projected out in the end: the fit's coordinates, the leftovers."""
     flight = trail(found)
     library = hats(flight, np.flatnonzero(found.problem.data.axes))
     null = None
@@ -122,7 +129,7 @@ def leftover(
         like = f"{name}-like" if cos > LIKE else None
         out.append(replace(new, like=like, nearest=name, cosine=cos))
         held = held.wider(flight, D, judged.directions[best], columns, null)
-    return tuple(out)
+    return tuple(out), held
 
 
 @dataclass(frozen=True, eq=False)

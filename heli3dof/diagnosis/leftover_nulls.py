@@ -9,7 +9,6 @@ half a second by block, stands in for them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,11 +17,10 @@ from heli3dof.diagnosis.corrected import model_at
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.torque import Trail, trail_at
 from heli3dof.diagnosis.torque_hats import Hats
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate
 from heli3dof.model.filtering import Data, data_of
 from heli3dof.recording.recording import Recording
-
-THREADS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +54,7 @@ def simulated(
         g = problem.tangents(o.theta, flight.at) @ flight.at.g
         return library.scores(flight), g - problem.prior_precision * (o.theta - problem.prior_mean)
 
-    with ThreadPoolExecutor(THREADS) as pool:
-        both = list(pool.map(one, range(flights)))
+    both = in_threads(one, flights, what="flights")
     return Scored(np.array([u for u, _ in both]), np.array([g for _, g in both]))
 
 

@@ -26,11 +26,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from heli3dof.diagnosis.catalogue import Probe, probes
-from heli3dof.diagnosis.corrected import in_threads, look
+from heli3dof.diagnosis.corrected import look
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.diagnosis.screen import Screen
 from heli3dof.diagnosis.select import TIE, Contender
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.errors import CheckFailed, UsageError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.experiment.simulate import simulate
@@ -149,9 +150,10 @@ def recommend(
 
 
 def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
-    """The experiment that a diagnosis asks for: its first tie, or else what it could not see.
+    """The experiment that a diagnosis asks for: its first tie, what did not pay, what was not seen.
 
-    None where nothing is open, where the data are at fault, or where no plan can be flown.
+    None where nothing is open, where the data are at fault, where no plan can be flown, or where
+    none would show it.
     """
     if found.fitted is None or found.fitted.base is None:
         return None
@@ -163,9 +165,11 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
                 tied = [c for c in others if c.term.name in finding.choice.tied_with]
                 return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
-        if found.findings or not found.not_identifiable:
+        open_ = [x.name for x in found.dropped] or list(found.not_identifiable)
+        if found.findings or not open_:
             return None
-        return recommend(base, [Cause.typical(found.not_identifiable[0])], seed=seed)
+        asked = recommend(base, [Cause.typical(open_[0])], seed=seed)
+        return None if (asked.certainty or 0.0) < HOPELESS else asked
     except UsageError:
         return None
 
@@ -175,13 +179,18 @@ def _why(best: Outlook, names: Sequence[str]) -> str:
     if len(names) == 1:
         return (
             f"simulated, {seconds} of it show {names[0]} with a score of {best.margin:.0f} "
-            f"({best.certainty * 100:.0f} % certain to be enough)"
+            f"({_percent(best.certainty)} certain to be enough)"
         )
     what = " and ".join(names) if len(names) == 2 else ", ".join(names)
     said = f"simulated, {seconds} of it part {what} by a margin of {best.margin:.0f}"
     if best.certainty < HOPELESS:
         return f"{said}: more than any other plan, but hardly enough; fly it several times"
-    return f"{said}, {best.certainty * 100:.0f} % certain to be enough"
+    return f"{said}, {_percent(best.certainty)} certain to be enough"
+
+
+def _percent(chance: float) -> str:
+    """Never 100 %: it is a forecast."""
+    return "> 99 %" if chance > 0.99 else f"{chance * 100:.0f} %"
 
 
 def _chance(margin: float) -> float:

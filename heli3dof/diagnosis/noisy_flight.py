@@ -29,7 +29,7 @@ from heli3dof.model.stepping import readings, setup, step
 from heli3dof.recording.recording import Recording
 
 ON_TABLE_BELOW = math.radians(-15.0)
-_law = compiled(control_law)
+_law = compiled(control_law, leaf=True)
 
 
 def _fly(  # type: ignore[no-untyped-def]

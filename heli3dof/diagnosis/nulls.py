@@ -31,8 +31,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.corrected import Corrected, fly_again, in_threads, look, model_at
+from heli3dof.diagnosis.corrected import Corrected, fly_again, look, model_at
 from heli3dof.diagnosis.screen import Screen, Seen
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.recording.recording import Recording
 
 FALSE_ALARMS = 0.003
@@ -94,7 +95,7 @@ def simulated_nulls(
         at = look(replace(problem, data=data), o.theta, o.noise, whole=False)
         return screen.see(at, prior=False).z, at.g
 
-    out = in_threads(one, flights, progress)
+    out = in_threads(one, flights, progress, what="flights")
     z = np.array([z for z, _ in out])
     return judged_by(z, len(screen.plain)), np.array([g for _, g in out])
 

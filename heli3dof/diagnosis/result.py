@@ -17,6 +17,9 @@ from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.select import Choice
 from heli3dof.model.greybox import GreyBoxModel
 
+DOES_NOT_PAY = "it does not pay on data that it has not seen"
+STANDS_IN = "it stood in for a torque that has no name"
+
 
 @dataclass(frozen=True, eq=False)
 class Finding:
@@ -29,14 +32,17 @@ class Finding:
     """Everything found without this one (refitted) → everything found"""
     noise: np.ndarray
     """(4,) of that fit without it, as `Optimum.noise`: with it a filter sees what is missing"""
+    like: bool = False
+    """Beside what is left without a name it is not sure any more: "…-like\""""
 
 
 @dataclass(frozen=True, eq=False)
 class Dropped:
-    """A cause that was found but does not pay on data that it has not seen."""
+    """A cause that was found and not adopted."""
 
     name: str
     gain: Gain
+    why: str = DOES_NOT_PAY
 
 
 @dataclass(frozen=True, eq=False)

@@ -62,7 +62,8 @@ class Screen:
         self.scans = tuple(scans)
         self.plain = tuple(probes)
         self.values = problem.values(theta)
-        a, m, m0 = self._changes(here, self.plain)
+        self.sets = self._sets()
+        a, m, m0 = self._changes(here)
         self.D = forward(here.path, a, m, m0)
         """(P, E) traces, of the plain probes"""
         self.weight = here.at.w
@@ -102,7 +103,7 @@ class Screen:
         # q·δc with q = g − w Tᵀ A⁻¹ g is the efficient score of every δc at once.
         q = look.at.g - look.at.w * (pull @ look.T)
         L, mu, z0 = backward(look.path, q[None])
-        a, m, m0 = self._changes(look, self.plain)
+        a, m, m0 = self._changes(look)
         u = np.einsum("pci,ci->p", a, L[0])
         u += m @ mu[0] - np.einsum("pbi,bi->p", m0, z0[0][:, :3] / look.path.slope)
         root = np.sqrt(self.v)
@@ -116,24 +117,30 @@ class Screen:
             found.append(Probe(scan.term, values, amount))
         return Seen(tuple(found), np.array(z), np.array(amplitude))
 
-    def _changes(
-        self, look: Look, probes: Sequence[Probe]
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(P, C, 3) accelerations, (P, E) and (P, B, 3) misreadings of the probes."""
-        p = look.path
-        out = np.zeros((len(probes), len(p.chunk), 3))
-        m = np.zeros((len(probes), len(p.at.row)))
-        m0 = np.zeros((len(probes), len(p.data.blocks), 3))
-        for name in dict.fromkeys(q.name for q in probes):
-            rows = [i for i, q in enumerate(probes) if q.name == name]
-            t = probes[rows[0]].term
+    def _sets(self) -> list[tuple[list[int], Structure, list[np.ndarray]]]:
+        """By term: its probes, the structure with it, and values: it absent, then each probe's."""
+        out = []
+        names = [q.name for q in self.plain]
+        for name in dict.fromkeys(names):
+            rows = [i for i, other in enumerate(names) if other == name]
+            t = self.plain[rows[0]].term
             wide, null = with_term(self.problem.structure, self.values, t)
-            sets = [null]
-            for i in rows:
-                values = null.copy()
-                values[len(self.values) :] = probes[i].values
-                sets.append(values)
-            hooks = set(t.effect.hooks)
+            out.append(
+                (
+                    rows, wide,
+                    [null, *(np.append(self.values, self.plain[i].values) for i in rows)],
+                )
+            )  # fmt: skip
+        return out
+
+    def _changes(self, look: Look) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(P, C, 3) accelerations, (P, E) and (P, B, 3) misreadings of the plain probes."""
+        p = look.path
+        out = np.zeros((len(self.plain), len(p.chunk), 3))
+        m = np.zeros((len(self.plain), len(p.at.row)))
+        m0 = np.zeros((len(self.plain), len(p.data.blocks), 3))
+        for rows, wide, sets in self.sets:
+            hooks = set(wide.terms[-1].effect.hooks)
             if hooks - {Stage.MEASURE}:
                 out[rows] = forcing(p, wide, sets[1:], [bool(MOVES_THRUST & hooks)] * len(rows))
             if Stage.MEASURE in hooks:

@@ -26,10 +26,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.catalogue import SCANNED, Probe
-from heli3dof.diagnosis.corrected import Corrected, in_threads
+from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.nulls import DRIFT, Nulls
 from heli3dof.diagnosis.screen import Screen, Seen, with_term
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
+from heli3dof.diagnosis.trials import Trial, beginning, widened
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.fit import Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.effects import Term
@@ -37,6 +39,8 @@ from heli3dof.model.effects import Term
 FITTED = 10
 HOPELESS = 0.1
 """Of the largest Z²: below it no term is fitted."""
+OVERTAKES = 30.0
+"""A full fit's score may be that many times its Z², where noise swelled to cover the cause."""
 TIE = 6.0
 FORM = 0.03
 SHARE = 0.05
@@ -58,8 +62,8 @@ class Contender:
     score: float
     """2 Δℓ_c/κ less ln N for each parameter"""
     Z2: float
-    probe: int
-    """The screen's that saw it best"""
+    probe: int | None
+    """The screen's that saw it best; None for a term that no probe sees"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,20 +104,22 @@ def one_way(probe: Probe) -> bool:
 
 def choose(
     found: Corrected, screen: Screen, seen: Seen, nulls: Nulls, bias: np.ndarray,
-    first_score: float | None,
+    first_score: float | None, tried: Sequence[Trial] = (),
 ) -> Choice | None:  # fmt: skip
     """The next cause beside those of ``found``; None where nothing more is there.
 
-    ``bias`` (n,): the mean scores of the nulls along the parameters of ``found``.
+    ``bias`` (n,): the mean scores of the nulls along the parameters of ``found``; ``tried``: terms
+    that no probe sees, and that are worth a fit (`heli3dof.diagnosis.trials`).
     """
     hidden = unidentifiable(screen, nulls)
     ranked = [r for r in suspects(seen, nulls) if r[0].name not in hidden]
     if not ranked or ranked[0][1] < nulls.threshold:
-        return None
+        ranked = []
     ranked = [r for r in ranked[:FITTED] if r[1] >= HOPELESS * ranked[0][1]]
-    fits = contend(found, screen, seen, nulls, bias, ranked)
+    fits = contend(found, screen, seen, nulls, bias, ranked, tried)
     if not fits:
         return None
+    fits = surest_first(screen, nulls, fits)
     best = fits[0]
     if best.score <= 0 or nulls.threshold / 2 > best.Z2:
         return None
@@ -122,14 +128,37 @@ def choose(
     tied = tuple(
         f.term.name for f in fits[1:] if best.score - f.score < slack(screen, nulls, best, f)
     )
-    return Choice(best.term, best.score, best.Z2, nulls.confidence(best.Z2), tied, tuple(fits))
+    sure = min(nulls.confidence(best.Z2), this_one([f.score for f in fits]))
+    return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits))
+
+
+def this_one(scores: Sequence[float]) -> float:
+    """The chance of the first of the scores against the second, both as likely before.
+
+    Scores are 2 ln L, so it is 1/(1 + exp(−Δ/2)) of their difference.
+
+    >>> round(this_one([20.0, 20.0]), 2), round(this_one([26.0, 20.0]), 2)
+    (0.5, 0.95)
+    """
+    if len(scores) < 2:
+        return 1.0
+    return float(1 / (1 + np.exp(-min(scores[0] - scores[1], 200.0) / 2)))
+
+
+def surest_first(screen: Screen, nulls: Nulls, fits: Sequence[Contender]) -> list[Contender]:
+    """Best first; but of those tied with the best, what every rig has goes before what some have.
+
+    That is what a simpler base leaves out: a body has its geometry, it need not have a pendulum.
+    """
+    near = [f for f in fits if fits[0].score - f.score < slack(screen, nulls, fits[0], f)]
+    return sorted(fits, key=lambda f: not (f in near and f.term.effect.within))
 
 
 def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> float:
     """Within how much of the best one's score another is tied with it; see the module."""
     plain = max(TIE, FORM * best.score)
     a, b = best.probe, other.probe
-    if max(a, b) >= len(screen.plain):
+    if a is None or b is None or max(a, b) >= len(screen.plain):
         return plain
     drift = DRIFT * max(abs(nulls.mean[a]), abs(nulls.mean[b])) / np.sqrt(nulls.inflation)
     apart = np.sqrt(2 * (1 - min(abs(screen.correlation(a, b)), 1.0)))
@@ -139,7 +168,8 @@ def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> fl
 def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
     """Terms of which even a large size (`LARGE` × typical) stays below 3 σ in these recordings.
 
-    A number that is found for one of them is one that a rig cannot have.
+    A number that is found for one of them is one that a rig cannot have. The nearest to being told
+    stands first: another flight tells of it soonest.
     """
     sigma = nulls.std[: len(screen.plain)] / np.sqrt(np.maximum(screen.information(), 1e-300))
     best: dict[str, float] = {}
@@ -148,15 +178,17 @@ def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
         if not p.grows:  # a limit: it is seen where it was reached
             share = 0.0 if np.isfinite(v) else np.inf
         best[p.name] = min(best.get(p.name, np.inf), share)
-    return tuple(n for n, share in best.items() if share > 1)
+    return tuple(sorted((n for n, share in best.items() if share > 1), key=lambda n: best[n]))
 
 
 def contend(
     found: Corrected, screen: Screen, seen: Seen, nulls: Nulls, bias: np.ndarray,
-    ranked: Sequence[tuple[Term, float, int]],
+    ranked: Sequence[tuple[Term, float, int]], tried: Sequence[Trial] = (),
 ) -> list[Contender]:  # fmt: skip
     """The terms beside ``found``, fitted, best first; those that diverged or ran into a bound left
     out."""
+    if not ranked and not tried:
+        return []
     o, problem = found.optimum, found.problem
     none = np.zeros(3) if found.noise_bias is None else found.noise_bias
     level = maximise_tilted(problem, o.theta, o.noise, Tilt(bias, none, o.theta, o.noise))
@@ -185,9 +217,28 @@ def contend(
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
         won = 2 * (fit.loglik - level.loglik) / nulls.inflation
-        return Contender(term, ext, fit, float(won - len(new) * np.log(rows)), Z2, i)
+        # What a simpler base leaves out has no number to be bought: its share is believed to be 1.
+        bought = 0 if term.effect.within else len(new)
+        return Contender(term, ext, fit, float(won - bought * np.log(rows)), Z2, i)
 
-    fits = [f for f in in_threads(one, len(ranked)) if f is not None]
+    def trial(k: int) -> Contender | None:
+        term = tried[k].term
+        ext = widened(problem, o.theta, term)
+        start, noise = beginning(ext, level.theta, level.noise, term)
+        new = ext.structure.free[len(o.theta) :]
+        no_slope = np.append(bias, np.zeros(len(new)))
+        tilt = Tilt(no_slope, none, np.append(o.theta, start[len(o.theta) :]), o.noise)
+        fit = maximise_tilted(ext, start, noise, tilt)
+        if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
+            return None
+        won = 2 * (fit.loglik - level.loglik) / nulls.inflation
+        score = float(won - len(new) * np.log(rows))
+        return Contender(term, ext, fit, score, score, None)
+
+    fits = [f for f in in_threads(trial, len(tried), what="fits") if f is not None]
+    most = max((f.score for f in fits), default=0.0)
+    ranked = [r for r in ranked if OVERTAKES * r[1] > most]
+    fits += [f for f in in_threads(one, len(ranked), what="fits") if f is not None]
     return sorted(fits, key=lambda f: -f.score)
 
 

@@ -17,6 +17,7 @@ from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simula
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
+from heli3dof.diagnosis.trials import trials
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.fit import Optimum, _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -76,7 +77,9 @@ class Step:
 
     def chosen(self, bench: Bench, first_score: float | None) -> Step:
         """The same with its choice made."""
-        made = choose(self.found, self.screen, self.seen, self.nulls, self.bias, first_score)
+        o = self.found.optimum
+        tried = trials(self.found.problem, o.theta, o.noise, bench.axes)
+        made = choose(self.found, self.screen, self.seen, self.nulls, self.bias, first_score, tried)
         return replace(self, choice=made)
 
 
@@ -152,6 +155,11 @@ def settled(bench: Bench, problem: Likelihood, at: Optimum) -> Corrected:
         pilots=bench.pilots,
         rounds=4,
     )
+
+
+def settled_again(bench: Bench, found: Corrected) -> Corrected:
+    """The same structure, freed of its bias anew; the base's own fit where no term is left."""
+    return settled(bench, found.problem, found.optimum)
 
 
 def without(found: Corrected, term: Term) -> Corrected:

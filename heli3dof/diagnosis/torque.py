@@ -104,6 +104,8 @@ class Trail:
         if "*" in name:
             one, other = name.split("*")
             return np.asarray(self.variable(one) * self.variable(other))
+        if name.endswith("_slope"):
+            return self.slope_of(self.variable(name.removesuffix("_slope")))
         front, back = self.data.V.T
         r, p, psi, r_dot, p_dot, psi_dot = self.X.T
         table = {
@@ -112,8 +114,6 @@ class Trail:
             "voltage_front": front, "voltage_back": back,
             "voltage_sum": front + back, "voltage_difference": front - back,
             "voltage_product": front * back, "time": self.data.t,
-            "voltage_sum_slope": self.slope_of(front + back),
-            "voltage_difference_slope": self.slope_of(front - back),
         }  # fmt: skip
         return np.asarray(table[name])
 

@@ -7,11 +7,17 @@ cause. It is averaged in bins of the variable z; each bin's error bar is
     σ = std(τ̂)/√(T/`WINDOW_S`),     T the bin's time: what lies within `WINDOW_S` counts once
 
 Through it goes the fitted cause: τ = B⁻¹ (q̈ with it − q̈ without it) along the same states, which
-serves effects of any stage, a lag or a dead zone as well as a friction.
+serves effects of any stage that acts, a lag or a dead zone as well as a friction. A wrong zero or
+scale of an encoder acts on nothing: it misleads. There the rig *with* it is filtered too, and
+
+    τ = B⁻¹ (∂y/∂q q̈(x_with) − q̈(x_without)),      y the reading
+
+is what the rig that does not know of it lacks.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,8 +46,14 @@ DEPENDS_ON = {
     "disturbance.periodic": "time",
 }  # fmt: skip
 """Effect → the variable it is seen in, where the effect itself does not say (``evidence``)."""
+PLAY = "encoder.backlash"
+"""It hides the motion and has no torque that a variable tells."""
 LATE = {"motor.lag": "voltage_difference_slope", "motor.delay": "voltage_difference_slope"}
 """What comes late is no function of the voltage: τ K_f dV/dt is what is missing meanwhile."""
+
+
+OTHERS = ("roll", "pitch", "voltage_sum", "voltage_difference")
+CLEARER = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +76,8 @@ class Evidence:
 
 
 def variable_of(effect: Effect, axis: str | None) -> str | None:
-    """One of `UNITS`; None for an effect that is no torque (encoders, timing)."""
-    if not effect.hooks or Stage.MEASURE in effect.hooks:
+    """One of `UNITS`; None for an effect that shows in no torque (play in an encoder, timing)."""
+    if not effect.hooks or effect.name == PLAY:
         return None
     said = LATE.get(effect.name) or getattr(effect, "evidence", "") or DEPENDS_ON.get(effect.name)
     if not isinstance(said, str) or not said:
@@ -89,10 +101,18 @@ def evidence(found: Estimate, term: Term, noise: np.ndarray) -> Evidence | None:
     given = dict(zip(found.structure.names, found.values.tolist(), strict=True))
     theta = lacking.coordinates(lacking.structure.values_of(given))
     flight = trail_at(lacking, theta, noise)
-    with_it = along(found.problem, found.optimum.theta, flight.X)[3]
+    misleads = Stage.MEASURE in term.effect.hooks
+    if misleads:
+        knowing = trail_at(found.problem, found.optimum.theta, found.optimum.noise)
+        with_it = knowing.slope * knowing.q_ddot
+    else:
+        with_it = along(found.problem, found.optimum.theta, flight.X)[3]
     cause = flight.as_torque(with_it - flight.q_ddot)
+    if term.axis is not None and not misleads:
+        i = AXES.index(term.axis)
+    else:
+        name, i = _clearest(flight, cause, (name,) if misleads else (name, *OTHERS))
     z = flight.variable(name)
-    i = AXES.index(term.axis) if term.axis is not None else _clearest(flight, cause, z)
     unit = UNITS[name]
     frequency = given.get(f"{term.name}.frequency_Hz")
     if name == "time" and frequency:
@@ -121,21 +141,28 @@ def leftover_evidence(found: Estimate, rest: Leftover) -> Evidence:
     )  # fmt: skip
 
 
-def _clearest(flight: Trail, cause: np.ndarray, z: np.ndarray) -> int:
-    """The axis on which the cause's bins stand out most from the error bars, its mean apart.
+def _clearest(flight: Trail, cause: np.ndarray, names: Sequence[str]) -> tuple[str, int]:
+    """The variable and axis in which the cause's bins stand out most from the error bars.
 
-    A constant is what the base's trim takes.
+    Their mean does not count: a constant is what the base's trim takes. Another variable than
+    the first of ``names`` is taken where it is `CLEARER`: a dead zone is a torque on yaw that
+    follows pitch, once the trim has taken the rest of it.
     """
-    clear = np.zeros(3)
-    for i in range(3):
-        rows = flight.flown & np.isfinite(flight.torque[:, i])
-        if rows.any():
+    best = (names[0], 0, -1.0)
+    for name in dict.fromkeys(names):
+        z = flight.variable(name)
+        for i in range(3):
+            rows = flight.flown & np.isfinite(flight.torque[:, i])
+            if not rows.any():
+                continue
             h = flight.data.h[rows]
             _, mean, _ = _binned(z[rows], cause[rows, i], h, BINS)
             _, _, std = _binned(z[rows], flight.torque[rows, i], h, BINS)
             weight = 1 / np.maximum(std, 1e-12) ** 2
-            clear[i] = np.sum(weight * (mean - np.average(mean, weights=weight)) ** 2)
-    return int(np.argmax(clear))
+            clear = float(np.sum(weight * (mean - np.average(mean, weights=weight)) ** 2))
+            if clear > best[2] * (1.0 if name == best[0] else CLEARER):
+                best = (name, i, clear)
+    return best[0], best[1]
 
 
 def _binned(

@@ -54,19 +54,14 @@ class Hats:
     def scores(self, flight: Trail, blocks: np.ndarray | None = None) -> np.ndarray:
         """(J,) ∂ ln L/∂τ_j; with ``blocks`` (N,) numbers from 0, the sum in each: (blocks, J)."""
         left, share = self.place(flight)
+        from heli3dof.diagnosis.torque_passes import gather
+
         nu = np.where(flight.flown[:, None], flight.gradients[0], 0.0)
-        N, M = left.shape
-        which = np.zeros(N, dtype=np.int64) if blocks is None else blocks
-        count = int(which.max()) + 1
-        J = len(self.axes) * M * KNOTS
-        out = np.zeros(count * J)
-        for a, axis in enumerate(self.axes):
-            for m in range(M):
-                at = which * J + (a * M + m) * KNOTS + left[:, m]
-                v, s = nu[:, axis], share[:, m]
-                out += np.bincount(at, v * (1 - s), count * J)
-                out += np.bincount(at + 1, v * s, count * J)
-        return out if blocks is None else out.reshape(count, J)
+        which = np.zeros(len(nu), dtype=np.int64) if blocks is None else blocks
+        J = len(self.axes) * left.shape[1] * KNOTS
+        out = np.zeros((int(which.max()) + 1, J))
+        gather(nu, self.axes, which, left, share, KNOTS, out)
+        return out[0] if blocks is None else out
 
 
 def hats(flight: Trail, axes: np.ndarray) -> Hats:

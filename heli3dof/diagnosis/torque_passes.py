@@ -193,3 +193,22 @@ def _forced(  # type: ignore[no-untyped-def]
 
 
 forced = compiled(_forced, error_model="numpy", nogil=True)
+
+
+def _gather(nu, axes, which, left, share, knots, out):  # type: ignore[no-untyped-def]
+    """out (m, J): Σ_k ν_k φ_j(z_k) over the rows k of each block ``which`` (N,), ν (N, 3).
+
+    Row k lies ``share`` (N, M) of the way from its knot ``left`` (N, M) to the next.
+    """
+    M = left.shape[1]
+    for k in range(nu.shape[0]):
+        b = which[k]
+        for a in range(axes.shape[0]):
+            v = nu[k, axes[a]]
+            for m in range(M):
+                j = (a * M + m) * knots + left[k, m]
+                out[b, j] += v * (1.0 - share[k, m])
+                out[b, j + 1] += v * share[k, m]
+
+
+gather = compiled(_gather, error_model="numpy", nogil=True)

@@ -18,6 +18,9 @@ from heli3dof.recording.recording import Recording
 
 GAP = 1.5
 """A step of the clock longer than this many periods is a gap."""
+LOST = 6.5
+"""A filter steps over lost and late samples, the voltage held, up to a step of this many periods:
+what it does not know of the voltage meanwhile is less than what starting anew would cost."""
 LEAD_S = 1.0
 ON_TABLE_BELOW = math.radians(-15.0)
 """A flight whose roll never falls below this has no table in it."""
@@ -167,11 +170,11 @@ def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
 
 
 def _lead(recording: Recording, start: int) -> int:
-    """The first row of those that lead up to ``start`` without a gap."""
+    """The first row of those that lead up to ``start`` without a long gap."""
     dt = recording.dt
     first = max(0, start - round(LEAD_S / dt))
     t, v = recording.t[first : start + 1], recording.voltage[first : start + 1]
-    broken = np.flatnonzero(np.diff(t) > GAP * dt)
+    broken = np.flatnonzero(np.diff(t) > LOST * dt)
     lost = np.flatnonzero(np.isnan(v).any(axis=1))
     skip = max(broken[-1] + 1 if len(broken) else 0, lost[-1] + 1 if len(lost) else 0)
     return min(start, first + int(skip))

@@ -29,7 +29,7 @@ def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
         call(address, i, s, par, mem, s)
 
 
-setup = compiled(_setup, error_model="numpy")
+setup = compiled(_setup, leaf=True, error_model="numpy")
 
 
 def _leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
@@ -117,15 +117,18 @@ def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-unty
             s[R + i], s[R + 3 + i] = x[i], x[3 + i]
         for e in range(first[MEASURE], first[MEASURE + 1]):
             call(address, e, s, par, mem, m)
-            # The slope is an angle that never was: nothing may remember it.
-            kept = mem[e].copy()
+            # The slope is an angle that never was: nothing may remember it. Of mem the last row
+            # is no effect's.
+            for n in range(mem.shape[1]):
+                mem[mem.shape[0] - 1, n] = mem[e, n]
             call(address, e, s, par, mem, slope)
-            mem[e, :] = kept
+            for n in range(mem.shape[1]):
+                mem[e, n] = mem[mem.shape[0] - 1, n]
         for i in range(3):
             slope[i] = (slope[i] - m[i]) / 1e-6
 
 
-readings = compiled(_readings, error_model="numpy")
+readings = compiled(_readings, leaf=True, error_model="numpy")
 
 
 def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
@@ -138,4 +141,4 @@ def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-unt
     return rising, m[i], steep
 
 
-flanks = compiled(_flanks, calls=(_readings,), error_model="numpy")
+flanks = compiled(_flanks, calls=(_readings,), leaf=True, error_model="numpy")

@@ -31,6 +31,7 @@ def diagnosis_section(
     bad = document["verdict"] == "bad_data"
     blocks = [key(words.verdict(document))]
     blocks += [warning(s) if bad else paragraph(s) for s in words.faults(document)]
+    blocks += map(paragraph, words.unmeasured(document))
     blocks += [*_next(document), *_wrong(p), *_causes(document, p), *_gain(p), *_left(document, p)]
     if document["calibration"]:
         blocks.append(table(calibration(document)))
@@ -52,11 +53,13 @@ def _causes(document: Document, p: Pictured) -> list[str]:
         return []
     blocks = [subheading("The causes"), table(told)]
     drawn = {e.name: e for e in p.evidence}
+    said: set[str] = set()
     for finding, sentence in zip(document["findings"], words.causes(document), strict=True):
-        blocks.append(paragraph(sentence))
         e = drawn.get(words.name_of(finding))
-        if e is not None:
-            blocks.append(figure(evidence_figure(e), _alt(e)))
+        if sentence not in said:  # two recordings may have one fault
+            blocks.append(paragraph(sentence))
+            blocks += [] if e is None else [figure(evidence_figure(e), _alt(e))]
+        said.add(sentence)
     return blocks
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from heli3dof.axes import AXES
 from heli3dof.report import diagnosis_words as words
-from heli3dof.report.diagnosis_words import Document, certainty, name_of, number
+from heli3dof.report.diagnosis_words import Document, name_of, number
 from heli3dof.report.grid import NONE, Grid, fixed
 
 
@@ -65,10 +65,12 @@ def diagnosis_tables(document: Document) -> list[Grid | str]:
     grids = (wrong(document), findings(document), gains(document), calibration(document))
     told = [grid for grid in grids if grid.rows]
     out: list[Grid | str] = [words.verdict(document), *words.faults(document)]
+    out += words.unmeasured(document)
     for grid in told:
         out.append(grid)
         if grid is grids[1]:
-            out += words.causes(document)
+            out += dict.fromkeys(words.causes(document))  # two recordings may have one fault
+    out += document.get("about", {}).get("explains", ())
     for said in (words.leftovers, words.unadopted, words.next_steps):
         out += said(document)
     return out
@@ -92,20 +94,19 @@ def wrong(document: Document) -> Grid:
 
 
 def findings(document: Document) -> Grid:
-    """The causes: size, deviation, how sure, and what each gains."""
+    """The causes: size, deviation, and what each gains; how sure they are is said in words."""
     rows = []
     for f in document["findings"]:
         won = fixed(number(f["gain"]["holdout_log_likelihood"]), 0)
-        ends = [name_of(f), certainty(f["confidence"]), won]
         for key, sized in f["parameters"].items() or [("", {"value": None, "std": None})]:
             what, unit = split_unit(key)
             value, std = sized["value"], sized["std"]
             size = [significant(value, std), significant(std, std)]
-            rows.append([ends[0], what, *size, unit, *ends[1:]])
-            ends = ["", "", ""]
+            rows.append([name_of(f), what, *size, unit, won])
+            won = ""
     return Grid(
         "Causes, strongest first",
-        ["cause", "what", "size", "±", "unit", "certainty", "ln L"],
+        ["cause", "what", "size", "±", "unit", "ln\u00a0L"],
         rows,
         notes=["±: one standard deviation; ln L: log-likelihood won by the cause."] if rows else [],
         text_columns=2,
@@ -115,7 +116,7 @@ def findings(document: Document) -> Grid:
 def gains(document: Document) -> Grid:
     """The base simulation refitted against the extended one, with the interval of what is won."""
     heads = ["axis", "before °", "after °", "less by °", "95 % interval", "noise alone °"]
-    if not document["findings"]:
+    if not words.adopted(document):
         return Grid("", heads, [])
     gain = document["gain"]
     error = gain["holdout_rmse_deg"]

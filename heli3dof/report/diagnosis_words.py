@@ -23,8 +23,11 @@ VERDICTS = {
     "not_identifiable": "These recordings hold too little to say what is wrong.",
     "bad_data": "The recording itself is at fault: no physics is blamed before that is mended.",
 }
+UNCONFIRMED = "Something would fit better, but is not confirmed by data that it has not seen."
 LISTED = 6
 """Names in a sentence before the rest are counted."""
+NEVER = frozenset({"encoder.offset.yaw"})
+"""What no flight can show: nothing but a cable knows yaw's zero. Not worth a sentence."""
 
 
 def name_of(finding: Document) -> str:
@@ -62,6 +65,8 @@ def summary_of(name: str) -> str:
 def verdict(document: Document) -> str:
     """The one sentence to take away."""
     word = str(document["verdict"])
+    if word == "nothing_found" and document.get("dropped"):
+        return f"Verdict: nothing found. {UNCONFIRMED}"
     return f"Verdict: {word.replace('_', ' ')}. {VERDICTS[word]}"
 
 
@@ -75,6 +80,18 @@ def faults(document: Document) -> Iterator[str]:
         cause = f" Likely cause: {f['cause']}" if f.get("cause") else ""
         fix = f" Try: {f['fix']}" if f.get("fix") else ""
         yield f"{'Note: ' if f['kind'] == 'note' else ''}{what}{cause}{fix}"
+
+
+def unmeasured(document: Document) -> Iterator[str]:
+    """Why there is no number for how wrong the simulation is, where there is none."""
+    fitted = document["verdict"] not in ("bad_data", "not_identifiable")
+    error = document["simulation_error"]
+    if fitted and error and all(e["rmse_deg"] is None for e in error.values()):
+        seconds = next(iter(error.values()))["horizon_s"]
+        yield (
+            f"How wrong the simulation is was not measured: no stretch without a gap or a stop is "
+            f"long enough to predict {seconds:g} s ahead."
+        )
 
 
 def causes(document: Document) -> Iterator[str]:
@@ -92,7 +109,20 @@ def causes(document: Document) -> Iterator[str]:
             )
         elif sure is not None:
             said += f" Certainty that it is there: {certainty(sure)}."
+        if f["axis"] in {rest["axis"] for rest in document["leftover"]}:
+            said += (
+                f" As something without a name acts on {f['axis']} too, read it as {name}-like: "
+                "it may stand in for a part of that."
+            )
         yield said
+
+
+def adopted(document: Document) -> bool:
+    """Whether the model was extended; a fault of the recording or a calibration extends nothing."""
+    return any(
+        f["gain"]["holdout_log_likelihood"] is not None or "measured_on" in f["gain"]
+        for f in document["findings"]
+    )
 
 
 def leftovers(document: Document) -> Iterator[str]:
@@ -115,12 +145,16 @@ def leftovers(document: Document) -> Iterator[str]:
 def unadopted(document: Document) -> Iterator[str]:
     """Causes that were found and do not pay, and what could not be seen at all."""
     for x in document.get("dropped", ()):
-        low, high = x["gain"].get("holdout_log_likelihood_interval", (math.nan, math.nan))
+        span = x["gain"].get("holdout_log_likelihood_interval", (math.nan, math.nan))
+        if span is None:  # judged by free flights
+            yield f"Not adopted: {x['effect']} is not needed on blocks that the fit has not seen."
+            continue
+        low, high = span
         yield (
             f"Not adopted: {x['effect']} fits these recordings better, but does not surely pay on "
             f"data that it has not seen (ln L {fixed(low, 0)} … {fixed(high, 0)})."
         )
-    dark = [str(x) for x in document["not_identifiable"]]
+    dark = [str(x) for x in document["not_identifiable"] if x not in NEVER]
     if dark:
         more = f" and {len(dark) - LISTED} more" if len(dark) > LISTED else ""
         yield (
@@ -143,8 +177,13 @@ def next_steps(document: Document) -> Iterator[str]:
         )
     upcoming = document["next_experiment"]
     if upcoming is not None:
-        yield f"Fly next: heli3dof run {upcoming['plan']} ({upcoming['why']})"
-    if not document["model"] or not document["findings"]:
+        yield f"Fly next: heli3dof run {upcoming['plan']}. Why: {upcoming['why']}."
+    if document["leftover"]:
+        yield (
+            "For what is left over: look at its picture (--report FILE.html), think what on the "
+            "rig could do that, and add it as an effect (CONTRIBUTING.md)."
+        )
+    if not document["model"] or not adopted(document):
         return
     if not document["holdout"]:
         yield (

@@ -76,8 +76,8 @@ def flight_report(
     seconds = sum(r.duration for r in recordings)
     return page(
         title or f"Flight report: {names}",
-        f"{len(recordings)} recording{'s' if len(recordings) != 1 else ''}, {seconds:.1f} s, "
-        f"{len(models)} model{'s' if len(models) != 1 else ''}",
+        f"{len(recordings)} recording{'s' if len(recordings) != 1 else ''}, {seconds:.1f} s"
+        + (f", {len(models)} model{'s' if len(models) != 1 else ''}" if models else ""),
         sections,
         footer="Angles in degrees: roll is the arm's elevation (+ body up), pitch the body's tilt "
         "(+ front motor up), yaw the travel (+ counter-clockwise).",

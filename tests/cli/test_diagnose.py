@@ -94,6 +94,22 @@ def test_the_extended_model_is_a_model_file_and_is_never_overwritten(
     assert path.read_bytes() == before
 
 
+def test_the_hover_model_is_judged_where_it_is_asked_for(
+    flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "QUICK_FLIGHTS", 8)
+    monkeypatch.setattr(module, "QUICK_PILOTS", 4)
+    out = tmp_path / "m.json"
+    said = heli3dof("diagnose", flight, "--base", "hover", "--quick", "-o", out, "--json")
+    assert said.code == 0, said.err
+    # The travel winds the cable in the last seconds only, and without them it cannot be foretold.
+    (body,) = (f for f in said.document["findings"] if f["effect"] == "geometry")
+    assert body["parameters"]["share"]["value"] == pytest.approx(1.0, abs=0.2)
+    assert said.document["about"]["base"] == "hover"
+    model = load_model(out, default_profile())
+    assert model.terms[0] == "base.hover"  # type: ignore[attr-defined]
+
+
 def test_a_recording_at_fault_is_printed_and_exits_with_5(
     flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from heli3dof.diagnosis.ahead import covariance_floor_deg, floor_deg, model_ahead
 from heli3dof.diagnosis.gain import Course, HeldOut, gain, pays
-from heli3dof.diagnosis.gain_folds import PURGE_S, on_blocks, on_holdout, training
+from heli3dof.diagnosis.gain_folds import PURGE_S, _near, _noise, on_blocks, on_holdout, training
 from heli3dof.diagnosis.gain_replay import replayed
 from heli3dof.diagnosis.how_wrong import how_wrong
 from heli3dof.experiment.fly import fly_plan
@@ -83,6 +83,23 @@ def test_training_rows_keep_their_distance_from_the_block_left_out(base: Estimat
     assert not kept[a - purge : b + purge].any()
     assert kept[a - purge - 1]
     assert kept[b + purge]
+
+
+def test_an_edge_that_chatters_where_the_filter_settles_says_nothing_of_a_blocks_noise(
+    right: Estimate,
+) -> None:
+    o = right.optimum
+    rows = (12_000, 15_000)
+    near = _near(right.problem.data, rows)
+    start = int(near.blocks[0, 1])
+    y = near.y.copy()
+    y[start : start + 8 : 2, 0] = y[start, 0]
+    y[start + 1 : start + 8 : 2, 0] = y[start, 0] - near.rad_per_count[0]
+    quiet = replace(right.problem, data=near)
+    chatter = replace(right.problem, data=replace(near, y=y))
+    plain = _noise(quiet, o.theta, o.noise, rows[0])
+    # Counted, the chatter would be a fifth more noise here, ten times as much on a resting axis.
+    assert _noise(chatter, o.theta, o.noise, rows[0])[0] == pytest.approx(plain[0], rel=0.05)
 
 
 def test_the_right_extension_pays_and_a_needless_one_does_not(

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from functools import cache
 
-from heli3dof.diagnosis.select import Choice
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.measured import forwards
+from heli3dof.diagnosis.select import Choice, this_one
 from heli3dof.diagnosis.steps import Bench, Step, base_of, extended, looked_at, without
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
@@ -44,3 +48,18 @@ def test_in_a_plain_step_a_delay_is_named_or_tied_never_excluded() -> None:
     _, step = step_of(step_plan((10.0, None, None)), "motor.delay:0.015", 1016)
     assert step.choice is not None
     assert "motor.delay" in {step.choice.term.name, *step.choice.tied_with}
+
+
+def test_the_chance_of_a_name_follows_from_its_margin() -> None:
+    # Scores are twice a log-likelihood: a margin of 6 is odds of e³ to one.
+    assert this_one([26.0, 20.0]) == pytest.approx(np.exp(3) / (1 + np.exp(3)))
+    assert this_one([20.0, 20.0]) == 0.5
+    assert this_one([20.0]) == 1.0
+
+
+def test_a_periodic_torque_points_forwards() -> None:
+    # −τ sin(x) = τ sin(x + π)
+    out = forwards({"torque_Nm": (-0.02, 0.001), "phase_rad": (0.5, 0.1)})
+    assert out["torque_Nm"] == (0.02, 0.001)
+    assert out["phase_rad"][0] == pytest.approx(0.5 - np.pi)
+    assert forwards({"torque_Nm": (-0.02, 0.001)}) == {"torque_Nm": (-0.02, 0.001)}

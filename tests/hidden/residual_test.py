@@ -3,13 +3,15 @@ past voltages explain? (Ljung, "System Identification", 16.6.) It says *that* so
 never what.
 
 The base is the same one that the diagnosis starts from. Innovations every 40 ms, whiteness over 20
-lags and past inputs as `heli3dof identify` reports them, each against its 99 % point.
+lags and past inputs as `heli3dof identify` reports them, each against its 99 % point. A recording
+that cannot be fitted (its samples are late or lost) has failed as well.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.method import fit_greybox, innovations, model_of
 from heli3dof.identification.prepare import prepare
 from heli3dof.identification.residuals import past_inputs, whiteness
@@ -18,8 +20,11 @@ from heli3dof.recording.recording import Recording
 
 def document(recording: Recording) -> dict[str, Any]:
     """A document as the contract's: a failed test is an unexplained rest on no axis by name."""
-    model = model_of(fit_greybox([recording], ()), [recording], "base")
-    prepared = prepare([recording], held_out=[recording])
+    try:
+        model = model_of(fit_greybox([recording], ()), [recording], "base")
+        prepared = prepare([recording], held_out=[recording])
+    except RecordingError:
+        return {"verdict": "bad_data", "findings": [], "leftover": []}
     e, u = innovations(model, prepared, prepared.train)
     tests = {"whiteness": whiteness(e), "past inputs": past_inputs(e, u)}
     failed = [name for name, test in tests.items() if not test.passed]

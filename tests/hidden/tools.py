@@ -7,6 +7,7 @@ fill one, and the files that its answer depends on.
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import tempfile
 from collections.abc import Callable
@@ -21,6 +22,7 @@ from tests.paths import ROOT
 
 PEERS_PYTHON = ROOT / ".venv-peers" / "bin" / "python"
 TIME_LIMIT_S = 300
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 Document = dict[str, Any]
 
 FLIES = (
@@ -70,27 +72,40 @@ def residuals(recording: Recording) -> Document:
 
 def pysindy(recording: Recording) -> Document:
     """The flight without take-off and landing, in a process of the peers' environment."""
-    from heli3dof.identification.prepare import prepare
     from tests.bench.peers import flights
     from tests.bench.peers.interface import Task, write_task
 
-    usable = prepare([recording], held_out=[recording]).train
-    run = max(usable, key=lambda r: r.stop - r.start)
-    recording = recording.rows(slice(run.start, run.stop))
+    flown = recording.rows(longest(in_flight(recording)))
     task = Task(
-        recording.t, recording.voltage, recording.angle, flights.nominal(), flights.known(),
-        np.abs(recording.profile.encoder.rad_per_count), np.ones(3),
+        flown.t, flown.voltage, flown.angle, flights.nominal(), flights.known(),
+        np.abs(flown.profile.encoder.rad_per_count), np.ones(3),
     )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         given, found = Path(folder) / "task.npz", Path(folder) / "found.json"
         write_task(given, task)
         done = subprocess.run(
             [str(PEERS_PYTHON), "-m", "tests.bench.peers.pysindy_discrepancy", given, found],
-            cwd=ROOT, capture_output=True, text=True, timeout=TIME_LIMIT_S,
+            cwd=ROOT, env={**os.environ, **ONE_THREAD}, capture_output=True, text=True,
+            timeout=TIME_LIMIT_S,
         )  # fmt: skip
         if done.returncode:
             raise RuntimeError(done.stderr.strip().splitlines()[-1])
         return dict(json.loads(found.read_text(encoding="utf-8")))
+
+
+def in_flight(recording: Recording) -> np.ndarray:
+    """(N,) bool. Late and lost samples leave nothing out: a peer may interpolate."""
+    from heli3dof.identification.usable import unusable
+
+    return ~np.any(list(unusable(recording).values()), axis=0)
+
+
+def longest(rows: np.ndarray) -> slice:
+    """The longest stretch of rows that are all true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]])))
+    starts, stops = edges[::2], edges[1::2]
+    i = int((stops - starts).argmax())
+    return slice(int(starts[i]), int(stops[i]))
 
 
 TOOLS = {
@@ -98,8 +113,9 @@ TOOLS = {
     "quick": Tool("**heli3dof diagnose --quick**", quick, ("heli3dof",)),
     "pysindy": Tool(
         "PySINDy, discrepancy recipe", pysindy,
-        ("heli3dof/identification/prepare.py", "tests/bench/peers/pysindy_discrepancy.py",
-         "tests/bench/peers/rigid.py",
+        ("heli3dof/identification/usable.py", "tests/hidden/tools.py",
+         *(f"tests/bench/peers/{name}.py" for name in
+           ("flights", "interface", "pysindy_discrepancy", "pysindy_library", "rigid")),
          "constraints-peers.txt"),
     ),
     "residuals": Tool(

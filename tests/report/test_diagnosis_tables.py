@@ -88,7 +88,8 @@ def test_the_doctests() -> None:
 def test_size_certainty_tie_gain_and_the_next_flight_are_said() -> None:
     text = told(DOCUMENT)
     for words in (
-        "friction.coulomb.yaw | torque | 0.03010 | 0.00040 | N·m | 93 % | 123",
+        "friction.coulomb.yaw | torque | 0.03010 | 0.00040 | N·m | 123",
+        "Something is there (93 %)",
         "frequency | 0.5 | – | Hz",
         "it cannot be told from friction.viscous.yaw by these recordings",
         "| yaw | 3.000 | 0.300 | +2.700 | 2.500 … 2.900 | 0.200 |",

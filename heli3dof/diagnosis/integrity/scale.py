@@ -14,7 +14,8 @@ compared with no k at all, all with K common and free, by
 thrust gain and the counterweight. Roll's factor is tried by reading roll anew, since its angle is
 in every equation. J_roll and J_yaw are of the same masses, so that one of the two is off by a
 factor is no inertia; pitch's factor must show in yaw too, or it may be friction, play or inertia.
-The best is named when it beats all else by `MARGIN`.
+The best is named when it beats all else by `MARGIN`. A 2 whose every count is nevertheless seen may
+also be half the inertia, and moves the same way: a note, no bad data.
 
 **Amplifier.** T_g is fixed by V_o. If the amplifier multiplies by K what the log says, every answer
 is K and the hover voltage is h = 1/K. So K h = 1 with K off by more than `ANOTHER_RIG` is the
@@ -109,19 +110,21 @@ def counts(view: View) -> Iterable[Fault]:
     scale = _scale_of(axis, k, answers)
     # Without pitch's own answer, yaw's k is pitch's 1/k: it is sin p that pushes yaw.
     tied = axis == "yaw" and "pitch" in r.axes and "pitch" not in good
+    lighter = k == 2.0 and not coarser and not tied
     told = ", ".join(f"{a} {x.gain:.2g}" for a, x in view.responses.items() if x.gain > 0)
     yield Fault(
-        "encoder.counts", Kind.BAD_DATA, r.name,
+        "encoder.counts", Kind.NOTE if lighter else Kind.BAD_DATA, r.name,
         f"{r.name}: {axis} moves about {k:g} times as far as its voltages explain"
         + (f", in steps of {k:g} counts" if coarser else "")
         + f" (answers over the profile's: {told}).",
         f"counts per revolution off by a factor of {k:g}: one, two or four edges of each line are "
         + ("counted; " if tied else "counted.")
+        + (" Or the axis has half its inertia." if lighter else "")
         + (f"or pitch's are, by {1 / k:g}, since the tilt pushes yaw." if tied else ""),
         f"set encoder.{axis} = {round(n * k)} in the profile if angles come from counts, else "
         f"divide the logged angle by {k:g}",
         effect="encoder.scale", axis=axis, parameters={"scale": scale},
-        confidence=0.5 if tied else 0.99,
+        confidence=0.5 if tied or lighter else 0.99,
     )  # fmt: skip
 
 

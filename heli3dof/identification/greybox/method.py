@@ -26,7 +26,7 @@ from heli3dof.identification.usable import unusable
 from heli3dof.model.compiled import announced
 from heli3dof.model.convert import numerators
 from heli3dof.model.effects import terms
-from heli3dof.model.filtering import GAP, Stretch, data_of
+from heli3dof.model.filtering import LOST, Stretch, data_of
 from heli3dof.model.greybox import GreyBoxModel
 from heli3dof.model.rig_model import Structure
 from heli3dof.recording.jitter import motion_jitter
@@ -157,9 +157,12 @@ def fit_greybox(
 
 
 def usable_runs(recording: Recording, source: int) -> list[Stretch]:
-    """Stretches of usable rows without gaps, at least `LEAST_RUN_S` long."""
+    """Stretches of usable rows, at least `LEAST_RUN_S` long.
+
+    A gap ends one where more than `LOST` periods are missing; a late sample is none.
+    """
     bad = np.logical_or.reduce(list(unusable(recording).values()))
-    breaks = np.flatnonzero(np.diff(recording.t) > GAP * recording.dt) + 1
+    breaks = np.flatnonzero(np.diff(recording.t) > LOST * recording.dt) + 1
     edges = np.unique(
         np.concatenate([[0, len(bad)], breaks, np.flatnonzero(np.diff(bad.astype(int))) + 1])
     )

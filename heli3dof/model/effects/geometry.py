@@ -5,6 +5,10 @@ with cos r, thrust that tilts with the body (L_a cos p F, −L_a cos r sin p F i
 L_h sin r D, inertias that turn, Coriolis and centrifugal torques (`heli3dof.model.rigid_body`).
 Both accelerations are those of the same state, thrusts and parameters, so a is told in one filter,
 and q̈ is a straight line in it. An estimate may come out a little beyond 0 and 1.
+
+Whether it is there the recordings say, at a = 0. But a rig has its geometry whole or not at all, so
+once it is there a is believed to be 1, give or take `SPREAD`: a flight at few heights says little
+of a by itself, and would foretell other heights with what its noise made of it.
 """
 
 from __future__ import annotations
@@ -14,6 +18,8 @@ from typing import Any
 from heli3dof.model.effects.base import Effect, Parameter
 from heli3dof.model.slots import LINEAR, A, Stage
 
+SPREAD = 0.2
+
 
 def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
     out[LINEAR] *= 1.0 - par[A]
@@ -22,7 +28,19 @@ def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
 EFFECT = Effect(
     name="geometry",
     summary="The rigid body in place of the paper's hover model (with `--base hover`).",
-    parameters=(Parameter("share", "–", 0.0, -0.3, 2.0, 0.2, "a, of the rigid body; 1 all of it"),),
+    parameters=(
+        Parameter(
+            "share",
+            "–",
+            0.0,
+            -0.3,
+            2.0,
+            0.2,
+            "a, of the rigid body; 1 all of it",
+            prior_std=SPREAD,
+            start=1.0,
+        ),
+    ),
     hooks={Stage.SETUP: setup},
     order=1,
     confused_with=("stiffness.pendulum", "aero.ground_effect"),

@@ -1,0 +1,105 @@
+"""Terms that no slope points at: tried at a value, on the likelihood itself.
+
+Play between an axis and its encoder leaves nothing in the innovations of a filter that knows of
+none (it puts all of it down to process noise), so no screen sees it. But the likelihood of a little
+play w beside that of none, everything else and the noise held,
+
+    Δℓ(w) = ℓ(θ, w, a) − ℓ(θ, 0, a)
+
+tells the two apart at once: where the encoder has no play its edges lie w/2 off where the filter
+then expects them, which costs hundreds; where it has, and the noise was swollen to cover it, Δℓ is
+positive. Such a term is fitted in full, from the likeliest of its ``starts`` with the noise settled
+at each of two rounds, and compared with the others by the same score.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from heli3dof.diagnosis.screen import with_term
+from heli3dof.diagnosis.workers import in_threads
+from heli3dof.identification.greybox.fit import _better_noise
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.model.effects import Term, effects
+
+WORTH = 20.0
+"""Δℓ of the first of the ``starts`` from which on a term is fitted: play scores hundreds there,
+flights without it lose as much."""
+SETTLING = 4
+SETTLED = 0.1
+NEIGHBOURS = 3
+"""Rounds of the noise at a value; the move of its logarithm at which they end; how many values to
+either side are tried again."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A term at a value of its first parameter (in its unit), and what that wins."""
+
+    term: Term
+    value: float
+    gain: float
+    """Δℓ"""
+
+
+def tried_terms(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
+    """Every term that has to be tried, but those named ``without``; on the ``axes`` measured."""
+    return [
+        t
+        for e in effects().values()
+        if e.starts and e.hooks
+        for t in ([Term(e, a) for a in e.axes if a in axes] if e.axes else [Term(e)])
+        if t.name not in without
+    ]
+
+
+def trials(
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, axes: Sequence[str]
+) -> list[Trial]:
+    """Those terms that are worth a fit, beside the point ``theta`` (n,), ``noise`` (4,)."""
+    terms = tried_terms([t.name for t in problem.structure.terms], axes)
+    none = float(problem.run(theta, noise, keep=0).loglik.sum())
+
+    def one(k: int) -> Trial:
+        value = terms[k].effect.starts[0]
+        ext = widened(problem, theta, terms[k])
+        at = np.append(theta, ext.structure.free[-1].inward(value))
+        return Trial(terms[k], value, float(ext.run(at, noise, keep=0).loglik.sum()) - none)
+
+    return [t for t in in_threads(one, len(terms), what="plays") if t.gain > WORTH]
+
+
+def widened(problem: Likelihood, theta: np.ndarray, term: Term) -> Likelihood:
+    """The likelihood with one more term."""
+    return replace(problem, structure=with_term(problem.structure, problem.values(theta), term)[0])
+
+
+def beginning(
+    ext: Likelihood, theta: np.ndarray, noise: np.ndarray, term: Term
+) -> tuple[np.ndarray, np.ndarray]:
+    """(coordinates (n + m,), noise (4,)) from which to fit: the likeliest of the term's values.
+
+    Twice, since what is likeliest depends on the noise, and the noise on it: every other value
+    first, then those about the best one.
+    """
+    new = ext.structure.free[len(theta) :]
+    full = np.concatenate([theta, [f.inward(f.start) for f in new]])
+    j, a = len(theta), noise.copy()
+    values = [new[0].inward(v) for v in term.effect.starts]
+    best, near = 0, range(0, len(values), 2)
+    for _ in range(2):
+        worth = {}
+        for i in near:
+            full[j] = values[i]
+            worth[i] = float(ext.run(full, a, keep=0).loglik.sum())
+        best = max(worth, key=lambda i: worth[i])
+        near = range(max(best - NEIGHBOURS, 0), min(best + NEIGHBOURS + 1, len(values)))
+        full[j] = values[best]
+        for _ in range(SETTLING):
+            a, moved = _better_noise(ext, full, a, ext.data.axes)
+            if moved < SETTLED:
+                break
+    return full, a

@@ -1,0 +1,108 @@
+"""How long a diagnosis takes on two cores: nothing hidden and one cause, quick and whole."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from heli3dof.diagnosis.diagnose import diagnose
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import Plan, load_plan, step_plan
+from heli3dof.recording.recording import Recording
+from tests.bench import Figure, Table, at_most
+
+TITLE = "How long a diagnosis takes"
+SEED = 1003
+CORES = 2
+CAUSE = "friction.coulomb.yaw:0.03"
+PLANS = ("rich", "steps", "run-step")
+BARS = {True: 10.0, False: 40.0}
+INTRO = (
+    f"Flights of the mock rig at 500 Hz with parameters off by up to 7 % (seed {SEED}), with "
+    f"nothing hidden and with `{CAUSE}`; the process is held to {CORES} of the machine's cores. "
+    "Warm: `diagnose` in a process that has diagnosed before. Cold: the command "
+    "`heli3dof diagnose`, from start to exit, code already compiled. CPU is that of all threads: "
+    "where the wall clock is longer than that, the cores were busy with something else."
+)
+HELI3DOF = str(Path(sys.executable).parent / "heli3dof")
+
+
+def plan_of(name: str) -> Plan:
+    if name == "run-step":
+        return step_plan((10.0, None, None), settle_s=10.0, duration_s=20.0)
+    return load_plan(name)
+
+
+def flight(name: str, hide: str, path: Path | None = None) -> Recording:
+    device = f"mock:?speed=max&spread=0.07&hide={hide}"
+    return fly_plan(plan_of(name), device=device, seed=SEED, output=path).recording
+
+
+@contextlib.contextmanager
+def cores(count: int) -> Iterator[None]:
+    """This process and its children on ``count`` cores, where the system can do that."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, set(sorted(before)[:count]))
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+def warm(recording: Recording, quick: bool) -> tuple[float, float, str]:
+    """(wall s, CPU s, verdict)"""
+    wall, cpu = time.perf_counter(), time.process_time()
+    found = diagnose(recording, quick=quick)
+    return time.perf_counter() - wall, time.process_time() - cpu, found.verdict
+
+
+def cold(path: Path, quick: bool) -> float:
+    """s of the command, from start to exit."""
+    model = path.with_suffix(".model.json")
+    words = [HELI3DOF, "diagnose", str(path), "-o", str(model), "--force", "--json"]
+    start = time.perf_counter()
+    done = subprocess.run(words + ["--quick"] * quick, check=True, capture_output=True)
+    took = time.perf_counter() - start
+    json.loads(done.stdout)
+    return took
+
+
+def measure() -> list[Figure | Table]:
+    figures: list[Figure | Table] = []
+    rows = []
+    with cores(CORES), tempfile.TemporaryDirectory() as folder:
+        diagnose(flight("run-step", CAUSE), quick=True)  # compiles
+        for name in PLANS:
+            for hide in ("", CAUSE):
+                path = Path(folder) / f"{name}{len(rows)}.mcap"
+                recording = flight(name, hide, path)
+                for quick in (True, False):
+                    wall, cpu, verdict = warm(recording, quick)
+                    whole = cold(path, quick)
+                    rows.append(
+                        (
+                            name, "quick" if quick else "whole", hide or "nothing",
+                            f"{wall:.1f}", f"{cpu:.1f}", f"{whole:.1f}", verdict.replace("_", " "),
+                        )
+                    )  # fmt: skip
+                    if name == "rich":
+                        mode = "quick" if quick else "whole"
+                        figures.append(
+                            at_most(
+                                f"`diagnose` of 60 s at 500 Hz, {mode}, {hide or 'nothing hidden'}",
+                                wall, BARS[quick], "s",
+                                how=f"one run, warm; {cpu:.1f} s of CPU",
+                            )
+                        )  # fmt: skip
+    head = ("plan", "", "hidden", "warm, s", "CPU, s", "cold, s", "verdict")
+    return [*figures, Table("Seconds on two cores", head, tuple(rows))]

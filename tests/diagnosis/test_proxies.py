@@ -1,0 +1,64 @@
+"""A name that only stood in for what has none loses its size beside it; a true cause keeps it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.leftover import Held, Leftover
+from heli3dof.diagnosis.proxies import Beside, beside, named_like
+from heli3dof.identification.greybox.estimate import Estimate
+
+
+def fit(value: float) -> Estimate:
+    """A fit of one term with one parameter, absent at zero."""
+    free = SimpleNamespace(term="friction.viscous.yaw", null=0.0, slope=lambda v: 1.0)
+    return cast(Any, SimpleNamespace(
+        optimum=SimpleNamespace(theta=np.array([value])), values=np.array([value]), free=[free],
+        structure=SimpleNamespace(terms=[SimpleNamespace(name="friction.viscous.yaw")]),
+    ))  # fmt: skip
+
+
+def held(shared: float, u: float) -> Held:
+    """The term, and one free-form torque of score u beside it, informations 100 each."""
+    A = np.array([[100.0, shared], [shared, 100.0]])
+    return Held(np.zeros((2, 0)), A, np.array([0.0, u]), np.zeros((0, 2)))
+
+
+def test_a_stand_in_gives_way_to_what_it_stood_in_for() -> None:
+    # By hand: A⁻¹ = [100, −80; −80, 100]/3600, so δ = −80 u/3600 = −1 with u = 45.
+    (b,) = beside(fit(1.0), held(80.0, 45.0))
+    assert b.size_beside == pytest.approx(0.0, abs=1e-12)
+    assert pytest.approx(100.0) == b.Z2
+    assert b.stands_in
+
+
+def test_a_cause_keeps_its_size_beside_what_is_of_another_shape() -> None:
+    (b,) = beside(fit(1.0), held(5.0, 45.0))
+    assert b.size_beside == pytest.approx(1 - 5 * 45 / 9975)
+    assert not b.stands_in
+    assert not b.unsure
+
+
+def test_a_cause_that_cannot_be_told_from_it_is_only_unsure() -> None:
+    # All but the same trace, but the leftover's own score is nothing.
+    (b,) = beside(fit(1.0), held(95.0, 0.0))
+    assert not b.stands_in
+    assert b.unsure
+
+
+def test_one_that_changes_sign_stands_in() -> None:
+    assert Beside("x", 1.0, 100.0, -1.0, 20.0).stands_in
+
+
+def test_the_leftover_says_whose_place_it_took_unless_it_is_like_another() -> None:
+    left = Leftover("yaw", "pitch_rate", 0.5, (), (), 100.0, 1.0)
+    (named,) = named_like([left], ["drag.quadratic.yaw"])
+    assert named.like == "drag.quadratic.yaw-like"
+    already = replace(left, like="friction.viscous.yaw-like")
+    assert named_like([already], ["drag.quadratic.yaw"]) == (already,)
+    assert named_like([left], []) == (left,)

@@ -1,0 +1,82 @@
+"""Leaves: kernels built into their callers, without reference counts."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+
+from heli3dof.model import encoder_events, kalman, rigid_body, rotor
+from heli3dof.model.compiled import compiled
+from heli3dof.model.effects import terms
+from heli3dof.model.rig_model import Structure
+from heli3dof.rig.profile import default_profile
+
+
+def _add(row: Any, out: Any) -> None:
+    for i in range(row.shape[0]):
+        out[i] += row[i]
+
+
+add = compiled(_add, leaf=True)
+
+
+def _sum_rows(a: Any) -> Any:
+    out = np.zeros(a.shape[1])
+    for k in range(a.shape[0]):
+        add(a[k], out)
+    return out
+
+
+sum_rows = compiled(_sum_rows, calls=(_add,))
+
+
+def test_a_leaf_takes_rows_of_its_callers_arrays() -> None:
+    a = np.arange(12.0).reshape(4, 3)
+    assert sum_rows(a).tolist() == [18.0, 22.0, 26.0]
+
+
+def test_a_leaf_neither_keeps_an_array_alive_nor_lets_go_of_one() -> None:
+    a = np.arange(12.0).reshape(4, 3)
+    before = sys.getrefcount(a)
+    for _ in range(50):
+        out = sum_rows(a)
+    assert sys.getrefcount(a) == before
+    assert sys.getrefcount(out) == 2  # the name, and the argument
+
+
+def test_accelerations_are_the_same_as_in_python() -> None:
+    rng = np.random.default_rng(1)
+    structure = Structure(default_profile(), tuple(terms(["aero.inflow", "drag.quadratic.yaw"])))
+    s, par = structure.arrays(structure.start)
+    hooks = structure.hooks
+    free = np.ones(3, dtype=bool)
+    for _ in range(20):
+        s[2:8] = rng.uniform(-0.6, 0.6, 6)
+        one, other = np.empty(3), np.empty(3)
+        w = np.zeros((3, 3))
+        torque = rng.standard_normal(3)
+        rigid_body._body_accelerations(s, np.array([1.0, 1.2]), torque, free, one)
+        rigid_body.body_accelerations(s, np.array([1.0, 1.2]), torque, free, other)
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+        rigid_body.accelerations(
+            s, hooks.first, hooks.address, par, structure.memory, free, w[0], w[1], w[2]
+        )
+        assert np.isfinite(w).all()
+
+
+def test_what_the_filter_is_made_of_is_the_same_as_in_python() -> None:
+    rng = np.random.default_rng(2)
+    A, a2 = rng.standard_normal((3, 6)), np.array([0.1, 0.2, 0.3])
+    half = rng.standard_normal((6, 6))
+    one, other = half @ half.T, half @ half.T
+    kalman._grow(one, A, 0.002, a2, np.zeros((6, 6)), np.zeros((6, 6)))
+    kalman.grow(other, A, 0.002, a2, np.zeros((6, 6)), np.zeros((6, 6)))
+    np.testing.assert_allclose(one, other, rtol=1e-12)
+    for lo, hi, S in ((-0.2, 0.3, 0.04), (1.4, 1.9, 0.09)):
+        np.testing.assert_allclose(
+            encoder_events._interval(lo, hi, S), encoder_events.interval(lo, hi, S), rtol=1e-10
+        )
+    # F rises 1 N in a straight line for 0.1 s at 10 N/s, the target being far.
+    assert rotor.lagged(0.0, 100.0, 0.05, 10.0, 0.1) == 1.0
