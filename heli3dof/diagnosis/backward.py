@@ -27,6 +27,7 @@ import numpy as np
 
 from heli3dof.identification.greybox.multistep import FAR, Fitted, MultiStep, robust, search
 from heli3dof.model.effects import terms
+from heli3dof.model.filtering import Data
 from heli3dof.model.greybox_windows import Flight, errors
 from heli3dof.model.instants import follow
 from heli3dof.model.rig_model import Structure
@@ -111,7 +112,8 @@ def backward(
         near = traded(found, out.term)
         proven = {k: v for k, v in proven.items() if k not in near}
         gone.append(replace(out, tied_with=tuple(near)))
-        found = out.without
+        less = out.without
+        found = search(less.problem, less.z, less.noise, stages_s=STAGES_S)  # until it settles
         problem = found.problem
         folds = refitted_folds(problem, found)
     says("Looking for ties …")
@@ -271,7 +273,8 @@ def only(which: Sequence[int], found: Fitted) -> Fitted:
 def foreign(found: Fitted, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
     """(m,) as `cells`, on recording i of ``p``, of which the fit knows nothing."""
     q, flight, a = found.problem, p.flights[i], found.noise
-    states = follow(q.structure, found.values, p.data[i], a[:3], a[3], q.varying).states
+    data = from_climbs_end(p.data[i], int(np.argmax(p.rows[i] == flight.starts[0])))
+    states = follow(q.structure, found.values, data, a[:3], a[3], q.varying).states
     X = np.full((len(flight.t), states.shape[1]), np.nan)
     there = p.rows[i] >= 0
     X[p.rows[i][there]] = states[there]
@@ -280,6 +283,17 @@ def foreign(found: Fitted, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarra
     e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
     e[..., ~flight.free] = 0.0
     return by_cell(flight, e, scale)
+
+
+def from_climbs_end(data: Data, row: int) -> Data:
+    """The filter starts anew there: what a climb would teach of a rig's numbers is wrong."""
+    blocks: list[tuple[int, int, int]] = []
+    free: list[np.ndarray] = []
+    for (lead, start, stop), axes in zip(data.blocks, data.free, strict=True):
+        cut = row if start + 2 < row < stop - 2 else stop
+        blocks += [(lead, a, b) for a, b in ((start, cut), (cut, stop)) if b > a]
+        free += [axes] * (len(blocks) - len(free))
+    return replace(data, blocks=np.array(blocks, dtype=data.blocks.dtype), free=np.array(free))
 
 
 def interval(lost: np.ndarray, seed: int) -> Worse:

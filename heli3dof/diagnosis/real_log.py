@@ -27,6 +27,7 @@ from heli3dof.diagnosis.real_leftover import leftovers
 from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted
 from heli3dof.diagnosis.select import Choice
 from heli3dof.identification.greybox.freeflight import (
+    VARYING,
     fit_freeflight,
     flight_of,
     model_of,
@@ -219,4 +220,5 @@ def _calibrated(fit: Fit) -> tuple[Calibrated, ...]:
 def _unseen(found: Backward) -> tuple[str, ...]:
     """What went although nothing else took its place: these recordings do not show it."""
     tied = {t for r in found.kept for t in r.tied_with}
-    return tuple(r.term for r in found.gone if r.term not in tied)
+    varying = {v.rpartition(".")[0] for v in VARYING}
+    return tuple(r.term for r in found.gone if r.term not in tied | varying)

@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.backward import BLOCK_S, WINDOW_S, halves, interval, known_beforehand
+from heli3dof.diagnosis.backward import (
+    BLOCK_S,
+    WINDOW_S,
+    from_climbs_end,
+    halves,
+    interval,
+    known_beforehand,
+)
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.model.greybox_windows import Flight
 from tests.identification.known_flights import fly
@@ -46,3 +53,13 @@ def test_thrust_that_grows_with_the_square_is_known_beforehand_and_a_friction_is
     known = known_beforehand(problem_of([fly(1022).recording.between(0, 25)], REAL_TERMS))
     assert "motor.rotor_curve" in known
     assert not any(k.startswith("friction") for k in known)
+
+
+def test_the_filter_starts_anew_at_a_climbs_end() -> None:
+    recording = fly(1022).recording.between(0, 25)
+    data = problem_of([recording], REAL_TERMS).data[0]
+    lead, start, stop = data.blocks[0]
+    split = from_climbs_end(data, int(start) + 100)
+    assert split.blocks[:2].tolist() == [[lead, start, start + 100], [lead, start + 100, stop]]
+    assert len(split.free) == len(split.blocks)
+    assert from_climbs_end(data, int(start)).blocks.tolist() == data.blocks.tolist()
