@@ -15,6 +15,7 @@ import numpy as np
 
 from heli3dof.comparison.prediction import (
     STEPS_AVERAGED,
+    HeldStill,
     over_window_deg,
     predictions,
     rmse_deg,
@@ -58,7 +59,9 @@ def without(model: GreyBoxModel, term: str) -> GreyBoxModel:
     return replace(model, values=values, varying=varying)
 
 
-def error_deg(model: GreyBoxModel, recordings: Sequence[Recording], horizon_s: float) -> np.ndarray:
+def error_deg(
+    model: GreyBoxModel | HeldStill, recordings: Sequence[Recording], horizon_s: float
+) -> np.ndarray:
     """(3,) RMSE over all samples of windows of that length."""
     squares = []
     for r in recordings:

@@ -10,7 +10,12 @@ windows of blocks that the fit has not seen, with and without term t, both refit
 Windows overlap and share their noise within `CELL_S`, so cells are drawn, not windows: t is kept
 where the 95 % bootstrap interval of Δ lies above zero. The one that is needed least goes first,
 and the rest is looked at again. What was left out, but serves as well in the place of one that was
-kept, is tied with it.
+kept, is tied with it. A term that is known beforehand to be there (its absence lies `KNOWN` prior
+deviations away) is not asked to go; how far the recordings themselves need it is told.
+
+A number that differs by recording shows its worth in recordings that no fit has seen, not in blocks
+of one whose own number is known: such terms are judged by leaving out whole recordings, the number
+re-estimated by the filter (`heli3dof.model.instants`), where there are two or more.
 """
 
 from __future__ import annotations
@@ -20,9 +25,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.identification.greybox.multistep import Fitted, MultiStep, robust, search
+from heli3dof.identification.greybox.multistep import FAR, Fitted, MultiStep, robust, search
 from heli3dof.model.effects import terms
-from heli3dof.model.greybox_windows import Flight
+from heli3dof.model.filtering import Data
+from heli3dof.model.greybox_windows import Flight, errors
+from heli3dof.model.instants import follow
 from heli3dof.model.rig_model import Structure
 
 STAGES_S = ((0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0),)
@@ -34,6 +41,7 @@ DRAWS = 2000
 LEVEL = 0.95
 REFIT = 3
 """Rounds of a refit from where the fit stood."""
+KNOWN = 3.0
 CLEAR = 30.0
 """(θ/σ)²: a term above it is not tried before all others have been."""
 TRADED = 0.5
@@ -85,6 +93,7 @@ def backward(
     gone: list[Removal] = []
     proven: dict[str, Removal] = {}
     folds = refitted_folds(problem, found)
+    known = known_beforehand(problem)
     while True:
         order = by_need(found)
         doubtful = [t for t, z2 in order if t not in proven and z2 < CLEAR]
@@ -93,7 +102,7 @@ def backward(
         for name in [*doubtful, *rest]:
             says(f"Without {name} …")
             tried = removal(found, folds, name, seed=seed)
-            if not tried.worse.kept:
+            if not tried.worse.kept and name not in known:
                 out = tried
                 break
             proven[name] = tried
@@ -103,7 +112,8 @@ def backward(
         near = traded(found, out.term)
         proven = {k: v for k, v in proven.items() if k not in near}
         gone.append(replace(out, tied_with=tuple(near)))
-        found = out.without
+        less = out.without
+        found = search(less.problem, less.z, less.noise, stages_s=STAGES_S)  # until it settles
         problem = found.problem
         folds = refitted_folds(problem, found)
     says("Looking for ties …")
@@ -128,6 +138,18 @@ def by_need(found: Fitted) -> list[tuple[str, float]]:
     return sorted(out.items(), key=lambda kv: kv[1])
 
 
+def known_beforehand(problem: MultiStep) -> set[str]:
+    """Terms that the prior holds to be there."""
+    out = set()
+    sd = 1 / np.sqrt(np.diag(problem.prior))
+    for j, f in enumerate(problem.structure.free):
+        if f.term is None or f.log or f.name in problem.varying:
+            continue
+        if abs(problem.start[j] - f.inward(f.null)) > KNOWN * sd[j]:
+            out.add(f.term)
+    return out
+
+
 def own(problem: MultiStep, j: int) -> list[int]:
     """Where the recordings' own numbers of parameter j stand."""
     b = list(problem.own).index(j)
@@ -150,9 +172,16 @@ def removal(found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], name: str,
             instead: str | None = None) -> Removal:  # fmt: skip
     """Without that term, or with ``instead`` in its place, everything refitted."""
     worse = []
-    for fit, test in folds:
-        less = refit(fit, name, instead)
-        worse.append((cells(less, test, fit.scale), cells(fit, test, fit.scale)))
+    p = found.problem
+    if any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1:
+        for i in range(len(p.flights)):
+            full = only([j for j in range(len(p.flights)) if j != i], found)
+            less = refit(full, name, instead)
+            worse.append((foreign(less, p, i, found.scale), foreign(full, p, i, found.scale)))
+    else:
+        for fit, test in folds:
+            less = refit(fit, name, instead)
+            worse.append((cells(less, test, fit.scale), cells(fit, test, fit.scale)))
     lost = np.concatenate([a - b for a, b in worse])
     return Removal(name, interval(lost, seed), refit(found, name, instead))
 
@@ -215,17 +244,56 @@ def halves(flight: Flight, fold: int) -> tuple[Flight, Flight]:
 
 def cells(found: Fitted, test: MultiStep, scale: np.ndarray) -> np.ndarray:
     """(m,) mean loss of the test's windows in each cell of `CELL_S`, recording by recording."""
-    there = replace(
-        test, structure=found.structure, varying=found.problem.varying,
-    )  # fmt: skip
-    out = []
-    for flight, e in zip(
-        there.flights, there.errors(found.z, found.noise, STAGES_S[-1]), strict=True
-    ):
-        loss = (robust(e / scale) ** 2).mean(axis=1).sum(axis=1)
-        cell = np.floor(flight.t[flight.starts] / CELL_S).astype(int)
-        out += [loss[cell == c].mean() for c in np.unique(cell)]
-    return np.array(out)
+    there = replace(test, structure=found.structure, varying=found.problem.varying)
+    each = there.errors(found.z, found.noise, STAGES_S[-1])
+    return np.concatenate([by_cell(f, e, scale) for f, e in zip(there.flights, each, strict=True)])
+
+
+def by_cell(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """(m,) mean loss in each cell from a flight's errors (S, M, 3) rad."""
+    loss = (robust(e / scale) ** 2).mean(axis=1).sum(axis=1)
+    cell = np.floor(flight.t[flight.starts] / CELL_S).astype(int)
+    return np.array([loss[cell == c].mean() for c in np.unique(cell)])
+
+
+def only(which: Sequence[int], found: Fitted) -> Fitted:
+    """The fit to these recordings of the problem alone."""
+    p = found.problem
+    part = replace(
+        p,
+        flights=tuple(p.flights[i] for i in which),
+        data=tuple(p.data[i] for i in which),
+        rows=tuple(p.rows[i] for i in which),
+    )
+    b = len(p.own)
+    z = np.concatenate([found.z[: p.n], *(found.z[p.n + i * b : p.n + (i + 1) * b] for i in which)])
+    return search(part, z, found.noise, stages_s=STAGES_S, rounds=REFIT)
+
+
+def foreign(found: Fitted, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
+    """(m,) as `cells`, on recording i of ``p``, of which the fit knows nothing."""
+    q, flight, a = found.problem, p.flights[i], found.noise
+    data = from_climbs_end(p.data[i], int(np.argmax(p.rows[i] == flight.starts[0])))
+    states = follow(q.structure, found.values, data, a[:3], a[3], q.varying).states
+    X = np.full((len(flight.t), states.shape[1]), np.nan)
+    there = p.rows[i] >= 0
+    X[p.rows[i][there]] = states[there]
+    ahead = np.array([max(1, round(h / flight.dt)) for h in STAGES_S[-1]])
+    e = errors(q.structure, found.values, flight, X, ahead, tuple(q.varying))
+    e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
+    e[..., ~flight.free] = 0.0
+    return by_cell(flight, e, scale)
+
+
+def from_climbs_end(data: Data, row: int) -> Data:
+    """The filter starts anew there: what a climb would teach of a rig's numbers is wrong."""
+    blocks: list[tuple[int, int, int]] = []
+    free: list[np.ndarray] = []
+    for (lead, start, stop), axes in zip(data.blocks, data.free, strict=True):
+        cut = row if start + 2 < row < stop - 2 else stop
+        blocks += [(lead, a, b) for a, b in ((start, cut), (cut, stop)) if b > a]
+        free += [axes] * (len(blocks) - len(free))
+    return replace(data, blocks=np.array(blocks, dtype=data.blocks.dtype), free=np.array(free))
 
 
 def interval(lost: np.ndarray, seed: int) -> Worse:

@@ -21,6 +21,7 @@ from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.leftover import Leftover, examined
 from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import doubted, named_like, stand_ins
+from heli3dof.diagnosis.real_log import applies, diagnose_real
 from heli3dof.diagnosis.result import STANDS_IN, Diagnosis, Dropped, Finding
 from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import (
@@ -87,6 +88,8 @@ def _diagnosed(
     for stops in (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE):
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
+    if base == "rigid" and applies(train):
+        return diagnose_real(train, held, faults, seed=seed, says=clock.says)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
     bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base)
     clock.start("base", "Fitting the base simulation, and flying it for its bias …")

@@ -86,7 +86,7 @@ def _calibration(f: Fitted) -> list[dict[str, Any]]:
             "std": c.std,
             "unit": c.unit,
         }
-        for c in calibrated(f.final)
+        for c in (f.calibration if f.final is None else calibrated(f.final))
     ]
 
 
@@ -98,7 +98,9 @@ def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
             "before": none if g is None else dict(g.before),
             "after": none if g is None else dict(g.after),
         },
-        "holdout_log_likelihood": None if g is None else g.log_likelihood.value,
+        "holdout_log_likelihood": None
+        if g is None or g.log_likelihood is None
+        else g.log_likelihood.value,
     }
     if f is not None:
         out["holdout_rmse_deg"]["noise_floor"] = dict(f.noise_floor)
@@ -106,7 +108,7 @@ def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
         out["holdout_rmse_deg"]["noise_floor"] = none
     if g is not None:
         L = g.log_likelihood
-        out["holdout_log_likelihood_interval"] = [L.low, L.high]
+        out["holdout_log_likelihood_interval"] = None if L is None else [L.low, L.high]
         out["rmse_reduction_deg"] = {
             a: None if x is None else {"value": x.value, "interval": [x.low, x.high]}
             for a, x in g.rmse_deg.items()

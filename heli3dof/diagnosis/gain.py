@@ -85,7 +85,8 @@ class Gain:
     """RMSE in degrees, 1 s ahead"""
     rmse_deg: Mapping[str, Interval | None]
     """before − after: positive is better"""
-    log_likelihood: Interval
+    log_likelihood: Interval | None
+    """None where no likelihood can be trusted (`heli3dof.diagnosis.real_log`)"""
     worst: Worst | None
     """Where ``before`` is furthest off"""
 
@@ -131,7 +132,7 @@ def gain(before: HeldOut, after: HeldOut, *, seed: int = 0) -> Gain:
 
 def pays(g: Gain) -> bool:
     """True where held-out data are surely likelier under the extension."""
-    return g.log_likelihood.low > 0
+    return g.log_likelihood is not None and g.log_likelihood.low > 0
 
 
 def worst(before: HeldOut, after: HeldOut) -> Worst | None:

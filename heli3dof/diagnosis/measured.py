@@ -44,7 +44,7 @@ def adopted(
         poor = [i for i, g in enumerate(gains) if not (pays(g) or (i == 0 and _likelier(g)))]
         if not poor:
             return found, _findings(found, kept, less, gains), tuple(dropped), after
-        worst = min(poor, key=lambda i: gains[i].log_likelihood.value)
+        worst = min(poor, key=lambda i: won(gains[i]))
         dropped.append(Dropped(kept[worst].term.name, gains[worst]))
         found = less[worst]
         del kept[worst]
@@ -74,6 +74,12 @@ def _findings(
     )
 
 
+def won(g: Gain) -> float:
+    """The log-likelihood's gain"""
+    assert g.log_likelihood is not None
+    return g.log_likelihood.value
+
+
 def forwards(values: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
     """A periodic torque with τ > 0 and a phase in (−π, π]: −τ sin is τ sin half a period later."""
     out = dict(values)
@@ -86,7 +92,7 @@ def forwards(values: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float
 
 
 def _likelier(g: Gain) -> bool:
-    return g.log_likelihood.value > LEAST
+    return won(g) > LEAST
 
 
 def _number(value: float) -> float | None:

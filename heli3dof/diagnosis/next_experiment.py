@@ -155,7 +155,7 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
     None where nothing is open, where the data are at fault, where no plan can be flown, or where
     none would show it.
     """
-    if found.fitted is None:
+    if found.fitted is None or found.fitted.base is None:
         return None
     base: Estimate = found.fitted.base
     try:

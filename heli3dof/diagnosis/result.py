@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.diagnosis.calibration import Off
+from heli3dof.diagnosis.calibration import Calibrated, Off
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.gain import Gain, HeldOut
 from heli3dof.diagnosis.how_wrong import HowWrong
@@ -49,16 +49,19 @@ class Dropped:
 class Fitted:
     """What there is once the recordings could be fitted."""
 
-    base: Corrected
-    final: Corrected
+    base: Corrected | None
+    final: Corrected | None
+    """None where no likelihood was fitted (`heli3dof.diagnosis.real_log`)"""
     model: GreyBoxModel
     gain: Gain
     """The base simulation refitted → the extended one"""
-    before: HeldOut
-    after: HeldOut
+    before: HeldOut | None
+    after: HeldOut | None
     wrong: HowWrong
     """The simulation as the profile has it, beside the extended model's noise floor"""
     noise_floor: Mapping[str, float | None]
+    calibration: tuple[Calibrated, ...] = ()
+    """Where there is no ``final`` to read it from"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,6 +43,8 @@ def pictured(
     f = found.fitted
     if f is None:
         return Pictured()
+    if f.base is None or f.final is None:
+        return Pictured(f.wrong, leftovers=found.leftovers, gain=f.gain if found.findings else None)
     unseen = list(holdout) or list(recordings)
     flown: tuple[Replayed, ...] = ()
     if found.findings:

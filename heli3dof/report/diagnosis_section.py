@@ -118,9 +118,12 @@ def gain_table(g: Gain) -> Grid:
         f"On {'hold-out recordings' if g.on == 'holdout' else 'blocks of the flight left out'}, "
         "1 s ahead, against the base simulation refitted; intervals of 95 %, by bootstrap over "
         "cells of two seconds.",
-        f"Log-likelihood won there: {fixed(L.value, 1, sign=True)} "
-        f"({fixed(L.low, 1)} … {fixed(L.high, 1)}).",
     ]
+    if L is not None:
+        notes.append(
+            f"Log-likelihood won there: {fixed(L.value, 1, sign=True)} "
+            f"({fixed(L.low, 1)} … {fixed(L.high, 1)})."
+        )
     heads = ["axis", "before °", "after °", "less by °", "95 %"]
     return Grid("RMSE on data not seen", heads, rows, notes, text_columns=1)
 

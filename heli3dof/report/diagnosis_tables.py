@@ -70,6 +70,7 @@ def diagnosis_tables(document: Document) -> list[Grid | str]:
         out.append(grid)
         if grid is grids[1]:
             out += dict.fromkeys(words.causes(document))  # two recordings may have one fault
+    out += document.get("about", {}).get("explains", ())
     for said in (words.leftovers, words.unadopted, words.next_steps):
         out += said(document)
     return out

@@ -133,7 +133,10 @@ def causes(document: Document) -> Iterator[str]:
 
 def adopted(document: Document) -> bool:
     """Whether the model was extended; a fault of the recording or a calibration extends nothing."""
-    return any(f["gain"]["holdout_log_likelihood"] is not None for f in document["findings"])
+    return any(
+        f["gain"]["holdout_log_likelihood"] is not None or "measured_on" in f["gain"]
+        for f in document["findings"]
+    )
 
 
 def leftovers(document: Document) -> Iterator[str]:
@@ -156,12 +159,16 @@ def leftovers(document: Document) -> Iterator[str]:
 def unadopted(document: Document) -> Iterator[str]:
     """Causes that were found and do not pay, and what could not be seen at all."""
     for x in document.get("dropped", ()):
-        low, high = x["gain"].get("holdout_log_likelihood_interval", (None, None))
+        span = x["gain"].get("holdout_log_likelihood_interval", (None, None))
+        if span is None:  # judged by free flights
+            yield f"Not adopted: {x['effect']} is not needed on blocks that the fit has not seen."
+            continue
+        low, high = span
         why = str(x.get("why", "it does not surely pay on data that it has not seen"))
         if high is not None and high < 0:
             why = "data that it has not seen contradict it: is the hold-out from the same rig?"
-        span = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"
-        yield f"Not adopted: {x['effect']} fits these recordings better, but {why} ({span})."
+        told = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"
+        yield f"Not adopted: {x['effect']} fits these recordings better, but {why} ({told})."
     dark = [str(x) for x in document["not_identifiable"] if x not in NEVER]
     if dark:
         more = f" and {len(dark) - LISTED} more" if len(dark) > LISTED else ""

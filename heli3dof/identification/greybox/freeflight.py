@@ -80,8 +80,6 @@ one trim would let terms cancel one another: pitch damping and flapping act alik
 POSITIVE = ("friction.", "aero.flapping", "stiffness.pendulum")
 """What can only take energy, or pull back: never below zero."""
 COMMON_STD = 0.15
-STAGES_S = ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0))
-"""From the weak form's start (`heli3dof.identification.greybox.weak_form`)."""
 WINDOW_S = 3.0
 APART_S = 0.2
 LEAST_WINDOWS = 20
@@ -126,7 +124,7 @@ def fit_freeflight(
     Raises RecordingError where no free flight of 3 s fits between take-off, table and stops.
     """
     problem = problem_of(recordings, names, threads=threads)
-    return search(problem, weak_start(problem), stages_s=STAGES_S)
+    return search(problem, weak_start(problem))
 
 
 def problem_of(

@@ -87,12 +87,14 @@ def fit(prepared: Prepared, request: Request) -> Found:
 def lying_clocks(prepared: Prepared) -> bool:
     """True where the motion shows that samples of the training runs were not taken when they say,
     by more than `LYING` of the period."""
-    found = []
-    for i in sorted({r.source for r in prepared.train}):
-        r = prepared.recordings[i]
-        m = motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count)
-        found.append(m.found and m.sigma_s > LYING * r.dt)
-    return all(found)
+    return all(clock_lies(prepared.recordings[i]) for i in {r.source for r in prepared.train})
+
+
+def clock_lies(recording: Recording) -> bool:
+    """True where its motion shows jitter by more than `LYING` of the period."""
+    r = recording
+    m = motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count)
+    return m.found and m.sigma_s > LYING * r.dt
 
 
 def compile_first(problem: Likelihood) -> None:

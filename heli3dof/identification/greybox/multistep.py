@@ -22,7 +22,7 @@ A parameter named in ``varying`` has a value of its own in each recording, N(mea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -36,16 +36,10 @@ from heli3dof.model.greybox_windows import Flight, errors
 from heli3dof.model.instants import follow
 from heli3dof.model.rig_model import Structure
 
-STAGES_S = (
-    (0.1, 0.2, 0.4),
-    (0.25, 0.5, 0.75, 1.0),
-    (0.25, 0.5, 1.0, 1.5, 2.0),
-    (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0),
-    (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0),
-)
+STAGES_S = ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0))
 ROUNDS = 8
-WINDOW_S = 1.0
-"""Errors of windows that start further apart than this are taken as independent."""
+WINDOW_S = 3.0
+"""Windows that start further apart than this share nothing, and are taken as independent."""
 ROBUST = 4.0
 RATIO_STD, COMMON_STD = 0.04, 0.5
 """Of the logarithms: the inertias' ratios to roll's, and roll's."""
@@ -160,7 +154,9 @@ class MultiStep:
             ahead = np.array([max(1, round(h / flight.dt)) for h in horizons_s])
             X = self.states(z, i, noise)
             e = errors(self.structure, self.values(z, i), flight, X, ahead)
-            out.append(np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR))
+            e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
+            e[..., ~flight.free] = 0.0  # not measured
+            out.append(e)
         return out
 
     def loglik(self, z: np.ndarray, noise: np.ndarray) -> np.ndarray:
@@ -259,8 +255,9 @@ def robust(u: np.ndarray) -> np.ndarray:
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """(M, 3) rad from errors (S, M, 3): half of the median's, half of the mean square's."""
-    size = np.sqrt(np.mean(np.minimum(np.abs(e), 1.0) ** 2, axis=0))
+    """(M, 3) rad from errors (S, M, 3), each cut at 1 rad: their RMS; zeros were not measured."""
+    there = np.maximum((e != 0).sum(axis=0), 1)
+    size = np.sqrt((np.minimum(np.abs(e), 1.0) ** 2).sum(axis=0) / there)
     return np.asarray(np.maximum(size, np.radians(0.1)))
 
 
@@ -279,10 +276,7 @@ def search(
     low, high = p.bounds
     a = np.array([*NOISE_START, 0.002]) if noise is None else np.array(noise, dtype=float)
     count = 0
-    done = False
-    mapper: Callable[..., Iterable[Any]] = map
-    if p.threads > 1:
-        mapper = ThreadPoolExecutor(p.threads).map
+    mapper: Any = ThreadPoolExecutor(p.threads).map if p.threads > 1 else map
     for stage in stages_s:
         if noise is None:
             a = better_noise(p, z, a)
@@ -300,8 +294,7 @@ def search(
             return float(r @ r + d @ p.prior @ d)
 
         r = residuals(z)
-        here = cost(r, z)
-        begun = here
+        here = begun = cost(r, z)
         lam = 1e-3
         done = False
         for _ in range(rounds):

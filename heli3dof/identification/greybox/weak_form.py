@@ -157,6 +157,7 @@ def residuals(problem: MultiStep, logs: Sequence[Log], z: np.ndarray) -> list[np
         )  # fmt: skip
         # What the encoders do to an angle is smooth: the unsmoothed one less the same.
         q = log.y + (out[:, :3] - log.y_smooth)
+        q[:, ~f.free] = 0.0
         for j, each in enumerate(log.spans):
             found[j].append(each.integrals(q, out[:, 3:]))
     return [np.concatenate(e) for e in found]
@@ -165,7 +166,11 @@ def residuals(problem: MultiStep, logs: Sequence[Log], z: np.ndarray) -> list[np
 def scales(e: np.ndarray) -> np.ndarray:
     """(3,) rad/s²"""
     e = np.nan_to_num(e, nan=1e3, posinf=1e3, neginf=-1e3)
-    return np.asarray(np.maximum(1.4826 * np.median(np.abs(e), axis=0), 1e-6))
+    out = np.ones(3)
+    for i in range(3):  # zeros were not measured
+        if (there := e[:, i] != 0).any():
+            out[i] = 1.4826 * np.median(np.abs(e[there, i]))
+    return np.maximum(out, 1e-6)
 
 
 def weak_start(

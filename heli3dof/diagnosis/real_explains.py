@@ -1,0 +1,86 @@
+"""What a fitted rig explains of what people see on it, in sentences, beside the recordings.
+
+In steady level flight, both motors at V, thrust F = 2 K_f V_o (V/V_o)^n (`motor.rotor_curve`):
+
+    L_a cos p · F = (T_g + τ) cos r + k_r sin r              the hover voltage at each roll angle
+    F(V)/F(V_hover) = (V/V_hover)^n                           what one motor gives at low voltage
+
+Measured beside it: rows in which roll has stood still (`STILL_DEG_PER_S`) for `STILL_S`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from heli3dof.identification.greybox.freeflight import OFFSET, free_rows
+from heli3dof.identification.greybox.multistep import Fitted
+from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.recording.recording import Recording
+
+STILL_S = 0.5
+STILL_DEG_PER_S = 3.0
+LOW_V = (2.0, 3.5)
+"""Between these, one motor alone is said not to lift."""
+PENDULUM = "stiffness.pendulum.roll.torque_Nm"
+EXPONENT = "motor.rotor_curve.exponent"
+
+
+def hover_voltage(fit: Fitted | GreyBoxModel, roll_deg: float, pitch_deg: float = 0.0) -> float:
+    """V per motor that holds the arm there."""
+    at = dict(zip(fit.structure.names, fit.values, strict=True))
+    p = fit.structure.profile
+    r = np.radians(roll_deg)
+    torque = (at["T_g"] + at.get("mass.imbalance.torque_Nm", 0.0)) * np.cos(r)
+    torque += at.get(PENDULUM, 0.0) * np.sin(r)
+    one = torque / (p.geometry.L_a * np.cos(np.radians(pitch_deg))) / 2
+    hover = p.motor.K_f * abs(p.motor.V_o)
+    return float(abs(p.motor.V_o) * max(one / hover, 0.0) ** (1 / at.get(EXPONENT, 1.0)))
+
+
+def steady(recording: Recording) -> np.ndarray:
+    """(n, 3): roll and pitch in degrees and mean voltage of rows in steady flight."""
+    r = recording
+    n = round(STILL_S / r.dt)
+    roll = np.degrees(r.angle[:, 0])
+    moved = np.full(len(r), np.inf)
+    moved[n // 2 : len(r) - n + n // 2] = np.abs(roll[n:] - roll[:-n])
+    rows = (moved < STILL_DEG_PER_S * STILL_S) & free_rows(r)
+    kernel = np.ones(n) / n
+    V = np.convolve(r.voltage.mean(axis=1), kernel, "same")
+    return np.asarray(np.column_stack([roll, np.degrees(r.angle[:, 1]), V])[rows])
+
+
+def explains(fit: Fitted, recordings: Sequence[Recording]) -> list[str]:
+    """One sentence for each thing that is seen, as far as its cause was kept."""
+    said = []
+    seen = [steady(r) for r in recordings]
+    if OFFSET in fit.by_recording:
+        each = zip(recordings, fit.by_recording[OFFSET], seen, strict=False)
+        words = "; ".join(
+            f"{r.name}: offset {v:.1f}°, mean pitch in steady flight {s[:, 1].mean():.1f}°"
+            for r, v, s in each
+            if len(s)
+        )
+        said.append(f"The standing pitch is the encoder's zero (encoder.offset.pitch): {words}.")
+    rows = np.concatenate(seen)
+    if PENDULUM in fit.structure.names and len(rows) > 10:
+        slope, level = np.polyfit(rows[:, 0], rows[:, 2], 1)
+        low, high = (hover_voltage(fit, a) for a in (-10, 10))
+        said.append(
+            "The hover voltage rises with roll because the arm is a pendulum "
+            f"(stiffness.pendulum.roll): measured {level - 10 * slope:.1f} V at −10° and "
+            f"{level + 10 * slope:.1f} V at +10° (a line through the rows in which roll stands "
+            f"still); the model holds {low:.1f} V and {high:.1f} V."
+        )
+    if EXPONENT in fit.structure.names:
+        n = fit.values[fit.structure.names.index(EXPONENT)]
+        hover = hover_voltage(fit, 0.0)
+        parts = [f"{100 * (v / hover) ** n:.0f} % at {v:g} V" for v in LOW_V]
+        said.append(
+            "The dead zone of one motor is the thrust curve's foot (motor.rotor_curve, "
+            f"n = {n:.2f}): of its thrust in level hover ({hover:.1f} V) it gives "
+            f"{' and '.join(parts)}, and none backwards."
+        )
+    return said

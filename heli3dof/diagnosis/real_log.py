@@ -1,0 +1,224 @@
+"""The diagnosis of a log whose clock lies and whose loop is unknown: `heli3dof.diagnosis.backward`.
+
+One step ahead such a log's errors are its clock's, so nothing here rests on a likelihood: models
+are compared by free flights from re-estimated states. With e_k(h) the error of flight k after h s,
+
+    RMSE_i(h) = √(mean_k e_k,i(h)²),      over 3 s: √(1/3 ∫₀³ RMSE_i(h)² dh)
+
+on the hold-out recordings, or on the recordings themselves where none is given (said then). The
+base is the rigid body refitted in the same way. There is no noise floor: nobody knows the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.diagnosis.ahead import HORIZONS_S
+from heli3dof.diagnosis.backward import CELL_S, Backward, Removal, backward, known_beforehand
+from heli3dof.diagnosis.calibration import Calibrated
+from heli3dof.diagnosis.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
+from heli3dof.diagnosis.how_wrong import HowWrong
+from heli3dof.diagnosis.integrity import Fault
+from heli3dof.diagnosis.real_explains import explains
+from heli3dof.diagnosis.real_leftover import leftovers
+from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted
+from heli3dof.diagnosis.select import Choice
+from heli3dof.identification.greybox.freeflight import (
+    VARYING,
+    fit_freeflight,
+    flight_of,
+    model_of,
+)
+from heli3dof.identification.greybox.method import clock_lies
+from heli3dof.identification.greybox.multistep import Fitted as Fit
+from heli3dof.model.greybox import GreyBoxModel, nominal
+from heli3dof.model.greybox_predict import filtered
+from heli3dof.model.greybox_windows import errors
+from heli3dof.recording.recording import Recording
+
+OVER_S = 3.0
+STEP_S = 0.25
+FAR = 10 * np.pi
+"""rad: no flight is further off than that."""
+WHY = (
+    "The loop is unknown and the clock lies, so neither nulls nor a likelihood can be trusted: "
+    "the full physical model was fitted to free flights of 3 s, and what held-out flights do not "
+    "need was left out. Sizes are in units of the profile's K_f; there is no noise floor."
+)
+Says = Callable[[str], None]
+
+
+def applies(recordings: Sequence[Recording]) -> bool:
+    """Whether these logs have to be diagnosed this way."""
+    whole = [r for r in recordings if np.isfinite(r.angle).any(axis=0).all()]
+    return bool(whole) and all(r.profile.controller is None and clock_lies(r) for r in whole)
+
+
+def diagnose_real(
+    train: Sequence[Recording],
+    held: Sequence[Recording],
+    faults: tuple[Fault, ...],
+    *,
+    seed: int = 0,
+    says: Says = lambda sentence: None,
+) -> Diagnosis:
+    """As `heli3dof.diagnosis.diagnose.diagnose`, of recordings whose integrity was checked."""
+    says("Fitting the full physical model to free flights …")
+    full = fit_freeflight(train)
+    found = backward(full.problem, full, seed=seed, says=says)
+    says("Fitting the base simulation in the same way …")
+    base = fit_freeflight(train, ())
+    says("Measuring the gain …")
+    seen = list(held) or list(train)
+    on = "holdout" if held else "the recordings themselves"
+    model = model_of(found.fit, train, "extended")
+    after = Flown.of(model, seen)
+    before = Flown.of(model_of(base, train, "base"), seen)
+    findings = tuple(_finding(found.fit, r, train, after, seen, on, seed) for r in found.kept)
+    dropped = tuple(Dropped(r.term, _without(r, train, after, seen, on, seed)) for r in found.gone)
+    whole = Fitted(
+        None, None, model, gain(before, after, on, seed), None, None,
+        _wrong(seen), dict.fromkeys(AXES), _calibrated(found.fit),
+    )  # fmt: skip
+    left = leftovers(found.fit)
+    about = {
+        "method": "free flights, backwards from the full physical model",
+        "why": WHY,
+        "gain_measured_on": on,
+        "over_3_s": {"before": before.over_deg(), "after": after.over_deg()},
+        "without": {r.term: Flown.of(model_of(r.without, train, ""), seen).over_deg()
+                    for r in found.kept},
+        "by_recording": {
+            name: dict(zip([r.name for r in train], values.tolist(), strict=False))
+            for name, values in found.fit.by_recording.items()
+        },
+        "known_beforehand": sorted(known_beforehand(found.fit.problem)),
+        "explains": explains(found.fit, train),
+        "seed": seed,
+    }  # fmt: skip
+    tied = bool(findings and findings[0].choice.tied_with)
+    verdict = "unexplained" if left else "ambiguous" if tied else "explained"
+    return Diagnosis(
+        tuple(r.name for r in train), tuple(r.name for r in held),
+        verdict if findings else "nothing_found", faults, whole, findings, (), dropped, left,
+        _unseen(found), about,
+    )  # fmt: skip
+
+
+class Flown:
+    """Free flights of a model along recordings: errors, and the cell that each belongs to."""
+
+    def __init__(self, e: np.ndarray, cell: np.ndarray) -> None:
+        self.e = e
+        """(S, M, 3) rad, every `STEP_S` to `OVER_S`"""
+        self.cell = cell
+        """(S,)"""
+
+    @classmethod
+    def of(cls, model: GreyBoxModel, recordings: Sequence[Recording]) -> Flown:
+        every, cells, last = [], [], 0
+        for r in recordings:
+            flight = flight_of(r)
+            ahead = np.array([round(h / r.dt) for h in np.arange(1, 13) * STEP_S])
+            every.append(fly(model, r, ahead))
+            cell = np.floor(flight.t[flight.starts] / CELL_S).astype(int) + last
+            cells.append(cell)
+            last = int(cell.max(initial=last)) + 1
+        return cls(np.concatenate(every), np.concatenate(cells))
+
+    def rmse_deg(self, horizon_s: float, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """(3,) degrees at that horizon"""
+        e = self.e[rows, round(horizon_s / STEP_S) - 1]
+        return np.asarray(np.degrees(np.sqrt(np.nanmean(e**2, axis=0))))
+
+    def over_deg(self) -> dict[str, float]:
+        """By axis over `OVER_S`."""
+        squares = np.vstack([np.zeros((1, 3)), np.nanmean(self.e**2, axis=0)])
+        mean = np.trapezoid(squares, dx=STEP_S, axis=0) / OVER_S
+        return dict(zip(AXES, np.degrees(np.sqrt(mean)).tolist(), strict=True))
+
+
+def fly(model: GreyBoxModel, recording: Recording, ahead: np.ndarray) -> np.ndarray:
+    """(S, M, 3) rad: errors ``ahead`` (M,) rows after each start of `flight_of`."""
+    flight = flight_of(recording)
+    states = filtered(model, recording)[3]
+    with np.errstate(all="ignore"):
+        e = errors(model.structure, model.values, flight, states, ahead, tuple(model.varying))
+    e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
+    e[..., ~flight.free] = np.nan
+    return np.asarray(e)
+
+
+def gain(before: Flown, after: Flown, on: str, seed: int) -> Gain:
+    """On the same flights, 1 s ahead; cells are drawn for the intervals."""
+    two = [dict(zip(AXES, x.rmse_deg(HORIZON_S).tolist(), strict=True)) for x in (before, after)]
+    rng = np.random.default_rng([seed, 5])
+    k = round(HORIZON_S / STEP_S) - 1
+    names = np.unique(before.cell)
+    there = np.isfinite(before.e[:, k])
+    count = np.array([there[before.cell == c].sum(axis=0) for c in names])
+    sums = [
+        np.array([np.nansum(x.e[before.cell == c, k] ** 2, axis=0) for c in names])
+        for x in (before, after)
+    ]
+    drawn = rng.integers(0, len(names), (DRAWS, len(names)))
+    n = np.maximum(count[drawn].sum(axis=1), 1)
+    falls = np.subtract(*[np.degrees(np.sqrt(s[drawn].sum(axis=1) / n)) for s in sums])
+    tail = 50 * (1 - LEVEL)
+    low, high = np.percentile(falls, [tail, 100 - tail], axis=0)
+    won = {
+        a: Interval(two[0][a] - two[1][a], float(low[i]), float(high[i]))
+        for i, a in enumerate(AXES)
+    }
+    return Gain(on, two[0], two[1], won, None, None)
+
+
+def _without(
+    r: Removal, train: Sequence[Recording], after: Flown, seen: Sequence[Recording], on: str,
+    seed: int,
+) -> Gain:  # fmt: skip
+    return gain(Flown.of(model_of(r.without, train, ""), seen), after, on, seed)
+
+
+def _finding(
+    fit: Fit, r: Removal, train: Sequence[Recording], after: Flown, seen: Sequence[Recording],
+    on: str, seed: int,
+) -> Finding:  # fmt: skip
+    (term,) = [t for t in fit.structure.terms if t.name == r.term]
+    values = {
+        f.name.removeprefix(f"{r.term}."): (float(v), float(s))
+        for f, v, s in zip(fit.structure.free, fit.values, fit.std, strict=True)
+        if f.term == r.term
+    }
+    w = r.worse
+    score = (w.value / w.std) ** 2 if w.std > 0 else 0.0
+    choice = Choice(term, score, score, w.positive, r.tied_with, ())
+    return Finding(choice, values, _without(r, train, after, seen, on, seed), fit.noise)
+
+
+def _wrong(recordings: Sequence[Recording]) -> HowWrong:
+    """The simulation as the profile has it."""
+    model = nominal(recordings[0].profile)
+    e = []
+    for r in recordings:
+        e.append(fly(model, r, np.array([max(1, round(h / r.dt)) for h in HORIZONS_S])))
+    rmse = np.degrees(np.sqrt(np.nanmean(np.concatenate(e) ** 2, axis=0)))
+    return HowWrong(tuple(HORIZONS_S), rmse, np.full_like(rmse, np.nan), "nothing: unknown", ())
+
+
+def _calibrated(fit: Fit) -> tuple[Calibrated, ...]:
+    """T_g and the inertias, in units of the profile's K_f."""
+    return tuple(
+        Calibrated(f.name, f.start, float(v), float(s), f.unit)
+        for f, v, s in zip(fit.structure.free[:4], fit.values, fit.std, strict=False)
+    )
+
+
+def _unseen(found: Backward) -> tuple[str, ...]:
+    """What went although nothing else took its place: these recordings do not show it."""
+    tied = {t for r in found.kept for t in r.tied_with}
+    varying = {v.rpartition(".")[0] for v in VARYING}
+    return tuple(r.term for r in found.gone if r.term not in tied | varying)

@@ -1,0 +1,65 @@
+"""Backward selection: the arithmetic of blocks, cells and intervals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.backward import (
+    BLOCK_S,
+    WINDOW_S,
+    from_climbs_end,
+    halves,
+    interval,
+    known_beforehand,
+)
+from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
+from heli3dof.model.greybox_windows import Flight
+from tests.identification.known_flights import fly
+
+
+def flight(seconds: float, dt: float = 0.01) -> Flight:
+    t = np.arange(0, seconds, dt)
+    n = len(t)
+    starts = np.arange(0, n - round(WINDOW_S / dt), 20)
+    return Flight(
+        t, np.full(n, dt), np.zeros((n, 2)), np.zeros((n, 3)), np.ones(3, bool), -np.inf, starts
+    )
+
+
+def test_no_window_that_is_fitted_shares_a_sample_with_one_that_is_tested() -> None:
+    f = flight(30.0)
+    train, test = halves(f, 0)
+
+    def rows(g: Flight) -> set[int]:
+        n = round(WINDOW_S / g.dt)
+        return {int(r) for k in g.starts for r in range(k, k + n)}
+
+    assert len(train.starts)
+    assert len(test.starts)
+    assert not rows(train) & rows(test)
+    assert {int(f.t[k] // BLOCK_S) % 2 for k in test.starts} == {0}
+
+
+def test_a_term_is_needed_where_every_cell_says_so_and_not_where_they_disagree() -> None:
+    assert interval(np.array([1.0, 2.0, 1.5, 0.5, 1.2]), 1).kept
+    torn = interval(np.array([3.0, -3.0, 2.0, -2.0, 0.1]), 1)
+    assert not torn.kept
+    assert torn.value == pytest.approx(0.02)
+    assert torn.low < 0 < torn.high
+
+
+def test_thrust_that_grows_with_the_square_is_known_beforehand_and_a_friction_is_not() -> None:
+    known = known_beforehand(problem_of([fly(1022).recording.between(0, 25)], REAL_TERMS))
+    assert "motor.rotor_curve" in known
+    assert not any(k.startswith("friction") for k in known)
+
+
+def test_the_filter_starts_anew_at_a_climbs_end() -> None:
+    recording = fly(1022).recording.between(0, 25)
+    data = problem_of([recording], REAL_TERMS).data[0]
+    lead, start, stop = data.blocks[0]
+    split = from_climbs_end(data, int(start) + 100)
+    assert split.blocks[:2].tolist() == [[lead, start, start + 100], [lead, start + 100, stop]]
+    assert len(split.free) == len(split.blocks)
+    assert from_climbs_end(data, int(start)).blocks.tolist() == data.blocks.tolist()

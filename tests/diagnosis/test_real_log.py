@@ -1,0 +1,81 @@
+"""The diagnosis of logs whose clock lies: what it says of a real rig, from a quick fit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import heli3dof as h3
+from heli3dof.diagnosis.real_explains import explains, hover_voltage, steady
+from heli3dof.diagnosis.real_leftover import _judged
+from heli3dof.diagnosis.real_log import Flown, applies, gain
+from heli3dof.identification.greybox.freeflight import problem_of
+from heli3dof.identification.greybox.multistep import Fitted, search
+from heli3dof.identification.greybox.weak_form import weak_start
+from heli3dof.recording.recording import Recording
+from tests.identification.known_flights import fly
+from tests.paths import REAL_DATA
+
+RIG_A = REAL_DATA / "rig-a"
+
+
+@pytest.fixture(scope="module")
+def real() -> Recording:
+    if not RIG_A.is_dir():
+        pytest.skip("the real recordings are not here")
+    return h3.load(RIG_A / "closed-1a.csv", h3.load_profile(RIG_A / "profile.toml"))
+
+
+@pytest.fixture(scope="module")
+def quick(real: Recording) -> Fitted:
+    problem = problem_of([real])
+    return search(problem, weak_start(problem), stages_s=((0.25, 0.5, 1.0),), rounds=2)
+
+
+def test_a_mock_flight_is_diagnosed_by_its_likelihood() -> None:
+    assert not applies([fly(1022).recording.between(0, 10)])
+
+
+def test_a_real_log_is_diagnosed_from_free_flights(real: Recording) -> None:
+    assert applies([real])
+
+
+def test_more_voltage_is_needed_the_higher_the_arm_hangs(quick: Fitted) -> None:
+    """rig-a: about 9.6 V at +10° and 8.5 V at −10°, by its owners."""
+    low, high = hover_voltage(quick, -10), hover_voltage(quick, 10)
+    assert 6.5 < low < 9.0 < high < 11.0
+
+
+def test_steady_rows_are_flown_and_not_on_the_table(real: Recording) -> None:
+    rows = steady(real)
+    assert len(rows) > 500
+    assert rows[:, 0].min() > -20
+    assert 6 < rows[:, 2].mean() < 12
+
+
+def test_what_people_see_on_the_rig_is_explained(quick: Fitted, real: Recording) -> None:
+    said = " ".join(explains(quick, [real]))
+    for cause in ("encoder.offset.pitch", "stiffness.pendulum.roll", "motor.rotor_curve"):
+        assert cause in said
+
+
+def test_a_gain_is_the_difference_of_two_rms_errors() -> None:
+    """Half the error everywhere: 2° less 1°, and the interval is a point."""
+    e = np.full((40, 12, 3), np.radians(2.0))
+    cell = np.arange(40) // 4
+    g = gain(Flown(e, cell), Flown(e / 2, cell), "holdout", 0)
+    for won in g.rmse_deg.values():
+        assert won is not None
+        assert won.value == pytest.approx(1.0)
+        assert won.low == pytest.approx(1.0)
+    assert g.log_likelihood is None
+
+
+def test_structure_is_seen_on_spans_that_the_curve_has_not_seen_and_noise_is_not() -> None:
+    rng = np.random.default_rng(1001)
+    z, t = rng.standard_normal(300), np.arange(300) * 0.4
+    noise = rng.standard_normal(300)
+    share, low, _ = _judged(2 * np.abs(z) + noise, z, t)
+    assert share > 0.3
+    assert low > 0
+    assert _judged(noise, z, t)[0] < 0.1
