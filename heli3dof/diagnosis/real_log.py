@@ -11,6 +11,7 @@ base is the rigid body refitted in the same way. There is no noise floor: nobody
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -195,8 +196,21 @@ def _finding(
     }
     w = r.worse
     score = (w.value / w.std) ** 2 if w.std > 0 else 0.0
-    choice = Choice(term, score, score, w.positive, r.tied_with, ())
+    choice = Choice(term, score, score, min(w.positive, _apart(fit, r.term)), r.tied_with, ())
     return Finding(choice, values, _without(r, train, after, seen, on, seed), fit.noise)
+
+
+def _apart(fit: Fit, name: str) -> float:
+    """How sure its first number is another than its absence; 1 where it differs by recording.
+
+    Blocks left out may want a term whose size they leave open: then it is not sure to be there.
+    """
+    for f, v, s in zip(fit.structure.free, fit.values, fit.std, strict=True):
+        if f.term == name:
+            if f.log or f.name in VARYING or not s > 0:
+                return 1.0
+            return math.erf(abs(float(v) - f.null) / (float(s) * math.sqrt(2)))
+    return 1.0
 
 
 def _wrong(recordings: Sequence[Recording]) -> HowWrong:
