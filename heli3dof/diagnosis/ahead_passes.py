@@ -21,9 +21,8 @@ from heli3dof.model import kalman, rigid_body, rotor, stepping
 from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
 from heli3dof.model.kalman import grow
-from heli3dof.model.rigid_body import accelerations
 from heli3dof.model.rotor import thrusts
-from heli3dof.model.stepping import readings, setup
+from heli3dof.model.stepping import coast, readings, setup
 
 R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
 STEP_S = 0.02
@@ -73,22 +72,7 @@ def _roll_on(  # type: ignore[no-untyped-def]
                         c += 1
                     d = t[c] - t[a]
                     s[T] = t[a]
-                    for i in range(2):
-                        s[F_FRONT + i] = (mean[c, i] - mean[a, i]) / d
-                        s[V_FRONT + i] = V[a, i]
-                    for i in range(3):
-                        s[R + i] = x[i] + 0.5 * d * x[3 + i]
-                        s[R + 3 + i] = x[3 + i]
-                    accelerations(s, first, address, par, mem, axes, w[0], w[1], w[2])
-                    # The rate at the middle, for what depends on it.
-                    for i in range(3):
-                        s[R + 3 + i] = x[3 + i] + 0.5 * d * w[2, i]
-                    for i in range(2):
-                        s[F_FRONT + i] = (mean[c, i] - mean[a, i]) / d
-                    accelerations(s, first, address, par, mem, axes, w[0], w[1], w[2])
-                    for i in range(3):
-                        x[i] += d * x[3 + i] + 0.5 * d * d * w[2, i]
-                        x[3 + i] += d * w[2, i]
+                    coast(s, x, a, c, d, mean, V, first, address, par, mem, axes, w)
                     a = c
                 readings(s, x, first, address, par, mem, m, slope)
                 for i in range(3):
@@ -100,7 +84,7 @@ roll_on = compiled(
     _roll_on,
     calls=(
         rigid_body._accelerations, rigid_body._body_accelerations, rotor._thrusts, rotor._aim,
-        rotor._lagged, stepping._readings, stepping._setup,
+        rotor._lagged, stepping._readings, stepping._coast, stepping._setup,
     ),
     error_model="numpy",
     nogil=True,

@@ -30,9 +30,8 @@ from heli3dof.model.filtering import (
 from heli3dof.model.instants import follow, positions
 from heli3dof.model.kalman import filter_blocks
 from heli3dof.model.rig_model import Structure
-from heli3dof.model.rigid_body import accelerations
 from heli3dof.model.rotor import thrusts
-from heli3dof.model.stepping import readings, setup
+from heli3dof.model.stepping import coast, readings, setup
 from heli3dof.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -63,22 +62,7 @@ def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, strid
             b = min(a + stride, k + n)
             h = t[b] - t[a]
             s[T], s[STEPPED] = t[a], 1.0
-            for i in range(2):
-                s[F_FRONT + i] = (mean[b, i] - mean[a, i]) / h
-                s[V_FRONT + i] = V[a, i]
-            for i in range(3):
-                s[R + i] = x[i] + 0.5 * h * x[3 + i]
-                s[R + 3 + i] = x[3 + i]
-            accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
-            # The rate at the middle, for what depends on it.
-            for i in range(3):
-                s[R + 3 + i] = x[3 + i] + 0.5 * h * w[2, i]
-            for i in range(2):
-                s[F_FRONT + i] = (mean[b, i] - mean[a, i]) / h
-            accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
-            for i in range(3):
-                x[i] += h * x[3 + i] + 0.5 * h * h * w[2, i]
-                x[3 + i] += h * w[2, i]
+            coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w)
             w[3, 0] = w[3, 1] = w[3, 2] = 0.0
             settle(s, x, h, first, address, par, mem, free, w)
             if x[0] < low:
@@ -99,6 +83,7 @@ _roll_compiled = compiled(
         rigid_body._accelerations,
         rigid_body._body_accelerations,
         stepping._readings,
+        stepping._coast,
         dry_friction._settle,
     ),
     error_model="numpy",

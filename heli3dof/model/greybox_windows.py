@@ -22,8 +22,7 @@ from heli3dof.model.dry_friction import settle
 from heli3dof.model.greybox_predict import STEP_S, impulse
 from heli3dof.model.instants import positions
 from heli3dof.model.rig_model import Structure
-from heli3dof.model.rigid_body import accelerations
-from heli3dof.model.stepping import readings, setup
+from heli3dof.model.stepping import coast, readings, setup
 
 R, T, F_FRONT, V_FRONT, STEPPED = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.STEPPED
 
@@ -48,21 +47,7 @@ def _windows(  # type: ignore[no-untyped-def]
                 b = min(a + stride, end)
                 h = t[b] - t[a]
                 s[T], s[STEPPED] = t[a], 1.0
-                for q in range(2):
-                    s[F_FRONT + q] = (mean[b, q] - mean[a, q]) / h
-                    s[V_FRONT + q] = V[a, q]
-                for q in range(3):
-                    s[R + q] = x[q] + 0.5 * h * x[3 + q]
-                    s[R + 3 + q] = x[3 + q]
-                accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
-                for q in range(3):
-                    s[R + 3 + q] = x[3 + q] + 0.5 * h * w[2, q]
-                for q in range(2):
-                    s[F_FRONT + q] = (mean[b, q] - mean[a, q]) / h
-                accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
-                for q in range(3):
-                    x[q] += h * x[3 + q] + 0.5 * h * h * w[2, q]
-                    x[3 + q] += h * w[2, q]
+                coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w)
                 w[3, 0] = w[3, 1] = w[3, 2] = 0.0
                 settle(s, x, h, first, address, par, mem, free, w)
                 if x[0] < low:
@@ -78,7 +63,10 @@ def _windows(  # type: ignore[no-untyped-def]
 _windows_compiled = compiled(
     _windows,
     calls=(
-        rigid_body._accelerations, rigid_body._body_accelerations, stepping._readings,
+        rigid_body._accelerations,
+        rigid_body._body_accelerations,
+        stepping._readings,
+        stepping._coast,
         dry_friction._settle,
     ),
     error_model="numpy",

@@ -103,6 +103,33 @@ glide = compiled(
 )  # fmt: skip
 
 
+def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
+    """x (6,) over the h s from row a to row b at once, by the midpoint rule, dry friction aside.
+
+    ``mean`` (N + 1, 2) N·s is the thrusts' running integral: their mean over the step counts.
+    """
+    s[V_FRONT], s[V_FRONT + 1] = V[a, 0], V[a, 1]
+    for half in range(2):
+        for m in range(2):  # each time anew: effects change them in place
+            s[F_FRONT + m] = (mean[b, m] - mean[a, m]) / h
+        for i in range(3):
+            if half == 0:
+                s[R + i] = x[i] + 0.5 * h * x[3 + i]
+                s[R + 3 + i] = x[3 + i]
+            else:  # the rate at the middle, for what depends on it
+                s[R + 3 + i] = x[3 + i] + 0.5 * h * w[2, i]
+        accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
+    for i in range(3):
+        x[i] += h * x[3 + i] + 0.5 * h * h * w[2, i]
+        x[3 + i] += h * w[2, i]
+
+
+coast = compiled(
+    _coast, calls=(rigid_body._accelerations, rigid_body._body_accelerations),
+    leaf=True, error_model="numpy",
+)  # fmt: skip
+
+
 def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
     """What the encoders should read, (3,) rad into m, and ∂m_i/∂q_i into ``slope``.
 
