@@ -7,7 +7,7 @@
 3. Causes one by one by full fits (`heli3dof.diagnosis.select`); after each, its own correction,
    nulls and screen anew. Then backwards: what the others made superfluous goes.
 4. What it gains on data not seen, against the base refitted; what does not pay goes.
-5. What is left and has no name; names that only stood in for it go (`proxies`).
+5. What is left and has no name; names that only stood in for it go (`unnamed`).
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from collections.abc import Callable, Sequence
 from heli3dof.diagnosis.calibration import off_nominal
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.integrity import Kind, integrity
-from heli3dof.diagnosis.leftover import Leftover, examined
+from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.measured import adopted, fitted
-from heli3dof.diagnosis.proxies import doubted, named_like, stand_ins
+from heli3dof.diagnosis.proxies import still_off
 from heli3dof.diagnosis.real_log import applies, diagnose_real
-from heli3dof.diagnosis.result import STANDS_IN, Diagnosis, Dropped, Finding
+from heli3dof.diagnosis.result import Diagnosis, Finding
 from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import (
     BASES,
@@ -32,9 +32,8 @@ from heli3dof.diagnosis.steps import (
     eliminated,
     extended,
     looked_at,
-    settled_again,
-    without,
 )
+from heli3dof.diagnosis.unnamed import Settled, unnamed
 from heli3dof.diagnosis.workers import watched
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.recording.recording import Recording
@@ -103,23 +102,10 @@ def _diagnosed(
     found, findings, dropped, after = adopted(found, taken, held, seed=seed)
     clock.start("left", "Looking for what has no name …")
     again = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
-    left, beside_it = examined(found, train, flights=again, seed=seed)
-    posing = stand_ins(findings, found, left, beside_it)
-    if posing:
-        kept = [f.choice for f in findings if f.choice.term.name not in posing]
-        gains = {f.choice.term.name: f.gain for f in findings}
-        dropped += tuple(Dropped(n, gains[n], STANDS_IN) for n in posing)
-        for f in findings:
-            if f.choice.term.name in posing:
-                found = without(found, f.choice.term)
-        found, findings, poor, after = adopted(settled_again(bench, found), kept, held, seed=seed)
-        dropped += poor
-        left, beside_it = examined(found, train, flights=again, seed=seed)
-        left = named_like(left, posing)
-    findings = doubted(findings, found, left, beside_it)
+    last = unnamed(bench, Settled(found, findings, dropped, after), held, flights=again)
     clock.start("gain", "Measuring the gain on what was not seen …")
-    whole = fitted(least, found, after, train, held, seed=seed)
-    off = off_nominal(found)
+    whole = fitted(least, last.found, last.after, train, held, seed=seed)
+    off = still_off(off_nominal(last.found), last.found, last.left, last.held)
     clock.stop()
     about = {
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
@@ -128,8 +114,8 @@ def _diagnosed(
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
     return Diagnosis(
-        *names, _verdict(findings, [*sized, *off], left), faults, whole, findings, off, dropped,
-        left, first.unseen, about,
+        *names, _verdict(last.findings, [*sized, *off], last.left), faults, whole,
+        last.findings, off, last.dropped, last.left, first.unseen, about,
     )  # fmt: skip
 
 

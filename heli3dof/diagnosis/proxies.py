@@ -19,7 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.leftover import Held, Leftover
+from heli3dof.diagnosis.calibration import Off, off_nominal
+from heli3dof.diagnosis.leftover import Leftover
+from heli3dof.diagnosis.leftover_evidence import Held
 from heli3dof.diagnosis.result import Finding
 from heli3dof.identification.greybox.estimate import Estimate
 
@@ -54,7 +56,7 @@ class Beside:
 def beside(found: Estimate, held: Held) -> tuple[Beside, ...]:
     """Every term of the fit, beside what is ``held`` after its leftovers were taken."""
     n = len(found.optimum.theta)
-    g = held.g if not len(held.g_null) else held.g - held.g_null.mean(axis=0)
+    g = centred(held)
     inverse = np.linalg.pinv(held.A, hermitian=True)
     alone = np.linalg.inv(held.A[:n, :n])
     step, step_alone = inverse @ g, alone @ g[:n]
@@ -87,6 +89,28 @@ def doubted(
     """The findings, those that the leftovers make unsure as "…-like"."""
     unsure = {b.name for b in beside(found, held) if b.unsure} if left else set()
     return tuple(replace(f, like=f.choice.term.name in unsure) for f in findings)
+
+
+def still_off(
+    off: Sequence[Off], found: Estimate, left: Sequence[Leftover], held: Held | None
+) -> tuple[Off, ...]:
+    """Of the base's own parameters that are off nominal those that are off beside ``left`` too.
+
+    They stand in for a torque without a name as a term does, and no test asks whether they may: an
+    inertia swallows a torque that comes and goes with the acceleration. So they are asked again
+    after the same Gauss–Newton step.
+    """
+    if not left or held is None:
+        return tuple(off)
+    o = found.optimum
+    theta = o.theta + (np.linalg.pinv(held.A, hermitian=True) @ centred(held))[: len(o.theta)]
+    there = {b.term.name for b in off_nominal(replace(found, optimum=replace(o, theta=theta)))}
+    return tuple(a for a in off if a.term.name in there)
+
+
+def centred(held: Held) -> np.ndarray:
+    """(p,) g − ḡ"""
+    return held.g if not len(held.g_null) else held.g - held.g_null.mean(axis=0)
 
 
 def named_like(left: Sequence[Leftover], names: Sequence[str]) -> tuple[Leftover, ...]:

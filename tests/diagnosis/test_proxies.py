@@ -9,7 +9,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.leftover import Held, Leftover
+from heli3dof.diagnosis.leftover import Leftover
+from heli3dof.diagnosis.leftover_evidence import Held
 from heli3dof.diagnosis.proxies import Beside, beside, named_like
 from heli3dof.identification.greybox.estimate import Estimate
 
