@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.leftover_nulls import Scored, simulated
 from heli3dof.diagnosis.nulls import loop_is_known
 from heli3dof.diagnosis.torque import Trail, trail
@@ -94,7 +95,8 @@ def evidence(
     flight = trail(found)
     library = hats(flight, np.flatnonzero(found.problem.data.axes))
     null = None
-    if loop_is_known(recordings):
+    flies = not isinstance(found, Corrected) or found.scatter is not None
+    if flies and loop_is_known(recordings):
         flights = max(flights, LEAST_FLIGHTS)
         null = simulated(found, recordings, library, flights=flights, seed=seed)
     held = Held.base(found, flight, null)
