@@ -187,12 +187,12 @@ def judge(
         Sn = _statistic(others[:, q] @ E, V_E)
         if null is not None:
             kappa[q] = max(float(Sn.mean()) / rank, 1.0)
-            x_null[:, q] = _scaled(Sn / kappa[q], rank)
+            x_null[:, q] = scaled(Sn / kappa[q], rank)
             kappa[q] = max(kappa[q], distrust)
         else:
             m = len(others)
             kappa[q] = max(float(Sn.sum()) / rank * m / max(m - KNOTS, 1), 1.0)
-        x[q] = _scaled(S / kappa[q], rank)[0]
+        x[q] = scaled(S / kappa[q], rank)[0]
     if null is not None:
         largest = x_null.max(axis=1)
         scale = max(float(np.sqrt(6) * largest.std(ddof=1) / np.pi), 2.0)
@@ -220,7 +220,7 @@ def _statistic(u: np.ndarray, V: np.ndarray) -> np.ndarray:
     return np.asarray(np.einsum("bi,bi->b", u, np.linalg.solve(V, u.T).T))
 
 
-def _scaled(S: np.ndarray, rank: int) -> np.ndarray:
+def scaled(S: np.ndarray, rank: int) -> np.ndarray:
     """x = −2 ln P(χ²_rank > S)"""
     from scipy.stats import chi2
 
@@ -244,7 +244,7 @@ def _describe(flight: Trail, library: Hats, judged: Judged, best: int) -> Leftov
     return Leftover(
         AXES[axis],
         name,
-        _share(flight.torque[rows, axis], f, flight.data.h[rows]),
+        share_of(flight.torque[rows, axis], f, flight.data.h[rows]),
         tuple((float(z), float(v)) for z, v in zip(library.knots[m], torque, strict=True)),
         tuple(float(v) for v in std),
         float(judged.x[best]),
@@ -253,7 +253,7 @@ def _describe(flight: Trail, library: Hats, judged: Judged, best: int) -> Leftov
     )
 
 
-def _share(torque: np.ndarray, f: np.ndarray, h: np.ndarray) -> float:
+def share_of(torque: np.ndarray, f: np.ndarray, h: np.ndarray) -> float:
     """1 − var(τ̂ − f)/var(τ̂) of averages over `WINDOW_S`; not below zero."""
     every = max(1, round(WINDOW_S / float(np.median(h))))
     n = len(f) // every

@@ -32,6 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.leftover import Leftover, scaled, share_of
 from heli3dof.diagnosis.leftover_evidence import Evidence, told
 from heli3dof.identification.greybox.estimate import Estimate
 
@@ -117,6 +118,46 @@ def away(found: Estimate) -> np.ndarray:
             seen.add(f.term)
             d[j] = (float(v) - f.null) / f.slope(float(v))
     return d
+
+
+def as_leftover(seen: Evidence, best: Rival) -> Leftover:
+    """The free form itself, as it is where the names are absent: what is left beside no name.
+
+    Its share is of the residual torque that it leaves and its own together; its confidence the odds
+    of it against the names, both as likely before: 1/(1 + exp(−better/2)).
+    """
+    null, held, library, flight = seen.null, seen.held, seen.library, seen.flight
+    assert null is not None
+    axis = AXES.index(best.axis)
+    q = library.groups.index((axis, best.depends_on))
+    c = library.columns(q)
+    gone = np.array([f.term in best.names for f in seen.found.free])
+    d = away(seen.found) * gone
+    g = held.g - held.g_null.mean(axis=0) + held.A @ d
+    u = (seen.sums.u - null.u.mean(axis=0))[c] + seen.sums.cross[:, c].T @ d
+    X = seen.sums.cross[~gone][:, c]
+    solved = np.linalg.solve(held.A[np.ix_(~gone, ~gone)], X)
+    V = seen.sums.V[q] - X.T @ solved
+    E = told(V, seen.sums.V[q])
+    inverse = E @ np.linalg.inv(E.T @ V @ E) @ E.T
+    torque = inverse @ (u - solved.T @ g[~gone])
+    m = library.variables.index(best.depends_on)
+    left, part = (a[:, m] for a in library.place(flight))
+    rows = flight.flown & np.isfinite(flight.torque[:, axis])
+    f = (torque[left] * (1 - part) + torque[left + 1] * part)[rows]
+    rest = flight.torque[rows, axis]
+    return Leftover(
+        best.axis,
+        best.depends_on,
+        share_of(rest + f - f.mean(), f - f.mean(), flight.data.h[rows]),
+        tuple(
+            (float(z), float(v)) for z, v in zip(library.knots[m], torque - f.mean(), strict=True)
+        ),
+        tuple(float(v) for v in np.sqrt(np.diag(inverse))),
+        float(scaled(np.array([best.free - best.named]), best.rank)[0]),
+        float(1 / (1 + np.exp(-min(best.better, 200.0) / 2))),
+        like=f"{best.names[0]}-like",
+    )
 
 
 def won(

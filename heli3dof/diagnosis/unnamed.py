@@ -17,7 +17,7 @@ from heli3dof.diagnosis.leftover_evidence import Held, evidence
 from heli3dof.diagnosis.measured import adopted
 from heli3dof.diagnosis.proxies import doubted, named_like, stand_ins
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
-from heli3dof.diagnosis.rivals import rival
+from heli3dof.diagnosis.rivals import as_leftover, rival
 from heli3dof.diagnosis.steps import Bench, settled_again, without
 from heli3dof.recording.recording import Recording
 
@@ -37,28 +37,38 @@ class Settled:
 
 def unnamed(bench: Bench, start: Settled, holdout: Sequence[Recording], *, flights: int) -> Settled:
     """``start`` is what was adopted; ``flights``: simulated nulls of each look."""
-    now, posed, doubtful = start, list[str](), set[str]()
-    before = start
+    now, posed = start, list[str]()
+    first: tuple[tuple[Leftover, ...], Held] | None = None
     while True:
-        names = [f.choice.term.name for f in now.findings if not f.choice.term.effect.within]
         seen = evidence(now.found, bench.recordings, flights=flights, seed=bench.seed)
-        best = rival(seen, [n for n in names if n not in doubtful])
-        if best is not None:
-            posing = best.names
-        else:
-            left, held = taken(seen)
-            posing = stand_ins(now.findings, now.found, left, held)
+        best = rival(seen, named(now.findings))
+        left, held = taken(seen) if best is None else ((as_leftover(seen, best),), seen.held)
+        posing = best.names if best else stand_ins(now.findings, now.found, left, held)
         if not posing:
-            if posed and not left:  # a stand-in for nothing: say the names, but not as sure
-                now, doubtful, posed = before, {*doubtful, *posed}, []
-                continue
-            findings = doubted(now.findings, now.found, left, held)
-            findings = tuple(
-                replace(f, like=f.like or f.choice.term.name in doubtful) for f in findings
-            )
-            return replace(now, findings=findings, left=named_like(left, posed), held=held)
+            break
+        first = first or (left, held)
         posed += posing
         now = _less(bench, now, posing, holdout)
+    if first and not left:
+        return _uncertain(start, *first, posed)
+    findings = doubted(now.findings, now.found, left, held)
+    return replace(now, findings=findings, left=named_like(left, posed), held=held)
+
+
+def named(findings: Sequence[Finding]) -> list[str]:
+    """The names that may be stand-ins: not what a simpler base leaves out."""
+    return [f.choice.term.name for f in findings if not f.choice.term.effect.within]
+
+
+def _uncertain(
+    start: Settled, left: tuple[Leftover, ...], held: Held, posed: Sequence[str]
+) -> Settled:
+    """Where without the names nothing can be seen to be left (too little holds the fit then):
+    both are told, and the names are not sure."""
+    findings = tuple(
+        replace(f, like=True) if f.choice.term.name in posed else f for f in start.findings
+    )
+    return replace(start, findings=findings, left=named_like(left, posed), held=held)
 
 
 def _less(
