@@ -9,10 +9,14 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.calibration import off_nominal
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.leftover_evidence import Held
-from heli3dof.diagnosis.proxies import Beside, beside, named_like
+from heli3dof.diagnosis.proxies import Beside, beside, named_like, still_off
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.identification.greybox.method import fit_greybox
 
 
 def fit(value: float) -> Estimate:
@@ -63,3 +67,22 @@ def test_the_leftover_says_whose_place_it_took_unless_it_is_like_another() -> No
     already = replace(left, like="friction.viscous.yaw-like")
     assert named_like([already], ["drag.quadratic.yaw"]) == (already,)
     assert named_like([left], []) == (left,)
+
+
+def test_an_inertia_that_is_right_again_beside_what_is_left_is_no_finding() -> None:
+    device = "mock:?speed=max"
+    flight = fly_plan(load_plan("rich"), device=device, seed=1305).recording.between(0.0, 20.0)
+    found = fit_greybox(flight, ())
+    swollen = found.optimum.theta + np.array([0.0, np.log(1.5), 0.0, 0.0])  # of ln J_roll
+    found = replace(found, optimum=replace(found.optimum, theta=swollen))
+    off = off_nominal(found)
+    assert [o.term.name for o in off] == ["inertia.roll"]
+    left = [Leftover("roll", "yaw", 0.5, (), (), 100.0, 1.0)]
+    A = np.diag(np.full(4, 100.0))
+    none = np.zeros((0, 4))
+    # By hand: δ = g/100 = −ln 1.5.
+    back = Held(np.zeros((4, 0)), A, np.array([0.0, -100 * np.log(1.5), 0.0, 0.0]), none)
+    assert still_off(off, found, left, back) == ()
+    stays = Held(np.zeros((4, 0)), A, np.zeros(4), none)
+    assert still_off(off, found, left, stays) == off
+    assert still_off(off, found, [], back) == off
