@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from heli3dof.diagnosis.calibration import off_nominal
 from heli3dof.diagnosis.corrected import Corrected
@@ -105,7 +106,8 @@ def _diagnosed(
     last = unnamed(bench, Settled(found, findings, dropped, after), held, flights=again)
     clock.start("gain", "Measuring the gain on what was not seen …")
     whole = fitted(least, last.found, last.after, train, held, seed=seed)
-    off = still_off(off_nominal(last.found), last.found, last.left, last.held)
+    off = off_nominal(last.found) if last.sure else ()
+    off = still_off(off, last.found, last.left, last.held)
     clock.stop()
     about = {
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
@@ -134,8 +136,12 @@ def causes(
         steps.append(step)
         if step.choice is None:
             break
+        wider = extended(bench, step.choice)
+        if wider.scatter is None and found.scatter is not None:  # a rig that cannot be flown
+            steps[-1] = replace(step, choice=None)
+            break
         clock.says(f"Found {step.choice.term.name}.")
-        found = extended(bench, step.choice)
+        found = wider
         if not step.choice.term.effect.within:  # what a simpler base lacks is no cause in the rig
             left -= 1
             if step.choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing

@@ -33,7 +33,8 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.leftover import Leftover, scaled, share_of
-from heli3dof.diagnosis.leftover_evidence import Evidence, told
+from heli3dof.diagnosis.leftover_evidence import Evidence, Held, told
+from heli3dof.diagnosis.torque_hats import forward
 from heli3dof.identification.greybox.estimate import Estimate
 
 SPREAD = 6.0
@@ -158,6 +159,17 @@ def as_leftover(seen: Evidence, best: Rival) -> Leftover:
         float(1 / (1 + np.exp(-min(best.better, 200.0) / 2))),
         like=f"{best.names[0]}-like",
     )
+
+
+def held_with(seen: Evidence, best: Rival) -> Held:
+    """What is held once the free form is taken beside the names."""
+    q = seen.library.groups.index((AXES.index(best.axis), best.depends_on))
+    c = seen.library.columns(q)
+    X, V = seen.sums.cross[:, c], seen.sums.V[q]
+    P = told(V - X.T @ np.linalg.solve(seen.held.A, X), V)
+    columns = np.arange(c.start, c.stop)
+    D = forward(seen.library, seen.flight, seen.held.tangents, columns).traces
+    return seen.held.wider(seen.flight, D, P, columns, seen.null)
 
 
 def won(

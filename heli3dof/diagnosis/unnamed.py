@@ -17,7 +17,7 @@ from heli3dof.diagnosis.leftover_evidence import Held, evidence
 from heli3dof.diagnosis.measured import adopted
 from heli3dof.diagnosis.proxies import doubted, named_like, stand_ins
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
-from heli3dof.diagnosis.rivals import as_leftover, rival
+from heli3dof.diagnosis.rivals import as_leftover, held_with, rival
 from heli3dof.diagnosis.steps import Bench, settled_again, without
 from heli3dof.recording.recording import Recording
 
@@ -33,17 +33,25 @@ class Settled:
     left: tuple[Leftover, ...] = ()
     held: Held | None = None
     """The fit's coordinates and the leftovers"""
+    sure: bool = True
+    """False where nothing in the fit is: neither its names nor the base's numbers"""
 
 
 def unnamed(bench: Bench, start: Settled, holdout: Sequence[Recording], *, flights: int) -> Settled:
     """``start`` is what was adopted; ``flights``: simulated nulls of each look."""
+    if start.found.scatter is None:  # it may fly now that something was not adopted
+        start = replace(start, found=settled_again(bench, start.found))
     now, posed = start, list[str]()
     first: tuple[tuple[Leftover, ...], Held] | None = None
     while True:
         seen = evidence(now.found, bench.recordings, flights=flights, seed=bench.seed)
         best = rival(seen, named(now.findings))
-        left, held = taken(seen) if best is None else ((as_leftover(seen, best),), seen.held)
-        posing = best.names if best else stand_ins(now.findings, now.found, left, held)
+        if best is None:
+            left, held = taken(seen)
+            posing = stand_ins(now.findings, now.found, left, held)
+        else:
+            left, held = (as_leftover(seen, best),), held_with(seen, best)
+            posing = best.names
         if not posing:
             break
         first = first or (left, held)
@@ -64,11 +72,9 @@ def _uncertain(
     start: Settled, left: tuple[Leftover, ...], held: Held, posed: Sequence[str]
 ) -> Settled:
     """Where without the names nothing can be seen to be left (too little holds the fit then):
-    both are told, and the names are not sure."""
-    findings = tuple(
-        replace(f, like=True) if f.choice.term.name in posed else f for f in start.findings
-    )
-    return replace(start, findings=findings, left=named_like(left, posed), held=held)
+    both are told, and neither a name nor a number is sure."""
+    findings = tuple(replace(f, like=True) for f in start.findings)
+    return replace(start, findings=findings, left=named_like(left, posed), held=held, sure=False)
 
 
 def _less(
