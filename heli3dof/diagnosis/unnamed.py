@@ -1,6 +1,6 @@
 """What has no name, and names that only stood in for it: looked for in turns until both settle.
 
-First each set of names competes with one free-form torque (`heli3dof.diagnosis.rivals`), then the
+First each set of names competes with one free-form torque (`heli3dof.diagnosis.competition`), then the
 torques that are left are looked for (`leftover`), then names that lose their size beside them
 (`proxies`). Names that stood in go, the others are settled and measured again, and so is the rest.
 """
@@ -17,7 +17,7 @@ from heli3dof.diagnosis.leftover_evidence import Held, evidence
 from heli3dof.diagnosis.measured import adopted
 from heli3dof.diagnosis.proxies import doubted, named_like, stand_ins
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
-from heli3dof.diagnosis.rivals import as_leftover, held_with, rival
+from heli3dof.diagnosis.competition import as_leftover, held_with, rival
 from heli3dof.diagnosis.steps import Bench, settled_again, without
 from heli3dof.recording.recording import Recording
 
