@@ -1,11 +1,12 @@
 """What a fitted rig does not explain of its recordings: told beside the causes, with numbers.
 
-Take-off, of which nothing is fitted. From the last row on the table the rig runs free to the end of
+Take-off, of which nothing is fitted. From the last row on the table roll runs free to the end of
 the climb, once with rotors at rest in the file's first row and once at the speed that its voltages
-would keep: what they did before the file begins lies between, or nothing of this sort explains it.
-From `SPUN_UP_S` after lift-off the rotors have forgotten how they began; from there on the mean of
-p̈ and of what the model says along the measured path, by the weak form
-(`heli3dof.identification.greybox.weak_form`), are told as well.
+would keep: what they did before the file begins decides between. From `SPUN_UP_S` after lift-off
+they have forgotten it. From there on the mean of p̈, by the weak form
+(`heli3dof.identification.greybox.weak_form`), is held beside the mean of what the model says along
+the measured path, with the deviation that the parameters' covariance gives it; it is told where
+they are more than `SURELY` deviations apart.
 
 A constant voltage V on both motors, read on roll alone: where the arm stands early and late
 (`EARLY_S`, `LATE_S`) and where the model says it stands at once,
@@ -25,7 +26,7 @@ import numpy as np
 
 from heli3dof.diagnosis.real_explains import arm_torque, settles_at
 from heli3dof.identification.greybox.multistep import Fitted
-from heli3dof.identification.greybox.weak_form import SPANS_S, log_of, residuals
+from heli3dof.identification.greybox.weak_form import DIFFERENCE, SPANS_S, log_of, residuals
 from heli3dof.model.filtering import climb_rows
 from heli3dof.model.greybox_predict import table_of
 from heli3dof.model.greybox_windows import errors
@@ -33,6 +34,7 @@ from heli3dof.model.stepping import readings
 from heli3dof.recording.recording import Recording
 
 SPUN_UP_S = 0.35
+SURELY = 2.0
 LONGEST_S = 5.0
 """A climb that takes longer is none."""
 EARLY_S = (8.0, 18.0)
@@ -66,41 +68,35 @@ def take_off(fit: Fitted, i: int, recording: Recording) -> Iterator[dict[str, An
     values = p.values(fit.z, i)
     X = np.full((len(roll), 6), np.nan)
     X[k] = _at_rest(p.structure, values, flight.y[k])
-    moved = np.degrees(flight.y[k + n] - flight.y[k])
-    said = []
-    for still in (True, False):
-        one = replace(flight, starts=np.array([k]), still=still)
-        said.append(moved - np.degrees(errors(p.structure, values, one, X, np.array([n]))[0, 0]))
-    low, high = np.min(said, axis=0) - OFF_DEG, np.max(said, axis=0) + OFF_DEG
-    if ((low < moved) & (moved < high))[:2].all():
-        return  # rotors that had begun to turn explain it
-    measured, model = _pitch(fit, i, k, n)
-    told = {
-        axis: {
-            "measured": float(moved[j]),
-            "model_rotors_at_rest": float(said[0][j]),
-            "model_rotors_at_speed": float(said[1][j]),
-        }
-        for j, axis in enumerate(("roll_deg", "pitch_deg"))
-    }
-    both = " and ".join(
-        f"{name} moves {_deg(moved[j])} (model {_deg(said[0][j])} with rotors at rest in the "
-        f"file's first row, {_deg(said[1][j])} at the speed that its voltages would keep)"
-        for j, name in enumerate(("roll", "pitch"))
+    measured, model, std = _pitch(fit, i, k, n)
+    if abs(measured - model) < SURELY * std:
+        return
+    rises = float(np.degrees(roll[k + n] - roll[k]))
+    rest, speed = (
+        rises - np.degrees(errors(p.structure, values, one, X, np.array([n]))[0, 0, 0])
+        for still in (True, False)
+        for one in (replace(flight, starts=np.array([k]), still=still),)
     )
     seconds = n * flight.dt
     yield {
-        "what": "take_off", "recording": recording.name, "seconds": seconds, **told,
-        "pitch_acceleration_rad_per_s2": {"measured": measured, "model": model},
-        "sentence": f"The take-off of {recording.name} was not fitted. In its {seconds:.1f} s "
-        f"{both}. What the rotors did before the file begins is not known, but {SPUN_UP_S:g} s "
-        f"after lift-off it is forgotten: from there pitch accelerates by {_number(measured)} "
-        f"rad/s² on average, where the thrusts that fit the flight say {_number(model)}.",
+        "what": "take_off", "recording": recording.name, "seconds": seconds,
+        "roll_deg": {
+            "measured": rises, "model_rotors_at_rest": rest, "model_rotors_at_speed": speed,
+        },
+        "pitch_acceleration_rad_per_s2": {
+            "measured": measured, "model": model, "model_std": std,
+        },
+        "sentence": f"The take-off of {recording.name} was not fitted. In its {seconds:.1f} s roll "
+        f"rises by {_deg(rises)}; the model says {_deg(rest)} with rotors at rest in the file's "
+        f"first row and {_deg(speed)} at the speed that its voltages would keep. {SPUN_UP_S:g} s "
+        f"after lift-off that is forgotten: from there pitch accelerates by {_number(measured)} "
+        f"rad/s² on average, where the thrusts that fit the flight say {_number(model)} ± "
+        f"{_number(std)}.",
     }  # fmt: skip
 
 
-def _pitch(fit: Fitted, i: int, k: int, n: int) -> tuple[float, float]:
-    """Mean p̈ over the climb, rows k + spun up … k + n: measured, and the model's; rad/s²."""
+def _pitch(fit: Fitted, i: int, k: int, n: int) -> tuple[float, float, float]:
+    """Mean p̈ over the climb, rows k + spun up … k + n: measured, the model's, its deviation."""
     p = fit.problem
     flight = p.flights[i]
     first = k + round(SPUN_UP_S / flight.dt)
@@ -108,10 +104,17 @@ def _pitch(fit: Fitted, i: int, k: int, n: int) -> tuple[float, float]:
     log = log_of(climb, max((k + n - first) * flight.dt, SPANS_S[0] + 2 * flight.dt))
     alone = replace(p, flights=(climb,), data=(p.data[i],), rows=(p.rows[i],))
     b = len(p.own)
-    z = np.concatenate([fit.z[: p.n], fit.z[p.n + i * b : p.n + (i + 1) * b]])
-    measured = log.spans[0].integrals(log.y, np.zeros_like(log.y))[:, 1]
-    left = residuals(alone, [log], z)[0][:, 1]
-    return float(measured.mean()), float((measured - left).mean())
+    here = np.r_[: p.n, p.n + i * b : p.n + (i + 1) * b]
+    measured = float(log.spans[0].integrals(log.y, np.zeros_like(log.y))[:, 1].mean())
+
+    def model(z: np.ndarray) -> float:
+        return measured - float(residuals(alone, [log], z)[0][:, 1].mean())
+
+    z = fit.z[here]
+    at = model(z)
+    slope = np.array([model(z + d) - at for d in DIFFERENCE * np.eye(len(z))]) / DIFFERENCE
+    C = np.linalg.inv(fit.tangents @ fit.tangents.T + p.prior)[np.ix_(here, here)]
+    return measured, at, float(np.sqrt(slope @ C @ slope))
 
 
 def _at_rest(structure: Any, values: np.ndarray, reading: np.ndarray) -> np.ndarray:

@@ -26,14 +26,23 @@ def test_twice_the_torque_needs_two_to_the_one_over_n_times_the_voltage() -> Non
     assert hover_voltage(fit, 10) / hover_voltage(fit, -10) == pytest.approx(torque ** (1 / n))
 
 
-def test_a_take_off_that_no_rotor_explains_is_told_with_its_numbers() -> None:
-    """closed-1a: pitch falls by 12° in the climb while the front motor pulls more than the back."""
-    (told,) = take_off(quick(), 0, recording("closed-1a"))
-    assert told["pitch_deg"]["measured"] == pytest.approx(-12.1, abs=0.3)
-    assert told["pitch_deg"]["measured"] < told["pitch_deg"]["model_rotors_at_rest"] - 5
+def test_a_take_off_in_which_pitch_does_not_follow_the_thrusts_is_told() -> None:
+    """closed-1a: roll climbs 21.8° in 1.1 s; pitch falls while the front motor pulls harder."""
+    real, fit = recording("closed-1a"), quick()
+    sure = replace(fit, tangents=1e3 * fit.tangents)  # as if nothing were left open
+    (told,) = take_off(sure, 0, real)
+    assert told["roll_deg"]["measured"] == pytest.approx(21.8, abs=0.1)
+    assert told["roll_deg"]["model_rotors_at_rest"] < told["roll_deg"]["model_rotors_at_speed"]
     p = told["pitch_acceleration_rad_per_s2"]
     assert p["measured"] < 0 < p["model"]
+    assert p["model_std"] < 0.01
     assert "was not fitted" in told["sentence"]
+
+
+def test_a_take_off_of_which_the_fit_leaves_open_what_it_says_is_not_told() -> None:
+    fit = quick()
+    open_ = replace(fit, tangents=1e-3 * fit.tangents)
+    assert not list(take_off(open_, 0, recording("closed-1a")))
 
 
 def test_a_constant_voltage_under_which_the_arm_creeps_is_told() -> None:
