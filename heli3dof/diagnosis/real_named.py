@@ -16,7 +16,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from heli3dof.diagnosis.backward import Backward, Removal, known_beforehand
+from heli3dof.diagnosis.backward import Backward, Removal, known_beforehand, traded
 from heli3dof.identification.greybox.multistep import Fitted
 
 SURE = 0.95
@@ -52,15 +52,21 @@ def certainty(found: Backward, r: Removal) -> float:
 def within(found: Backward, only_kept: list[Removal]) -> list[dict[str, Any]]:
     """JSON-able: each such term, its size beside what was known of it, and why it is no cause."""
     return [
-        {
-            "term": r.term,
-            "parameters": sizes(found.fit, r.term),
-            "why": "blocks left out of the fit do not need it"
-            if r in found.gone
-            else "its size is not told from none",
-        }
+        {"term": r.term, "parameters": sizes(found.fit, r.term), "why": _why(found, r)}
         for r in only_kept
     ]
+
+
+def _why(found: Backward, r: Removal) -> str:
+    if r in found.gone:
+        return "blocks left out of the fit do not need it"
+    alike = traded(found.fit, r.term)
+    if not alike:
+        return "its size is not told from none"
+    return (
+        f"blocks left out of the fit need it, or what acts alike ({', '.join(alike)}), but its "
+        "size is not told from none"
+    )
 
 
 def sizes(fit: Fitted, name: str) -> dict[str, dict[str, float | str]]:

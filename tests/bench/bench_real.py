@@ -12,11 +12,17 @@ import numpy as np
 import heli3dof as h3
 from heli3dof.comparison.prediction import HeldStill
 from heli3dof.comparison.shares import error_deg, shares
+from heli3dof.diagnosis.backward import STAGES_S, backward, moved, restructured
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import document
 from heli3dof.diagnosis.real_explains import settles_at
-from heli3dof.identification.greybox.freeflight import free_rows
+from heli3dof.identification.greybox.freeflight import (
+    fit_freeflight,
+    free_rows,
+    model_of,
+)
 from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.identification.greybox.multistep import search
 from heli3dof.model.greybox import GreyBoxModel
 from heli3dof.report.diagnosis_tables import diagnosis_tables
 from heli3dof.report.grid import Grid, to_markdown
@@ -95,7 +101,7 @@ def measure() -> list[Figure]:
             figures += fitted_to_flights(trial, grey, test)
             told, rows = diagnosed(trial, train, test)
             blocks[f"{trial.rig}-diagnosis"] = told
-            figures += rows
+            figures += rows + folds(trial)
     write_page(PAGE, blocks)
     return figures
 
@@ -174,12 +180,38 @@ def diagnosed(
     for name, error in about["without"].items():
         figures.append(
             Figure(
-                f"{trial.rig}: all causes but {name}, refitted",
+                f"{trial.rig}: everything but {name}, refitted",
                 _deg(np.array(list(error.values()))),
                 how="over 3 s from the end of the climb on, held-out",
             )
         )
     return "\n".join(lines), figures + open_loop(trial, f.model)
+
+
+def folds(trial: Trial) -> list[Figure]:
+    """Each recording left out in turn: everything kept, and what the blocks do not need at zero."""
+    out = []
+    names = [*trial.train, *trial.test]
+    for left in trial.train:
+        train = [trial.load(n) for n in names if n != left]
+        test = [trial.load(left)]
+        flown = [r.rows(slice(run.start, run.stop)) for r in test for run in usable_runs(r, 0)]
+        full = fit_freeflight(train)
+        found = backward(full.problem, full)
+        gone = [r.term for r in found.gone]
+        less = restructured(found.fit.problem, [r.term for r in found.kept])
+        z = moved(found.fit, less)
+        scarce = search(less, z, found.fit.noise, stages_s=STAGES_S, fixed=found.fit.scale)
+        errors = [error_deg(model_of(f, train, ""), flown, 3.0) for f in (found.fit, scarce)]
+        out.append(
+            Figure(
+                f"{trial.rig}: {left} left out, over 3 s, in flight: everything kept",
+                _deg(errors[0]),
+                how=f"fitted on {', '.join(n for n in names if n != left)}; without what blocks do "
+                f"not need ({', '.join(gone) or 'nothing'}), refitted: {_deg(errors[1])}",
+            )
+        )
+    return out
 
 
 def open_loop(trial: Trial, model: GreyBoxModel) -> list[Figure]:
