@@ -60,13 +60,9 @@ def within(found: Backward, only_kept: list[Removal]) -> list[dict[str, Any]]:
 def _why(found: Backward, r: Removal) -> str:
     if r in found.gone:
         return "blocks left out of the fit do not need it"
-    alike = traded(found.fit, r.term)
-    if not alike:
-        return "its size is not told from none"
-    return (
-        f"blocks left out of the fit need it, or what acts alike ({', '.join(alike)}), but its "
-        "size is not told from none"
-    )
+    alike = ", ".join(traded(found.fit, r.term))
+    other = f", or what acts alike ({alike})" if alike else ""
+    return f"blocks left out of the fit need it{other}, but its size is not told from none"
 
 
 def sizes(fit: Fitted, name: str) -> dict[str, dict[str, float | str]]:

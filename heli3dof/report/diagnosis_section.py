@@ -84,7 +84,8 @@ def _left(document: Document, p: Pictured) -> list[str]:
         blocks += [subheading("What is left"), *(map(paragraph, words.leftovers(document)))]
         blocks.append(table(leftover_table(p.leftovers)))
         blocks += [figure(evidence_figure(e), _alt(e)) for e in p.leftover_evidence]
-    return blocks + [paragraph(s) for s in words.still_hidden(document)]
+    hidden = [paragraph(s) for s in words.still_hidden(document)]
+    return [*blocks, subheading("What is still hidden"), *hidden] if hidden else blocks
 
 
 def how_wrong_table(w: HowWrong) -> Grid:

@@ -85,7 +85,13 @@ def faults(document: Document) -> Iterator[str]:
 
 
 def unmeasured(document: Document) -> Iterator[str]:
-    """Where there is no number for how wrong the simulation is, or none to hold it against."""
+    """What was not fitted; where how wrong the simulation is has no number, or none beside it."""
+    beside = document.get("about", {}).get("not_fitted")
+    if beside:
+        yield (
+            f"Not fitted, for they did not read all three angles, but held beside the model: "
+            f"{', '.join(beside)}."
+        )
     fitted = document["verdict"] not in ("bad_data", "not_identifiable")
     error = document["simulation_error"]
     if fitted and error and all(e["rmse_deg"] is None for e in error.values()):
