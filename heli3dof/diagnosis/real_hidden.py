@@ -156,7 +156,7 @@ def creep(fit: Fitted, recording: Recording) -> Iterator[dict[str, Any]]:
         sentence += (
             f" Then it creeps to {_deg(late)} by {t[on[-1]]:.0f} s, as if thrust at that voltage "
             f"grew by {100 * (factor - 1):.0f} %: nothing in the model is slower than its rotors. "
-            "What it is (motors that warm up, a bearing) these runs do not tell."
+            "Warm motors, a bearing, a tilt that was not read? These runs do not tell."
         )
     yield {
         "what": "creep", "recording": r.name, "voltage_V": volts, "early_deg": early,
