@@ -185,14 +185,14 @@ def unadopted(document: Document) -> Iterator[str]:
 
 
 def kept_within(document: Document) -> Iterator[str]:
-    """Terms of the extended model that are no causes: within what is known of such rigs."""
+    """Terms of the extended model that are not named: within what is known of such rigs."""
     for x in document.get("about", {}).get("kept_within_what_is_known", ()):
         each = ", ".join(
             f"{fixed(q['value'], 3)} ± {fixed(q['std'], 3)} {q['unit']} (known beforehand: "
             f"{fixed(q['prior_mean'], 3)} ± {fixed(q['prior_std'], 3)})"
             for q in x["parameters"].values()
         )
-        yield f"Kept in the model, but no cause: {x['term']}, {each}; {x['why']}."
+        yield f"Kept in the model, but not named a cause: {x['term']}, {each}; {x['why']}."
 
 
 def still_hidden(document: Document) -> Iterator[str]:

@@ -122,7 +122,7 @@ def test_what_is_kept_but_no_cause_and_what_is_still_hidden_are_said() -> None:
     }
     text = told(document)
     assert (
-        "Kept in the model, but no cause: friction.coulomb.roll, 0.009 ± 0.019 N·m "
+        "Kept in the model, but not named a cause: friction.coulomb.roll, 0.009 ± 0.019 N·m "
         "(known beforehand: 0.000 ± 0.050); small." in text
     )
     assert "Still hidden: The arm creeps." in text
