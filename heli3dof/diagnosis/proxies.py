@@ -27,6 +27,8 @@ KEPT = 0.25
 """Of Z²"""
 SIZE = 0.6
 """Of the parameter"""
+SMALLEST = 0.01
+"""Of T_g, which a step must not turn round"""
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,20 @@ def beside(found: Estimate, held: Held) -> tuple[Beside, ...]:
         var, var_ = (per**2 * float(m[j, j]) for m in (alone, inverse))
         out.append(Beside(t.name, size, size**2 / var, size_, size_**2 / var_))
     return tuple(out)
+
+
+def base_beside(found: Estimate, held: Held) -> tuple[np.ndarray, np.ndarray]:
+    """(4,), (4,): ln of T_g and the inertias beside the leftovers over what they are in the fit,
+    and its standard deviation."""
+    g = held.g if not len(held.g_null) else held.g - held.g_null.mean(axis=0)
+    inverse = np.linalg.pinv(held.A, hermitian=True)
+    per = found.slopes[:4] / found.values[:4]  # ∂ ln v/∂θ
+    moved = np.maximum(1 + per * (inverse @ g)[:4], SMALLEST)
+    log = np.array([f.log for f in found.free[:4]])
+    return (
+        np.where(log, per * (inverse @ g)[:4], np.log(moved)),
+        np.abs(per) * np.sqrt(np.diag(inverse)[:4]),
+    )
 
 
 def stand_ins(
