@@ -22,6 +22,7 @@ from heli3dof.diagnosis.corrected import (
     model_at,
 )
 from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simulated_nulls
+from heli3dof.diagnosis.rivals import told_apart
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
@@ -98,6 +99,10 @@ class Step:
             ]
             tried = [t for t in tried if standing_out(t, problem, o.theta, o.noise, flown)]
         made = choose(self.found, self.screen, self.seen, self.nulls, self.bias, first_score, tried)
+        if made is not None and bench.loop_is_known:
+            made = told_apart(
+                made, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots
+            )
         return replace(self, choice=made)
 
 
