@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from heli3dof.diagnosis.gain import pays
 from heli3dof.diagnosis.leftover import Held, Leftover
 from heli3dof.diagnosis.result import Finding
 from heli3dof.identification.greybox.estimate import Estimate
@@ -100,9 +101,12 @@ def stand_ins(
 def doubted(
     findings: Sequence[Finding], found: Estimate, left: Sequence[Leftover], held: Held
 ) -> tuple[Finding, ...]:
-    """The findings, those that the leftovers make unsure as "…-like"."""
+    """The findings; "…-like" those that the leftovers make unsure, and those that data not seen do
+    not surely confirm (a first cause is adopted where it is likelier there, see `measured`)."""
     unsure = {b.name for b in beside(found, held) if b.unsure} if left else set()
-    return tuple(replace(f, like=f.choice.term.name in unsure) for f in findings)
+    return tuple(
+        replace(f, like=f.choice.term.name in unsure or not pays(f.gain)) for f in findings
+    )
 
 
 def named_like(left: Sequence[Leftover], names: Sequence[str]) -> tuple[Leftover, ...]:
