@@ -158,7 +158,7 @@ def test_a_cause_beside_something_unknown_on_its_axis_is_only_alike() -> None:
 def test_a_cause_that_held_out_data_do_not_surely_confirm_is_only_alike() -> None:
     alone = copy.deepcopy(DOCUMENT)
     alone["leftover"] = []
-    assert "-like" not in told(alone)
+    assert "yaw-like" not in told(alone)
     alone["findings"][0]["like"] = True
     assert "do not surely confirm it, so read it as friction.coulomb.yaw-like" in told(alone)
 
