@@ -14,7 +14,9 @@ Under rival k it has mean m_k and standard deviation s_k, and with B − 1 degre
     f_k(d) = t_{B−1}((d − m_k)/s_k √(1 + 1/B)) / s_k,        W_kj = 2 ln f_k(d_jk)/f_j(d_jk)
 
 The rival whose least W is largest is the cause; those with W below `TIE` are tied with it, and its
-certainty is `this_one` of that least W.
+certainty is `this_one` of that least W. Where the false slopes are small but the score is too
+(below `MODEST`: a plain step tells little), the scores name the cause and this is a second opinion:
+whom it prefers, or cannot tell from that one, is tied with it.
 """
 
 from __future__ import annotations
@@ -34,6 +36,9 @@ FALSE = 3.0
 """|z̄|, in the nulls' own scatter, from which a slope is no longer taken off along a line."""
 NEAR = 0.3
 """Of the largest Z²: below it a term is no rival."""
+MODEST = 500.0
+CLOSE = 0.25
+"""Of the score: below it a term is no rival of one whose false slopes are small."""
 MOST = 3
 FLIGHTS = 12
 ROUNDS = 6
@@ -41,27 +46,34 @@ LEAST = 1.0
 """Of s"""
 
 
-def rivals(choice: Choice, nulls: Nulls) -> list[Contender]:
-    """The choice and those that may be it as well, where their false slopes are large; else none.
+def rivals(choice: Choice, nulls: Nulls) -> tuple[list[Contender], bool]:
+    """The choice and those that may be it as well, and whether their false slopes are large.
 
-    Only terms that the screen sees: what is only tried has no slope, so no false one.
+    None where the scores decide. Only terms that the screen sees: what is only tried has no slope,
+    so no false one.
     """
     best = choice.contenders[0]
-    seen = [c for c in choice.contenders if c.probe is not None]
-    if best.probe is None or len(seen) < 2:
-        return []
-    top = max(c.Z2 for c in seen)
-    near = [best, *(c for c in seen[1:] if NEAR * top < c.Z2)]
-    near = [best, *sorted(near[1:], key=lambda c: -c.Z2)][:MOST]
-    false = [abs(nulls.mean[c.probe]) / np.sqrt(nulls.inflation) for c in near]
-    return near if len(near) > 1 and max(false) > FALSE else []
+    seen = [c for c in choice.contenders[1:] if c.probe is not None]
+    if best.probe is None or not seen:
+        return [], False
+    top = max(c.Z2 for c in [best, *seen])
+    near = sorted((c for c in seen if NEAR * top < c.Z2), key=lambda c: -c.Z2)[: MOST - 1]
+    false = [
+        abs(nulls.mean[c.probe]) / np.sqrt(nulls.inflation)
+        for c in [best, *near]
+        if c.probe is not None
+    ]
+    if near and max(false) > FALSE:
+        return [best, *near], True
+    close = [c for c in seen if c.score > CLOSE * best.score][: MOST - 1]
+    return ([best, *close] if close and best.score < MODEST else []), False
 
 
 def told_apart(
     choice: Choice, nulls: Nulls, recordings: Sequence[Recording], *, seed: int, pilots: int
 ) -> Choice:
     """The choice made again among its rivals by their own flights; as it was where it has none."""
-    near = rivals(choice, nulls)
+    near, decides = rivals(choice, nulls)
     if not near:
         return choice
     fits = [
@@ -71,16 +83,22 @@ def told_apart(
     ]  # fmt: skip
     W = odds(*likelihoods(fits, recordings, seed=seed))
     k = int(np.argmax(least(W)))
-    tied = [near[j].term.name for j in range(len(near)) if j != k and W[k, j] < TIE]
-    if k == 0:  # what was tied with it and is no rival still is
-        names = {c.term.name for c in near}
-        tied += [n for n in choice.tied_with if n not in names]
-    rows = len(fits[k].optimum.at.row)
-    bought = len(near[k].term.effect.parameters) * float(np.log(max(rows, 2)))
-    best = replace(near[k], optimum=fits[k].optimum, score=near[k].Z2 - bought)
+    named = {c.term.name for c in near}
+    open_ = [c.term.name for j, c in enumerate(near) if j == k or W[k, j] < TIE]
+    if k == 0 or not decides:  # what was tied with it and is no rival still is
+        open_ += [n for n in choice.tied_with if n not in named or not decides]
+    best = replace(near[k], optimum=fits[k].optimum)
+    sure = this_one([float(least(W)[k]), 0.0])
+    if decides:
+        rows = max(len(best.optimum.at.row), 2)
+        bought = len(best.term.effect.parameters) * float(np.log(rows))
+        best = replace(best, score=best.Z2 - bought)
+    elif k:
+        best, sure = near[0], this_one([0.0, float(least(W)[k])])
     others = [c for c in choice.contenders if c.term.name != best.term.name]
-    sure = min(nulls.confidence(best.Z2), this_one([float(least(W)[k]), 0.0]))
-    return Choice(best.term, best.score, best.Z2, sure, tuple(tied), (best, *others))
+    sure = min(nulls.confidence(best.Z2), sure, 1.0 if decides else choice.confidence)
+    tied = tuple(n for n in dict.fromkeys(open_) if n != best.term.name)
+    return Choice(best.term, best.score, best.Z2, sure, tied, (best, *others))
 
 
 def likelihoods(

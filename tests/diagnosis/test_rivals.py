@@ -40,7 +40,7 @@ def test_a_likelihood_that_is_larger_decides_nothing_where_both_expect_it() -> N
 
 
 def contender(name: str, Z2: float, probe: int | None) -> Any:
-    return SimpleNamespace(term=SimpleNamespace(name=name), Z2=Z2, probe=probe)
+    return SimpleNamespace(term=SimpleNamespace(name=name), Z2=Z2, probe=probe, score=10 * Z2)
 
 
 def choice(*contenders: Any) -> Choice:
@@ -51,13 +51,20 @@ def nulls(*mean: float) -> Any:
     return cast(Any, SimpleNamespace(mean=np.array(mean), inflation=1.0))
 
 
-def test_only_large_false_slopes_make_rivals() -> None:
-    a, b, far = contender("a", 50.0, 0), contender("b", 70.0, 1), contender("far", 5.0, 2)
+def test_large_false_slopes_make_rivals_that_decide() -> None:
+    a, b, far = contender("a", 70.0, 0), contender("b", 60.0, 1), contender("far", 5.0, 2)
     tried = contender("tried", 90.0, None)
-    made = choice(a, b, far, tried)
-    assert [c.term.name for c in rivals(made, nulls(-10.0, 1.0, 0.0))] == ["a", "b"]
-    assert rivals(made, nulls(-1.0, 1.0, 20.0)) == []
-    assert rivals(choice(tried, a, b), nulls(-10.0, 1.0, 0.0)) == []
+    near, decides = rivals(choice(a, b, far, tried), nulls(-10.0, 1.0, 0.0))
+    assert ([c.term.name for c in near], decides) == (["a", "b"], True)
+    assert rivals(choice(a, b, far), nulls(-1.0, 1.0, 20.0)) == ([], False)
+    assert rivals(choice(tried, a, b), nulls(-10.0, 1.0, 0.0)) == ([], False)
+
+
+def test_a_modest_score_asks_a_second_opinion_of_what_comes_close() -> None:
+    a, b, far = contender("a", 40.0, 0), contender("b", 30.0, 1), contender("far", 5.0, 2)
+    near, decides = rivals(choice(a, b, far), nulls(-1.0, 1.0, 0.0))
+    assert ([c.term.name for c in near], decides) == (["a", "b"], False)
+    assert rivals(choice(a, far), nulls(-1.0, 1.0, 0.0)) == ([], False)
 
 
 def test_in_a_plain_step_a_lag_is_named_or_tied_never_excluded() -> None:
