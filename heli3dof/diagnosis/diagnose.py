@@ -94,7 +94,7 @@ def _diagnosed(
     if base == "rigid" and applies(train):
         return diagnose_real(train, held, faults, seed=seed, says=clock.says)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
-    bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base)
+    bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
     clock.start("base", "Fitting the base simulation, and flying it for its bias …")
     least = base_of(bench)
     steps, found = causes(bench, least, flights, clock)

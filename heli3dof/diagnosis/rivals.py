@@ -40,6 +40,8 @@ MODEST = 500.0
 CLOSE = 0.25
 """Of the score: below it a term is no rival of one whose false slopes are small."""
 MOST = 3
+EVEN = 0.5
+"""Certainty where the two ways disagree"""
 FLIGHTS = 12
 ROUNDS = 6
 LEAST = 1.0
@@ -70,11 +72,15 @@ def rivals(choice: Choice, nulls: Nulls) -> tuple[list[Contender], bool]:
 
 
 def told_apart(
-    choice: Choice, nulls: Nulls, recordings: Sequence[Recording], *, seed: int, pilots: int
-) -> Choice:
-    """The choice made again among its rivals by their own flights; as it was where it has none."""
+    choice: Choice, nulls: Nulls, recordings: Sequence[Recording], *, seed: int, pilots: int,
+    opinions: bool = True,
+) -> Choice:  # fmt: skip
+    """The choice made again among its rivals by their own flights; as it was where it has none.
+
+    Without ``opinions`` only where the scores cannot decide.
+    """
     near, decides = rivals(choice, nulls)
-    if not near:
+    if not near or not (decides or opinions):
         return choice
     fits = [
         correct(c.problem, c.optimum.theta, c.optimum.noise, recordings, seed=seed, pilots=pilots,
@@ -94,7 +100,7 @@ def told_apart(
         bought = len(best.term.effect.parameters) * float(np.log(rows))
         best = replace(best, score=best.Z2 - bought)
     elif k:
-        best, sure = near[0], this_one([0.0, float(least(W)[k])])
+        best, sure = near[0], EVEN
     others = [c for c in choice.contenders if c.term.name != best.term.name]
     sure = min(nulls.confidence(best.Z2), sure, 1.0 if decides else choice.confidence)
     tied = tuple(n for n in dict.fromkeys(open_) if n != best.term.name)

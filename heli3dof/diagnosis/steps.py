@@ -57,6 +57,8 @@ class Bench:
     pilots: int
     base: str = "rigid"
     """One of `BASES`"""
+    opinions: bool = True
+    """Whether modest scores ask a second one (`heli3dof.diagnosis.rivals`), some seconds each"""
 
     @property
     def loop_is_known(self) -> bool:
@@ -101,8 +103,9 @@ class Step:
         made = choose(self.found, self.screen, self.seen, self.nulls, self.bias, first_score, tried)
         if made is not None and bench.loop_is_known:
             made = told_apart(
-                made, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots
-            )
+                made, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots,
+                opinions=bench.opinions,
+            )  # fmt: skip
         return replace(self, choice=made)
 
 
