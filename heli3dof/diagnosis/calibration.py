@@ -117,6 +117,8 @@ class Off:
     """((value − nominal)/std)²"""
     flight_score: float = 0.0
     """(x/σ)²: the same, were the scale known"""
+    tied_with: tuple[str, ...] = ()
+    """Causes that may be there in its place (`heli3dof.diagnosis.imitated`)"""
 
 
 def off_nominal(

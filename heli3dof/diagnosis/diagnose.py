@@ -18,6 +18,7 @@ from functools import partial
 
 from heli3dof.diagnosis.calibration import off_nominal
 from heli3dof.diagnosis.corrected import Corrected
+from heli3dof.diagnosis.imitated import with_imitators
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.leftover import Leftover, examined
 from heli3dof.diagnosis.measured import adopted, fitted
@@ -128,6 +129,7 @@ def _diagnosed(
         n = QUICK_REFITS if quick else REFITS
         again = partial(refits, bench, found, flights=n)
     off = off_nominal(found, again=again, beside=base_beside(found, beside_it) if left else None)
+    off = tuple(with_imitators(o, steps[-1]) for o in off)
     clock.stop()
     about = {
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
