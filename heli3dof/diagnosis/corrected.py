@@ -47,7 +47,7 @@ from heli3dof.recording.recording import Recording
 
 PILOTS = 8
 """Flights of each estimate on the way; the same random numbers every time."""
-ROUNDS = 7
+ROUNDS = 10
 NEAR = 0.35
 """Standard deviations: a step smaller than this is the last; what `PILOTS` flights leave open."""
 NOISE_NEAR = 0.1
@@ -244,6 +244,10 @@ def correct(
         if not np.isfinite(length) or (count >= LOST_AFTER and length > LOST):
             return Corrected(problem, _optimum(problem, *begin, count, settled))
         if length < NEAR and np.abs(move).max() < NOISE_NEAR:
+            # The last step is taken too: where all start from one side, stopping short is a bias.
+            theta = np.clip(theta + step, low, high)
+            noise = noise.copy()
+            noise[:3] = np.clip(noise[:3] * np.exp(move), NOISE_LOW, NOISE_HIGH)
             settled = True
             break
         if count == 1:

@@ -6,7 +6,7 @@ of information w; a group of free-form torques (`heli3dof.diagnosis.torque_hats`
     A = T w Tᵀ + Λ,   X = T w Dᵀ,   V = D w Dᵀ,   g = T ∂ ln L/∂c − Λ(θ − θ_0),   u = D ∂ ln L/∂c
 
 everything that is asked afterwards is algebra: tests for what is left (`leftover`), names beside it
-(`proxies`), one free form in the place of names (`rivals`).
+(`proxies`), one free form in the place of names (`competition`).
 """
 
 from __future__ import annotations

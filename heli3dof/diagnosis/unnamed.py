@@ -1,7 +1,7 @@
 """What has no name, and names that only stood in for it: looked for in turns until both settle.
 
-First each set of names competes with one free-form torque (`heli3dof.diagnosis.competition`), then the
-torques that are left are looked for (`leftover`), then names that lose their size beside them
+First each set of names competes with one free-form torque (`heli3dof.diagnosis.competition`), then
+the torques that are left are looked for (`leftover`), then names that lose their size beside them
 (`proxies`). Names that stood in go, the others are settled and measured again, and so is the rest.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from heli3dof.diagnosis.competition import as_leftover, held_with, rival
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.gain import HeldOut
 from heli3dof.diagnosis.leftover import Leftover, taken
@@ -17,7 +18,6 @@ from heli3dof.diagnosis.leftover_evidence import Held, evidence
 from heli3dof.diagnosis.measured import adopted
 from heli3dof.diagnosis.proxies import doubted, named_like, stand_ins
 from heli3dof.diagnosis.result import STANDS_IN, Dropped, Finding
-from heli3dof.diagnosis.competition import as_leftover, held_with, rival
 from heli3dof.diagnosis.steps import Bench, settled_again, without
 from heli3dof.recording.recording import Recording
 

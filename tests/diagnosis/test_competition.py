@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.leftover_evidence import Evidence, evidence
 from heli3dof.diagnosis.competition import Rival, as_leftover, away, rival, won
+from heli3dof.diagnosis.leftover_evidence import Evidence, evidence
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.method import fit_greybox

@@ -9,21 +9,20 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.calibration import off_nominal
+from heli3dof.diagnosis.gain import Interval
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.leftover_evidence import Held
-from heli3dof.diagnosis.proxies import Beside, beside, named_like, still_off
-from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
+from heli3dof.diagnosis.proxies import Beside, beside, doubted, named_like, vague
+from heli3dof.diagnosis.result import Finding
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.method import fit_greybox
 
 
-def fit(value: float) -> Estimate:
+def fit(value: float, std: float = 0.1) -> Estimate:
     """A fit of one term with one parameter, absent at zero."""
-    free = SimpleNamespace(term="friction.viscous.yaw", null=0.0, slope=lambda v: 1.0)
+    free = SimpleNamespace(term="friction.viscous.yaw", null=0.0, log=False, slope=lambda v: 1.0)
     return cast(Any, SimpleNamespace(
         optimum=SimpleNamespace(theta=np.array([value])), values=np.array([value]), free=[free],
+        std=np.array([std]),
         structure=SimpleNamespace(terms=[SimpleNamespace(name="friction.viscous.yaw")]),
     ))  # fmt: skip
 
@@ -69,20 +68,17 @@ def test_the_leftover_says_whose_place_it_took_unless_it_is_like_another() -> No
     assert named_like([left], []) == (left,)
 
 
-def test_an_inertia_that_is_right_again_beside_what_is_left_is_no_finding() -> None:
-    device = "mock:?speed=max"
-    flight = fly_plan(load_plan("rich"), device=device, seed=1305).recording.between(0.0, 20.0)
-    found = fit_greybox(flight, ())
-    swollen = found.optimum.theta + np.array([0.0, np.log(1.5), 0.0, 0.0])  # of ln J_roll
-    found = replace(found, optimum=replace(found.optimum, theta=swollen))
-    off = off_nominal(found)
-    assert [o.term.name for o in off] == ["inertia.roll"]
-    left = [Leftover("roll", "yaw", 0.5, (), (), 100.0, 1.0)]
-    A = np.diag(np.full(4, 100.0))
-    none = np.zeros((0, 4))
-    # By hand: δ = g/100 = −ln 1.5.
-    back = Held(np.zeros((4, 0)), A, np.array([0.0, -100 * np.log(1.5), 0.0, 0.0]), none)
-    assert still_off(off, found, left, back) == ()
-    stays = Held(np.zeros((4, 0)), A, np.zeros(4), none)
-    assert still_off(off, found, left, stays) == off
-    assert still_off(off, found, [], back) == off
+def test_what_data_not_seen_do_not_surely_confirm_is_only_alike() -> None:
+    def finding(low: float) -> Any:
+        return Finding(
+            cast(Any, SimpleNamespace(term=SimpleNamespace(name="motor.delay"))), {},
+            cast(Any, SimpleNamespace(log_likelihood=Interval(28.0, low, 71.0))), np.zeros(4),
+        )  # fmt: skip
+
+    found = doubted([finding(-8.0), finding(3.0)], fit(1.0), [], held(0.0, 0.0))
+    assert [f.like for f in found] == [True, False]
+
+
+def test_a_size_that_may_as_well_be_nothing_makes_no_sure_name() -> None:
+    assert vague(fit(1.0, 0.6)) == {"friction.viscous.yaw"}  # 1.7 standard deviations
+    assert vague(fit(-1.0, 0.4)) == set()  # 2.5
