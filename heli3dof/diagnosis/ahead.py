@@ -17,6 +17,7 @@ import numpy as np
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.nulls import loop_is_known
 from heli3dof.diagnosis.torque import trail_at
+from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.filtering import Data, data_of
@@ -120,14 +121,22 @@ def floor_deg(
     flights: int = 2,
     seed: int = 0,
 ) -> tuple[np.ndarray, str]:
-    """((H, 3) degrees, how it was found): the error that is left where the model is the truth."""
+    """((H, 3) degrees, how it was found): the error that is left where the model is the truth.
+
+    The filter's covariance says it where no flight can: the loop is unknown, or the model's own
+    flights do not stay in the air (play, and what stood in for a cause, may make it unflyable).
+    """
+    by_formula = "the filter's covariance"
     if not loop_is_known(recordings):
-        return covariance_floor_deg(model, recordings, horizons_s), "the filter's covariance"
+        return covariance_floor_deg(model, recordings, horizons_s), by_formula
     squares = []
     for b in range(flights):
         rng = np.random.default_rng([seed, 77, b])
         flown = [noisy_flight(model, r, rng) for r in recordings]
-        e = model_ahead(model, flown, horizons_s)[1]
+        try:
+            e = model_ahead(model, flown, horizons_s)[1]
+        except RecordingError:
+            return covariance_floor_deg(model, recordings, horizons_s), by_formula
         squares.append(mean_square(e.errors))
     return np.degrees(np.sqrt(np.mean(squares, axis=0))), f"{flights} flights of the model's own"
 

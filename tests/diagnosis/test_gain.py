@@ -162,6 +162,18 @@ def test_the_filter_s_own_covariance_foresees_the_floor(
     assert floor_deg(model, [unknown])[1] == "the filter's covariance"
 
 
+def test_a_model_whose_own_flights_never_fly_has_its_floor_by_formula(
+    recording: Recording, right: Estimate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = model_of(right, [recording], "right")
+    monkeypatch.setattr(
+        "heli3dof.diagnosis.ahead.noisy_flight", lambda model, r, rng: r.between(0.0, 0.2)
+    )
+    floor, how = floor_deg(model, [recording])
+    assert how == "the filter's covariance"
+    assert floor == pytest.approx(covariance_floor_deg(model, [recording]))
+
+
 def test_table_ii_before_and_after_stands_beside_the_flight_s_own() -> None:
     steps = flight(1213, "steps")
     base = fit_greybox(steps, ())
