@@ -3,7 +3,7 @@
 ``mock:?profile=P&hide=friction.coulomb.yaw:0.03&seed=1&speed=max``; docs/mock.md lists every
 option and effect. Two clocks:
 
-- ``speed=max`` or a number: the device keeps time. Every exchange is one control period of its
+- ``speed=max`` or a number: a virtual clock. Every exchange is one control period of its
   virtual clock, as fast as the machine can or that many times faster than real.
 - ``speed=real``: the host keeps time. The device runs on between exchanges; periods that the host
   missed are caught up with the voltage that stood, and the watchdog counts them.
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Literal
 
 from heli3dof.errors import DeviceError, UsageError, did_you_mean
 from heli3dof.rig.clock import wait_until
-from heli3dof.rig.port import Command, Identity, Sample
+from heli3dof.rig.port import Check, Command, Identity, Sample
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -56,6 +56,14 @@ class MockDriver:
 
             profile = load_profile(options.profile)
         return MockRig(profile, options)
+
+    def estop(self, url: DeviceUrl) -> str:
+        """There is no rig outside the process that emulates it."""
+        return "an emulated rig lives in the process that flies it: nothing else holds one"
+
+    def examine(self, url: DeviceUrl) -> Sequence[Check]:
+        """The emulated rig needs no permission and no line."""
+        return ()
 
 
 @dataclass(frozen=True)
@@ -171,7 +179,7 @@ class MockRig:
             counts_per_rev=(e.roll, e.pitch, e.yaw),
             v_max=profile.motor.v_max,
             watchdog_s=watchdog_s,
-            timebase="host" if self._real else "device",
+            timebase="host" if self._real else "virtual",
             emulated=True,
         )
 
@@ -191,6 +199,12 @@ class MockRig:
         self._catch_up(now)
         self._device.arm()
         self._last_s = now
+        return self._sample()
+
+    def read(self) -> Sample:
+        """The sample now; where the host keeps time, after the periods that have gone by."""
+        self._check_open()
+        self._catch_up(time.monotonic())
         return self._sample()
 
     def exchange(self, command: Command, due_s: float) -> Sample:

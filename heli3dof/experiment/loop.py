@@ -114,7 +114,7 @@ class _Flight:
         self.t0 = 0.0
         self.lateness = 0.0
         self.sent = (0.0, 0.0)
-        self.device_timed = rig.identity.timebase == "device"
+        self.device_timed = rig.identity.timebase != "host"
 
     def run(self) -> Outcome:
         ending: Ending = "completed"
