@@ -108,7 +108,7 @@ def check_profile(
                 fix=f"encoder.{axis} = {theirs} in the profile; or, where turning the rig by hand "
                 "(heli3dof monitor) shows that the profile is right, ?signs=profile",
             )
-    v_max = identity.v_max_uV * 1e-6
+    v_max = identity.v_max_uV / 1e6
     if profile.motor.v_max > v_max * (1 + 1e-6):
         raise DeviceError(
             f"{name}: the amplifier puts out at most {v_max:g} V, the profile {profile.name!r} "

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack
 from itertools import pairwise
 
 import pytest
@@ -18,6 +19,7 @@ from heli3dof.rig.drivers import load_driver, open_rig, registered
 from heli3dof.rig.port import Command, Flags, Rig, Sample
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.url import parse_url
+from tests.drivers.doors import Door, python_door
 
 PROFILE = default_profile()
 
@@ -27,6 +29,10 @@ WITHOUT_HARDWARE = {
         "mock:?speed=max",
         "mock:?speed=real&watchdog_s=0.3",
         "mock:?speed=50&start=level&seed=3",
+    ),
+    "serial": (
+        "serial://{python}?watchdog_s=0.3",
+        "serial://{python}?watchdog_s=0.3&stream=0",
     ),
 }
 NEEDS_HARDWARE: set[str] = set()
@@ -49,13 +55,33 @@ class Session:
 
     def send(self, v_front: float, v_back: float) -> Sample:
         self.sequence += 1
-        self.due = max(self.due, time.monotonic()) + PROFILE.dt
+        # Absolute deadlines; those that were missed altogether are skipped.
+        self.due += PROFILE.dt * max(1, math.ceil((time.monotonic() - self.due) / PROFILE.dt))
         return self.rig.exchange(Command(self.sequence, v_front, v_back), self.due)
 
 
+DOORS: dict[str, Callable[[], AbstractContextManager[Door]]] = {"python": python_door}
+"""Emulated rigs that stand in a process of their own, by the name in their URLs' braces."""
+
+
+@pytest.fixture(scope="session")
+def doors() -> Iterator[Callable[[str], str]]:
+    """Puts the path of a door into a URL, and opens the door for it."""
+    opened: dict[str, str] = {}
+    with ExitStack() as stack:
+
+        def through(url: str) -> str:
+            for name, door in DOORS.items():
+                if f"{{{name}}}" in url and name not in opened:
+                    opened[name] = stack.enter_context(door()).path
+            return url.format(**opened)
+
+        yield through
+
+
 @pytest.fixture(params=URLS)
-def session(request: pytest.FixtureRequest) -> Iterator[Session]:
-    rig = open_rig(request.param, PROFILE)
+def session(request: pytest.FixtureRequest, doors: Callable[[str], str]) -> Iterator[Session]:
+    rig = open_rig(doors(request.param), PROFILE)
     yield Session(rig)
     rig.close()
 
