@@ -64,26 +64,40 @@ DOORS: dict[str, Callable[[], AbstractContextManager[Door]]] = {"python": python
 """Emulated rigs that stand in a process of their own, by the name in their URLs' braces."""
 
 
+class Doors:
+    """Opens the door that a URL names, once, and puts its path into the URL."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self._stack = stack
+        self._paths: dict[str, str] = {}
+
+    def through(self, url: str) -> str:
+        for name, door in DOORS.items():
+            if f"{{{name}}}" in url and name not in self._paths:
+                self._paths[name] = self._stack.enter_context(door()).path
+        return url.format(**self._paths)
+
+
 @pytest.fixture(scope="session")
-def doors() -> Iterator[Callable[[str], str]]:
-    """Puts the path of a door into a URL, and opens the door for it."""
-    opened: dict[str, str] = {}
+def doors() -> Iterator[Doors]:
     with ExitStack() as stack:
-
-        def through(url: str) -> str:
-            for name, door in DOORS.items():
-                if f"{{{name}}}" in url and name not in opened:
-                    opened[name] = stack.enter_context(door()).path
-            return url.format(**opened)
-
-        yield through
+        yield Doors(stack)
 
 
 @pytest.fixture(params=URLS)
-def session(request: pytest.FixtureRequest, doors: Callable[[str], str]) -> Iterator[Session]:
-    rig = open_rig(doors(request.param), PROFILE)
+def session(request: pytest.FixtureRequest, doors: Doors) -> Iterator[Session]:
+    rig = open_rig(doors.through(request.param), PROFILE)
     yield Session(rig)
     rig.close()
+
+
+@pytest.fixture(params=URLS)
+def at_rest(request: pytest.FixtureRequest) -> Iterator[Session]:
+    """A rig that nobody has flown before."""
+    with ExitStack() as stack:
+        rig = open_rig(Doors(stack).through(request.param), PROFILE)
+        yield Session(rig)
+        rig.close()
 
 
 def test_every_registered_driver_says_whether_it_needs_hardware():
@@ -222,7 +236,8 @@ def test_a_silent_host_is_latched_out_until_it_arms_again(session: Session):
     assert session.send(5.0, 5.0).v_applied == pytest.approx((5.0, 5.0), abs=0.01)
 
 
-def test_equal_volts_lift_the_body_and_more_in_front_raises_the_front(session: Session):
+def test_equal_volts_lift_the_body_and_more_in_front_raises_the_front(at_rest: Session):
+    session = at_rest
     if not session.rig.identity.emulated:
         pytest.skip("moves a real rig")
     start = session.arm().counts
