@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Literal
 
 from heli3dof.errors import DeviceError
+from heli3dof.experiment.period import Period, Watch
 from heli3dof.experiment.plan import Signals
 from heli3dof.model.opened import OpenedController
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
@@ -76,13 +77,15 @@ def fly(
     *,
     stop: Callable[[], str | None] = lambda: None,
     live: Live | None = None,
+    watches: Sequence[Watch] = (),
 ) -> Outcome:
     """Fly the rendered plan in closed loop and return how it ended. Never raises.
 
-    ``stop`` is asked in every period and returns why to end, or None. The profile must have a
-    controller and its rate must be the signals'.
+    ``stop`` is asked in every period and returns why to end, or None; ``watches`` are asked in
+    their order, after the envelope. The profile must have a controller and its rate must be the
+    signals'.
     """
-    flight = _Flight(rig, profile, signals, sink, stop, live or Live())
+    flight = _Flight(rig, profile, signals, sink, stop, live or Live(), watches)
     with _quiet_interpreter():
         return flight.run()
 
@@ -96,9 +99,10 @@ class _Flight:
         sink: RowSink,
         stop: Callable[[], str | None],
         live: Live,
+        watches: Sequence[Watch],
     ) -> None:
         self.rig, self.profile, self.sink = rig, profile, sink
-        self.stop, self.live = stop, live
+        self.stop, self.live, self.watches = stop, live, tuple(watches)
         self.dt = profile.dt
         self.rest = tuple(profile.encoder.rest_rad.tolist())
         self.rad_per_count = tuple(profile.encoder.rad_per_count.tolist())
@@ -113,6 +117,7 @@ class _Flight:
         self.due = 0.0
         self.t0 = 0.0
         self.lateness = 0.0
+        self.missed = 0
         self.sent = (0.0, 0.0)
         self.device_timed = rig.identity.timebase != "host"
 
@@ -162,7 +167,7 @@ class _Flight:
                 self.opened[k], angle, reference, extra
             )
         t = sample.device_time_s - self.t0
-        why = self.reason_to_end(t, sample, angle, command, voltage)
+        why = self.reason_to_end(k, t, sample, angle, command, voltage)
         if why is not None:
             return sample, why
         after = self.exchange(voltage)
@@ -189,6 +194,7 @@ class _Flight:
 
     def reason_to_end(
         self,
+        k: int,
         t: float,
         sample: Sample,
         angle: tuple[float, float, float],
@@ -200,7 +206,14 @@ class _Flight:
             return "interrupted", asked
         if sample.flags & (Flags.ESTOP | Flags.LATCHED | Flags.FAULT | Flags.STALL):
             return "tripped", _explain(sample.flags)
-        tripped = self.envelope.check(t, angle, self.controller.rates, command, voltage)
+        rates = self.controller.rates
+        tripped = self.envelope.check(t, angle, rates, command, voltage)
+        if tripped is None and self.watches:
+            now = Period(
+                k, t, sample, angle, rates, command, voltage, self.sent, self.sequence,
+                self.lateness, self.missed,
+            )  # fmt: skip
+            tripped = next(filter(None, (watch(now) for watch in self.watches)), None)
         return ("tripped", tripped) if tripped is not None else None
 
     def exchange(self, voltage: tuple[float, float]) -> Sample:
@@ -219,7 +232,7 @@ class _Flight:
 
     def skip(self) -> int:
         """Periods that passed unused because this one was late; the deadline moves past them."""
-        missed = int(self.lateness / self.dt) if self.lateness > self.dt else 0
+        self.missed = missed = int(self.lateness / self.dt) if self.lateness > self.dt else 0
         self.due += missed * self.dt
         self.tally.missed += missed
         return missed

@@ -10,6 +10,7 @@ import pytest
 
 from heli3dof.errors import DeviceError
 from heli3dof.experiment.loop import Outcome, fly
+from heli3dof.experiment.period import Period
 from heli3dof.experiment.plan import step_plan
 from heli3dof.model.controller import Controller
 from heli3dof.recording.memory import MemoryRecorder
@@ -130,6 +131,31 @@ def test_a_trip_ends_the_flight_with_a_ramp_to_zero(change: Callable, said: str)
     assert ends_at_zero(rig)
     ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
     assert len(ramp) == round(PROFILE.limits.ramp_down_s / DT)
+
+
+def test_a_watch_is_asked_in_every_period_and_ends_the_flight_when_it_says_why() -> None:
+    rig = ScriptedRig()
+    seen = []
+
+    def watch(now: Period) -> str | None:
+        seen.append(now)
+        return "the watch has seen enough" if now.k == 40 else None
+
+    outcome, sink = flown(rig, watches=[watch, lambda now: None])
+    assert (outcome.ending, outcome.detail) == ("tripped", "the watch has seen enough")
+    assert [now.k for now in seen] == list(range(41))
+    assert ends_at_zero(rig)
+    last = seen[-1]
+    assert last.sample.sequence == last.command_sequence == 40
+    assert last.sent == sink.rows[39].voltage
+    assert (last.t, last.missed) == (pytest.approx(40 * DT), 0)
+
+
+def test_a_watch_that_fails_ends_the_flight_with_a_ramp_to_zero() -> None:
+    rig = ScriptedRig()
+    outcome, _ = flown(rig, watches=[lambda now: "" * (1 // (now.k - 10)) or None])
+    assert (outcome.ending, outcome.periods, outcome.landed) == ("error", 10, True)
+    assert ends_at_zero(rig)
 
 
 def test_being_asked_to_stop_ends_the_flight_with_a_ramp_to_zero() -> None:
