@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import DeviceError
-from heli3dof.experiment.loop import Outcome, fly
+from heli3dof.experiment.loop import fly
+from heli3dof.experiment.outcome import Outcome
 from heli3dof.experiment.period import Period
 from heli3dof.experiment.plan import step_plan
 from heli3dof.model.controller import Controller
