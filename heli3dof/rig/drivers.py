@@ -24,8 +24,13 @@ def registered() -> dict[str, EntryPoint]:
 
 
 def load_driver(scheme: str) -> Driver:
-    """The driver for a URL scheme. Raises UsageError for an unknown one, naming the nearest."""
+    """The driver for a URL scheme. Raises UsageError for an unknown one, naming the nearest.
+
+    ``serial+socket``: the driver ``serial``, which sees to the rest itself.
+    """
     known = registered()
+    if scheme not in known:
+        scheme = scheme.partition("+")[0]
     if scheme not in known:
         raise UsageError(
             f"There is no driver for {scheme + ':'!r}.",

@@ -28,6 +28,10 @@ WITHOUT_HARDWARE = {
         "mock:?speed=real&watchdog_s=0.3",
         "mock:?speed=50&start=level&seed=3",
     ),
+    "usb": (
+        "usb+mock:?watchdog_s=0.3",
+        "usb+mock:?watchdog_s=0.3&stream=0&seed=3&start=level",
+    ),
 }
 NEEDS_HARDWARE: set[str] = set()
 URLS = [url for urls in WITHOUT_HARDWARE.values() for url in urls]
@@ -49,7 +53,9 @@ class Session:
 
     def send(self, v_front: float, v_back: float) -> Sample:
         self.sequence += 1
-        self.due = max(self.due, time.monotonic()) + PROFILE.dt
+        # Deadlines are absolute, as the loop's: a sample's way to the host does not add up.
+        late = time.monotonic() - self.due > PROFILE.dt
+        self.due = (time.monotonic() if late else self.due) + PROFILE.dt
         return self.rig.exchange(Command(self.sequence, v_front, v_back), self.due)
 
 
