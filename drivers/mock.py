@@ -190,6 +190,11 @@ class MockRig:
         return self._identity
 
     @property
+    def device(self) -> Device:
+        """The emulated electronics: for other doors to the same rig."""
+        return self._device
+
+    @property
     def truth(self) -> Truth:
         """The true state and parameters: for tests and benches, never read by heli3dof."""
         return self._device.plant.truth

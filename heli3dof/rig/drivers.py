@@ -27,8 +27,14 @@ def registered() -> dict[str, EntryPoint]:
 
 
 def load_driver(scheme: str) -> Driver:
-    """The driver for a URL scheme. Raises UsageError for an unknown one, naming the nearest."""
+    """The driver for a URL scheme. Raises UsageError for an unknown one, naming the nearest.
+
+    A scheme that is not registered itself belongs to the driver of what stands before its ``+``:
+    ``serial+socket`` to ``serial``.
+    """
     known = registered()
+    if scheme not in known:
+        scheme = scheme.partition("+")[0]
     if scheme not in known:
         raise UsageError(
             f"There is no driver for {scheme + ':'!r}.",
