@@ -41,6 +41,8 @@ class MockDriver:
 
     scheme = "mock"
     options: Sequence[str] = OPTIONS
+    private = True
+    """Every opening makes a rig of its own: see `heli3dof.rig.drivers.is_private`."""
 
     def find(self) -> Sequence[str]:
         return ["mock:"]
