@@ -134,6 +134,11 @@ def causes(document: Document) -> Iterator[str]:
                 f" As something without a name acts on {f['axis']} too, read it as {name}-like: "
                 "it may stand in for a part of that."
             )
+        elif named and f.get("like"):
+            said += (
+                f" Data that it has not seen do not surely confirm it, so read it as {name}-like: "
+                "something acts as this would."
+            )
         yield said
 
 
