@@ -78,8 +78,9 @@ def _other_version(name: str, version: int | None) -> DeviceError:
 
 
 def _shown(heard: bytes) -> str:
-    text = heard[:24].decode("ascii", "replace")
-    shown = repr(text) if text.isprintable() else heard[:12].hex(" ")
+    text = heard[:24].decode("ascii", "replace").strip()
+    readable = all(c.isprintable() or c.isspace() for c in text) and "\ufffd" not in text
+    shown = repr(text) if readable else heard[:12].hex(" ")
     return f"{len(heard)} bytes, {shown}"
 
 
