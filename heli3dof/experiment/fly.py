@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,11 @@ from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import RowSink
 from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.drivers import open_rig, with_seed
-from heli3dof.rig.port import Identity, Rig
+from heli3dof.rig.drivers import with_seed
+from heli3dof.rig.hold import hold
+from heli3dof.rig.port import Identity
 from heli3dof.rig.profile import Profile, default_profile
+from heli3dof.rig.stoppable import StoppableRig
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +98,8 @@ def fly_plan(
     profile = (profile or default_profile()).with_controller()
     signals = prepare(plan, profile, seed)
     device = with_seed(device, seed)
-    rig = open_rig(device, profile)
-    try:
+    live = live or Live()
+    with hold(device, profile, also=lambda: _progress(live)) as rig:
         opened(rig.identity)
         about = provenance(
             source="flight",
@@ -110,12 +112,10 @@ def fly_plan(
         if output is None:
             return _fly_in_memory(rig, profile, signals, about, live)
         return _fly_to_file(rig, profile, signals, about, live, Path(output), force)
-    finally:
-        rig.close()
 
 
 def _fly_in_memory(
-    rig: Rig, profile: Profile, signals: Signals, meta: Mapping[str, Any], live: Live | None
+    rig: StoppableRig, profile: Profile, signals: Signals, meta: Mapping[str, Any], live: Live
 ) -> Flight:
     sink = MemoryRecorder()
     with asked_to_stop() as asked:
@@ -125,11 +125,11 @@ def _fly_in_memory(
 
 
 def _fly_to_file(
-    rig: Rig,
+    rig: StoppableRig,
     profile: Profile,
     signals: Signals,
     meta: Mapping[str, Any],
-    live: Live | None,
+    live: Live,
     path: Path,
     force: bool,
 ) -> Flight:
@@ -141,6 +141,16 @@ def _fly_to_file(
 
 
 def _fly(
-    rig: Rig, profile: Profile, signals: Signals, sink: RowSink, asked: Asked, live: Live | None
+    rig: StoppableRig, profile: Profile, signals: Signals, sink: RowSink, asked: Asked, live: Live
 ) -> Outcome:
-    return fly(rig, profile, signals, sink, stop=asked.why, at_once=asked.at_once, live=live)
+    outcome = fly(rig, profile, signals, sink, stop=asked.why, at_once=asked.at_once, live=live)
+    if rig.session.stopped is None:
+        return outcome
+    # An emergency stop from outside, in whatever phase it came, is how the flight ended.
+    detail = f"emergency stop on request: {rig.session.asked}"
+    return replace(outcome, ending="tripped", detail=detail, landed=False)
+
+
+def _progress(live: Live) -> dict[str, Any]:
+    """What a second terminal is told of the flight, besides the rig's own state."""
+    return {"phase": live.phase, "late": live.late, "done": live.done, "total": live.total}
