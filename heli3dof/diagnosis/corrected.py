@@ -47,7 +47,7 @@ from heli3dof.recording.recording import Recording
 
 PILOTS = 8
 """Flights of each estimate on the way; the same random numbers every time."""
-ROUNDS = 7
+ROUNDS = 10
 NEAR = 0.35
 """Standard deviations: a step smaller than this is the last; what `PILOTS` flights leave open."""
 NOISE_NEAR = 0.1
@@ -231,6 +231,10 @@ def correct(
         move = np.where(axes, np.clip(-slope / bend, -0.7, 0.7), 0.0)
         log(f"{count} {problem.values(theta)} {noise[:3]} step {step / sd} move {move}")
         if np.abs(step / sd).max() < NEAR and np.abs(move).max() < NOISE_NEAR:
+            # The last step is taken too: where all start from one side, stopping short is a bias.
+            theta = np.clip(theta + step, low, high)
+            noise = noise.copy()
+            noise[:3] = np.clip(noise[:3] * np.exp(move), NOISE_LOW, NOISE_HIGH)
             settled = True
             break
         if count == 1:

@@ -14,14 +14,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from heli3dof.diagnosis.calibration import off_nominal
 from heli3dof.diagnosis.corrected import Corrected
+from heli3dof.diagnosis.imitated import with_imitators
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.leftover import Leftover, examined
 from heli3dof.diagnosis.measured import adopted, fitted
-from heli3dof.diagnosis.proxies import doubted, named_like, stand_ins
+from heli3dof.diagnosis.proxies import base_beside, doubted, named_like, stand_ins
 from heli3dof.diagnosis.real_log import applies, diagnose_real
+from heli3dof.diagnosis.refits import refits
 from heli3dof.diagnosis.result import STANDS_IN, Diagnosis, Dropped, Finding
 from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import (
@@ -44,6 +47,7 @@ FURTHER = 0.5
 """Of the flights, for the nulls after the first finding."""
 PILOTS, QUICK_PILOTS = 12, 6
 LEFT_FLIGHTS, QUICK_LEFT_FLIGHTS = 24, 8
+REFITS, QUICK_REFITS = 12, 8
 SAID_EVERY_S = 1.0
 Says = Callable[[str], None]
 
@@ -91,7 +95,7 @@ def _diagnosed(
     if base == "rigid" and applies(train):
         return diagnose_real(train, held, faults, seed=seed, says=clock.says)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
-    bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base)
+    bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
     clock.start("base", "Fitting the base simulation, and flying it for its bias …")
     least = base_of(bench)
     steps, found = causes(bench, least, flights, clock)
@@ -102,8 +106,8 @@ def _diagnosed(
     taken = [s.choice for s in steps if s.choice is not None]
     found, findings, dropped, after = adopted(found, taken, held, seed=seed)
     clock.start("left", "Looking for what has no name …")
-    again = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
-    left, beside_it = examined(found, train, flights=again, seed=seed)
+    many = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
+    left, beside_it = examined(found, train, flights=many, seed=seed)
     posing = stand_ins(findings, found, left, beside_it)
     if posing:
         kept = [f.choice for f in findings if f.choice.term.name not in posing]
@@ -114,12 +118,18 @@ def _diagnosed(
                 found = without(found, f.choice.term)
         found, findings, poor, after = adopted(settled_again(bench, found), kept, held, seed=seed)
         dropped += poor
-        left, beside_it = examined(found, train, flights=again, seed=seed)
+        left, beside_it = examined(found, train, flights=many, seed=seed)
         left = named_like(left, posing)
     findings = doubted(findings, found, left, beside_it)
     clock.start("gain", "Measuring the gain on what was not seen …")
     whole = fitted(least, found, after, train, held, seed=seed)
-    off = off_nominal(found)
+    clock.start("off", "Asking whether the rig itself is off its profile …")
+    again = None
+    if bench.loop_is_known:
+        n = QUICK_REFITS if quick else REFITS
+        again = partial(refits, bench, found, flights=n)
+    off = off_nominal(found, again=again, beside=base_beside(found, beside_it) if left else None)
+    off = tuple(with_imitators(o, steps[-1]) for o in off)
     clock.stop()
     about = {
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
@@ -138,7 +148,9 @@ def causes(
 ) -> tuple[list[Step], Corrected]:
     """Forward: every step that was made (the last one found nothing, or is the last allowed)."""
     found, steps = base, list[Step]()
-    score, left = None, MOST
+    # An inertia far off is a first cause too, whose formula (where its mass sits) is a guess.
+    inertias = [o.flight_score for o in off_nominal(base) if o.term.effect.name == "inertia"]
+    score, left = max(inertias, default=None), MOST
     while left:
         n = flights if not steps else max(8, round(FURTHER * flights))
         clock.start(f"screen {len(steps) + 1}", f"Screening against {n} simulated nulls …")
@@ -153,7 +165,7 @@ def causes(
         if not step.choice.term.effect.within:  # what a simpler base lacks is no cause in the rig
             left -= 1
             if step.choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing
-                score = score or step.choice.score
+                score = step.choice.score if score is None else max(score, step.choice.score)
     return steps, found
 
 

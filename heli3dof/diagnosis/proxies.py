@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from heli3dof.diagnosis.gain import pays
 from heli3dof.diagnosis.leftover import Held, Leftover
 from heli3dof.diagnosis.result import Finding
 from heli3dof.identification.greybox.estimate import Estimate
@@ -27,6 +28,8 @@ KEPT = 0.25
 """Of Z²"""
 SIZE = 0.6
 """Of the parameter"""
+SMALLEST = 0.01
+"""Of T_g, which a step must not turn round"""
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,20 @@ def beside(found: Estimate, held: Held) -> tuple[Beside, ...]:
     return tuple(out)
 
 
+def base_beside(found: Estimate, held: Held) -> tuple[np.ndarray, np.ndarray]:
+    """(4,), (4,): ln of T_g and the inertias beside the leftovers over what they are in the fit,
+    and its standard deviation."""
+    g = held.g if not len(held.g_null) else held.g - held.g_null.mean(axis=0)
+    inverse = np.linalg.pinv(held.A, hermitian=True)
+    per = found.slopes[:4] / found.values[:4]  # ∂ ln v/∂θ
+    moved = np.maximum(1 + per * (inverse @ g)[:4], SMALLEST)
+    log = np.array([f.log for f in found.free[:4]])
+    return (
+        np.where(log, per * (inverse @ g)[:4], np.log(moved)),
+        np.abs(per) * np.sqrt(np.diag(inverse)[:4]),
+    )
+
+
 def stand_ins(
     findings: Sequence[Finding], found: Estimate, left: Sequence[Leftover], held: Held
 ) -> tuple[str, ...]:
@@ -84,9 +101,12 @@ def stand_ins(
 def doubted(
     findings: Sequence[Finding], found: Estimate, left: Sequence[Leftover], held: Held
 ) -> tuple[Finding, ...]:
-    """The findings, those that the leftovers make unsure as "…-like"."""
+    """The findings; "…-like" those that the leftovers make unsure, and those that data not seen do
+    not surely confirm (a first cause is adopted where it is likelier there, see `measured`)."""
     unsure = {b.name for b in beside(found, held) if b.unsure} if left else set()
-    return tuple(replace(f, like=f.choice.term.name in unsure) for f in findings)
+    return tuple(
+        replace(f, like=f.choice.term.name in unsure or not pays(f.gain)) for f in findings
+    )
 
 
 def named_like(left: Sequence[Leftover], names: Sequence[str]) -> tuple[Leftover, ...]:

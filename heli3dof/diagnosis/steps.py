@@ -22,6 +22,7 @@ from heli3dof.diagnosis.corrected import (
     model_at,
 )
 from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simulated_nulls
+from heli3dof.diagnosis.rivals import told_apart
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
@@ -56,6 +57,8 @@ class Bench:
     pilots: int
     base: str = "rigid"
     """One of `BASES`"""
+    opinions: bool = True
+    """Whether modest scores ask a second one (`heli3dof.diagnosis.rivals`), some seconds each"""
 
     @property
     def loop_is_known(self) -> bool:
@@ -98,6 +101,11 @@ class Step:
             ]
             tried = [t for t in tried if standing_out(t, problem, o.theta, o.noise, flown)]
         made = choose(self.found, self.screen, self.seen, self.nulls, self.bias, first_score, tried)
+        if made is not None and bench.loop_is_known:
+            made = told_apart(
+                made, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots,
+                opinions=bench.opinions,
+            )  # fmt: skip
         return replace(self, choice=made)
 
 

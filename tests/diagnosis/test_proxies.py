@@ -9,8 +9,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.gain import Interval
 from heli3dof.diagnosis.leftover import Held, Leftover
-from heli3dof.diagnosis.proxies import Beside, beside, named_like
+from heli3dof.diagnosis.proxies import Beside, beside, doubted, named_like
+from heli3dof.diagnosis.result import Finding
 from heli3dof.identification.greybox.estimate import Estimate
 
 
@@ -62,3 +64,14 @@ def test_the_leftover_says_whose_place_it_took_unless_it_is_like_another() -> No
     already = replace(left, like="friction.viscous.yaw-like")
     assert named_like([already], ["drag.quadratic.yaw"]) == (already,)
     assert named_like([left], []) == (left,)
+
+
+def test_what_data_not_seen_do_not_surely_confirm_is_only_alike() -> None:
+    def finding(low: float) -> Any:
+        return Finding(
+            cast(Any, SimpleNamespace(term=SimpleNamespace(name="motor.delay"))), {},
+            cast(Any, SimpleNamespace(log_likelihood=Interval(28.0, low, 71.0))), np.zeros(4),
+        )  # fmt: skip
+
+    found = doubted([finding(-8.0), finding(3.0)], fit(1.0), [], held(0.0, 0.0))
+    assert [f.like for f in found] == [True, False]
