@@ -170,6 +170,8 @@ class Endpoint:
             case _:
                 self._refused += 1
                 kind = frame.kind if isinstance(frame, Unknown) else frame.TYPE
+                if kind & 0x80:  # a device's own, come back: a line that echoes is not answered
+                    return b""
                 return self._ack(frame.number, kind, Code.UNKNOWN_TYPE)
 
     def _arm(self, arm: Arm) -> bytes:
