@@ -111,7 +111,6 @@ class Endpoint:
         while (due := self._next_sample_us()) is not None and due <= now_us:
             self._advance(due)
             if due > self._heard_us + QUIET_US:
-                self._period_us = 0
                 break
             self._streamed += 1
             self._late_us = max(self._late_us, now_us - due)
@@ -120,6 +119,8 @@ class Endpoint:
             else:
                 self._number = _u32(self._number + 1)
         self._advance(now_us)
+        if now_us > self._heard_us + QUIET_US:
+            self._period_us = 0
         return out
 
     def next_us(self) -> int | None:
@@ -215,7 +216,7 @@ class Endpoint:
         roll, pitch, yaw = device.plant.counts
         delay = NO_DELAY
         arrived, before = self._arrived_us, self._sampled_us
-        if arrived is not None and before is not None and arrived >= before:
+        if arrived is not None and before is not None:
             delay = min(arrived - before, NO_DELAY)
         front_mA, back_mA = (_milliampere(i) for i in device.current)
         frame = SampleFrame(
@@ -223,7 +224,7 @@ class Endpoint:
             front_mA, back_mA, delay, amplifier.flags, amplifier.cause,
         )  # fmt: skip
         self._number = _u32(self._number + 1)
-        self._sampled_us = now_us
+        self._arrived_us, self._sampled_us = None, now_us
         return wire(frame)
 
     def _ack(self, number: int, request: int, code: Code = Code.OK) -> bytes:
