@@ -78,5 +78,7 @@ def permission_fix(path: str) -> str:
     except (OSError, KeyError):
         group = "dialout"
     if group in ("root", "tty"):
-        return "install the udev rule that comes with heli3dof (docs/serial.md), and plug in again"
+        from ..udev import install_command
+
+        return install_command()
     return f"sudo usermod -aG {group} $USER, then log in again"

@@ -150,6 +150,8 @@ class Trial:
 
     def __init__(self, seed: int, share: float = 0.5) -> None:
         self.tally = Tally()
+        self.script: list[tuple[int, bytes, bytes]] = []
+        """What came to the device, when (µs), and what it answered; for other devices to repeat"""
         self._rng = random.Random(seed)
         self._there = HarmfulLine(self._rng, share, self.tally)
         self._back = HarmfulLine(self._rng, share, self.tally)
@@ -202,6 +204,7 @@ class Trial:
             self._now_us += STEP_US
             self._device_ear.hear(data, whole)
             answer = self._endpoint.receive(self._now_us, data)
+            self.script.append((self._now_us, data, answer))
             for said in Splitter().feed(answer):
                 self._hear(said)
 
