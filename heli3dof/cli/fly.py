@@ -179,6 +179,7 @@ def _fly(
             force=force,
             meta={"command_line": ["heli3dof", *sys.argv[1:]]},
             live=live,
+            warn=talk.warn,
         )
     _say_flight(talk, flight)
     if flight.outcome.ending == "interrupted":

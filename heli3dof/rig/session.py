@@ -50,7 +50,7 @@ class Session:
         """Why somebody asked for an emergency stop; None: nobody did."""
         self.state: Callable[[], Mapping[str, Any]] = dict
         """What ``state`` answers; called by the answering thread, so it only looks."""
-        self._private, self._doing = private, doing or _command_line()
+        self.private, self._doing = private, doing or _command_line()
         self._lock = -1
         self._answering: _Answering | None = None
         self._stopped: str | None = None
@@ -62,7 +62,7 @@ class Session:
         """Lock the rig and begin to answer; a private session does so only where told."""
         if self._answering is not None:
             return
-        mine = f"-{os.getpid()}-{next(_number)}" if self._private else ""
+        mine = f"-{os.getpid()}-{next(_number)}" if self.private else ""
         path = runtime_folder() / f"{device_name(self.device)}{mine}.lock"
         self._lock_path, self._lock = path, _locked(path, self.device)
         about = {
@@ -70,7 +70,7 @@ class Session:
             "pid": os.getpid(),
             "doing": self._doing,
             "since_utc": datetime.now(UTC).isoformat(timespec="seconds"),
-            "private": self._private,
+            "private": self.private,
         }
         os.ftruncate(self._lock, 0)
         os.pwrite(self._lock, json.dumps(about).encode(), 0)
@@ -100,7 +100,7 @@ class Session:
         if self._answering is not None:
             self._answering.close()
         with contextlib.suppress(OSError):
-            if self._private:
+            if self.private:
                 self._lock_path.unlink()
             else:
                 # Never unlinked: another process may have opened it and wait for the lock.
