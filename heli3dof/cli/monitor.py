@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from heli3dof.cli.console import Talk, live_allowed, verb
+from heli3dof.cli.console import INTERRUPTED, Talk, live_allowed, verb
 from heli3dof.cli.options import AsJson, ProfileFile, Quiet
 from heli3dof.cli.which import AnyDevice, the_rig
 
@@ -47,10 +47,14 @@ def monitor(
     view = View()
     with ExitStack() as stack:
         source, about = _source(talk, device, profile, stack)
+        interrupted = False
         try:
             _watch(talk, source, view, seconds)
-        finally:
-            talk.emit({"schema": "heli3dof.monitor/1", **about, **view.document()})
+        except KeyboardInterrupt:
+            interrupted = True
+    talk.emit({"schema": "heli3dof.monitor/1", **about, **view.document()})
+    if interrupted:
+        raise typer.Exit(INTERRUPTED)
 
 
 def _source(

@@ -157,4 +157,4 @@ def _text(value: str) -> str:
     """A TOML basic string: JSON's escapes are a part of TOML's."""
     import json
 
-    return json.dumps(value)
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
