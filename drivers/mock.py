@@ -134,38 +134,42 @@ def _number(
     return int(text) if whole else value
 
 
+def device_of(profile: Profile, options: Options) -> Device:
+    """The emulated electronics and plant of these options, for every door they stand behind."""
+    from .emulator.body import setup_of
+    from .emulator.device import WATCHDOG_S, Device
+    from .emulator.hide import parse_hide
+    from .emulator.plant import Plant
+
+    dt = 1 / (options.rate_hz or profile.loop.rate_hz)
+    watchdog_s = options.watchdog_s or max(WATCHDOG_S, 3 * dt)
+    if watchdog_s < 2 * dt:
+        raise UsageError(
+            f"watchdog_s={watchdog_s:g} is shorter than two control periods of {dt:g} s.",
+            cause="the watchdog would latch between any two commands.",
+            fix=f"watchdog_s={3 * dt:g} or more",
+        )
+    level = options.start == "level"
+    plant = Plant(
+        setup_of(profile, options.start),
+        profile.encoder.rad_per_count,
+        dt=dt,
+        hidden=parse_hide(options.hide),
+        seed=options.seed,
+        noise=options.noise,
+        spread=options.spread,
+        start_V=profile.motor.V_o if level else 0.0,
+    )
+    return Device(plant, v_max=profile.motor.v_max, watchdog_s=watchdog_s, held=level)
+
+
 class MockRig:
     """An open emulated rig; see `heli3dof.rig.port.Rig`."""
 
     def __init__(self, profile: Profile, options: Options | None = None) -> None:
-        from .emulator.body import setup_of
-        from .emulator.device import WATCHDOG_S, Device
-        from .emulator.hide import parse_hide
-        from .emulator.plant import Plant
-
         options = options or Options()
-        dt = 1 / (options.rate_hz or profile.loop.rate_hz)
-        watchdog_s = options.watchdog_s or max(WATCHDOG_S, 3 * dt)
-        if watchdog_s < 2 * dt:
-            raise UsageError(
-                f"watchdog_s={watchdog_s:g} is shorter than two control periods of {dt:g} s.",
-                cause="the watchdog would latch between any two commands.",
-                fix=f"watchdog_s={3 * dt:g} or more",
-            )
-        level = options.start == "level"
-        plant = Plant(
-            setup_of(profile, options.start),
-            profile.encoder.rad_per_count,
-            dt=dt,
-            hidden=parse_hide(options.hide),
-            seed=options.seed,
-            noise=options.noise,
-            spread=options.spread,
-            start_V=profile.motor.V_o if level else 0.0,
-        )
-        self._device: Device = Device(
-            plant, v_max=profile.motor.v_max, watchdog_s=watchdog_s, held=level
-        )
+        self._device: Device = device_of(profile, options)
+        dt, watchdog_s = self._device.plant.dt, self._device.watchdog_s
         self._dt = dt
         self._real = options.speed == 1.0
         self._pace_s = 0.0 if math.isinf(options.speed) else dt / options.speed

@@ -34,6 +34,10 @@ WITHOUT_HARDWARE = {
         "serial://{python}?watchdog_s=0.3",
         "serial://{python}?watchdog_s=0.3&stream=0",
     ),
+    "usb": (
+        "usb+mock:?watchdog_s=0.3",
+        "usb+mock:?watchdog_s=0.3&stream=0&seed=3&start=level",
+    ),
 }
 NEEDS_HARDWARE: set[str] = set()
 URLS = [url for urls in WITHOUT_HARDWARE.values() for url in urls]

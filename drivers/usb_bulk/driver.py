@@ -1,0 +1,118 @@
+"""``usb://VID:PID/SERIAL`` — a rig on a USB bulk pipe; ``usb+mock:`` — the emulated one.
+
+Either part of the place may be left out where one rig fits. Options: ``stream=0`` asks for every
+sample instead of letting the rig time them; ``watchdog_s`` is the silence after which the rig
+stops itself; ``timeout_s`` is how long it may take to accept a frame. ``usb+mock:`` takes the
+options of ``mock:`` and ``fault=`` besides; see `heli3dof_drivers.emulator.door_usb`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+from heli3dof.errors import DeviceError, UsageError
+from heli3dof.rig.port import Check
+
+from ..link.frames import Cause
+from .devices import on_bus, select, system_backend
+
+if TYPE_CHECKING:
+    from heli3dof.rig.port import Rig
+    from heli3dof.rig.profile import Profile
+    from heli3dof.rig.url import DeviceUrl
+
+OPTIONS = ("stream", "watchdog_s", "timeout_s")
+EMULATED = "usb+mock"
+MOCK_OPTIONS = ("profile", "hide", "seed", "noise", "start", "spread", "fault")
+"""What ``usb+mock:`` takes besides"""
+
+
+class UsbDriver:
+    """Opens rigs on the USB. ``backend``: pyusb's, the system's libusb unless given."""
+
+    scheme = "usb"
+    options: Sequence[str] = (*OPTIONS, *MOCK_OPTIONS)
+
+    def __init__(self, backend: Callable[[], Any] = system_backend) -> None:
+        self._backend = backend
+
+    def find(self) -> Sequence[str]:
+        """The rigs that are plugged in; none where there is no libusb."""
+        import usb.core
+
+        try:
+            return [rig.url for rig in on_bus(self._backend())]
+        except (DeviceError, usb.core.USBError):
+            return []
+
+    def open(self, url: DeviceUrl, profile: Profile) -> Rig:
+        """Claim the rig and speak to it. Raises DeviceError or UsageError, each with its cause."""
+        from .rig import UsbRig
+        from .transport import UsbTransport
+
+        stream, watchdog_s, timeout_s = self._options(url)
+        backend = self._bus(url, profile)
+        on = select(backend, url.text, "" if url.scheme == EMULATED else url.where)
+        transport = UsbTransport(on.device, url.text, write_s=timeout_s, holder=on.holder)
+        return UsbRig(transport, profile, stream=stream, watchdog_s=watchdog_s)
+
+    def estop(self, url: DeviceUrl) -> str:
+        """Zero volts by a control request, though another process may hold the rig's pipes."""
+        import usb.util
+
+        from .transport import stop
+
+        if url.scheme == EMULATED:
+            return "an emulated rig lives in the process that flies it: nothing else holds one"
+        on = select(self._backend(), url.text, url.where)
+        stop(on.device, Cause.HOST_ESTOP, url.text)
+        with suppress(Exception):
+            usb.util.dispose_resources(on.device)
+        return f"{on.url} confirmed the stop; its volts are zero until it is armed again"
+
+    def examine(self, url: DeviceUrl) -> Sequence[Check]:
+        """libusb, the udev rule, whether the rig is there, may be opened and is free."""
+        from .examine import examine
+
+        if url.scheme == EMULATED:
+            return ()
+        return examine(self._backend, url)
+
+    def _bus(self, url: DeviceUrl, profile: Profile) -> Any:
+        if url.scheme != EMULATED:
+            return self._backend()
+        from ..emulator.usb_mock import bus_of
+
+        return bus_of(url, profile)
+
+    @staticmethod
+    def _options(url: DeviceUrl) -> tuple[bool, float | None, float]:
+        url.check_options((*OPTIONS, *MOCK_OPTIONS) if url.scheme == EMULATED else OPTIONS)
+        stream = url.one("stream", "1")
+        if stream not in ("0", "1"):
+            raise UsageError(
+                f"{url.text}: stream={stream} is neither 0 nor 1.",
+                cause="1: the rig times its samples (default); 0: the host asks for each.",
+                fix="stream=1, or leave it out",
+            )
+        watchdog_s = _seconds(url, "watchdog_s", 1.0) if url.one("watchdog_s") else None
+        timeout_s = _seconds(url, "timeout_s", 10.0) if url.one("timeout_s") else 0.25
+        return stream == "1", watchdog_s, timeout_s
+
+
+def _seconds(url: DeviceUrl, name: str, most: float) -> float:
+    text = str(url.one(name))
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 1e-3 <= value <= most:
+        raise UsageError(
+            f"{url.text}: {name}={text} is not a time from 0.001 to {most:g} s.",
+            cause="a typing error or another unit.",
+            fix=f"{name}=0.1",
+        )
+    return value
