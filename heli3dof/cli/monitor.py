@@ -61,7 +61,7 @@ def _source(
     talk: Talk, device: str | None, profile_file: Path | None, stack: ExitStack
 ) -> tuple[Callable[[], dict[str, Any] | None], dict[str, Any]]:
     """What to read from; None from it: there is no more."""
-    from heli3dof.rig.attach import running, state
+    from heli3dof.rig.attach import lives, running, state
     from heli3dof.rig.hold import hold, state_of
     from heli3dof.rig.profile import default_profile, load_profile
 
@@ -69,7 +69,13 @@ def _source(
     if session is not None:
         talk.note(f"{session.device}: watching what pid {session.pid} runs ({session.doing})")
         about = {"device": session.device, "pid": session.pid, "doing": session.doing}
-        return (lambda: state(session)), about
+
+        def ask() -> dict[str, Any] | None:
+            told = state(session)
+            # One that hangs may go on; it is watched until it is gone.
+            return {} if told is None and lives(session) else told
+
+        return ask, about
     url = the_rig(device)
     rig_profile = load_profile(profile_file) if profile_file else default_profile()
     rig = stack.enter_context(hold(url, rig_profile))

@@ -46,7 +46,7 @@ class View:
         """One line: for logs, and terminals without a live display."""
         last = self.last
         if "roll_deg" not in last:
-            return "no sample yet"
+            return "no answer"
         words = [f"{axis} {last[f'{axis}_deg']:+7.2f}°" for axis in AXES]
         words += [f"{motor} {last[f'v_{motor}_V']:+6.2f} V" for motor in MOTORS]
         words.append(f"late {last['lateness_s'] * 1e3:.1f} ms")
@@ -81,7 +81,7 @@ class View:
     def _caption(self) -> str:
         last = self.last
         if "flags" not in last:
-            return "no sample yet"
+            return "no answer"
         words = [" ".join(last["flags"]) or "not enabled"]
         words.append(f"late {last['lateness_s'] * 1e3:.2f} ms")
         if "phase" in last:

@@ -39,7 +39,7 @@ def zero(
     from math import degrees
 
     from heli3dof.axes import AXES
-    from heli3dof.rig.calibration import store_calibration
+    from heli3dof.rig.calibration import POWER_UP, store_calibration
     from heli3dof.rig.drivers import is_private
     from heli3dof.rig.hold import hold
     from heli3dof.rig.profile import default_profile, load_profile
@@ -49,8 +49,8 @@ def zero(
     url = the_rig(device)
     rig_profile = load_profile(profile) if profile else default_profile()
     with hold(url, rig_profile) as rig:
-        before = rig.rest
-        standing = watch_standing(rig.inner, SECONDS)
+        before, rig.rest = rig.rest, POWER_UP  # counts as the device gives them
+        standing = watch_standing(rig, SECONDS)
         found = calibrate(standing, rig, rig_profile, url, (roll, pitch, yaw))
     shift = [
         degrees((found.counts_at_rest[i] - before.counts_at_rest[i]) * q)
