@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from math import degrees
+from math import degrees, isfinite
 from typing import Any
 
 from heli3dof.axes import AXES, MOTORS
@@ -69,6 +69,8 @@ def reading(sample: Sample, profile: Profile) -> dict[str, Any]:
     }
     found |= {f"{axis}_counts": sample.counts[i] for i, axis in enumerate(AXES)}
     found |= {f"v_{motor}_V": sample.v_applied[i] for i, motor in enumerate(MOTORS)}
+    for motor, current in zip(MOTORS, sample.current, strict=True):
+        found[f"i_{motor}_A"] = current if isfinite(current) else None
     return found | {
         "device_time_s": sample.device_time_s,
         "host_time_s": sample.host_time_s,
