@@ -30,6 +30,12 @@ def doctor(
     folder: Annotated[
         Path, typer.Option("--folder", metavar="DIR", help="Where recordings go.")
     ] = Path("flights"),
+    arm: Annotated[
+        bool,
+        typer.Option(
+            "--arm", help="Also arm, at zero volts: prove watchdog and emergency stop at work."
+        ),
+    ] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
@@ -44,7 +50,7 @@ def doctor(
     cannot_open: DeviceError | None = None
     talk.show(f"{url}, profile {rig_profile.name}")
     try:
-        for group, check in _checks(url, rig_profile, folder):
+        for group, check in _checks(url, rig_profile, folder, arm):
             rows.append((group, check))
             _say(talk, check)
     except DeviceError as problem:
@@ -72,10 +78,10 @@ def doctor(
         raise typer.Exit(code)
 
 
-def _checks(url: str, profile: Profile, folder: Path) -> Iterator[tuple[str, Check]]:
+def _checks(url: str, profile: Profile, folder: Path, arm: bool) -> Iterator[tuple[str, Check]]:
     from heli3dof.experiment.realtime import realtime
+    from heli3dof.rig.doctor import armed, host, link
     from heli3dof.rig.doctor import folder as recordings
-    from heli3dof.rig.doctor import host, link
     from heli3dof.rig.drivers import load_driver
     from heli3dof.rig.hold import hold
     from heli3dof.rig.url import parse_url
@@ -88,8 +94,10 @@ def _checks(url: str, profile: Profile, folder: Path) -> Iterator[tuple[str, Che
         woke = host.wake_up(profile)
     yield from (("computer", check) for check in (*granted.checks, woke))
     yield from (("recordings", check) for check in recordings.checks(folder))
-    with hold(url, profile) as rig:
+    with hold(url, profile) as rig, realtime():
         yield from (("rig", check) for check in link.checks(rig, profile))
+        if arm:
+            yield from (("armed", check) for check in armed.checks(rig, profile))
 
 
 def _as_check(problem: object) -> Check:
