@@ -11,11 +11,14 @@ from dataclasses import dataclass
 from math import degrees
 
 from heli3dof.axes import AXES
+from heli3dof.rig.clock import wait_until
 from heli3dof.rig.port import Check, Flags, Sample
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.stoppable import StoppableRig
 
 POLLS = 500
+EVERY_S = 2e-3
+"""s from reading to reading: long enough in all to compare clocks by"""
 LONGEST_S = 3.0
 LONGEST_WATCHDOG_S = 0.5
 STILL_COUNTS = 2
@@ -40,13 +43,13 @@ def listen(rig: StoppableRig, profile: Profile) -> Opened:
     """Read the rig `POLLS` times, or as often as `LONGEST_S` allows."""
     repeats, damaged = _counted(rig, "repeats"), _counted(rig, "damaged")
     samples, took = [], []
-    end = time.monotonic() + LONGEST_S
-    for _ in range(POLLS):
-        start = time.monotonic()
+    first = time.monotonic()
+    for k in range(POLLS):
+        start = wait_until(first + k * EVERY_S)
         samples.append(rig.read())
         now = time.monotonic()
         took.append(now - start)
-        if now > end:
+        if now > first + LONGEST_S:
             break
     return Opened(
         rig, profile, samples, took,

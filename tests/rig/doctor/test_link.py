@@ -18,12 +18,17 @@ from tests.rig.fakes import IDENTITY, FakeDriver, FakeRig
 PROFILE = default_profile()
 
 
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch):
+    monkeypatch.setattr(link, "EVERY_S", 0.0)
+
+
 def opened(**driver: object) -> link.Opened:
     rig = FakeRig(FakeDriver(**driver))
     held = StoppableRig(rig, Session("fake://1", private=True))
     found = link.listen(held, PROFILE)
     assert rig.armed == 0
-    return found
+    return replace(found, took_s=[1e-4] * len(found.took_s))
 
 
 def looked_at(**driver: object) -> dict[str, Check]:
