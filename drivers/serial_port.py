@@ -58,19 +58,18 @@ class SerialDriver:
 
     def estop(self, url: DeviceUrl) -> str:
         """Stop the rig's motors, though another process may hold its port."""
-        from .link.rig import stop_over
+        from .link.beside import open_beside
         from .link.serial_line import open_line
+        from .link.stopping import stop_over
 
         options = Options.of(url)
-        line: Transport
+        line: Transport | None = None
         if os.path.exists(options.place):
-            from .link.second_hand import open_second_hand
-
-            line = open_second_hand(options.place, baud=options.baud)
-        else:
-            line = open_line(options.place, baud=options.baud)
+            line = open_beside(options.place)
+        beside = line is not None
+        line = line or open_line(options.place, baud=options.baud)
         try:
-            return stop_over(line)
+            return stop_over(line, beside=beside)
         finally:
             line.close()
 

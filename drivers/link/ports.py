@@ -8,6 +8,10 @@ from pathlib import Path
 
 QUICK_MS = 1
 """ms, an FTDI latency timer that does not hold samples back"""
+LATENCY_FILES = (
+    "/sys/bus/usb-serial/devices/{}/latency_timer",
+    "/sys/class/tty/{}/device/latency_timer",
+)
 
 
 def usb_ports() -> Sequence[str]:
@@ -56,10 +60,8 @@ def held_by(path: str) -> str:
 def latency_timer(path: str) -> tuple[int, Path] | None:
     """ms that an FTDI adapter holds bytes back, and where that is set; None: it has no such."""
     name = Path(os.path.realpath(path)).name
-    for file in (
-        Path("/sys/bus/usb-serial/devices") / name / "latency_timer",
-        Path("/sys/class/tty") / name / "device" / "latency_timer",
-    ):
+    for place in LATENCY_FILES:
+        file = Path(place.format(name))
         try:
             return int(file.read_text()), file
         except (OSError, ValueError):

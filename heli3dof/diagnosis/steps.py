@@ -93,7 +93,7 @@ class Step:
         o = self.found.optimum
         problem = self.found.problem
         tried = trials(problem, o.theta, o.noise, bench.axes)
-        if tried and bench.loop_is_known:
+        if tried and self.found.scatter is not None:
             model = model_at(problem, o.theta, o.noise)
             flown = [
                 fly_again(model, bench.recordings, problem.data, (bench.seed, 3, b))
@@ -118,9 +118,10 @@ def base_of(bench: Bench) -> Corrected:
     found = estimate(problem)
     if not bench.loop_is_known:
         return Corrected(problem, found.optimum)
-    return correct(
+    freed = correct(
         problem, *beginning(found), bench.recordings, seed=bench.seed, pilots=bench.pilots
     )
+    return Corrected(problem, found.optimum) if freed.scatter is None else freed
 
 
 def beginning(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
@@ -152,7 +153,7 @@ def looked_at(bench: Bench, found: Corrected, flights: int) -> Step:
     screen = Screen(problem, o.theta, here, plain, scans(terms))
     seen = screen.see(here, prior=True)
     bias = np.zeros(len(o.theta))
-    if bench.loop_is_known:
+    if found.scatter is not None:
         nulls, scores = simulated_nulls(
             found, bench.recordings, screen, flights=flights, seed=bench.seed
         )

@@ -136,8 +136,8 @@ def causes(document: Document) -> Iterator[str]:
             )
         elif named and f.get("like"):
             said += (
-                f" Data that it has not seen do not surely confirm it, so read it as {name}-like: "
-                "something acts as this would."
+                " Its size is open, or data that it has not seen do not surely confirm it: read it "
+                f"as {name}-like, something acts as this would."
             )
         yield said
 

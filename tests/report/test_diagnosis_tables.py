@@ -178,7 +178,7 @@ def test_a_cause_that_held_out_data_do_not_surely_confirm_is_only_alike() -> Non
     alone["leftover"] = []
     assert "yaw-like" not in told(alone)
     alone["findings"][0]["like"] = True
-    assert "do not surely confirm it, so read it as friction.coulomb.yaw-like" in told(alone)
+    assert "do not surely confirm it: read it as friction.coulomb.yaw-like" in told(alone)
 
 
 def test_a_cause_that_is_not_confirmed_is_told_as_such() -> None:
