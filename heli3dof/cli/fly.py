@@ -184,7 +184,8 @@ def _fly(
         )
     _say_flight(talk, flight)
     if flight.outcome.ending == "interrupted":
-        talk.warn(f"{flight.outcome.detail}; the motors were ramped to zero")
+        end = "ramped to zero" if flight.outcome.landed else "stopped at once"
+        talk.warn(f"{flight.outcome.detail}; the motors were {end}")
         raise typer.Exit(INTERRUPTED)
     try:
         flight.raise_if_cut_short()
@@ -227,9 +228,13 @@ def _say_plan(talk: Talk, plan: Plan, profile: Profile, device: str, seed: int) 
 
 def _say_flight(talk: Talk, flight: Flight) -> None:
     """The summary at the end of a flight: peak, overshoot, error per axis, late periods."""
+    from heli3dof.cli.punctuality import realtime_advice
     from heli3dof.cli.summary import flight_document, flight_table
 
     talk.show(flight_table(flight))
+    advice = realtime_advice(flight.outcome)
+    if advice:
+        talk.note(advice)
     talk.note(f"Recording: {flight.path}")
     talk.emit(flight_document(flight))
 
