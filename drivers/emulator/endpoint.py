@@ -44,6 +44,7 @@ from ..link.frames import (
 )
 from .amplifier import STOPPED, Amplifier
 from .device import Device
+from .faults import Breaking
 
 SHORTEST_US = 500
 QUIET_US = 2_000_000
@@ -202,7 +203,12 @@ class Endpoint:
         while (end := self._grid_us + round((self._steps + 1) * self._dt_us)) <= now_us:
             volts = self._amplifier.mean_V(end)
             self._steps += 1
-            self._arrives = self._device.held or self._device.plant.step(*volts)
+            plant = self._device.plant
+            self._arrives = self._device.held or plant.step(*volts)
+            trip = plant.trip() if isinstance(plant, Breaking) else None
+            if trip is not None:
+                flag, cause = trip
+                self._amplifier.stop(end, cause, flag)
         self._amplifier.advance(now_us)
         self._now = now_us
 
