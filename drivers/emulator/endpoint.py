@@ -44,6 +44,7 @@ from ..link.frames import (
 )
 from .amplifier import STOPPED, Amplifier
 from .device import Device
+from .faults import Breaking
 
 SHORTEST_US = 500
 QUIET_US = 2_000_000
@@ -206,10 +207,15 @@ class Endpoint:
         while (end := self._grid_us + round((self._steps + 1) * self._dt_us)) <= now_us:
             volts = self._amplifier.mean_V(end)
             self._steps += 1
-            if not self._device.held:
-                plant = self._device.plant
-                self._arrives = plant.step(*volts)
-                self._jitter_us = round((plant.t - plant.periods * plant.dt) * 1e6)
+            if self._device.held:
+                continue
+            plant = self._device.plant
+            self._arrives = plant.step(*volts)
+            self._jitter_us = round((plant.t - plant.periods * plant.dt) * 1e6)
+            trip = plant.trip() if isinstance(plant, Breaking) else None
+            if trip is not None:
+                flag, cause = trip
+                self._amplifier.stop(end, cause, flag)
         self._amplifier.advance(now_us)
         self._now = now_us
 
