@@ -77,10 +77,7 @@ class _Flight:
         self.stop, self.live, self.watches = stop, live, tuple(watches)
         self.rest = tuple(profile.encoder.rest_rad.tolist())
         self.rad_per_count = tuple(profile.encoder.rad_per_count.tolist())
-        # Plain floats: indexing a list costs a tenth of indexing an array.
-        self.reference = [tuple(row) for row in signals.reference.tolist()]
-        self.extra = [tuple(row) for row in signals.extra.tolist()]
-        self.opened = None if signals.opened is None else signals.opened.tolist()
+        self.reference, self.extra, self.opened = signals.reference, signals.extra, signals.opened
         self.controller = OpenedController.of(profile)
         self.envelope = Envelope(profile)
         self.tally = Tally(len(self.reference) + self.steps(hurried=False))
@@ -136,12 +133,13 @@ class _Flight:
     def period(self, k: int, sample: Sample) -> tuple[Sample, tuple[Ending, str] | None]:
         """One control period. Returns the next sample, or the same one and why to end."""
         angle = self.angle(sample)
-        reference, extra = self.reference[k], self.extra[k]
+        # Plain floats from here on, made row by row: an hour of them would fill the memory.
+        reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
         if self.opened is None:
             command, voltage = self.controller.step(angle, reference, extra)
         else:
             reference, extra, command, voltage = self.controller.step_opened(
-                self.opened[k], angle, reference, extra
+                self.opened[k].tolist(), angle, reference, extra
             )
         t = sample.device_time_s - self.t0
         why = self.reason_to_end(k, t, sample, angle, command, voltage)

@@ -15,7 +15,6 @@ one thread. An emulated rig is private to its process: nothing to lock, its file
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import itertools
 import json
 import os
@@ -30,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.places import device_name, runtime_folder
+from heli3dof.rig.places import POSSIBLE, device_name, runtime_folder
 
 LONGEST_QUESTION = 4096
 PATIENCE_S = 1.0
@@ -50,7 +49,7 @@ class Session:
         """Why somebody asked for an emergency stop; None: nobody did."""
         self.state: Callable[[], Mapping[str, Any]] = dict
         """What ``state`` answers; called by the answering thread, so it only looks."""
-        self._private, self._doing = private, doing or _command_line()
+        self.private, self._doing = private, doing or _command_line()
         self._lock = -1
         self._answering: _Answering | None = None
         self._stopped: str | None = None
@@ -60,9 +59,9 @@ class Session:
 
     def serve(self) -> None:
         """Lock the rig and begin to answer; a private session does so only where told."""
-        if self._answering is not None:
+        if self._answering is not None or not POSSIBLE:
             return
-        mine = f"-{os.getpid()}-{next(_number)}" if self._private else ""
+        mine = f"-{os.getpid()}-{next(_number)}" if self.private else ""
         path = runtime_folder() / f"{device_name(self.device)}{mine}.lock"
         self._lock_path, self._lock = path, _locked(path, self.device)
         about = {
@@ -70,7 +69,7 @@ class Session:
             "pid": os.getpid(),
             "doing": self._doing,
             "since_utc": datetime.now(UTC).isoformat(timespec="seconds"),
-            "private": self._private,
+            "private": self.private,
         }
         os.ftruncate(self._lock, 0)
         os.pwrite(self._lock, json.dumps(about).encode(), 0)
@@ -100,7 +99,7 @@ class Session:
         if self._answering is not None:
             self._answering.close()
         with contextlib.suppress(OSError):
-            if self._private:
+            if self.private:
                 self._lock_path.unlink()
             else:
                 # Never unlinked: another process may have opened it and wait for the lock.
@@ -146,6 +145,8 @@ class _Answering(threading.Thread):
         self._ending = True
         self.wake()
         self.join(timeout=PATIENCE_S)
+        # Here, while the lock is still ours: later it might be the next session's socket.
+        self._path.unlink(missing_ok=True)
 
     def run(self) -> None:
         try:
@@ -156,7 +157,6 @@ class _Answering(threading.Thread):
                 self._lose_patience()
         finally:
             self._tell_who_waits(over=True)
-            self._path.unlink(missing_ok=True)
             self._selector.close()
             for each in (self._ear, self._woken, self._waker, *self._asking):
                 each.close()
@@ -223,6 +223,8 @@ def _answer(caller: socket.socket, what: Mapping[str, Any]) -> None:
 
 def _locked(path: Path, device: str) -> int:
     """The lock's file descriptor. Raises DeviceError (busy) naming the holder."""
+    import fcntl
+
     handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

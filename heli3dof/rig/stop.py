@@ -12,7 +12,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from heli3dof.errors import Heli3dofError
+from heli3dof.errors import Heli3dofError, UsageError
 from heli3dof.rig.attach import Question, running
 from heli3dof.rig.drivers import find_rigs, is_private, load_driver
 from heli3dof.rig.places import device_name
@@ -37,7 +37,7 @@ class Stopped:
 def stop_rigs(device: str | None, reason: str) -> list[Stopped]:
     """Stop one device, or every running session and every rig that is found. Empty: there is none.
 
-    Raises UsageError for a URL that no driver knows; never DeviceError: that is in the answer.
+    Raises UsageError for a URL that makes no sense; never DeviceError: that is in the answer.
     """
     if device is not None:
         load_driver(parse_url(device).scheme)
@@ -75,6 +75,8 @@ def _directly(device: str, start: float) -> Stopped:
     url = parse_url(device)
     try:
         how, done = load_driver(url.scheme).estop(url), True
+    except UsageError:
+        raise
     except Heli3dofError as problem:
         how, done = problem.what, False
     except Exception as problem:

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.attach import Question, running, state
+from heli3dof.rig.attach import Question, lives, running, state
 from heli3dof.rig.places import device_name, runtime_folder
 from heli3dof.rig.session import Session
 
@@ -181,3 +181,16 @@ def test_silent_callers_keep_nobody_waiting(session):
     assert state(found, timeout_s=5) == {}
     for line in lines:
         line.close()
+
+
+def test_a_session_that_hangs_lives_and_answers_nothing(other_process):
+    (found,) = running(DEVICE)
+    other_process.send_signal(signal.SIGSTOP)
+    try:
+        assert lives(found)
+        assert state(found, timeout_s=0.1) is None
+        with pytest.raises(DeviceError, match="busy"):
+            Session(DEVICE)
+    finally:
+        other_process.send_signal(signal.SIGCONT)
+    assert state(found, timeout_s=5) == {}

@@ -178,7 +178,7 @@ static void send_report(struct device *device, uint32_t number, uint64_t now_us)
 static void stream(struct device *device, uint64_t now_us)
 {
     const uint64_t end_us = device->heard_us + STREAM_UNHEARD_US;
-    if (now_us >= device->next_us && device->next_us < end_us) {
+    if (now_us >= device->next_us && device->next_us <= end_us) {
         /* Late by more than a period: the samples in between are left out, never sent in a burst;
          * their numbers show it. */
         const uint64_t late_us = now_us - device->next_us;
@@ -189,7 +189,7 @@ static void stream(struct device *device, uint64_t now_us)
         device->next_us += (missed + 1) * device->period_us;
         send_sample(device, now_us);
     }
-    if (now_us >= end_us)
+    if (now_us > end_us)
         device->period_us = 0;
 }
 
@@ -217,8 +217,14 @@ uint64_t device_next_us(const struct device *device)
 
 /* ---- requests -------------------------------------------------------------------------- */
 
+static uint32_t watchdog_asked(const struct device *device, const struct request *arm)
+{
+    return arm->watchdog_us ? arm->watchdog_us : device->config.watchdog_us;
+}
+
 static enum code may_arm(const struct device *device, const struct request *arm)
 {
+    const uint32_t watchdog_us = watchdog_asked(device, arm);
     const bool faulty = device->inputs.fault || device->inputs.stall || device->inputs.button;
     if (device->state == ARMED)
         return ALREADY_ARMED;
@@ -228,9 +234,7 @@ static enum code may_arm(const struct device *device, const struct request *arm)
         return FAULT;
     if (arm->period_us && arm->period_us < device->config.shortest_us)
         return BAD_PARAMETER;
-    if (arm->watchdog_us > WATCHDOG_LONGEST_US)
-        return BAD_PARAMETER;
-    if (arm->watchdog_us && arm->watchdog_us / 2 < arm->period_us)
+    if (watchdog_us > WATCHDOG_LONGEST_US || watchdog_us / 2 < arm->period_us)
         return BAD_PARAMETER;
     return OK;
 }
@@ -245,14 +249,11 @@ static void arm(struct device *device, uint64_t now_us, const struct request *re
         device->ticket++;
         device->echo = request->number;
         device->command_us = now_us;
-        device->watchdog_us =
-            request->watchdog_us ? request->watchdog_us : device->config.watchdog_us;
+        device->watchdog_us = watchdog_asked(device, request);
         device->period_us = request->period_us;
         device->next_us = now_us + request->period_us;
         device->samples = 0;
         device->fresh = false;
-    } else {
-        device->refused++;
     }
     send_ack(device, request, code);
     if (code == OK)

@@ -136,7 +136,7 @@ static void start(void)
         .watchdog_us = options.watchdog_us,
         .ramp_us = options.ramp_us,
         .shortest_us = options.shortest_us,
-        .model = "heli3dof bench",
+        .model = "emulated bench",
         .serial = options.serial,
         .firmware = "c 1.0",
     };
