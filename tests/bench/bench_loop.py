@@ -93,6 +93,7 @@ def side_by_side(flights: dict[tuple[int, bool], dict[str, Any]]) -> Table:
                 f"{100 * p['late_share']:.3g} %",
                 f"{found['missed_periods']} / {found['lost_periods']}",
                 " / ".join(_us(v) for v in turn),
+                " / ".join(_us(found["link"][f"delay_{q}_s"]) for q in ("median", "p999")),
             )
         )
     return Table(
@@ -100,6 +101,7 @@ def side_by_side(flights: dict[tuple[int, bool], dict[str, Any]]) -> Table:
         (
             "rate", "granted", "periods", "lateness: median / 99 % / 99.9 % / worst", "late",
             "missed / lost", "sample to command: median / 99.9 %",
+            "by the device's clock",
         ),
         tuple(rows),
     )  # fmt: skip
