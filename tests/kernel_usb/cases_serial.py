@@ -1,0 +1,1 @@
+"""pyserial and the kernel's CDC-ACM driver against the emulated rig on dummy_hcd."""
