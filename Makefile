@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 JOBS   ?= auto
 PEERS  := .venv-peers
 
-.PHONY: help demo test check format bench bench-peers bench-hidden pages recordings clean
+.PHONY: help demo test check format bench bench-peers bench-hidden pages recordings firmware clean
 
 help:
 	@echo "make demo        fly the mock rig, identify, compare, diagnose, report"
@@ -17,6 +17,7 @@ help:
 	@echo "make bench-hidden flights that hide a cause, and who finds it (long; resumes where it stopped)"
 	@echo "make pages       compute the tables in docs/ again"
 	@echo "make recordings  re-make the reference recordings that ship"
+	@echo "make firmware    the device side in C, as a program on a PTY: build/firmware/heli3dof-rig"
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -66,6 +67,9 @@ pages: $(STAMP)
 
 recordings: $(STAMP)
 	$(BIN)/python -m heli3dof_recordings.make
+
+firmware:
+	$(MAKE) -C drivers/firmware BUILD=$(CURDIR)/build/firmware
 
 clean:
 	rm -rf $(VENV) $(PEERS) build dist *.egg-info

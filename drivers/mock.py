@@ -41,6 +41,8 @@ class MockDriver:
 
     scheme = "mock"
     options: Sequence[str] = OPTIONS
+    private = True
+    """Every opening makes a rig of its own: see `heli3dof.rig.drivers.is_private`."""
 
     def find(self) -> Sequence[str]:
         return ["mock:"]
@@ -190,6 +192,11 @@ class MockRig:
     @property
     def identity(self) -> Identity:
         return self._identity
+
+    @property
+    def device(self) -> Device:
+        """The emulated electronics: for other doors to the same rig."""
+        return self._device
 
     @property
     def truth(self) -> Truth:

@@ -9,12 +9,14 @@ from cobs.cobs import DecodeError, decode
 from heli3dof.errors import DeviceError
 
 from .checksum import check
-from .dialogue import PATIENCE_S, TRIES, Dialogue
+from .dialogue import PATIENCE_S, Dialogue
 from .frames import VERSION, Ack, Frame, Hello, IdentityFrame, Type
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
 
+TRIES = 12
+"""Boards that start anew when their port is opened need two seconds until they listen."""
 AXES = ("roll", "pitch", "yaw")
 
 
@@ -29,7 +31,7 @@ def greet(dialogue: Dialogue) -> IdentityFrame:
             return None
         return None if isinstance(frame, Ack) and frame.request != Type.HELLO else frame
 
-    said = dialogue.ask(Hello, answer)
+    said = dialogue.ask(Hello, answer, tries=TRIES)
     if isinstance(said, IdentityFrame):
         if said.version != VERSION:
             raise _other_version(transport.name, said.version)
@@ -41,8 +43,8 @@ def greet(dialogue: Dialogue) -> IdentityFrame:
         raise DeviceError(
             f"{transport.name}: nobody answers.",
             cause=f"{TRIES} questions in {TRIES * PATIENCE_S:g} s stayed without one byte: the "
-            "device is switched off, still starting, or it is another port.",
-            fix="switch the amplifier on, wait two seconds, then heli3dof devices",
+            "device is switched off, or this is another port.",
+            fix="switch the amplifier on; heli3dof devices lists the ports",
         )
     version = foreign_version(heard)
     if version is not None:
@@ -76,8 +78,9 @@ def _other_version(name: str, version: int | None) -> DeviceError:
 
 
 def _shown(heard: bytes) -> str:
-    text = heard[:24].decode("ascii", "replace")
-    shown = repr(text) if text.isprintable() else heard[:12].hex(" ")
+    text = heard[:24].decode("ascii", "replace").strip()
+    readable = all(c.isprintable() or c.isspace() for c in text) and "\ufffd" not in text
+    shown = repr(text) if readable else heard[:12].hex(" ")
     return f"{len(heard)} bytes, {shown}"
 
 
@@ -108,7 +111,7 @@ def check_profile(
                 fix=f"encoder.{axis} = {theirs} in the profile; or, where turning the rig by hand "
                 "(heli3dof monitor) shows that the profile is right, ?signs=profile",
             )
-    v_max = identity.v_max_uV * 1e-6
+    v_max = identity.v_max_uV / 1e6
     if profile.motor.v_max > v_max * (1 + 1e-6):
         raise DeviceError(
             f"{name}: the amplifier puts out at most {v_max:g} V, the profile {profile.name!r} "

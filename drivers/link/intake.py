@@ -81,9 +81,9 @@ class Intake:
         self._wrapped = frame.time_us
         return Sample(
             self._echoed,
-            self._clock_us * 1e-6,
+            self._clock_us / 1e6,
             (frame.roll, frame.pitch, frame.yaw),
-            (frame.front_uV * 1e-6, frame.back_uV * 1e-6),
+            (frame.front_uV / 1e6, frame.back_uV / 1e6),
             (_ampere(frame.front_mA), _ampere(frame.back_mA)),
             _FLAGS[frame.flags],
             host_time_s,

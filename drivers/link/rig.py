@@ -14,7 +14,6 @@ flies two of them in one. Polled (the host keeps time)::
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from math import isfinite
 from typing import TYPE_CHECKING
 
@@ -22,15 +21,13 @@ from heli3dof.errors import DeviceError
 from heli3dof.rig.clock import wait_until
 from heli3dof.rig.port import Command, Flags, Identity, Sample
 
-from .dialogue import Dialogue
+from .dialogue import TRIES, Dialogue
 from .frames import (
     Ack,
     Arm,
-    Cause,
     Code,
     Disarm,
     Estop,
-    Frame,
     Hello,
     IdentityFrame,
     Poll,
@@ -42,6 +39,17 @@ from .frames import (
 )
 from .greeting import check_profile, greet, period_of
 from .intake import Intake
+from .stopping import BESIDE_TRIES, STOP_TRIES, ack_of, stop, stop_over
+from .troubles import (
+    closed,
+    gone_silent,
+    not_a_voltage,
+    not_armed,
+    not_arming,
+    not_ours,
+    not_stopped,
+    started_anew,
+)
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -53,8 +61,6 @@ SILENCE_S = 0.5
 """s without the sample that was due until the rig counts as gone; its watchdog is quicker"""
 POLL_AGAIN_S = 5e-3
 """s until a POLL that stays without an answer is repeated"""
-STOP_EVERY_S = 20e-3
-STOP_TRIES = 25
 LARGEST_uV = 2_000_000_000
 """What fits into a command; any device clips long before."""
 EMULATED = "emulated"
@@ -85,6 +91,7 @@ class LinkRig:
         self._intake = Intake(self._dialogue.statistics)
         self._stream = stream
         self._streaming = self._armed = False
+        self._gone = False
         self._open = True
         try:
             said = greet(self._dialogue)
@@ -112,8 +119,7 @@ class LinkRig:
         """Zero volts, latches cleared, enabled; the first sample."""
         self._check_open()
         self._armed = self._streaming = False
-        code = Code.STALE_TICKET
-        for _ in range(3):
+        for _ in range(TRIES):
             disarmed = self._request(Disarm)
             self._pass_over()
             said = self._ask_to_arm(disarmed.ticket)
@@ -124,8 +130,10 @@ class LinkRig:
                 self._armed, self._streaming = True, self._stream
                 return self._next_of_stream() if self._stream else self._first()
             if code not in (Code.STALE_TICKET, Code.ALREADY_ARMED):
-                raise self._refused(code, said.cause)
-        raise self._refused(code, 0)
+                raise not_arming(
+                    self._transport.name, code, said.cause, self._period_us, self._watchdog_us
+                )
+        raise self._silence()
 
     def read(self) -> Sample:
         """A sample now, armed or not."""
@@ -141,17 +149,9 @@ class LinkRig:
         v_front, v_back = command_.v_front, command_.v_back
         if not (isfinite(v_front) and isfinite(v_back)):
             self.estop("a voltage that is not a number")
-            raise DeviceError(
-                f"The command {command_.sequence} is not a voltage: {v_front}, {v_back}.",
-                cause="the controller's output is not finite; the motors were stopped.",
-                fix="check the gains and references of this flight",
-            )
+            raise not_a_voltage(command_.sequence, v_front, v_back)
         if not self._armed:
-            raise DeviceError(
-                f"{self._transport.name} is not armed.",
-                cause="exchange() was called before arm().",
-                fix="arm() first",
-            )
+            raise not_armed(self._transport.name)
         self._pass_over()
         number = self._intake.command(command_.sequence)
         self._dialogue.send(command(number, _microvolts(v_front), _microvolts(v_back)))
@@ -165,13 +165,9 @@ class LinkRig:
         """Zero volts now. Raises DeviceError where the device does not say that it obeyed."""
         if not self._open:
             return
-        if not _stop(self._dialogue):
-            raise DeviceError(
-                f"{self._transport.name}: the emergency stop was sent {STOP_TRIES} times and not "
-                "acknowledged.",
-                cause="the line is broken; the device's own watchdog stops it.",
-                fix="press the amplifier's button; then heli3dof doctor",
-            )
+        tries = BESIDE_TRIES if self._gone else STOP_TRIES
+        if not stop(self._dialogue, tries):
+            raise not_stopped(self._transport.name, tries)
         self._pass_over()
 
     def report(self) -> Report | None:
@@ -187,7 +183,8 @@ class LinkRig:
             return
         self._open = False
         try:
-            if self._dialogue.ask(Disarm, _ack_of(Type.DISARM)) is None:
+            tries = 1 if self._gone else TRIES
+            if self._dialogue.ask(Disarm, ack_of(Type.DISARM), tries=tries) is None:
                 self._dialogue.send(wire(Estop(0)))
         except DeviceError:
             pass  # unplugged: the device's watchdog has seen to it
@@ -198,7 +195,7 @@ class LinkRig:
         number = self._intake.arm()
         # An Ack of ours is known by the ARM's number; a second try is a new ARM, after a DISARM.
         period_us = self._period_us if self._stream else 0
-        is_ack = _ack_of(Type.ARM)
+        is_ack = ack_of(Type.ARM)
         return self._dialogue.ask(
             lambda _: Arm(number, ticket, period_us, self._watchdog_us),
             lambda frame, _: is_ack(frame, {number}),
@@ -215,7 +212,7 @@ class LinkRig:
             self._dialogue.receive(POLL_AGAIN_S * 4)
             if not self._dialogue.samples:
                 return self._poll()
-        raise self._silence() or self._disarmed()
+        raise self._silence()
 
     def _next_of_stream(self) -> Sample:
         dialogue, statistics = self._dialogue, self.statistics
@@ -239,7 +236,7 @@ class LinkRig:
 
     def _after_the_stream(self) -> Sample:
         """The stream has ended; ask why. A stopped device says so by POLL; else DeviceError."""
-        problem = self._silence()
+        problem = self._why_silent()
         if problem is not None:
             raise problem
         self._streaming = False
@@ -260,11 +257,11 @@ class LinkRig:
                 if not self._armed:
                     return sample
                 if not sample.flags & _HELD:
-                    raise self._silence() or self._disarmed()
+                    raise self._silence()
                 statistics.unheard += not self._intake.heard
                 return sample
             statistics.repeats += 1
-        raise self._silence() or self._disarmed()
+        raise self._silence()
 
     def _newest(self) -> Sample | None:
         """The newest of the samples that have come and can be; the others are passed over."""
@@ -287,92 +284,31 @@ class LinkRig:
             self.statistics.passed_over += 1
 
     def _request(self, question: type[Disarm]) -> Ack:
-        ack = self._dialogue.ask(question, _ack_of(question.TYPE))
+        ack = self._dialogue.ask(question, ack_of(question.TYPE))
         if ack is None:
-            raise self._silence() or self._disarmed()
+            raise self._silence()
         return ack
 
-    def _silence(self) -> DeviceError | None:
-        """Why no sample came: gone, or started anew; None when it is there as it was."""
+    def _silence(self) -> DeviceError:
+        """Why no sample came: gone, started anew, or no longer ours."""
+        return self._why_silent() or not_ours(self._transport.name)
+
+    def _why_silent(self) -> DeviceError | None:
+        """None when the device is there, and is the one that was opened."""
         said = self._dialogue.ask(
             Hello, lambda f, n: f if isinstance(f, IdentityFrame) and f.number in n else None
         )
-        name = self._transport.name
+        self._gone = said is None
         if said is None:
-            return DeviceError(
-                f"{name}: the rig has gone silent.",
-                cause="the cable is out, or the device has lost its supply; its own watchdog "
-                "has taken the motors to zero.",
-                fix="check cable and supply, then heli3dof doctor",
-            )
-        if said.boot != self._boot:
-            return DeviceError(
-                f"{name}: the device has started anew.",
-                cause="its supply dipped or its firmware crashed; the motors are at zero, and its "
-                "encoders have begun to count at zero where the rig stood then.",
-                fix="let the rig rest, then open it again; heli3dof zero where it cannot rest",
-            )
-        return None
-
-    def _disarmed(self) -> DeviceError:
-        return DeviceError(
-            f"{self._transport.name}: the device is there, and is no longer armed by this program.",
-            cause="another program speaks with it.",
-            fix="end the other program; heli3dof doctor names it",
-        )
-
-    def _refused(self, code: Code, cause: int) -> DeviceError:
-        name = self._transport.name
-        if code == Code.FAULT:
-            why = Cause(cause).name.lower() if cause in set(Cause) else f"number {cause}"
-            return DeviceError(
-                f"{name}: the device does not arm: its amplifier reports a fault ({why}).",
-                cause="overload, heat, a stalled motor or a pressed button.",
-                fix="release the button, let it cool, switch the amplifier off and on",
-            )
-        if code == Code.BAD_PARAMETER:
-            return DeviceError(
-                f"{name}: the device refuses a period of {self._period_us} µs with a watchdog of "
-                f"{self._watchdog_us} µs.",
-                cause="a watchdog must last two periods at least and one second at most.",
-                fix="another watchdog_s in the device URL, or another loop.rate_hz",
-            )
-        return self._disarmed()
+            return gone_silent(self._transport.name)
+        return None if said.boot == self._boot else started_anew(self._transport.name)
 
     def _check_open(self) -> None:
         if not self._open:
-            raise DeviceError(
-                f"{self._transport.name} is closed.",
-                cause="close() was called before this.",
-                fix="open it again with heli3dof.rig.drivers.open_rig",
-            )
+            raise closed(self._transport.name)
 
 
 _HELD = Flags.ENABLED | Flags.FAULT | Flags.STALL | Flags.LATCHED | Flags.ESTOP
-
-
-def stop_over(transport: Transport) -> str:
-    """Send ESTOP until it is acknowledged; what came of it. Raises DeviceError as the line does."""
-    if _stop(Dialogue(transport)):
-        return f"{transport.name}: stopped, and the rig says so"
-    return (
-        f"{transport.name}: the stop was sent {STOP_TRIES} times; no acknowledgement was seen "
-        "(a program that holds the port may have read it)"
-    )
-
-
-def _stop(dialogue: Dialogue) -> bool:
-    acked = dialogue.ask(Estop, _ack_of(Type.ESTOP), tries=STOP_TRIES, patience_s=STOP_EVERY_S)
-    return acked is not None
-
-
-def _ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:
-    def answer(frame: Frame, numbers: set[int]) -> Ack | None:
-        if isinstance(frame, Ack) and frame.request == request and frame.number in numbers:
-            return frame
-        return None
-
-    return answer
 
 
 def _microvolts(volts: float) -> int:
@@ -390,9 +326,12 @@ def _identity(said: IdentityFrame, driver: str, stream: bool, watchdog_us: int) 
         firmware=firmware,
         protocol=f"link {said.version}",
         counts_per_rev=(said.counts_roll, said.counts_pitch, said.counts_yaw),
-        v_max=said.v_max_uV * 1e-6,
-        watchdog_s=watchdog_us * 1e-6,
+        v_max=said.v_max_uV / 1e6,
+        watchdog_s=watchdog_us / 1e6,
         timebase="device" if stream else "host",
         emulated=model.startswith(EMULATED),
         boot=said.boot,
     )
+
+
+__all__ = ["LinkRig", "stop_over"]

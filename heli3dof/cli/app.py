@@ -6,7 +6,7 @@ import os
 
 import typer
 
-from heli3dof.cli import compare, demo, diagnose, files, fly, models, report, rigs, simulate
+from heli3dof.cli import compare, demo, diagnose, estop, files, fly, models, report, rigs, simulate
 
 app = typer.Typer(
     name="heli3dof",
@@ -18,7 +18,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for family in (demo, fly, simulate, models, compare, diagnose, report, files, rigs):
+for family in (demo, fly, simulate, models, compare, diagnose, report, files, rigs, estop):
     family.register(app)
 
 

@@ -7,11 +7,17 @@ windows of blocks that the fit has not seen, with and without term t, both refit
 
     d_k = Σ_i mean_j ρ(e_k[j, i]/s_i[j]) |without t  −  the same |with it,     Δ = mean_k d_k
 
-Windows overlap and share their noise within `CELL_S`, so cells are drawn, not windows: t is kept
+Windows overlap and share their noise within `CELL_S`, so cells are drawn, not windows: t is needed
 where the 95 % bootstrap interval of Δ lies above zero. The one that is needed least goes first,
 and the rest is looked at again. What was left out, but serves as well in the place of one that was
 kept, is tied with it. A term that is known beforehand to be there (its absence lies `KNOWN` prior
 deviations away) is not asked to go; how far the recordings themselves need it is told.
+
+That names causes; it does not choose the model. A term that these blocks do not need is not shown
+to be zero: a rig of this kind has friction of some size, and another flight may need it. The model
+keeps all of them, each as far from its absence as prior and recordings together have it, and is the
+fit that `identify` makes. What is asked of the blocks is asked of one and the same Q: its scales s
+are those of the errors that the whole model leaves, with and without a term.
 
 A number that differs by recording shows its worth in recordings that no fit has seen, not in blocks
 of one whose own number is known: such terms are judged by leaving out whole recordings, the number
@@ -25,7 +31,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.identification.greybox.multistep import FAR, Fitted, MultiStep, robust, search
+from heli3dof.identification.greybox.multistep import FAR, ROUNDS, Fitted, MultiStep, robust, search
 from heli3dof.model.effects import terms
 from heli3dof.model.filtering import Data
 from heli3dof.model.greybox_windows import Flight, errors
@@ -67,7 +73,7 @@ class Worse:
 
 @dataclass(frozen=True, eq=False)
 class Removal:
-    """A term, what it costs to do without it, and the fit that does."""
+    """A term, what it costs blocks left out to do without it, and the fit of all but that term."""
 
     term: str
     worse: Worse
@@ -77,9 +83,10 @@ class Removal:
 
 @dataclass(frozen=True, eq=False)
 class Backward:
-    """What is left, with what each is worth, and what went."""
+    """What is needed, with what each is worth, and what is not."""
 
     fit: Fitted
+    """With every term"""
     kept: tuple[Removal, ...]
     """Most needed first"""
     gone: tuple[Removal, ...]
@@ -89,36 +96,39 @@ class Backward:
 def backward(
     problem: MultiStep, found: Fitted, *, seed: int = 0, says: Says = lambda s: None
 ) -> Backward:
-    """Leave out what held-out windows do not need. ``found`` is the fit of ``problem``."""
-    gone: list[Removal] = []
-    proven: dict[str, Removal] = {}
-    folds = refitted_folds(problem, found)
+    """Which terms held-out windows need. ``found`` is the fit of ``problem``."""
+    whole = found
+    found = search(problem, whole.z, whole.noise, stages_s=STAGES_S)
+    gone: list[tuple[str, Worse, list[str]]] = []
+    proven: dict[str, Worse] = {}
+    folds = refitted_folds(found)
     known = known_beforehand(problem)
     while True:
         order = by_need(found)
         doubtful = [t for t, z2 in order if t not in proven and z2 < CLEAR]
         rest = [t for t, z2 in order if t not in proven and z2 >= CLEAR]
-        out: Removal | None = None
+        out = None
         for name in [*doubtful, *rest]:
             says(f"Without {name} …")
-            tried = removal(found, folds, name, seed=seed)
-            if not tried.worse.kept and name not in known:
-                out = tried
+            worse = removed(found, folds, name, seed=seed)
+            if not worse.kept and name not in known:
+                out = name
                 break
-            proven[name] = tried
+            proven[name] = worse
         if out is None:
             break
         # What needs the neighbour that went must be asked again.
-        near = traded(found, out.term)
+        near = traded(found, out)
         proven = {k: v for k, v in proven.items() if k not in near}
-        gone.append(replace(out, tied_with=tuple(near)))
-        less = out.without
-        found = search(less.problem, less.z, less.noise, stages_s=STAGES_S)  # until it settles
-        problem = found.problem
-        folds = refitted_folds(problem, found)
+        gone.append((out, worse, near))
+        found = refit(found, out, rounds=ROUNDS)
+        folds = refitted_folds(found)
     says("Looking for ties …")
-    kept = [with_ties(found, folds, proven[t], gone, seed) for t, _ in by_need(found)]
-    return Backward(found, tuple(sorted(kept, key=lambda r: -r.worse.value)), tuple(gone))
+    tied = {t: ties(found, folds, t, gone, seed) for t in proven}
+    kept = [Removal(t, w, refit(whole, t), tied[t]) for t, w in proven.items()]
+    kept.sort(key=lambda r: -r.worse.value)
+    went = [Removal(t, w, refit(whole, t), tuple(near)) for t, w, near in gone]
+    return Backward(whole, tuple(kept), tuple(went))
 
 
 def by_need(found: Fitted) -> list[tuple[str, float]]:
@@ -168,8 +178,8 @@ def traded(found: Fitted, name: str) -> list[str]:
     return [t for t, c in near.items() if c > TRADED and t is not None]
 
 
-def removal(found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], name: str, *, seed: int,
-            instead: str | None = None) -> Removal:  # fmt: skip
+def removed(found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], name: str, *, seed: int,
+            instead: str | None = None) -> Worse:  # fmt: skip
     """Without that term, or with ``instead`` in its place, everything refitted."""
     worse = []
     p = found.problem
@@ -182,18 +192,18 @@ def removal(found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], name: str,
         for fit, test in folds:
             less = refit(fit, name, instead)
             worse.append((cells(less, test, fit.scale), cells(fit, test, fit.scale)))
-    lost = np.concatenate([a - b for a, b in worse])
-    return Removal(name, interval(lost, seed), refit(found, name, instead))
+    return interval(np.concatenate([a - b for a, b in worse]), seed)
 
 
-def refit(found: Fitted, name: str, instead: str | None = None) -> Fitted:
-    """The fit with that term left out, warm."""
+def refit(found: Fitted, name: str, instead: str | None = None, rounds: int = REFIT) -> Fitted:
+    """The fit with that term left out, warm, at the same scales."""
     p = found.problem
     names = [t.name for t in found.structure.terms if t.name != name]
     if instead is not None:
         names.append(instead)
     new = restructured(p, names)
-    return search(new, moved(found, new), found.noise, stages_s=STAGES_S, rounds=REFIT)
+    z = moved(found, new)
+    return search(new, z, found.noise, stages_s=STAGES_S, rounds=rounds, fixed=found.scale)
 
 
 def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
@@ -219,14 +229,16 @@ def moved(found: Fitted, new: MultiStep) -> np.ndarray:
     return z
 
 
-def refitted_folds(problem: MultiStep, found: Fitted) -> list[tuple[Fitted, MultiStep]]:
+def refitted_folds(found: Fitted) -> list[tuple[Fitted, MultiStep]]:
     """For each fold: the fit to the blocks of the others, and its own windows."""
-    out = []
+    problem, out = found.problem, []
     for fold in range(FOLDS):
         split = [halves(f, fold) for f in problem.flights]
         train = replace(problem, flights=tuple(a for a, _ in split))
         test = replace(problem, flights=tuple(b for _, b in split))
-        fit = search(train, found.z, found.noise, stages_s=STAGES_S, rounds=REFIT)
+        fit = search(
+            train, found.z, found.noise, stages_s=STAGES_S, rounds=REFIT, fixed=found.scale
+        )
         out.append((fit, test))
     return out
 
@@ -267,7 +279,7 @@ def only(which: Sequence[int], found: Fitted) -> Fitted:
     )
     b = len(p.own)
     z = np.concatenate([found.z[: p.n], *(found.z[p.n + i * b : p.n + (i + 1) * b] for i in which)])
-    return search(part, z, found.noise, stages_s=STAGES_S, rounds=REFIT)
+    return search(part, z, found.noise, stages_s=STAGES_S, rounds=REFIT, fixed=found.scale)
 
 
 def foreign(found: Fitted, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
@@ -307,16 +319,13 @@ def interval(lost: np.ndarray, seed: int) -> Worse:
     )
 
 
-def with_ties(
-    found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], kept: Removal,
-    gone: Sequence[Removal], seed: int,
-) -> Removal:  # fmt: skip
-    """The same, naming what went and serves as well in its place."""
-    tied = []
-    for other in gone:
-        if kept.term not in other.tied_with:
-            continue
-        swapped = removal(found, folds, kept.term, seed=seed, instead=other.term).worse
-        if swapped.low <= 0:
-            tied.append(other.term)
-    return replace(kept, tied_with=tuple(tied))
+def ties(
+    found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], name: str,
+    gone: Sequence[tuple[str, Worse, list[str]]], seed: int,
+) -> tuple[str, ...]:  # fmt: skip
+    """What went and serves as well in the place of that term."""
+    return tuple(
+        other
+        for other, _, near in gone
+        if name in near and removed(found, folds, name, seed=seed, instead=other).low <= 0
+    )

@@ -1,23 +1,48 @@
-"""The base's own parameters in SI, and those that are off as findings.
+"""The base's own parameters in SI, and those that are surely off as findings.
 
 A fit gives torques and inertias in units of K_f; `heli3dof.diagnosis.thrust_scale` says how large
-that is. Off by more than the profile's ``tolerance``, surely (two standard deviations):
+that is. A parameter X is a finding where it is off by more than the profile's ``tolerance`` ε,
 
     K_f             motor.thrust_gain       gain = K_f/K_f,nominal
     T_g             mass.imbalance          torque_Nm = T_g − T_g,nominal
     an inertia      inertia                 ratio = J/J,nominal
+
+and surely: with x = ln X/X_nominal, its edge e = ln(1 + ε) or ln(1 − ε) on x's side, σ the
+flights' own standard deviation of x and σ_k the scale's,
+
+    |x − e| > √((`SURE` σ_k)² + (q σ)²)
+
+σ_k is what the profile is believed to, the same in every flight of a rig; σ is what noise does, and
+q its quantile at which one of `FAMILY` parameters is falsely named in a share `FALSE_ALARMS` of
+recordings. Where encoders chatter σ is up to `DOUBTED` times what the noise model says. What is
+sure only if it is not, and owes more to it than to σ_k, is looked at again: x of the same
+estimator, run on flights of a rig that stands on the edge (`heli3dof.diagnosis.refits`), has a mean
+x̄ (in place of e) and a scatter s,
+
+    |x − x̄| > √((`SURE` σ_k)² + (t s)² (1 + 1/B)),      t Student's quantile with B − 1
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.thrust_scale import ThrustScale, thrust_scale
+from heli3dof.diagnosis.nulls import FALSE_ALARMS
+from heli3dof.diagnosis.thrust_scale import TORQUE_UNITS, ThrustScale, thrust_scale
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects import Term, term
 
 SURE = 2.0
+FAMILY = 5
+"""K_f, T_g and three inertias"""
+DOUBTED = 3.0
+LEAST = 6
+"""Flights without which nothing is surely off"""
+Again = Callable[[int, float], np.ndarray]
+"""(which of `Estimate.free`, its value on the edge) → (B,) ln of its estimates over that value"""
 
 
 @dataclass(frozen=True)
@@ -29,20 +54,55 @@ class Calibrated:
     value: float
     std: float
     unit: str
+    told: float = 0.0
+    """σ, the flights' share of the relative standard deviation"""
+    scale: float = 0.0
+    """σ_k, the scale's"""
 
     @property
-    def off(self) -> float:
-        """By how much of its nominal value it is off, less `SURE` standard deviations."""
-        return (abs(self.value - self.nominal) - SURE * self.std) / abs(self.nominal)
+    def x(self) -> float:
+        """ln X/X_nominal; infinite where the two have different signs."""
+        ratio = self.value / self.nominal
+        return float(np.log(ratio)) if ratio > 0 else -np.inf
+
+    def beyond(self, tolerance: float) -> float:
+        """|x| beyond the edge on its side; negative within."""
+        return abs(self.x) - abs(edge(self.x, tolerance))
+
+    def surely(self, beyond: float, quantile: float, told: float) -> bool:
+        """Whether that much beyond an edge is more than the scale and ``told`` explain."""
+        return beyond > float(np.hypot(SURE * self.scale, quantile * told))
+
+
+def edge(x: float, tolerance: float) -> float:
+    """ln(1 ± ε), on x's side.
+
+    >>> round(edge(0.3, 0.15), 4), round(edge(-0.3, 0.15), 4)
+    (0.1398, -0.1625)
+    """
+    return float(np.log1p(tolerance) if x > 0 else np.log1p(-tolerance))
+
+
+def quantile(freedom: float = np.inf) -> float:
+    """One-sided, at `FALSE_ALARMS` in `FAMILY` parameters: Student's, or a normal's.
+
+    >>> round(quantile(), 2), round(quantile(9), 2)
+    (3.24, 4.6)
+    """
+    from scipy.stats import norm, t
+
+    p = FALSE_ALARMS / FAMILY
+    return float(norm.isf(p) if np.isinf(freedom) else t.isf(p, freedom))
 
 
 def calibrated(found: Estimate) -> tuple[Calibrated, ...]:
     """K_f, T_g and the three inertias."""
     scale = thrust_scale(found)
     K_f = found.structure.profile.motor.K_f
-    out = [Calibrated("K_f", K_f, K_f * scale.k, K_f * scale.k * scale.std, "N/V")]
+    out = [Calibrated("K_f", K_f, K_f * scale.k, K_f * scale.k * scale.std, "N/V", 0.0, scale.std)]
     for f, v, s in zip(found.free[:4], found.values[:4], found.std[:4], strict=True):
-        out.append(Calibrated(f.name, f.start, *scale.applied(float(v), float(s), f.unit), f.unit))
+        value, std = scale.applied(float(v), float(s), f.unit)
+        out.append(Calibrated(f.name, f.start, value, std, f.unit, float(s / abs(v)), scale.std))
     return tuple(out)
 
 
@@ -55,26 +115,70 @@ class Off:
     std: float
     score: float
     """((value − nominal)/std)²"""
+    flight_score: float = 0.0
+    """(x/σ)²: the same, were the scale known"""
+    tied_with: tuple[str, ...] = ()
+    """Causes that may be there in its place (`heli3dof.diagnosis.imitated`)"""
 
 
-def off_nominal(found: Estimate) -> tuple[Off, ...]:
-    """What is off by more than the profile's tolerance, the surest first."""
+def off_nominal(
+    found: Estimate,
+    *,
+    again: Again | None = None,
+    beside: tuple[np.ndarray, np.ndarray] | None = None,
+) -> tuple[Off, ...]:
+    """What is surely off by more than the profile's tolerance, the surest first.
+
+    ``again`` runs the estimator on flights of a rig on the edge; without it what would have to be
+    looked at again is not surely off. ``beside``: (4,), (4,) what T_g and the inertias are, as a
+    logarithm over ``found``'s, beside a leftover, and its standard deviation; a parameter that is
+    within the tolerance there is off by what has no name.
+    """
     tolerance = found.structure.profile.tolerance
+    scale = thrust_scale(found)
     out = []
-    for c in calibrated(found):
-        if c.off <= tolerance:
+    for j, c in enumerate(calibrated(found), start=-1):
+        if not _surely_off(c, tolerance, j, again, scale):
             continue
-        share, spread = c.value / c.nominal, c.std / abs(c.nominal)
-        score = ((c.value - c.nominal) / c.std) ** 2
-        if c.name == "K_f":
-            out.append(Off(term("motor.thrust_gain"), share, spread, score))
-        elif c.name == "T_g":
-            out.append(Off(term("mass.imbalance"), c.value - c.nominal, c.std, score))
-        else:
-            axis = c.name.removeprefix("J_")
-            assert axis in AXES
-            out.append(Off(term(f"inertia.{axis}"), share, spread, score))
+        if beside is not None and j >= 0:
+            moved = c.x + float(beside[0][j])
+            left = (abs(moved) if moved * c.x > 0 else 0.0) - abs(edge(c.x, tolerance))
+            if not c.surely(left, quantile(), float(np.hypot(c.told, beside[1][j]))):
+                continue
+        out.append(_off(c))
     return tuple(sorted(out, key=lambda o: -o.score))
+
+
+def _surely_off(
+    c: Calibrated, tolerance: float, j: int, again: Again | None, scale: ThrustScale
+) -> bool:
+    beyond = c.beyond(tolerance)
+    if not c.surely(beyond, quantile(), c.told):
+        return False
+    if np.isinf(c.x) or c.surely(beyond, quantile(), DOUBTED * c.told):
+        return True
+    if again is None or quantile() * DOUBTED * c.told < SURE * c.scale:
+        return False
+    on = c.nominal * float(np.exp(edge(c.x, tolerance)))
+    x = again(j, on / scale.k if any(u in c.unit for u in TORQUE_UNITS) else on)
+    if len(x) < LEAST:
+        return False
+    spread = float(x.std(ddof=1)) * float(np.sqrt(1 + 1 / len(x)))
+    further = beyond - float(np.sign(c.x) * x.mean())
+    return c.surely(further, quantile(len(x) - 1), max(spread, c.told))
+
+
+def _off(c: Calibrated) -> Off:
+    share, spread = c.value / c.nominal, c.std / abs(c.nominal)
+    score = ((c.value - c.nominal) / c.std) ** 2
+    alone = float((c.x / c.told) ** 2) if c.told > 0 else 0.0
+    if c.name == "K_f":
+        return Off(term("motor.thrust_gain"), share, spread, score, alone)
+    if c.name == "T_g":
+        return Off(term("mass.imbalance"), c.value - c.nominal, c.std, score, alone)
+    axis = c.name.removeprefix("J_")
+    assert axis in AXES
+    return Off(term(f"inertia.{axis}"), share, spread, score, alone)
 
 
 def in_SI(found: Estimate, scale: ThrustScale, name: str) -> dict[str, tuple[float, float]]:

@@ -47,10 +47,14 @@ from heli3dof.recording.recording import Recording
 
 PILOTS = 8
 """Flights of each estimate on the way; the same random numbers every time."""
-ROUNDS = 7
+ROUNDS = 10
 NEAR = 0.35
 """Standard deviations: a step smaller than this is the last; what `PILOTS` flights leave open."""
 NOISE_NEAR = 0.1
+LOST = 30.0
+"""Standard deviations: a step that is still so long after `LOST_AFTER` rounds leads nowhere. A rig
+that is fitted without what holds it may be one that its controller cannot fly."""
+LOST_AFTER = 3
 _PROBE = 0.5  # step of the log intensity, as in `fit`
 HELD = ("mass.change.time_s",)
 """Where a scan puts it: the likelihood along an instant is too jagged to climb."""
@@ -145,7 +149,8 @@ class Corrected(Estimate):
     """An estimate by the equation above; its scatter is that of simulated flights."""
 
     scatter: np.ndarray | None = None
-    """(n, n) C, the covariance of the scores of the flights; None: the noise model's, × κ"""
+    """(n, n) C, the covariance of the scores of the flights; None: the noise model's, × κ, as no
+    flights of it are to be had"""
     bias: np.ndarray | None = None
     """(n,) ḡ, the mean of their scores; None: zero"""
     noise_bias: np.ndarray | None = None
@@ -198,7 +203,12 @@ def correct(
     rounds: int = ROUNDS,
     log: Callable[[str], None] = lambda s: None,
 ) -> Corrected:
-    """Solve the estimating equation from near its solution; see the module."""
+    """Solve the estimating equation from near its solution; see the module.
+
+    Where the estimate's own flights do not stay near the recordings', nothing can be learnt from
+    them: then ``theta`` and ``noise`` are returned as they came, with no ``scatter`` and no bias.
+    """
+    begin = theta, noise
     low, high = problem.bounds
     precision = problem.prior_precision
     axes = problem.data.axes
@@ -230,7 +240,14 @@ def correct(
         bend = np.minimum(np.minimum(here.bend, np.mean([f.bend for f in flown], axis=0)), -1.0)
         move = np.where(axes, np.clip(-slope / bend, -0.7, 0.7), 0.0)
         log(f"{count} {problem.values(theta)} {noise[:3]} step {step / sd} move {move}")
-        if np.abs(step / sd).max() < NEAR and np.abs(move).max() < NOISE_NEAR:
+        length = float(np.abs(step / sd).max())
+        if not np.isfinite(length) or (count >= LOST_AFTER and length > LOST):
+            return Corrected(problem, _optimum(problem, *begin, count, settled))
+        if length < NEAR and np.abs(move).max() < NOISE_NEAR:
+            # The last step is taken too: where all start from one side, stopping short is a bias.
+            theta = np.clip(theta + step, low, high)
+            noise = noise.copy()
+            noise[:3] = np.clip(noise[:3] * np.exp(move), NOISE_LOW, NOISE_HIGH)
             settled = True
             break
         if count == 1:
@@ -244,16 +261,21 @@ def correct(
         noise[:3] = np.clip(
             noise[:3] * np.exp(np.clip(move_on[n:], -1.0, 1.0)), NOISE_LOW, NOISE_HIGH
         )
-    here = look(problem, theta, noise)
+    optimum = _optimum(problem, theta, noise, count, settled)
     scores = np.array([f.g for f in flown])
-    C = _scatter(scores, here.H)
-    loglik = float(here.at.loglik.sum()) + problem.log_prior(theta)
-    optimum = Optimum(
-        theta, noise, loglik, here.H, here.at, here.T, (theta <= low) | (theta >= high), count,
-        settled,
-    )  # fmt: skip
+    C = _scatter(scores, optimum.information)
     noise_bias = np.mean([f.slope for f in flown], axis=0)
     return Corrected(problem, optimum, C, scores.mean(axis=0), noise_bias, pilots)
+
+
+def _optimum(
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, count: int, settled: bool
+) -> Optimum:
+    low, high = problem.bounds
+    here = look(problem, theta, noise, whole=False)
+    loglik = float(here.at.loglik.sum()) + problem.log_prior(theta)
+    bound = (theta <= low) | (theta >= high)
+    return Optimum(theta, noise, loglik, here.H, here.at, here.T, bound, count, settled)
 
 
 class Secant:

@@ -7,22 +7,26 @@
 3. Causes one by one by full fits (`heli3dof.diagnosis.select`); after each, its own correction,
    nulls and screen anew. Then backwards: what the others made superfluous goes.
 4. What it gains on data not seen, against the base refitted; what does not pay goes.
-5. What is left and has no name; names that only stood in for it go (`proxies`).
+5. What is left and has no name; names that only stood in for it go (`unnamed`).
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 
-from heli3dof.diagnosis.calibration import off_nominal
+from heli3dof.diagnosis.calibration import Off, off_nominal
 from heli3dof.diagnosis.corrected import Corrected
+from heli3dof.diagnosis.imitated import with_imitators
 from heli3dof.diagnosis.integrity import Kind, integrity
-from heli3dof.diagnosis.leftover import Leftover, examined
+from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.measured import adopted, fitted
-from heli3dof.diagnosis.proxies import doubted, named_like, stand_ins
+from heli3dof.diagnosis.proxies import base_beside
 from heli3dof.diagnosis.real_log import applies, diagnose_real
-from heli3dof.diagnosis.result import STANDS_IN, Diagnosis, Dropped, Finding
+from heli3dof.diagnosis.refits import refits
+from heli3dof.diagnosis.result import Diagnosis, Finding
 from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import (
     BASES,
@@ -32,9 +36,8 @@ from heli3dof.diagnosis.steps import (
     eliminated,
     extended,
     looked_at,
-    settled_again,
-    without,
 )
+from heli3dof.diagnosis.unnamed import Settled, unnamed
 from heli3dof.diagnosis.workers import watched
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.recording.recording import Recording
@@ -44,6 +47,7 @@ FURTHER = 0.5
 """Of the flights, for the nulls after the first finding."""
 PILOTS, QUICK_PILOTS = 12, 6
 LEFT_FLIGHTS, QUICK_LEFT_FLIGHTS = 24, 8
+REFITS, QUICK_REFITS = 12, 8
 SAID_EVERY_S = 1.0
 Says = Callable[[str], None]
 
@@ -91,7 +95,7 @@ def _diagnosed(
     if base == "rigid" and applies(train):
         return diagnose_real(train, held, faults, seed=seed, says=clock.says)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
-    bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base)
+    bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
     clock.start("base", "Fitting the base simulation, and flying it for its bias …")
     least = base_of(bench)
     steps, found = causes(bench, least, flights, clock)
@@ -102,24 +106,13 @@ def _diagnosed(
     taken = [s.choice for s in steps if s.choice is not None]
     found, findings, dropped, after = adopted(found, taken, held, seed=seed)
     clock.start("left", "Looking for what has no name …")
-    again = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
-    left, beside_it = examined(found, train, flights=again, seed=seed)
-    posing = stand_ins(findings, found, left, beside_it)
-    if posing:
-        kept = [f.choice for f in findings if f.choice.term.name not in posing]
-        gains = {f.choice.term.name: f.gain for f in findings}
-        dropped += tuple(Dropped(n, gains[n], STANDS_IN) for n in posing)
-        for f in findings:
-            if f.choice.term.name in posing:
-                found = without(found, f.choice.term)
-        found, findings, poor, after = adopted(settled_again(bench, found), kept, held, seed=seed)
-        dropped += poor
-        left, beside_it = examined(found, train, flights=again, seed=seed)
-        left = named_like(left, posing)
-    findings = doubted(findings, found, left, beside_it)
+    many = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
+    last = unnamed(bench, Settled(found, findings, dropped, after), held, flights=many)
     clock.start("gain", "Measuring the gain on what was not seen …")
-    whole = fitted(least, found, after, train, held, seed=seed)
-    off = off_nominal(found)
+    whole = fitted(least, last.found, last.after, train, held, seed=seed)
+    clock.start("off", "Asking whether the rig itself is off its profile …")
+    off = base_off(bench, last, quick=quick) if last.sure else ()
+    off = tuple(with_imitators(o, steps[-1]) for o in off)
     clock.stop()
     about = {
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
@@ -128,9 +121,19 @@ def _diagnosed(
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
     return Diagnosis(
-        *names, _verdict(findings, [*sized, *off], left), faults, whole, findings, off, dropped,
-        left, first.unseen, about,
+        *names, _verdict(last.findings, [*sized, *off], last.left), faults, whole,
+        last.findings, off, last.dropped, last.left, first.unseen, about,
     )  # fmt: skip
+
+
+def base_off(bench: Bench, last: Settled, *, quick: bool) -> tuple[Off, ...]:
+    """The base's numbers that are off nominal: run again where flights can be simulated, and beside
+    what is left."""
+    again = None
+    if bench.loop_is_known:
+        again = partial(refits, bench, last.found, flights=QUICK_REFITS if quick else REFITS)
+    beside = None if last.held is None or not last.left else base_beside(last.found, last.held)
+    return off_nominal(last.found, again=again, beside=beside)
 
 
 def causes(
@@ -138,7 +141,9 @@ def causes(
 ) -> tuple[list[Step], Corrected]:
     """Forward: every step that was made (the last one found nothing, or is the last allowed)."""
     found, steps = base, list[Step]()
-    score, left = None, MOST
+    # An inertia far off is a first cause too, whose formula (where its mass sits) is a guess.
+    inertias = [o.flight_score for o in off_nominal(base) if o.term.effect.name == "inertia"]
+    score, left = max(inertias, default=None), MOST
     while left:
         n = flights if not steps else max(8, round(FURTHER * flights))
         clock.start(f"screen {len(steps) + 1}", f"Screening against {n} simulated nulls …")
@@ -148,12 +153,16 @@ def causes(
         steps.append(step)
         if step.choice is None:
             break
+        wider = extended(bench, step.choice)
+        if wider.scatter is None and found.scatter is not None:  # a rig that cannot be flown
+            steps[-1] = replace(step, choice=None)
+            break
         clock.says(f"Found {step.choice.term.name}.")
-        found = extended(bench, step.choice)
+        found = wider
         if not step.choice.term.effect.within:  # what a simpler base lacks is no cause in the rig
             left -= 1
             if step.choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing
-                score = score or step.choice.score
+                score = step.choice.score if score is None else max(score, step.choice.score)
     return steps, found
 
 

@@ -152,7 +152,7 @@ def _off(x: Off) -> dict[str, Any]:
         "parameters": {x.term.effect.parameters[0].name: {"value": x.value, "std": x.std}},
         "score": x.score,
         "confidence": 1.0,
-        "tied_with": [],
+        "tied_with": list(x.tied_with),
         "gain": _gain(None),
     }
 

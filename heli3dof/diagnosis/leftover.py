@@ -24,24 +24,21 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.leftover_evidence import RANK, Evidence, Held, evidence, told
 from heli3dof.diagnosis.leftover_like import LIKE, likeness, named_traces
-from heli3dof.diagnosis.leftover_nulls import Scored, blockwise, simulated
-from heli3dof.diagnosis.nulls import EULER, FALSE_ALARMS, loop_is_known
-from heli3dof.diagnosis.torque import SI_UNITS, UNITS, Trail, trail
-from heli3dof.diagnosis.torque_hats import KNOTS, Hats, Sums, forward, hats
+from heli3dof.diagnosis.leftover_nulls import Scored, blockwise
+from heli3dof.diagnosis.nulls import EULER, FALSE_ALARMS
+from heli3dof.diagnosis.torque import SI_UNITS, UNITS, Trail
+from heli3dof.diagnosis.torque_hats import KNOTS, Hats, Sums, forward
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.likelihood import score_and_information
 from heli3dof.recording.recording import Recording
 
 MOST = 3
 """Leftovers that are looked for, at most."""
-RANK = 1e-4
-"""Directions with less information than this share of the largest say nothing."""
 ALSO = 0.5
 """Variables with this share of the best one's x are stated beside it."""
 LEAST_SHARE = 0.05
 """Of the residual torque's variance. An encoder's chatter can be sure, and explain nothing."""
-LEAST_FLIGHTS = 6
 DISTRUSTED = 2.0
 """Inflation above which flights of a fit that was not freed of its bias are no measure of it."""
 WINDOW_S = 0.1
@@ -103,17 +100,16 @@ def examined(
     found: Estimate, recordings: Sequence[Recording], *, flights: int, seed: int
 ) -> tuple[tuple[Leftover, ...], Held]:
     """The same, and all that was projected out in the end: the fit's coordinates, the leftovers."""
-    flight = trail(found)
-    library = hats(flight, np.flatnonzero(found.problem.data.axes))
-    null = None
-    if loop_is_known(recordings):
-        flights = max(flights, LEAST_FLIGHTS)
-        null = simulated(found, recordings, library, flights=flights, seed=seed)
-    held = Held.base(found, flight, null)
+    return taken(evidence(found, recordings, flights=flights, seed=seed))
+
+
+def taken(seen: Evidence) -> tuple[tuple[Leftover, ...], Held]:
+    """The same from what was seen: the group with the largest x, and what is left beside it."""
+    found, flight, library, null, held = seen.found, seen.flight, seen.library, seen.null, seen.held
     named: tuple[list[str], np.ndarray] | None = None
     out: list[Leftover] = []
     while len(out) < MOST:
-        sums = forward(library, flight, held.tangents)
+        sums = forward(library, flight, held.tangents) if out else seen.sums
         judged = judge(found, flight, library, sums, held, null)
         sure = [int(q) for q in np.argsort(-judged.x) if judged.x[q] > judged.threshold]
         described = ((q, _describe(flight, library, judged, q)) for q in sure)
@@ -130,50 +126,6 @@ def examined(
         out.append(replace(new, like=like, nearest=name, cosine=cos))
         held = held.wider(flight, D, judged.directions[best], columns, null)
     return tuple(out), held
-
-
-@dataclass(frozen=True, eq=False)
-class Held:
-    """What is projected out: p directions, the base's coordinates and the leftovers taken."""
-
-    tangents: np.ndarray
-    """(p, E)"""
-    A: np.ndarray
-    """(p, p) their information, priors included"""
-    g: np.ndarray
-    """(p,) their score"""
-    g_null: np.ndarray
-    """(B, p) in the nulls"""
-
-    @staticmethod
-    def base(found: Estimate, flight: Trail, null: Scored | None) -> Held:
-        problem, o = found.problem, found.optimum
-        # Of this very pass: where a fit has not settled its own is that of the point before.
-        tangents = problem.tangents(o.theta, flight.at)
-        g, H = score_and_information(flight.at, tangents)
-        pull = problem.prior_precision * (o.theta - problem.prior_mean)
-        n = len(g)
-        return Held(
-            tangents,
-            H + np.diag(problem.prior_precision),
-            g - pull,
-            np.zeros((0, n)) if null is None else null.g,
-        )
-
-    def wider(
-        self, flight: Trail, D: np.ndarray, P: np.ndarray, columns: np.ndarray, null: Scored | None
-    ) -> Held:
-        """With one group as well: its traces D (KNOTS, E), in the directions P (KNOTS, rank)."""
-        D = P.T @ D
-        stacked = np.vstack([self.tangents, D])
-        cross = (self.tangents * flight.at.w) @ D.T
-        own = (D * flight.at.w) @ D.T
-        A = np.block([[self.A, cross], [cross.T, own]])
-        g = np.concatenate([self.g, D @ flight.at.g])
-        g_null = self.g_null
-        if null is not None:
-            g_null = np.hstack([self.g_null, null.u[:, columns] @ P])
-        return Held(stacked, A, g, g_null)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +177,7 @@ def judge(
         V[q] = sums.V[q] - sums.cross[:, c].T @ X[:, c]
         V[q], off = _without_constant(V[q], sums.V[q])
         u[q], others[:, q] = off @ u[q], others[:, q] @ off.T
-        E = _directions(V[q], sums.V[q])
+        E = told(V[q], sums.V[q])
         directions.append(E)
         rank = E.shape[1]
         if rank == 0:
@@ -235,12 +187,12 @@ def judge(
         Sn = _statistic(others[:, q] @ E, V_E)
         if null is not None:
             kappa[q] = max(float(Sn.mean()) / rank, 1.0)
-            x_null[:, q] = _scaled(Sn / kappa[q], rank)
+            x_null[:, q] = scaled(Sn / kappa[q], rank)
             kappa[q] = max(kappa[q], distrust)
         else:
             m = len(others)
             kappa[q] = max(float(Sn.sum()) / rank * m / max(m - KNOTS, 1), 1.0)
-        x[q] = _scaled(S / kappa[q], rank)[0]
+        x[q] = scaled(S / kappa[q], rank)[0]
     if null is not None:
         largest = x_null.max(axis=1)
         scale = max(float(np.sqrt(6) * largest.std(ddof=1) / np.pi), 2.0)
@@ -262,22 +214,13 @@ def _without_constant(V: np.ndarray, whole: np.ndarray) -> tuple[np.ndarray, np.
     return V - np.outer(along, along) / size, np.eye(KNOTS) - np.outer(along, one) / size
 
 
-def _directions(V: np.ndarray, whole: np.ndarray) -> np.ndarray:
-    """(KNOTS, rank): the combinations of the functions that the flight tells of.
-
-    V is what is left of the information ``whole`` once what is held is projected out.
-    """
-    values, vectors = np.linalg.eigh(0.5 * (V + V.T))
-    return np.asarray(vectors[:, values > RANK * max(float(np.linalg.eigvalsh(whole)[-1]), 1e-300)])
-
-
 def _statistic(u: np.ndarray, V: np.ndarray) -> np.ndarray:
     """(…,) uᵀ V⁻¹ u"""
     u = np.atleast_2d(u)
     return np.asarray(np.einsum("bi,bi->b", u, np.linalg.solve(V, u.T).T))
 
 
-def _scaled(S: np.ndarray, rank: int) -> np.ndarray:
+def scaled(S: np.ndarray, rank: int) -> np.ndarray:
     """x = −2 ln P(χ²_rank > S)"""
     from scipy.stats import chi2
 
@@ -301,7 +244,7 @@ def _describe(flight: Trail, library: Hats, judged: Judged, best: int) -> Leftov
     return Leftover(
         AXES[axis],
         name,
-        _share(flight.torque[rows, axis], f, flight.data.h[rows]),
+        share_of(flight.torque[rows, axis], f, flight.data.h[rows]),
         tuple((float(z), float(v)) for z, v in zip(library.knots[m], torque, strict=True)),
         tuple(float(v) for v in std),
         float(judged.x[best]),
@@ -310,7 +253,7 @@ def _describe(flight: Trail, library: Hats, judged: Judged, best: int) -> Leftov
     )
 
 
-def _share(torque: np.ndarray, f: np.ndarray, h: np.ndarray) -> float:
+def share_of(torque: np.ndarray, f: np.ndarray, h: np.ndarray) -> float:
     """1 − var(τ̂ − f)/var(τ̂) of averages over `WINDOW_S`; not below zero."""
     every = max(1, round(WINDOW_S / float(np.median(h))))
     n = len(f) // every

@@ -19,7 +19,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.leftover import Held, Leftover
+from heli3dof.diagnosis.gain import pays
+from heli3dof.diagnosis.leftover import Leftover
+from heli3dof.diagnosis.leftover_evidence import Held
 from heli3dof.diagnosis.result import Finding
 from heli3dof.identification.greybox.estimate import Estimate
 
@@ -27,6 +29,9 @@ KEPT = 0.25
 """Of Z²"""
 SIZE = 0.6
 """Of the parameter"""
+VAGUE = 2.0
+SMALLEST = 0.01
+"""Of T_g, which a step must not turn round"""
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ class Beside:
 def beside(found: Estimate, held: Held) -> tuple[Beside, ...]:
     """Every term of the fit, beside what is ``held`` after its leftovers were taken."""
     n = len(found.optimum.theta)
-    g = held.g if not len(held.g_null) else held.g - held.g_null.mean(axis=0)
+    g = centred(held)
     inverse = np.linalg.pinv(held.A, hermitian=True)
     alone = np.linalg.inv(held.A[:n, :n])
     step, step_alone = inverse @ g, alone @ g[:n]
@@ -71,6 +76,20 @@ def beside(found: Estimate, held: Held) -> tuple[Beside, ...]:
     return tuple(out)
 
 
+def base_beside(found: Estimate, held: Held) -> tuple[np.ndarray, np.ndarray]:
+    """(4,), (4,): ln of T_g and the inertias beside the leftovers over what they are in the fit,
+    and its standard deviation."""
+    g = held.g if not len(held.g_null) else held.g - held.g_null.mean(axis=0)
+    inverse = np.linalg.pinv(held.A, hermitian=True)
+    per = found.slopes[:4] / found.values[:4]  # ∂ ln v/∂θ
+    moved = np.maximum(1 + per * (inverse @ g)[:4], SMALLEST)
+    log = np.array([f.log for f in found.free[:4]])
+    return (
+        np.where(log, per * (inverse @ g)[:4], np.log(moved)),
+        np.abs(per) * np.sqrt(np.diag(inverse)[:4]),
+    )
+
+
 def stand_ins(
     findings: Sequence[Finding], found: Estimate, left: Sequence[Leftover], held: Held
 ) -> tuple[str, ...]:
@@ -84,9 +103,30 @@ def stand_ins(
 def doubted(
     findings: Sequence[Finding], found: Estimate, left: Sequence[Leftover], held: Held
 ) -> tuple[Finding, ...]:
-    """The findings, those that the leftovers make unsure as "…-like"."""
+    """The findings; "…-like" those that the leftovers make unsure, and those that data not seen do
+    not surely confirm (a first cause is adopted where it is likelier there, see `measured`), or
+    whose size is less than `VAGUE` standard deviations from nothing."""
     unsure = {b.name for b in beside(found, held) if b.unsure} if left else set()
-    return tuple(replace(f, like=f.choice.term.name in unsure) for f in findings)
+    unsure |= vague(found)
+    return tuple(
+        replace(f, like=f.choice.term.name in unsure or not pays(f.gain)) for f in findings
+    )
+
+
+def vague(found: Estimate) -> set[str]:
+    """Terms whose first number may as well be that of their absence."""
+    first = {f.term: j for j, f in reversed(list(enumerate(found.free))) if f.term is not None}
+    return {
+        name
+        for name, j in first.items()
+        if not found.free[j].log
+        and abs(float(found.values[j]) - found.free[j].null) < VAGUE * float(found.std[j])
+    }
+
+
+def centred(held: Held) -> np.ndarray:
+    """(p,) g − ḡ"""
+    return held.g if not len(held.g_null) else held.g - held.g_null.mean(axis=0)
 
 
 def named_like(left: Sequence[Leftover], names: Sequence[str]) -> tuple[Leftover, ...]:

@@ -27,16 +27,28 @@ PENDULUM = "stiffness.pendulum.roll.torque_Nm"
 EXPONENT = "motor.rotor_curve.exponent"
 
 
+def arm_torque(fit: Fitted | GreyBoxModel, roll_deg: float) -> float:
+    """N·m that lift has to hold there, Γ(r) = (T_g + τ) cos r + k_r sin r."""
+    at = dict(zip(fit.structure.names, fit.values, strict=True))
+    r = np.radians(roll_deg)
+    torque = (at["T_g"] + at.get("mass.imbalance.torque_Nm", 0.0)) * np.cos(r)
+    return float(torque + at.get(PENDULUM, 0.0) * np.sin(r))
+
+
 def hover_voltage(fit: Fitted | GreyBoxModel, roll_deg: float, pitch_deg: float = 0.0) -> float:
     """V per motor that holds the arm there."""
     at = dict(zip(fit.structure.names, fit.values, strict=True))
     p = fit.structure.profile
-    r = np.radians(roll_deg)
-    torque = (at["T_g"] + at.get("mass.imbalance.torque_Nm", 0.0)) * np.cos(r)
-    torque += at.get(PENDULUM, 0.0) * np.sin(r)
-    one = torque / (p.geometry.L_a * np.cos(np.radians(pitch_deg))) / 2
+    lift = arm_torque(fit, roll_deg) / (p.geometry.L_a * np.cos(np.radians(pitch_deg)))
     hover = p.motor.K_f * abs(p.motor.V_o)
-    return float(abs(p.motor.V_o) * max(one / hover, 0.0) ** (1 / at.get(EXPONENT, 1.0)))
+    return float(abs(p.motor.V_o) * max(lift / 2 / hover, 0.0) ** (1 / at.get(EXPONENT, 1.0)))
+
+
+def settles_at(fit: Fitted | GreyBoxModel, voltage_V: float) -> float:
+    """Degrees at which the level arm stands with that voltage on both motors, table or no table."""
+    angles = np.linspace(-60, 60, 1201)
+    needed = np.array([hover_voltage(fit, a) for a in angles])
+    return float(angles[int(np.argmin(np.abs(needed - voltage_V)))])
 
 
 def steady(recording: Recording) -> np.ndarray:

@@ -7,11 +7,13 @@ are compared by free flights from re-estimated states. With e_k(h) the error of 
 
 on the hold-out recordings, or on the recordings themselves where none is given (said then). The
 base is the rigid body refitted in the same way. There is no noise floor: nobody knows the noise.
+The extended model is the full one; which of its terms are causes, `heli3dof.diagnosis.real_named`
+says, and what is still hidden `heli3dof.diagnosis.real_hidden`. Recordings in which not all three
+angles were read are not fitted, for what the others did then is unknown, but held beside it.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -24,11 +26,13 @@ from heli3dof.diagnosis.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
 from heli3dof.diagnosis.how_wrong import HowWrong
 from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.real_explains import explains
+from heli3dof.diagnosis.real_hidden import still_hidden
 from heli3dof.diagnosis.real_leftover import leftovers
-from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted
+from heli3dof.diagnosis.real_named import certainty, named, sizes, unseen, within
+from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted
 from heli3dof.diagnosis.select import Choice
 from heli3dof.identification.greybox.freeflight import (
-    VARYING,
+    LEAST_STARTS,
     fit_freeflight,
     flight_of,
     model_of,
@@ -46,15 +50,16 @@ FAR = 10 * np.pi
 """rad: no flight is further off than that."""
 WHY = (
     "The loop is unknown and the clock lies, so neither nulls nor a likelihood can be trusted: "
-    "the full physical model was fitted to free flights of 3 s, and what held-out flights do not "
-    "need was left out. Sizes are in units of the profile's K_f; there is no noise floor."
+    "the full physical model was fitted to free flights of 3 s. What blocks left out need, and "
+    "whose size is sure, is named; the rest is kept within what is known of such rigs. Sizes are "
+    "in units of the profile's K_f; there is no noise floor."
 )
 Says = Callable[[str], None]
 
 
 def applies(recordings: Sequence[Recording]) -> bool:
     """Whether these logs have to be diagnosed this way."""
-    whole = [r for r in recordings if np.isfinite(r.angle).any(axis=0).all()]
+    whole = _whole(recordings)
     return bool(whole) and all(r.profile.controller is None and clock_lies(r) for r in whole)
 
 
@@ -67,46 +72,61 @@ def diagnose_real(
     says: Says = lambda sentence: None,
 ) -> Diagnosis:
     """As `heli3dof.diagnosis.diagnose.diagnose`, of recordings whose integrity was checked."""
+    whole, runs = _whole(train), _rest([*train, *held])
+    flights = [r for r in whole if len(flight_of(r).starts) >= LEAST_STARTS]
+    seen, on = _whole(held), "holdout"
+    if not seen:
+        seen, on = whole, "the recordings themselves"
     says("Fitting the full physical model to free flights …")
-    full = fit_freeflight(train)
+    full = fit_freeflight(whole)
     found = backward(full.problem, full, seed=seed, says=says)
     says("Fitting the base simulation in the same way …")
-    base = fit_freeflight(train, ())
+    base = fit_freeflight(whole, ())
     says("Measuring the gain …")
-    seen = list(held) or list(train)
-    on = "holdout" if held else "the recordings themselves"
-    model = model_of(found.fit, train, "extended")
+    model = model_of(found.fit, whole, "extended")
     after = Flown.of(model, seen)
-    before = Flown.of(model_of(base, train, "base"), seen)
-    findings = tuple(_finding(found.fit, r, train, after, seen, on, seed) for r in found.kept)
-    dropped = tuple(Dropped(r.term, _without(r, train, after, seen, on, seed)) for r in found.gone)
-    whole = Fitted(
+    before = Flown.of(model_of(base, whole, "base"), seen)
+    alone = {r.term: Flown.of(model_of(r.without, whole, ""), seen)
+             for r in (*found.kept, *found.gone)}  # fmt: skip
+    causes, only_kept = named(found)
+    findings = tuple(_finding(found, r, gain(alone[r.term], after, on, seed)) for r in causes)
+    fitted = Fitted(
         None, None, model, gain(before, after, on, seed), None, None,
         _wrong(seen), dict.fromkeys(AXES), _calibrated(found.fit),
     )  # fmt: skip
     left = leftovers(found.fit)
     about = {
-        "method": "free flights, backwards from the full physical model",
+        "method": "free flights of the full physical model, and backwards from it",
         "why": WHY,
         "gain_measured_on": on,
+        "not_fitted": [r.name for r in runs],
         "over_3_s": {"before": before.over_deg(), "after": after.over_deg()},
-        "without": {r.term: Flown.of(model_of(r.without, train, ""), seen).over_deg()
-                    for r in found.kept},
+        "without": {name: flown.over_deg() for name, flown in alone.items()},
         "by_recording": {
-            name: dict(zip([r.name for r in train], values.tolist(), strict=False))
+            name: dict(zip([r.name for r in flights], values.tolist(), strict=True))
             for name, values in found.fit.by_recording.items()
         },
         "known_beforehand": sorted(known_beforehand(found.fit.problem)),
-        "explains": explains(found.fit, train),
+        "kept_within_what_is_known": within(found, only_kept),
+        "explains": explains(found.fit, flights),
+        "still_hidden": still_hidden(found.fit, flights, runs),
         "seed": seed,
     }  # fmt: skip
     tied = bool(findings and findings[0].choice.tied_with)
     verdict = "unexplained" if left else "ambiguous" if tied else "explained"
     return Diagnosis(
         tuple(r.name for r in train), tuple(r.name for r in held),
-        verdict if findings else "nothing_found", faults, whole, findings, (), dropped, left,
-        _unseen(found), about,
+        verdict if findings else "nothing_found", faults, fitted, findings, (), (), left,
+        tuple(unseen(found.fit, causes)), about,
     )  # fmt: skip
+
+
+def _whole(recordings: Sequence[Recording]) -> list[Recording]:
+    return [r for r in recordings if len(r.axes) == len(AXES)]
+
+
+def _rest(recordings: Sequence[Recording]) -> list[Recording]:
+    return [r for r in recordings if len(r.axes) < len(AXES)]
 
 
 class Flown:
@@ -177,40 +197,13 @@ def gain(before: Flown, after: Flown, on: str, seed: int) -> Gain:
     return Gain(on, two[0], two[1], won, None, None)
 
 
-def _without(
-    r: Removal, train: Sequence[Recording], after: Flown, seen: Sequence[Recording], on: str,
-    seed: int,
-) -> Gain:  # fmt: skip
-    return gain(Flown.of(model_of(r.without, train, ""), seen), after, on, seed)
-
-
-def _finding(
-    fit: Fit, r: Removal, train: Sequence[Recording], after: Flown, seen: Sequence[Recording],
-    on: str, seed: int,
-) -> Finding:  # fmt: skip
+def _finding(found: Backward, r: Removal, won: Gain) -> Finding:
+    fit, w = found.fit, r.worse
     (term,) = [t for t in fit.structure.terms if t.name == r.term]
-    values = {
-        f.name.removeprefix(f"{r.term}."): (float(v), float(s))
-        for f, v, s in zip(fit.structure.free, fit.values, fit.std, strict=True)
-        if f.term == r.term
-    }
-    w = r.worse
+    values = {n: (float(x["value"]), float(x["std"])) for n, x in sizes(fit, r.term).items()}
     score = (w.value / w.std) ** 2 if w.std > 0 else 0.0
-    choice = Choice(term, score, score, min(w.positive, _apart(fit, r.term)), r.tied_with, ())
-    return Finding(choice, values, _without(r, train, after, seen, on, seed), fit.noise)
-
-
-def _apart(fit: Fit, name: str) -> float:
-    """How sure its first number is another than its absence; 1 where it differs by recording.
-
-    Blocks left out may want a term whose size they leave open: then it is not sure to be there.
-    """
-    for f, v, s in zip(fit.structure.free, fit.values, fit.std, strict=True):
-        if f.term == name:
-            if f.log or f.name in VARYING or not s > 0:
-                return 1.0
-            return math.erf(abs(float(v) - f.null) / (float(s) * math.sqrt(2)))
-    return 1.0
+    choice = Choice(term, score, score, certainty(found, r), r.tied_with, ())
+    return Finding(choice, values, won, fit.noise)
 
 
 def _wrong(recordings: Sequence[Recording]) -> HowWrong:
@@ -229,10 +222,3 @@ def _calibrated(fit: Fit) -> tuple[Calibrated, ...]:
         Calibrated(f.name, f.start, float(v), float(s), f.unit)
         for f, v, s in zip(fit.structure.free[:4], fit.values, fit.std, strict=False)
     )
-
-
-def _unseen(found: Backward) -> tuple[str, ...]:
-    """What went although nothing else took its place: these recordings do not show it."""
-    tied = {t for r in found.kept for t in r.tied_with}
-    varying = {v.rpartition(".")[0] for v in VARYING}
-    return tuple(r.term for r in found.gone if r.term not in tied | varying)

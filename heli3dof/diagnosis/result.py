@@ -33,7 +33,8 @@ class Finding:
     noise: np.ndarray
     """(4,) of that fit without it, as `Optimum.noise`: with it a filter sees what is missing"""
     like: bool = False
-    """Beside what is left without a name it is not sure any more: "…-like\""""
+    """Beside what is left without a name it is not sure any more, or data not seen do not surely
+    confirm it: "…-like\""""
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,12 @@ nulls' inflation and n a term's parameters
 
     score = 2 Δℓ_c / κ − n ln N
 
-(BIC; N the encoders' events). A further cause must exceed `SHARE` of the first one's score.
-Diverged fits and fits on a bound are refused. Terms A and B are tied where their scores differ by
-less than
+(BIC; N the encoders' events). Nothing at all scores 0, so what scores less than `TIE` is tied with
+it and not named. No formula is quite right, and what is wrong with the first cause's looks like a
+further one: that must exceed `SHARE` of the first one's score, or `WEAK` where that is less. An
+inertia that is off (`heli3dof.diagnosis.calibration`) is such a first cause: where the mass that
+makes it so sits is not known. Diverged fits and fits on a bound are refused. Terms A and B are tied
+where their scores differ by less than
 
     max(`TIE`, `FORM` score) + 2 √score `DRIFT` |z̄| √(2 (1 − |ρ|))
 
@@ -45,7 +48,9 @@ OVERTAKES = 30.0
 """A full fit's score may be that many times its Z², where noise swelled to cover the cause."""
 TIE = 6.0
 FORM = 0.03
-SHARE = 0.05
+SHARE = 0.1
+WEAK = 100.0
+"""Of a score: what a wrong formula leaves for others stays below it."""
 ONE_WAY = 0.25
 """An estimate may go that share of its range below nothing, so as not to be cut off there; a cause
 may not."""
@@ -123,14 +128,14 @@ def choose(
         return None
     fits = surest_first(screen, nulls, fits)
     best = fits[0]
-    if best.score <= 0 or nulls.threshold / 2 > best.Z2:
+    if best.score < TIE or nulls.threshold / 2 > best.Z2:
         return None
-    if first_score is not None and best.score < SHARE * first_score:
+    if first_score is not None and best.score < min(SHARE * first_score, WEAK):
         return None
     tied = tuple(
         f.term.name for f in fits[1:] if best.score - f.score < slack(screen, nulls, best, f)
     )
-    sure = min(nulls.confidence(best.Z2), this_one([f.score for f in fits]))
+    sure = min(nulls.confidence(best.Z2), this_one([*(f.score for f in fits[:2]), 0.0]))
     return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits))
 
 

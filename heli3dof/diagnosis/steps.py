@@ -22,6 +22,7 @@ from heli3dof.diagnosis.corrected import (
     model_at,
 )
 from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simulated_nulls
+from heli3dof.diagnosis.rivals import told_apart
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
@@ -56,6 +57,8 @@ class Bench:
     pilots: int
     base: str = "rigid"
     """One of `BASES`"""
+    opinions: bool = True
+    """Whether modest scores ask a second one (`heli3dof.diagnosis.rivals`), some seconds each"""
 
     @property
     def loop_is_known(self) -> bool:
@@ -90,7 +93,7 @@ class Step:
         o = self.found.optimum
         problem = self.found.problem
         tried = trials(problem, o.theta, o.noise, bench.axes)
-        if tried and bench.loop_is_known:
+        if tried and self.found.scatter is not None:
             model = model_at(problem, o.theta, o.noise)
             flown = [
                 fly_again(model, bench.recordings, problem.data, (bench.seed, 3, b))
@@ -98,6 +101,11 @@ class Step:
             ]
             tried = [t for t in tried if standing_out(t, problem, o.theta, o.noise, flown)]
         made = choose(self.found, self.screen, self.seen, self.nulls, self.bias, first_score, tried)
+        if made is not None and bench.loop_is_known:
+            made = told_apart(
+                made, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots,
+                opinions=bench.opinions,
+            )  # fmt: skip
         return replace(self, choice=made)
 
 
@@ -110,9 +118,10 @@ def base_of(bench: Bench) -> Corrected:
     found = estimate(problem)
     if not bench.loop_is_known:
         return Corrected(problem, found.optimum)
-    return correct(
+    freed = correct(
         problem, *beginning(found), bench.recordings, seed=bench.seed, pilots=bench.pilots
     )
+    return Corrected(problem, found.optimum) if freed.scatter is None else freed
 
 
 def beginning(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
@@ -144,7 +153,7 @@ def looked_at(bench: Bench, found: Corrected, flights: int) -> Step:
     screen = Screen(problem, o.theta, here, plain, scans(terms))
     seen = screen.see(here, prior=True)
     bias = np.zeros(len(o.theta))
-    if bench.loop_is_known:
+    if found.scatter is not None:
         nulls, scores = simulated_nulls(
             found, bench.recordings, screen, flights=flights, seed=bench.seed
         )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from heli3dof.errors import DeviceError, Heli3dofError, SafetyTrip
-from heli3dof.experiment.interrupts import asked_to_stop
-from heli3dof.experiment.loop import Live, Outcome, fly
+from heli3dof.experiment.interrupts import Asked, asked_to_stop
+from heli3dof.experiment.loop import Live, fly
+from heli3dof.experiment.outcome import Outcome
 from heli3dof.experiment.plan import Plan, Signals, check_plan
 from heli3dof.model.hover import hover_model
 from heli3dof.model.stability import check_loop
@@ -17,10 +18,13 @@ from heli3dof.recording.memory import MemoryRecorder
 from heli3dof.recording.provenance import provenance
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.row import RowSink
 from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.drivers import open_rig, with_seed
-from heli3dof.rig.port import Identity, Rig
+from heli3dof.rig.drivers import with_seed
+from heli3dof.rig.hold import hold
+from heli3dof.rig.port import Identity
 from heli3dof.rig.profile import Profile, default_profile
+from heli3dof.rig.stoppable import StoppableRig
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +98,8 @@ def fly_plan(
     profile = (profile or default_profile()).with_controller()
     signals = prepare(plan, profile, seed)
     device = with_seed(device, seed)
-    rig = open_rig(device, profile)
-    try:
+    live = live or Live()
+    with hold(device, profile, also=lambda: _progress(live)) as rig:
         opened(rig.identity)
         about = provenance(
             source="flight",
@@ -108,43 +112,45 @@ def fly_plan(
         if output is None:
             return _fly_in_memory(rig, profile, signals, about, live)
         return _fly_to_file(rig, profile, signals, about, live, Path(output), force)
-    finally:
-        rig.close()
 
 
 def _fly_in_memory(
-    rig: Rig, profile: Profile, signals: Signals, meta: Mapping[str, Any], live: Live | None
+    rig: StoppableRig, profile: Profile, signals: Signals, meta: Mapping[str, Any], live: Live
 ) -> Flight:
     sink = MemoryRecorder()
-    with asked_to_stop() as stop:
-        outcome = fly(rig, profile, signals, sink, stop=stop, live=live)
-    about = {**meta, "outcome": outcome.ending, "outcome_details": outcome_details(outcome)}
+    with asked_to_stop() as asked:
+        outcome = _fly(rig, profile, signals, sink, asked, live)
+    about = {**meta, "outcome": outcome.ending, "outcome_details": outcome.details()}
     return Flight(sink.recording(profile, about), outcome, None)
 
 
 def _fly_to_file(
-    rig: Rig,
+    rig: StoppableRig,
     profile: Profile,
     signals: Signals,
     meta: Mapping[str, Any],
-    live: Live | None,
+    live: Live,
     path: Path,
     force: bool,
 ) -> Flight:
-    writer = RecordingWriter(path, profile, meta, force=force)
-    with writer, asked_to_stop() as stop:
-        outcome = fly(rig, profile, signals, writer, stop=stop, live=live)
-        writer.outcome(outcome.ending, **outcome_details(outcome))
+    # Signals are caught until the recording is closed: one too many must not tear it.
+    with asked_to_stop() as asked, RecordingWriter(path, profile, meta, force=force) as writer:
+        outcome = _fly(rig, profile, signals, writer, asked, live)
+        writer.outcome(outcome.ending, **outcome.details())
     return Flight(read_recording(path), outcome, path)
 
 
-def outcome_details(outcome: Outcome) -> dict[str, Any]:
-    """The outcome as the recording keeps it, units in the keys."""
-    return {
-        "detail": outcome.detail,
-        "periods": outcome.periods,
-        "late": outcome.late,
-        "missed": outcome.missed,
-        "worst_lateness_s": outcome.worst_lateness_s,
-        "landed": outcome.landed,
-    }
+def _fly(
+    rig: StoppableRig, profile: Profile, signals: Signals, sink: RowSink, asked: Asked, live: Live
+) -> Outcome:
+    outcome = fly(rig, profile, signals, sink, stop=asked.why, at_once=asked.at_once, live=live)
+    if rig.session.stopped is None:
+        return outcome
+    # An emergency stop from outside, in whatever phase it came, is how the flight ended.
+    detail = f"emergency stop on request: {rig.session.asked}"
+    return replace(outcome, ending="tripped", detail=detail, landed=False)
+
+
+def _progress(live: Live) -> dict[str, Any]:
+    """What a second terminal is told of the flight, besides the rig's own state."""
+    return {"phase": live.phase, "late": live.late, "done": live.done, "total": live.total}

@@ -2,32 +2,29 @@
 
     sample k → angles k → V[k] = controller(angles k, references k) → held until sample k+1
 
-Deadlines are absolute (due[k+1] = due[k] + dt): a late period does not shift those after it,
-and periods that were missed altogether are skipped, never flown in a burst. Whatever ends the
-flight, the motors are ramped to zero and every period of the ramp is recorded too.
+Deadlines are absolute and periods that were missed altogether are skipped, never flown in a burst
+(see `heli3dof.experiment.timekeeping`). Whatever ends the flight, the motors are ramped to zero
+and every period of the ramp is recorded too (see `heli3dof.experiment.landing`).
 """
 
 from __future__ import annotations
 
-import gc
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 
 from heli3dof.errors import DeviceError
+from heli3dof.experiment.landing import Kept, land
+from heli3dof.experiment.outcome import Ending, Outcome, Tally
+from heli3dof.experiment.pacer import Pacer
+from heli3dof.experiment.period import Period, Watch
 from heli3dof.experiment.plan import Signals
+from heli3dof.experiment.realtime import Realtime, quiet_interpreter, realtime
 from heli3dof.model.opened import OpenedController
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
 from heli3dof.rig.envelope import Envelope
-from heli3dof.rig.port import Command, Flags, Rig, Sample
+from heli3dof.rig.port import Flags, Identity, Rig, Sample
 from heli3dof.rig.profile import Profile
-
-LATE_S = 1e-3
-"""A period whose sample came later than this after its deadline counts as late."""
-
-Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
 
 
 @dataclass
@@ -42,32 +39,6 @@ class Live:
     phase: str = "arming"
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """How a flight ended; written into the recording last."""
-
-    ending: Ending
-    detail: str
-    periods: int
-    """Control periods flown in closed loop."""
-    late: int
-    """Periods later than `LATE_S`."""
-    missed: int
-    """Periods skipped because they were missed altogether."""
-    worst_lateness_s: float
-    landed: bool
-    """True when the ramp to zero volts was carried out."""
-    error: BaseException | None = field(default=None, compare=False)
-
-
-@dataclass
-class _Tally:
-    periods: int = 0
-    late: int = 0
-    missed: int = 0
-    worst: float = 0.0
-
-
 def fly(
     rig: Rig,
     profile: Profile,
@@ -75,16 +46,20 @@ def fly(
     sink: RowSink,
     *,
     stop: Callable[[], str | None] = lambda: None,
+    at_once: Callable[[], str | None] = lambda: None,
     live: Live | None = None,
+    watches: Sequence[Watch] = (),
 ) -> Outcome:
     """Fly the rendered plan in closed loop and return how it ended. Never raises.
 
-    ``stop`` is asked in every period and returns why to end, or None. The profile must have a
-    controller and its rate must be the signals'.
+    ``stop`` is asked in every period and returns why to end, or None; ``at_once`` is asked in
+    every period of the ramp that follows, and returns why to stop without the rest of it.
+    ``watches`` are asked in their order, after the envelope. The profile must have a controller
+    and its rate must be the signals'.
     """
-    flight = _Flight(rig, profile, signals, sink, stop, live or Live())
-    with _quiet_interpreter():
-        return flight.run()
+    flight = _Flight(rig, profile, signals, sink, stop, live or Live(), watches)
+    with _granted(rig.identity) as granted:
+        return flight.run(at_once, granted)
 
 
 class _Flight:
@@ -96,10 +71,10 @@ class _Flight:
         sink: RowSink,
         stop: Callable[[], str | None],
         live: Live,
+        watches: Sequence[Watch],
     ) -> None:
-        self.rig, self.profile, self.sink = rig, profile, sink
-        self.stop, self.live = stop, live
-        self.dt = profile.dt
+        self.profile, self.sink = profile, sink
+        self.stop, self.live, self.watches = stop, live, tuple(watches)
         self.rest = tuple(profile.encoder.rest_rad.tolist())
         self.rad_per_count = tuple(profile.encoder.rad_per_count.tolist())
         # Plain floats: indexing a list costs a tenth of indexing an array.
@@ -108,15 +83,13 @@ class _Flight:
         self.opened = None if signals.opened is None else signals.opened.tolist()
         self.controller = OpenedController.of(profile)
         self.envelope = Envelope(profile)
-        self.tally = _Tally()
-        self.sequence = 0
-        self.due = 0.0
+        self.tally = Tally(len(self.reference) + self.steps(hurried=False))
+        self.pacer = Pacer(rig, profile.dt, self.tally)
+        self.virtual = rig.identity.timebase == "virtual"
+        self.flown = 0
         self.t0 = 0.0
-        self.lateness = 0.0
-        self.sent = (0.0, 0.0)
-        self.device_timed = rig.identity.timebase != "host"
 
-    def run(self) -> Outcome:
+    def run(self, at_once: Callable[[], str | None], granted: Realtime | None) -> Outcome:
         ending: Ending = "completed"
         detail = "the plan was flown to its end"
         error: BaseException | None = None
@@ -124,9 +97,8 @@ class _Flight:
         live = self.live
         live.total = len(self.reference)
         try:
-            sample = self.rig.arm()
+            sample = self.pacer.start()
             self.t0 = sample.device_time_s
-            self.due = sample.host_time_s
             self.controller.reset(self.angle(sample))
             live.phase = "flying"
             k = 0
@@ -135,17 +107,27 @@ class _Flight:
                 if why is not None:
                     ending, detail = why
                     break
-                k += 1 + self.skip()
+                k += 1 + self.pacer.skipped
                 live.done = k
         except DeviceError as problem:
             ending, detail, error, sample = "device", problem.what, problem, None
         except BaseException as problem:
             ending, detail, error = "error", f"{type(problem).__name__}: {problem}", problem
-        landed = self.land(sample, hurried=ending != "completed")
+        live.phase = "ramping down"
+        steps = self.steps(hurried=ending != "completed")
+        landing = land(self.pacer, sample, steps, self.keeper(), at_once)
+        if landing.asked:
+            ending, detail = "tripped", f"{detail}; {landing.why}"
+        elif landing.error is not None and ending == "completed":
+            ending = "device" if isinstance(landing.error, DeviceError) else "error"
+            detail, error = landing.why, landing.error
+        elif landing.why:
+            detail = f"{detail}; {landing.why}"
         tally = self.tally
         return Outcome(
-            ending, detail, tally.periods, tally.late, tally.missed, tally.worst, landed, error
-        )
+            ending, detail, self.flown, tally.late, tally.missed, tally.worst, landing.landed,
+            error, tally.lost, None if self.virtual else tally.punctuality(), granted,
+        )  # fmt: skip
 
     def angle(self, sample: Sample) -> tuple[float, float, float]:
         c, q, z = sample.counts, self.rad_per_count, self.rest
@@ -162,33 +144,25 @@ class _Flight:
                 self.opened[k], angle, reference, extra
             )
         t = sample.device_time_s - self.t0
-        why = self.reason_to_end(t, sample, angle, command, voltage)
+        why = self.reason_to_end(k, t, sample, angle, command, voltage)
         if why is not None:
             return sample, why
-        after = self.exchange(voltage)
+        pacer, live = self.pacer, self.live
+        lateness = pacer.lateness
+        after = pacer.exchange(sample, voltage)
         self.sink.append(
             Row(
-                t,
-                sample,
-                angle,
-                reference,
-                self.controller.limited_reference,
-                extra,
-                command,
-                voltage,
-                self.sequence,
-                after.v_applied,
-                self.lateness,
-                CLOSED_LOOP,
+                t, sample, angle, reference, self.controller.limited_reference, extra, command,
+                voltage, pacer.sequence, after.v_applied, lateness, CLOSED_LOOP,
             )
-        )
-        self.clock(after)
-        self.tally.periods += 1
-        self.live.angle, self.live.voltage = angle, voltage
+        )  # fmt: skip
+        self.flown += 1
+        live.angle, live.voltage, live.late = angle, voltage, self.tally.late
         return after, None
 
     def reason_to_end(
         self,
+        k: int,
         t: float,
         sample: Sample,
         angle: tuple[float, float, float],
@@ -200,76 +174,40 @@ class _Flight:
             return "interrupted", asked
         if sample.flags & (Flags.ESTOP | Flags.LATCHED | Flags.FAULT | Flags.STALL):
             return "tripped", _explain(sample.flags)
-        tripped = self.envelope.check(t, angle, self.controller.rates, command, voltage)
+        rates = self.controller.rates
+        tripped = self.envelope.check(t, angle, rates, command, voltage)
+        if tripped is None and self.watches:
+            pacer = self.pacer
+            now = Period(
+                k, t, sample, angle, rates, command, voltage, pacer.sent, pacer.sequence,
+                pacer.lateness, pacer.skipped,
+            )  # fmt: skip
+            tripped = next(filter(None, (watch(now) for watch in self.watches)), None)
         return ("tripped", tripped) if tripped is not None else None
 
-    def exchange(self, voltage: tuple[float, float]) -> Sample:
-        self.sequence = (self.sequence + 1) & 0xFFFFFFFF
-        self.due += self.dt
-        self.sent = voltage
-        return self.rig.exchange(Command(self.sequence, voltage[0], voltage[1]), self.due)
-
-    def clock(self, sample: Sample) -> None:
-        """Measure how late a sample was; where the device keeps time there is no lateness."""
-        self.lateness = 0.0 if self.device_timed else sample.host_time_s - self.due
-        if self.lateness > LATE_S:
-            self.tally.late += 1
-            self.live.late = self.tally.late
-        self.tally.worst = max(self.tally.worst, self.lateness)
-
-    def skip(self) -> int:
-        """Periods that passed unused because this one was late; the deadline moves past them."""
-        missed = int(self.lateness / self.dt) if self.lateness > self.dt else 0
-        self.due += missed * self.dt
-        self.tally.missed += missed
-        return missed
-
-    def land(self, sample: Sample | None, *, hurried: bool) -> bool:
-        """Ramp the motors to zero and record it; stop the device at once where that fails."""
+    def steps(self, *, hurried: bool) -> int:
+        """Periods of the ramp to zero."""
         limits = self.profile.limits
-        self.live.phase = "ramping down"
-        if sample is None:
-            return self._estop("the device did not answer")
-        start = self.sent
-        steps = max(1, round((limits.ramp_down_s if hurried else limits.landing_s) / self.dt))
-        keep: Callable[[Row], None] | None = self.sink.append
-        try:
-            for i in range(1, steps + 1):
-                share = 1 - i / steps
-                voltage = (start[0] * share, start[1] * share)
-                before, sample = sample, self.exchange(voltage)
-                keep = _kept(keep, self.landing_row(before, voltage, sample))
-                self.clock(sample)
-                self.skip()
-        except BaseException as problem:
-            return self._estop(f"the ramp to zero failed: {problem}")
-        return True
+        ramp_s = limits.ramp_down_s if hurried else limits.landing_s
+        return max(1, round(ramp_s / self.profile.dt))
 
-    def landing_row(self, sample: Sample, voltage: tuple[float, float], after: Sample) -> Row:
+    def keeper(self) -> Callable[[Sample, tuple[float, float], float, Sample], None]:
+        """Records the periods of the ramp, for as long as the recorder takes them."""
+        keep = Kept(self.sink.append)
         held = self.controller.limited_reference
-        return Row(
-            sample.device_time_s - self.t0, sample, self.angle(sample), held, held, (0.0, 0.0),
-            voltage, voltage, self.sequence, after.v_applied, self.lateness, RAMP_DOWN,
-        )  # fmt: skip
 
-    def _estop(self, why: str) -> bool:
-        try:
-            self.rig.estop(why)
-        except Exception:
-            # The device's own watchdog is what remains; the outcome says that nothing landed.
-            return False
-        return False
+        def row(
+            sample: Sample, voltage: tuple[float, float], lateness: float, after: Sample
+        ) -> None:
+            keep(
+                Row(
+                    sample.device_time_s - self.t0, sample, self.angle(sample), held, held,
+                    (0.0, 0.0), voltage, voltage, self.pacer.sequence, after.v_applied, lateness,
+                    RAMP_DOWN,
+                )
+            )  # fmt: skip
 
-
-def _kept(keep: Callable[[Row], None] | None, row: Row) -> Callable[[Row], None] | None:
-    """Keep a row of the ramp; a recorder that fails must not keep the motors from zero."""
-    if keep is None:
-        return None
-    try:
-        keep(row)
-    except Exception:
-        return None
-    return keep
+        return row
 
 
 def _explain(flags: Flags) -> str:
@@ -283,15 +221,11 @@ def _explain(flags: Flags) -> str:
 
 
 @contextmanager
-def _quiet_interpreter() -> Iterator[None]:
-    """No garbage collection in the loop, and threads that give way quickly."""
-    interval, collecting = sys.getswitchinterval(), gc.isenabled()
-    gc.collect()
-    gc.disable()
-    sys.setswitchinterval(2e-4)
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(interval)
-        if collecting:
-            gc.enable()
+def _granted(identity: Identity) -> Iterator[Realtime | None]:
+    """What the system grants the loop; on a virtual clock nothing is asked for."""
+    with ExitStack() as undo:
+        if identity.timebase == "virtual":
+            quiet_interpreter(undo)
+            yield None
+        else:
+            yield undo.enter_context(realtime())

@@ -30,6 +30,7 @@ from heli3dof.model.compiled import compiled
 from heli3dof.model.hooks import caller
 
 R, P, J_R, J_P, J_PSI, LINEAR = _s.R, _s.P, _s.J_R, _s.J_P, _s.J_PSI, _s.LINEAR
+BODY_P, BODY_PSI = _s.BODY_P, _s.BODY_PSI
 DRY = int(_s.Stage.DRY)
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 SURE = 6.0
@@ -75,14 +76,15 @@ def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-unty
     for e in range(first[DRY], first[DRY + 1]):
         call(address, e, s, par, mem, w[0])
     sr, cr, sp, cp = math.sin(x[0]), math.cos(x[0]), math.sin(x[1]), math.cos(x[1])
-    Jp, Ja = s[J_P], s[J_PSI] - s[J_P]
+    Jp, Ja, m_pp = s[BODY_P], s[BODY_PSI] - s[BODY_P], s[J_P]
     m_rr = s[J_R] + Jp * sp * sp
     u = Jp * cr * sp * cp / m_rr if free[0] else 0.0
-    v = sr if free[1] else 0.0
-    yy = Ja * cr * cr + Jp * (sr * sr + cr * cr * cp * cp) - u * u * m_rr - v * v * Jp
+    v = Jp * sr / m_pp if free[1] else 0.0
+    yy = Ja * cr * cr + Jp * (sr * sr + cr * cr * cp * cp) + s[J_PSI] - s[BODY_PSI]
+    yy -= u * u * m_rr + v * v * m_pp
     yy = 1.0 / yy if free[2] else 0.0
     rr = u * u * yy + (1.0 / m_rr if free[0] else 0.0)
-    pp = v * v * yy + (1.0 / Jp if free[1] else 0.0)
+    pp = v * v * yy + (1.0 / m_pp if free[1] else 0.0)
     w[4, 0], w[4, 1], w[4, 2] = 1.0, u * v * yy / rr if rr > 0.0 else 0.0, 0.0
     w[4, 2] = -u * yy / rr if rr > 0.0 else 0.0
     w[5, 0], w[5, 1], w[5, 2] = u * v * yy / pp if pp > 0.0 else 0.0, 1.0, 0.0

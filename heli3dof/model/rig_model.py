@@ -164,6 +164,7 @@ def context(profile: Profile) -> np.ndarray:
     s[slots.K_F] = p.motor.K_f
     s[slots.T_G] = 2 * p.geometry.L_a * p.motor.K_f * p.motor.V_o
     s[slots.J_R : slots.J_R + 3] = inertias(p)
+    s[slots.BODY_P], s[slots.BODY_PSI] = s[slots.J_P], s[slots.J_PSI]
     s[slots.GAIN_FRONT] = s[slots.GAIN_BACK] = 1.0
     s[slots.V_O], s[slots.V_MAX] = p.motor.V_o, p.motor.v_max
     s[slots.M_W], s[slots.M_F], s[slots.M_B] = p.mass.m_w, p.mass.m_f, p.mass.m_b

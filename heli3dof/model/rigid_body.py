@@ -9,13 +9,15 @@ and what moves with the arm, the bar's own mass included, in ṙ and cos r ψ̇.
 
     2 T = J_r ṙ² + J_a cos² r ψ̇² + J_p (ω_a² + ω_n²)        U = T_g sin r + G_p cos r sin p
 
-so J_r, J_p, J_ψ are the inertias about the three axes of the level rig (kg·m²), T_g the level
-arm's gravity torque and G_p = (m_f − m_b) g L_h the level body's (N·m). Lagrange's equations
-M(q) q̈ + h(q, q̇) = Q with
+so J_r, J_p, J_ψ are the inertias about the three axes of the level rig (kg·m²). The profile's
+masses give their shape above; what J_p and J_ψ differ from that, δJ_p and δJ_ψ, turns with the
+joint alone (a rotor, a drum, a counterweight on the shaft) and stands in M_pp and M_ψψ only. T_g
+is the level arm's gravity torque and G_p = (m_f − m_b) g L_h the level body's (N·m). Lagrange's
+equations M(q) q̈ + h(q, q̇) = Q with
 
     M_rr = J_r + J_p sin² p           M_rψ = J_p cos r sin p cos p
-    M_pp = J_p                        M_pψ = J_p sin r              M_rp = 0
-    M_ψψ = J_a cos² r + J_p (sin² r + cos² r cos² p)
+    M_pp = J_p + δJ_p                 M_pψ = J_p sin r              M_rp = 0
+    M_ψψ = J_a cos² r + J_p (sin² r + cos² r cos² p) + δJ_ψ
 
 and, ω̇ at q̈ = 0 written α_a = cos r ṙ ψ̇ and α_n = cos p ṗ ṙ − (sin r cos p ṙ + cos r sin p ṗ) ψ̇,
 
@@ -61,6 +63,7 @@ from heli3dof.model.hooks import caller
 R, P, R_DOT, P_DOT, PSI_DOT = _s.R, _s.P, _s.R_DOT, _s.P_DOT, _s.PSI_DOT
 L_A, L_H, T_G, G_P, LINEAR = _s.L_A, _s.L_H, _s.T_G, _s.G_P, _s.LINEAR
 J_R, J_P, J_PSI = _s.J_R, _s.J_P, _s.J_PSI
+BODY_P, BODY_PSI = _s.BODY_P, _s.BODY_PSI
 F_FRONT, F_BACK = _s.F_FRONT, _s.F_BACK
 SPEED_FRONT, SPEED_BACK = _s.SPEED_FRONT, _s.SPEED_BACK
 K_F, GAIN_FRONT, GAIN_BACK = _s.K_F, _s.GAIN_FRONT, _s.GAIN_BACK
@@ -77,7 +80,7 @@ def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> N
     sr, cr = math.sin(s[R]), math.cos(s[R])
     sp, cp = math.sin(s[P]), math.cos(s[P])
     rd, pd, yd = s[R_DOT], s[P_DOT], s[PSI_DOT]
-    Jr, Jp, Ja = s[J_R], s[J_P], s[J_PSI] - s[J_P]
+    Jr, Jp, Ja = s[J_R], s[BODY_P], s[BODY_PSI] - s[BODY_P]
     L_a, L_h = s[L_A], s[L_H]
     F, D = force[0] + force[1], force[0] - force[1]
     w_a = pd + sr * yd
@@ -94,9 +97,9 @@ def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> N
     b_y = -L_a * cr * sp * F + L_h * sr * D + torque[2] - h_y
     m_rr = Jr + Jp * sp * sp
     m_ry = Jp * cr * sp * cp
-    m_pp = Jp
+    m_pp = s[J_P]
     m_py = Jp * sr
-    m_yy = Ja * cr * cr + Jp * (sr * sr + cr * cr * cp * cp)
+    m_yy = Ja * cr * cr + Jp * (sr * sr + cr * cr * cp * cp) + s[J_PSI] - s[BODY_PSI]
     if not free[0]:
         m_ry, b_r = 0.0, 0.0
     if not free[1]:
@@ -112,7 +115,7 @@ def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> N
     if s[LINEAR] != 0.0:
         hover = (L_a * F - s[T_G] + torque[0]) / Jr if free[0] else 0.0
         a[0] += s[LINEAR] * (hover - a[0])
-        hover = (L_h * D - s[G_P] + torque[1]) / Jp if free[1] else 0.0
+        hover = (L_h * D - s[G_P] + torque[1]) / m_pp if free[1] else 0.0
         a[1] += s[LINEAR] * (hover - a[1])
         hover = (-s[T_G] * s[P] + s[G_P] * s[R] + torque[2]) / s[J_PSI] if free[2] else 0.0
         a[2] += s[LINEAR] * (hover - a[2])

@@ -54,6 +54,8 @@ STEPPED = 40
 asked for, and dry friction is among the torques, its step smoothed."""
 LINEAR = 41
 """0 the rigid body … 1 the paper's hover model, which is the rigid body linearised level."""
+BODY_P, BODY_PSI = 42, 43
+"""kg·m², what the profile's masses give of J_P and J_PSI; the rest is rotary, on the joints"""
 SIZE = 48
 
 AXIS, A, B, C, D = 0, 1, 2, 3, 4

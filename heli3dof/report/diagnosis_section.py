@@ -60,7 +60,7 @@ def _causes(document: Document, p: Pictured) -> list[str]:
             blocks.append(paragraph(sentence))
             blocks += [] if e is None else [figure(evidence_figure(e), _alt(e))]
         said.add(sentence)
-    return blocks
+    return blocks + [paragraph(s) for s in document.get("about", {}).get("explains", ())]
 
 
 def _gain(p: Pictured) -> list[str]:
@@ -78,12 +78,14 @@ def _gain(p: Pictured) -> list[str]:
 
 
 def _left(document: Document, p: Pictured) -> list[str]:
-    blocks = [paragraph(s) for s in words.unadopted(document)]
+    blocks = [paragraph(s) for s in words.kept_within(document)]
+    blocks += [paragraph(s) for s in words.unadopted(document)]
     if p.leftovers:
         blocks += [subheading("What is left"), *(map(paragraph, words.leftovers(document)))]
         blocks.append(table(leftover_table(p.leftovers)))
         blocks += [figure(evidence_figure(e), _alt(e)) for e in p.leftover_evidence]
-    return blocks
+    hidden = [paragraph(s) for s in words.still_hidden(document)]
+    return [*blocks, subheading("What is still hidden"), *hidden] if hidden else blocks
 
 
 def how_wrong_table(w: HowWrong) -> Grid:

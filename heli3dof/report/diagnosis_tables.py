@@ -71,7 +71,8 @@ def diagnosis_tables(document: Document) -> list[Grid | str]:
         if grid is grids[1]:
             out += dict.fromkeys(words.causes(document))  # two recordings may have one fault
     out += document.get("about", {}).get("explains", ())
-    for said in (words.leftovers, words.unadopted, words.next_steps):
+    said_of = (words.kept_within, words.leftovers, words.still_hidden, words.unadopted)
+    for said in (*said_of, words.next_steps):
         out += said(document)
     return out
 

@@ -85,7 +85,13 @@ def faults(document: Document) -> Iterator[str]:
 
 
 def unmeasured(document: Document) -> Iterator[str]:
-    """Where there is no number for how wrong the simulation is, or none to hold it against."""
+    """What was not fitted; where how wrong the simulation is has no number, or none beside it."""
+    beside = document.get("about", {}).get("not_fitted")
+    if beside:
+        yield (
+            f"Not fitted, for they did not read all three angles, but held beside the model: "
+            f"{', '.join(beside)}."
+        )
     fitted = document["verdict"] not in ("bad_data", "not_identifiable")
     error = document["simulation_error"]
     if fitted and error and all(e["rmse_deg"] is None for e in error.values()):
@@ -127,6 +133,11 @@ def causes(document: Document) -> Iterator[str]:
             said += (
                 f" As something without a name acts on {f['axis']} too, read it as {name}-like: "
                 "it may stand in for a part of that."
+            )
+        elif named and f.get("like"):
+            said += (
+                " Its size is open, or data that it has not seen do not surely confirm it: read it "
+                f"as {name}-like, something acts as this would."
             )
         yield said
 
@@ -176,6 +187,23 @@ def unadopted(document: Document) -> Iterator[str]:
             f"These recordings could not show even a large {', '.join(dark[:LISTED])}{more}: "
             "of that nothing is said."
         )
+
+
+def kept_within(document: Document) -> Iterator[str]:
+    """Terms of the extended model that are not named: within what is known of such rigs."""
+    for x in document.get("about", {}).get("kept_within_what_is_known", ()):
+        each = ", ".join(
+            f"{fixed(q['value'], 3)} ± {fixed(q['std'], 3)} {q['unit']} (known beforehand: "
+            f"{fixed(q['prior_mean'], 3)} ± {fixed(q['prior_std'], 3)})"
+            for q in x["parameters"].values()
+        )
+        yield f"Kept in the model, but not named a cause: {x['term']}, {each}; {x['why']}."
+
+
+def still_hidden(document: Document) -> Iterator[str]:
+    """What the extended model does not explain, beside what is left over."""
+    for x in document.get("about", {}).get("still_hidden", ()):
+        yield f"Still hidden: {x['sentence']}"
 
 
 def next_steps(document: Document) -> Iterator[str]:

@@ -12,11 +12,17 @@ import numpy as np
 import heli3dof as h3
 from heli3dof.comparison.prediction import HeldStill
 from heli3dof.comparison.shares import error_deg, shares
+from heli3dof.diagnosis.backward import STAGES_S, backward, moved, restructured
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import document
-from heli3dof.diagnosis.real_explains import hover_voltage
-from heli3dof.identification.greybox.freeflight import free_rows
+from heli3dof.diagnosis.real_explains import settles_at
+from heli3dof.identification.greybox.freeflight import (
+    fit_freeflight,
+    free_rows,
+    model_of,
+)
 from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.identification.greybox.multistep import search
 from heli3dof.model.greybox import GreyBoxModel
 from heli3dof.report.diagnosis_tables import diagnosis_tables
 from heli3dof.report.grid import Grid, to_markdown
@@ -95,7 +101,7 @@ def measure() -> list[Figure]:
             figures += fitted_to_flights(trial, grey, test)
             told, rows = diagnosed(trial, train, test)
             blocks[f"{trial.rig}-diagnosis"] = told
-            figures += rows
+            figures += rows + folds(trial)
     write_page(PAGE, blocks)
     return figures
 
@@ -141,14 +147,14 @@ def diagnosed(
 ) -> tuple[str, list[Figure]]:
     """What `diagnose` says of the same recordings, and the open-loop runs beside its model."""
     since = time.perf_counter()
-    found = diagnose(train, test)
+    runs = [h3.load(p, trial.profile) for p in sorted((REAL_DATA / trial.rig).glob("open-*.csv"))]
+    found = diagnose([*train, *runs], test)
     seconds = time.perf_counter() - since
     written = document(found)
     told = diagnosis_tables(written)
     about, f = found.about, found.fitted
     assert f is not None
     lines = [to_markdown(x) if isinstance(x, Grid) else f"- {x}" for x in told]
-    lines += [f"- {s}" for s in about["explains"]]
     flown = [r.rows(slice(run.start, run.stop)) for r in test for run in usable_runs(r, 0)]
     after = error_deg(f.model, flown, 3.0)
     bar = HAND_MADE[trial.rig]
@@ -166,14 +172,15 @@ def diagnosed(
         Figure(
             f"{trial.rig}: causes named",
             ", ".join(x.choice.term.name for x in found.findings),
-            how=f"left out: {', '.join(x.name for x in found.dropped) or 'none'}; verdict "
-            f"{found.verdict}",
+            how="kept within what is known of such rigs, but no causes: "
+            f"{', '.join(x['term'] for x in about['kept_within_what_is_known']) or 'none'}; "
+            f"verdict {found.verdict}",
         ),
     ]
     for name, error in about["without"].items():
         figures.append(
             Figure(
-                f"{trial.rig}: all causes but {name}, refitted",
+                f"{trial.rig}: everything but {name}, refitted",
                 _deg(np.array(list(error.values()))),
                 how="over 3 s from the end of the climb on, held-out",
             )
@@ -181,23 +188,47 @@ def diagnosed(
     return "\n".join(lines), figures + open_loop(trial, f.model)
 
 
+def folds(trial: Trial) -> list[Figure]:
+    """Each recording left out in turn: everything kept, and what the blocks do not need at zero."""
+    out = []
+    names = [*trial.train, *trial.test]
+    for left in trial.train:
+        train = [trial.load(n) for n in names if n != left]
+        test = [trial.load(left)]
+        flown = [r.rows(slice(run.start, run.stop)) for r in test for run in usable_runs(r, 0)]
+        full = fit_freeflight(train)
+        found = backward(full.problem, full)
+        gone = [r.term for r in found.gone]
+        less = restructured(found.fit.problem, [r.term for r in found.kept])
+        z = moved(found.fit, less)
+        scarce = search(less, z, found.fit.noise, stages_s=STAGES_S, fixed=found.fit.scale)
+        errors = [error_deg(model_of(f, train, ""), flown, 3.0) for f in (found.fit, scarce)]
+        out.append(
+            Figure(
+                f"{trial.rig}: {left} left out, over 3 s, in flight: everything kept",
+                _deg(errors[0]),
+                how=f"fitted on {', '.join(n for n in names if n != left)}; without what blocks do "
+                f"not need ({', '.join(gone) or 'nothing'}), refitted: {_deg(errors[1])}",
+            )
+        )
+    return out
+
+
 def open_loop(trial: Trial, model: GreyBoxModel) -> list[Figure]:
-    """Where the arm settles at a constant voltage: runs that no fit has seen."""
+    """Where the arm stands at a constant voltage: runs that no fit has seen."""
     out = []
     for path in sorted((REAL_DATA / trial.rig).glob("open-roll-*V-*.csv")):
         r = h3.load(path, trial.profile)
-        roll = np.degrees(r.angle[:, 0])
-        late = roll[r.t > r.t[-1] - 20]
+        t, roll = r.t - r.t[0], np.degrees(r.angle[:, 0])
         V = float(r.voltage[-1, 0])
-        angles = np.linspace(-40, 40, 801)
-        needed = np.array([hover_voltage(model, a) for a in angles])
-        said = angles[int(np.argmin(np.abs(needed - V)))]
         floor = float(roll[:100].mean())
+        early, late = roll[(t > 9) & (t < 19)].mean(), roll[t > t[-1] - 10].mean()
         out.append(
             Figure(
-                f"{trial.rig}: {V:g} V on both motors, open loop: where roll settles",
-                f"model {max(said, floor):.1f}°, measured {late.mean():.1f}°",
-                how=f"mean of the last 20 s of {path.stem}; it rests at {floor:.1f}°",
+                f"{trial.rig}: {V:g} V on both motors, open loop: where roll stands",
+                f"model {settles_at(model, V):.1f}°, measured {early:.1f}° after 9 to 19 s, "
+                f"{late:.1f}° in the last 10 of {t[-1]:.0f} s",
+                how=f"means over {path.stem}, which was not fitted; it begins at {floor:.1f}°",
             )
         )
     return out

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis import backward as module
 from heli3dof.diagnosis.backward import (
     BLOCK_S,
+    STAGES_S,
     WINDOW_S,
     from_climbs_end,
     halves,
     interval,
     known_beforehand,
+    refit,
 )
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
+from heli3dof.identification.greybox.multistep import search
+from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.model.greybox_windows import Flight
 from tests.identification.known_flights import fly
 
@@ -63,3 +70,27 @@ def test_the_filter_starts_anew_at_a_climbs_end() -> None:
     assert split.blocks[:2].tolist() == [[lead, start, start + 100], [lead, start + 100, stop]]
     assert len(split.free) == len(split.blocks)
     assert from_climbs_end(data, int(start)).blocks.tolist() == data.blocks.tolist()
+
+
+def test_blocks_name_causes_and_the_model_keeps_what_they_do_not_need(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where blocks say that a torque on yaw is not needed, the model is the fit that has it."""
+    names = ("stiffness.pendulum.roll", "bias.torque.yaw", "motor.lag")
+    problem = problem_of([fly(1022).recording.between(0, 25)], names)
+    full = search(problem, weak_start(problem), stages_s=STAGES_S, rounds=1)
+    said = {n: interval(np.full(9, 1.0), 1) for n in names}
+    said["bias.torque.yaw"] = interval(np.linspace(-1, 1, 9), 1)
+    monkeypatch.setattr(module, "removed", lambda f, b, name, *, seed, instead=None: said[name])
+    found = module.backward(problem, full)
+    assert found.fit is full
+    assert {r.term for r in found.kept} == {"stiffness.pendulum.roll", "motor.lag"}
+    assert [r.term for r in found.gone] == ["bias.torque.yaw"]
+    for r in (*found.kept, *found.gone):
+        assert {t.name for t in r.without.structure.terms} == set(names) - {r.term}
+
+
+def test_a_refit_without_a_term_is_weighed_as_the_fit_with_it() -> None:
+    problem = problem_of([fly(1022).recording.between(0, 25)], ("motor.lag",))
+    full = search(problem, stages_s=((0.25, 0.5),), rounds=1)
+    assert refit(replace(full, scale=np.ones((7, 3))), "motor.lag", rounds=1).scale.sum() == 21

@@ -9,16 +9,20 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.leftover import Held, Leftover
-from heli3dof.diagnosis.proxies import Beside, beside, named_like
+from heli3dof.diagnosis.gain import Interval
+from heli3dof.diagnosis.leftover import Leftover
+from heli3dof.diagnosis.leftover_evidence import Held
+from heli3dof.diagnosis.proxies import Beside, beside, doubted, named_like, vague
+from heli3dof.diagnosis.result import Finding
 from heli3dof.identification.greybox.estimate import Estimate
 
 
-def fit(value: float) -> Estimate:
+def fit(value: float, std: float = 0.1) -> Estimate:
     """A fit of one term with one parameter, absent at zero."""
-    free = SimpleNamespace(term="friction.viscous.yaw", null=0.0, slope=lambda v: 1.0)
+    free = SimpleNamespace(term="friction.viscous.yaw", null=0.0, log=False, slope=lambda v: 1.0)
     return cast(Any, SimpleNamespace(
         optimum=SimpleNamespace(theta=np.array([value])), values=np.array([value]), free=[free],
+        std=np.array([std]),
         structure=SimpleNamespace(terms=[SimpleNamespace(name="friction.viscous.yaw")]),
     ))  # fmt: skip
 
@@ -62,3 +66,19 @@ def test_the_leftover_says_whose_place_it_took_unless_it_is_like_another() -> No
     already = replace(left, like="friction.viscous.yaw-like")
     assert named_like([already], ["drag.quadratic.yaw"]) == (already,)
     assert named_like([left], []) == (left,)
+
+
+def test_what_data_not_seen_do_not_surely_confirm_is_only_alike() -> None:
+    def finding(low: float) -> Any:
+        return Finding(
+            cast(Any, SimpleNamespace(term=SimpleNamespace(name="motor.delay"))), {},
+            cast(Any, SimpleNamespace(log_likelihood=Interval(28.0, low, 71.0))), np.zeros(4),
+        )  # fmt: skip
+
+    found = doubted([finding(-8.0), finding(3.0)], fit(1.0), [], held(0.0, 0.0))
+    assert [f.like for f in found] == [True, False]
+
+
+def test_a_size_that_may_as_well_be_nothing_makes_no_sure_name() -> None:
+    assert vague(fit(1.0, 0.6)) == {"friction.viscous.yaw"}  # 1.7 standard deviations
+    assert vague(fit(-1.0, 0.4)) == set()  # 2.5

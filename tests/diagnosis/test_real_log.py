@@ -5,31 +5,23 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import heli3dof as h3
 from heli3dof.diagnosis.real_explains import explains, hover_voltage, steady
 from heli3dof.diagnosis.real_leftover import _judged
 from heli3dof.diagnosis.real_log import Flown, applies, gain
-from heli3dof.identification.greybox.freeflight import problem_of
-from heli3dof.identification.greybox.multistep import Fitted, search
-from heli3dof.identification.greybox.weak_form import weak_start
+from heli3dof.identification.greybox.multistep import Fitted
 from heli3dof.recording.recording import Recording
+from tests.diagnosis import rig_a
 from tests.identification.known_flights import fly
-from tests.paths import REAL_DATA
-
-RIG_A = REAL_DATA / "rig-a"
 
 
 @pytest.fixture(scope="module")
 def real() -> Recording:
-    if not RIG_A.is_dir():
-        pytest.skip("the real recordings are not here")
-    return h3.load(RIG_A / "closed-1a.csv", h3.load_profile(RIG_A / "profile.toml"))
+    return rig_a.recording("closed-1a")
 
 
 @pytest.fixture(scope="module")
 def quick(real: Recording) -> Fitted:
-    problem = problem_of([real])
-    return search(problem, weak_start(problem), stages_s=((0.25, 0.5, 1.0),), rounds=2)
+    return rig_a.quick()
 
 
 def test_a_mock_flight_is_diagnosed_by_its_likelihood() -> None:
@@ -38,6 +30,11 @@ def test_a_mock_flight_is_diagnosed_by_its_likelihood() -> None:
 
 def test_a_real_log_is_diagnosed_from_free_flights(real: Recording) -> None:
     assert applies([real])
+
+
+def test_a_run_that_read_roll_alone_does_not_change_how_a_log_is_diagnosed(real: Recording) -> None:
+    assert applies([real, rig_a.recording("open-roll-7V-1")])
+    assert not applies([rig_a.recording("open-roll-7V-1")])
 
 
 def test_more_voltage_is_needed_the_higher_the_arm_hangs(quick: Fitted) -> None:

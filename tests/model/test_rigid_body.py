@@ -52,6 +52,17 @@ def test_without_thrust_the_arm_falls_as_t_g_cos_r() -> None:
     assert a[0] == pytest.approx(-T_G * np.cos(0.3) / J_R, rel=1e-5)
 
 
+def test_more_inertia_than_the_masses_give_sits_on_the_joint() -> None:
+    # Turning at ψ̇ = 2 with p = 0.2 the bar's own masses are flung by J_p sin p cos p ψ̇²; a rotor
+    # on the shaft is not: with twice the inertia the same torque moves the axis half as much.
+    flung = acceleration(q=(0, 0.2, 0), rate=(0, 0, 2.0), free=np.array([False, True, False]))[1]
+    twice = acceleration(
+        q=(0, 0.2, 0), rate=(0, 0, 2.0), free=np.array([False, True, False]), J_P=2 * J_P
+    )[1]
+    assert flung == pytest.approx(-np.sin(0.2) * np.cos(0.2) * 4.0, rel=1e-4)
+    assert twice == pytest.approx(flung / 2, rel=1e-4)
+
+
 def test_turning_flings_the_arm_level() -> None:
     # −sin r cos r ψ̇² (J_ψ − J_p)/J_r, and the level bar of the body adds −J_p sin r cos r ψ̇² + …
     still = acceleration(q=(0.3, 0, 0))[0]

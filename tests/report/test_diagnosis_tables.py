@@ -111,6 +111,24 @@ def test_the_worst_stretch_is_named() -> None:
     assert "Worst: pitch 4.5 to 7.5 s of step (6.41°)." in told(document)
 
 
+def test_what_is_kept_but_no_cause_and_what_is_still_hidden_are_said() -> None:
+    document = copy.deepcopy(DOCUMENT)
+    size = {"value": 0.009, "std": 0.019, "prior_mean": 0.0, "prior_std": 0.05, "unit": "N·m"}
+    kept = {"term": "friction.coulomb.roll", "parameters": {"torque_Nm": size}, "why": "small"}
+    document["about"] = {
+        "not_fitted": ["open-roll-5V-1"],
+        "kept_within_what_is_known": [kept],
+        "still_hidden": [{"what": "creep", "sentence": "The arm creeps."}],
+    }
+    text = told(document)
+    assert (
+        "Kept in the model, but not named a cause: friction.coulomb.roll, 0.009 ± 0.019 N·m "
+        "(known beforehand: 0.000 ± 0.050); small." in text
+    )
+    assert "Still hidden: The arm creeps." in text
+    assert "held beside the model: open-roll-5V-1." in text
+
+
 def test_where_nothing_was_found_no_gain_is_claimed() -> None:
     plain = copy.deepcopy(DOCUMENT)
     plain.update(
@@ -153,6 +171,14 @@ def test_noise_above_the_error_is_no_floor_and_is_said_to_be_none() -> None:
 def test_a_cause_beside_something_unknown_on_its_axis_is_only_alike() -> None:
     assert "read it as friction.coulomb.yaw-like" in told(DOCUMENT)
     assert "roll-like" not in told(DOCUMENT)
+
+
+def test_a_cause_that_held_out_data_do_not_surely_confirm_is_only_alike() -> None:
+    alone = copy.deepcopy(DOCUMENT)
+    alone["leftover"] = []
+    assert "yaw-like" not in told(alone)
+    alone["findings"][0]["like"] = True
+    assert "do not surely confirm it: read it as friction.coulomb.yaw-like" in told(alone)
 
 
 def test_a_cause_that_is_not_confirmed_is_told_as_such() -> None:

@@ -83,6 +83,8 @@ COMMON_STD = 0.15
 WINDOW_S = 3.0
 APART_S = 0.2
 LEAST_WINDOWS = 20
+LEAST_STARTS = 2
+"""Of one recording, to be fitted."""
 WHY = (
     "These logs' clocks are even, but the samples were not taken evenly (found from the motion): "
     "one step ahead that is noise of the rate's size, which pulls every inertia and thrust "
@@ -133,7 +135,7 @@ def problem_of(
     """The recordings cut into windows, with the priors of this module."""
     structure = Structure(recordings[0].profile, terms(names))
     parts = [(r, flight_of(r)) for r in recordings]
-    flights = [(r, f) for r, f in parts if len(f.starts) >= 2]
+    flights = [(r, f) for r, f in parts if len(f.starts) >= LEAST_STARTS]
     if sum(len(f.starts) for _, f in flights) < LEAST_WINDOWS:
         raise RecordingError(
             f"There are too few free flights of {WINDOW_S:.0f} s to fit.",

@@ -268,9 +268,10 @@ def search(
     *,
     stages_s: Sequence[Sequence[float]] = STAGES_S,
     rounds: int = ROUNDS,
+    fixed: np.ndarray | None = None,
     say: Callable[[str], None] | None = None,
 ) -> Fitted:
-    """The minimum from ``start`` (dim,), through the stages."""
+    """The minimum from ``start`` (dim,), through the stages; ``fixed`` (M, 3) rad: the scales s."""
     p = problem
     z = p.start.copy() if start is None else start.copy()
     low, high = p.bounds
@@ -281,7 +282,7 @@ def search(
         if noise is None:
             a = better_noise(p, z, a)
         first = np.concatenate(p.errors(z, a, stage))
-        scale = scales(first)
+        scale = scales(first) if fixed is None else fixed
         seconds = sum(len(f.starts) * _apart(f) for f in p.flights)
         weight = np.sqrt(seconds / WINDOW_S / first[..., 0].size)
 

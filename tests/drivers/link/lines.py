@@ -33,7 +33,8 @@ class DirectLine:
 
     def write(self, data: bytes) -> None:
         self._check()
-        self._waiting += self.to_host(self.endpoint.receive(self.now_us, self.to_device(data)))
+        said = self.endpoint.receive(self.now_us, self.to_device(data))
+        self._waiting += self.to_host(said)
 
     def read(self, timeout_s: float) -> bytes:
         self._check()

@@ -1,0 +1,157 @@
+#include "options.h"
+
+#include <errno.h>
+#include <getopt.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char HELP[] =
+    "heli3dof-rig: the firmware on a PTY, with a bench plant behind it. The first line it prints\n"
+    "is the PTY's path; it serves until it is ended.\n"
+    "\n"
+    "  --serial S                 serial number (FW-0001)\n"
+    "  --link PATH                a symbolic link to the PTY, removed at the end\n"
+    "  --log FILE                 appends 'CLOCK_MONOTONIC_s enabled front_V back_V' at each change\n"
+    "  --counts ROLL,PITCH,YAW    per revolution, negative: falls as the angle rises\n"
+    "  --watchdog MS  --ramp MS   the device's own (100, 200)\n"
+    "  --shortest US              shortest period of the stream (500)\n"
+    "\n"
+    "Drills; S counts from the first arming:\n"
+    "  --fault-after S[:FOR]      the amplifier reports an overcurrent (for FOR seconds)\n"
+    "  --stall-after S[:FOR]      a motor does not turn\n"
+    "  --button-after S           somebody presses the button, for 0.1 s\n"
+    "  --reset-after S            the device starts again, as after a brown-out\n"
+    "  --freeze-encoder AXIS@S    its lines stand still from then on\n"
+    "  --jump-encoder AXIS@S:N    N counts that no motion made\n"
+    "  --drop P  --corrupt P      each byte is lost, or has a wrong bit, in both directions\n"
+    "  --seed N                   of the two above\n";
+
+__attribute__((noreturn)) static void refuse(const char *option, const char *value,
+                                             const char *wanted)
+{
+    fprintf(stderr, "heli3dof-rig: --%s %s: expected %s. heli3dof-rig --help lists the options.\n",
+            option, value, wanted);
+    exit(2);
+}
+
+static double number(const char *option, const char *text, char **end)
+{
+    errno = 0;
+    const double value = strtod(text, end);
+    if (*end == text || errno || value < 0 || !(value < 1e9))
+        refuse(option, text, "a number that is not negative");
+    return value;
+}
+
+static double only_number(const char *option, const char *text)
+{
+    char *end;
+    const double value = number(option, text, &end);
+    if (*end)
+        refuse(option, text, "a number and nothing behind it");
+    return value;
+}
+
+static double share(const char *option, const char *text)
+{
+    const double value = only_number(option, text);
+    if (value > 1)
+        refuse(option, text, "a probability, 0 to 1");
+    return value;
+}
+
+/* S[:FOR] */
+static void span(const char *option, const char *text, double *from_s, double *for_s)
+{
+    char *end;
+    *from_s = number(option, text, &end);
+    *for_s = NEVER;
+    if (*end == ':')
+        *for_s = only_number(option, end + 1);
+    else if (*end)
+        refuse(option, text, "SECONDS or SECONDS:FOR");
+}
+
+/* AXIS@S, and what stands behind it */
+static const char *axis_at(const char *option, const char *text, enum axis *axis, double *at_s)
+{
+    static const char *const NAMES[3] = {"roll@", "pitch@", "yaw@"};
+    char *end;
+    for (int i = 0; i < 3; i++) {
+        if (strncmp(text, NAMES[i], strlen(NAMES[i])) == 0) {
+            *axis = (enum axis)i;
+            *at_s = number(option, text + strlen(NAMES[i]), &end);
+            return end;
+        }
+    }
+    refuse(option, text, "roll@SECONDS, pitch@SECONDS or yaw@SECONDS");
+}
+
+struct options options_read(int argc, char **argv)
+{
+    static const char *const NAMES[] = {
+        "help",         "serial",        "link",         "log",         "counts",
+        "watchdog",     "ramp",          "shortest",     "fault-after", "stall-after",
+        "button-after", "reset-after",   "freeze-encoder", "jump-encoder", "drop",
+        "corrupt",      "seed",
+    };
+    enum { COUNT = sizeof NAMES / sizeof *NAMES };
+    struct option known[COUNT + 1] = {{0}};
+    struct options o = {
+        .serial = "FW-0001",
+        .watchdog_us = 100000,
+        .ramp_us = 200000,
+        .shortest_us = 500,
+        .counts = {4096, 4096, 8192},
+        .fault_s = NEVER,
+        .stall_s = NEVER,
+        .button_s = NEVER,
+        .reset_s = NEVER,
+        .freeze_s = NEVER,
+        .jump_s = NEVER,
+        .seed = 1,
+    };
+    for (int i = 0; i < COUNT; i++)
+        known[i] = (struct option){NAMES[i], i ? required_argument : no_argument, NULL, 0};
+    for (int index = 0, c; (c = getopt_long(argc, argv, "", known, &index)) != -1;) {
+        const char *name = NAMES[index];
+        const char *rest;
+        char *end;
+        if (c != 0)
+            exit(2);
+        switch (index) {
+        case 0: fputs(HELP, stdout); exit(0);
+        case 1: o.serial = optarg; break;
+        case 2: o.link = optarg; break;
+        case 3: o.log = optarg; break;
+        case 4:
+            if (sscanf(optarg, "%d,%d,%d", &o.counts[0], &o.counts[1], &o.counts[2]) != 3)
+                refuse(name, optarg, "three whole numbers, as 4096,4096,8192");
+            break;
+        case 5: o.watchdog_us = (uint32_t)(1e3 * only_number(name, optarg)); break;
+        case 6: o.ramp_us = (uint32_t)(1e3 * only_number(name, optarg)); break;
+        case 7: o.shortest_us = (uint32_t)only_number(name, optarg); break;
+        case 8: span(name, optarg, &o.fault_s, &o.fault_for_s); break;
+        case 9: span(name, optarg, &o.stall_s, &o.stall_for_s); break;
+        case 10: o.button_s = only_number(name, optarg); break;
+        case 11: o.reset_s = only_number(name, optarg); break;
+        case 12:
+            if (*axis_at(name, optarg, &o.freeze_axis, &o.freeze_s))
+                refuse(name, optarg, "AXIS@SECONDS");
+            break;
+        case 13:
+            rest = axis_at(name, optarg, &o.jump_axis, &o.jump_s);
+            o.jump_counts = *rest == ':' ? strtol(rest + 1, &end, 10) : 0;
+            if (*rest != ':' || *end || !o.jump_counts || labs(o.jump_counts) > 1000000)
+                refuse(name, optarg, "AXIS@SECONDS:COUNTS");
+            break;
+        case 14: o.drop = share(name, optarg); break;
+        case 15: o.corrupt = share(name, optarg); break;
+        default: o.seed = (uint32_t)only_number(name, optarg); break;
+        }
+    }
+    if (optind < argc)
+        refuse("", argv[optind], "options only");
+    return o;
+}

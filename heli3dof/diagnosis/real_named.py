@@ -1,0 +1,95 @@
+"""Which terms of a rig that was fitted whole are *named* as causes, and which are only kept.
+
+With θ̂ ± σ the first number of a term and θ_0 its absence, the chance that the size is no zero is
+
+    P = erf(|θ̂ − θ_0| / (σ √2))
+
+A term is a named cause where blocks left out need it (`heli3dof.diagnosis.backward`, or it is known
+beforehand to be there) and P is at least `SURE`. The others stay in the extended model, within what
+is known of such rigs: dry friction of some size is in every joint, and a term at exactly zero
+predicts worse, on flights that move what these did not, than one at a size that is likely.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from heli3dof.diagnosis.backward import Backward, Removal, known_beforehand, traded
+from heli3dof.identification.greybox.multistep import Fitted
+
+SURE = 0.95
+LITTLE = 0.7
+"""σ over the prior's: from there on the recordings have said little."""
+
+
+def apart(fit: Fitted, name: str) -> float:
+    """P of the term's first number; 1 where that differs by recording, or has no absence."""
+    for f, v, s in zip(fit.structure.free, fit.values, fit.std, strict=True):
+        if f.term == name:
+            if f.log or f.name in fit.problem.varying or not s > 0:
+                return 1.0
+            return math.erf(abs(float(v) - f.null) / (float(s) * math.sqrt(2)))
+    return 1.0
+
+
+def named(found: Backward) -> tuple[list[Removal], list[Removal]]:
+    """(causes, what is only kept), each in its order."""
+    sure = [r for r in found.kept if apart(found.fit, r.term) >= SURE]
+    return sure, [*(r for r in found.kept if r not in sure), *found.gone]
+
+
+def certainty(found: Backward, r: Removal) -> float:
+    """That a named cause is there: the lesser of P and the share of draws in which blocks need it.
+
+    What is known beforehand to be there rests on P alone.
+    """
+    size = apart(found.fit, r.term)
+    return size if r.term in known_beforehand(found.fit.problem) else min(r.worse.positive, size)
+
+
+def within(found: Backward, only_kept: list[Removal]) -> list[dict[str, Any]]:
+    """JSON-able: each such term, its size beside what was known of it, and why it is no cause."""
+    return [
+        {"term": r.term, "parameters": sizes(found.fit, r.term), "why": _why(found, r)}
+        for r in only_kept
+    ]
+
+
+def _why(found: Backward, r: Removal) -> str:
+    if r in found.gone:
+        return "blocks left out of the fit do not need it"
+    alike = ", ".join(traded(found.fit, r.term))
+    other = f", or what acts alike ({alike})" if alike else ""
+    return f"blocks left out of the fit need it{other}, but its size is not told from none"
+
+
+def sizes(fit: Fitted, name: str) -> dict[str, dict[str, float | str]]:
+    """Parameter → value and deviation, before (mean, deviation) and after, in ``unit``."""
+    p = fit.problem
+    out: dict[str, dict[str, float | str]] = {}
+    prior = p.start[: p.n]
+    for j, f in enumerate(fit.structure.free):
+        if f.term == name:
+            out[f.name.removeprefix(f"{name}.")] = {
+                "value": float(fit.values[j]),
+                "std": float(fit.std[j]),
+                "prior_mean": float(f.outward(prior[j])),
+                "prior_std": float(fit.prior_std[j]),
+                "unit": f.unit,
+            }
+    return out
+
+
+def unseen(fit: Fitted, causes: list[Removal]) -> Iterator[str]:
+    """Terms without a name of which the recordings said little: what they cannot show."""
+    here = {r.term for r in causes}
+    for t in fit.structure.terms:
+        mine = [
+            s > LITTLE * p
+            for f, s, p in zip(fit.structure.free, fit.std, fit.prior_std, strict=True)
+            if f.term == t.name and f.name not in fit.problem.varying
+        ]
+        if mine and all(mine) and t.name not in here:
+            yield t.name

@@ -1,0 +1,60 @@
+"""An inertia that is off is tied with causes that a base would take for it and leave no trace."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.calibration import Off
+from heli3dof.diagnosis.imitated import imitators, with_imitators
+from heli3dof.model.effects import term
+from heli3dof.rig.profile import default_profile
+
+
+def step(imitated: float, v: float, Z: float, ratio: float = 1.4) -> Any:
+    """A look with one probe, of the thrust curve's typical size, that the base imitates by so much
+    of ln J_roll, with information v, at which the recording shows Z."""
+    curve = term("motor.thrust_curve")
+    values = np.array([1.0, ratio, 1.0, 1.0])
+    free = [SimpleNamespace(start=1.0, unit="kg·m²", inward=np.log)] * 4
+    probe = SimpleNamespace(
+        term=curve, name=curve.name, grows=True, size=curve.effect.parameters[0].typical,
+        values=(0.0,),
+    )  # fmt: skip
+    found = SimpleNamespace(
+        free=free, values=values, std=0.001 * values,
+        structure=SimpleNamespace(profile=default_profile()),
+    )  # fmt: skip
+    screen = SimpleNamespace(
+        plain=(probe,), solved=np.array([[0.0], [imitated], [0.0], [0.0]]), v=np.array([v])
+    )
+    nulls = SimpleNamespace(std=np.ones(1), judged=lambda seen: np.array([Z]))
+    return cast(Any, SimpleNamespace(found=found, screen=screen, nulls=nulls, seen=None))
+
+
+def test_what_takes_the_inertia_to_its_edge_and_shows_nothing_is_tied_with_it() -> None:
+    # ln 1.4 − ln 1.15 ≈ 0.2 (K_f takes a little), a tenth for each typical size: two of them.
+    assert imitators(step(0.1, v=0.01, Z=0.0), 1) == ("motor.thrust_curve",)
+
+
+@pytest.mark.parametrize(("imitated", "v", "Z"), [(0.001, 0.01, 0.0), (0.1, 100.0, 0.0)])
+def test_one_that_would_have_to_be_huge_or_would_show_is_not(
+    imitated: float, v: float, Z: float
+) -> None:
+    assert imitators(step(imitated, v, Z), 1) == ()
+
+
+def test_one_that_does_show_as_it_would_is_tied() -> None:
+    # Two typical sizes at √v = 10 show Z = 20.
+    shown = (np.log(1.4) - np.log(1.15)) / 0.1 * 10
+    assert imitators(step(0.1, v=100.0, Z=float(shown)), 1) == ("motor.thrust_curve",)
+
+
+def test_the_thrust_gain_has_no_place_to_be_taken() -> None:
+    off = Off(term("motor.thrust_gain"), 1.5, 0.03, 200.0)
+    assert with_imitators(off, step(0.1, 0.01, 0.0)) == off
+    off = Off(term("inertia.roll"), 1.4, 0.03, 200.0)
+    assert with_imitators(off, step(0.1, 0.01, 0.0)).tied_with == ("motor.thrust_curve",)

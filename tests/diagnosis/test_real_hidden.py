@@ -1,0 +1,66 @@
+"""What a fitted rig leaves unexplained of a real one, from a quick fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.real_explains import arm_torque, hover_voltage, settles_at
+from heli3dof.diagnosis.real_hidden import creep, take_off
+from tests.diagnosis.rig_a import quick, recording
+
+
+def test_the_arm_stands_where_its_hover_voltage_is_the_voltage() -> None:
+    recording("closed-1a")
+    for angle in (-15.0, 0.0, 10.0):
+        assert settles_at(quick(), hover_voltage(quick(), angle)) == pytest.approx(angle, abs=0.06)
+
+
+def test_twice_the_torque_needs_two_to_the_one_over_n_times_the_voltage() -> None:
+    recording("closed-1a")
+    fit = quick()
+    n = dict(zip(fit.structure.names, fit.values, strict=True))["motor.rotor_curve.exponent"]
+    torque = arm_torque(fit, 10) / arm_torque(fit, -10)
+    assert hover_voltage(fit, 10) / hover_voltage(fit, -10) == pytest.approx(torque ** (1 / n))
+
+
+def test_a_take_off_in_which_pitch_does_not_follow_the_thrusts_is_told() -> None:
+    """closed-1a: roll climbs 21.8° in 1.1 s; pitch falls while the front motor pulls harder."""
+    real, fit = recording("closed-1a"), quick()
+    sure = replace(fit, tangents=1e3 * fit.tangents)  # as if nothing were left open
+    (told,) = take_off(sure, 0, real)
+    assert told["roll_deg"]["measured"] == pytest.approx(21.8, abs=0.1)
+    assert told["roll_deg"]["model_rotors_at_rest"] < told["roll_deg"]["model_rotors_at_speed"]
+    p = told["pitch_acceleration_rad_per_s2"]
+    assert p["measured"] < 0 < p["model"]
+    assert p["model_std"] < 0.01
+    assert "was not fitted" in told["sentence"]
+
+
+def test_a_take_off_of_which_the_fit_leaves_open_what_it_says_is_not_told() -> None:
+    fit = quick()
+    open_ = replace(fit, tangents=1e-3 * fit.tangents)
+    assert not list(take_off(open_, 0, recording("closed-1a")))
+
+
+def test_a_constant_voltage_under_which_the_arm_creeps_is_told() -> None:
+    (told,) = creep(quick(), recording("open-roll-5V-1"))
+    assert told["early_deg"] == pytest.approx(-24.8, abs=0.2)
+    assert told["late_deg"] == pytest.approx(-20.4, abs=0.2)
+    assert told["thrust_late_over_early"] == pytest.approx(
+        arm_torque(quick(), told["late_deg"]) / arm_torque(quick(), told["early_deg"])
+    )
+    assert "creeps" in told["sentence"]
+
+
+def test_an_arm_that_stands_where_the_model_says_is_not_told_of() -> None:
+    run = recording("open-roll-5V-1")
+    still = np.where(run.t[:, None] > 5, np.radians(settles_at(quick(), 5.0)), run.angle)
+    still[run.t < 1] = np.radians(-40)  # the table, well below
+    assert not list(creep(quick(), replace(run, angle=still)))
+
+
+def test_a_flight_under_control_is_no_constant_voltage() -> None:
+    assert not list(creep(quick(), recording("closed-1a")))

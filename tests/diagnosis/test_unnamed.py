@@ -1,0 +1,39 @@
+"""A torque without a name takes no names, and a base that it spoils is not flown for nulls."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from heli3dof.diagnosis.diagnose import diagnose
+from heli3dof.diagnosis.steps import Bench, base_of, looked_at
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.recording.recording import Recording
+
+
+def product(plan: str, seed: int) -> Recording:
+    """k V_f V_b on pitch: about hover a thrust mismatch and a constant torque."""
+    device = "mock:?speed=max&hide=other.pitch_torque_from_voltage_product:0.0006"
+    return fly_plan(load_plan(plan), device=device, seed=seed).recording
+
+
+def test_no_name_is_asserted_for_what_has_none() -> None:
+    found = diagnose(product("rich", 1303).between(0.0, 30.0), quick=True)
+    assert found.verdict == "unexplained"
+    assert found.leftovers[0].axis == "pitch"
+    assert all(f.like for f in found.findings)
+    assert {d.name for d in found.dropped} >= {"motor.thrust_mismatch"}
+    assert not found.calibration_findings
+
+
+def test_a_base_that_cannot_be_flown_is_judged_without_flights() -> None:
+    """On steps alone the torque drives the pitch inertia up until no controller holds that rig."""
+    bench = Bench((product("steps", 1304),), seed=0, pilots=6)
+    base = base_of(bench)
+    assert base.scatter is None
+    assert np.isfinite(base.values).all()
+    step = looked_at(bench, base, flights=8)
+    assert step.nulls.flights == 0
+    assert np.isfinite(step.seen.z).all()
+    # Something is seen all the same.
+    assert step.largest[0][1] > step.nulls.threshold
