@@ -7,6 +7,8 @@ import statistics
 import subprocess
 import sys
 import time
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 from heli3dof_drivers.usb_bulk import UsbDriver
@@ -35,7 +37,7 @@ def hand() -> Hand:
         _hand.append(Hand("tests.kernel_usb.usbip"))
     if not DRIVER.find():
         assert _hand[0]("plug") == "ok"
-        until(DRIVER.find, "the kernel lists the rig")
+        until(DRIVER.find, f"the rig is listed; {DRIVER.examine(parse_url(URL))}")
     return _hand[0]
 
 
@@ -66,6 +68,25 @@ def the_kernel_enumerates_the_rig_and_it_is_found() -> dict[str, Any]:
 
 
 @case
+def udev_gives_the_rig_to_whoever_sits_there() -> dict[str, Any]:
+    """The rules that ship, in force: logind turns the tag into an access list."""
+    hand()
+    (device,) = [
+        path.parent
+        for path in Path("/sys/bus/usb/devices").glob("*/serial")
+        if path.read_text().strip() == "K1"
+    ]
+    said = subprocess.run(
+        ["/bin/udevadm", "info", str(device)], capture_output=True, text=True, check=True
+    ).stdout
+    assert "TAGS=:uaccess:" in said, said
+    assert "ID_MM_DEVICE_IGNORE=1" in said, said
+    installed = {c.what: c.good for c in DRIVER.examine(parse_url(URL))}
+    assert installed["udev rule"]
+    return {}
+
+
+@case
 def a_polled_flight_of_400_round_trips() -> dict[str, Any]:
     r = rig("?stream=0")
     try:
@@ -92,7 +113,7 @@ def a_streamed_flight() -> dict[str, Any]:
     try:
         samples = fly(r, 200)
         assert samples[-1].flags == Flags.ENABLED
-        steps = [b.device_time_s - a.device_time_s for a, b in zip(samples, samples[1:], strict=False)]
+        steps = [b.device_time_s - a.device_time_s for a, b in pairwise(samples)]
         s = r.statistics
         assert s.damaged == 0
         assert abs(statistics.median(steps) - PROFILE.dt) < 1e-6

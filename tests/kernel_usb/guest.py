@@ -19,7 +19,7 @@ from types import SimpleNamespace
 from typing import Any
 
 RATE_HZ = 50
-"""An emulated processor is some twenty times slower: the bars of real time are measured elsewhere."""
+"""An emulated processor is some twenty times slower; real time is measured elsewhere."""
 PROFILE: Any = SimpleNamespace(
     encoder=SimpleNamespace(roll=4096, pitch=4096, yaw=8192),
     motor=SimpleNamespace(v_max=24.0),
@@ -81,13 +81,15 @@ def failure(action: Callable[[], Any]) -> Any:
     """The DeviceError that an action ends with; with a cause and a fix."""
     from heli3dof.errors import DeviceError
 
+    found = None
     try:
         action()
     except DeviceError as error:
-        assert error.cause
-        assert error.fix
-        return error
-    raise AssertionError("no DeviceError")
+        found = error
+    assert found is not None, "no DeviceError"
+    assert found.cause
+    assert found.fix
+    return found
 
 
 def load_modules() -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent.parent
 MODULES = ("vhci-hcd", "dummy_hcd", "usb_f_acm", "cdc-acm")
+LIBRARIES = "/usr/lib/guest"
 PURE = ("usb", "serial", "cobs")
 """Libraries of ours that the guest's side imports"""
 NOT_IN_THE_GUEST = re.compile(
@@ -23,12 +24,13 @@ NOT_IN_THE_GUEST = re.compile(
     r"pydoc_data|distutils|__pycache__)(/|$)|opt-[12]\.pyc$|_test[^/]*\.so$"
 )
 INIT = """#!/bin/busybox sh
-/bin/busybox mkdir -p /proc /sys /dev /tmp /etc /run
+/bin/busybox mkdir -p /proc /sys /dev /tmp /etc /run/udev
 /bin/busybox mount -t proc proc /proc
 /bin/busybox mount -t sysfs sysfs /sys
 /bin/busybox mount -t devtmpfs devtmpfs /dev
 /bin/busybox ln -s /proc/self/fd /dev/fd
 /sbin/ldconfig
+/lib/systemd/systemd-udevd --daemon
 PYTHONPATH=/py PYTHONDONTWRITEBYTECODE=1 {python} -m tests.kernel_usb.guest {arguments}
 /bin/busybox poweroff -f
 """
@@ -41,7 +43,9 @@ class Archive:
         self._parts: list[bytes] = []
         self._names: set[str] = set()
 
-    def _entry(self, name: str, mode: int, data: bytes = b"", rdev: tuple[int, int] = (0, 0)) -> None:
+    def _entry(
+        self, name: str, mode: int, data: bytes = b"", rdev: tuple[int, int] = (0, 0)
+    ) -> None:
         name = name.strip("/")
         if name in self._names:
             return
@@ -63,7 +67,9 @@ class Archive:
 
     def copy(self, source: Path, name: str | None = None) -> None:
         """A file, what its links lead to included."""
-        self.file(name or str(source), source.read_bytes(), 0o755 if os.access(source, os.X_OK) else 0o644)
+        self.file(
+            name or str(source), source.read_bytes(), 0o755 if os.access(source, os.X_OK) else 0o644
+        )
 
     def device(self, name: str, major: int, minor: int) -> None:
         self.folder(str(Path("/" + name.strip("/")).parent))
@@ -83,11 +89,12 @@ def build(root: Path, arguments: str = "") -> bytes:
     archive.file("/init", INIT.format(python=python, arguments=arguments).encode(), 0o755)
     for part in _python(archive, python):
         _shared(archive, part)
-    for name in ("libusb-1.0.so.0", "libudev.so.1"):
-        (found, *_) = root.rglob(name)
-        archive.copy(found.resolve(), f"/usr/lib/guest/{name}")
-    archive.file("/etc/ld.so.conf", b"/usr/lib/guest\n")
+    (libusb,) = root.rglob("libusb-1.0.so.0")
+    archive.copy(libusb, f"{LIBRARIES}/{libusb.name}")
+    _shared(archive, libusb, root)
+    archive.file("/etc/ld.so.conf", f"{LIBRARIES}\n".encode())
     archive.copy(Path("/sbin/ldconfig"))
+    _udev(archive, root)
     _project(archive)
     for number, module in enumerate(modules(root, MODULES)):
         archive.copy(module, f"/modules/{number:02d}-{module.name}")
@@ -106,11 +113,25 @@ def _python(archive: Archive, python: Path) -> Iterator[Path]:
                 yield path
 
 
-def _shared(archive: Archive, binary: Path) -> None:
-    """The shared libraries of a binary, as this machine's loader finds them."""
-    listed = subprocess.run(["ldd", str(binary)], capture_output=True, text=True).stdout
-    for path in re.findall(r"(/\S+) \(0x", listed):
-        archive.copy(Path(path))
+def _shared(archive: Archive, binary: Path, root: Path | None = None) -> None:
+    """The shared libraries of a binary, as this machine's loader finds them, or those in root."""
+    path = f"{root}/usr/lib/x86_64-linux-gnu:{root}/lib/x86_64-linux-gnu" if root else ""
+    listed = subprocess.run(
+        ["ldd", str(binary)], capture_output=True, text=True, env={"LD_LIBRARY_PATH": path}
+    ).stdout
+    for name in re.findall(r"(/\S+) \(0x", listed):
+        found = Path(name)
+        inside = root is not None and found.is_relative_to(root)
+        archive.copy(found, f"{LIBRARIES}/{found.name}" if inside else None)
+
+
+def _udev(archive: Archive, root: Path) -> None:
+    """Debian's udev with the rules that ship and no others."""
+    for name in ("lib/systemd/systemd-udevd", "bin/udevadm"):
+        archive.copy(root / name, f"/{name}")
+        _shared(archive, root / name, root)
+    rules = ROOT / "drivers/70-heli3dof.rules"
+    archive.copy(rules, f"/etc/udev/rules.d/{rules.name}")
 
 
 def _project(archive: Archive) -> None:

@@ -10,7 +10,10 @@ from pathlib import Path
 
 EMULATOR = "qemu-system-x86"
 KERNEL = "linux-image-amd64"
-ALONE = ("qemu-system-common", "busybox-static", "libusb-1.0-0", "libudev1")
+ALONE = (
+    "qemu-system-common", "busybox-static", "libusb-1.0-0", "libudev1",
+    "udev", "libacl1", "libblkid1", "libkmod2", "libselinux1", "libcap2",
+)  # fmt: skip
 """Without what they depend on: of the first only its accelerator is used."""
 # What runs here uses this system's own; the rest are sound, screens and tools that nobody starts.
 NOT_NEEDED = re.compile(
@@ -25,25 +28,27 @@ class Missing(Exception):
 
 def fetch(folder: Path) -> Path:
     """All that is needed, unpacked under ``folder``/root. Raises Missing, saying what and why."""
-    root, archives = folder / "root", folder / "packages"
-    if (folder / "complete").exists():
+    root, archives, complete = folder / "root", folder / "packages", folder / "complete"
+    wanted = "\n".join((EMULATOR, KERNEL, *ALONE, NOT_NEEDED.pattern))
+    if complete.exists() and complete.read_text() == wanted:
         return root
     for tool in ("apt-get", "apt-cache", "dpkg"):
         if shutil.which(tool) is None:
             raise Missing(f"{tool} is not here: this test needs Debian, or a relative of it.")
     archives.mkdir(parents=True, exist_ok=True)
-    names = sorted({*closure(EMULATOR), *ALONE, newest_kernel()})
-    have = {p.name.partition("_")[0] for p in archives.glob("*.deb")}
-    for name in names:
-        if name not in have:
-            done = subprocess.run(
-                ["apt-get", "download", name], cwd=archives, capture_output=True, text=True
-            )
-            if done.returncode:
-                raise Missing(f"{name} cannot be had: {done.stderr.strip() or done.stdout.strip()}")
+    for name in sorted({*closure(EMULATOR), *ALONE, newest_kernel()}):
+        if list(archives.glob(f"{name}_*.deb")):
+            continue
+        done = subprocess.run(
+            ["apt-get", "download", name], cwd=archives, capture_output=True, text=True
+        )
+        if done.returncode:
+            why = done.stderr.strip() or done.stdout.strip()
+            raise Missing(f"{name} cannot be had: {why} (apt-get update?)")
+    shutil.rmtree(root, ignore_errors=True)
     for archive in sorted(archives.glob("*.deb")):
         subprocess.run(["dpkg", "-x", str(archive), str(root)], check=True)
-    (folder / "complete").write_text("\n".join(names) + "\n")
+    complete.write_text(wanted)
     return root
 
 

@@ -32,11 +32,14 @@ def boot(root: Path, arguments: list[str]) -> list[dict[str, Any]]:
         "-accel", "tcg,thread=multi", "-smp", "2", "-m", str(MEMORY_MB),
         "-nodefaults", "-no-reboot", "-display", "none", "-nic", "none",
         "-kernel", str(kernel), "-initrd", str(initrd),
-        "-append", "console=ttyS0 loglevel=5 panic=-1 mitigations=off",
+        "-append", "console=ttyS0 loglevel=7 panic=-1 mitigations=off",
         "-serial", f"file:{console}", "-serial", f"file:{results}",
     ]  # fmt: skip
     modules = root / "usr/lib/x86_64-linux-gnu/qemu"
-    environment = {"LD_LIBRARY_PATH": ":".join(map(str, libraries)), "QEMU_MODULE_DIR": str(modules)}
+    environment = {
+        "LD_LIBRARY_PATH": ":".join(map(str, libraries)),
+        "QEMU_MODULE_DIR": str(modules),
+    }
     try:
         done = subprocess.run(
             command, env=environment, timeout=LONGEST_S, capture_output=True, text=True

@@ -83,7 +83,8 @@ class Cable:
 
     def serve(self, now_us: int) -> None:
         """Every waiting transfer that the device takes or stalls now."""
-        for waiting in list(self._waiting):
+        # What the host says first: it may be what the device answers.
+        for waiting in sorted(self._waiting, key=lambda w: not w.towards_device):
             if waiting.towards_device:
                 taken = self._function.take(now_us, waiting.data)
                 if taken is False:
@@ -140,7 +141,9 @@ class Server:
         """Until stdin ends."""
         while True:
             cable = self._cable
-            ready, _, _ = select.select([0, *([cable.socket] if cable else [])], [], [], self._until())
+            ready, _, _ = select.select(
+                [0, *([cable.socket] if cable else [])], [], [], self._until()
+            )
             if cable and cable.socket in ready and not cable.receive(self._now_us()):
                 self._pull()
             elif cable and self._cable:
@@ -167,7 +170,7 @@ class Server:
         function = self._function
         match line.split():
             case ["plug"]:
-                self._cable = Cable(function)
+                self._cable = self._cable or Cable(function)
             case ["pull"]:
                 self._pull()
             case ["stall", pipe]:

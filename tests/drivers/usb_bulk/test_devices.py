@@ -109,7 +109,9 @@ def test_doctor_hears_what_is_there(lab: Lab):
     assert missing.fix
 
 
-@pytest.mark.parametrize("option", ["stream=2", "watchdog_s=5", "watchdog_s=x", "timeout_s=0"])
+@pytest.mark.parametrize(
+    "option", ["stream=2", "signs=up", "watchdog_s=5", "watchdog_s=x", "timeout_s=0"]
+)
 def test_an_option_out_of_range_names_the_range(lab: Lab, option: str):
     lab.plug()
     with pytest.raises(UsageError) as caught:
