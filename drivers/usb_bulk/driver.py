@@ -2,9 +2,9 @@
 
 Either part of the place may be left out where one rig fits. Options: ``stream=0`` asks for every
 sample instead of letting the rig time them; ``watchdog_s`` is the silence after which the rig
-stops itself; ``timeout_s`` is how long it may take to accept a frame; ``signs=profile`` believes the
-profile which way the encoders count. ``usb+mock:`` takes the options of ``mock:`` and ``fault=``
-besides; see `heli3dof_drivers.emulator.door_usb`.
+stops itself; ``timeout_s`` is how long it may take to accept a frame; ``signs=profile`` believes
+the profile which way the encoders count. ``usb+mock:`` takes the options of ``mock:`` and
+``fault=`` besides; see `heli3dof_drivers.emulator.door_usb`.
 """
 
 from __future__ import annotations

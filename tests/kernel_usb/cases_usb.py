@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import statistics
 import subprocess
-import sys
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -16,19 +15,26 @@ from heli3dof_drivers.usb_bulk import UsbDriver
 from heli3dof.rig.port import Flags
 from heli3dof.rig.url import parse_url
 
-from .guest import PROFILE, RATE_HZ, Hand, case, failure, fly, until
+from .guest import (
+    PROFILE,
+    RATE_HZ,
+    Hand,
+    case,
+    failure,
+    fly,
+    flying_process,
+    in_another_process,
+    until,
+)
 
 URL = "usb://1209:0001/K1"
 DRIVER = UsbDriver()
 STOPPED, SUPPLY, HOST_ESTOP = 16, 8, 2
 _hand: list[Hand] = []
-_PREAMBLE = (
-    "from heli3dof_drivers.usb_bulk import UsbDriver\n"
-    "from heli3dof.rig.url import parse_url\n"
-    "from heli3dof.errors import DeviceError\n"
-    "from tests.kernel_usb.guest import PROFILE as profile\n"
-    f"driver, url = UsbDriver(), parse_url({URL!r})\n"
-)
+ELSEWHERE = f"""
+from heli3dof_drivers.usb_bulk import UsbDriver
+driver, url = UsbDriver(), parse_url({URL!r})
+"""
 
 
 def hand() -> Hand:
@@ -44,15 +50,6 @@ def hand() -> Hand:
 def rig(options: str = "") -> Any:
     hand()
     return DRIVER.open(parse_url(URL + options), PROFILE)
-
-
-def in_another_process(code: str, user: int = 0) -> str:
-    """What a second process prints; ``driver``, ``url`` and ``profile`` are there for it."""
-    done = subprocess.run(
-        [sys.executable, "-c", _PREAMBLE + code], capture_output=True, text=True, user=user
-    )
-    assert not done.returncode, done.stderr
-    return done.stdout.strip()
 
 
 @case
@@ -91,7 +88,11 @@ def a_polled_flight_of_400_round_trips() -> dict[str, Any]:
     r = rig("?stream=0")
     try:
         samples = fly(r, 400)
-        assert [s.sequence for s in samples[1:]] == list(range(1, 401))
+        # A POLL that is answered late is asked again, and its second sample may come after the
+        # next command: a sample may be one command behind, never ahead, and never go back.
+        behind = [k - sample.sequence for k, sample in enumerate(samples)]
+        assert set(behind) <= {0, 1}, behind
+        assert len(samples) == 401
         assert samples[-1].flags == Flags.ENABLED
         assert samples[-1].v_applied == (5.0, 5.0)
         s = r.statistics
@@ -101,7 +102,7 @@ def a_polled_flight_of_400_round_trips() -> dict[str, Any]:
             "round_trip_99_us": 1e6 * trips.quantile_s(0.99),
             "repeats": s.repeats,
             "damaged": s.damaged,
-            "unheard": s.unheard,
+            "one_behind": sum(behind),
         }
     finally:
         r.close()
@@ -155,7 +156,7 @@ def a_second_process_stops_what_the_first_flies() -> dict[str, Any]:
     r = rig()
     try:
         assert fly(r, 10)[-1].flags == Flags.ENABLED
-        said = in_another_process("print(driver.estop(url))")
+        said = in_another_process(ELSEWHERE + "print(driver.estop(url))")
         assert "confirmed" in said
         flags, cause, *volts = hand().state()
         assert (flags, cause, volts) == (STOPPED, HOST_ESTOP, [0, 0])
@@ -172,7 +173,7 @@ def a_stop_goes_past_stalled_pipes() -> None:
         fly(r, 10)
         hand()("stick in")
         hand()("stick out")
-        in_another_process("driver.estop(url)")
+        in_another_process(ELSEWHERE + "driver.estop(url)")
         assert hand().state()[:2] == (STOPPED, HOST_ESTOP)
     finally:
         hand()("unstick")
@@ -184,7 +185,7 @@ def a_second_process_is_told_that_the_first_holds_the_rig() -> dict[str, Any]:
     r = rig()
     try:
         said = in_another_process(
-            "try: driver.open(url, profile)\nexcept DeviceError as error: print(error)"
+            ELSEWHERE + "try: driver.open(url, profile)\nexcept DeviceError as error: print(error)"
         )
         assert "is in use by" in said
         assert f"(process {os.getpid()})" in said
@@ -197,7 +198,7 @@ def a_second_process_is_told_that_the_first_holds_the_rig() -> dict[str, Any]:
 def a_user_without_permission_is_told_the_rule() -> dict[str, Any]:
     hand()
     said = in_another_process(
-        "print(list(driver.find()))\n"
+        ELSEWHERE + "print(list(driver.find()))\n"
         "print({c.what: c.good for c in driver.examine(url)})\n"
         "try: driver.open(url, profile)\nexcept DeviceError as error: print(error)",
         user=1000,
@@ -299,15 +300,7 @@ def a_rig_that_is_plugged_in_again_flies_again() -> None:
 def a_process_that_is_killed_leaves_a_rig_that_stops_itself() -> dict[str, Any]:
     """kill -9 in flight: the kernel releases the claim, the watchdog does the rest."""
     hand()
-    code = (
-        "import time\nfrom tests.kernel_usb.guest import fly\n"
-        "rig = driver.open(url, profile)\nprint('flying', flush=True)\nfly(rig, 10000)\n"
-    )
-    process = subprocess.Popen(
-        [sys.executable, "-c", _PREAMBLE + code], stdout=subprocess.PIPE, text=True
-    )
-    assert process.stdout
-    assert process.stdout.readline().strip() == "flying"
+    process = flying_process(ELSEWHERE)
     until(lambda: hand().state()[2] == 5_000_000, "five volts are out")
     process.kill()
     process.wait()

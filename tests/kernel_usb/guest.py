@@ -47,6 +47,7 @@ class Hand:
     def __call__(self, line: str) -> str:
         assert self._process.stdin
         assert self._process.stdout
+        assert self._process.poll() is None, "the device's process has ended"
         self._process.stdin.write(line + "\n")
         answer = self._process.stdout.readline().strip()
         assert answer, f"the device's process ended at {line!r}"
@@ -90,6 +91,28 @@ def failure(action: Callable[[], Any]) -> Any:
     assert found.cause
     assert found.fix
     return found
+
+
+_PREAMBLE = """
+from heli3dof.errors import DeviceError
+from heli3dof.rig.url import parse_url
+from tests.kernel_usb.guest import PROFILE as profile, fly
+"""
+
+
+def in_another_process(code: str, user: int = 0) -> str:
+    """What a second process prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", _PREAMBLE + code], capture_output=True, text=True, user=user
+    )
+    assert not done.returncode, done.stderr
+    return done.stdout.strip()
+
+
+def flying_process(setup: str) -> subprocess.Popen[str]:
+    """A second process that flies until it is killed; ``setup`` gives it ``driver`` and ``url``."""
+    code = _PREAMBLE + setup + "fly(driver.open(url, profile), 10000)"
+    return subprocess.Popen([sys.executable, "-c", code])
 
 
 def load_modules() -> None:

@@ -14,6 +14,8 @@ from .packages import EMULATOR, Missing, fetch
 
 FOLDER = image.ROOT / "build" / "kernel-usb"
 MEMORY_MB = 768
+PROBLEM_LINES = 4
+"""of a traceback; all of it is in results.jsonl, and what other processes said in console.log"""
 LONGEST_S = 600
 """s for the guest, on a machine that is busy with other things"""
 
@@ -69,7 +71,7 @@ def main() -> int:
             shown = f"{value:.4g}" if isinstance(value, float) else value
             print(f"                    {name}: {shown}")
         if not line["ok"]:
-            print("    " + line["problem"].replace("\n", "\n    "))
+            print("    " + "\n    ".join(line["problem"].splitlines()[-PROBLEM_LINES:]))
     good = sum(line["ok"] for line in cases)
     whole = any("done" in line for line in lines)
     print(f"{good} of {len(cases)} cases hold; {time.monotonic() - start:.0f} s in all.")
