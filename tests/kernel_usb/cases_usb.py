@@ -123,10 +123,43 @@ def a_streamed_flight() -> dict[str, Any]:
         r.close()
 
 
-@case
-def bare_bulk_round_trips() -> dict[str, Any]:
-    """A POLL and its sample without LinkRig: the stack itself."""
+def round_trips(ask: Any, hear: Any) -> dict[str, Any]:
+    """400 POLLs and their samples: µs, and how many answers were not one whole sample."""
     from heli3dof_drivers.link.frames import Poll, SampleFrame, Splitter, wire
+
+    trips, splitter, wrong = [], Splitter(), 0
+    for k in range(400):
+        start = time.monotonic()
+        ask(wire(Poll(k)))
+        frames: list[Any] = []
+        while not frames and time.monotonic() < start + 2:
+            frames = list(splitter.feed(hear()))
+        trips.append(time.monotonic() - start)
+        wrong += len(frames) != 1 or not isinstance(frames[0], SampleFrame)
+    assert wrong == splitter.damaged == 0
+    trips.sort()
+    return {"median_us": 1e6 * trips[200], "99_us": 1e6 * trips[396], "wrong": wrong}
+
+
+@case
+def bare_pyusb_round_trips() -> dict[str, Any]:
+    """The stack itself, and two emulated processes: what the listener costs is the difference."""
+    import usb.util
+    from heli3dof_drivers.usb_bulk.devices import select, system_backend
+
+    hand()
+    device = select(system_backend(), URL, URL.partition("//")[2]).device
+    try:
+        return round_trips(
+            lambda data: device.write(0x01, data, 1000),
+            lambda: device.read(0x81, 512, 1000).tobytes(),
+        )
+    finally:
+        usb.util.dispose_resources(device)
+
+
+@case
+def transport_round_trips() -> dict[str, Any]:
     from heli3dof_drivers.usb_bulk.devices import select, system_backend
     from heli3dof_drivers.usb_bulk.transport import UsbTransport
 
@@ -134,19 +167,7 @@ def bare_bulk_round_trips() -> dict[str, Any]:
     on = select(system_backend(), URL, URL.partition("//")[2])
     pipe = UsbTransport(on.device, URL)
     try:
-        trips, splitter, wrong = [], Splitter(), 0
-        for k in range(400):
-            start = time.monotonic()
-            pipe.write(wire(Poll(k)))
-            frames: list[Any] = []
-            while not frames and time.monotonic() < start + 2:
-                frames = list(splitter.feed(pipe.read(0.5)))
-            trips.append(time.monotonic() - start)
-            wrong += len(frames) != 1 or not isinstance(frames[0], SampleFrame)
-        assert wrong == 0
-        assert splitter.damaged == 0
-        trips.sort()
-        return {"median_us": 1e6 * trips[200], "99_us": 1e6 * trips[396], "wrong": wrong}
+        return round_trips(pipe.write, lambda: pipe.read(0.5))
     finally:
         pipe.close()
 
