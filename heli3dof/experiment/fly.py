@@ -163,4 +163,10 @@ def _fly(
 
 def _progress(live: Live) -> dict[str, Any]:
     """What a second terminal is told of the flight, besides the rig's own state."""
-    return {"phase": live.phase, "late": live.late, "done": live.done, "total": live.total}
+    return {
+        "phase": live.phase,
+        "done": live.done,
+        "total": live.total,
+        "late": live.late,
+        "lateness_s": live.lateness,
+    }

@@ -226,7 +226,7 @@ def test_monitor_watches_a_session_without_opening_its_rig(fake: FakeDriver) -> 
     assert document["flags_seen"] == ["ENABLED"]
     assert document["worst_lateness_s"] == 0.002
     assert "front  +7.00 V" in said.err
-    assert "flying, 3 late" in said.err
+    assert "flying, 3 periods late" in said.err
     assert fake.rigs == []
 
 
