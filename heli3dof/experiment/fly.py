@@ -117,6 +117,7 @@ def fly_plan(
             identity=rig.identity,
             device=device,
             rest=None if is_private(device) else rig.rest.to_dict(),
+            warnings=[rig.rest.note] if rig.rest.note else None,
             **{"name": Path(output).stem if output else plan.name, **(meta or {})},
         )
         if output is None:
