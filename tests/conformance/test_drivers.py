@@ -19,7 +19,7 @@ from heli3dof.rig.drivers import load_driver, open_rig, registered
 from heli3dof.rig.port import Command, Flags, Rig, Sample
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.url import parse_url
-from tests.drivers.doors import Door, python_door
+from tests.drivers.doors import Door, c_door, python_door
 
 PROFILE = default_profile()
 
@@ -33,6 +33,8 @@ WITHOUT_HARDWARE = {
     "serial": (
         "serial://{python}?watchdog_s=0.3",
         "serial://{python}?watchdog_s=0.3&stream=0",
+        "serial://{c}?watchdog_s=0.3",
+        "serial://{c}?watchdog_s=0.3&stream=0",
     ),
     "usb": (
         "usb+mock:?watchdog_s=0.3",
@@ -64,7 +66,7 @@ class Session:
         return self.rig.exchange(Command(self.sequence, v_front, v_back), self.due)
 
 
-DOORS: dict[str, Callable[[], AbstractContextManager[Door]]] = {"python": python_door}
+DOORS: dict[str, Callable[[], AbstractContextManager[Door]]] = {"python": python_door, "c": c_door}
 """Emulated rigs that stand in a process of their own, by the name in their URLs' braces."""
 
 

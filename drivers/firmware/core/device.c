@@ -110,7 +110,7 @@ static void send_ack(struct device *device, const struct request *request, enum 
         .cause = device->cause,
         .ticket = device->ticket,
     };
-    link_out_frame(&device->out, frame, frame_ack(frame, request->number, &ack));
+    link_out_frame(&device->out, frame, frame_ack(frame, request->number, &ack), 0);
 }
 
 static void send_identity(struct device *device, uint32_t number)
@@ -131,7 +131,7 @@ static void send_identity(struct device *device, uint32_t number)
         .serial = config->serial,
         .firmware = config->firmware,
     };
-    link_out_frame(&device->out, frame, frame_identity(frame, number, &identity));
+    link_out_frame(&device->out, frame, frame_identity(frame, number, &identity), 0);
 }
 
 static void send_sample(struct device *device, uint64_t now_us)
@@ -150,7 +150,8 @@ static void send_sample(struct device *device, uint64_t now_us)
     if (device->fresh && device->command_us - device->sampled_us < UINT16_MAX)
         sample.delay_us = (uint16_t)(device->command_us - device->sampled_us);
     device_output(device, now_us, sample.uV);
-    link_out_frame(&device->out, frame, frame_sample(frame, device->samples++, &sample));
+    const size_t n = frame_sample(frame, device->samples++, &sample);
+    link_out_frame(&device->out, frame, n, LINK_SPARE);
     device->sampled_us = now_us;
     device->fresh = false;
 }
@@ -170,7 +171,7 @@ static void send_report(struct device *device, uint32_t number, uint64_t now_us)
         .cause = device->cause,
         .ticket = device->ticket,
     };
-    link_out_frame(&device->out, frame, frame_report(frame, number, &report));
+    link_out_frame(&device->out, frame, frame_report(frame, number, &report), 0);
 }
 
 /* ---- time ------------------------------------------------------------------------------ */
