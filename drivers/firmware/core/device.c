@@ -47,8 +47,8 @@ bool device_output(const struct device *device, uint64_t now_us, int32_t uV[2])
     }
     if (device->state == LATCHED && now_us - expiry_us(device) < ramp_us)
         left_us = ramp_us - (now_us - expiry_us(device));
-    if (left_us == 0)
-        return false;
+    if (left_us == 0 || (device->set_uV[0] == 0 && device->set_uV[1] == 0))
+        return false; /* the ramp is over, or was cut off by DISARM */
     for (int i = 0; i < 2; i++)
         uV[i] = (int32_t)((int64_t)device->set_uV[i] * (int64_t)left_us / (int64_t)ramp_us);
     return true;
