@@ -6,7 +6,7 @@ STAMP  := $(VENV)/.installed
 JOBS   ?= auto
 PEERS  := .venv-peers
 
-.PHONY: help demo test check format bench bench-peers bench-hidden pages recordings firmware test-firmware fuzz clean
+.PHONY: help demo test check format bench bench-peers bench-hidden pages recordings firmware test-firmware test-qemu fuzz clean
 
 help:
 	@echo "make demo        fly the mock rig, identify, compare, diagnose, report"
@@ -19,6 +19,7 @@ help:
 	@echo "make recordings  re-make the reference recordings that ship"
 	@echo "make firmware    the device side in C, as a program on a PTY: build/firmware/heli3dof-rig"
 	@echo "make test-firmware  its own tests, and against the Python side"
+	@echo "make test-qemu   its image for a microcontroller board, in qemu-system-arm"
 	@echo "make fuzz        its core under a sanitizer (FUZZ_SECONDS=60)"
 
 $(STAMP): pyproject.toml constraints.txt
@@ -77,6 +78,9 @@ firmware:
 
 test-firmware: $(STAMP)
 	$(BIN)/python -m pytest tests/drivers/firmware
+
+test-qemu: $(STAMP)
+	HELI3DOF_QEMU=1 $(BIN)/python -m pytest tests/drivers/firmware/test_qemu.py
 
 fuzz:
 	$(FIRMWARE) fuzz
