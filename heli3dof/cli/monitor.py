@@ -84,8 +84,9 @@ def _source(
     talk.note(f"{url}: {rig.identity.model}, serial {rig.identity.serial}; not armed")
 
     def read() -> dict[str, Any]:
+        asked = time.monotonic()
         rig.read()
-        return state_of(rig, rig_profile)
+        return {**state_of(rig, rig_profile), "answer_s": time.monotonic() - asked}
 
     return read, {"device": url, "pid": None, "doing": None}
 

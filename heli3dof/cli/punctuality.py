@@ -23,6 +23,10 @@ def punctuality_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
     if kept:
         turn = (kept[f"turnaround_{q}_s"] for q in ("median", "p999", "worst"))
         rows.append(("sample to command", _quantiles(*turn)))
+    link = details.get("link")
+    if link and "delay_median_s" in link:
+        turn = (link[f"delay_{q}_s"] for q in ("median", "p999", "worst"))
+        rows.append(("by the device's clock", _quantiles(*turn)))
     realtime = details.get("realtime")
     if realtime:
         scheduled, locked = realtime["scheduled"], realtime["memory_locked"]

@@ -75,6 +75,7 @@ def flight_document(flight: Flight) -> dict[str, Any]:
         "worst_lateness_s": outcome.worst_lateness_s,
         "punctuality": details["punctuality"],
         "realtime": details["realtime"],
+        "link": details["link"],
         "landed": outcome.landed,
         "digest": flight.recording.digest,
         "axes": recording_document(flight.recording) if outcome.periods else {},

@@ -49,11 +49,7 @@ class View:
             return "no answer"
         words = [f"{axis} {last[f'{axis}_deg']:+7.2f}°" for axis in AXES]
         words += [f"{motor} {last[f'v_{motor}_V']:+6.2f} V" for motor in MOTORS]
-        words.append(f"late {last['lateness_s'] * 1e3:.1f} ms")
-        words.append(" ".join(last["flags"]) or "not enabled")
-        if "phase" in last:
-            words.append(f"{last['phase']}, {last['late']} late")
-        return "  ".join(words)
+        return "  ".join([*words, *self._said()])
 
     def table(self) -> Table:
         """The live display."""
@@ -81,14 +77,19 @@ class View:
         return table
 
     def _caption(self) -> str:
+        return " · ".join(self._said()) if "flags" in self.last else "no answer"
+
+    def _said(self) -> list[str]:
+        """Flags, and how punctual: the flight's lateness, or how soon a free rig answered."""
         last = self.last
-        if "flags" not in last:
-            return "no answer"
         words = [" ".join(last["flags"]) or "not enabled"]
-        words.append(f"late {last['lateness_s'] * 1e3:.2f} ms")
+        if "lateness_s" in last:
+            words.append(f"late {last['lateness_s'] * 1e3:.2f} ms")
+        if "answer_s" in last:
+            words.append(f"answered in {last['answer_s'] * 1e3:.2f} ms")
         if "phase" in last:
             words.append(f"{last['phase']}, {last['late']} periods late")
-        return " · ".join(words)
+        return words
 
     def document(self) -> dict[str, Any]:
         """What was seen, for scripts."""

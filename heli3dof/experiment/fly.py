@@ -117,6 +117,7 @@ def fly_plan(
             identity=rig.identity,
             device=device,
             rest=None if is_private(device) else rig.rest.to_dict(),
+            warnings=[rig.rest.note] if rig.rest.note else None,
             **{"name": Path(output).stem if output else plan.name, **(meta or {})},
         )
         if output is None:
@@ -163,4 +164,10 @@ def _fly(
 
 def _progress(live: Live) -> dict[str, Any]:
     """What a second terminal is told of the flight, besides the rig's own state."""
-    return {"phase": live.phase, "late": live.late, "done": live.done, "total": live.total}
+    return {
+        "phase": live.phase,
+        "done": live.done,
+        "total": live.total,
+        "late": live.late,
+        "lateness_s": live.lateness,
+    }

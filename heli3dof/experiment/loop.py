@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from heli3dof.errors import DeviceError
 from heli3dof.experiment.landing import Kept, land
-from heli3dof.experiment.outcome import Ending, Outcome, Tally
+from heli3dof.experiment.outcome import Ending, Outcome, Tally, link_counts
 from heli3dof.experiment.pacer import Pacer
 from heli3dof.experiment.period import Period, Watch
 from heli3dof.experiment.plan import Signals
@@ -36,6 +36,8 @@ class Live:
     angle: tuple[float, float, float] = (0.0, 0.0, 0.0)
     voltage: tuple[float, float] = (0.0, 0.0)
     late: int = 0
+    lateness: float = 0.0
+    """s, of the last sample"""
     phase: str = "arming"
 
 
@@ -73,7 +75,7 @@ class _Flight:
         live: Live,
         watches: Sequence[Watch],
     ) -> None:
-        self.profile, self.sink = profile, sink
+        self.rig, self.profile, self.sink = rig, profile, sink
         self.stop, self.live, self.watches = stop, live, tuple(watches)
         self.rest = tuple(profile.encoder.rest_rad.tolist())
         self.rad_per_count = tuple(profile.encoder.rad_per_count.tolist())
@@ -124,6 +126,7 @@ class _Flight:
         return Outcome(
             ending, detail, self.flown, tally.late, tally.missed, tally.worst, landing.landed,
             error, tally.lost, None if self.virtual else tally.punctuality(), granted,
+            link_counts(self.rig),
         )  # fmt: skip
 
     def angle(self, sample: Sample) -> tuple[float, float, float]:
@@ -156,6 +159,7 @@ class _Flight:
         )  # fmt: skip
         self.flown += 1
         live.angle, live.voltage, live.late = angle, voltage, self.tally.late
+        live.lateness = pacer.lateness
         return after, None
 
     def reason_to_end(

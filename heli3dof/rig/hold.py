@@ -57,7 +57,7 @@ def state_of(rig: StoppableRig, profile: Profile) -> dict[str, Any]:
     about = {"driver": identity.driver, "serial": identity.serial, "boot": identity.boot}
     if sample is None:
         return about
-    return {**about, **reading(sample, profile), "lateness_s": rig.lateness_s}
+    return {**about, **reading(sample, profile)}
 
 
 def reading(sample: Sample, profile: Profile) -> dict[str, Any]:

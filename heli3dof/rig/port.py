@@ -108,7 +108,11 @@ class Check:
 
 
 class Rig(Protocol):
-    """An open connection to one rig. Every method may raise DeviceError."""
+    """An open connection to one rig. Every method may raise DeviceError.
+
+    A rig at a line may have ``statistics``, a dataclass of counters since it was opened, which the
+    recording's outcome keeps; ``lost`` among them, the samples that never came.
+    """
 
     @property
     def identity(self) -> Identity: ...

@@ -34,6 +34,8 @@ from heli3dof.rig.places import POSSIBLE, device_name, runtime_folder
 LONGEST_QUESTION = 4096
 PATIENCE_S = 1.0
 """s that whoever connects may take to ask"""
+SHORT_OF_S = 0.1
+"""s until the next try where the system had no room for a connection"""
 _number = itertools.count()
 
 
@@ -71,10 +73,14 @@ class Session:
             "since_utc": datetime.now(UTC).isoformat(timespec="seconds"),
             "private": self.private,
         }
-        os.ftruncate(self._lock, 0)
-        os.pwrite(self._lock, json.dumps(about).encode(), 0)
-        self._answering = _Answering(self, path.with_suffix(".sock"))
-        self._answering.start()
+        try:
+            os.ftruncate(self._lock, 0)
+            os.pwrite(self._lock, json.dumps(about).encode(), 0)
+            self._answering = _Answering(self, path.with_suffix(".sock"))
+            self._answering.start()
+        except BaseException:
+            self.close()
+            raise
 
     def ask_estop(self, reason: str) -> None:
         """Have the rig stopped by whoever talks to it; the first reason stands."""
@@ -163,11 +169,15 @@ class _Answering(threading.Thread):
 
     def _attend(self, ready: Any) -> None:
         if ready is self._ear:
-            with contextlib.suppress(OSError):
+            try:
                 caller, _ = self._ear.accept()
-                caller.setblocking(False)
-                self._asking[caller] = time.monotonic()
-                self._selector.register(caller, selectors.EVENT_READ)
+            except OSError:
+                # Out of file descriptors, say: no reason to spin beside the loop.
+                time.sleep(SHORT_OF_S)
+                return
+            caller.setblocking(False)
+            self._asking[caller] = time.monotonic()
+            self._selector.register(caller, selectors.EVENT_READ)
         elif ready is self._woken:
             with contextlib.suppress(OSError):
                 self._woken.recv(64)
@@ -249,4 +259,5 @@ def busy(device: str, text: bytes) -> DeviceError:
 
 
 def _command_line() -> str:
-    return " ".join(["heli3dof", *sys.argv[1:]])[:200]
+    name = Path(sys.argv[0]).name
+    return " ".join(["heli3dof" if name == "__main__.py" else name, *sys.argv[1:]])[:200]

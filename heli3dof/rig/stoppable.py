@@ -25,9 +25,6 @@ class StoppableRig:
         self.rest = rest
         self.last: Sample | None = None
         """The last sample, for whoever looks on."""
-        self.lateness_s = 0.0
-        """s that it came after its deadline; 0 where the host does not keep time"""
-        self._host_timed = rig.identity.timebase == "host"
 
     @property
     def identity(self) -> Identity:
@@ -55,8 +52,6 @@ class StoppableRig:
             self._heed(self.session.asked)
             command = Command(command.sequence, 0.0, 0.0)
         self.last = sample = self._from_rest(self.inner.exchange(command, due_s))
-        if self._host_timed:
-            self.lateness_s = sample.host_time_s - due_s
         return sample
 
     def _from_rest(self, sample: Sample) -> Sample:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import statistics
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from pathlib import Path
 from heli3dof.rig.attach import running, state
 from heli3dof.rig.stop import stop_rigs
 from tests.bench import Figure, at_most
+from tests.rig.processes import suspend
 
 TITLE = "Stopping from another terminal"
 INTRO = (
@@ -49,7 +49,7 @@ def stopped_in(*, hung: bool) -> float:
     """Seconds until the confirmation, of one flight."""
     with flying() as (device, process):
         if hung:
-            process.send_signal(signal.SIGSTOP)
+            suspend(process)
         (stopped,) = stop_rigs(device, "a bench")
         assert stopped.done, stopped.how
         assert ("did not answer" in stopped.how) == hung, stopped.how

@@ -181,7 +181,8 @@ def test_a_flight_says_that_the_device_started_anew_since_zero(
     plan = step_plan((0.0, None, None), settle_s=0, duration_s=0.1)
     flight = fly_plan(plan, device="fake://1", warn=told.append)
     assert "started anew" in told[0]
-    assert "started anew" in flight.recording.meta["rest"]["note"]
+    assert "started anew" in flight.recording.meta["warnings"][0]
+    assert flight.recording.meta["rest"]["known_from"] == "power-up"
 
 
 def test_several_rigs_and_no_word_which_is_a_usage_error(fake: FakeDriver) -> None:
@@ -226,7 +227,7 @@ def test_monitor_watches_a_session_without_opening_its_rig(fake: FakeDriver) -> 
     assert document["flags_seen"] == ["ENABLED"]
     assert document["worst_lateness_s"] == 0.002
     assert "front  +7.00 V" in said.err
-    assert "flying, 3 late" in said.err
+    assert "flying, 3 periods late" in said.err
     assert fake.rigs == []
 
 

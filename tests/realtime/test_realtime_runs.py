@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from heli3dof.recording.reader import read_recording
 from tests.realtime.firmware import rig_program
 from tests.realtime.flight import LANDING_S, FlightProcess, firmware, write_profile
 from tests.realtime.kill import kill_flights
+from tests.realtime.power import lost_to_a_power_cut
 from tests.realtime.soak import found, soak
 
 pytestmark = [
@@ -62,6 +64,16 @@ def test_kill_minus_nine_ends_at_zero_volts_with_half_a_second_lost_at_most(tmp_
         assert flight.zero_s <= WATCHDOG_S + RAMP_S + 0.05, "some room for a loaded machine"
         assert flight.lost_s <= 0.5
         assert flight.rows > 0
+
+
+def test_a_power_cut_takes_half_a_second_where_the_disk_is_quick(tmp_path: Path) -> None:
+    lost_s = lost_to_a_power_cut(tmp_path / "a.mcap", 3, sync=lambda descriptor: None)
+    assert lost_s <= 0.5 + 0.5, "some room for a loaded machine"
+
+
+def test_a_slow_disk_shows_in_what_a_power_cut_takes(tmp_path: Path) -> None:
+    lost_s = lost_to_a_power_cut(tmp_path / "a.mcap", 3, sync=lambda descriptor: time.sleep(0.7))
+    assert lost_s > 0.7
 
 
 def test_a_soak_of_some_seconds_grows_by_nothing_to_speak_of(tmp_path: Path) -> None:

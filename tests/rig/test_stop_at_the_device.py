@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 import subprocess
 import sys
 import time
@@ -17,6 +16,7 @@ from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.port import Flags
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
+from tests.rig.processes import suspend
 
 DOOR = [sys.executable, "-m", "heli3dof_drivers.emulator.door_pty", "--with-parent"]
 pytestmark = pytest.mark.realtime
@@ -65,7 +65,7 @@ def test_a_flight_is_stopped_through_its_session(device, flight):
 
 
 def test_a_flight_that_hangs_is_stopped_past_it(device, flight):
-    flight.send_signal(signal.SIGSTOP)
+    suspend(flight)
     said = heli3dof("estop", "--device", device)
     assert said.code == 0
     assert "did not answer" in said.out

@@ -47,8 +47,8 @@ bool device_output(const struct device *device, uint64_t now_us, int32_t uV[2])
     }
     if (device->state == LATCHED && now_us - expiry_us(device) < ramp_us)
         left_us = ramp_us - (now_us - expiry_us(device));
-    if (left_us == 0)
-        return false;
+    if (left_us == 0 || (device->set_uV[0] == 0 && device->set_uV[1] == 0))
+        return false; /* the ramp is over, or was cut off by DISARM */
     for (int i = 0; i < 2; i++)
         uV[i] = (int32_t)((int64_t)device->set_uV[i] * (int64_t)left_us / (int64_t)ramp_us);
     return true;
@@ -110,7 +110,7 @@ static void send_ack(struct device *device, const struct request *request, enum 
         .cause = device->cause,
         .ticket = device->ticket,
     };
-    link_out_frame(&device->out, frame, frame_ack(frame, request->number, &ack));
+    link_out_frame(&device->out, frame, frame_ack(frame, request->number, &ack), 0);
 }
 
 static void send_identity(struct device *device, uint32_t number)
@@ -131,7 +131,7 @@ static void send_identity(struct device *device, uint32_t number)
         .serial = config->serial,
         .firmware = config->firmware,
     };
-    link_out_frame(&device->out, frame, frame_identity(frame, number, &identity));
+    link_out_frame(&device->out, frame, frame_identity(frame, number, &identity), 0);
 }
 
 static void send_sample(struct device *device, uint64_t now_us)
@@ -150,7 +150,8 @@ static void send_sample(struct device *device, uint64_t now_us)
     if (device->fresh && device->command_us - device->sampled_us < UINT16_MAX)
         sample.delay_us = (uint16_t)(device->command_us - device->sampled_us);
     device_output(device, now_us, sample.uV);
-    link_out_frame(&device->out, frame, frame_sample(frame, device->samples++, &sample));
+    const size_t n = frame_sample(frame, device->samples++, &sample);
+    link_out_frame(&device->out, frame, n, LINK_SPARE);
     device->sampled_us = now_us;
     device->fresh = false;
 }
@@ -170,7 +171,7 @@ static void send_report(struct device *device, uint32_t number, uint64_t now_us)
         .cause = device->cause,
         .ticket = device->ticket,
     };
-    link_out_frame(&device->out, frame, frame_report(frame, number, &report));
+    link_out_frame(&device->out, frame, frame_report(frame, number, &report), 0);
 }
 
 /* ---- time ------------------------------------------------------------------------------ */

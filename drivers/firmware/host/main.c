@@ -202,6 +202,8 @@ int main(int argc, char **argv)
     sigaction(SIGTERM, &on_end, NULL);
     sigaction(SIGINT, &on_end, NULL);
     signal(SIGPIPE, SIG_IGN);
+    if (options.with_parent)
+        prctl(PR_SET_PDEATHSIG, SIGTERM);
     real_time();
     open_doors();
     start();

@@ -181,6 +181,15 @@ static void the_ramp_begins_at_the_expiry_however_late_the_tick_is(void)
     assert(out_uV(301999) == 5 && out_uV(302000) == 0 && out_uV(400000) == 0);
 }
 
+static void disarming_on_the_ramp_disables_the_amplifier(void)
+{
+    int32_t uV[2];
+    armed_at_one_volt(0);
+    device_tick(&device, 152000);
+    host_says(152000, DISARM, 9, NULL, 0);
+    assert(device.state == LATCHED && !device_output(&device, 152001, uV));
+}
+
 static void a_device_held_up_leaves_samples_out_and_never_sends_a_burst(void)
 {
     armed_at_one_volt(2000);
@@ -215,8 +224,9 @@ static void a_host_that_does_not_read_loses_whole_frames(void)
     device.out.tail = device.out.head;
     for (uint32_t i = 0; i < 100; i++)
         host_says(3000, POLL, i, NULL, 0);
-    assert(device.out.head - device.out.tail == LINK_OUT / 48 * 48);
-    assert(device.out.dropped == 100 - LINK_OUT / 48);
+    assert(device.out.head - device.out.tail == (LINK_OUT - LINK_SPARE) / 48 * 48);
+    assert(device.out.dropped == 100 - (LINK_OUT - LINK_SPARE) / 48);
+    assert(host_says(3000, STATUS, 1, NULL, 0) == 46); /* an answer still finds room */
 }
 
 static void the_devices_own_frames_coming_back_are_not_answered(void)
@@ -281,6 +291,7 @@ int main(void)
     HOLDS(a_line_that_is_up_at_the_start_stops_too);
     HOLDS(another_door_stops_without_an_answer);
     HOLDS(the_ramp_begins_at_the_expiry_however_late_the_tick_is);
+    HOLDS(disarming_on_the_ramp_disables_the_amplifier);
     HOLDS(a_device_held_up_leaves_samples_out_and_never_sends_a_burst);
     HOLDS(a_stream_that_nobody_answers_ends_after_two_seconds);
     HOLDS(a_host_that_does_not_read_loses_whole_frames);

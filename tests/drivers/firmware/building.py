@@ -35,6 +35,17 @@ def build(*targets: str) -> Path:
     return BUILD
 
 
+@functools.cache
+def sanitizers() -> bool:
+    """Whether the system's compiler links them."""
+    asked = ["cc", "-fsanitize=address,undefined", "-xc", "-", "-o", "/dev/null"]
+    source = "int main(void) { return 0; }"
+    return (
+        bool(COMPILER)
+        and not subprocess.run(asked, input=source, text=True, capture_output=True).returncode
+    )
+
+
 def rig_program() -> str:
     """The path of the program that serves the firmware on a PTY."""
     return str(build("heli3dof-rig") / "heli3dof-rig")

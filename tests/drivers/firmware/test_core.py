@@ -29,7 +29,7 @@ from hypothesis import strategies as st
 from tests.drivers.emulator.still import still_endpoint
 from tests.paths import ROOT
 
-from .building import build, run
+from .building import build, run, sanitizers
 
 U32 = st.integers(0, 2**32 - 1)
 I32 = st.integers(-(2**31), 2**31 - 1)
@@ -39,6 +39,12 @@ MICROVOLTS = st.one_of(st.integers(-25_000_000, 25_000_000), I32)
 
 def test_what_the_transcripts_do_not_reach():
     assert len(run("heli3dof-unit")) >= 16
+
+
+def test_under_a_sanitizer_every_statement_of_the_harness_holds():
+    if not sanitizers():
+        pytest.skip("needs a compiler with -fsanitize=address,undefined: apt-get install gcc")
+    assert "every statement held" in run("heli3dof-fuzz", "2")[-1]
 
 
 def transcripts() -> dict[str, list[str]]:
