@@ -148,6 +148,14 @@ def test_a_device_that_started_anew_is_told_from_silence(stream: bool):
         send(rig, 2)
 
 
+def test_a_device_that_started_anew_before_it_was_armed_is_not_armed():
+    rig, line = open_direct()
+    line.endpoint = still_endpoint(boot=2)
+    with pytest.raises(DeviceError, match="started anew"):
+        rig.arm()
+    assert not line.endpoint.amplifier.enabled
+
+
 @MODES
 def test_a_device_that_someone_else_disarmed_is_no_longer_ours(stream: bool):
     rig, line = open_direct(stream=stream)
