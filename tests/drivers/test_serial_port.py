@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -117,6 +118,20 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
     rig = open_rig(url, PROFILE)
     assert rig.read().flags == Flags.ESTOP
     rig.close()
+
+
+def test_estop_reaches_a_rig_whose_holder_hangs_with_the_line_full(door: Door):
+    url = door.url("watchdog_s=0.5")
+    flight = subprocess.Popen([sys.executable, "-c", HOLD, url], stdout=subprocess.PIPE, text=True)
+    assert flight.stdout is not None
+    assert flight.stdout.readline() == "armed\n"
+    flight.send_signal(signal.SIGSTOP)
+    time.sleep(0.4)  # samples that nobody reads
+    try:
+        assert "the rig says so" in DRIVER.estop(parse_url(url))
+    finally:
+        flight.kill()
+        flight.wait(timeout=20)
 
 
 def test_estop_reaches_a_rig_that_nobody_holds(door: Door):

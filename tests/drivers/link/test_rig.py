@@ -193,6 +193,23 @@ def test_a_stop_over_another_connection_is_seen_by_the_flight():
     assert sample.v_applied == (0.0, 0.0)
 
 
+def test_a_stop_whose_answer_somebody_else_reads_is_confirmed_by_a_sample():
+    _, line = open_direct()
+    beside = DirectLine(line.endpoint)
+    line.endpoint.receive(0, wire(Arm(0, line.endpoint.amplifier.ticket, 2000, 0)))
+    beside.to_host = Dropping(Ack, 1000)
+    assert "says so" in stop_over(beside, beside=True)
+    assert line.endpoint.amplifier.flags == Flags.ESTOP
+
+
+def test_a_stop_that_nothing_confirms_is_an_error():
+    _, line = open_direct()
+    line.to_host = lambda data: b""
+    with pytest.raises(DeviceError, match="not acknowledged") as caught:
+        stop_over(line, beside=True)
+    assert "holds the port" in caught.value.cause
+
+
 def test_a_device_with_a_fault_does_not_arm_and_says_which():
     rig, line = open_direct()
     line.endpoint.amplifier.faulty = True
