@@ -242,7 +242,9 @@ class LinkRig:
         until = time.monotonic() + SILENCE_S
         while (asked := time.monotonic()) < until:
             dialogue.send(wire(Poll(dialogue.next_number())))
-            while (left := asked + POLL_AGAIN_S - time.monotonic()) > 0:
+            # From now on, not from before: a line that took the POLL slowly is listened to as well.
+            again = time.monotonic() + POLL_AGAIN_S
+            while (left := again - time.monotonic()) > 0:
                 dialogue.receive(left)
                 sample = self._newest()
                 if sample is None:
