@@ -36,6 +36,8 @@ class Live:
     angle: tuple[float, float, float] = (0.0, 0.0, 0.0)
     voltage: tuple[float, float] = (0.0, 0.0)
     late: int = 0
+    lateness: float = 0.0
+    """s, of the last sample"""
     phase: str = "arming"
 
 
@@ -157,6 +159,7 @@ class _Flight:
         )  # fmt: skip
         self.flown += 1
         live.angle, live.voltage, live.late = angle, voltage, self.tally.late
+        live.lateness = pacer.lateness
         return after, None
 
     def reason_to_end(

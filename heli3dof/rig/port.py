@@ -142,7 +142,11 @@ class Rig(Protocol):
 
 
 class Driver(Protocol):
-    """What a driver package registers: how to find its rigs and how to open one."""
+    """What a driver package registers: how to find its rigs and how to open one.
+
+    One whose every opening makes a rig of its own, inside the process (an emulated one), adds
+    ``private = True``: such a rig is neither locked nor taken for one that is there.
+    """
 
     scheme: str
     """The URL scheme, e.g. ``mock``."""
