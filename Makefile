@@ -6,11 +6,12 @@ STAMP  := $(VENV)/.installed
 JOBS   ?= auto
 PEERS  := .venv-peers
 
-.PHONY: help demo test check format bench bench-peers bench-hidden pages recordings firmware test-firmware test-qemu fuzz clean
+.PHONY: help demo test test-kernel-usb check format bench bench-peers bench-hidden pages recordings firmware test-firmware test-qemu fuzz clean
 
 help:
 	@echo "make demo        fly the mock rig, identify, compare, diagnose, report"
 	@echo "make test        the tests"
+	@echo "make test-kernel-usb  the USB and serial doors through a real Linux USB stack (Debian; fetches 100 MB)"
 	@echo "make check       lint, formatting and types"
 	@echo "make bench       re-measure every figure in docs/benchmarks.md (TOPIC=cli: that one)"
 	@echo "make bench-peers other people's tools on the same flights (long; Octave where installed)"
@@ -34,6 +35,10 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n $(JOBS)
+
+# Debian's qemu and kernel, unpacked into build/, never installed; CASES: words of the cases to run.
+test-kernel-usb: $(STAMP)
+	$(BIN)/python -m tests.kernel_usb.run $(CASES)
 
 check: $(STAMP)
 	$(BIN)/ruff check .

@@ -44,6 +44,7 @@ from ..link.frames import (
 )
 from .amplifier import STOPPED, Amplifier
 from .device import Device
+from .faults import Breaking
 
 SHORTEST_US = 500
 QUIET_US = 2_000_000
@@ -95,6 +96,7 @@ class Endpoint:
         self._dt_us = device.plant.dt * 1e6
         self._grid_us, self._steps = 0, 0
         self._arrives = True
+        self._jitter_us = 0
 
     def receive(self, now_us: int, data: bytes) -> bytes:
         """What the host's bytes, read now, make the device say; with what was due until now."""
@@ -205,7 +207,15 @@ class Endpoint:
         while (end := self._grid_us + round((self._steps + 1) * self._dt_us)) <= now_us:
             volts = self._amplifier.mean_V(end)
             self._steps += 1
-            self._arrives = self._device.held or self._device.plant.step(*volts)
+            if self._device.held:
+                continue
+            plant = self._device.plant
+            self._arrives = plant.step(*volts)
+            self._jitter_us = round((plant.t - plant.periods * plant.dt) * 1e6)
+            trip = plant.trip() if isinstance(plant, Breaking) else None
+            if trip is not None:
+                flag, cause = trip
+                self._amplifier.stop(end, cause, flag)
         self._amplifier.advance(now_us)
         self._now = now_us
 
@@ -219,9 +229,10 @@ class Endpoint:
         if arrived is not None and before is not None:
             delay = min(arrived - before, NO_DELAY)
         front_mA, back_mA = (_milliampere(i) for i in device.current)
+        time_us = _u32(now_us + self._jitter_us)
         frame = SampleFrame(
-            self._number, amplifier.last, _u32(now_us), roll, pitch, yaw, front, back,
-            front_mA, back_mA, delay, amplifier.flags, amplifier.cause,
+            self._number, amplifier.last, time_us, roll, pitch, yaw, front, back, front_mA, back_mA,
+            delay, amplifier.flags, amplifier.cause,
         )  # fmt: skip
         self._number = _u32(self._number + 1)
         self._arrived_us, self._sampled_us = None, now_us

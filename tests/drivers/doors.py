@@ -40,8 +40,8 @@ def python_door(device: str = "mock:?watchdog_s=0.3") -> Iterator[Door]:
 
 
 @contextmanager
-def c_door(*options: str) -> Iterator[Door]:
-    """The firmware in C, with a plant of its own; skips where no compiler is."""
+def firmware_door(*options: str) -> Iterator[Door]:
+    """The firmware in C as a program, with a plant of its own; skips where no C compiler is."""
     door = Door([rig_program(), "--with-parent", "--watchdog", "300", *options])
     try:
         yield door

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from itertools import groupby, pairwise
 
 import pytest
@@ -225,3 +226,12 @@ def test_a_sample_that_the_emulated_rig_loses_keeps_its_number():
     gaps = sum(b - a - 1 for a, b in pairwise(numbers))
     assert numbers == sorted(set(numbers))
     assert 60 < gaps < 180
+
+
+def test_the_emulated_rigs_jitter_is_in_the_devices_time():
+    endpoint = emulated("mock:?hide=timing.jitter:0.0002&seed=2")
+    tell(endpoint, 0, Arm(0, 1, 2000, 1_000_000))
+    times = [f.time_us for f in frames(endpoint.tick(1_000_000))]  # type: ignore[union-attr]
+    off = [t - 2000 * k for k, t in enumerate(times, 1)]
+    assert 150 < statistics.pstdev(off) < 250
+    assert all(a < b for a, b in pairwise(times))

@@ -30,7 +30,7 @@ from heli3dof_drivers.link.frames import (
     wire,
 )
 
-from tests.drivers.doors import Door, c_door
+from tests.drivers.doors import Door, firmware_door
 
 PATIENCE_S = 5.0
 WATCHDOG_S, RAMP_S = 0.3, 0.2
@@ -100,7 +100,7 @@ class Host:
 
 @contextmanager
 def rig(*options: str) -> Iterator[tuple[Door, Host]]:
-    with c_door(*options) as door:
+    with firmware_door(*options) as door:
         host = Host(door.path)
         try:
             yield door, host
@@ -272,7 +272,7 @@ def test_told_to_end_it_leaves_zero_volts_and_no_link(tmp_path: Path):
 
 
 def test_a_command_line_that_makes_no_sense_says_what_was_expected():
-    with pytest.raises(RuntimeError), c_door("--jump-encoder", "yaw@3"):
+    with pytest.raises(RuntimeError), firmware_door("--jump-encoder", "yaw@3"):
         pass
 
 
