@@ -41,9 +41,8 @@ MISSING = [program for program in (QEMU, GCC, NM) if not shutil.which(program)]
 SEEN_S = 0.02
 FAULT, STALL, STOP, ENCODER_A, ENCODER_B = "up", "down", "ctrl", "left", "right"
 
-pytestmark = pytest.mark.skipif(
-    os.environ.get("HELI3DOF_QEMU") != "1", reason="opt-in: make test-qemu"
-)
+if os.environ.get("HELI3DOF_QEMU") != "1":
+    pytest.skip("opt-in: make test-qemu", allow_module_level=True)
 
 
 class Board:
