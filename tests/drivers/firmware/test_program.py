@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import statistics
 import time
 from collections.abc import Iterator
@@ -194,6 +195,19 @@ def test_an_estop_is_read_after_anything_and_stops_at_once(tmp_path: Path):
         at, *out = motors(tmp_path / "log")[-1]
         assert out == [False, 0.0, 0.0]
         assert at - sent < 0.2
+
+
+def test_a_flood_of_noise_keeps_neither_the_watchdog_nor_an_estop_from_working(tmp_path: Path):
+    with rig("--log", str(tmp_path / "log")) as (_, host):
+        noise = random.Random(3).randbytes(4096)
+        host.arm()
+        host.command()
+        end = time.monotonic() + WATCHDOG_S + RAMP_S + 0.5
+        while time.monotonic() < end:
+            host.port.write(noise)
+        assert motors(tmp_path / "log")[-1][1:] == (False, 0.0, 0.0)
+        answer = host.ask(Estop(3, Cause.BUTTON), Ack)
+        assert answer.cause == Cause.BUTTON  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize(
