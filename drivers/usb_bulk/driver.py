@@ -35,6 +35,8 @@ class UsbDriver:
 
     scheme = "usb"
     options: Sequence[str] = (*OPTIONS, *MOCK_OPTIONS)
+    private = (EMULATED,)
+    """Of which every opening makes a rig of its own: see `heli3dof.rig.drivers.is_private`."""
 
     def __init__(self, backend: Callable[[], Any] = system_backend) -> None:
         self._backend = backend
