@@ -1,13 +1,17 @@
 """The board keeps the time: its encoder task samples on, and the host takes the newest.
 
-A task fills its buffer at its own rate; reading one sample blocks until there is one. How many
-are waiting the library does not say, and a host that was late must not fly them one by one. But a
-read that had to wait found the buffer empty, so its sample k was fresh::
+A task fills its buffer at its own rate d = k·dt; reading one sample blocks until there is one. How
+many are waiting the library does not say, and a host that was late must not fly them one by one.
+So the two clocks are followed: a sample read at host time h is due at d + θ, and
 
-    due[k] = h[fresh] + (k − fresh)·dt          waiting = ⌊(now − due[k]) / dt⌋
+    θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  where the read had to wait for it, so it was fresh
+    θ[k] = min(h − d,  θ[k−1])             where it did not
+    waiting = ⌊(now − d − θ) / dt⌋
 
-and a sample that comes before it was due shows that it was due earlier. Those that wait are read
-together, the last of them counts, and the device's time steps over the others.
+Those that wait are read together, the last of them counts, and the device's time steps over the
+others. A host that was kept from running while it waited sees that too: θ does not follow a
+jump. Where samples that should have been waiting had to be waited for, twice, θ was wrong and
+begins anew.
 """
 
 from __future__ import annotations
@@ -22,6 +26,10 @@ BUFFER_S = 2.0
 """s of samples that the board keeps: longer than the longest watchdog"""
 BLOCKED = 0.1
 """Of a period: a read that took longer had to wait for its sample"""
+DRIFT = 0.01
+"""s per s by which a board's clock may run slow; a crystal is a hundred times better"""
+DOUBTS = 2
+"""Times that samples were not waiting after all, until the clocks are compared anew"""
 
 Counts = tuple[int, int, int]
 
@@ -41,9 +49,10 @@ class EncoderStream:
         self._card, self._dt = card, dt
         self._samples = max(2, round(BUFFER_S / dt))
         self._task: Any = None
-        self._k = self._fresh_k = 0
+        self._k = 0
         self._base_s = 0.0
-        self._fresh_s = time.monotonic()
+        self._offset: float | None = time.monotonic()
+        self._doubts = 0
 
     @property
     def running(self) -> bool:
@@ -56,15 +65,14 @@ class EncoderStream:
 
     def now_s(self) -> float:
         """The device's time now; not before the last sample's."""
-        return self.time_s + max(0.0, time.monotonic() - self._due_s())
+        return self.time_s + max(0.0, self._late_s())
 
     def start(self) -> None:
         """Begin anew with an empty buffer; the device's time goes on."""
         self.end()
         self._base_s = self.now_s()
-        self._k = self._fresh_k = 0
+        self._k, self._offset, self._doubts = 0, None, 0
         self._task = self._card.task_start(1 / self._dt, self._samples)
-        self._fresh_s = time.monotonic()
 
     def end(self) -> None:
         task, self._task = self._task, None
@@ -73,22 +81,36 @@ class EncoderStream:
 
     def pass_over(self) -> None:
         """What was sampled before now is of no use."""
-        waiting = self._waiting()
-        if waiting:
-            self._read(waiting)
+        self._drain()
 
     def next(self) -> Counts:
         """The next sample, or the newest where several have come."""
         counts = self._read(1)
-        waiting = self._waiting()
-        return self._read(waiting) if waiting else counts
+        return self._drain() or counts
+
+    def _drain(self) -> Counts | None:
+        """The newest of the samples that wait; None: there are none."""
+        counts: Counts | None = None
+        while waiting := self._waiting():
+            asked = time.monotonic()
+            counts = self._read(waiting)
+            if time.monotonic() - asked < waiting * self._dt / 2:
+                self._doubts = 0
+                continue
+            self._doubts += 1
+            if self._doubts < DOUBTS:
+                break
+            self._offset, self._doubts = time.monotonic() - self.time_s, 0
+        return counts
 
     def _waiting(self) -> int:
-        gone = int((time.monotonic() - self._due_s()) / self._dt)
-        return max(0, min(gone, self._samples))
+        return max(0, min(int(self._late_s() / self._dt), self._samples))
 
-    def _due_s(self) -> float:
-        return self._fresh_s + (self._k - self._fresh_k) * self._dt
+    def _late_s(self) -> float:
+        """s since the last sample was due."""
+        if self._offset is None:
+            return 0.0
+        return time.monotonic() - self.time_s - self._offset
 
     def _read(self, n: int) -> Counts:
         asked = time.monotonic()
@@ -102,6 +124,11 @@ class EncoderStream:
             raise Ended
         self._k += n
         now = time.monotonic()
-        if now - asked > BLOCKED * self._dt or now < self._due_s():
-            self._fresh_k, self._fresh_s = self._k, now
+        found = now - self.time_s
+        if self._offset is None:
+            self._offset = found
+        elif now - asked > BLOCKED * self._dt:
+            self._offset = min(found, self._offset + DRIFT * n * self._dt)
+        else:
+            self._offset = min(found, self._offset)
         return counts

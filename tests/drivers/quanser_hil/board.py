@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from dataclasses import dataclass, field
+from functools import cache
 
 from heli3dof_drivers.mock import Options, device_of
 
@@ -19,6 +20,12 @@ PROFILE = default_profile()
 LOW, HIGH, TRISTATE = 0, 1, 2
 FULL_CURRENT_A = 4.0
 """A per motor at the amplifier's limit"""
+
+
+@cache
+def _compiled() -> None:
+    """The plant's first step may compile for seconds: not while a watchdog runs."""
+    device_of(PROFILE, Options(watchdog_s=0.5)).plant.step(0.0, 0.0)
 
 
 @dataclass
@@ -52,6 +59,7 @@ class Board:
     def __init__(self, bench: Bench | None = None, *, q8: bool = True, shared: bool = False):
         self.bench = bench or Bench()
         self.q8, self.shared = q8, shared
+        _compiled()
         self.plant = device_of(PROFILE, Options(watchdog_s=0.5)).plant
         self.holders = 0
         self.plugged = True

@@ -73,6 +73,7 @@ class _Hil:
 
     def __init__(self) -> None:
         self._board: Board | None = None
+        self._tasks: list[Task] = []
 
     @staticmethod
     def get_version() -> Any:
@@ -109,7 +110,8 @@ class _Hil:
         self._laboratory.calls.append(("close",))
         if self._board is not None:
             self._board.holders -= 1
-            self._board.tasks.clear()
+            for task in self._tasks:
+                self._board.stop(task)
             self._board = None
 
     # Configuration
@@ -168,7 +170,8 @@ class _Hil:
         _of("I", channels, n)
         assert isinstance(samples_in_buffer, int)
         self._call("task_create_encoder_reader", samples_in_buffer, channels, n)
-        return Task(list(channels), samples_in_buffer)
+        self._tasks.append(Task(list(channels), samples_in_buffer))
+        return self._tasks[-1]
 
     def task_start(self, task: Task, clock: int, frequency: float, num_samples: int) -> None:
         assert isinstance(task, Task)
