@@ -18,7 +18,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from .errors import Qerr, code_of, no_library
+from .errors import EVERY_OUTPUT, Qerr, code_of, no_library
 from .wiring import Wiring
 
 DAC_V = 10.0
@@ -86,13 +86,8 @@ class Card:
         byte to write it into: it is never asked for.
         """
         names = self._hardware.IntegerProperty
-        wanted = array("i", [names.FIRMWARE_MAJOR_VERSION, names.FIRMWARE_MINOR_VERSION])
-        found = array("i", [0, 0])
-        try:
-            self._hil.get_integer_property(wanted, 2, found)
-        except self.error:
-            return "unknown"
-        return f"{found[0]}.{found[1]}"
+        found = self._properties(names.FIRMWARE_MAJOR_VERSION, names.FIRMWARE_MINOR_VERSION)
+        return "unknown" if found is None else f"{found[0]}.{found[1]}"
 
     def version(self) -> str:
         """The HIL library's version, or "unknown"."""
@@ -131,20 +126,44 @@ class Card:
     def watchdog_start(self) -> None:
         """Both expiration states, then the watch. Zero volts alone leave the enable lines up.
 
-        The Q8 series refuses a level for its digital outputs and goes to tristate instead.
+        Some boards, the Q8 series among them, want the states of all their outputs or of none.
         """
-        hil, states = self._hil, self._hardware.DigitalState
-        hil.watchdog_set_analog_expiration_state(self._motors, 2, array("d", [0.0, 0.0]))
-        if n := len(self._enable):
-            rest = states.LOW if self._wiring.enabled_by else states.HIGH
-            try:
-                hil.watchdog_set_digital_expiration_state(self._enable, n, array("i", [rest] * n))
-            except self.error as error:
-                if code_of(error) != Qerr.DIGITAL_EXPIRATION_STATE_NOT_TRISTATE:
-                    raise
-                tristate = array("i", [states.TRISTATE] * n)
-                hil.watchdog_set_digital_expiration_state(self._enable, n, tristate)
-        hil.watchdog_start(self._wiring.watchdog_s)
+        hil, timeout_s = self._hil, self._wiring.watchdog_s
+        try:
+            self._set_expiration(self._motors, self._enable)
+            hil.watchdog_start(timeout_s)
+        except self.error as error:
+            names = self._hardware.IntegerProperty
+            if code_of(error) not in EVERY_OUTPUT:
+                raise
+            found = self._properties(
+                names.NUMBER_OF_ANALOG_OUTPUTS, names.NUMBER_OF_DIGITAL_OUTPUTS
+            )
+            if found is None:
+                raise
+            self._set_expiration(array("I", range(found[0])), array("I", range(found[1])))
+            hil.watchdog_start(timeout_s)
+
+    def _set_expiration(self, analog: array[int], lines: array[int]) -> None:
+        """Analog outputs to 0 V, enable lines to the level that disables, others to tristate.
+
+        The Q8 series refuses a level: its digital outputs all go to tristate.
+        """
+        hil, states, n = self._hil, self._hardware.DigitalState, len(lines)
+        hil.watchdog_set_analog_expiration_state(
+            analog, len(analog), array("d", [0.0] * len(analog))
+        )
+        if not n:
+            return
+        rest = states.LOW if self._wiring.enabled_by else states.HIGH
+        levels = array("i", [rest if c in self._enable else states.TRISTATE for c in lines])
+        try:
+            hil.watchdog_set_digital_expiration_state(lines, n, levels)
+        except self.error as error:
+            if code_of(error) != Qerr.DIGITAL_EXPIRATION_STATE_NOT_TRISTATE:
+                raise
+            tristate = array("i", [states.TRISTATE] * n)
+            hil.watchdog_set_digital_expiration_state(lines, n, tristate)
 
     def watchdog_reload(self) -> bool:
         """False where it had expired."""
@@ -158,11 +177,11 @@ class Card:
             return False
 
     def watchdog_stop(self) -> None:
-        self._unless(Qerr.WATCHDOG_STOP, self._hil.watchdog_stop)
+        self._unless(Qerr.WATCHDOG_STOP_NOT_SUPPORTED, self._hil.watchdog_stop)
 
     def watchdog_clear(self) -> None:
-        """Let the outputs be written again; nothing to be cleared is no error."""
-        self._unless(Qerr.WATCHDOG_CLEAR, self._hil.watchdog_clear)
+        """Let the outputs be written again."""
+        self._unless(Qerr.WATCHDOG_CLEAR_NOT_SUPPORTED, self._hil.watchdog_clear)
 
     # The encoder task
 
@@ -194,6 +213,15 @@ class Card:
 
     def close(self) -> None:
         self._hil.close()
+
+    def _properties(self, *codes: int) -> array[int] | None:
+        """Integer properties of the board; None where it does not say."""
+        wanted, found = array("i", codes), array("i", [0] * len(codes))
+        try:
+            self._hil.get_integer_property(wanted, len(codes), found)
+        except self.error:
+            return None
+        return found
 
     def _unless(self, code: int, call: Callable[[], object]) -> None:
         """Call, and let this one error pass."""

@@ -44,18 +44,34 @@ class Qerr(IntEnum):
     SET_ANALOG_OUTPUT_RANGES_NOT_SUPPORTED = 461
     SET_DIGITAL_DIRECTIONS_NOT_SUPPORTED = 464
     SET_ENCODER_QUADRATURE_MODE_NOT_SUPPORTED = 466
+    EXCLUSIVE_ACCESS_ALREADY_GRANTED = 540
     ANALOG_EXPIRATION_NOT_SUPPORTED = 591
     DIGITAL_EXPIRATION_NOT_SUPPORTED = 592
-    WATCHDOG_START = 595
-    WATCHDOG_STOP = 596
-    WATCHDOG_CLEAR = 599
+    WATCHDOG_START_NOT_SUPPORTED = 595
+    WATCHDOG_STOP_NOT_SUPPORTED = 596
+    WATCHDOG_RELOAD_NOT_SUPPORTED = 597
+    WATCHDOG_CLEAR_NOT_SUPPORTED = 599
     DIGITAL_EXPIRATION_STATE_NOT_TRISTATE = 602
+    ANALOG_EXPIRATIONS_NOT_CONFIGURED = 604
+    DIGITAL_EXPIRATIONS_NOT_CONFIGURED = 605
+    Q8_SERIES_EXPIRATIONS_NOT_CONFIGURED = 614
     NO_SUCH_DEVICE = 670
 
 
 OVERRUN = (Qerr.BUFFER_OVERFLOW, Qerr.OVERSAMPLING_DETECTED)
 _GONE = (Qerr.NO_SUCH_DEVICE, Qerr.INVALID_BOARD_HANDLE, Qerr.INVALID_DEVICE_HANDLE)
-_BUSY = (Qerr.BOARD_IN_USE, Qerr.UNABLE_TO_LOCK_DEVICE)
+_BUSY = (
+    Qerr.BOARD_IN_USE, Qerr.UNABLE_TO_LOCK_DEVICE, Qerr.EXCLUSIVE_ACCESS_ALREADY_GRANTED,
+)  # fmt: skip
+_NO_WATCHDOG = (
+    Qerr.ANALOG_EXPIRATION_NOT_SUPPORTED, Qerr.DIGITAL_EXPIRATION_NOT_SUPPORTED,
+    Qerr.WATCHDOG_START_NOT_SUPPORTED, Qerr.WATCHDOG_RELOAD_NOT_SUPPORTED,
+)  # fmt: skip
+EVERY_OUTPUT = (
+    Qerr.ANALOG_EXPIRATIONS_NOT_CONFIGURED, Qerr.DIGITAL_EXPIRATIONS_NOT_CONFIGURED,
+    Qerr.Q8_SERIES_EXPIRATIONS_NOT_CONFIGURED,
+)  # fmt: skip
+"""The board wants the expiration states of all its outputs, not of some"""
 _CLOCK = (
     Qerr.CLOCK_NOT_SUPPORTED, Qerr.CLOCK_FREQUENCY_TOO_HIGH, Qerr.CLOCK_FREQUENCY_TOO_LOW,
     Qerr.CLOCK_FREQUENCY_INVALID,
@@ -145,7 +161,13 @@ def explain(error: BaseException, name: str, doing: str) -> DeviceError:
             cause=f"one of {_CHANNEL[Qerr(code)]} in the URL is beyond what this board has.",
             fix="look at the terminal board and write each channel into the URL",
         )
-    if code in (Qerr.ANALOG_EXPIRATION_NOT_SUPPORTED, Qerr.DIGITAL_EXPIRATION_NOT_SUPPORTED):
+    if code in EVERY_OUTPUT:
+        return DeviceError(
+            f"{name} cannot be flown: its watchdog wants to be told of every output.",
+            cause="the board does not say how many outputs it has.",
+            fix="update the board's firmware and the HIL library",
+        )
+    if code in _NO_WATCHDOG:
         return DeviceError(
             f"{name} cannot be flown: its watchdog cannot put the outputs to rest.",
             cause="this type of board has no expiration states: if this computer hangs, the "

@@ -116,15 +116,12 @@ class Board:
         self.fed_s = time.monotonic()
         return not self.expired
 
-    def clear(self) -> bool:
-        """False where there is nothing to clear."""
+    def clear(self) -> None:
         self.advance()
-        if not self.expired:
-            return False
-        self.expired, self.timeout_s = False, None
-        self.analog, self.digital = self._before
-        self.written.append(self.motor_volts())
-        return True
+        if self.expired:
+            self.expired, self.timeout_s = False, None
+            self.analog, self.digital = self._before
+            self.written.append(self.motor_volts())
 
     def start(self, task: Task, rate_hz: float) -> None:
         self.advance()
@@ -162,8 +159,7 @@ class Board:
             return
         self.expired = True
         self._before = (dict(self.analog), dict(self.digital))
-        # A board whose states are not both set leaves its outputs where they are.
-        if {"analog", "digital"} <= self.expiry.keys() or not self.q8:
-            self.analog |= self.expiry.get("analog", {})
-            self.digital |= {c: int(s) for c, s in self.expiry.get("digital", {}).items()}
+        # Outputs whose states were not set stay where they are.
+        self.analog |= self.expiry.get("analog", {})
+        self.digital |= {c: int(s) for c, s in self.expiry.get("digital", {}).items()}
         self.written.append(self.motor_volts())

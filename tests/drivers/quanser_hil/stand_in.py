@@ -17,7 +17,10 @@ import pytest
 from .board import TRISTATE, Bench, Board, Task
 
 NOT_FOUND, IN_USE, OVERFLOW, UNKNOWN_TYPE, GONE = 108, 109, 111, 179, 670
-WATCHDOG_CLEAR, NOT_ZERO, NOT_TRISTATE, NOT_SUPPORTED = 599, 601, 602, 592
+NOT_ZERO, NOT_TRISTATE, NOT_ALL_OUTPUTS = 601, 602, 614
+OUTPUTS = 8
+"""analog, and digital, of every board here"""
+PROPERTIES = {10: 2, 11: 9, 20: OUTPUTS, 22: OUTPUTS}
 TYPES = ("q8_usb", "q2_usb", "qpid_e")
 
 
@@ -36,6 +39,7 @@ class Laboratory:
         odd = Bench((3, 2), (5, 6, 7), (4,), 0, 5.0, (1, 0), 0.5)
         self.boards = {
             ("q8_usb", "0"): Board(),
+            ("q2_usb", "0"): Board(q8=False),
             ("qpid_e", "0"): Board(odd, q8=False),
             ("qpid_e", "1"): Board(Bench(enable=()), q8=False),
         }
@@ -55,7 +59,12 @@ class Laboratory:
         made.Clock = SimpleNamespace(HARDWARE_CLOCK_0=0)
         made.DigitalState = SimpleNamespace(LOW=0, HIGH=1, TRISTATE=2, NO_CHANGE=3)
         made.EncoderQuadratureMode = SimpleNamespace(NONE=0, X1=1, X2=2, X4=4)
-        made.IntegerProperty = SimpleNamespace(FIRMWARE_MAJOR_VERSION=10, FIRMWARE_MINOR_VERSION=11)
+        made.IntegerProperty = SimpleNamespace(
+            FIRMWARE_MAJOR_VERSION=10,
+            FIRMWARE_MINOR_VERSION=11,
+            NUMBER_OF_ANALOG_OUTPUTS=20,
+            NUMBER_OF_DIGITAL_OUTPUTS=22,
+        )
         return made
 
 
@@ -137,7 +146,7 @@ class _Hil:
     def get_integer_property(self, properties: Any, n: int, buffer: Any) -> None:
         _of("i", properties, n), _of("i", buffer, n)
         self._call("get_integer_property", properties, n)
-        buffer[0], buffer[1] = 2, 9
+        buffer[:] = array("i", [PROPERTIES[p] for p in properties])
 
     # Immediate inputs and outputs
 
@@ -207,17 +216,21 @@ class _Hil:
         board = self._call("watchdog_set_analog_expiration_state", channels, n, volts)
         if board.q8 and any(volts):
             raise HILError(-NOT_ZERO)
-        board.expiry["analog"] = dict(zip(channels, volts, strict=True))
+        board.expiry.setdefault("analog", {}).update(zip(channels, volts, strict=True))
 
     def watchdog_set_digital_expiration_state(self, channels: Any, n: int, states: Any) -> None:
         _of("I", channels, n), _of("i", states, n)
         board = self._call("watchdog_set_digital_expiration_state", channels, n, states)
         if board.q8 and any(s != TRISTATE for s in states):
             raise HILError(-NOT_TRISTATE)
-        board.expiry["digital"] = dict(zip(channels, states, strict=True))
+        board.expiry.setdefault("digital", {}).update(zip(channels, states, strict=True))
 
     def watchdog_start(self, timeout: float) -> None:
-        self._call("watchdog_start", timeout).watch(timeout)
+        board = self._call("watchdog_start", timeout)
+        told = sum(len(states) for states in board.expiry.values())
+        if board.q8 and 0 < told < 2 * OUTPUTS:
+            raise HILError(-NOT_ALL_OUTPUTS)
+        board.watch(timeout)
 
     def watchdog_stop(self) -> None:
         board = self._call("watchdog_stop")
@@ -233,8 +246,7 @@ class _Hil:
         return board.expired
 
     def watchdog_clear(self) -> None:
-        if not self._call("watchdog_clear").clear():
-            raise HILError(-WATCHDOG_CLEAR)
+        self._call("watchdog_clear").clear()
 
 
 def _of(typecode: str, values: Any, n: int) -> None:

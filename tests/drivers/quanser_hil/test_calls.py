@@ -44,7 +44,7 @@ def test_counts_are_set_to_zero_where_that_is_asked_for(lab: Laboratory, open_bo
 def test_arming_sets_both_expiration_states_before_the_amplifier_is_enabled(
     lab: Laboratory, open_board: Open
 ):
-    rig = open_board()
+    rig = open_board("quanser://q2_usb/0?watchdog_s=0.5")
     since(lab)
     rig.arm()
     assert since(lab) == [
@@ -54,12 +54,30 @@ def test_arming_sets_both_expiration_states_before_the_amplifier_is_enabled(
         ("task_create_encoder_reader", 40, ENCODERS, 3),
         ("task_start", 0, 20.0, FOREVER),
         ("watchdog_set_analog_expiration_state", MOTORS, 2, [0.0, 0.0]),
-        # A Q8 refuses a level and takes tristate.
         ("watchdog_set_digital_expiration_state", ENABLE, 2, [0, 0]),
-        ("watchdog_set_digital_expiration_state", ENABLE, 2, [2, 2]),
         ("watchdog_start", 0.5),
         ("write_digital", ENABLE, 2, [1, 1]),
         ("task_read_encoder", 1),
+    ]
+
+
+def test_a_board_of_the_q8_series_takes_tristate_and_wants_to_be_told_of_every_output(
+    lab: Laboratory, open_board: Open
+):
+    rig = open_board()
+    rig.arm()
+    every = list(range(8))
+    watchdog = [c for c in lab.calls if "watchdog_s" in c[0] or c[0] == "get_integer_property"]
+    assert watchdog[1:] == [
+        ("watchdog_set_analog_expiration_state", MOTORS, 2, [0.0, 0.0]),
+        ("watchdog_set_digital_expiration_state", ENABLE, 2, [0, 0]),
+        ("watchdog_set_digital_expiration_state", ENABLE, 2, [2, 2]),
+        ("watchdog_start", 0.5),
+        ("get_integer_property", [20, 22], 2),
+        ("watchdog_set_analog_expiration_state", every, 8, [0.0] * 8),
+        ("watchdog_set_digital_expiration_state", every, 8, [0, 0, *[2] * 6]),
+        ("watchdog_set_digital_expiration_state", every, 8, [2] * 8),
+        ("watchdog_start", 0.5),
     ]
 
 

@@ -33,7 +33,8 @@ SAID = {
     Qerr.HARDWARE_CLOCK_IN_USE: "the board's clock is in use",
     Qerr.CLOCK_FREQUENCY_TOO_HIGH: "cannot run at the profile's rate",
     Qerr.INVALID_ENCODER_INPUT_CHANNEL: "no such channel",
-    Qerr.DIGITAL_EXPIRATION_NOT_SUPPORTED: "cannot be flown",
+    Qerr.DIGITAL_EXPIRATION_NOT_SUPPORTED: "cannot put the outputs to rest",
+    Qerr.Q8_SERIES_EXPIRATIONS_NOT_CONFIGURED: "wants to be told of every output",
     Qerr.FUNCTION_NOT_SUPPORTED: "the vendor's words for 94",
 }
 
@@ -154,6 +155,8 @@ def test_a_task_that_another_program_ended_ends_the_flight(lab: Laboratory, open
     [
         ("watchdog_set_analog_expiration_state", Qerr.ANALOG_EXPIRATION_NOT_SUPPORTED),
         ("watchdog_set_digital_expiration_state", Qerr.DIGITAL_EXPIRATION_NOT_SUPPORTED),
+        ("watchdog_start", Qerr.WATCHDOG_START_NOT_SUPPORTED),
+        ("watchdog_start", Qerr.Q8_SERIES_EXPIRATIONS_NOT_CONFIGURED),
     ],
 )
 def test_a_board_whose_watchdog_cannot_stop_it_is_never_enabled(
@@ -164,6 +167,23 @@ def test_a_board_whose_watchdog_cannot_stop_it_is_never_enabled(
     with pytest.raises(DeviceError, match="cannot be flown"):
         rig.arm()
     assert not [c for c in lab.calls if c[0] == "write_digital" and any(c[3])]
+
+
+def test_a_board_that_does_not_say_how_many_outputs_it_has_is_not_flown(
+    lab: Laboratory, open_board: Open
+):
+    lab.failing["get_integer_property"] = Qerr.FUNCTION_NOT_SUPPORTED
+    rig = open_board(URL)
+    assert rig.identity.firmware == "unknown"
+    with pytest.raises(DeviceError, match="wants to be told of every output"):
+        rig.arm()
+    assert q8(lab).motor_volts() == (0.0, 0.0)
+
+
+def test_a_board_without_a_watchdog_can_be_opened_and_read(lab: Laboratory, open_board: Open):
+    for call, code in (("watchdog_clear", 599), ("watchdog_start", 595), ("watchdog_stop", 596)):
+        lab.failing[call] = code
+    assert open_board(URL).read().flags == Flags(0)
 
 
 def test_a_board_is_closed_again_when_it_cannot_be_put_to_rest(lab: Laboratory, open_board: Open):
