@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 OPTIONS = (
     "profile", "hide", "seed", "speed", "noise", "start", "spread", "rate_hz", "watchdog_s",
+    "fault",
 )  # fmt: skip
 LONGEST_CATCH_UP_S = 60.0
 
@@ -82,6 +83,7 @@ class Options:
     spread: float = 0.0
     rate_hz: float | None = None
     watchdog_s: float | None = None
+    fault: tuple[str, ...] = ()
 
     @staticmethod
     def of(url: DeviceUrl) -> Options:
@@ -105,6 +107,7 @@ class Options:
             spread=_number(url, "spread", "0", 0, 0.5),
             rate_hz=_number(url, "rate_hz", "0", 10, 10000) if url.one("rate_hz") else None,
             watchdog_s=_number(url, "watchdog_s", "0", 1e-3, 10) if url.one("watchdog_s") else None,
+            fault=url.options.get("fault", ()),
         )
 
 
@@ -138,6 +141,7 @@ def device_of(profile: Profile, options: Options) -> Device:
     """The emulated electronics and plant of these options, for every door they stand behind."""
     from .emulator.body import setup_of
     from .emulator.device import WATCHDOG_S, Device
+    from .emulator.faults import Breaking, parse_faults
     from .emulator.hide import parse_hide
     from .emulator.plant import Plant
 
@@ -160,7 +164,9 @@ def device_of(profile: Profile, options: Options) -> Device:
         spread=options.spread,
         start_V=profile.motor.V_o if level else 0.0,
     )
-    return Device(plant, v_max=profile.motor.v_max, watchdog_s=watchdog_s, held=level)
+    faults = parse_faults(options.fault)
+    breaking = Breaking(plant, faults) if faults else plant
+    return Device(breaking, v_max=profile.motor.v_max, watchdog_s=watchdog_s, held=level)
 
 
 class MockRig:

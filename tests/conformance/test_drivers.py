@@ -13,7 +13,7 @@ import pytest
 
 from heli3dof.rig.conformance import CASES, Case, conforms
 from heli3dof.rig.drivers import load_driver, registered
-from tests.drivers.doors import Door, python_door
+from tests.drivers.doors import Door, firmware_door, python_door
 
 WITHOUT_HARDWARE = {
     # A watchdog of 0.3 s: a busy test machine may well be silent for 0.1 s.
@@ -25,6 +25,8 @@ WITHOUT_HARDWARE = {
     "serial": (
         "serial://{python}?watchdog_s=0.3",
         "serial://{python}?watchdog_s=0.3&stream=0",
+        "serial://{firmware}?watchdog_s=0.3",
+        "serial://{firmware}?watchdog_s=0.3&stream=0",
     ),
     "usb": (
         "usb+mock:?watchdog_s=0.3",
@@ -40,7 +42,10 @@ WITHOUT_HARDWARE = {
 NEEDS_HARDWARE: set[str] = set()
 URLS = [url for urls in WITHOUT_HARDWARE.values() for url in urls]
 
-DOORS: dict[str, Callable[[], AbstractContextManager[Door]]] = {"python": python_door}
+DOORS: dict[str, Callable[[], AbstractContextManager[Door]]] = {
+    "python": python_door,
+    "firmware": firmware_door,
+}
 """Emulated rigs that stand in a process of their own, by the name in their URLs' braces."""
 
 

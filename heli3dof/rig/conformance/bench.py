@@ -15,6 +15,8 @@ from heli3dof.rig.port import Command, Driver, Flags, Rig, Sample
 from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.url import parse_url
 
+PATIENCE = 20
+"""Periods in which one command must arrive"""
 NEAR_V = 0.01
 """V by which a voltage may differ from the one that was asked for"""
 
@@ -41,6 +43,15 @@ class Host:
         self.sequence += 1
         self._due += self.dt * max(1, math.ceil((time.monotonic() - self._due) / self.dt))
         return self.rig.exchange(Command(self.sequence, v_front, v_back), self._due)
+
+    def hold(self, v_front: float, v_back: float) -> Sample:
+        """Send until a sample echoes it: on a busy machine a command may miss its period."""
+        for _ in range(PATIENCE):
+            sample = self.send(v_front, v_back)
+            if sample.sequence == self.sequence:
+                return sample
+        owed(False, f"a command carried out, of {PATIENCE} that were sent", sample)
+        raise AssertionError
 
 
 @dataclass

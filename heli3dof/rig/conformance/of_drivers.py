@@ -62,8 +62,7 @@ def a_rig_that_is_open_is_busy_and_goes_on_undisturbed(bench: Bench) -> None:
     else:
         owed(False, "a DeviceError where another holds the rig", "it was opened twice")
     host.arm()
-    host.send(2.0, 2.0)
-    owed_volts(host.send(2.0, 2.0), 2.0, 2.0, "after another tried to open the rig")
+    owed_volts(host.hold(2.0, 2.0), 2.0, 2.0, "after another tried to open the rig")
 
 
 def a_closed_rig_can_be_opened_again_and_is_at_rest(bench: Bench) -> None:

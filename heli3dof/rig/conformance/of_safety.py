@@ -32,7 +32,7 @@ def an_emergency_stop_is_heard_before_arming_too(bench: Bench) -> None:
     host = bench.open_to_move()
     host.rig.estop("test")
     host.arm()
-    sample = host.send(2.0, 2.0)
+    sample = host.hold(2.0, 2.0)
     owed(sample.flags == Flags.ENABLED, "a rig that arming enables", sample.flags)
 
 
@@ -86,7 +86,7 @@ def _owed_flight(host: Host) -> None:
     """Armed again, it flies."""
     flags = host.arm().flags
     owed(flags == Flags.ENABLED, "ENABLED and no other flag after arming again", flags)
-    owed_volts(host.send(5.0, 5.0), 5.0, 5.0, "after arming again")
+    owed_volts(host.hold(5.0, 5.0), 5.0, 5.0, "after arming again")
 
 
 CASES = cases(
