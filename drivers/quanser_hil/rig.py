@@ -27,7 +27,7 @@ from heli3dof.rig.port import Command, Flags, Identity, Sample
 
 from .card import DAC_V, Card
 from .errors import explain, explained
-from .stream import EncoderStream, Ended, Overrun
+from .stream import EncoderStream, Ended, Overrun, StreamStatistics
 from .troubles import closed, not_a_voltage, not_armed, not_stopped, task_ended
 
 if TYPE_CHECKING:
@@ -81,6 +81,11 @@ class QuanserRig:
     @property
     def identity(self) -> Identity:
         return self._identity
+
+    @property
+    def statistics(self) -> StreamStatistics:
+        """How the board's samples came since it was opened."""
+        return self._stream.statistics
 
     def arm(self) -> Sample:
         """Zero volts, the watchdog set and started, the task started; then the enable lines."""
@@ -200,7 +205,7 @@ class QuanserRig:
         armed = self._state is State.ARMED
         if armed:
             self._rest()
-        self._stream.start()
+        self._stream.start(overrun=True)
         if armed:
             assert problem.__cause__ is not None
             raise explain(problem.__cause__, self._name, "flying") from problem

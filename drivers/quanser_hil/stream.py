@@ -17,6 +17,7 @@ begins anew.
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from typing import Any
 
 from .card import Card
@@ -42,6 +43,20 @@ class Ended(Exception):
     """The task gives no more samples, though nobody here ended it."""
 
 
+@dataclass
+class StreamStatistics:
+    """Since the board was opened."""
+
+    samples: int = 0
+    """That the board took and this program read"""
+    passed_over: int = 0
+    """Of them, those that waited for too long to be of use"""
+    lost: int = 0
+    """Periods without a sample because the buffer had run over"""
+    tasks: int = 0
+    """Encoder tasks begun"""
+
+
 class EncoderStream:
     """The running task, and the device's time: s since the board was opened."""
 
@@ -53,6 +68,7 @@ class EncoderStream:
         self._base_s = 0.0
         self._offset: float | None = time.monotonic()
         self._doubts = 0
+        self.statistics = StreamStatistics()
 
     @property
     def running(self) -> bool:
@@ -67,10 +83,13 @@ class EncoderStream:
         """The device's time now; not before the last sample's."""
         return self.time_s + max(0.0, self._late_s())
 
-    def start(self) -> None:
+    def start(self, *, overrun: bool = False) -> None:
         """Begin anew with an empty buffer; the device's time goes on."""
         self.end()
-        self._base_s = self.now_s()
+        before_s, self._base_s = self.time_s, self.now_s()
+        if overrun:
+            self.statistics.lost += round((self._base_s - before_s) / self._dt)
+        self.statistics.tasks += 1
         self._k, self._offset, self._doubts = 0, None, 0
         self._task = self._card.task_start(1 / self._dt, self._samples)
 
@@ -94,6 +113,7 @@ class EncoderStream:
         while waiting := self._waiting():
             asked = time.monotonic()
             counts = self._read(waiting)
+            self.statistics.passed_over += waiting
             if time.monotonic() - asked < waiting * self._dt / 2:
                 self._doubts = 0
                 continue
@@ -123,6 +143,7 @@ class EncoderStream:
         if counts is None:
             raise Ended
         self._k += n
+        self.statistics.samples += n
         now = time.monotonic()
         found = now - self.time_s
         if self._offset is None:

@@ -128,6 +128,8 @@ def test_a_host_kept_from_running_while_it_waited_flies_no_burst(clock: Clock):
     counts = period(clock, made, 0.3 * DT)
     assert clock.reads == [1, 3]
     assert counts[0] == clock.newest(made._task)
+    assert made.statistics.passed_over == 3
+    assert made.statistics.lost == 0
     clock.reads.clear()
     for _ in range(10):
         period(clock, made, 0.3 * DT)
@@ -165,9 +167,11 @@ def test_a_buffer_that_ran_over_is_told_and_a_new_task_goes_on_in_time(clock: Cl
     clock.now += 10.0
     with pytest.raises(Overrun):
         made.pass_over()
-    made.start()
+    made.start(overrun=True)
     made.next()
     assert made.time_s - before == pytest.approx(10.0, abs=3 * DT)
+    assert made.statistics.lost == pytest.approx(10.0 / DT, abs=3)
+    assert made.statistics.tasks == 2
 
 
 def test_a_task_that_ends_is_told(clock: Clock):
