@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import time
+import unittest
+from dataclasses import is_dataclass
 from itertools import pairwise
 
 from heli3dof.errors import DeviceError
@@ -26,6 +28,16 @@ def the_identity_is_complete_and_fits_the_profile(bench: Bench) -> None:
     owed(least <= identity.watchdog_s <= 1.0, f"a watchdog of {least:g} to 1 s", identity)
     owed(identity.timebase in ("host", "device", "virtual"), "a known timebase", identity)
     owed(identity.boot is None or isinstance(identity.boot, int), "a boot, or None", identity)
+
+
+def what_a_rig_counts_are_numbers_that_recordings_can_keep(bench: Bench) -> None:
+    rig = bench.open().rig
+    statistics = getattr(rig, "statistics", None)
+    if statistics is None:
+        raise unittest.SkipTest("this rig counts nothing")
+    owed(is_dataclass(statistics), "statistics that are a dataclass", statistics)
+    lost = getattr(statistics, "lost", 0)
+    owed(isinstance(lost, int) and lost >= 0, "a count of lost samples", lost)
 
 
 def before_arming_no_volt_gets_out(bench: Bench) -> None:
@@ -148,6 +160,7 @@ def _owed_sample(sample: Sample) -> None:
 CASES = (
     *cases(
         the_identity_is_complete_and_fits_the_profile,
+        what_a_rig_counts_are_numbers_that_recordings_can_keep,
         before_arming_no_volt_gets_out,
         reading_shows_a_rig_that_is_not_armed_and_leaves_it_so,
         reading_after_a_flight_shows_where_the_rig_is,

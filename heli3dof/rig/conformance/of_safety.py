@@ -14,6 +14,9 @@ from .bench import Bench, Host, cases, owed, owed_error, owed_rest, owed_volts
 SILENT_S = 0.5
 """s beyond the watchdog's time: its ramp, and a busy machine"""
 
+AWAY = 10
+"""Periods for which a host is away that is no longer than any watchdog"""
+
 
 def an_emergency_stop_is_zero_volts_until_armed_however_often_it_is_called(bench: Bench) -> None:
     host = bench.open_to_move()
@@ -73,6 +76,24 @@ def a_silent_host_is_latched_out_until_it_arms_again(bench: Bench) -> None:
     _owed_flight(host)
 
 
+def a_host_that_was_away_flies_no_burst(bench: Bench) -> None:
+    host = bench.open_to_move()
+    if host.rig.identity.timebase == "virtual":
+        raise unittest.SkipTest("a virtual clock stands still while the host is away")
+    dt = bench.profile.dt
+    host.arm()
+    before = host.send(2.0, 2.0)
+    time.sleep(AWAY * dt)
+    after = host.send(2.0, 2.0)
+    stepped = (after.device_time_s - before.device_time_s) / dt
+    owed(stepped > AWAY - 1, f"{AWAY} periods stepped over", f"{stepped:.1f} periods")
+    start = time.monotonic()
+    for _ in range(AWAY):
+        host.send(2.0, 2.0)
+    took = (time.monotonic() - start) / dt
+    owed(took > AWAY - 2, f"{AWAY} periods for {AWAY} exchanges after that", f"{took:.1f} periods")
+
+
 def arming_while_armed_starts_again_at_zero_volts(bench: Bench) -> None:
     host = bench.open_to_move()
     host.arm()
@@ -95,5 +116,6 @@ CASES = cases(
     a_voltage_that_is_not_a_number_never_reaches_the_motors,
     closing_is_idempotent_and_final,
     a_silent_host_is_latched_out_until_it_arms_again,
+    a_host_that_was_away_flies_no_burst,
     arming_while_armed_starts_again_at_zero_volts,
 )
