@@ -6,10 +6,14 @@ the output ramps to zero over `RAMP_S` and stays there until the device is armed
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from heli3dof.rig.port import Flags
 
 from .faults import Breaking
-from .plant import Plant
+
+if TYPE_CHECKING:
+    from .plant import Plant
 
 WATCHDOG_S = 0.1
 RAMP_S = 0.2

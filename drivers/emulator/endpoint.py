@@ -96,6 +96,7 @@ class Endpoint:
         self._dt_us = device.plant.dt * 1e6
         self._grid_us, self._steps = 0, 0
         self._arrives = True
+        self._jitter_us = 0
 
     def receive(self, now_us: int, data: bytes) -> bytes:
         """What the host's bytes, read now, make the device say; with what was due until now."""
@@ -112,7 +113,6 @@ class Endpoint:
         while (due := self._next_sample_us()) is not None and due <= now_us:
             self._advance(due)
             if due > self._heard_us + QUIET_US:
-                self._period_us = 0
                 break
             self._streamed += 1
             self._late_us = max(self._late_us, now_us - due)
@@ -121,6 +121,8 @@ class Endpoint:
             else:
                 self._number = _u32(self._number + 1)
         self._advance(now_us)
+        if now_us > self._heard_us + QUIET_US:
+            self._period_us = 0
         return out
 
     def next_us(self) -> int | None:
@@ -171,6 +173,8 @@ class Endpoint:
             case _:
                 self._refused += 1
                 kind = frame.kind if isinstance(frame, Unknown) else frame.TYPE
+                if kind & 0x80:  # a device's own, come back: a line that echoes is not answered
+                    return b""
                 return self._ack(frame.number, kind, Code.UNKNOWN_TYPE)
 
     def _arm(self, arm: Arm) -> bytes:
@@ -203,8 +207,11 @@ class Endpoint:
         while (end := self._grid_us + round((self._steps + 1) * self._dt_us)) <= now_us:
             volts = self._amplifier.mean_V(end)
             self._steps += 1
+            if self._device.held:
+                continue
             plant = self._device.plant
-            self._arrives = self._device.held or plant.step(*volts)
+            self._arrives = plant.step(*volts)
+            self._jitter_us = round((plant.t - plant.periods * plant.dt) * 1e6)
             trip = plant.trip() if isinstance(plant, Breaking) else None
             if trip is not None:
                 flag, cause = trip
@@ -219,15 +226,16 @@ class Endpoint:
         roll, pitch, yaw = device.plant.counts
         delay = NO_DELAY
         arrived, before = self._arrived_us, self._sampled_us
-        if arrived is not None and before is not None and arrived >= before:
+        if arrived is not None and before is not None:
             delay = min(arrived - before, NO_DELAY)
         front_mA, back_mA = (_milliampere(i) for i in device.current)
+        time_us = _u32(now_us + self._jitter_us)
         frame = SampleFrame(
-            self._number, amplifier.last, _u32(now_us), roll, pitch, yaw, front, back,
-            front_mA, back_mA, delay, amplifier.flags, amplifier.cause,
+            self._number, amplifier.last, time_us, roll, pitch, yaw, front, back, front_mA, back_mA,
+            delay, amplifier.flags, amplifier.cause,
         )  # fmt: skip
         self._number = _u32(self._number + 1)
-        self._sampled_us = now_us
+        self._arrived_us, self._sampled_us = None, now_us
         return wire(frame)
 
     def _ack(self, number: int, request: int, code: Code = Code.OK) -> bytes:

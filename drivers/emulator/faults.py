@@ -143,5 +143,9 @@ class Breaking:
         return self._plant.t
 
     @property
+    def periods(self) -> int:
+        return self._plant.periods
+
+    @property
     def truth(self) -> Truth:
         return self._plant.truth

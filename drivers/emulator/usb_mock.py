@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
     from heli3dof.rig.url import DeviceUrl
 
-OURS = ("stream", "timeout_s", "fault")
+OURS = ("stream", "timeout_s", "signs", "fault")
 """Options of the door, not of the rig"""
 
 

@@ -56,7 +56,7 @@ class DescriptorLine:
             return b""
         except OSError as problem:
             raise gone(self._name, problem) from problem
-        if not data:  # ready, and nothing there: hung up
+        if not data and self._hung_up():
             raise gone(self._name, None)
         return data
 
@@ -74,6 +74,18 @@ class DescriptorLine:
             release()
         except Exception:
             return  # it is gone: nothing is left to be released
+
+    def _hung_up(self) -> bool:
+        """What it means that bytes were there and none could be read.
+
+        A terminal says so of its own: there, another process that stops the rig may have been
+        quicker. Elsewhere it is the end.
+        """
+        if not os.isatty(self._fd):
+            return True
+        poll = select.poll()
+        poll.register(self._fd, 0)  # hang-up and error are always told
+        return bool(poll.poll(0))
 
     def _open_fd(self) -> int:
         if self._release is None:

@@ -8,7 +8,15 @@ from collections.abc import Sequence
 
 from heli3dof.rig.port import Check
 
-from .ports import QUICK_MS, holders, latency_timer, permission_fix, usb_ports
+from .ports import (
+    QUICK_MS,
+    holders,
+    latency_timer,
+    lockers,
+    named,
+    permission_fix,
+    usb_ports,
+)
 
 
 def checks(path: str) -> Sequence[Check]:
@@ -28,11 +36,14 @@ def _permission(path: str) -> Check:
 
 
 def _holder(path: str) -> Check:
-    found = holders(path)
-    if not found:
-        return Check("held by", "no process that we can see", True)
-    who = ", ".join(f"process {pid} ({name})" for pid, name in found)
-    return Check("held by", who, False, f"end it (kill {found[0][0]}) if it flies no rig")
+    what = "held by"
+    if locked := lockers(path):
+        fix = f"let it end; where it flies no rig: kill {locked[0][0]}"
+        return Check(what, f"{named(locked)}: locked", False, fix)
+    if opened := holders(path):
+        fix = "end it where it talks to the port too; an emulated rig keeps its own end open"
+        return Check(what, f"nobody; open in {named(opened)}", None, fix)
+    return Check(what, "no process that we can see", True)
 
 
 def _latency(path: str) -> Check:

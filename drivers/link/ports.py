@@ -49,12 +49,35 @@ def _is(fd: Path, device: int) -> bool:
         return False
 
 
+def lockers(path: str) -> list[tuple[int, str]]:
+    """(pid, name) of the processes that have locked this port for themselves, as pyserial does."""
+    try:
+        file = os.stat(path)
+        locks = Path("/proc/locks").read_text(encoding="ascii")
+    except OSError:
+        return []
+    place = f"{os.major(file.st_dev):02x}:{os.minor(file.st_dev):02x}:{file.st_ino}"
+    # 1: FLOCK  ADVISORY  WRITE 4711 00:15:3 0 EOF
+    rows = [line.split() for line in locks.splitlines()]
+    found = {int(row[4]) for row in rows if "FLOCK" in row and place in row and row[4].isdigit()}
+    return [(pid, _name(pid)) for pid in sorted(found)]
+
+
+def named(processes: list[tuple[int, str]]) -> str:
+    """``process 123 (python)``, for each."""
+    return ", ".join(f"process {pid} ({name})" for pid, name in processes)
+
+
 def held_by(path: str) -> str:
-    """``process 123 (python)``; where /proc does not tell, that."""
-    found = holders(path)
-    if not found:
-        return "a process of another user"
-    return ", ".join(f"process {pid} ({name})" for pid, name in found)
+    """Who has locked a port, or has it open, or that /proc does not tell."""
+    return named(lockers(path) or holders(path)) or "a process of another user"
+
+
+def _name(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/comm").read_text(encoding="utf-8").strip()
+    except OSError:
+        return "another user's"
 
 
 def latency_timer(path: str) -> tuple[int, Path] | None:
@@ -78,5 +101,7 @@ def permission_fix(path: str) -> str:
     except (OSError, KeyError):
         group = "dialout"
     if group in ("root", "tty"):
-        return "install the udev rule that comes with heli3dof (docs/serial.md), and plug in again"
+        from ..udev import install_command
+
+        return install_command()
     return f"sudo usermod -aG {group} $USER, then log in again"

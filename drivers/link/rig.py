@@ -6,7 +6,8 @@ Streaming (the device keeps time)::
 
 Samples that were waiting when the command went out say nothing of it: they are passed over, and
 of several that came together the newest counts. So a host that was late loses periods, and never
-flies two of them in one. Polled (the host keeps time)::
+flies two of them in one. A command that the line lost or delayed costs no period: the sample is
+taken when it comes, and its echo says so. Polled (the host keeps time)::
 
     exchange:  COMMAND at once, wait until due_s, POLL ──▶ SAMPLE
 """
@@ -215,24 +216,14 @@ class LinkRig:
         raise self._silence()
 
     def _next_of_stream(self) -> Sample:
-        dialogue, statistics = self._dialogue, self.statistics
         until = time.monotonic() + SILENCE_S
-        in_flight = True
-        while True:
-            sample = self._newest()
-            if sample is not None:
-                if self._intake.heard or not sample.flags & Flags.ENABLED:
-                    return sample
-                if not in_flight:  # the second sample since: the command was lost
-                    statistics.unheard += 1
-                    return sample
-                in_flight = False
-                statistics.passed_over += 1
-                continue
+        while (sample := self._newest()) is None:
             left = until - time.monotonic()
             if left <= 0:
                 return self._after_the_stream()
-            dialogue.receive(left)
+            self._dialogue.receive(left)
+        self.statistics.unheard += not self._intake.heard
+        return sample
 
     def _after_the_stream(self) -> Sample:
         """The stream has ended; ask why. A stopped device says so by POLL; else DeviceError."""

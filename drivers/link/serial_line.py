@@ -7,6 +7,7 @@ A port with a file descriptor is read straight from it, what else pyserial knows
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
@@ -95,7 +96,7 @@ def open_line(url: str, *, baud: int = BAUD, low_latency: bool = True) -> Transp
         raise refused(url, problem) from problem
     if low_latency and plain:
         prefer_low_latency(port)
-    if plain or isinstance(port, protocol_socket.Serial):
+    if os.name == "posix" and (plain or isinstance(port, protocol_socket.Serial)):
         return DescriptorLine(port.fileno(), url, port.close)
     return PyserialLine(port, url)
 

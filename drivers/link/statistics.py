@@ -56,12 +56,12 @@ class LinkStatistics:
     lost: int = 0
     """Samples that the device numbered and that never came"""
     passed_over: int = 0
-    """Samples that came too late to be of use: a newer one was there, or a command had gone out"""
+    """Samples that came too late to be of use: with a newer one, or after the next command"""
     rejected: int = 0
     """Whole samples that cannot be: an echo of what was not sent, a number that was there before"""
     commands: int = 0
     unheard: int = 0
-    """Commands that a sample after them did not echo"""
+    """Commands that the sample after them did not echo: lost, refused, or too late on the line"""
     repeats: int = 0
     """Questions asked again because no answer came"""
     round_trip: Histogram = field(default_factory=Histogram)

@@ -126,13 +126,13 @@ def select(backend: Any, text: str, where: str) -> OnBus:
     serial = unquote(match.group(3) or "") or None
     with explained(text, "looking for it"):
         present = list(on_bus(backend))
-    # One whose serial number cannot be read may be the one: opening it says why it cannot.
     fits = [
-        d
-        for d in present
-        if vid is None or (d.device.idVendor, d.device.idProduct) == (vid, pid)
-        if serial is None or d.serial is None or d.serial == serial
+        d for d in present if vid is None or (d.device.idVendor, d.device.idProduct) == (vid, pid)
     ]
+    if serial is not None:
+        # One whose serial number cannot be read may be the one: opening it says why it cannot.
+        unread = [d for d in fits if d.serial is None]
+        fits = [d for d in fits if d.serial == serial] or unread
     if len(fits) == 1:
         return fits[0]
     if fits:

@@ -2,8 +2,9 @@
 
 Either part of the place may be left out where one rig fits. Options: ``stream=0`` asks for every
 sample instead of letting the rig time them; ``watchdog_s`` is the silence after which the rig
-stops itself; ``timeout_s`` is how long it may take to accept a frame. ``usb+mock:`` takes the
-options of ``mock:`` and ``fault=`` besides; see `heli3dof_drivers.emulator.door_usb`.
+stops itself; ``timeout_s`` is how long it may take to accept a frame; ``signs=profile`` believes
+the profile which way the encoders count. ``usb+mock:`` takes the options of ``mock:`` and
+``fault=`` besides; see `heli3dof_drivers.emulator.door_usb`.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
     from heli3dof.rig.url import DeviceUrl
 
-OPTIONS = ("stream", "watchdog_s", "timeout_s")
+OPTIONS = ("stream", "watchdog_s", "timeout_s", "signs")
 EMULATED = "usb+mock"
 MOCK_OPTIONS = ("profile", "hide", "seed", "noise", "start", "spread", "fault")
 """What ``usb+mock:`` takes besides"""
@@ -53,11 +54,15 @@ class UsbDriver:
         from .rig import UsbRig
         from .transport import UsbTransport
 
-        stream, watchdog_s, timeout_s = self._options(url)
+        url.check_options((*OPTIONS, *MOCK_OPTIONS) if url.scheme == EMULATED else OPTIONS)
+        watchdog_s = _seconds(url, "watchdog_s", 1.0) if url.one("watchdog_s") else None
+        timeout_s = _seconds(url, "timeout_s", 10.0) if url.one("timeout_s") else 0.25
+        stream = _choice(url, "stream", ("1", "0")) == "1"
+        signs = _choice(url, "signs", ("device", "profile"))
         backend = self._bus(url, profile)
         on = select(backend, url.text, "" if url.scheme == EMULATED else url.where)
         transport = UsbTransport(on.device, url.text, write_s=timeout_s, holder=on.holder)
-        return UsbRig(transport, profile, stream=stream, watchdog_s=watchdog_s)
+        return UsbRig(transport, profile, stream=stream, watchdog_s=watchdog_s, signs=signs)
 
     def estop(self, url: DeviceUrl) -> str:
         """Zero volts by a control request, though another process may hold the rig's pipes."""
@@ -88,19 +93,17 @@ class UsbDriver:
 
         return bus_of(url, profile)
 
-    @staticmethod
-    def _options(url: DeviceUrl) -> tuple[bool, float | None, float]:
-        url.check_options((*OPTIONS, *MOCK_OPTIONS) if url.scheme == EMULATED else OPTIONS)
-        stream = url.one("stream", "1")
-        if stream not in ("0", "1"):
-            raise UsageError(
-                f"{url.text}: stream={stream} is neither 0 nor 1.",
-                cause="1: the rig times its samples (default); 0: the host asks for each.",
-                fix="stream=1, or leave it out",
-            )
-        watchdog_s = _seconds(url, "watchdog_s", 1.0) if url.one("watchdog_s") else None
-        timeout_s = _seconds(url, "timeout_s", 10.0) if url.one("timeout_s") else 0.25
-        return stream == "1", watchdog_s, timeout_s
+
+def _choice(url: DeviceUrl, name: str, known: tuple[str, ...]) -> str:
+    """The option, or the first of the known ones."""
+    text = str(url.one(name, known[0]))
+    if text not in known:
+        raise UsageError(
+            f"{url.text}: {name}={text} is none of {', '.join(known)}.",
+            cause="a typing error.",
+            fix=f"{name}={known[0]}, or leave it out",
+        )
+    return text
 
 
 def _seconds(url: DeviceUrl, name: str, most: float) -> float:

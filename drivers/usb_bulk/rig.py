@@ -21,10 +21,18 @@ class UsbRig(LinkRig):
     """See `heli3dof.rig.port.Rig`."""
 
     def __init__(
-        self, pipe: UsbTransport, profile: Profile, *, stream: bool, watchdog_s: float | None
+        self,
+        pipe: UsbTransport,
+        profile: Profile,
+        *,
+        stream: bool,
+        watchdog_s: float | None,
+        signs: str,
     ) -> None:
         self._pipe = pipe
-        super().__init__(pipe, profile, driver="usb", stream=stream, watchdog_s=watchdog_s)
+        super().__init__(
+            pipe, profile, driver="usb", stream=stream, watchdog_s=watchdog_s, signs=signs
+        )
 
     def arm(self) -> Sample:
         self._pipe.follow_scheduling()

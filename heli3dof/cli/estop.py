@@ -41,23 +41,24 @@ def estop(
             cause="it belongs to another user's session, or is not plugged in.",
             fix="switch off the amplifier; heli3dof devices lists what can be reached",
         )
+    done = [s for s in stopped if s.done]
     failed = [s for s in stopped if not s.done]
-    if not failed:
-        _say(talk, [f"Stopped {s.device} in {s.seconds * 1e3:.0f} ms: {s.how}." for s in stopped])
-        talk.emit(
-            {
-                "schema": "heli3dof.estop/1",
-                "stopped": [
-                    {"device": s.device, "how": s.how, "seconds": s.seconds} for s in stopped
-                ],
-            }
+    _say(talk, [f"Stopped {s.device} in {s.seconds * 1e3:.0f} ms: {s.how}." for s in done])
+    # What was only found may be no rig at all, and nothing of ours moves it.
+    if failed and (device is not None or not done or any(s.held for s in failed)):
+        raise DeviceError(
+            "NOT STOPPED: " + "; ".join(f"{s.device}: {s.how}" for s in failed),
+            cause="the cable is out, the device hangs, or the port is not yours to open.",
+            fix="switch off the amplifier; its watchdog stops it when nobody commands it",
         )
-        return
-    _say(talk, [f"Stopped {s.device}: {s.how}." for s in stopped if s.done])
-    raise DeviceError(
-        "NOT STOPPED: " + "; ".join(f"{s.device}: {s.how}" for s in failed),
-        cause="the cable is out, the device hangs, or the port is not yours to open.",
-        fix="switch off the amplifier; its watchdog stops it when nobody commands it",
+    for each in failed:
+        talk.warn(f"{each.device} did not confirm, and nothing here flies it: {each.how}")
+    talk.emit(
+        {
+            "schema": "heli3dof.estop/1",
+            "stopped": [{"device": s.device, "how": s.how, "seconds": s.seconds} for s in done],
+            "unconfirmed": [{"device": s.device, "why": s.how} for s in failed],
+        }
     )
 
 

@@ -9,9 +9,9 @@ holds projected out (Rao's score test),
 
 (a constant torque is no structure). B simulated nulls of the fit give each function's mean score
 ū, which is taken off, and each group's κ = mean S_null/(rank − 1), by which S is divided where it
-exceeds one. Where the scores of a fit that was not freed of the filter's bias scatter more than
-`DISTRUSTED` times as they should, S is divided by that scatter instead. All groups are put on one
-scale, x = −2 ln P(χ² > S/κ); the largest x of a null follows a Gumbel law, which gives the
+exceeds one; by no less than the fit's own scores scatter in flights of it (where it was not freed
+of the filter's bias: where they scatter `DISTRUSTED` times as they should). All groups are put on
+one scale, x = −2 ln P(χ² > S/κ); the largest x of a null follows a Gumbel law, which gives the
 threshold. The group with the largest x is taken, projected out too, and the rest looked at again.
 """
 
@@ -27,7 +27,7 @@ from heli3dof.axes import AXES
 from heli3dof.diagnosis.leftover_evidence import RANK, Evidence, Held, evidence, told
 from heli3dof.diagnosis.leftover_like import LIKE, likeness, named_traces
 from heli3dof.diagnosis.leftover_nulls import Scored, blockwise
-from heli3dof.diagnosis.nulls import EULER, FALSE_ALARMS
+from heli3dof.diagnosis.nulls import EULER
 from heli3dof.diagnosis.torque import SI_UNITS, UNITS, Trail
 from heli3dof.diagnosis.torque_hats import KNOTS, Hats, Sums, forward
 from heli3dof.identification.greybox.estimate import Estimate
@@ -39,6 +39,9 @@ ALSO = 0.5
 """Variables with this share of the best one's x are stated beside it."""
 LEAST_SHARE = 0.05
 """Of the residual torque's variance. An encoder's chatter can be sure, and explain nothing."""
+FALSE_ALARMS = 0.0005
+"""Of recordings where nothing is left. A quantile that few flights extrapolate is no better known
+than they are, and what a lab should believe without a name for it stands far above: hundreds."""
 DISTRUSTED = 2.0
 """Inflation above which flights of a fit that was not freed of its bias are no measure of it."""
 WINDOW_S = 0.1
@@ -171,7 +174,7 @@ def judge(
     x_null = np.zeros((len(others), groups))
     directions = []
     biased = getattr(found, "bias", None) is None
-    distrust = found.inflation if biased and found.inflation > DISTRUSTED else 1.0
+    distrust = 1.0 if biased and found.inflation <= DISTRUSTED else found.inflation
     for q in range(groups):
         c = library.columns(q)
         V[q] = sums.V[q] - sums.cross[:, c].T @ X[:, c]

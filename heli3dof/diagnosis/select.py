@@ -200,6 +200,7 @@ def contend(
     none = np.zeros(3) if found.noise_bias is None else found.noise_bias
     level = maximise_tilted(problem, o.theta, o.noise, Tilt(bias, none, o.theta, o.noise))
     rows = max(len(o.at.row), 2)
+    played = {t.name for t in problem.structure.terms if t.effect.starts}
 
     def one(k: int) -> Contender | None:
         term, Z2, i = ranked[k]
@@ -220,13 +221,19 @@ def contend(
                 slope[0] = per * new[0].typical
                 theta_0[0] = new[0].inward(new[0].null)
         tilt = Tilt(np.append(bias, slope), none, np.append(o.theta, theta_0), o.noise)
-        fit = maximise_tilted(ext, np.append(level.theta, start[len(o.theta) :]), level.noise, tilt)
+        # The likelihood along a play that was found is jagged: what is beside it is climbed alone.
+        jagged = np.array([f.term in played for f in wide.free])
+        fit = maximise_tilted(
+            ext, np.append(level.theta, start[len(o.theta) :]), level.noise, tilt, hold=jagged
+        )
         if not fit.loglik > level.loglik and not new[0].log:
             # It lost its way: absent it does as well as the level, so from near there it must win.
             near = start[len(o.theta) :].copy()
             absent = new[0].inward(new[0].null)
             near[0] = absent + NEARER * (near[0] - absent)
-            fit = maximise_tilted(ext, np.append(level.theta, near), level.noise, tilt, rounds=28)
+            fit = maximise_tilted(
+                ext, np.append(level.theta, near), level.noise, tilt, rounds=28, hold=jagged
+            )
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
         won = 2 * (fit.loglik - level.loglik) / nulls.inflation

@@ -47,15 +47,19 @@ class Tilt:
 
 def maximise_tilted(
     problem: Likelihood, start: np.ndarray, noise: np.ndarray, tilt: Tilt | None, *,
-    rounds: int = ROUNDS, hold_noise: bool = False,
+    rounds: int = ROUNDS, hold_noise: bool = False, hold: np.ndarray | None = None,
 ) -> Optimum:  # fmt: skip
-    """The maximum of ℓ_c near ``start`` (n,) and ``noise`` (4,); of ℓ without a tilt."""
+    """The maximum of ℓ_c near ``start`` (n,) and ``noise`` (4,); of ℓ without a tilt.
+
+    ``hold`` (n,) bool: coordinates that stay where they start.
+    """
     if tilt is None:
         tilt = Tilt(np.zeros(len(start)), np.zeros(3), start, noise)
     low, high = problem.bounds
     theta, a = np.clip(start, low, high), noise.copy()
     precision = problem.prior_precision
     axes = problem.data.axes
+    still = held(problem) if hold is None else held(problem) | hold
     lam, moved, settled = 1e-3, 0.0 if hold_noise else np.inf, False
 
     def worth(loglik: np.ndarray, theta: np.ndarray, a: np.ndarray) -> float:
@@ -70,7 +74,7 @@ def maximise_tilted(
         g = here.g - tilt.theta - precision * (theta - problem.prior_mean)
         A = here.H + np.diag(precision)
         go = ~(((theta <= low) & (g < 0)) | ((theta >= high) & (g > 0)))
-        go &= ~held(problem)
+        go &= ~still
         gain, accepted = 0.0, False
         for _ in range(10):
             damped = A[np.ix_(go, go)] + lam * np.diag(np.diag(A)[go])

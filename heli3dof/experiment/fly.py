@@ -21,11 +21,13 @@ from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import RowSink
 from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.drivers import with_seed
+from heli3dof.rig.drivers import is_private, with_seed
 from heli3dof.rig.hold import hold
 from heli3dof.rig.port import Identity
 from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.stoppable import StoppableRig
+
+ON_REQUEST = "emergency stop on request"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +48,12 @@ class Flight:
         if outcome.ending == "interrupted":
             raise KeyboardInterrupt(outcome.detail)
         if outcome.ending == "tripped":
+            by_hand = outcome.detail.startswith(ON_REQUEST)
             raise SafetyTrip(
                 f"The flight was ended for safety: {outcome.detail}{kept}.",
-                cause="the rig did what the plan did not intend, or the envelope is too tight.",
+                cause="somebody ran heli3dof estop."
+                if by_hand
+                else "the rig did what the plan did not intend, or the envelope is too tight.",
                 fix=f"heli3dof info {self.path}" if self.path else "look at flight.recording",
             )
         if outcome.ending == "device":
@@ -89,10 +94,12 @@ def fly_plan(
     meta: Mapping[str, Any] | None = None,
     live: Live | None = None,
     opened: Callable[[Identity], None] = lambda identity: None,
+    warn: Callable[[str], None] = lambda text: None,
 ) -> Flight:
     """Fly a plan on a rig and record it (to ``output``, or in memory where that is None).
 
     ``seed`` draws the plan's random signals, and an emulated rig's noise where its URL names none.
+    ``warn`` is told what the user should know before the rig is armed.
     Returns however the flight ended (see `Flight.raise_if_cut_short`); raises only where nothing
     flew: PlanError, UnstableLoop, DeviceError, OutputExists.
     """
@@ -102,12 +109,16 @@ def fly_plan(
     live = live or Live()
     with hold(device, profile, also=lambda: _progress(live)) as rig:
         opened(rig.identity)
+        if rig.rest.note:
+            warn(rig.rest.note)
         about = provenance(
             source="flight",
             plan=plan.to_dict(),
             seed=seed,
             identity=rig.identity,
             device=device,
+            rest=None if is_private(device) else rig.rest.to_dict(),
+            warnings=[rig.rest.note] if rig.rest.note else None,
             **{"name": Path(output).stem if output else plan.name, **(meta or {})},
         )
         if output is None:
@@ -158,10 +169,16 @@ def _fly(
     if rig.session.stopped is None:
         return outcome
     # An emergency stop from outside, in whatever phase it came, is how the flight ended.
-    detail = f"emergency stop on request: {rig.session.asked}"
+    detail = f"{ON_REQUEST}: {rig.session.asked}"
     return replace(outcome, ending="tripped", detail=detail, landed=False)
 
 
 def _progress(live: Live) -> dict[str, Any]:
     """What a second terminal is told of the flight, besides the rig's own state."""
-    return {"phase": live.phase, "late": live.late, "done": live.done, "total": live.total}
+    return {
+        "phase": live.phase,
+        "done": live.done,
+        "total": live.total,
+        "late": live.late,
+        "lateness_s": live.lateness,
+    }

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from heli3dof.errors import DeviceError
 from heli3dof.experiment.landing import Kept, land
-from heli3dof.experiment.outcome import Ending, Outcome, Tally
+from heli3dof.experiment.outcome import Ending, Outcome, Tally, link_counts
 from heli3dof.experiment.pacer import Pacer
 from heli3dof.experiment.period import Period, Watch
 from heli3dof.experiment.plan import Signals
@@ -37,6 +37,8 @@ class Live:
     angle: tuple[float, float, float] = (0.0, 0.0, 0.0)
     voltage: tuple[float, float] = (0.0, 0.0)
     late: int = 0
+    lateness: float = 0.0
+    """s, of the last sample"""
     phase: str = "arming"
 
 
@@ -74,14 +76,11 @@ class _Flight:
         live: Live,
         watches: Sequence[Watch],
     ) -> None:
-        self.profile, self.sink = profile, sink
+        self.rig, self.profile, self.sink = rig, profile, sink
         self.stop, self.live, self.watches = stop, live, tuple(watches)
         self.rest = tuple(profile.encoder.rest_rad.tolist())
         self.rad_per_count = tuple(profile.encoder.rad_per_count.tolist())
-        # Plain floats: indexing a list costs a tenth of indexing an array.
-        self.reference = [tuple(row) for row in signals.reference.tolist()]
-        self.extra = [tuple(row) for row in signals.extra.tolist()]
-        self.opened = None if signals.opened is None else signals.opened.tolist()
+        self.reference, self.extra, self.opened = signals.reference, signals.extra, signals.opened
         self.controller = OpenedController.of(profile)
         self.envelope = Envelope(profile)
         self.tally = Tally(len(self.reference) + self.steps(hurried=False))
@@ -129,6 +128,7 @@ class _Flight:
         return Outcome(
             ending, detail, self.flown, tally.late, tally.missed, tally.worst, landing.landed,
             error, tally.lost, None if self.virtual else tally.punctuality(), granted,
+            link_counts(self.rig),
         )  # fmt: skip
 
     def angle(self, sample: Sample) -> tuple[float, float, float]:
@@ -138,12 +138,13 @@ class _Flight:
     def period(self, k: int, sample: Sample) -> tuple[Sample, tuple[Ending, str] | None]:
         """One control period. Returns the next sample, or the same one and why to end."""
         angle = self.angle(sample)
-        reference, extra = self.reference[k], self.extra[k]
+        # Plain floats from here on, made row by row: an hour of them would fill the memory.
+        reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
         if self.opened is None:
             command, voltage = self.controller.step(angle, reference, extra)
         else:
             reference, extra, command, voltage = self.controller.step_opened(
-                self.opened[k], angle, reference, extra
+                self.opened[k].tolist(), angle, reference, extra
             )
         t = sample.device_time_s - self.t0
         why = self.reason_to_end(k, t, sample, angle, command, voltage)
@@ -160,6 +161,7 @@ class _Flight:
         )  # fmt: skip
         self.flown += 1
         live.angle, live.voltage, live.late = angle, voltage, self.tally.late
+        live.lateness = pacer.lateness
         return after, None
 
     def reason_to_end(

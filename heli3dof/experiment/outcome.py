@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
@@ -53,6 +53,8 @@ class Outcome:
     """None where nothing was flown, or on a virtual clock"""
     realtime: Realtime | None = None
     """What the system granted the loop; None on a virtual clock"""
+    link: dict[str, Any] | None = None
+    """What the rig's link counted (see `link_counts`); None where it has none"""
 
     def details(self) -> dict[str, Any]:
         """The outcome as the recording keeps it, units in the keys."""
@@ -66,7 +68,25 @@ class Outcome:
             "landed": self.landed,
             "punctuality": asdict(self.punctuality) if self.punctuality else None,
             "realtime": self.realtime.to_dict() if self.realtime else None,
+            "link": self.link,
         }
+
+
+def link_counts(rig: Any) -> dict[str, Any] | None:
+    """What ``rig.statistics`` counted, as JSON keys: numbers, and histograms by their quantiles."""
+    statistics = getattr(rig, "statistics", None)
+    if not is_dataclass(statistics) or isinstance(statistics, type):
+        return None
+    kept: dict[str, Any] = {}
+    for name in (f.name for f in fields(statistics)):
+        value = getattr(statistics, name)
+        if isinstance(value, int | float):
+            kept[name] = value
+        elif hasattr(value, "quantile_s") and value.n:
+            kept[f"{name}_median_s"] = value.quantile_s(0.5)
+            kept[f"{name}_p999_s"] = value.quantile_s(0.999)
+            kept[f"{name}_worst_s"] = value.worst_s
+    return kept
 
 
 class Tally:

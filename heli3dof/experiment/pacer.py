@@ -14,7 +14,7 @@ class Pacer:
 
     def __init__(self, rig: Rig, dt: float, tally: Tally) -> None:
         self._rig = rig
-        self._time = timekeeper(rig.identity, dt)
+        self._time = timekeeper(rig, dt)
         self._tally = tally
         self.sequence = 0
         """The number of the last command"""

@@ -6,23 +6,25 @@ Deadlines are absolute: due[k+1] = due[k] + dt, whatever happened in period k.
 timebase   sample k is due                 periods that are skipped
 =========  ==============================  =====================================================
 host       when the host asks for it       ⌊lateness / dt⌋ where a sample came that late
-device     by the device's clock, mapped   those by which the device's time jumped: *missed*
-           to the host's (`ClockMap`)      where the host came too late to see them, *lost*
-                                           where it was waiting and they did not come
+device     by the device's clock, mapped   those by which the device's time jumped: *lost*
+           to the host's (`ClockMap`)      where the link says so, *missed* by the host else
 virtual    when it comes                   none
 =========  ==============================  =====================================================
 
 A skipped period is never flown later: the plan's k moves past it, so references keep wall time.
 Lateness counts from the first deadline that was not met: a host that was away for 5.5 periods is
-late by 5.5 periods and has missed 5, whoever keeps the time.
+late by 5.5 periods and has missed 5, whoever keeps the time. A link tells what it has lost by
+``rig.statistics.lost``; of one that does not, a skipped sample is lost that was due after the host
+began to wait.
 """
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 from heli3dof.rig.clockmap import ClockMap
-from heli3dof.rig.port import Identity, Sample
+from heli3dof.rig.port import Rig, Sample
 
 
 class Timekeeper(Protocol):
@@ -81,10 +83,17 @@ class HostTime(VirtualTime):
 class DeviceTime(VirtualTime):
     """The device sends sample k at its own k·dt."""
 
+    def __init__(self, dt: float, lost: Callable[[], int] | None = None) -> None:
+        super().__init__(dt)
+        self._counted = lost
+        self._lost = 0
+        """What the link had lost so far"""
+
     def start(self, sample: Sample) -> None:
         self.due = sample.host_time_s
         self._t0, self._k = sample.device_time_s, 0
         self._map = ClockMap(sample.device_time_s, sample.host_time_s)
+        self._lost = self._counted() if self._counted is not None else 0
 
     def arrived(self, sample: Sample, asked_s: float) -> None:
         own = self._map.arrived(sample.device_time_s, sample.host_time_s)
@@ -93,14 +102,23 @@ class DeviceTime(VirtualTime):
         skipped, self._k = max(0, k - self._k - 1), k
         self.missed = 0
         if skipped:
-            # Of the skipped ones, those that were due after the host began to wait are lost.
-            lost = int(max(0.0, self.due - asked_s) / self.dt)
-            self.missed = max(0, skipped - lost)
+            self.missed = max(0, skipped - self._lost_since(asked_s))
         self.lost = skipped - self.missed
         self.lateness = own + self.missed * self.dt
 
+    def _lost_since(self, asked_s: float) -> int:
+        if self._counted is None:
+            return int(max(0.0, self.due - asked_s) / self.dt)
+        before, self._lost = self._lost, self._counted()
+        return self._lost - before
 
-def timekeeper(identity: Identity, dt: float) -> Timekeeper:
+
+def timekeeper(rig: Rig, dt: float) -> Timekeeper:
     """The clock of a rig, for control periods of ``dt`` s."""
-    kinds = {"host": HostTime, "device": DeviceTime, "virtual": VirtualTime}
-    return kinds[identity.timebase](dt)
+    if rig.identity.timebase == "host":
+        return HostTime(dt)
+    if rig.identity.timebase == "virtual":
+        return VirtualTime(dt)
+    statistics: Any = getattr(rig, "statistics", None)
+    counted = hasattr(statistics, "lost")
+    return DeviceTime(dt, (lambda: int(statistics.lost)) if counted else None)

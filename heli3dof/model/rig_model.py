@@ -133,6 +133,9 @@ class Structure:
         s = context(self.profile)
         s[slots.T_G] = values[0]
         s[slots.J_R : slots.J_R + 3] = values[1:4]
+        unit = unit_of(self.profile, values)
+        s[slots.BODY_P] *= unit
+        s[slots.BODY_PSI] *= unit
         rows = np.zeros((len(self.terms), slots.PARAMETERS))
         at = 4
         for i, t in enumerate(self.terms):
@@ -154,6 +157,20 @@ class Structure:
     def values_of(self, given: Mapping[str, float]) -> np.ndarray:
         """(n,) from a mapping of names; what is not given is at its start."""
         return np.array([given.get(f.name, f.start) for f in self.free])
+
+
+def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
+    """What all of T_g, J_r, J_p, J_ψ are off nominal by: the profile's K_f over the true one.
+
+    They are estimated in units of K_f, and so are the inertias that the masses have. The median of
+    the four ratios: one that is off by itself says nothing of the unit.
+    """
+    nominal = (2 * profile.geometry.L_a * profile.motor.K_f * profile.motor.V_o, *inertias(profile))
+    ratio = sorted(v / n for v, n in zip(values[:4], nominal, strict=True) if n and v / n > 0)
+    if not ratio:
+        return 1.0
+    middle = (len(ratio) - 1) // 2
+    return float((ratio[middle] + ratio[len(ratio) // 2]) / 2)
 
 
 def context(profile: Profile) -> np.ndarray:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from heli3dof.rig.places import device_name, runtime_folder
+from heli3dof.rig.places import POSSIBLE, device_name, runtime_folder
 
 LONGEST_ANSWER = 1 << 16
 
@@ -37,6 +37,8 @@ class Running:
 
 def running(device: str | None = None) -> list[Running]:
     """The sessions that run now, or those on one device; `mock:` means every emulated rig."""
+    if not POSSIBLE:
+        return []
     folder = runtime_folder()
     pattern = "*.lock" if device is None else f"{device_name(device)}*.lock"
     found = []
@@ -50,7 +52,7 @@ def running(device: str | None = None) -> list[Running]:
             )  # fmt: skip
         except (OSError, ValueError, KeyError, TypeError):
             continue
-        if Question(session, {}).close():
+        if lives(session):
             found.append(session)
         elif session.private:
             # A private name is never used again: what a killed process left is swept away.
@@ -102,6 +104,11 @@ class Question:
             if self._line is not None:
                 self._line.close()
         return taken
+
+
+def lives(session: Running) -> bool:
+    """True where it still takes connections; one that hangs does, and answers nothing."""
+    return Question(session, {}).close()
 
 
 def state(session: Running, timeout_s: float = 0.2) -> dict[str, Any] | None:

@@ -11,10 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from math import degrees
+from math import degrees, isfinite
 from typing import Any
 
 from heli3dof.axes import AXES, MOTORS
+from heli3dof.rig.calibration import POWER_UP, rest_of
 from heli3dof.rig.drivers import is_private, open_rig
 from heli3dof.rig.port import Flags, Sample
 from heli3dof.rig.profile import Profile
@@ -32,10 +33,14 @@ def hold(
 ) -> Iterator[StoppableRig]:
     """The open rig; closed and let go at the end. ``also`` adds to what onlookers are told.
 
-    Raises DeviceError where it is missing, not permitted, or busy (naming the other session).
+    Its counts are taken from the stored rest angles; what the user should know of these is in
+    ``rig.rest.note``. Raises DeviceError where it is missing, not permitted, or busy (naming the
+    other session).
     """
     with Session(device, private=is_private(device), doing=doing) as session:
-        rig = StoppableRig(open_rig(device, profile), session)
+        opened = open_rig(device, profile)
+        rest = POWER_UP if session.private else rest_of(opened.identity)
+        rig = StoppableRig(opened, session, rest)
         try:
             session.state = lambda: {**state_of(rig, profile), **also()}
             # A virtual clock is over before anybody could ask.
@@ -52,7 +57,7 @@ def state_of(rig: StoppableRig, profile: Profile) -> dict[str, Any]:
     about = {"driver": identity.driver, "serial": identity.serial, "boot": identity.boot}
     if sample is None:
         return about
-    return {**about, **reading(sample, profile), "lateness_s": rig.lateness_s}
+    return {**about, **reading(sample, profile)}
 
 
 def reading(sample: Sample, profile: Profile) -> dict[str, Any]:
@@ -64,6 +69,8 @@ def reading(sample: Sample, profile: Profile) -> dict[str, Any]:
     }
     found |= {f"{axis}_counts": sample.counts[i] for i, axis in enumerate(AXES)}
     found |= {f"v_{motor}_V": sample.v_applied[i] for i, motor in enumerate(MOTORS)}
+    for motor, current in zip(MOTORS, sample.current, strict=True):
+        found[f"i_{motor}_A"] = current if isfinite(current) else None
     return found | {
         "device_time_s": sample.device_time_s,
         "host_time_s": sample.host_time_s,

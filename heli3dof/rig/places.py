@@ -12,11 +12,14 @@ import binascii
 import os
 import re
 import stat
+import sys
 from pathlib import Path
 
 from heli3dof.errors import DeviceError
 from heli3dof.rig.url import DeviceUrl, parse_url
 
+POSSIBLE = sys.platform != "win32"
+"""Sessions need Unix sockets and locks; elsewhere the ports' own exclusive access has to do."""
 LONGEST_SOCKET_PATH = 100
 """bytes; the address of a Unix socket holds 108, and 104 on some systems"""
 LONGEST_NAME = 52
@@ -32,7 +35,14 @@ def runtime_folder() -> Path:
     folder = Path(given) / "heli3dof" if given and Path(given).is_dir() else None
     if folder is None or len(os.fsencode(folder)) + LONGEST_NAME > LONGEST_SOCKET_PATH:
         folder = Path(os.environ.get("TMPDIR", "/tmp")) / f"heli3dof-{os.getuid()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+    except OSError as problem:
+        raise DeviceError(
+            f"{folder} cannot be made: {problem.strerror}.",
+            cause="without it no other terminal could stop the rig, so none is opened.",
+            fix="set XDG_RUNTIME_DIR to a folder of your own",
+        ) from problem
     found = folder.lstat()
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
         raise DeviceError(

@@ -108,7 +108,11 @@ class Check:
 
 
 class Rig(Protocol):
-    """An open connection to one rig. Every method may raise DeviceError."""
+    """An open connection to one rig. Every method may raise DeviceError.
+
+    A rig at a line may have ``statistics``, a dataclass of counters since it was opened, which the
+    recording's outcome keeps; ``lost`` among them, the samples that never came.
+    """
 
     @property
     def identity(self) -> Identity: ...
@@ -138,7 +142,11 @@ class Rig(Protocol):
 
 
 class Driver(Protocol):
-    """What a driver package registers: how to find its rigs and how to open one."""
+    """What a driver package registers: how to find its rigs and how to open one.
+
+    One whose every opening makes a rig of its own, inside the process (an emulated one), adds
+    ``private = True``: such a rig is neither locked nor taken for one that is there.
+    """
 
     scheme: str
     """The URL scheme, e.g. ``mock``."""

@@ -15,7 +15,6 @@ one thread. An emulated rig is private to its process: nothing to lock, its file
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import itertools
 import json
 import os
@@ -30,11 +29,13 @@ from pathlib import Path
 from typing import Any
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.places import device_name, runtime_folder
+from heli3dof.rig.places import POSSIBLE, device_name, runtime_folder
 
 LONGEST_QUESTION = 4096
 PATIENCE_S = 1.0
 """s that whoever connects may take to ask"""
+SHORT_OF_S = 0.1
+"""s until the next try where the system had no room for a connection"""
 _number = itertools.count()
 
 
@@ -50,7 +51,7 @@ class Session:
         """Why somebody asked for an emergency stop; None: nobody did."""
         self.state: Callable[[], Mapping[str, Any]] = dict
         """What ``state`` answers; called by the answering thread, so it only looks."""
-        self._private, self._doing = private, doing or _command_line()
+        self.private, self._doing = private, doing or _command_line()
         self._lock = -1
         self._answering: _Answering | None = None
         self._stopped: str | None = None
@@ -60,9 +61,9 @@ class Session:
 
     def serve(self) -> None:
         """Lock the rig and begin to answer; a private session does so only where told."""
-        if self._answering is not None:
+        if self._answering is not None or not POSSIBLE:
             return
-        mine = f"-{os.getpid()}-{next(_number)}" if self._private else ""
+        mine = f"-{os.getpid()}-{next(_number)}" if self.private else ""
         path = runtime_folder() / f"{device_name(self.device)}{mine}.lock"
         self._lock_path, self._lock = path, _locked(path, self.device)
         about = {
@@ -70,12 +71,16 @@ class Session:
             "pid": os.getpid(),
             "doing": self._doing,
             "since_utc": datetime.now(UTC).isoformat(timespec="seconds"),
-            "private": self._private,
+            "private": self.private,
         }
-        os.ftruncate(self._lock, 0)
-        os.pwrite(self._lock, json.dumps(about).encode(), 0)
-        self._answering = _Answering(self, path.with_suffix(".sock"))
-        self._answering.start()
+        try:
+            os.ftruncate(self._lock, 0)
+            os.pwrite(self._lock, json.dumps(about).encode(), 0)
+            self._answering = _Answering(self, path.with_suffix(".sock"))
+            self._answering.start()
+        except BaseException:
+            self.close()
+            raise
 
     def ask_estop(self, reason: str) -> None:
         """Have the rig stopped by whoever talks to it; the first reason stands."""
@@ -100,7 +105,7 @@ class Session:
         if self._answering is not None:
             self._answering.close()
         with contextlib.suppress(OSError):
-            if self._private:
+            if self.private:
                 self._lock_path.unlink()
             else:
                 # Never unlinked: another process may have opened it and wait for the lock.
@@ -146,6 +151,8 @@ class _Answering(threading.Thread):
         self._ending = True
         self.wake()
         self.join(timeout=PATIENCE_S)
+        # Here, while the lock is still ours: later it might be the next session's socket.
+        self._path.unlink(missing_ok=True)
 
     def run(self) -> None:
         try:
@@ -156,18 +163,21 @@ class _Answering(threading.Thread):
                 self._lose_patience()
         finally:
             self._tell_who_waits(over=True)
-            self._path.unlink(missing_ok=True)
             self._selector.close()
             for each in (self._ear, self._woken, self._waker, *self._asking):
                 each.close()
 
     def _attend(self, ready: Any) -> None:
         if ready is self._ear:
-            with contextlib.suppress(OSError):
+            try:
                 caller, _ = self._ear.accept()
-                caller.setblocking(False)
-                self._asking[caller] = time.monotonic()
-                self._selector.register(caller, selectors.EVENT_READ)
+            except OSError:
+                # Out of file descriptors, say: no reason to spin beside the loop.
+                time.sleep(SHORT_OF_S)
+                return
+            caller.setblocking(False)
+            self._asking[caller] = time.monotonic()
+            self._selector.register(caller, selectors.EVENT_READ)
         elif ready is self._woken:
             with contextlib.suppress(OSError):
                 self._woken.recv(64)
@@ -223,6 +233,8 @@ def _answer(caller: socket.socket, what: Mapping[str, Any]) -> None:
 
 def _locked(path: Path, device: str) -> int:
     """The lock's file descriptor. Raises DeviceError (busy) naming the holder."""
+    import fcntl
+
     handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -247,4 +259,5 @@ def busy(device: str, text: bytes) -> DeviceError:
 
 
 def _command_line() -> str:
-    return " ".join(["heli3dof", *sys.argv[1:]])[:200]
+    name = Path(sys.argv[0]).name
+    return " ".join(["heli3dof" if name == "__main__.py" else name, *sys.argv[1:]])[:200]

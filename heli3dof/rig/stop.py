@@ -4,15 +4,16 @@
     no answer in 200 ms →  directly: the driver speaks to the device past whoever holds it
     no session          →  directly
 
-All sessions are asked before any answer is awaited: a hung one delays nobody.
+All sessions are asked before any answer is awaited: a hung one delays nobody. Whoever is found
+without a session comes after them, since nothing of ours moves it.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from heli3dof.errors import Heli3dofError
+from heli3dof.errors import DeviceError, Heli3dofError, UsageError
 from heli3dof.rig.attach import Question, running
 from heli3dof.rig.drivers import find_rigs, is_private, load_driver
 from heli3dof.rig.places import device_name
@@ -32,25 +33,32 @@ class Stopped:
     """What was done, or why it could not be"""
     seconds: float
     """s from the command to the confirmation"""
+    held: bool
+    """A session of ours held it; else it was only found, and need not even be a rig"""
 
 
 def stop_rigs(device: str | None, reason: str) -> list[Stopped]:
     """Stop one device, or every running session and every rig that is found. Empty: there is none.
 
-    Raises UsageError for a URL that no driver knows; never DeviceError: that is in the answer.
+    Raises UsageError for a URL that makes no sense; never DeviceError: that is in the answer.
     """
     if device is not None:
         load_driver(parse_url(device).scheme)
     start = time.monotonic()
-    questions = [Question(s, {"do": "estop", "reason": reason}) for s in running(device)]
+    try:
+        sessions = running(device)
+    except DeviceError:
+        # Sessions cannot be told from a stranger's folder; the devices still can be stopped.
+        sessions = []
+    questions = [Question(s, {"do": "estop", "reason": reason}) for s in sessions]
     held = {device_name(q.session.device) for q in questions}
     found = [_await(q, start) for q in questions]
     if device is not None:
-        return found if found or is_private(device) else [_directly(device, start)]
+        return found if found or is_private(device) else [_directly(device, start, held=False)]
     for _scheme, urls, problem in find_rigs():
         if problem is None:
             alone = [u for u in urls if device_name(u) not in held and not is_private(u)]
-            found += [_directly(url, start) for url in alone]
+            found += [_directly(url, start, held=False) for url in alone]
     return found
 
 
@@ -59,24 +67,26 @@ def _await(question: Question, start: float) -> Stopped:
     who = f"pid {session.pid} (`{session.doing}`)"
     answer = question.answer(PATIENCE_S) or {}
     if "stopped" in answer:
-        return Stopped(session.device, True, f"{who} stopped it", time.monotonic() - start)
+        return Stopped(session.device, True, f"{who} stopped it", time.monotonic() - start, True)
     if session.private:
         if "over" in answer:
             how = f"{who} had just ended, and its emulated rig with it"
-            return Stopped(session.device, True, how, time.monotonic() - start)
+            return Stopped(session.device, True, how, time.monotonic() - start, True)
         how = f"{who} does not answer, and holds the emulated rig inside it: kill {session.pid}"
-        return Stopped(session.device, False, how, time.monotonic() - start)
-    direct = _directly(session.device, start)
+        return Stopped(session.device, False, how, time.monotonic() - start, True)
+    direct = _directly(session.device, start, held=True)
     after = "had just ended" if "over" in answer else "did not answer"
-    return Stopped(direct.device, direct.done, f"{who} {after}; {direct.how}", direct.seconds)
+    return replace(direct, how=f"{who} {after}; {direct.how}")
 
 
-def _directly(device: str, start: float) -> Stopped:
+def _directly(device: str, start: float, *, held: bool) -> Stopped:
     url = parse_url(device)
     try:
         how, done = load_driver(url.scheme).estop(url), True
+    except UsageError:
+        raise
     except Heli3dofError as problem:
         how, done = problem.what, False
     except Exception as problem:
         how, done = f"{type(problem).__name__}: {problem}", False
-    return Stopped(device, done, how, time.monotonic() - start)
+    return Stopped(device, done, how, time.monotonic() - start, held)

@@ -1,16 +1,18 @@
-"""A rig that heeds its session: an emergency stop asked for elsewhere, carried out here.
+"""A rig as its session holds it: it heeds a stop asked for elsewhere, and counts from rest.
 
 The loop goes on as before and ends by what the samples say (flag ESTOP)::
 
     exchange(command):   asked?  →  estop once, confirm, and zero volts from then on
     arm():               asked?  →  refused: arming would clear the stop
 
-In every phase of a flight, landing included; within one control period of the question.
+In every phase of a flight, landing included; within one control period of the question. And every
+sample's counts are taken from where they stand at the rest angles (`heli3dof.rig.calibration`).
 """
 
 from __future__ import annotations
 
 from heli3dof.errors import SafetyTrip
+from heli3dof.rig.calibration import POWER_UP, Rest
 from heli3dof.rig.port import Command, Identity, Rig, Sample
 from heli3dof.rig.session import Session
 
@@ -18,17 +20,15 @@ from heli3dof.rig.session import Session
 class StoppableRig:
     """See `heli3dof.rig.port.Rig`."""
 
-    def __init__(self, rig: Rig, session: Session) -> None:
-        self._rig, self.session = rig, session
+    def __init__(self, rig: Rig, session: Session, rest: Rest = POWER_UP) -> None:
+        self.inner, self.session = rig, session
+        self.rest = rest
         self.last: Sample | None = None
         """The last sample, for whoever looks on."""
-        self.lateness_s = 0.0
-        """s that it came after its deadline; 0 where the host does not keep time"""
-        self._host_timed = rig.identity.timebase == "host"
 
     @property
     def identity(self) -> Identity:
-        return self._rig.identity
+        return self.inner.identity
 
     def arm(self) -> Sample:
         if self.session.asked is not None:
@@ -38,31 +38,45 @@ class StoppableRig:
                 cause="somebody ran heli3dof estop while the rig was being opened.",
                 fix="find out who and why; then start again",
             )
-        self.last = sample = self._rig.arm()
+        self.last = sample = self._from_rest(self.inner.arm())
         return sample
 
     def read(self) -> Sample:
         if self.session.asked is not None:
             self._heed(self.session.asked)
-        self.last = sample = self._rig.read()
+        self.last = sample = self._from_rest(self.inner.read())
         return sample
 
     def exchange(self, command: Command, due_s: float) -> Sample:
         if self.session.asked is not None:
             self._heed(self.session.asked)
             command = Command(command.sequence, 0.0, 0.0)
-        self.last = sample = self._rig.exchange(command, due_s)
-        if self._host_timed:
-            self.lateness_s = sample.host_time_s - due_s
+        self.last = sample = self._from_rest(self.inner.exchange(command, due_s))
         return sample
 
+    def _from_rest(self, sample: Sample) -> Sample:
+        zero = self.rest.counts_at_rest
+        if zero == (0, 0, 0):
+            return sample
+        counts = sample.counts
+        # Not dataclasses.replace: this is in the control period, and that takes ten times as long.
+        return Sample(
+            sample.sequence,
+            sample.device_time_s,
+            (counts[0] - zero[0], counts[1] - zero[1], counts[2] - zero[2]),
+            sample.v_applied,
+            sample.current,
+            sample.flags,
+            sample.host_time_s,
+        )
+
     def estop(self, reason: str) -> None:
-        self._rig.estop(reason)
+        self.inner.estop(reason)
 
     def close(self) -> None:
-        self._rig.close()
+        self.inner.close()
 
     def _heed(self, why: str) -> None:
         if self.session.stopped is None:
-            self._rig.estop(why)
+            self.inner.estop(why)
             self.session.confirm("by the session that held the rig")

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from heli3dof.errors import DeviceError
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.row import RAMP_DOWN
 from heli3dof.rig.attach import Running, running, state
@@ -73,15 +74,55 @@ def test_without_a_session_the_device_is_told_directly(monkeypatch: pytest.Monke
     assert driver.stops == ["fake://1", "fake://2"]
 
 
-def test_one_that_cannot_be_stopped_hinders_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    dead, well = FakeDriver(cannot_stop="no answer within 0.1 s"), FakeDriver(urls=("well://1",))
-    only_drivers(monkeypatch, fake=dead, well=well)
-    said = heli3dof("estop")
+DEAF = "no answer within 0.1 s"
+
+
+def test_one_that_flies_and_cannot_be_stopped_is_a_failure_and_hinders_no_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    deaf, well = FakeDriver(cannot_stop=DEAF), FakeDriver(urls=("well://1",))
+    only_drivers(monkeypatch, fake=deaf, well=well)
+    with Session("fake://1", doing="heli3dof run rich"):
+        said = heli3dof("estop")
     assert said.code == 3
     assert well.stops == ["well://1"]
     assert "Stopped well://1" in said.out
-    assert "NOT STOPPED: fake://1: no answer within 0.1 s" in said.err
+    assert "NOT STOPPED: fake://1" in said.err
+    assert DEAF in said.err
     assert "switch off the amplifier" in said.err
+
+
+def test_a_port_that_is_only_found_may_be_no_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+    deaf, well = FakeDriver(cannot_stop=DEAF), FakeDriver(urls=("well://1",))
+    only_drivers(monkeypatch, fake=deaf, well=well)
+    said = heli3dof("estop", "--json")
+    assert said.code == 0
+    assert [s["device"] for s in said.document["stopped"]] == ["well://1"]
+    assert said.document["unconfirmed"] == [{"device": "fake://1", "why": DEAF}]
+    assert "fake://1 did not confirm" in said.err
+
+
+@pytest.mark.parametrize("words", [(), ("--device", "fake://1")])
+def test_where_nothing_confirms_nothing_is_said_to_be_stopped(
+    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    only_drivers(monkeypatch, fake=FakeDriver(cannot_stop=DEAF))
+    said = heli3dof("estop", *words)
+    assert said.code == 3
+    assert "NOT STOPPED: fake://1" in said.err
+
+
+def test_where_sessions_cannot_be_trusted_the_device_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def strangers(device: str | None) -> list[Running]:
+        raise DeviceError("the folder belongs to somebody else")
+
+    driver = FakeDriver()
+    only_drivers(monkeypatch, fake=driver)
+    monkeypatch.setattr("heli3dof.rig.stop.running", strangers)
+    assert heli3dof("estop").code == 0
+    assert driver.stops == ["fake://1"]
 
 
 def test_no_rig_at_all_is_said_and_no_success(monkeypatch: pytest.MonkeyPatch) -> None:

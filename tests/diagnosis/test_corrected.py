@@ -64,6 +64,18 @@ def test_a_tilt_moves_the_maximum_as_a_score_of_its_size_would() -> None:
     np.testing.assert_allclose((moved.theta - level.theta) / sd, wanted / sd, atol=0.15)
 
 
+def test_what_is_held_stays_while_the_rest_climbs() -> None:
+    recording = steps().between(8.0, 20.0)
+    data = data_of([recording], usable_runs(recording, 0))
+    problem = Informed(data, Structure(recording.profile, ()))
+    noise = np.array([0.006, 0.013, 0.0025, 0.0])
+    start = problem.prior_mean + np.array([0.0, 0.1, 0.1, 0.1])
+    still = np.array([False, True, False, False])
+    fit = maximise_tilted(problem, start, noise, None, hold_noise=True, hold=still)
+    assert fit.theta[1] == start[1]
+    assert np.all(fit.theta[2:] != start[2:])
+
+
 def test_a_path_has_one_chunk_for_a_hundredth_of_a_second() -> None:
     recording = steps().between(10.0, 12.0)
     problem = Informed(

@@ -7,6 +7,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from tests.drivers.firmware.building import rig_program
+
 
 class Door:
     """A rig's process, and the path of its terminal."""
@@ -31,6 +33,16 @@ def python_door(device: str = "mock:?watchdog_s=0.3") -> Iterator[Door]:
     """The emulated rig in Python."""
     module = "heli3dof_drivers.emulator.door_pty"
     door = Door([sys.executable, "-m", module, "--device", device, "--with-parent"])
+    try:
+        yield door
+    finally:
+        door.end()
+
+
+@contextmanager
+def firmware_door(*options: str) -> Iterator[Door]:
+    """The firmware in C as a program, with a plant of its own; skips where no C compiler is."""
+    door = Door([rig_program(), "--with-parent", "--watchdog", "300", *options])
     try:
         yield door
     finally:

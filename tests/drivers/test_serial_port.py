@@ -106,7 +106,9 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
     assert "estop" in caught.value.fix
     assert flight.pid in [pid for pid, _ in holders(door.path)]
     held = {c.what: c for c in DRIVER.examine(parse_url(url))}["held by"]
+    assert held.good is False
     assert str(flight.pid) in held.found
+    assert str(door.process.pid) not in held.found
 
     said = DRIVER.estop(parse_url(url))
     assert "stop" in said
@@ -190,6 +192,9 @@ def test_what_doctor_is_told_of_a_port(door: Door, monkeypatch, tmp_path: Path):
     assert found["port"].good
     assert found["permission"].good
     assert found["latency timer"].good
+    # The emulated rig has its own end open, and has locked nothing.
+    assert found["held by"].good is None
+    assert str(door.process.pid) in found["held by"].found
     assert not DRIVER.examine(parse_url("serial:///dev/ttyNONE"))[0].good
 
     timer = tmp_path / "latency_timer"

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from heli3dof_drivers.link.statistics import LinkStatistics
 
 from heli3dof.errors import DeviceError
 from heli3dof.experiment.loop import fly
@@ -294,3 +295,15 @@ def test_the_outcome_says_how_punctual_the_loop_was() -> None:
 def test_on_a_virtual_clock_nothing_is_asked_of_the_system_and_nothing_is_late() -> None:
     outcome, _ = flown(ScriptedRig(timebase="virtual"))
     assert (outcome.realtime, outcome.punctuality, outcome.late) == (None, None, 0)
+
+
+def test_what_the_link_counted_is_kept_with_the_outcome() -> None:
+    class Rig(ScriptedRig):
+        statistics = LinkStatistics(lost=3, damaged=2)
+
+    Rig.statistics.delay.add(120e-6)
+    link = flown(Rig())[0].details()["link"]
+    assert (link["lost"], link["damaged"]) == (3, 2)
+    assert link["delay_median_s"] == pytest.approx(130e-6)
+    assert "round_trip_median_s" not in link, "nothing was counted"
+    assert flown(ScriptedRig())[0].link is None

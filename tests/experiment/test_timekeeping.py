@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -38,7 +39,8 @@ def started(kind: type, host_s: float = 100.0) -> Timekeeper:
     ("timebase", "kind"), [("host", HostTime), ("device", DeviceTime), ("virtual", VirtualTime)]
 )
 def test_a_rig_says_which_clock_is_its(timebase: str, kind: type) -> None:
-    assert type(timekeeper(replace(IDENTITY, timebase=timebase), DT)) is kind
+    rig = SimpleNamespace(identity=replace(IDENTITY, timebase=timebase))
+    assert type(timekeeper(rig, DT)) is kind
 
 
 def test_on_a_virtual_clock_nothing_is_late() -> None:
@@ -100,6 +102,20 @@ def test_samples_that_came_while_the_host_was_away_are_missed() -> None:
     assert late == pytest.approx(2.3 * DT + 1e-5, abs=2e-6), "since the first deadline not met"
     stream(time, 14, 20)
     assert judged(time) == NOTHING
+
+
+def test_a_link_that_counts_what_it_lost_is_believed() -> None:
+    # The host slept in its wait: two samples came, were passed over, and one was lost.
+    link = SimpleNamespace(lost=7)
+    rig = SimpleNamespace(identity=replace(IDENTITY, timebase="device"), statistics=link)
+    time = timekeeper(rig, DT)
+    time.start(sample(7.0, 100.0))
+    stream(time, 1, 10)
+    link.lost = 8
+    time.arrived(sample(7 + 14 * DT, 100 + 14 * DT + 0.0004), 100 + 10 * DT + 1e-4)
+    assert judged(time) == (2 * DT + 0.0004, 2, 1)
+    time.arrived(sample(7 + 16 * DT, 100 + 16 * DT), 100 + 14 * DT + 1e-3)
+    assert judged(time) == (DT, 1, 0)
 
 
 def test_the_same_absence_is_told_alike_by_host_and_device() -> None:

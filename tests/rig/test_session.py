@@ -16,14 +16,16 @@ from pathlib import Path
 import pytest
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.attach import Question, running, state
+from heli3dof.rig.attach import Question, lives, running, state
 from heli3dof.rig.places import device_name, runtime_folder
 from heli3dof.rig.session import Session
+from tests.rig.processes import suspend
 
 DEVICE = "serial:///dev/null?baud=9600"
 HOLDER = f"""
 import sys, time
 from heli3dof.rig.session import Session
+from tests.rig.processes import suspend
 session = Session({DEVICE!r}, doing="heli3dof run rich")
 print("held", flush=True)
 time.sleep(60)
@@ -181,3 +183,16 @@ def test_silent_callers_keep_nobody_waiting(session):
     assert state(found, timeout_s=5) == {}
     for line in lines:
         line.close()
+
+
+def test_a_session_that_hangs_lives_and_answers_nothing(other_process):
+    (found,) = running(DEVICE)
+    suspend(other_process)
+    try:
+        assert lives(found)
+        assert state(found, timeout_s=0.1) is None
+        with pytest.raises(DeviceError, match="busy"):
+            Session(DEVICE)
+    finally:
+        other_process.send_signal(signal.SIGCONT)
+    assert state(found, timeout_s=5) == {}

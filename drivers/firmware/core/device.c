@@ -47,8 +47,8 @@ bool device_output(const struct device *device, uint64_t now_us, int32_t uV[2])
     }
     if (device->state == LATCHED && now_us - expiry_us(device) < ramp_us)
         left_us = ramp_us - (now_us - expiry_us(device));
-    if (left_us == 0)
-        return false;
+    if (left_us == 0 || (device->set_uV[0] == 0 && device->set_uV[1] == 0))
+        return false; /* the ramp is over, or was cut off by DISARM */
     for (int i = 0; i < 2; i++)
         uV[i] = (int32_t)((int64_t)device->set_uV[i] * (int64_t)left_us / (int64_t)ramp_us);
     return true;
@@ -110,7 +110,7 @@ static void send_ack(struct device *device, const struct request *request, enum 
         .cause = device->cause,
         .ticket = device->ticket,
     };
-    link_out_frame(&device->out, frame, frame_ack(frame, request->number, &ack));
+    link_out_frame(&device->out, frame, frame_ack(frame, request->number, &ack), 0);
 }
 
 static void send_identity(struct device *device, uint32_t number)
@@ -131,7 +131,7 @@ static void send_identity(struct device *device, uint32_t number)
         .serial = config->serial,
         .firmware = config->firmware,
     };
-    link_out_frame(&device->out, frame, frame_identity(frame, number, &identity));
+    link_out_frame(&device->out, frame, frame_identity(frame, number, &identity), 0);
 }
 
 static void send_sample(struct device *device, uint64_t now_us)
@@ -150,7 +150,8 @@ static void send_sample(struct device *device, uint64_t now_us)
     if (device->fresh && device->command_us - device->sampled_us < UINT16_MAX)
         sample.delay_us = (uint16_t)(device->command_us - device->sampled_us);
     device_output(device, now_us, sample.uV);
-    link_out_frame(&device->out, frame, frame_sample(frame, device->samples++, &sample));
+    const size_t n = frame_sample(frame, device->samples++, &sample);
+    link_out_frame(&device->out, frame, n, LINK_SPARE);
     device->sampled_us = now_us;
     device->fresh = false;
 }
@@ -170,7 +171,7 @@ static void send_report(struct device *device, uint32_t number, uint64_t now_us)
         .cause = device->cause,
         .ticket = device->ticket,
     };
-    link_out_frame(&device->out, frame, frame_report(frame, number, &report));
+    link_out_frame(&device->out, frame, frame_report(frame, number, &report), 0);
 }
 
 /* ---- time ------------------------------------------------------------------------------ */
@@ -178,7 +179,7 @@ static void send_report(struct device *device, uint32_t number, uint64_t now_us)
 static void stream(struct device *device, uint64_t now_us)
 {
     const uint64_t end_us = device->heard_us + STREAM_UNHEARD_US;
-    if (now_us >= device->next_us && device->next_us < end_us) {
+    if (now_us >= device->next_us && device->next_us <= end_us) {
         /* Late by more than a period: the samples in between are left out, never sent in a burst;
          * their numbers show it. */
         const uint64_t late_us = now_us - device->next_us;
@@ -189,7 +190,7 @@ static void stream(struct device *device, uint64_t now_us)
         device->next_us += (missed + 1) * device->period_us;
         send_sample(device, now_us);
     }
-    if (now_us >= end_us)
+    if (now_us > end_us)
         device->period_us = 0;
 }
 
@@ -217,8 +218,14 @@ uint64_t device_next_us(const struct device *device)
 
 /* ---- requests -------------------------------------------------------------------------- */
 
+static uint32_t watchdog_asked(const struct device *device, const struct request *arm)
+{
+    return arm->watchdog_us ? arm->watchdog_us : device->config.watchdog_us;
+}
+
 static enum code may_arm(const struct device *device, const struct request *arm)
 {
+    const uint32_t watchdog_us = watchdog_asked(device, arm);
     const bool faulty = device->inputs.fault || device->inputs.stall || device->inputs.button;
     if (device->state == ARMED)
         return ALREADY_ARMED;
@@ -228,9 +235,7 @@ static enum code may_arm(const struct device *device, const struct request *arm)
         return FAULT;
     if (arm->period_us && arm->period_us < device->config.shortest_us)
         return BAD_PARAMETER;
-    if (arm->watchdog_us > WATCHDOG_LONGEST_US)
-        return BAD_PARAMETER;
-    if (arm->watchdog_us && arm->watchdog_us / 2 < arm->period_us)
+    if (watchdog_us > WATCHDOG_LONGEST_US || watchdog_us / 2 < arm->period_us)
         return BAD_PARAMETER;
     return OK;
 }
@@ -245,14 +250,11 @@ static void arm(struct device *device, uint64_t now_us, const struct request *re
         device->ticket++;
         device->echo = request->number;
         device->command_us = now_us;
-        device->watchdog_us =
-            request->watchdog_us ? request->watchdog_us : device->config.watchdog_us;
+        device->watchdog_us = watchdog_asked(device, request);
         device->period_us = request->period_us;
         device->next_us = now_us + request->period_us;
         device->samples = 0;
         device->fresh = false;
-    } else {
-        device->refused++;
     }
     send_ack(device, request, code);
     if (code == OK)

@@ -14,9 +14,9 @@ bool link_in_byte(struct link_in *in, uint8_t byte, size_t *n)
     return *n > 0;
 }
 
-void link_out_frame(struct link_out *out, const uint8_t *frame, size_t n)
+void link_out_frame(struct link_out *out, const uint8_t *frame, size_t n, size_t spare)
 {
-    if (n > LINK_OUT - (out->head - out->tail)) {
+    if (n + spare > LINK_OUT - (out->head - out->tail)) {
         out->dropped++;
         return;
     }

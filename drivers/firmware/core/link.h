@@ -2,7 +2,8 @@
  *
  * In: what stands between two delimiters, at most FRAME_LONGEST bytes of it. Out: a ring; a frame
  * that does not fit is dropped whole, so that a host that does not read delays nothing and still
- * finds whole frames. */
+ * finds whole frames. Samples leave LINK_SPARE bytes to answers: a stream that nobody reads must
+ * not swallow an ESTOP's ACK. */
 #ifndef HELI3DOF_LINK_H
 #define HELI3DOF_LINK_H
 
@@ -13,6 +14,7 @@
 #include "frames.h"
 
 #define LINK_OUT 1024u /* a power of two */
+#define LINK_SPARE 256u
 
 struct link_in {
     uint8_t piece[FRAME_LONGEST];
@@ -29,7 +31,8 @@ struct link_out {
  * byte begins another one. */
 bool link_in_byte(struct link_in *in, uint8_t byte, size_t *n);
 
-void link_out_frame(struct link_out *out, const uint8_t *frame, size_t n);
+/* Leaves at least `spare` bytes free. */
+void link_out_frame(struct link_out *out, const uint8_t *frame, size_t n, size_t spare);
 
 /* What can be sent in one go: `*at` is set to its beginning. Then say how much was sent. */
 size_t link_out_peek(const struct link_out *out, const uint8_t **at);

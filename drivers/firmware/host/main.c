@@ -136,7 +136,7 @@ static void start(void)
         .watchdog_us = options.watchdog_us,
         .ramp_us = options.ramp_us,
         .shortest_us = options.shortest_us,
-        .model = "heli3dof bench",
+        .model = "emulated bench",
         .serial = options.serial,
         .firmware = "c 1.0",
     };
@@ -202,6 +202,8 @@ int main(int argc, char **argv)
     sigaction(SIGTERM, &on_end, NULL);
     sigaction(SIGINT, &on_end, NULL);
     signal(SIGPIPE, SIG_IGN);
+    if (options.with_parent)
+        prctl(PR_SET_PDEATHSIG, SIGTERM);
     real_time();
     open_doors();
     start();

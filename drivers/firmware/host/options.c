@@ -14,6 +14,7 @@ static const char HELP[] =
     "  --link PATH                a symbolic link to the PTY, removed at the end\n"
     "  --log FILE                 appends 'CLOCK_MONOTONIC_s enabled front_V back_V' at each change\n"
     "  --counts ROLL,PITCH,YAW    per revolution, negative: falls as the angle rises\n"
+    "  --with-parent              end when the process that started it ends\n"
     "  --watchdog MS  --ramp MS   the device's own (100, 200)\n"
     "  --shortest US              shortest period of the stream (500)\n"
     "\n"
@@ -88,67 +89,90 @@ static const char *axis_at(const char *option, const char *text, enum axis *axis
     refuse(option, text, "roll@SECONDS, pitch@SECONDS or yaw@SECONDS");
 }
 
+enum name {
+    HELP_WANTED = 1, WITH_PARENT, SERIAL, LINK, LOG, COUNTS, WATCHDOG, RAMP, SHORTEST,
+    FAULT, STALL, BUTTON, RESET, FREEZE, JUMP, DROP, CORRUPT, SEED,
+};
+
+static const struct option KNOWN[] = {
+    {"help", no_argument, NULL, HELP_WANTED},
+    {"with-parent", no_argument, NULL, WITH_PARENT},
+    {"serial", required_argument, NULL, SERIAL},
+    {"link", required_argument, NULL, LINK},
+    {"log", required_argument, NULL, LOG},
+    {"counts", required_argument, NULL, COUNTS},
+    {"watchdog", required_argument, NULL, WATCHDOG},
+    {"ramp", required_argument, NULL, RAMP},
+    {"shortest", required_argument, NULL, SHORTEST},
+    {"fault-after", required_argument, NULL, FAULT},
+    {"stall-after", required_argument, NULL, STALL},
+    {"button-after", required_argument, NULL, BUTTON},
+    {"reset-after", required_argument, NULL, RESET},
+    {"freeze-encoder", required_argument, NULL, FREEZE},
+    {"jump-encoder", required_argument, NULL, JUMP},
+    {"drop", required_argument, NULL, DROP},
+    {"corrupt", required_argument, NULL, CORRUPT},
+    {"seed", required_argument, NULL, SEED},
+    {NULL, 0, NULL, 0},
+};
+
+static const struct options DEFAULTS = {
+    .serial = "FW-0001",
+    .watchdog_us = 100000,
+    .ramp_us = 200000,
+    .shortest_us = 500,
+    .counts = {4096, 4096, 8192},
+    .fault_s = NEVER,
+    .stall_s = NEVER,
+    .button_s = NEVER,
+    .reset_s = NEVER,
+    .freeze_s = NEVER,
+    .jump_s = NEVER,
+    .seed = 1,
+};
+
+static void jump(struct options *o, const char *text)
+{
+    const char *rest = axis_at("jump-encoder", text, &o->jump_axis, &o->jump_s);
+    char *end = NULL;
+    if (*rest == ':')
+        o->jump_counts = strtol(rest + 1, &end, 10);
+    if (!end || *end || !o->jump_counts || labs(o->jump_counts) > 1000000)
+        refuse("jump-encoder", text, "AXIS@SECONDS:COUNTS");
+}
+
 struct options options_read(int argc, char **argv)
 {
-    static const char *const NAMES[] = {
-        "help",         "serial",        "link",         "log",         "counts",
-        "watchdog",     "ramp",          "shortest",     "fault-after", "stall-after",
-        "button-after", "reset-after",   "freeze-encoder", "jump-encoder", "drop",
-        "corrupt",      "seed",
-    };
-    enum { COUNT = sizeof NAMES / sizeof *NAMES };
-    struct option known[COUNT + 1] = {{0}};
-    struct options o = {
-        .serial = "FW-0001",
-        .watchdog_us = 100000,
-        .ramp_us = 200000,
-        .shortest_us = 500,
-        .counts = {4096, 4096, 8192},
-        .fault_s = NEVER,
-        .stall_s = NEVER,
-        .button_s = NEVER,
-        .reset_s = NEVER,
-        .freeze_s = NEVER,
-        .jump_s = NEVER,
-        .seed = 1,
-    };
-    for (int i = 0; i < COUNT; i++)
-        known[i] = (struct option){NAMES[i], i ? required_argument : no_argument, NULL, 0};
-    for (int index = 0, c; (c = getopt_long(argc, argv, "", known, &index)) != -1;) {
-        const char *name = NAMES[index];
-        const char *rest;
-        char *end;
-        if (c != 0)
-            exit(2);
-        switch (index) {
-        case 0: fputs(HELP, stdout); exit(0);
-        case 1: o.serial = optarg; break;
-        case 2: o.link = optarg; break;
-        case 3: o.log = optarg; break;
-        case 4:
+    struct options o = DEFAULTS;
+    int index = 0;
+    for (int c; (c = getopt_long(argc, argv, "", KNOWN, &index)) != -1;) {
+        const char *name = KNOWN[index].name;
+        switch (c) {
+        case HELP_WANTED: fputs(HELP, stdout); exit(0);
+        case WITH_PARENT: o.with_parent = 1; break;
+        case SERIAL: o.serial = optarg; break;
+        case LINK: o.link = optarg; break;
+        case LOG: o.log = optarg; break;
+        case COUNTS:
             if (sscanf(optarg, "%d,%d,%d", &o.counts[0], &o.counts[1], &o.counts[2]) != 3)
                 refuse(name, optarg, "three whole numbers, as 4096,4096,8192");
             break;
-        case 5: o.watchdog_us = (uint32_t)(1e3 * only_number(name, optarg)); break;
-        case 6: o.ramp_us = (uint32_t)(1e3 * only_number(name, optarg)); break;
-        case 7: o.shortest_us = (uint32_t)only_number(name, optarg); break;
-        case 8: span(name, optarg, &o.fault_s, &o.fault_for_s); break;
-        case 9: span(name, optarg, &o.stall_s, &o.stall_for_s); break;
-        case 10: o.button_s = only_number(name, optarg); break;
-        case 11: o.reset_s = only_number(name, optarg); break;
-        case 12:
+        case WATCHDOG: o.watchdog_us = (uint32_t)(1e3 * only_number(name, optarg)); break;
+        case RAMP: o.ramp_us = (uint32_t)(1e3 * only_number(name, optarg)); break;
+        case SHORTEST: o.shortest_us = (uint32_t)only_number(name, optarg); break;
+        case FAULT: span(name, optarg, &o.fault_s, &o.fault_for_s); break;
+        case STALL: span(name, optarg, &o.stall_s, &o.stall_for_s); break;
+        case BUTTON: o.button_s = only_number(name, optarg); break;
+        case RESET: o.reset_s = only_number(name, optarg); break;
+        case FREEZE:
             if (*axis_at(name, optarg, &o.freeze_axis, &o.freeze_s))
                 refuse(name, optarg, "AXIS@SECONDS");
             break;
-        case 13:
-            rest = axis_at(name, optarg, &o.jump_axis, &o.jump_s);
-            o.jump_counts = *rest == ':' ? strtol(rest + 1, &end, 10) : 0;
-            if (*rest != ':' || *end || !o.jump_counts || labs(o.jump_counts) > 1000000)
-                refuse(name, optarg, "AXIS@SECONDS:COUNTS");
-            break;
-        case 14: o.drop = share(name, optarg); break;
-        case 15: o.corrupt = share(name, optarg); break;
-        default: o.seed = (uint32_t)only_number(name, optarg); break;
+        case JUMP: jump(&o, optarg); break;
+        case DROP: o.drop = share(name, optarg); break;
+        case CORRUPT: o.corrupt = share(name, optarg); break;
+        case SEED: o.seed = (uint32_t)only_number(name, optarg); break;
+        default: exit(2); /* getopt has said why */
         }
     }
     if (optind < argc)

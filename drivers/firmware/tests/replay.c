@@ -3,7 +3,10 @@
  *     100 > 0401010701…   these bytes come in at 100 us
  *     900 .               the clock goes on to 900 us
  *
- * and prints what the device of the golden transcripts answers, a frame a line: `100 < 0401…`. */
+ * and prints what the device of the golden transcripts answers, a frame a line: `100 < 0401…`.
+ *
+ * `heli3dof-replay --pieces` reads bytes as hexadecimal lines and prints, for each piece between
+ * delimiters, `taken` or `unknown` and its payload, or `damaged`. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
@@ -53,9 +56,36 @@ static void advance(uint64_t now_us)
     print_answers(now_us);
 }
 
-int main(void)
+static char line[1 << 20];
+
+static void pieces(void)
 {
-    static char line[1 << 20];
+    struct link_in in = {.n = 0};
+    struct request request;
+    size_t n;
+    while (fgets(line, sizeof line, stdin)) {
+        const char *rest = line;
+        for (unsigned byte; sscanf(rest, "%2x", &byte) == 1; rest += 2) {
+            if (!link_in_byte(&in, (uint8_t)byte, &n))
+                continue;
+            const enum verdict verdict = frame_read(in.piece, n, &request);
+            fputs(verdict == FRAME_TAKEN     ? "taken "
+                  : verdict == FRAME_UNKNOWN ? "unknown "
+                                             : "damaged",
+                  stdout);
+            for (size_t i = 0; verdict != FRAME_DAMAGED && i + 1 < n; i++)
+                printf("%02x", in.piece[i]);
+            putchar('\n');
+        }
+    }
+}
+
+int main(int argc, char **argv)
+{
+    if (argc > 1 && strcmp(argv[1], "--pieces") == 0) {
+        pieces();
+        return 0;
+    }
     device_start(&device, &GOLDEN, 0);
     while (fgets(line, sizeof line, stdin)) {
         uint64_t now_us;

@@ -12,6 +12,7 @@ class StillPlant:
     def __init__(self, dt: float = 0.002) -> None:
         self.dt = dt
         self.counts = (0, 0, 0)
+        self.t, self.periods = 0.0, 0
         self.volts: list[tuple[float, float]] = []
 
     def step(self, v_front: float, v_back: float) -> bool:

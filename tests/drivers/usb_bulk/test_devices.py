@@ -78,6 +78,13 @@ def test_a_rig_whose_serial_number_cannot_be_read_is_found_without_it(lab: Lab):
     assert lab.driver.find() == ["usb://1209:0001"]
 
 
+def test_a_serial_number_that_fits_is_preferred_to_one_that_cannot_be_read(lab: Lab):
+    lab.plug(1, "refused:0")
+    lab.plug(2)
+    assert lab.open("usb:///mock-2").identity.serial == "mock-2"
+    assert "may not be opened" in refused(lab, "usb:///mock-1")
+
+
 def test_without_libusb_nothing_is_found_and_opening_names_the_package(
     monkeypatch: pytest.MonkeyPatch,
 ):
@@ -109,7 +116,9 @@ def test_doctor_hears_what_is_there(lab: Lab):
     assert missing.fix
 
 
-@pytest.mark.parametrize("option", ["stream=2", "watchdog_s=5", "watchdog_s=x", "timeout_s=0"])
+@pytest.mark.parametrize(
+    "option", ["stream=2", "signs=up", "watchdog_s=5", "watchdog_s=x", "timeout_s=0"]
+)
 def test_an_option_out_of_range_names_the_range(lab: Lab, option: str):
     lab.plug()
     with pytest.raises(UsageError) as caught:
