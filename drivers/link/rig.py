@@ -246,10 +246,11 @@ class LinkRig:
         self._pass_over()
         first, sent = time.monotonic(), 0
         again_s = self._again_s if self._armed else LATEST_AGAIN_S
-        while (asked := time.monotonic()) < first + SILENCE_S:
+        while time.monotonic() < first + SILENCE_S:
             dialogue.send(wire(Poll(dialogue.next_number())))
             sent += 1
-            while (left := asked + again_s - time.monotonic()) > 0:
+            again = time.monotonic() + again_s  # from now on: a slow line is listened to, too
+            while (left := again - time.monotonic()) > 0:
                 dialogue.receive(left)
                 stale = self._stale
                 sample = self._newest()
