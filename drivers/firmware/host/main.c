@@ -195,6 +195,7 @@ int main(int argc, char **argv)
 {
     static const int32_t ZERO[2] = {0, 0};
     bool reset = false;
+    const pid_t parent = getppid();
     options = options_read(argc, argv);
     noise = options.seed * 2654435769u | 1u;
     bench_start(&bench, &options, monotonic_s());
@@ -202,12 +203,10 @@ int main(int argc, char **argv)
     sigaction(SIGTERM, &on_end, NULL);
     sigaction(SIGINT, &on_end, NULL);
     signal(SIGPIPE, SIG_IGN);
-    if (options.with_parent)
-        prctl(PR_SET_PDEATHSIG, SIGTERM);
     real_time();
     open_doors();
     start();
-    while (!ended) {
+    while (!ended && !(options.with_parent && getppid() != parent)) {
         wait_for_host_or_time();
         rig_turn(&device);
         if (device.state == ARMED && bench.armed_s >= NEVER)
