@@ -56,7 +56,8 @@ static bool happens(double probability)
 
 static uint8_t on_the_way(uint8_t byte)
 {
-    return happens(options.corrupt) ? (uint8_t)(byte ^ (1u << (noise >> 8 & 7u))) : byte;
+    const unsigned bit = happens(options.corrupt) ? 1u << (noise >> 8 & 7u) : 0u;
+    return (uint8_t)(byte ^ bit);
 }
 
 size_t hal_read(uint8_t *bytes, size_t room)
