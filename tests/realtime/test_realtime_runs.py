@@ -37,10 +37,11 @@ def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_pa
     periods = 500 * (6 + LANDING_S)
     skipped = document["missed_periods"] + document["lost_periods"]
     assert periods - skipped - 1 <= len(recording) <= periods + 1
-    # What was skipped shows in the device's time, and nothing else does.
-    device_s = recording.channels["device_time_s"]
-    gone = (device_s[-1] - device_s[0]) * 500 - (len(recording) - 1)
-    assert abs(gone - skipped) < 2
+    # What was skipped shows in the device's time, and nothing else does; the device itself may be
+    # late on a busy machine.
+    t = recording.channels["device_time_s"]
+    assert np.diff(t).min() > 0
+    assert abs(round(float(t[-1] - t[0]) * 500) - (len(t) - 1) - skipped) <= 2
     assert document["punctuality"]["median_s"] < 0.01
     assert document["link"]["lost"] == document["lost_periods"]
     assert 0 < document["link"]["delay_median_s"] < 0.01
