@@ -120,6 +120,9 @@ class LinkRig:
         """Zero volts, latches cleared, enabled; the first sample."""
         self._check_open()
         self._armed = self._streaming = False
+        # Counts that began anew since the rig was opened would be taken for angles of before.
+        if (problem := self._why_silent()) is not None:
+            raise problem
         for _ in range(TRIES):
             disarmed = self._request(Disarm)
             self._pass_over()
