@@ -34,7 +34,8 @@ def test_every_rig_on_the_bus_is_found_by_number_and_serial(lab: Lab):
 
 
 @pytest.mark.parametrize(
-    "url", ["usb:", "usb://", "usb://1209:0001", "usb://1209:1/mock-7", "usb:///mock-7"]
+    "url",
+    ["usb:", "usb://", "usb://1209:0001", "usb://1209:1/mock-7", "usb:///mock-7", "usb://mock-7"],
 )
 def test_where_one_rig_is_the_place_may_be_left_out(lab: Lab, url: str):
     lab.plug(7)
@@ -55,7 +56,7 @@ def test_a_rig_that_is_not_there_names_those_that_are(lab: Lab):
     assert "--device usb://1209:0001/mock-2" in refused(lab, "usb://1209:0001/mock-1")
 
 
-@pytest.mark.parametrize("url", ["usb://rig", "usb://12345:1", "usb://1209", "usb://1209:0001x"])
+@pytest.mark.parametrize("url", ["usb://rig:1", "usb://12345:1", "usb://1209:", "usb://1209:0001x"])
 def test_a_place_that_is_none_is_an_error_of_use(lab: Lab, url: str):
     with pytest.raises(UsageError, match="hexadecimal"):
         lab.open(url)
