@@ -139,6 +139,29 @@ def test_closing_puts_to_rest_before_the_watchdog_ends(lab: Laboratory, open_boa
     ]
 
 
+def test_arming_in_flight_writes_zero_before_the_watchdog_is_stopped(
+    lab: Laboratory, open_board: Open
+):
+    rig = open_board()
+    rig.arm()
+    rig.exchange(Command(1, 6.0, 6.0), 0.0)
+    since(lab)
+    rig.arm()
+    assert since(lab)[:3] == [ZERO, DISABLE, ("watchdog_stop",)]
+
+
+def test_a_board_that_does_not_take_the_zero_volts_keeps_its_watchdog_when_it_is_closed(
+    lab: Laboratory, open_board: Open
+):
+    rig = open_board()
+    rig.arm()
+    rig.exchange(Command(1, 6.0, 6.0), 0.0)
+    lab.failing["write_analog"] = 14
+    rig.close()
+    assert "watchdog_stop" not in lab.names
+    assert lab.names[-1] == "close"
+
+
 def test_a_latched_board_is_zeroed_at_once_when_it_is_cleared(lab: Laboratory, open_board: Open):
     """Clearing brings the outputs back as they were: enabled, at the last volts."""
     rig = open_board("quanser://q8_usb/0?watchdog_s=0.2")
