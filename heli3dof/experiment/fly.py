@@ -12,6 +12,7 @@ from heli3dof.experiment.interrupts import Asked, asked_to_stop
 from heli3dof.experiment.loop import Live, fly
 from heli3dof.experiment.outcome import Outcome
 from heli3dof.experiment.plan import Plan, Signals, check_plan
+from heli3dof.experiment.watches import watches_for
 from heli3dof.model.hover import hover_model
 from heli3dof.model.stability import check_loop
 from heli3dof.recording.memory import MemoryRecorder
@@ -154,7 +155,17 @@ def _fly_to_file(
 def _fly(
     rig: StoppableRig, profile: Profile, signals: Signals, sink: RowSink, asked: Asked, live: Live
 ) -> Outcome:
-    outcome = fly(rig, profile, signals, sink, stop=asked.why, at_once=asked.at_once, live=live)
+    watches = watches_for(profile)
+    outcome = fly(
+        rig,
+        profile,
+        signals,
+        sink,
+        stop=asked.why,
+        at_once=lambda: asked.at_once() or watches.at_once(),
+        live=live,
+        watches=watches.each_period,
+    )
     if rig.session.stopped is None:
         return outcome
     # An emergency stop from outside, in whatever phase it came, is how the flight ended.

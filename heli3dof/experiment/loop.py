@@ -20,10 +20,11 @@ from heli3dof.experiment.pacer import Pacer
 from heli3dof.experiment.period import Period, Watch
 from heli3dof.experiment.plan import Signals
 from heli3dof.experiment.realtime import Realtime, quiet_interpreter, realtime
+from heli3dof.experiment.stopped import STOPPED, explain
 from heli3dof.model.opened import OpenedController
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
 from heli3dof.rig.envelope import Envelope
-from heli3dof.rig.port import Flags, Identity, Rig, Sample
+from heli3dof.rig.port import Identity, Rig, Sample
 from heli3dof.rig.profile import Profile
 
 
@@ -56,7 +57,7 @@ def fly(
 
     ``stop`` is asked in every period and returns why to end, or None; ``at_once`` is asked in
     every period of the ramp that follows, and returns why to stop without the rest of it.
-    ``watches`` are asked in their order, after the envelope. The profile must have a controller
+    ``watches`` are asked in their order, before the envelope. The profile must have a controller
     and its rate must be the signals'.
     """
     flight = _Flight(rig, profile, signals, sink, stop, live or Live(), watches)
@@ -114,8 +115,9 @@ class _Flight:
             ending, detail, error = "error", f"{type(problem).__name__}: {problem}", problem
         live.phase = "ramping down"
         steps = self.steps(hurried=ending != "completed")
-        landing = land(self.pacer, sample, steps, self.keeper(), at_once)
-        if landing.asked:
+        known = int(sample.flags) if sample is not None and ending == "tripped" else 0
+        landing = land(self.pacer, sample, steps, self.keeper(), at_once, known)
+        if landing.stopped:
             ending, detail = "tripped", f"{detail}; {landing.why}"
         elif landing.error is not None and ending == "completed":
             ending = "device" if isinstance(landing.error, DeviceError) else "error"
@@ -174,17 +176,20 @@ class _Flight:
         asked = self.stop()
         if asked is not None:
             return "interrupted", asked
-        if sample.flags & (Flags.ESTOP | Flags.LATCHED | Flags.FAULT | Flags.STALL):
-            return "tripped", _explain(sample.flags)
         rates = self.controller.rates
-        tripped = self.envelope.check(t, angle, rates, command, voltage)
-        if tripped is None and self.watches:
+        looked = None
+        if self.watches:
             pacer = self.pacer
             now = Period(
                 k, t, sample, angle, rates, command, voltage, pacer.sent, pacer.sequence,
                 pacer.lateness, pacer.skipped,
             )  # fmt: skip
-            tripped = next(filter(None, (watch(now) for watch in self.watches)), None)
+            looked = next(filter(None, (watch(now) for watch in self.watches)), None)
+        # What a watch saw is nearer to the cause than what came of it.
+        stopped = explain(flags) if (flags := int(sample.flags)) & STOPPED else None
+        if stopped or looked:
+            return "tripped", "; ".join(filter(None, (stopped, looked)))
+        tripped = self.envelope.check(t, angle, rates, command, voltage)
         return ("tripped", tripped) if tripped is not None else None
 
     def steps(self, *, hurried: bool) -> int:
@@ -210,16 +215,6 @@ class _Flight:
             )  # fmt: skip
 
         return row
-
-
-def _explain(flags: Flags) -> str:
-    said = {
-        Flags.ESTOP: "an emergency stop is in force",
-        Flags.LATCHED: "the device's watchdog expired: no command reached it in time",
-        Flags.FAULT: "the amplifier reports a fault",
-        Flags.STALL: "a motor is stalled",
-    }
-    return "; ".join(text for flag, text in said.items() if flags & flag)
 
 
 @contextmanager

@@ -28,7 +28,7 @@ WITHOUT_HARDWARE = {
         "serial://{firmware}?watchdog_s=0.3",
         "serial://{firmware}?watchdog_s=0.3&stream=0",
     ),
-    "usb": (
+    "usb+mock": (
         "usb+mock:?watchdog_s=0.3",
         "usb+mock:?watchdog_s=0.3&stream=0&seed=3&start=level",
     ),
@@ -39,7 +39,8 @@ WITHOUT_HARDWARE = {
         "quanser://qpid_e/1?watchdog_s=0.3&enable=none",
     ),
 }
-NEEDS_HARDWARE: set[str] = set()
+NEEDS_HARDWARE = {"usb"}
+"""Flown as ``usb+mock``, and by `make test-kernel-usb`"""
 URLS = [url for urls in WITHOUT_HARDWARE.values() for url in urls]
 
 DOORS: dict[str, Callable[[], AbstractContextManager[Door]]] = {
