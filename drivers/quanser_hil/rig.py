@@ -61,6 +61,7 @@ class QuanserRig:
             with explained(card.error, name, "putting its outputs to rest"):
                 card.prepare()
         except BaseException:
+            card.watchdog_start_to_expire()
             with suppress(card.error):
                 card.close()
             raise
@@ -94,7 +95,9 @@ class QuanserRig:
         try:
             with explained(card.error, self._name, "being armed"):
                 if self._watching:
-                    self._rest()
+                    problem = self._rest()
+                    if problem is not None and not card.watchdog_expired():
+                        raise problem
                     card.watchdog_stop()
                     self._watching = False
                 card.watchdog_clear()
@@ -107,7 +110,9 @@ class QuanserRig:
                 self._state = State.ARMED
                 return self._next()
         except BaseException:
-            self._rest()
+            if self._rest() is not None and not self._watching:
+                card.watchdog_start_to_expire()
+                self._watching = True
             raise
 
     def read(self) -> Sample:

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from heli3dof_drivers.quanser_hil import QuanserDriver, rig, stream
 from heli3dof_drivers.quanser_hil.rig import QuanserRig
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from heli3dof.errors import DeviceError
@@ -28,6 +28,9 @@ CALLS = (
     "write_analog", "write_digital", "watchdog_reload", "watchdog_start", "watchdog_stop",
     "watchdog_clear", "task_start", "task_read_encoder", "read_encoder",
 )  # fmt: skip
+
+HELPLESS = {"write_analog", "write_digital", "watchdog_start"}
+"""With all of them failing nothing can stop a board that was cleared"""
 
 
 class Clock:
@@ -65,7 +68,8 @@ class Hands:
             elif what == "silence":
                 self.clock.sleep(how)
             elif what == "fail":
-                self.lab.failing[how] = 14
+                if not {how, *self.lab.failing} >= HELPLESS:
+                    self.lab.failing[how] = 14
             elif what == "mend":
                 self.lab.failing.clear()
             elif what == "overflow":
@@ -123,7 +127,13 @@ ACTIONS = st.one_of(
 )
 
 
+NO_WRITES = [("fail", "write_analog"), ("fail", "write_digital")]
+
+
 @settings(max_examples=150)
+@example(kind="q8_usb", actions=[*NO_WRITES, ("arm", None)])
+@example(kind="q8_usb", actions=[("silence", 0.3), *NO_WRITES, ("arm", None)])
+@example(kind="q8_usb", actions=[("silence", 0.3), ("close", None), *NO_WRITES, ("open", None)])
 @given(kind=st.sampled_from(["q8_usb", "q2_usb"]), actions=st.lists(ACTIONS, max_size=25))
 def test_volts_are_watched_over_and_a_silent_host_ends_them(
     kind: str, actions: list[tuple[str, Any]]

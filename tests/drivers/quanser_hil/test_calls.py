@@ -27,8 +27,8 @@ def test_opening_puts_the_outputs_to_rest(lab: Laboratory, open_board: Open):
     assert since(lab) == [
         ("open", "q8_usb", "0"),
         ("watchdog_clear",),
-        ("set_analog_output_ranges", MOTORS, 2, [-10.0, -10.0], [10.0, 10.0]),
         ZERO,
+        ("set_analog_output_ranges", MOTORS, 2, [-10.0, -10.0], [10.0, 10.0]),
         ("set_digital_directions", None, 0, ENABLE, 2),
         DISABLE,
         ("set_encoder_quadrature_mode", ENCODERS, 3, [4, 4, 4]),
