@@ -38,6 +38,7 @@ test: $(STAMP)
 
 # Debian's qemu and kernel, unpacked into build/, never installed; CASES: words of the cases to run.
 test-kernel-usb: $(STAMP)
+	@if command -v cc >/dev/null; then $(FIRMWARE); else echo "no C compiler: without the firmware"; fi
 	$(BIN)/python -m tests.kernel_usb.run $(CASES)
 
 check: $(STAMP)

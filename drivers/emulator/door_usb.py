@@ -1,11 +1,10 @@
 """The emulated rig behind pyusb, without libusb and without a bus: a backend of pyusb's own kind.
 
-``usb+mock:?hide=…&seed=…`` takes every option of ``mock:`` but ``speed`` (USB is real time), and
-``fault=KIND:AT_S[:FOR_S]``, as often as there are faults:
+What may befall a rig, ``bus=KIND@SECONDS[:FOR_SECONDS]``, as often as it does (`usb_mock`):
 
-- ``unplug``: the cable comes out; after FOR_S it is put back
-- ``stall_in``, ``stall_out``: the pipe halts; with FOR_S it halts again whenever it is cleared
-- ``silent``: no transfer on the pipes ends, for FOR_S
+- ``unplug``: the cable comes out; after FOR_SECONDS it is put back
+- ``stall_in``, ``stall_out``: the pipe halts; with FOR_SECONDS again whenever it is cleared
+- ``silent``: no transfer on the pipes ends, for FOR_SECONDS
 - ``refused``: this user may not open it
 
 Two openings of one bus are to each other what two processes are: an interface is claimed once.
@@ -48,7 +47,7 @@ _ENDPOINT = "bLength bDescriptorType bEndpointAddress bmAttributes wMaxPacketSiz
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class BusFault:
     """What befalls a rig ``at_s`` after its bus began, for ``for_s`` (None: for good, or once)."""
 
     kind: str
@@ -56,24 +55,25 @@ class Fault:
     for_s: float | None = None
 
     @staticmethod
-    def of(text: str) -> Fault:
+    def of(text: str) -> BusFault:
         """Raises UsageError for what is no fault.
 
-        >>> Fault.of("silent:1:0.5")
-        Fault(kind='silent', at_s=1.0, for_s=0.5)
+        >>> BusFault.of("silent@1:0.5")
+        BusFault(kind='silent', at_s=1.0, for_s=0.5)
         """
-        kind, *times = text.split(":")
+        kind, _, when = text.partition("@")
+        times = when.split(":")
         try:
             numbers = [float(t) for t in times]
         except ValueError:
             numbers = [-1.0]
         if kind not in KINDS or len(numbers) > 2 or not all(0 <= n < 1e6 for n in numbers):
             raise UsageError(
-                f"fault={text} is not a fault of a USB rig.",
-                cause=f"it is KIND:AT_S or KIND:AT_S:FOR_S; {did_you_mean(kind, KINDS)}",
-                fix="fault=unplug:2",
+                f"bus={text} is nothing that befalls a USB rig.",
+                cause=f"it is KIND@SECONDS or KIND@SECONDS:FOR; {did_you_mean(kind, KINDS)}",
+                fix="bus=unplug@2",
             )
-        return Fault(kind, *numbers)
+        return BusFault(kind, *numbers)
 
 
 @dataclass(eq=False)
@@ -81,7 +81,7 @@ class Rig:
     """A device on the bus with the faults that await it."""
 
     function: UsbFunction
-    faults: Sequence[Fault] = ()
+    faults: Sequence[BusFault] = ()
     plugged: bool = True
     refused: bool = False
     claimed_by: Any = None
@@ -156,7 +156,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
                     self._end(rig, fault)
             rig.faults = waiting
 
-    def _begin(self, rig: Rig, fault: Fault) -> None:
+    def _begin(self, rig: Rig, fault: BusFault) -> None:
         function, pipe = rig.function, IN if fault.kind == "stall_in" else OUT
         match fault.kind:
             case "unplug":
@@ -168,7 +168,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
             case _:
                 (function.halted if fault.for_s is None else function.stuck).add(pipe)
 
-    def _end(self, rig: Rig, fault: Fault) -> None:
+    def _end(self, rig: Rig, fault: BusFault) -> None:
         match fault.kind:
             case "unplug":
                 self.unplug(rig)  # nobody may have looked while it was out

@@ -86,7 +86,8 @@ class Dialogue:
             self.statistics.repeats += attempt > 0
             asked = time.monotonic()
             self.send(wire(question(number)))
-            while (left := asked + patience_s - time.monotonic()) > 0:
+            again = time.monotonic() + patience_s
+            while (left := again - time.monotonic()) > 0:
                 data = self.transport.read(left)
                 self.overheard = (self.overheard + data)[-OVERHEARD:]
                 for frame in self._sorted(data):

@@ -120,6 +120,9 @@ class LinkRig:
         """Zero volts, latches cleared, enabled; the first sample."""
         self._check_open()
         self._armed = self._streaming = False
+        # Counts that began anew since the rig was opened would be taken for angles of before.
+        if (problem := self._why_silent()) is not None:
+            raise problem
         for _ in range(TRIES):
             disarmed = self._request(Disarm)
             self._pass_over()
@@ -239,7 +242,9 @@ class LinkRig:
         until = time.monotonic() + SILENCE_S
         while (asked := time.monotonic()) < until:
             dialogue.send(wire(Poll(dialogue.next_number())))
-            while (left := asked + POLL_AGAIN_S - time.monotonic()) > 0:
+            # From now on, not from before: a line that took the POLL slowly is listened to as well.
+            again = time.monotonic() + POLL_AGAIN_S
+            while (left := again - time.monotonic()) > 0:
                 dialogue.receive(left)
                 sample = self._newest()
                 if sample is None:

@@ -33,10 +33,13 @@ def not_ours(name: str) -> DeviceError:
     )
 
 
-def not_stopped(name: str, tries: int) -> DeviceError:
+def not_stopped(name: str, tries: int, *, beside: bool = False) -> DeviceError:
+    """``beside``: another program held the line meanwhile."""
     return DeviceError(
         f"{name}: the emergency stop was sent {tries} times and not acknowledged.",
-        cause="the line is broken; the device's own watchdog stops it.",
+        cause="the line is broken, or the program that holds the port has read the answer."
+        if beside
+        else "the line is broken; the device's own watchdog stops it.",
         fix="press the amplifier's button; then heli3dof doctor",
     )
 

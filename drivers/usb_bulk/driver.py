@@ -1,10 +1,9 @@
-"""``usb://VID:PID/SERIAL`` — a rig on a USB bulk pipe; ``usb+mock:`` — the emulated one.
+"""``usb://VID:PID/SERIAL`` — a rig on a USB bulk pipe.
 
 Either part of the place may be left out where one rig fits. Options: ``stream=0`` asks for every
 sample instead of letting the rig time them; ``watchdog_s`` is the silence after which the rig
 stops itself; ``timeout_s`` is how long it may take to accept a frame; ``signs=profile`` believes
-the profile which way the encoders count. ``usb+mock:`` takes the options of ``mock:`` and
-``fault=`` besides; see `heli3dof_drivers.emulator.door_usb`.
+the profile which way the encoders count.
 """
 
 from __future__ import annotations
@@ -26,16 +25,13 @@ if TYPE_CHECKING:
     from heli3dof.rig.url import DeviceUrl
 
 OPTIONS = ("stream", "watchdog_s", "timeout_s", "signs")
-EMULATED = "usb+mock"
-MOCK_OPTIONS = ("profile", "hide", "seed", "noise", "start", "spread", "fault")
-"""What ``usb+mock:`` takes besides"""
 
 
 class UsbDriver:
     """Opens rigs on the USB. ``backend``: pyusb's, the system's libusb unless given."""
 
     scheme = "usb"
-    options: Sequence[str] = (*OPTIONS, *MOCK_OPTIONS)
+    options: Sequence[str] = OPTIONS
 
     def __init__(self, backend: Callable[[], Any] = system_backend) -> None:
         self._backend = backend
@@ -51,18 +47,8 @@ class UsbDriver:
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
         """Claim the rig and speak to it. Raises DeviceError or UsageError, each with its cause."""
-        from .rig import UsbRig
-        from .transport import UsbTransport
-
-        url.check_options((*OPTIONS, *MOCK_OPTIONS) if url.scheme == EMULATED else OPTIONS)
-        watchdog_s = _seconds(url, "watchdog_s", 1.0) if url.one("watchdog_s") else None
-        timeout_s = _seconds(url, "timeout_s", 10.0) if url.one("timeout_s") else 0.25
-        stream = _choice(url, "stream", ("1", "0")) == "1"
-        signs = _choice(url, "signs", ("device", "profile"))
-        backend = self._bus(url, profile)
-        on = select(backend, url.text, "" if url.scheme == EMULATED else url.where)
-        transport = UsbTransport(on.device, url.text, write_s=timeout_s, holder=on.holder)
-        return UsbRig(transport, profile, stream=stream, watchdog_s=watchdog_s, signs=signs)
+        url.check_options(OPTIONS)
+        return open_on(self._backend(), url, profile)
 
     def estop(self, url: DeviceUrl) -> str:
         """Zero volts by a control request, though another process may hold the rig's pipes."""
@@ -70,8 +56,6 @@ class UsbDriver:
 
         from .transport import stop
 
-        if url.scheme == EMULATED:
-            return "an emulated rig lives in the process that flies it: nothing else holds one"
         on = select(self._backend(), url.text, url.where)
         stop(on.device, Cause.HOST_ESTOP, url.text)
         with suppress(Exception):
@@ -82,16 +66,21 @@ class UsbDriver:
         """libusb, the udev rule, whether the rig is there, may be opened and is free."""
         from .examine import examine
 
-        if url.scheme == EMULATED:
-            return ()
         return examine(self._backend, url)
 
-    def _bus(self, url: DeviceUrl, profile: Profile) -> Any:
-        if url.scheme != EMULATED:
-            return self._backend()
-        from ..emulator.usb_mock import bus_of
 
-        return bus_of(url, profile)
+def open_on(bus: Any, url: DeviceUrl, profile: Profile, where: str | None = None) -> Rig:
+    """Open a rig on a bus that pyusb reaches through the backend ``bus``; `OPTIONS` of the URL."""
+    from .rig import UsbRig
+    from .transport import UsbTransport
+
+    watchdog_s = _seconds(url, "watchdog_s", 1.0) if url.one("watchdog_s") else None
+    timeout_s = _seconds(url, "timeout_s", 10.0) if url.one("timeout_s") else 0.25
+    stream = _choice(url, "stream", ("1", "0")) == "1"
+    signs = _choice(url, "signs", ("device", "profile"))
+    on = select(bus, url.text, url.where if where is None else where)
+    transport = UsbTransport(on.device, url.text, write_s=timeout_s, holder=on.holder)
+    return UsbRig(transport, profile, stream=stream, watchdog_s=watchdog_s, signs=signs)
 
 
 def _choice(url: DeviceUrl, name: str, known: tuple[str, ...]) -> str:

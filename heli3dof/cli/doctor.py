@@ -44,7 +44,7 @@ def doctor(
     from heli3dof.rig.profile import default_profile, load_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    url = the_rig(device)
+    url = the_rig(talk, device)
     rig_profile = load_profile(profile) if profile else default_profile()
     rows: list[tuple[str, Check]] = []
     cannot_open: DeviceError | None = None

@@ -76,7 +76,7 @@ def _source(
             return {} if told is None and lives(session) else told
 
         return ask, about
-    url = the_rig(device)
+    url = the_rig(talk, device)
     rig_profile = load_profile(profile_file) if profile_file else default_profile()
     rig = stack.enter_context(hold(url, rig_profile))
     if rig.rest.note:
@@ -104,10 +104,11 @@ def _watch(
 ) -> None:
     from heli3dof.rig.clock import wait_until
 
-    start = due = time.monotonic()
+    due = time.monotonic()
+    end = None if seconds is None else due + seconds
     show, done = _display(talk, view)
     try:
-        while seconds is None or time.monotonic() - start <= seconds:
+        while True:
             reading = source()
             if reading is None:
                 talk.note("the session has ended")
@@ -115,6 +116,8 @@ def _watch(
             view.add(reading)
             show()
             due = max(due + PERIOD_S, time.monotonic())
+            if end is not None and due > end:
+                return
             wait_until(due)
     finally:
         done()

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from heli3dof.cli.console import Talk
+
 MOCK = "mock:"
 
 AnyDevice = Annotated[
@@ -19,8 +21,8 @@ AnyDevice = Annotated[
 ]
 
 
-def the_rig(device: str | None) -> str:
-    """The device asked for, else the only real rig found, else `MOCK`.
+def the_rig(talk: Talk, device: str | None) -> str:
+    """The device asked for, else the only real rig found, else `MOCK`, and that is said.
 
     Raises UsageError where several are there, and for a URL without a driver.
     """
@@ -39,4 +41,7 @@ def the_rig(device: str | None) -> str:
             cause="the command was not told which.",
             fix=f"--device {real[0]}, or export HELI3DOF_DEVICE={real[0]}",
         )
-    return real[0] if real else MOCK
+    if not real:
+        talk.note("No rig was found: this is about the emulated one (--device names another).")
+        return MOCK
+    return real[0]

@@ -46,7 +46,7 @@ def zero(
     from heli3dof.rig.zero import calibrate, watch_standing
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    url = the_rig(device)
+    url = the_rig(talk, device)
     rig_profile = load_profile(profile) if profile else default_profile()
     with hold(url, rig_profile) as rig:
         before, rig.rest = rig.rest, POWER_UP  # counts as the device gives them

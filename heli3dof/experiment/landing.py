@@ -17,7 +17,7 @@ from heli3dof.errors import DeviceError
 from heli3dof.experiment.pacer import Pacer
 from heli3dof.experiment.stopped import STOPPED, explain
 from heli3dof.recording.row import Row
-from heli3dof.rig.port import Sample
+from heli3dof.rig.port import Flags, Sample
 
 Keep = Callable[[Sample, tuple[float, float], float, Sample], None]
 """Keeps a period: the sample that opened it, V, its lateness in s, the sample after."""
@@ -52,7 +52,8 @@ def land(
     if sample is None:
         pacer.stop("the device did not answer")
         return Landing(False)
-    start = pacer.sent
+    # A device that stands stopped needs no ramp; its rows show that it stays so.
+    start = (0.0, 0.0) if sample.flags & Flags.ESTOP else pacer.sent
     told = int(sample.flags)
     i = 0
     try:

@@ -64,10 +64,12 @@ def open_rig(url: str | DeviceUrl, profile: Profile) -> Rig:
 def is_private(url: str | DeviceUrl) -> bool:
     """True where every opening of the URL makes a rig of its own, that no other process can hold.
 
-    An emulated rig in this process is; its driver says so with ``private = True``.
+    An emulated rig in this process is; its driver says so with ``private = True``, or with the
+    URL schemes of which that holds: ``private = ("usb+mock",)``.
     """
     parsed = parse_url(url) if isinstance(url, str) else url
-    return bool(getattr(load_driver(parsed.scheme), "private", False))
+    private = getattr(load_driver(parsed.scheme), "private", False)
+    return private if isinstance(private, bool) else parsed.scheme in private
 
 
 def with_seed(url: str, seed: int) -> str:

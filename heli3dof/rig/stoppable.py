@@ -30,6 +30,11 @@ class StoppableRig:
     def identity(self) -> Identity:
         return self.inner.identity
 
+    @property
+    def statistics(self) -> object:
+        """What the rig's link has counted; None where it counts nothing."""
+        return getattr(self.inner, "statistics", None)
+
     def arm(self) -> Sample:
         if self.session.asked is not None:
             self._heed(self.session.asked)

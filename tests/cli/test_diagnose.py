@@ -26,11 +26,11 @@ AXES = {"roll", "pitch", "yaw"}
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Half a minute of the rich plan on a rig with a cable."""
+    """Forty seconds of the rich plan on a rig with a cable: each half of them shows it."""
     device = "mock:?speed=max&start=level&hide=stiffness.cable.yaw:0.1"
     flown = fly_plan(load_plan("rich"), device=device, seed=1201).recording
     path = tmp_path_factory.mktemp("diagnose") / "cable.mcap"
-    write_recording(replace(flown.between(0.0, 25.0), meta={**flown.meta, "name": "cable"}), path)
+    write_recording(replace(flown.between(0.0, 40.0), meta={**flown.meta, "name": "cable"}), path)
     return path
 
 
@@ -77,7 +77,7 @@ def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(said: Said) -
     assert abs(size["value"] - 0.1) < max(4 * size["std"], 0.005)
     assert set(finding) >= {"score", "confidence", "tied_with", "gain"}
     gain = finding["gain"]["holdout_rmse_deg"]
-    assert gain["after"]["yaw"] < 0.5 * gain["before"]["yaw"]
+    assert gain["after"]["yaw"] < 0.25 * gain["before"]["yaw"]
     for words in ("stiffness.cable.yaw", "noise alone", "Calibration"):
         assert words in said.err
     assert "Screening against 8 simulated nulls …\n" in said.err

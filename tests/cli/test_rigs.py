@@ -18,6 +18,7 @@ from heli3dof.rig import zero
 from heli3dof.rig.attach import running
 from heli3dof.rig.calibration import load_calibration
 from heli3dof.rig.doctor import folder, host, link
+from heli3dof.rig.drivers import load_driver
 from heli3dof.rig.port import Check, Flags
 from heli3dof.rig.session import Session
 from tests.cli.running import heli3dof
@@ -190,6 +191,17 @@ def test_several_rigs_and_no_word_which_is_a_usage_error(fake: FakeDriver) -> No
     said = heli3dof("monitor", "--seconds", "0")
     assert said.code == 2
     assert "--device fake://1" in said.err
+
+
+def test_where_no_rig_is_found_the_emulated_one_is_looked_at_and_that_is_said(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    only_drivers(monkeypatch, fake=FakeDriver(urls=()), mock=load_driver("mock"))
+    said = heli3dof("monitor", "--seconds", "0", "--json")
+    assert said.code == 0
+    assert said.document["readings"] == 1
+    assert "No rig was found" in said.err
+    assert "mock:" in said.err
 
 
 def test_monitor_reads_a_free_rig_and_never_arms_it(fake: FakeDriver) -> None:

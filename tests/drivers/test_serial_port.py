@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import os
+import re
+import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 from heli3dof_drivers.emulator.door import serve
 from heli3dof_drivers.link import greeting, ports
 from heli3dof_drivers.link.ports import holders
+from heli3dof_drivers.link.statistics import LinkStatistics
 
 from heli3dof.errors import DeviceError, UsageError
 from heli3dof.rig.drivers import load_driver, open_rig
@@ -23,6 +27,7 @@ from heli3dof.rig.profile import default_profile
 from heli3dof.rig.url import parse_url
 from tests.drivers.doors import Door, python_door
 from tests.drivers.emulator.still import still_endpoint
+from tests.paths import ROOT
 
 PROFILE = default_profile()
 DRIVER = load_driver("serial")
@@ -119,6 +124,20 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
     rig.close()
 
 
+def test_estop_reaches_a_rig_whose_holder_hangs_with_the_line_full(door: Door):
+    url = door.url("watchdog_s=0.5")
+    flight = subprocess.Popen([sys.executable, "-c", HOLD, url], stdout=subprocess.PIPE, text=True)
+    assert flight.stdout is not None
+    assert flight.stdout.readline() == "armed\n"
+    flight.send_signal(signal.SIGSTOP)
+    time.sleep(0.4)  # samples that nobody reads
+    try:
+        assert "the rig says so" in DRIVER.estop(parse_url(url))
+    finally:
+        flight.kill()
+        flight.wait(timeout=20)
+
+
 def test_estop_reaches_a_rig_that_nobody_holds(door: Door):
     url = parse_url(door.url())
     assert "the rig says so" in DRIVER.estop(url)
@@ -212,3 +231,14 @@ def test_nothing_is_imported_that_finding_does_not_need():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+def test_the_page_names_every_option_and_every_count():
+    page = (ROOT / "docs" / "serial.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
+    named = set(re.findall(r"`(\w+?)(?:_…_s)?`", "".join(rows)))
+    counted = {f.name for f in fields(LinkStatistics)}
+    assert set(DRIVER.options) <= named
+    assert named - set(DRIVER.options) <= counted
+    assert counted - named == {"sent", "received", "commands"}  # they speak for themselves
+    assert f"for {greeting.TRIES * greeting.PATIENCE_S:g} s" in page

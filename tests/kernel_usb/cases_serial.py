@@ -13,6 +13,7 @@ from heli3dof_drivers.serial_port import SerialDriver
 from heli3dof.rig.port import Command, Flags
 from heli3dof.rig.url import parse_url
 
+from .gadget import FIRMWARE
 from .guest import (
     PROFILE,
     RATE_HZ,
@@ -179,3 +180,42 @@ def serial_a_process_that_is_killed_leaves_a_rig_that_stops_itself() -> dict[str
     assert hand().state()[:2] == (LATCHED, WATCHDOG)
     rig().close()
     return {"zero_after_s": took}
+
+
+@case
+def serial_the_firmware_in_c_flies_behind_a_true_port() -> dict[str, Any]:
+    if not FIRMWARE.exists():
+        return {"skipped": "the host has no C compiler"}
+    assert hand()("firmware") == "ok"
+    measured: dict[str, Any] = {}
+    try:
+        for stream in ("1", "0"):
+            r = rig(f"?stream={stream}")
+            try:
+                assert r.identity.serial == "G1"
+                samples = fly(r, 100)
+                assert samples[-1].flags == Flags.ENABLED
+                assert samples[-1].v_applied == (5.0, 5.0)
+                assert r.statistics.damaged == 0
+                measured["firmware"] = r.identity.firmware
+                measured[f"lost, stream={stream}"] = r.statistics.lost
+            finally:
+                r.close()
+        r = rig()
+        fly(r, 10)
+        hand()("pull")
+        measured["said"] = failure(lambda: fly(r, 100)).what
+        r.close()
+        until(lambda: not PORT.exists(), f"{PORT} is gone")
+        time.sleep(1.5)
+        r = rig()
+        try:
+            sample = r.read()
+            assert sample.flags & Flags.LATCHED, sample
+            assert sample.v_applied == (0.0, 0.0)
+            assert fly(r, 20)[-1].flags == Flags.ENABLED
+        finally:
+            r.close()
+    finally:
+        hand()("python")
+    return measured

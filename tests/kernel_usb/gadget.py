@@ -1,9 +1,11 @@
 """The emulated rig as a CDC-ACM device on the kernel's dummy_hcd: a true /dev/ttyACM0.
 
     pyserial ── /dev/ttyACM0 ── cdc-acm ── dummy_hcd ── usb_f_acm ── /dev/ttyGS0 ── Endpoint
+                                                                              or ── C firmware
 
-configfs describes the device; binding it to the controller is plugging it in.
-``python -m tests.kernel_usb.gadget``: commands on stdin, one a line.
+configfs describes the device; binding it to the controller is plugging it in. Which device it is,
+the command ``firmware`` or ``python`` says. ``python -m tests.kernel_usb.gadget``: commands on
+stdin, one a line.
 """
 
 from __future__ import annotations
@@ -25,6 +27,8 @@ GADGET = CONFIGFS / "usb_gadget/rig"
 CONTROLLER = "dummy_udc.0"
 PORT = "/dev/ttyGS0"
 SERIAL = "G1"
+FIRMWARE = Path("/firmware/heli3dof-rig")
+"""There where the host had a C compiler"""
 
 
 def describe() -> None:
@@ -41,6 +45,37 @@ def describe() -> None:
     (GADGET / "configs/c.1/acm.usb0").symlink_to(GADGET / "functions/acm.usb0")
 
 
+class Firmware:
+    """The device in C, a program at a terminal, in the place of an `Endpoint`."""
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            [str(FIRMWARE), "--watchdog", "1000", "--serial", SERIAL],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert self._process.stdout
+        path = self._process.stdout.readline().strip()
+        self.terminal = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        tty.setraw(self.terminal)
+
+    def receive(self, now_us: int, data: bytes) -> bytes:
+        if data:
+            os.write(self.terminal, data)
+        try:
+            return os.read(self.terminal, 4096)
+        except BlockingIOError:
+            return b""
+
+    def next_us(self) -> None:
+        return None
+
+    def end(self) -> None:
+        self._process.kill()
+        self._process.wait()
+        os.close(self.terminal)
+
+
 class Server:
     """The device's processor between its port and the hand on the cable."""
 
@@ -48,6 +83,7 @@ class Server:
         describe()
         self._start = time.monotonic()
         self._endpoint = Endpoint(StillDevice(watchdog_s=1.0), serial=SERIAL)  # type: ignore[arg-type]
+        self._firmware: Firmware | None = None
         self._port: int | None = None
         self._unsent = b""
 
@@ -59,6 +95,8 @@ class Server:
         while True:
             port = self._port
             ports = [] if port is None else [port]
+            if self._firmware:
+                ports.append(self._firmware.terminal)
             ready, _, _ = select.select([0, *ports], [], [], self._until())
             if port is not None:
                 self._serve(port, port in ready)
@@ -77,7 +115,8 @@ class Server:
             os.close(port)
             self._port, self._unsent = None, b""
             return
-        self._unsent = (self._unsent + self._endpoint.receive(self._now_us(), data))[-4096:]
+        device = self._firmware or self._endpoint
+        self._unsent = (self._unsent + device.receive(self._now_us(), data))[-4096:]
         try:
             self._unsent = self._unsent[os.write(port, self._unsent) :] if self._unsent else b""
         except OSError:
@@ -98,6 +137,12 @@ class Server:
                 tty.setraw(self._port)
             case "pull":
                 (GADGET / "UDC").write_text("\n")
+            case "firmware":
+                self._firmware = self._firmware or Firmware()
+            case "python":
+                if self._firmware:
+                    self._firmware.end()
+                self._firmware = None
             case "state":
                 amplifier = self._endpoint.amplifier
                 self._endpoint.tick(self._now_us())

@@ -26,7 +26,7 @@ PROFILE: Any = SimpleNamespace(
     loop=SimpleNamespace(rate_hz=RATE_HZ),
     dt=1 / RATE_HZ,
 )
-PATIENCE_S = 10.0
+PATIENCE_S = 40.0
 CASES: list[tuple[str, Callable[[], dict[str, Any] | None]]] = []
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent.parent
 MODULES = ("vhci-hcd", "dummy_hcd", "usb_f_acm", "cdc-acm")
+FIRMWARE = ROOT / "build/firmware/heli3dof-rig"
 LIBRARIES = "/usr/lib/guest"
 PURE = ("usb", "serial", "cobs")
 """Libraries of ours that the guest's side imports"""
@@ -28,6 +29,8 @@ INIT = """#!/bin/busybox sh
 /bin/busybox mount -t proc proc /proc
 /bin/busybox mount -t sysfs sysfs /sys
 /bin/busybox mount -t devtmpfs devtmpfs /dev
+/bin/busybox mkdir -p /dev/pts
+/bin/busybox mount -t devpts devpts /dev/pts
 /bin/busybox ln -s /proc/self/fd /dev/fd
 /sbin/ldconfig
 /lib/systemd/systemd-udevd --daemon
@@ -96,6 +99,9 @@ def build(root: Path, arguments: str = "") -> bytes:
     archive.copy(Path("/sbin/ldconfig"))
     _udev(archive, root)
     _project(archive)
+    if FIRMWARE.exists():
+        archive.copy(FIRMWARE, "/firmware/heli3dof-rig")
+        _shared(archive, FIRMWARE)
     for number, module in enumerate(modules(root, MODULES)):
         archive.copy(module, f"/modules/{number:02d}-{module.name}")
     return archive.bytes()

@@ -42,6 +42,8 @@ def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_pa
     assert steps.min() == 1
     assert abs(int((steps - 1).sum()) - skipped) <= 1
     assert document["punctuality"]["median_s"] < 0.01
+    assert document["link"]["lost"] == document["lost_periods"]
+    assert 0 < document["link"]["delay_median_s"] < 0.01
 
 
 def test_a_system_that_refuses_everything_is_told_and_flown_on(tmp_path: Path) -> None:

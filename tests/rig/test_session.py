@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import socket
@@ -14,6 +15,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from heli3dof.errors import DeviceError
 from heli3dof.rig.attach import Question, lives, running, state
@@ -196,3 +199,32 @@ def test_a_session_that_hangs_lives_and_answers_nothing(other_process):
     finally:
         other_process.send_signal(signal.SIGCONT)
     assert state(found, timeout_s=5) == {}
+
+
+def test_of_many_that_want_the_rig_at_once_one_gets_it():
+    together = threading.Barrier(8)
+    won: list[Session] = []
+
+    def want() -> None:
+        together.wait()
+        with contextlib.suppress(DeviceError):
+            won.append(Session(DEVICE))
+
+    threads = [threading.Thread(target=want) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(won) == 1
+    won[0].close()
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@given(noise=st.binary(max_size=6000))
+def test_no_bytes_stop_a_session_from_answering(session, noise):
+    (found,) = running(DEVICE)
+    with socket.socket(socket.AF_UNIX) as line, contextlib.suppress(BrokenPipeError):
+        line.connect(str(found.socket))
+        line.sendall(noise)
+    assert state(found, timeout_s=5) == {}
+    assert session.asked is None

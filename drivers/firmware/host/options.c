@@ -54,6 +54,14 @@ static double only_number(const char *option, const char *text)
     return value;
 }
 
+static uint32_t whole(const char *option, const char *text, uint32_t most)
+{
+    const double value = only_number(option, text);
+    if (value > most)
+        refuse(option, text, "less: see docs/protocol.md");
+    return (uint32_t)value;
+}
+
 static double share(const char *option, const char *text)
 {
     const double value = only_number(option, text);
@@ -157,9 +165,9 @@ struct options options_read(int argc, char **argv)
             if (sscanf(optarg, "%d,%d,%d", &o.counts[0], &o.counts[1], &o.counts[2]) != 3)
                 refuse(name, optarg, "three whole numbers, as 4096,4096,8192");
             break;
-        case WATCHDOG: o.watchdog_us = (uint32_t)(1e3 * only_number(name, optarg)); break;
-        case RAMP: o.ramp_us = (uint32_t)(1e3 * only_number(name, optarg)); break;
-        case SHORTEST: o.shortest_us = (uint32_t)only_number(name, optarg); break;
+        case WATCHDOG: o.watchdog_us = 1000 * whole(name, optarg, 1000); break;
+        case RAMP: o.ramp_us = 1000 * whole(name, optarg, 10000); break;
+        case SHORTEST: o.shortest_us = whole(name, optarg, 1000000); break;
         case FAULT: span(name, optarg, &o.fault_s, &o.fault_for_s); break;
         case STALL: span(name, optarg, &o.stall_s, &o.stall_for_s); break;
         case BUTTON: o.button_s = only_number(name, optarg); break;
@@ -171,7 +179,7 @@ struct options options_read(int argc, char **argv)
         case JUMP: jump(&o, optarg); break;
         case DROP: o.drop = share(name, optarg); break;
         case CORRUPT: o.corrupt = share(name, optarg); break;
-        case SEED: o.seed = (uint32_t)only_number(name, optarg); break;
+        case SEED: o.seed = whole(name, optarg, UINT32_MAX); break;
         default: exit(2); /* getopt has said why */
         }
     }

@@ -6,12 +6,16 @@
  * and prints what the device of the golden transcripts answers, a frame a line: `100 < 0401…`.
  *
  * `heli3dof-replay --pieces` reads bytes as hexadecimal lines and prints, for each piece between
- * delimiters, `taken` or `unknown` and its payload, or `damaged`. */
+ * delimiters, `taken` or `unknown` and its payload, or `damaged`.
+ *
+ * `heli3dof-replay --plant` reads angles, rates and voltages, `r p psi dr dp dpsi V_f V_b`, and
+ * prints the bench plant's angular accelerations; SI. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "device.h"
+#include "plant.h"
 
 static const struct device_config GOLDEN = {
     .boot = 1,
@@ -80,8 +84,22 @@ static void pieces(void)
     }
 }
 
+static void accelerations(void)
+{
+    double q[3], dq[3], V[2], ddq[3];
+    while (scanf("%lf %lf %lf %lf %lf %lf %lf %lf", &q[0], &q[1], &q[2], &dq[0], &dq[1], &dq[2],
+                 &V[0], &V[1]) == 8) {
+        plant_acceleration(q, dq, V, ddq);
+        printf("%.17g %.17g %.17g\n", ddq[0], ddq[1], ddq[2]);
+    }
+}
+
 int main(int argc, char **argv)
 {
+    if (argc > 1 && strcmp(argv[1], "--plant") == 0) {
+        accelerations();
+        return 0;
+    }
     if (argc > 1 && strcmp(argv[1], "--pieces") == 0) {
         pieces();
         return 0;

@@ -10,9 +10,11 @@ import json
 import os
 import re
 import shutil
+import socket
 import subprocess
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -34,23 +36,23 @@ from heli3dof_drivers.link.frames import (
 from .building import build
 from .test_program import Host
 
-QEMU, GCC = "qemu-system-arm", "arm-none-eabi-gcc"
-MISSING = [program for program in (QEMU, GCC) if not shutil.which(program)]
+QEMU, GCC, NM = "qemu-system-arm", "arm-none-eabi-gcc", "arm-none-eabi-nm"
+MISSING = [program for program in (QEMU, GCC, NM) if not shutil.which(program)]
 SEEN_S = 0.02
 FAULT, STALL, STOP, ENCODER_A, ENCODER_B = "up", "down", "ctrl", "left", "right"
 
-pytestmark = pytest.mark.skipif(
-    os.environ.get("HELI3DOF_QEMU") != "1", reason="opt-in: make test-qemu"
-)
+if os.environ.get("HELI3DOF_QEMU") != "1":
+    pytest.skip("opt-in: make test-qemu", allow_module_level=True)
 
 
 class Board:
     """A board in its emulator, and the emulator's console (QMP, a JSON document a line)."""
 
-    def __init__(self, image: str) -> None:
+    def __init__(self, image: str, debugger: str) -> None:
+        self.image, self.debugger = image, debugger
         self.process = subprocess.Popen(
-            [QEMU, "-M", "lm3s6965evb", "-kernel", image, "-display", "none",
-             "-serial", "pty", "-qmp", "stdio"],
+            [QEMU, "-M", "lm3s6965evb", "-kernel", image, "-display", "none", "-serial", "pty",
+             "-qmp", "stdio", "-gdb", f"unix:{debugger},server=on,wait=off"],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
         )  # fmt: skip
         self.tell("qmp_capabilities")
@@ -75,16 +77,30 @@ class Board:
         self.tell("input-send-event", events=[{"type": "key", "data": what}])
         time.sleep(SEEN_S)
 
+    def hang(self) -> None:
+        """A debugger sends the processor into an endless loop, and lets it run on."""
+        names = subprocess.run([NM, self.image], capture_output=True, text=True, check=True).stdout
+        loop = next(line.split()[0] for line in names.splitlines() if line.endswith(" fault"))
+        with socket.socket(socket.AF_UNIX) as debugger:
+            debugger.connect(self.debugger)
+            xml = "qXfer:features:read:target.xml:0,ff"  # without it QEMU knows no register 15
+            for said in (xml, f"Pf={bytes.fromhex(loop)[::-1].hex()}", "c"):
+                checksum = sum(said.encode()) % 256
+                debugger.sendall(f"+${said}#{checksum:02x}".encode())
+                time.sleep(SEEN_S)
+
     def press(self, name: str) -> None:
         self.key(name, down=True)
         self.key(name, down=False)
 
 
 @pytest.fixture
-def board() -> Iterator[Board]:
+def board(tmp_path: Path) -> Iterator[Board]:
     if MISSING:
         pytest.fail(f"{MISSING[0]} is not there: apt-get install {QEMU} gcc-arm-none-eabi")
-    board = Board(str(build("heli3dof-lm3s6965.elf") / "heli3dof-lm3s6965.elf"))
+    board = Board(
+        str(build("heli3dof-lm3s6965.elf") / "heli3dof-lm3s6965.elf"), str(tmp_path / "gdb")
+    )
     yield board
     board.process.kill()
     board.process.wait()
@@ -184,3 +200,18 @@ def test_after_a_reset_it_is_idle_under_another_boot_and_an_old_ticket_arms_noth
     assert not after.flags & 1
     answer = host.ask(Arm(4, before.ticket, 0, 0), Ack)
     assert answer.code == Code.STALE_TICKET  # type: ignore[union-attr]
+
+
+def test_a_processor_that_hangs_starts_again_at_zero_volts(board: Board, host: Host):
+    before = host.identity()
+    host.arm()
+    host.command()
+    board.hang()
+    time.sleep(0.3)
+    host.port.reset_input_buffer()
+    after = host.ask(Hello(9), IdentityFrame)
+    assert isinstance(after, IdentityFrame)
+    assert after.boot != before.boot
+    sample = host.poll()
+    assert (sample.front_uV, sample.flags & 1) == (0, 0)
+    assert sample.time_us < 1_000_000

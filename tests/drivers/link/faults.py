@@ -3,8 +3,8 @@
 Host and device talk over two such lines, COMMAND and POLL there, SAMPLE back, with arming,
 disarming and stops between. The judge counts what must never happen:
 
-- a command that the device takes though it was not sent in this arming, word by word, or though a
-  newer one was taken before;
+- a command that the device takes though it was not sent, word by word, or was sent before the ARM
+  that armed the device, or though a newer one was taken before;
 - an ARM that arms though it was not sent for the present ticket;
 - a sample that the host takes though the device did not say it in this arming, or though a newer
   one was taken before;
@@ -160,9 +160,12 @@ class Trial:
         self._statistics = LinkStatistics()
         self._intake = Intake(self._statistics)
         self._now_us = 0
-        self._sent: dict[int, tuple[int, int]] = {}
-        """this arming's commands: number → what was asked for"""
-        self._newest = 0
+        self._sent: dict[int, tuple[int, int, int]] = {}
+        """number → the ARM that it follows on, and what was asked for"""
+        self._asked = 0
+        """Number of the last ARM that was sent"""
+        self._arming = self._newest = 0
+        """Numbers of the ARM and of the newest command (or ARM) that the device has taken"""
         self._tickets: set[int] = set()
         """tickets for which an ARM was sent"""
         self._said: set[SampleFrame] = set()
@@ -187,17 +190,17 @@ class Trial:
             self._tell(Estop(0))
         front, back = (self._rng.randint(-24_000_000, 24_000_000) for _ in range(2))
         number = self._intake.command(0)
-        self._sent[number] = (front, back)
+        self._sent[number] = (self._asked, front, back)
         self._tell(CommandFrame(number, front, back))
         self._tell(Poll(number))
 
     def _arm(self) -> None:
         ticket = self._endpoint.amplifier.ticket
         self._tickets.add(ticket)
-        self._sent.clear()
         self._said.clear()
         self._taken = -1
-        self._tell(Arm(self._intake.arm(), ticket, 0, 1_000_000))
+        self._asked = self._intake.arm()
+        self._tell(Arm(self._asked, ticket, 0, 1_000_000))
 
     def _tell(self, frame: Frame) -> None:
         for data, whole in self._there.send(wire(frame)):
@@ -225,8 +228,9 @@ class Trial:
     def commanded(self, number: int, front_uV: int, back_uV: int) -> None:
         """The device took a command."""
         self.tally.commands += 1
-        newer = number > self._newest
-        self.tally.wrong_commands += not newer or self._sent.get(number) != (front_uV, back_uV)
+        after, *asked = self._sent.get(number, (-1, 0, 0))
+        true = asked == [front_uV, back_uV] and after >= self._arming
+        self.tally.wrong_commands += not true or number <= self._newest
         self._newest = number
 
     def armed(self, ticket: int, number: int) -> None:
@@ -234,7 +238,7 @@ class Trial:
         self.tally.armings += 1
         self.tally.wrong_armings += ticket not in self._tickets
         self._tickets.discard(ticket)
-        self._newest = number
+        self._arming = self._newest = number
 
 
 def watch(endpoint: Endpoint, trial: Trial) -> None:

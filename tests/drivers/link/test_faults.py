@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import pytest
+from heli3dof_drivers.emulator.amplifier import Amplifier
 from heli3dof_drivers.link import frames, intake
 
 from tests.drivers.link.faults import KINDS, Trial
@@ -61,3 +62,14 @@ def test_the_judge_sees_a_receiver_that_checks_less(monkeypatch: pytest.MonkeyPa
 def test_the_judge_sees_a_host_that_believes_old_samples(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(intake, "_HALF", 2**33)
     assert Trial(seed=1).run(faults=2000).wrong_samples > 0
+
+
+def test_the_judge_sees_a_device_that_takes_old_commands(monkeypatch: pytest.MonkeyPatch):
+    command = Amplifier.command
+
+    def careless(self: Amplifier, now_us: int, number: int, front_uV: int, back_uV: int) -> bool:
+        self.last = number - 1
+        return command(self, now_us, number, front_uV, back_uV)
+
+    monkeypatch.setattr(Amplifier, "command", careless)
+    assert Trial(seed=1).run(faults=2000).wrong_commands > 0

@@ -148,6 +148,14 @@ def test_a_device_that_started_anew_is_told_from_silence(stream: bool):
         send(rig, 2)
 
 
+def test_a_device_that_started_anew_before_it_was_armed_is_not_armed():
+    rig, line = open_direct()
+    line.endpoint = still_endpoint(boot=2)
+    with pytest.raises(DeviceError, match="started anew"):
+        rig.arm()
+    assert not line.endpoint.amplifier.enabled
+
+
 @MODES
 def test_a_device_that_someone_else_disarmed_is_no_longer_ours(stream: bool):
     rig, line = open_direct(stream=stream)
@@ -183,6 +191,23 @@ def test_a_stop_over_another_connection_is_seen_by_the_flight():
     sample = send(rig, 1)
     assert sample.flags == Flags.ESTOP
     assert sample.v_applied == (0.0, 0.0)
+
+
+def test_a_stop_whose_answer_somebody_else_reads_is_confirmed_by_a_sample():
+    _, line = open_direct()
+    beside = DirectLine(line.endpoint)
+    line.endpoint.receive(0, wire(Arm(0, line.endpoint.amplifier.ticket, 2000, 0)))
+    beside.to_host = Dropping(Ack, 1000)
+    assert "says so" in stop_over(beside, beside=True)
+    assert line.endpoint.amplifier.flags == Flags.ESTOP
+
+
+def test_a_stop_that_nothing_confirms_is_an_error():
+    _, line = open_direct()
+    line.to_host = lambda data: b""
+    with pytest.raises(DeviceError, match="not acknowledged") as caught:
+        stop_over(line, beside=True)
+    assert "holds the port" in caught.value.cause
 
 
 def test_a_device_with_a_fault_does_not_arm_and_says_which():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from heli3dof_drivers.emulator.door_usb import EmulatedBus, Fault, Rig
+from heli3dof_drivers.emulator.door_usb import BusFault, EmulatedBus, Rig
 from heli3dof_drivers.emulator.usb_mock import rig_of
 from heli3dof_drivers.mock import Options
 from heli3dof_drivers.usb_bulk import UsbDriver
@@ -35,9 +35,8 @@ class Lab:
     def befall(self, rig: Rig, *faults: str) -> None:
         """Faults whose times count from now."""
         began = self.bus.now_us() / 1e6
-        rig.faults = [
-            Fault(f.kind, f.at_s + began, f.for_s) for f in (Fault.of(text) for text in faults)
-        ]
+        read = [BusFault.of(text) for text in faults]
+        rig.faults = [BusFault(f.kind, f.at_s + began, f.for_s) for f in read]
 
     def open(self, url: str = "usb:") -> UsbRig:
         rig = self.driver.open(parse_url(url), PROFILE)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from heli3dof_drivers.emulator.door_usb import Fault
+from heli3dof_drivers.emulator.door_usb import BusFault
 from heli3dof_drivers.udev import RULES
 from heli3dof_drivers.usb_bulk import UsbDriver, errors
 
@@ -67,19 +67,19 @@ def test_a_second_process_is_told_that_the_rig_is_in_use(lab: Lab):
 
 
 def test_a_rig_that_this_user_may_not_open_is_told_the_rules_command(lab: Lab):
-    lab.plug(1, "refused:0")
+    lab.plug(1, "refused@0")
     said = refused(lab, "usb:")
     assert "may not be opened" in said
     assert f"sudo cp '{RULES}'" in said
 
 
 def test_a_rig_whose_serial_number_cannot_be_read_is_found_without_it(lab: Lab):
-    lab.plug(1, "refused:0")
+    lab.plug(1, "refused@0")
     assert lab.driver.find() == ["usb://1209:0001"]
 
 
 def test_a_serial_number_that_fits_is_preferred_to_one_that_cannot_be_read(lab: Lab):
-    lab.plug(1, "refused:0")
+    lab.plug(1, "refused@0")
     lab.plug(2)
     assert lab.open("usb:///mock-2").identity.serial == "mock-2"
     assert "may not be opened" in refused(lab, "usb:///mock-1")
@@ -132,7 +132,7 @@ def test_options_of_the_emulated_rig_are_none_of_a_real_one(lab: Lab):
         lab.open("usb:?hide=motor.lag:0.1")
 
 
-@pytest.mark.parametrize("text", ["melt:1", "unplug:x", "stall_in:1:2:3", "silent:-1"])
+@pytest.mark.parametrize("text", ["melt@1", "unplug@x", "unplug", "stall_in@1:2:3", "silent@-1"])
 def test_a_fault_that_is_none_is_refused(text: str):
-    with pytest.raises(UsageError, match="fault of a USB rig"):
-        Fault.of(text)
+    with pytest.raises(UsageError, match="nothing that befalls a USB rig"):
+        BusFault.of(text)

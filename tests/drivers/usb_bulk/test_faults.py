@@ -30,7 +30,7 @@ def fly_until(lab: Lab, fault: str, url: str = "usb:") -> DeviceError:
 
 
 def test_a_pulled_cable_ends_the_flight_and_says_so(lab: Lab):
-    error = fly_until(lab, "unplug:0.1")
+    error = fly_until(lab, "unplug@0.1")
     assert "was unplugged" in str(error)
     amplifier = lab.bus.rigs[0].function.link.amplifier
     assert amplifier.flags == Flags.ESTOP
@@ -57,7 +57,7 @@ def test_after_a_pulled_cable_closing_is_quiet_and_the_rig_can_be_opened_again(l
 def test_a_stalled_pipe_is_cleared_and_the_flight_goes_on(lab: Lab, pipe: str, stream: str):
     plugged = lab.plug()
     rig = lab.open(f"usb:?stream={stream}")
-    lab.befall(plugged, f"stall_{pipe}:0.1")
+    lab.befall(plugged, f"stall_{pipe}@0.1")
     samples = fly(rig, 200)
     assert samples[-1].flags == Flags.ENABLED
     assert samples[-1].sequence > 190
@@ -66,19 +66,19 @@ def test_a_stalled_pipe_is_cleared_and_the_flight_goes_on(lab: Lab, pipe: str, s
 
 @pytest.mark.parametrize("pipe", ["in", "out"])
 def test_a_pipe_that_stalls_again_ends_the_flight(lab: Lab, pipe: str):
-    error = fly_until(lab, f"stall_{pipe}:0.1:60")
+    error = fly_until(lab, f"stall_{pipe}@0.1:60")
     assert "and again after it was cleared" in str(error)
 
 
 def test_a_rig_that_takes_nothing_any_more_is_told_apart(lab: Lab):
-    error = fly_until(lab, "silent:0.1", "usb:?timeout_s=0.1")
+    error = fly_until(lab, "silent@0.1", "usb:?timeout_s=0.1")
     assert "did not answer in time" in str(error)
 
 
 def test_silence_shorter_than_the_patience_is_survived(lab: Lab):
     plugged = lab.plug()
     rig = lab.open()
-    lab.befall(plugged, "silent:0.1:0.1")
+    lab.befall(plugged, "silent@0.1:0.1")
     samples = fly(rig, 200)
     assert samples[-1].flags == Flags.ENABLED
 
@@ -119,7 +119,7 @@ def test_the_stop_of_a_second_process_works_while_the_first_flies(lab: Lab):
 def test_the_stop_of_a_rig_that_is_gone_is_an_error(lab: Lab):
     with pytest.raises(DeviceError, match="no USB rig is"):
         lab.driver.estop(parse_url("usb:"))
-    lab.plug(1, "refused:0")
+    lab.plug(1, "refused@0")
     with pytest.raises(DeviceError, match="may not be opened"):
         lab.driver.estop(parse_url("usb:"))
 

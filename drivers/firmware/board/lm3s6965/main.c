@@ -195,6 +195,25 @@ static void start_uart(void)
     NVIC_ENABLE0 = 1u << IRQ_UART0 | 1u << IRQ_PORT_D | 1u << IRQ_PORT_E;
 }
 
+/* Against a processor that hangs: 2 x 25 ms without a turn, and the chip starts again, at zero
+ * volts and IDLE. The protocol's watchdog is another: it is against a host that is silent. */
+static void start_dog(void)
+{
+    RCGC0 |= 1u << 3;
+    (void)RCGC0;
+    DOG_LOAD = 25u * TICKS_PER_MS;
+    DOG_CONTROL = 3; /* count, reset */
+    DOG_LOCK = 1;
+}
+
+static void feed_dog(void)
+{
+    DOG_LOCK = DOG_UNLOCK;
+    DOG_CLEAR = 1;
+    DOG_LOAD = 25u * TICKS_PER_MS;
+    DOG_LOCK = 1;
+}
+
 /* The kit's Ethernet address, as text. */
 static const char *serial_number(void)
 {
@@ -238,7 +257,9 @@ int main(void)
     start_uart();
     config.serial = serial_number();
     rig_start(&device, &config);
+    start_dog();
     for (;;) {
+        feed_dog();
         if (!named && rx_head != rx_tail) {
             name_this_start();
             named = true;

@@ -40,6 +40,13 @@
 #define GPIO_PULL_UP(port) REGISTER((port) + 0x510)
 #define GPIO_DIGITAL(port) REGISTER((port) + 0x51C)
 
+/* Watchdog 0: an interrupt flag at the first zero, a reset at the second */
+#define DOG_LOAD REGISTER(0x40000000)
+#define DOG_CONTROL REGISTER(0x40000008)
+#define DOG_CLEAR REGISTER(0x4000000C)
+#define DOG_LOCK REGISTER(0x40000C00)
+#define DOG_UNLOCK 0x1ACCE551u
+
 /* UART 0, a PL011 */
 #define UART_DATA REGISTER(0x4000C000)
 #define UART_FLAGS REGISTER(0x4000C018)
