@@ -19,6 +19,7 @@ from heli3dof.recording.row import Row
 from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.profile import default_profile
 from tests.safety.aboard import Aboard
+from tests.safety.profiles import profile_file
 
 MOCK = "mock:?speed=max&seed=1&start=level"
 EVENT_S = 1.0
@@ -27,20 +28,6 @@ EVENT_S = 1.0
 @pytest.fixture
 def aboard(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Aboard:
     return Aboard(monkeypatch, tmp_path)
-
-
-def profile_with(tmp_path: Path, **changed: object) -> tuple[str, Path]:
-    """``--profile FILE`` of the default rig with other limits."""
-    given = default_profile().to_dict()
-    given["motor"]["v_max"] = changed.pop("v_max", given["motor"]["v_max"])
-    given["limits"] |= changed
-    path = tmp_path / "rig.toml"
-    lines = [f'name = "{given["name"]}"']
-    for section, values in given.items():
-        if isinstance(values, dict):
-            lines += [f"[{section}]", *(f"{k} = {v}" for k, v in values.items())]
-    path.write_text("\n".join(lines))
-    return "--profile", path
 
 
 def send(number: signal.Signals) -> Callable[[], None]:
@@ -115,13 +102,13 @@ def test_frozen_encoder(aboard: Aboard, axis: str, plan: str) -> None:
 
 
 def test_envelope_trip(aboard: Aboard, tmp_path: Path) -> None:
-    said = aboard.flown(MOCK, *profile_with(tmp_path, roll_max_deg=3.2))
+    said = aboard.flown(MOCK, "--profile", profile_file(tmp_path, roll_max_deg=3.2))
     aboard.shows("envelope_trip", said, aboard.noticed_s)
 
 
 def test_saturated_for_too_long(aboard: Aboard, tmp_path: Path) -> None:
-    weak = profile_with(tmp_path, v_max=7.6, saturated_max_s=0.2)
-    said = aboard.flown(MOCK, *weak)
+    weak = profile_file(tmp_path, v_max=7.6, saturated_max_s=0.2)
+    said = aboard.flown(MOCK, "--profile", weak)
     aboard.shows("saturated_for_too_long", said, aboard.noticed_s)
 
 

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import pytest
 
@@ -24,12 +25,22 @@ from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
 from tests.safety.bench import Bench
+from tests.safety.profiles import PATIENT, profile, profile_file
 from tests.safety.table import BY_NAME
 
 pytestmark = pytest.mark.realtime
 PROFILE = default_profile()
 BUSY_S = 0.25
 """s by which a busy machine may delay the emulated device's thread, and the look at it"""
+
+
+class Opened(Protocol):
+    """A device somewhere: `Bench`, or the firmware."""
+
+    @property
+    def url(self) -> str: ...
+
+    def wait_until_flying(self) -> None: ...
 
 
 @dataclass
@@ -48,12 +59,13 @@ class Flight:
 
 
 @contextmanager
-def flying(bench: Bench, folder: Path, *, duration_s: float = 20) -> Iterator[Flight]:
+def flying(bench: Opened, folder: Path, *, duration_s: float = 20) -> Iterator[Flight]:
     """``heli3dof run-step`` in a process of its own, well on its way."""
     path = folder / "flight.mcap"
     command = [
         sys.executable, "-m", "heli3dof", "run-step", "--roll", "3", "--settle", "1",
         "--duration", str(duration_s), "--device", bench.url, "-o", str(path),
+        "--profile", str(profile_file(folder, **PATIENT)),
     ]  # fmt: skip
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         try:
@@ -70,12 +82,11 @@ def bench() -> Iterator[Bench]:
         yield bench
 
 
-def starts_clean(bench: Bench) -> None:
+def starts_clean(bench: Opened) -> None:
     """A flight that follows arms, flies and lands as if nothing had been."""
-    limits = PROFILE.limits.model_copy(update={"landing_s": 0.1})
-    profile = PROFILE.model_copy(update={"limits": limits})
     plan = step_plan((None, None, None), settle_s=0.2, duration_s=0.1)
-    outcome = fly_plan(plan, device=bench.url, profile=profile).outcome
+    patient = profile(**PATIENT, landing_s=0.1)
+    outcome = fly_plan(plan, device=bench.url, profile=patient).outcome
     assert outcome.ending == "completed", outcome.detail
 
 
