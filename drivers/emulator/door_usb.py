@@ -1,12 +1,6 @@
 """The emulated rig behind pyusb, without libusb and without a bus: a backend of pyusb's own kind.
 
-What may befall a rig, ``bus=KIND@SECONDS[:FOR_SECONDS]``, as often as it does (`usb_mock`):
-
-- ``unplug``: the cable comes out; after FOR_SECONDS it is put back
-- ``stall_in``, ``stall_out``: the pipe halts; with FOR_SECONDS again whenever it is cleared
-- ``silent``: no transfer on the pipes ends, for FOR_SECONDS
-- ``refused``: this user may not open it
-
+What may befall a rig is in `KINDS`: ``bus=KIND@SECONDS[:FOR_SECONDS]``, as often as it does.
 Two openings of one bus are to each other what two processes are: an interface is claimed once.
 """
 
@@ -30,7 +24,14 @@ from heli3dof.errors import UsageError, did_you_mean
 
 from .usb_function import CONFIGURATION, DEVICE, IN, OUT, Setup, UsbFunction
 
-KINDS = ("unplug", "stall_in", "stall_out", "silent", "refused")
+KINDS = {
+    "unplug": ("unplug@3:1", "The cable comes out, and is back a second later, or never."),
+    "stall_in": ("stall_in@3", "The pipe to the host halts; with a time: again when cleared."),
+    "stall_out": ("stall_out@3:1", "The pipe to the rig does."),
+    "silent": ("silent@3:0.1", "No transfer on the pipes ends meanwhile."),
+    "refused": ("refused@0", "This user may not open the rig."),
+}
+"""Each with an example and what it does: the table in docs/mock.md"""
 _DEVICE = (
     "bLength bDescriptorType bcdUSB bDeviceClass bDeviceSubClass bDeviceProtocol bMaxPacketSize0 "
     "idVendor idProduct bcdDevice iManufacturer iProduct iSerialNumber bNumConfigurations"

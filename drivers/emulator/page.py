@@ -1,4 +1,4 @@
-"""The tables of effects and of faults in docs/mock.md, made from what there is.
+"""The tables of effects, faults and bus in docs/mock.md, made from what there is.
 
 ``python -m heli3dof_drivers.emulator.page docs/mock.md`` rewrites them between their markers.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from .door_usb import KINDS as BUS
 from .effects import Effect, Parameter, catalogue
 from .faults import KINDS
 
@@ -46,7 +47,13 @@ def faults_table() -> str:
     return "\n".join([*rows, *(f"| `{example}` | {what} |" for example, what in KINDS.values())])
 
 
-TABLES = {"effects": effects_table, "faults": faults_table}
+def bus_table() -> str:
+    """A Markdown table: everything that may befall a USB rig, with an example."""
+    rows = ["| bus | what befalls the rig |", "|---|---|"]
+    return "\n".join([*rows, *(f"| `{example}` | {what} |" for example, what in BUS.values())])
+
+
+TABLES = {"effects": effects_table, "faults": faults_table, "bus": bus_table}
 
 
 def with_tables(page: str) -> str:

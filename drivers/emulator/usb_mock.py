@@ -28,7 +28,7 @@ OF_THE_RIG = tuple(name for name in MOCK_OPTIONS if name != "speed")
 
 
 class UsbMockDriver:
-    """Opens emulated rigs through pyusb; there is always one to be found."""
+    """Opens emulated rigs through pyusb."""
 
     scheme = "usb+mock"
     private = True
@@ -36,7 +36,8 @@ class UsbMockDriver:
     options: Sequence[str] = tuple(dict.fromkeys((*OF_THE_RIG, *USB_OPTIONS, "bus")))
 
     def find(self) -> Sequence[str]:
-        return ["usb+mock:"]
+        """None: what is emulated is there only for whoever asks for it."""
+        return []
 
     def open(self, url: DeviceUrl, profile: Profile) -> PortRig:
         """A bus with the one rig that the URL describes. Raises UsageError for a bad option."""

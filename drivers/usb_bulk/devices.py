@@ -21,7 +21,7 @@ from .errors import explained, no_libusb
 
 CLASS, SUBCLASS, PROTOCOL = 0xFF, 0x48, 0x01
 SYSFS = Path("/sys/bus/usb/devices")
-_WHERE = re.compile(r"(?:([0-9a-fA-F]{1,4}):([0-9a-fA-F]{1,4}))?(?:/(.*))?")
+_WHERE = re.compile(r"([0-9a-fA-F]{1,4}):([0-9a-fA-F]{1,4})(?:/(.*))?|/?([^:]*)")
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def _serial(device: Any) -> str | None:
 
 
 def select(backend: Any, text: str, where: str) -> OnBus:
-    """The one rig that ``usb://VID:PID/SERIAL`` means; either part may be left out.
+    """The one rig that ``usb://VID:PID/SERIAL`` means; either part may be left out, or both.
 
     Raises UsageError for a place that is none; DeviceError where no rig is there, or several are.
     """
@@ -123,7 +123,7 @@ def select(backend: Any, text: str, where: str) -> OnBus:
             fix="--device usb://1209:0001 or usb://1209:0001/SERIAL; heli3dof devices lists them",
         )
     vid, pid = (int(n, 16) if n else None for n in match.group(1, 2))
-    serial = unquote(match.group(3) or "") or None
+    serial = unquote(match.group(3) or match.group(4) or "") or None
     with explained(text, "looking for it"):
         present = list(on_bus(backend))
     fits = [

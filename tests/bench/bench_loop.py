@@ -52,7 +52,8 @@ def measure() -> list[Figure | Table]:
         with firmware(program, "--log", str(log)) as device:
             killed = list(kill_flights(device, log, folder, KILLS, seed=SEED))
         power = lost_to_a_power_cut(folder / "power.mcap", POWER_S)
-        with firmware(program) as device:
+        # Half an hour is about memory: one standstill of the machine must not end it.
+        with firmware(program, "--watchdog", "500") as device:
             long = soak(device, folder, SOAK_MINUTES * 60)
     cut = at_most(
         "power cut: flight lost at the worst moment", power, 0.5, "s",

@@ -21,6 +21,7 @@ from typing import Any
 RATE_HZ = 50
 """An emulated processor is some twenty times slower; real time is measured elsewhere."""
 PROFILE: Any = SimpleNamespace(
+    name="guest",
     encoder=SimpleNamespace(roll=4096, pitch=4096, yaw=8192),
     motor=SimpleNamespace(v_max=24.0),
     loop=SimpleNamespace(rate_hz=RATE_HZ),
@@ -124,7 +125,7 @@ def load_modules() -> None:
 
 
 def main() -> None:
-    from . import cases_serial, cases_usb  # noqa: F401
+    from . import cases_serial, cases_usb, cases_conformance  # noqa: F401, I001
 
     out = os.fdopen(os.open("/dev/ttyS1", os.O_WRONLY | os.O_NOCTTY), "w", buffering=1)
 

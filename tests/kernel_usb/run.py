@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ LONGEST_S = 600
 """s for the guest, on a machine that is busy with other things"""
 
 
-def boot(root: Path, arguments: list[str]) -> list[dict[str, Any]]:
+def boot(root: Path, arguments: Sequence[str]) -> list[dict[str, Any]]:
     """One run of the guest: its lines. Raises Missing where qemu does not start."""
     initrd, console, results = (FOLDER / n for n in ("initrd", "console.log", "results.jsonl"))
     initrd.write_bytes(image.build(root, " ".join(arguments)))
@@ -55,10 +56,18 @@ def boot(root: Path, arguments: list[str]) -> list[dict[str, Any]]:
     return [json.loads(line) for line in text.splitlines() if line.startswith("{")]
 
 
+def run_guest(arguments: Sequence[str] = ()) -> list[dict[str, Any]]:
+    """The guest's lines: one says which kernel, one for each case, ``done`` last. Raises Missing.
+
+    ``arguments``: words; only cases whose name holds one of them are run.
+    """
+    return boot(fetch(FOLDER), arguments)
+
+
 def main() -> int:
     start = time.monotonic()
     try:
-        lines = boot(fetch(FOLDER), sys.argv[1:])
+        lines = run_guest(sys.argv[1:])
     except Missing as why:
         print(f"The test with a real USB stack cannot run here: {why}")
         return 1

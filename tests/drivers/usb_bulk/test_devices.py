@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import pytest
 from heli3dof_drivers.emulator.door_usb import BusFault
+from heli3dof_drivers.emulator.usb_mock import UsbMockDriver
+from heli3dof_drivers.mock import OPTIONS
 from heli3dof_drivers.udev import RULES
 from heli3dof_drivers.usb_bulk import UsbDriver, errors
 
 from heli3dof.errors import DeviceError, UsageError
 from heli3dof.rig.url import parse_url
+from tests.paths import ROOT
 
 from .laboratory import PROFILE, Lab
 
@@ -31,7 +34,8 @@ def test_every_rig_on_the_bus_is_found_by_number_and_serial(lab: Lab):
 
 
 @pytest.mark.parametrize(
-    "url", ["usb:", "usb://", "usb://1209:0001", "usb://1209:1/mock-7", "usb:///mock-7"]
+    "url",
+    ["usb:", "usb://", "usb://1209:0001", "usb://1209:1/mock-7", "usb:///mock-7", "usb://mock-7"],
 )
 def test_where_one_rig_is_the_place_may_be_left_out(lab: Lab, url: str):
     lab.plug(7)
@@ -52,7 +56,7 @@ def test_a_rig_that_is_not_there_names_those_that_are(lab: Lab):
     assert "--device usb://1209:0001/mock-2" in refused(lab, "usb://1209:0001/mock-1")
 
 
-@pytest.mark.parametrize("url", ["usb://rig", "usb://12345:1", "usb://1209", "usb://1209:0001x"])
+@pytest.mark.parametrize("url", ["usb://rig:1", "usb://12345:1", "usb://1209:", "usb://1209:0001x"])
 def test_a_place_that_is_none_is_an_error_of_use(lab: Lab, url: str):
     with pytest.raises(UsageError, match="hexadecimal"):
         lab.open(url)
@@ -136,3 +140,24 @@ def test_options_of_the_emulated_rig_are_none_of_a_real_one(lab: Lab):
 def test_a_fault_that_is_none_is_refused(text: str):
     with pytest.raises(UsageError, match="nothing that befalls a USB rig"):
         BusFault.of(text)
+
+
+def test_the_page_names_every_option_of_both_drivers():
+    page = (ROOT / "docs" / "rigs.md").read_text(encoding="utf-8")
+    assert all(f"| `{option}` |" in page for option in UsbDriver.options)
+    assert set(UsbMockDriver.options) == {*UsbDriver.options, *OPTIONS, "bus"} - {"speed"}
+
+
+def test_an_emulated_rig_is_there_only_for_whoever_asks():
+    driver = UsbMockDriver()
+    assert driver.find() == []
+    rig = driver.open(parse_url("usb+mock:?seed=5&noise=0"), PROFILE)
+    assert rig.identity.serial == "mock-5"
+    assert rig.identity.emulated
+    rig.close()
+
+
+def test_the_emulated_rigs_bus_befalls_it_as_the_url_says():
+    url = parse_url("usb+mock:?bus=refused@0&bus=silent@5")
+    with pytest.raises(DeviceError, match="may not be opened"):
+        UsbMockDriver().open(url, PROFILE)
