@@ -17,7 +17,7 @@ from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.port import Flags
 from heli3dof.rig.profile import Profile
 from tests.cli.running import Said, heli3dof
-from tests.safety.table import BY_NAME, Row
+from tests.safety.table import BY_NAME, STOPPED, Row
 
 
 class Aboard:
@@ -81,6 +81,8 @@ class Aboard:
         assert row.said in detail
         within_s = row.zero.seconds(self.recording.profile, self.device.watchdog_s)
         assert self.device.v == (0.0, 0.0)
+        # Closing the rig takes the volts away, too: a stop must have come before it.
+        assert self.device.stopped or STOPPED not in row.device
         assert since_s - 1e-9 < self.zero_s <= since_s + within_s + slack_s + 1e-9
         self.arms_again()
 

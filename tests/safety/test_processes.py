@@ -22,6 +22,7 @@ from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
+from heli3dof.rig.port import Flags
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
 from tests.safety.bench import Bench
@@ -139,6 +140,7 @@ def test_estop_from_a_second_terminal(bench: Bench, tmp_path: Path) -> None:
         assert heli3dof("estop", "--device", bench.url).code == 0
         ended("estop_from_a_second_terminal", flight)
     assert asked_s < bench.zero_s <= asked_s + within("estop_from_a_second_terminal", bench)
+    assert [o for o in bench.log if o.flags & Flags.ESTOP], "stopped, not merely at zero volts"
     starts_clean(bench)
 
 
