@@ -27,6 +27,11 @@ from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.port import Identity, Rig, Sample
 from heli3dof.rig.profile import Profile
 
+BRIDGED = 500
+"""Skipped periods through which the controller is taken, at most"""
+Pair = tuple[float, float]
+Triple = tuple[float, float, float]
+
 
 @dataclass
 class Live:
@@ -88,6 +93,7 @@ class _Flight:
         self.virtual = rig.identity.timebase == "virtual"
         self.flown = 0
         self.t0 = 0.0
+        self.before: Triple = (0.0, 0.0, 0.0)
 
     def run(self, at_once: Callable[[], str | None], granted: Realtime | None) -> Outcome:
         ending: Ending = "completed"
@@ -138,14 +144,10 @@ class _Flight:
     def period(self, k: int, sample: Sample) -> tuple[Sample, tuple[Ending, str] | None]:
         """One control period. Returns the next sample, or the same one and why to end."""
         angle = self.angle(sample)
-        # Plain floats from here on, made row by row: an hour of them would fill the memory.
-        reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
-        if self.opened is None:
-            command, voltage = self.controller.step(angle, reference, extra)
-        else:
-            reference, extra, command, voltage = self.controller.step_opened(
-                self.opened[k].tolist(), angle, reference, extra
-            )
+        if self.pacer.skipped:
+            self.bridge(k, self.pacer.skipped, angle)
+        self.before = angle
+        reference, extra, command, voltage = self.control(k, angle)
         t = sample.device_time_s - self.t0
         why = self.reason_to_end(k, t, sample, angle, command, voltage)
         if why is not None:
@@ -163,6 +165,23 @@ class _Flight:
         live.angle, live.voltage, live.late = angle, voltage, self.tally.late
         live.lateness = pacer.lateness
         return after, None
+
+    def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:
+        """(reference, extra, command, voltage) of period k."""
+        # Plain floats from here on, made row by row: an hour of them would fill the memory.
+        reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
+        if self.opened is None:
+            return (reference, extra, *self.controller.step(angle, reference, extra))
+        return self.controller.step_opened(self.opened[k].tolist(), angle, reference, extra)
+
+    def bridge(self, k: int, skipped: int, angle: Triple) -> None:
+        """The controller goes through the periods that were skipped before k, along a straight line
+        from the last angle: to its filters a longer way in one period would be a greater rate."""
+        was = self.before
+        for j in range(1, min(skipped, BRIDGED) + 1):
+            share = j / (skipped + 1)
+            r, p, y = (a + share * (b - a) for a, b in zip(was, angle, strict=True))
+            self.control(k - skipped + j - 1, (r, p, y))
 
     def reason_to_end(
         self,
