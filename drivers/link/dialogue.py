@@ -33,6 +33,8 @@ class Dialogue:
         """Samples not yet looked at, and when they came (host's monotonic clock, s)"""
         self.overheard = b""
         """The last bytes that came while a question was open"""
+        self.trip_s = 0.0
+        """s that the last question took to be answered"""
         self._splitter = Splitter()
         self._number = 0
 
@@ -93,7 +95,8 @@ class Dialogue:
                 for frame in self._sorted(data):
                     found = answer(frame, numbers)
                     if found is not None:
-                        self.statistics.round_trip.add(time.monotonic() - asked)
+                        self.trip_s = time.monotonic() - asked
+                        self.statistics.round_trip.add(self.trip_s)
                         return found
         return None
 

@@ -60,8 +60,9 @@ if TYPE_CHECKING:
 
 SILENCE_S = 0.5
 """s without the sample that was due until the rig counts as gone; its watchdog is quicker"""
-POLL_AGAIN_S = 5e-3
-"""s until a POLL that stays without an answer is repeated"""
+SOONEST_AGAIN_S, LATEST_AGAIN_S = 5e-3, 0.1
+"""s until a POLL that stays without an answer is repeated in flight: four times what the last
+question took. On the ground nothing hurries, and the longest is waited for."""
 LARGEST_uV = 2_000_000_000
 """What fits into a command; any device clips long before."""
 EMULATED = "emulated"
@@ -93,6 +94,9 @@ class LinkRig:
         self._stream = stream
         self._streaming = self._armed = False
         self._gone = False
+        self._again_s = SOONEST_AGAIN_S
+        self._stale = 0
+        """answers that may still come to POLLs of the exchange before"""
         self._open = True
         try:
             said = greet(self._dialogue)
@@ -132,6 +136,7 @@ class LinkRig:
             code = Code(said.code)
             if code == Code.OK:
                 self._armed, self._streaming = True, self._stream
+                self._took(self._dialogue.trip_s)
                 return self._next_of_stream() if self._stream else self._first()
             if code not in (Code.STALE_TICKET, Code.ALREADY_ARMED):
                 raise not_arming(
@@ -213,7 +218,7 @@ class LinkRig:
             sample = self._newest()
             if sample is not None:
                 return sample
-            self._dialogue.receive(POLL_AGAIN_S * 4)
+            self._dialogue.receive(LATEST_AGAIN_S)
             if not self._dialogue.samples:
                 return self._poll()
         raise self._silence()
@@ -239,17 +244,25 @@ class LinkRig:
     def _poll(self) -> Sample:
         dialogue, statistics = self._dialogue, self.statistics
         self._pass_over()
-        until = time.monotonic() + SILENCE_S
-        while (asked := time.monotonic()) < until:
+        first, sent = time.monotonic(), 0
+        again_s = self._again_s if self._armed else LATEST_AGAIN_S
+        while time.monotonic() < first + SILENCE_S:
             dialogue.send(wire(Poll(dialogue.next_number())))
-            # From now on, not from before: a line that took the POLL slowly is listened to as well.
-            again = time.monotonic() + POLL_AGAIN_S
+            sent += 1
+            again = time.monotonic() + again_s  # from now on: a slow line is listened to, too
             while (left := again - time.monotonic()) > 0:
                 dialogue.receive(left)
+                stale = self._stale
                 sample = self._newest()
                 if sample is None:
                     continue
-                statistics.round_trip.add(sample.host_time_s - asked)
+                if stale and sample.flags & Flags.ENABLED and not self._intake.heard:
+                    statistics.passed_over += 1  # else every exchange would be one behind
+                    continue
+                self._stale = sent - 1
+                trip_s = sample.host_time_s - first
+                statistics.round_trip.add(trip_s)
+                self._took(trip_s)
                 if not self._armed:
                     return sample
                 if not sample.flags & _HELD:
@@ -258,6 +271,9 @@ class LinkRig:
                 return sample
             statistics.repeats += 1
         raise self._silence()
+
+    def _took(self, trip_s: float) -> None:
+        self._again_s = min(max(4 * trip_s, SOONEST_AGAIN_S), LATEST_AGAIN_S)
 
     def _newest(self) -> Sample | None:
         """The newest of the samples that have come and can be; the others are passed over."""
@@ -269,6 +285,7 @@ class LinkRig:
             frame, came_s = samples.popleft()
             sample = take(frame, came_s)
             if sample is not None:
+                self._stale = max(0, self._stale - 1)
                 self.statistics.passed_over += newest is not None
                 newest = sample
         return newest

@@ -59,12 +59,12 @@ class Card:
         """At rest: volts zero, amplifier disabled, channels as the wiring has them."""
         hil, hardware = self._hil, self._hardware
         self.watchdog_clear()
+        self.write_volts(0.0, 0.0)
         ends = [array("d", [end, end]) for end in (-DAC_V, DAC_V)]
         self._unless(
             Qerr.SET_ANALOG_OUTPUT_RANGES_NOT_SUPPORTED,
             lambda: hil.set_analog_output_ranges(self._motors, 2, *ends),
         )
-        self.write_volts(0.0, 0.0)
         if self._enable:
             self._unless(
                 Qerr.SET_DIGITAL_DIRECTIONS_NOT_SUPPORTED,
@@ -164,6 +164,11 @@ class Card:
                 raise
             tristate = array("i", [states.TRISTATE] * n)
             hil.watchdog_set_digital_expiration_state(lines, n, tristate)
+
+    def watchdog_start_to_expire(self) -> None:
+        """The last resort where the outputs cannot be written: the board does it, unattended."""
+        with suppress(self.error):
+            self.watchdog_start()
 
     def watchdog_reload(self) -> bool:
         """False where it had expired."""

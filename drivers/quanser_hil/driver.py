@@ -57,6 +57,10 @@ class QuanserDriver:
             with explained(card.error, url.text, "being stopped"):
                 card.write_enable(False)
                 card.write_volts(0.0, 0.0)
+        except DeviceError:
+            if not card.watchdog_expired():
+                raise
+            return "the board's own watchdog had put its outputs to rest already"
         finally:
             card.close()
         if not wiring.enable:

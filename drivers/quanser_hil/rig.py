@@ -61,6 +61,7 @@ class QuanserRig:
             with explained(card.error, name, "putting its outputs to rest"):
                 card.prepare()
         except BaseException:
+            card.watchdog_start_to_expire()
             with suppress(card.error):
                 card.close()
             raise
@@ -91,10 +92,12 @@ class QuanserRig:
         """Zero volts, the watchdog set and started, the task started; then the enable lines."""
         self._check_open()
         card = self._card
-        self._state, self._volts, self._saturated = State.IDLE, (0.0, 0.0), False
         try:
             with explained(card.error, self._name, "being armed"):
                 if self._watching:
+                    problem = self._rest()
+                    if problem is not None and not card.watchdog_expired():
+                        raise problem
                     card.watchdog_stop()
                     self._watching = False
                 card.watchdog_clear()
@@ -107,7 +110,9 @@ class QuanserRig:
                 self._state = State.ARMED
                 return self._next()
         except BaseException:
-            self._rest()
+            if self._rest() is not None and not self._watching:
+                card.watchdog_start_to_expire()
+                self._watching = True
             raise
 
     def read(self) -> Sample:
@@ -147,16 +152,15 @@ class QuanserRig:
     def close(self) -> None:
         """Zero volts, disabled, the watchdog and the task ended, the board free for others.
 
-        A latched board stays latched: whoever opens it next clears it, and puts it to rest.
+        A latched board stays latched: whoever opens it next clears it, and puts it to rest. One
+        that did not take the zero volts keeps its watchdog.
         """
         if not self._open:
             return
-        latched = self._state is State.LATCHED
         self._open = False
         card = self._card
-        if not latched:
-            self._rest()
-        if self._watching:
+        problem = self._rest()
+        if self._watching and problem is None:
             with suppress(card.error):
                 card.watchdog_stop()
         self._stream.end()

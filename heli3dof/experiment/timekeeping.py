@@ -26,6 +26,11 @@ from typing import Any, Protocol
 from heli3dof.rig.clockmap import ClockMap
 from heli3dof.rig.port import Rig, Sample
 
+BUSY = 0.9
+"""Of a period: by how much a device may take a sample too late before it is the next one's"""
+CREEP = 1e-3
+"""Of a period, in each: how much longer the device's may be"""
+
 
 class Timekeeper(Protocol):
     """What the loop asks of a clock."""
@@ -91,20 +96,32 @@ class DeviceTime(VirtualTime):
 
     def start(self, sample: Sample) -> None:
         self.due = sample.host_time_s
-        self._t0, self._k = sample.device_time_s, 0
+        self._base, self._k = sample.device_time_s, 0
         self._map = ClockMap(sample.device_time_s, sample.host_time_s)
         self._lost = self._counted() if self._counted is not None else 0
 
     def arrived(self, sample: Sample, asked_s: float) -> None:
         own = self._map.arrived(sample.device_time_s, sample.host_time_s)
         self.due = sample.host_time_s - own
-        k = round((sample.device_time_s - self._t0) / self.dt)
-        skipped, self._k = max(0, k - self._k - 1), k
+        skipped = self._skipped(sample.device_time_s)
         self.missed = 0
         if skipped:
             self.missed = max(0, skipped - self._lost_since(asked_s))
         self.lost = skipped - self.missed
         self.lateness = own + self.missed * self.dt
+
+    def _skipped(self, device_s: float) -> int:
+        """Whole periods that the device's time jumped by.
+
+        Samples are taken at base + k·dt, or a little after it where the device was busy; never
+        before. So base is the earliest that fits, and may creep (a period in whole µs is not dt).
+        """
+        dt = self.dt
+        behind = (device_s - self._base) / dt - (self._k + 1)
+        skipped = max(0, int(behind + 1 - BUSY))
+        self._k += 1 + skipped
+        self._base = min(self._base + CREEP * dt, device_s - self._k * dt)
+        return skipped
 
     def _lost_since(self, asked_s: float) -> int:
         if self._counted is None:

@@ -122,7 +122,7 @@ class Limits(Section):
     landing_s: Positive = 3.0
     late_max_s: Positive = 0.01
     late_max_share: Positive = 0.25
-    lost_max_s: Positive = 0.2
+    lost_max_s: Positive = 0.05
     saturated_max_s: Positive = 2.0
 
 

@@ -140,6 +140,11 @@ def _half_a_clock(self: Rig, command: Command, due_s: float) -> Sample:
     return replace(sample, device_time_s=sample.device_time_s / 2)
 
 
+def _twice_a_clock(self: Rig, command: Command, due_s: float) -> Sample:
+    sample = MockRig.exchange(self, command, due_s)
+    return replace(sample, device_time_s=sample.device_time_s * 2)
+
+
 def _silent_about_clipping(self: Rig, command: Command, due_s: float) -> Sample:
     sample = MockRig.exchange(self, command, due_s)
     return replace(sample, flags=sample.flags & ~Flags.SATURATED)
@@ -219,6 +224,9 @@ SPOILT = {
         "a_sample_echoes_the_commands_sequence_and_its_volts"
     ),
     spoilt("HalfAClock", exchange=_half_a_clock): (
+        "the_devices_clock_advances_by_the_control_period"
+    ),
+    spoilt("TwiceAClock", exchange=_twice_a_clock): (
         "the_devices_clock_advances_by_the_control_period"
     ),
     spoilt("SilentAboutClipping", exchange=_silent_about_clipping): (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -137,3 +138,36 @@ def test_a_slow_device_is_neither_late_nor_losing() -> None:
         time.arrived(sample(7 + k * DT, at), at - 0.9 * DT)
         assert (time.missed, time.lost) == (0, 0)
     assert judged(time) == NOTHING
+
+
+@pytest.mark.parametrize("first_late", [0.0, 0.3, 0.5, 0.85])
+def test_a_device_that_takes_samples_late_now_and_then_loses_none(first_late: float) -> None:
+    draw = random.Random(3)
+    time = DeviceTime(DT)
+    time.start(sample(7 + first_late * DT, 100.0))
+    for k in range(1, 5000):
+        taken = k + (draw.uniform(0, 0.85) if draw.random() < 0.3 else draw.uniform(0, 0.002))
+        time.arrived(sample(7 + taken * DT, 100 + taken * DT + 1e-4), 100 + (k - 0.9) * DT)
+        assert (time.missed, time.lost) == (0, 0), k
+
+
+@pytest.mark.parametrize("longer", [-3e-4, 3e-4])
+def test_a_period_in_whole_microseconds_is_no_loss(longer: float) -> None:
+    time = started(DeviceTime)
+    for k in range(1, 20_000):
+        at = k * DT * (1 + longer)
+        time.arrived(sample(7 + at, 100 + at), 100 + at - 0.9 * DT)
+        assert (time.missed, time.lost) == (0, 0), k
+
+
+def test_losses_are_counted_one_by_one_among_samples_taken_late() -> None:
+    draw = random.Random(4)
+    time = started(DeviceTime)
+    k = lost = 0
+    for _ in range(5000):
+        gone = draw.choice([0, 0, 0, 0, 1, 2])
+        k, lost = k + 1 + gone, lost + gone
+        taken = k + draw.uniform(0, 0.3)
+        time.arrived(sample(7 + taken * DT, 100 + taken * DT), 100 + (k - gone - 0.95) * DT)
+        lost -= time.missed + time.lost
+        assert lost == 0, k

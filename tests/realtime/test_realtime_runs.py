@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from heli3dof.recording.reader import read_recording
-from tests.realtime.firmware import rig_program
-from tests.realtime.flight import LANDING_S, FlightProcess, firmware, write_profile
+from tests.drivers.firmware.building import rig_program
+from tests.realtime.flight import LANDING_S, PATIENT, FlightProcess, firmware, write_profile
 from tests.realtime.kill import kill_flights
 from tests.realtime.power import lost_to_a_power_cut
 from tests.realtime.soak import found, soak
@@ -21,14 +21,15 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),
 ]
 WATCHDOG_S, RAMP_S = 0.5, 0.2
-PATIENT = ("--watchdog", f"{WATCHDOG_S * 1e3:g}")
+SLACK = ("--watchdog", f"{WATCHDOG_S * 1e3:g}")
 """A busy machine stands still for longer than the firmware's own 100 ms."""
 
 
 def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_path: Path) -> None:
+    profile = write_profile(tmp_path / "patient.toml", **PATIENT)
     with (
-        firmware(rig_program(), *PATIENT) as device,
-        FlightProcess(device, tmp_path / "a.mcap", 4) as flight,
+        firmware(rig_program(), *SLACK) as device,
+        FlightProcess(device, tmp_path / "a.mcap", 4, profile=profile) as flight,
     ):
         document = flight.result(120)
     assert b"flying" in flight.shown, "the live view was on"
@@ -41,7 +42,7 @@ def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_pa
     # late on a busy machine.
     t = recording.channels["device_time_s"]
     assert np.diff(t).min() > 0
-    assert abs(round(float(t[-1] - t[0]) * 500) - (len(t) - 1) - skipped) <= 1
+    assert abs(round(float(t[-1] - t[0]) * 500) - (len(t) - 1) - skipped) <= 2
     assert document["punctuality"]["median_s"] < 0.01
     assert document["link"]["lost"] == document["lost_periods"]
     assert 0 < document["link"]["delay_median_s"] < 0.01
@@ -49,7 +50,8 @@ def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_pa
 
 def test_a_system_that_refuses_everything_is_told_and_flown_on(tmp_path: Path) -> None:
     device = "mock:?speed=real&start=level"
-    with FlightProcess(device, tmp_path / "a.mcap", 1, realtime=False) as flight:
+    profile = write_profile(tmp_path / "patient.toml", **PATIENT)
+    with FlightProcess(device, tmp_path / "a.mcap", 1, profile=profile, realtime=False) as flight:
         document = flight.result(120)
     assert document["realtime"]["scheduled"] is False
     assert {r["what"] for r in document["realtime"]["refused"]} == {
@@ -64,7 +66,7 @@ def test_kill_minus_nine_ends_at_zero_volts_with_half_a_second_lost_at_most(tmp_
     with firmware(rig_program(), *PATIENT, "--log", str(log)) as device:
         flights = list(kill_flights(device, log, tmp_path, 3, seed=1))
     for flight in flights:
-        assert flight.zero_s <= WATCHDOG_S + RAMP_S + 0.05, "some room for a loaded machine"
+        assert flight.zero_s <= WATCHDOG_S + RAMP_S + 0.3, "some room for a loaded machine"
         assert flight.lost_s <= 0.5
         assert flight.rows > 0
 
@@ -97,5 +99,5 @@ def test_a_leak_is_seen_by_its_slope() -> None:
 def test_a_profile_that_is_written_is_read_as_it_was(tmp_path: Path) -> None:
     from heli3dof.rig.profile import load_profile
 
-    profile = load_profile(write_profile(tmp_path / "p.toml", rate_hz=1000, longest_s=700))
+    profile = load_profile(write_profile(tmp_path / "p.toml", rate_hz=1000, duration_max_s=700))
     assert (profile.loop.rate_hz, profile.limits.duration_max_s) == (1000, 700)

@@ -56,7 +56,8 @@ static bool happens(double probability)
 
 static uint8_t on_the_way(uint8_t byte)
 {
-    return happens(options.corrupt) ? (uint8_t)(byte ^ (1u << (noise >> 8 & 7u))) : byte;
+    const unsigned bit = happens(options.corrupt) ? 1u << (noise >> 8 & 7u) : 0u;
+    return (uint8_t)(byte ^ bit);
 }
 
 size_t hal_read(uint8_t *bytes, size_t room)
@@ -195,6 +196,7 @@ int main(int argc, char **argv)
 {
     static const int32_t ZERO[2] = {0, 0};
     bool reset = false;
+    const pid_t parent = getppid();
     options = options_read(argc, argv);
     noise = options.seed * 2654435769u | 1u;
     bench_start(&bench, &options, monotonic_s());
@@ -202,12 +204,10 @@ int main(int argc, char **argv)
     sigaction(SIGTERM, &on_end, NULL);
     sigaction(SIGINT, &on_end, NULL);
     signal(SIGPIPE, SIG_IGN);
-    if (options.with_parent)
-        prctl(PR_SET_PDEATHSIG, SIGTERM);
     real_time();
     open_doors();
     start();
-    while (!ended) {
+    while (!ended && !(options.with_parent && getppid() != parent)) {
         wait_for_host_or_time();
         rig_turn(&device);
         if (device.state == ARMED && bench.armed_s >= NEVER)

@@ -63,7 +63,7 @@ class Lost:
         if echo == now.command_sequence or echo != self._echo:
             self._unheard = 0
         else:
-            self._unheard += 1 + now.missed
+            self._unheard += 1
         self._echo = echo
         if self._unheard > self._most:
             return (

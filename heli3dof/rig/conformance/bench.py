@@ -31,18 +31,19 @@ class Host:
     def __init__(self, rig: Rig, dt: float) -> None:
         self.rig, self.dt = rig, dt
         self.sequence = 0
-        self._due = 0.0
+        self.due = 0.0
+        """s, monotonic: the last deadline"""
 
     def arm(self) -> Sample:
         sample = self.rig.arm()
-        self._due = time.monotonic()
+        self.due = time.monotonic()
         return sample
 
     def send(self, v_front: float, v_back: float) -> Sample:
         """One period; deadlines that were missed altogether are skipped."""
         self.sequence += 1
-        self._due += self.dt * max(1, math.ceil((time.monotonic() - self._due) / self.dt))
-        return self.rig.exchange(Command(self.sequence, v_front, v_back), self._due)
+        self.due += self.dt * max(1, math.ceil((time.monotonic() - self.due) / self.dt))
+        return self.rig.exchange(Command(self.sequence, v_front, v_back), self.due)
 
     def hold(self, v_front: float, v_back: float) -> Sample:
         """Send until a sample echoes it: on a busy machine a command may miss its period."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import statistics
+import subprocess
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,6 +33,7 @@ from heli3dof_drivers.link.frames import (
 )
 
 from tests.drivers.doors import Door, firmware_door
+from tests.drivers.firmware.building import rig_program
 
 PATIENCE_S = 5.0
 WATCHDOG_S, RAMP_S = 0.3, 0.2
@@ -288,6 +290,16 @@ def test_told_to_end_it_leaves_zero_volts_and_no_link(tmp_path: Path):
         assert door.process.wait(PATIENCE_S) == 0
         assert motors(log)[-1][1:] == (False, 0.0, 0.0)
         assert not link.is_symlink()
+
+
+def test_with_its_parent_it_ends(tmp_path: Path):
+    link = tmp_path / "rig"
+    shell = f"{rig_program()} --with-parent --link {link} & sleep 0.3"
+    subprocess.run(["sh", "-c", shell], stdout=subprocess.DEVNULL, timeout=PATIENCE_S)
+    end = time.monotonic() + PATIENCE_S
+    while link.is_symlink():  # taken away at its end
+        assert time.monotonic() < end
+        time.sleep(0.02)
 
 
 def test_a_command_line_that_makes_no_sense_says_what_was_expected():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 import pytest
-from heli3dof_drivers.link.rig import POLL_AGAIN_S, LinkRig
+from heli3dof_drivers.link.rig import SOONEST_AGAIN_S, LinkRig
 
 from heli3dof.rig.port import Command, Flags
 from heli3dof.rig.profile import default_profile
@@ -18,7 +18,7 @@ PROFILE = default_profile()
 class SlowLine(DirectLine):
     def write(self, data: bytes) -> None:
         super().write(data)
-        time.sleep(1.6 * POLL_AGAIN_S)
+        time.sleep(1.6 * SOONEST_AGAIN_S)
 
 
 @pytest.mark.parametrize("stream", [True, False], ids=["stream", "poll"])

@@ -27,8 +27,8 @@ def test_opening_puts_the_outputs_to_rest(lab: Laboratory, open_board: Open):
     assert since(lab) == [
         ("open", "q8_usb", "0"),
         ("watchdog_clear",),
-        ("set_analog_output_ranges", MOTORS, 2, [-10.0, -10.0], [10.0, 10.0]),
         ZERO,
+        ("set_analog_output_ranges", MOTORS, 2, [-10.0, -10.0], [10.0, 10.0]),
         ("set_digital_directions", None, 0, ENABLE, 2),
         DISABLE,
         ("set_encoder_quadrature_mode", ENCODERS, 3, [4, 4, 4]),
@@ -137,6 +137,29 @@ def test_closing_puts_to_rest_before_the_watchdog_ends(lab: Laboratory, open_boa
         ("task_delete",),
         ("close",),
     ]
+
+
+def test_arming_in_flight_writes_zero_before_the_watchdog_is_stopped(
+    lab: Laboratory, open_board: Open
+):
+    rig = open_board()
+    rig.arm()
+    rig.exchange(Command(1, 6.0, 6.0), 0.0)
+    since(lab)
+    rig.arm()
+    assert since(lab)[:3] == [ZERO, DISABLE, ("watchdog_stop",)]
+
+
+def test_a_board_that_does_not_take_the_zero_volts_keeps_its_watchdog_when_it_is_closed(
+    lab: Laboratory, open_board: Open
+):
+    rig = open_board()
+    rig.arm()
+    rig.exchange(Command(1, 6.0, 6.0), 0.0)
+    lab.failing["write_analog"] = 14
+    rig.close()
+    assert "watchdog_stop" not in lab.names
+    assert lab.names[-1] == "close"
 
 
 def test_a_latched_board_is_zeroed_at_once_when_it_is_cleared(lab: Laboratory, open_board: Open):

@@ -213,6 +213,17 @@ def test_the_stop_from_beside_says_so_where_the_board_lets_nobody_in(
     assert "red button" in caught.value.fix
 
 
+def test_the_stop_from_beside_of_a_board_whose_watchdog_was_quicker_has_nothing_to_do(
+    lab: Laboratory, driver: QuanserDriver
+):
+    q8(lab).expired = True
+    lab.failing["write_digital"] = Qerr.FUNCTION_NOT_SUPPORTED
+    assert "watchdog" in driver.estop(parse_url(URL))
+    q8(lab).expired = False
+    with pytest.raises(DeviceError):
+        driver.estop(parse_url(URL))
+
+
 def test_the_stop_from_beside_promises_nothing_without_an_enable_line(driver: QuanserDriver):
     with pytest.raises(DeviceError, match="whether they stay nobody can tell"):
         driver.estop(parse_url("quanser://qpid_e/1?enable=none"))

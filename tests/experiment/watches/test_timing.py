@@ -33,10 +33,10 @@ def test_samples_that_are_skipped_but_hardly_late_are_no_lateness() -> None:
 
 
 def test_a_gap_without_samples_longer_than_the_limit_is_a_line_that_loses_them() -> None:
-    assert Lost(PROFILE)(period(101, missed=100)) is None
-    said = Lost(PROFILE)(period(102, missed=101))
+    assert Lost(PROFILE)(period(26, missed=25)) is None
+    said = Lost(PROFILE)(period(27, missed=26))
     assert said is not None
-    assert "no sample came for 102 periods (204 ms)" in said
+    assert "no sample came for 27 periods (54 ms)" in said
 
 
 def test_a_gap_that_the_host_made_is_not_the_lines() -> None:
@@ -47,11 +47,11 @@ def test_commands_that_are_not_echoed_for_longer_than_the_limit_are_lost() -> No
     watch = Lost(PROFILE)
     for k in range(10):
         assert watch(period(k)) is None
-    for k in range(10, 110):
+    for k in range(10, 35):
         assert watch(period(k, sequence=9)) is None
-    said = watch(period(110, sequence=9))
+    said = watch(period(35, sequence=9))
     assert said is not None
-    assert "none of the last 101 commands (202 ms)" in said
+    assert "none of the last 26 commands (52 ms)" in said
 
 
 def test_a_line_that_loses_nine_commands_of_ten_still_carries_some() -> None:
