@@ -58,6 +58,24 @@ class OnBus:
         return ", ".join(found)
 
 
+def kernel_lists_one() -> bool:
+    """False where the kernel's list of interfaces holds no rig: then nothing need be loaded.
+
+    True where there is no such list.
+    """
+    if not SYSFS.is_dir():
+        return True
+    wanted = (f"{CLASS:02x}", f"{SUBCLASS:02x}", f"{PROTOCOL:02x}")
+    names = ("bInterfaceClass", "bInterfaceSubClass", "bInterfaceProtocol")
+    for interface in SYSFS.glob("*:*"):
+        try:
+            if tuple((interface / name).read_text().strip() for name in names) == wanted:
+                return True
+        except OSError:  # it went meanwhile
+            continue
+    return False
+
+
 def system_backend() -> Any:
     """pyusb on the system's libusb. Raises DeviceError where there is none."""
     from usb.backend import libusb1

@@ -17,7 +17,7 @@ from heli3dof.errors import DeviceError, UsageError
 from heli3dof.rig.port import Check
 
 from ..link.frames import Cause
-from .devices import on_bus, select, system_backend
+from .devices import kernel_lists_one, on_bus, select, system_backend
 
 if TYPE_CHECKING:
     from heli3dof.rig.port import Rig
@@ -38,6 +38,8 @@ class UsbDriver:
 
     def find(self) -> Sequence[str]:
         """The rigs that are plugged in; none where there is no libusb."""
+        if self._backend is system_backend and not kernel_lists_one():
+            return []
         import usb.core
 
         try:

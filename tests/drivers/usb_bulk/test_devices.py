@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from heli3dof_drivers.emulator.door_usb import BusFault
 from heli3dof_drivers.emulator.usb_mock import UsbMockDriver
 from heli3dof_drivers.mock import OPTIONS
 from heli3dof_drivers.udev import RULES
-from heli3dof_drivers.usb_bulk import UsbDriver, errors
+from heli3dof_drivers.usb_bulk import UsbDriver, devices, errors
 
 from heli3dof.errors import DeviceError, UsageError
 from heli3dof.rig.url import parse_url
@@ -106,6 +108,21 @@ def test_without_libusb_nothing_is_found_and_opening_names_the_package(
     (check,) = driver.examine(parse_url("usb:"))
     assert check.good is False
     assert check.fix == caught.value.fix
+
+
+def test_the_kernels_list_says_whether_there_is_one_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(devices, "SYSFS", tmp_path / "none")
+    assert devices.kernel_lists_one()  # no list: libusb has to look
+    monkeypatch.setattr(devices, "SYSFS", tmp_path)
+    assert not devices.kernel_lists_one()
+    for interface, triple in {"1-1:1.0": ("03", "01", "02"), "1-2:1.0": ("ff", "48", "01")}.items():
+        assert not devices.kernel_lists_one()
+        (tmp_path / interface).mkdir()
+        for name, value in zip(("Class", "SubClass", "Protocol"), triple, strict=True):
+            (tmp_path / interface / f"bInterface{name}").write_text(value + "\n")
+    assert devices.kernel_lists_one()
 
 
 def test_doctor_hears_what_is_there(lab: Lab):
