@@ -68,9 +68,12 @@ class Row:
     said: str
     """What the recording's detail holds"""
     exit_code: int
+    shown: str = ""
+    """How the page shows that, where it is only an example of it"""
 
     def cells(self) -> list[str]:
-        says = f"`{self.ending}`: {self.said}" if self.said else self.ending
+        said = self.shown or self.said
+        says = f"`{self.ending}`: {said}" if said else self.ending
         code = "killed" if self.exit_code < 0 else str(self.exit_code)
         zero = "–" if self.zero is NOTHING else self.zero.cell()
         return [self.what, self.notices, self.device, zero, says, code]
@@ -99,16 +102,17 @@ ROWS = [
         LATCHES + "; on waking it " + STOPPED, WATCHDOG,
         "tripped", "the computer slept", 4),
     Row("exception_in_the_controller", "an exception in the controller", LOOP, RAMPED,
-        ramp("it"), "error", "ZeroDivisionError", 1),
+        ramp("it"), "error", "ZeroDivisionError", 1, "what was raised"),
     Row("nan_from_the_controller", "NaN from the controller", LOOP,
         RAMPED + " from the last voltage", ramp("it"),
         "tripped", "the controller asked for nan V", 4),
     Row("encoder_jump", "an encoder jumps", "the loop (`Jump`)", RAMPED, ramp("the jump"),
-        "tripped", "encoder jumped by", 4),
+        "tripped", "encoder jumped by", 4, "which encoder jumped, by how many counts"),
     Row("frozen_encoder", "an encoder freezes", "the loop (`Frozen`)", RAMPED,
-        ramp("it is noticed"), "tripped", "encoder is frozen", 4),
+        ramp("it is noticed"), "tripped", "encoder is frozen", 4,
+        "which encoder is frozen, and what drove its axis"),
     Row("envelope_trip", "an angle, rate, voltage or time beyond the envelope", LOOP, RAMPED,
-        ramp("the sample that shows it"), "tripped", "beyond the envelope's", 4),
+        ramp("the sample that shows it"), "tripped", "beyond the envelope's", 4, "what was beyond it, and by how much"),
     Row("late_ticks", "half of the last second's periods come late", "the loop (`Late`)",
         RAMPED, ramp("it is noticed"), "tripped", "the loop was too late", 4),
     Row("lost_frames", "samples, or commands, are lost in a row", "the loop (`Lost`)", RAMPED,
@@ -116,10 +120,10 @@ ROWS = [
     Row("saturated_for_too_long", "a motor at its limit for too long", "the loop (`Saturated`)",
         RAMPED, ramp("it is noticed"), "tripped", "was at its limit", 4),
     Row("cable_out", "the cable is pulled out", "the device, and the loop", LATCHES, WATCHDOG,
-        "device", "gone", 3),
+        "device", "gone", 3, "the line is gone, or the rig has gone silent"),
     Row("device_reset", "the device starts anew (brown-out, crash)", "the device, and the loop",
         "starts with the amplifier disabled; its counts begin anew, where the rig was then",
-        BY_ITSELF, "device", "started anew", 3),
+        BY_ITSELF, "device", "started anew", 3, "the device has started anew"),
     Row("stalled_motor", "a motor is stalled", DEVICE, "stops by itself, until armed", BY_ITSELF,
         "tripped", "a motor is stalled", 4),
     Row("amplifier_fault", "overcurrent, over-temperature", DEVICE,
