@@ -67,9 +67,10 @@ def explain(
     if number in (errno.EACCES, errno.EPERM):
         return DeviceError(
             f"{name} may not be opened by this user.",
-            cause="the udev rule is not installed, or the rig was plugged in before it was, or "
-            "nobody sits at this machine (ssh).",
-            fix=install_command(),
+            cause="the udev rule is not installed, or was not when the rig was plugged in, or you "
+            "do not sit at this machine (ssh).",
+            fix=f"{install_command()}; by ssh also: sudo usermod -aG dialout $USER, then log in "
+            "again",
         )
     if number == errno.EBUSY:
         who = holder()

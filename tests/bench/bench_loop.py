@@ -1,6 +1,7 @@
-"""The loop in real time: punctuality, kill -9, and half an hour without growth of memory.
+"""The loop in real time: punctuality, kill -9, power cuts.
 
-To be run on a quiet machine. FLIGHT_SECONDS, KILLS and SOAK_MINUTES in the environment shorten it.
+To be run on a quiet machine. FLIGHT_SECONDS and KILLS in the environment shorten it; the half hour
+without growth of memory is `bench_soak`, which any machine may run.
 """
 
 from __future__ import annotations
@@ -13,11 +14,10 @@ from typing import Any
 from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.profile import load_profile
 from tests.bench import Figure, Table, at_most
-from tests.realtime.firmware import rig_program
+from tests.drivers.firmware.building import rig_program
 from tests.realtime.flight import LANDING_S, FlightProcess, firmware, write_profile
 from tests.realtime.kill import EARLIEST_S, LATEST_S, Killed, kill_flights
 from tests.realtime.power import lost_to_a_power_cut
-from tests.realtime.soak import Soak, soak
 
 TITLE = "The loop"
 INTRO = (
@@ -30,13 +30,10 @@ INTRO = (
 )
 SECONDS = float(os.environ.get("FLIGHT_SECONDS", "60"))
 KILLS = int(os.environ.get("KILLS", "100"))
-SOAK_MINUTES = float(os.environ.get("SOAK_MINUTES", "30"))
 SEED = 5
 POWER_S = 30.0
 WATCHDOG_S, RAMP_S, TURN_S = 0.1, 0.2, 2e-3
 """The firmware's own; its watchdog may take 1 ms longer, and its output is set every 1 ms"""
-GROWTH_KiB_PER_MIN = 50.0
-"""3 MiB in an hour"""
 
 
 def measure() -> list[Figure | Table]:
@@ -53,13 +50,11 @@ def measure() -> list[Figure | Table]:
             killed = list(kill_flights(device, log, folder, KILLS, seed=SEED))
         power = lost_to_a_power_cut(folder / "power.mcap", POWER_S)
         # Half an hour is about memory: one standstill of the machine must not end it.
-        with firmware(program, "--watchdog", "500") as device:
-            long = soak(device, folder, SOAK_MINUTES * 60)
     cut = at_most(
         "power cut: flight lost at the worst moment", power, 0.5, "s",
         how=f"what fdatasync had returned for, {POWER_S:g} s at 500 Hz on this machine's disk",
     )  # fmt: skip
-    return [*punctual(flights), *survived(killed), cut, *steady(long), side_by_side(flights)]
+    return [*punctual(flights), *survived(killed), cut, side_by_side(flights)]
 
 
 def fly(program: str, folder: Path, rate_hz: int, granted: bool) -> dict[str, Any]:
@@ -145,21 +140,6 @@ def survived(killed: list[Killed]) -> list[Figure]:
             "kill -9: files recovered", f"{sum(k.rows > 0 for k in killed)} of {len(killed)}",
             "all", all(k.rows > 0 for k in killed), how,
         ),
-    ]  # fmt: skip
-
-
-def steady(long: Soak) -> list[Figure]:
-    """The soak: the slope's interval, and what the flight itself says."""
-    how = (
-        f"{long.minutes:.1f} min, {long.first_MiB:.0f} to {long.last_MiB:.0f} MiB resident; "
-        f"95 % interval {long.low:.1f} to {long.high:.1f}"
-    )
-    late = 100 * long.flight["punctuality"]["late_share"]
-    return [
-        at_most("soak: memory grows by", long.slope_KiB_per_min, GROWTH_KiB_PER_MIN, "KiB/min",
-                how=how),
-        at_most("soak: late by more than 1 ms", late, 0.1, "%",
-                how=f"{long.flight['missed_periods']} missed, {long.flight['lost_periods']} lost"),
     ]  # fmt: skip
 
 

@@ -24,7 +24,7 @@ def test_a_line_is_matches_then_assignments_and_nothing_else(line: str):
     matches = [s for s in signs if s in ("==", "!=")]
     assert matches == signs[: len(matches)]  # a match after an assignment would be a typing error
     assert len(signs) > len(matches)
-    assert "MODE" not in line
+    assert {v for k, _, v in (p.groups() for p in pairs if p) if k == "MODE"} <= {"0660"}
 
 
 def rules_for(**device: str) -> str:
@@ -46,7 +46,7 @@ def test_who_sits_at_the_machine_may_use_a_usb_rig():
         "ATTR_of_idVendor_end": f"{VENDOR:04x}",
         "ATTR_of_idProduct_end": f"{PRODUCT:04x}",
     }
-    assert "TAG+=uaccess" in rules_for(**usb)
+    assert "GROUP=dialout MODE=0660 TAG+=uaccess" in rules_for(**usb)
     assert rules_for(**{**usb, "ATTR_of_idProduct_end": "0002"}) == ""
 
 

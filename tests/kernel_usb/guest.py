@@ -104,8 +104,9 @@ from tests.kernel_usb.guest import PROFILE as profile, fly
 def in_another_process(code: str, user: int = 0) -> str:
     """What a second process prints."""
     done = subprocess.run(
-        [sys.executable, "-c", _PREAMBLE + code], capture_output=True, text=True, user=user
-    )
+        [sys.executable, "-c", _PREAMBLE + code],
+        capture_output=True, text=True, user=user, group=user, extra_groups=[],
+    )  # fmt: skip
     assert not done.returncode, done.stderr
     return done.stdout.strip()
 

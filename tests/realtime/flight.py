@@ -31,11 +31,15 @@ realtime._may_lock_everything = lambda: False
 """A system that grants nothing which needs a permission, whoever runs this."""
 
 
-def write_profile(path: Path, *, rate_hz: float = 500.0, longest_s: float = 600.0) -> Path:
-    """The paper's rig at a rate, as a TOML file; ``longest_s`` is the envelope's duration."""
+PATIENT = {"late_max_s": 0.3, "late_max_share": 1.0, "lost_max_s": 0.4}
+"""Limits for what is not about time, on a machine that has other work and may stand still."""
+
+
+def write_profile(path: Path, *, rate_hz: float = 500.0, **limits: float) -> Path:
+    """The paper's rig at a rate, with these ``limits``, as a TOML file."""
     data = default_profile().to_dict()
     data["loop"]["rate_hz"] = rate_hz
-    data["limits"]["duration_max_s"] = longest_s
+    data["limits"] |= limits
     lines = [f"{k} = {json.dumps(v)}" for k, v in data.items() if not isinstance(v, dict)]
     for section, keys in data.items():
         if isinstance(keys, dict):

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recover import recover
-from tests.realtime.flight import FlightProcess
+from tests.realtime.flight import PATIENT, FlightProcess, write_profile
 
 EARLIEST_S, LATEST_S = 0.5, 4.0
 """s of flight between which the moments lie; before, there is not half a second to be lost."""
@@ -88,7 +88,8 @@ def kill_flights(
 def kill_one(device: str, log: Path, output: Path, moment_s: float) -> Killed | None:
     """One flight, killed ``moment_s`` after its first command; None where it ended before."""
     before = len(changes(log))
-    with FlightProcess(device, output, 600) as flight:
+    profile = write_profile(output.with_suffix(".toml"), **PATIENT)
+    with FlightProcess(device, output, 600, profile=profile) as flight:
         deadline = time.monotonic() + START_S
         while not any(not c.zero for c in changes(log)[before:]):
             assert time.monotonic() < deadline, flight.shown.decode(errors="replace")[-3000:]

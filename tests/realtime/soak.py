@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from tests.realtime.flight import LANDING_S, FlightProcess, write_profile
+from tests.realtime.flight import LANDING_S, PATIENT, FlightProcess, write_profile
 
 EVERY_S = 0.25
 WARM_UP = 0.4
@@ -42,7 +42,7 @@ class Soak:
 
 def soak(device: str, folder: Path, seconds: float) -> Soak:
     """Fly for ``seconds`` with recorder and live view, and read the memory meanwhile."""
-    profile = write_profile(folder / "soak.toml", longest_s=seconds + 60)
+    profile = write_profile(folder / "soak.toml", duration_max_s=seconds + 60, **PATIENT)
     t: list[float] = []
     resident: list[float] = []
     with FlightProcess(device, folder / "soak.mcap", seconds, profile=profile) as flight:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from heli3dof.recording.reader import read_recording
-from tests.realtime.firmware import rig_program
-from tests.realtime.flight import LANDING_S, FlightProcess, firmware, write_profile
+from tests.drivers.firmware.building import rig_program
+from tests.realtime.flight import LANDING_S, PATIENT, FlightProcess, firmware, write_profile
 from tests.realtime.kill import kill_flights
 from tests.realtime.power import lost_to_a_power_cut
 from tests.realtime.soak import found, soak
@@ -21,14 +21,15 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),
 ]
 WATCHDOG_S, RAMP_S = 0.5, 0.2
-PATIENT = ("--watchdog", f"{WATCHDOG_S * 1e3:g}")
+SLACK = ("--watchdog", f"{WATCHDOG_S * 1e3:g}")
 """A busy machine stands still for longer than the firmware's own 100 ms."""
 
 
 def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_path: Path) -> None:
+    profile = write_profile(tmp_path / "patient.toml", **PATIENT)
     with (
-        firmware(rig_program(), *PATIENT) as device,
-        FlightProcess(device, tmp_path / "a.mcap", 4) as flight,
+        firmware(rig_program(), *SLACK) as device,
+        FlightProcess(device, tmp_path / "a.mcap", 4, profile=profile) as flight,
     ):
         document = flight.result(120)
     assert b"flying" in flight.shown, "the live view was on"
@@ -49,7 +50,8 @@ def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_pa
 
 def test_a_system_that_refuses_everything_is_told_and_flown_on(tmp_path: Path) -> None:
     device = "mock:?speed=real&start=level"
-    with FlightProcess(device, tmp_path / "a.mcap", 1, realtime=False) as flight:
+    profile = write_profile(tmp_path / "patient.toml", **PATIENT)
+    with FlightProcess(device, tmp_path / "a.mcap", 1, profile=profile, realtime=False) as flight:
         document = flight.result(120)
     assert document["realtime"]["scheduled"] is False
     assert {r["what"] for r in document["realtime"]["refused"]} == {
@@ -97,5 +99,5 @@ def test_a_leak_is_seen_by_its_slope() -> None:
 def test_a_profile_that_is_written_is_read_as_it_was(tmp_path: Path) -> None:
     from heli3dof.rig.profile import load_profile
 
-    profile = load_profile(write_profile(tmp_path / "p.toml", rate_hz=1000, longest_s=700))
+    profile = load_profile(write_profile(tmp_path / "p.toml", rate_hz=1000, duration_max_s=700))
     assert (profile.loop.rate_hz, profile.limits.duration_max_s) == (1000, 700)
