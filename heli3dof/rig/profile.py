@@ -121,7 +121,7 @@ class Limits(Section):
     ramp_down_s: Positive = 0.5
     landing_s: Positive = 3.0
     late_max_s: Positive = 0.01
-    late_max_share: Positive = 0.25
+    late_max_share: Positive = 0.5
     lost_max_s: Positive = 0.05
     saturated_max_s: Positive = 2.0
 

@@ -2,7 +2,7 @@
 
 The rows are data: a test of the same name (`test_` and the row's name) shows each one, and takes
 its exit code, outcome, words and time from here. ``python -m tests.safety.table docs/safety.md``
-writes the page's table anew.
+writes the page's tables anew.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from heli3dof.rig.profile import Profile, default_profile
+from heli3dof.rig.profile import Limits, Profile, default_profile
 
 WATCHDOG_S = 0.1
 DEVICE_RAMP_S = 0.2
@@ -68,9 +68,12 @@ class Row:
     said: str
     """What the recording's detail holds"""
     exit_code: int
+    shown: str = ""
+    """How the page shows that, where it is only an example of it"""
 
     def cells(self) -> list[str]:
-        says = f"`{self.ending}`: {self.said}" if self.said else self.ending
+        said = self.shown or self.said
+        says = f"`{self.ending}`: {said}" if said else self.ending
         code = "killed" if self.exit_code < 0 else str(self.exit_code)
         zero = "–" if self.zero is NOTHING else self.zero.cell()
         return [self.what, self.notices, self.device, zero, says, code]
@@ -99,27 +102,29 @@ ROWS = [
         LATCHES + "; on waking it " + STOPPED, WATCHDOG,
         "tripped", "the computer slept", 4),
     Row("exception_in_the_controller", "an exception in the controller", LOOP, RAMPED,
-        ramp("it"), "error", "ZeroDivisionError", 1),
+        ramp("it"), "error", "ZeroDivisionError", 1, "what was raised"),
     Row("nan_from_the_controller", "NaN from the controller", LOOP,
         RAMPED + " from the last voltage", ramp("it"),
         "tripped", "the controller asked for nan V", 4),
     Row("encoder_jump", "an encoder jumps", "the loop (`Jump`)", RAMPED, ramp("the jump"),
-        "tripped", "encoder jumped by", 4),
+        "tripped", "encoder jumped by", 4, "which encoder jumped, by how many counts"),
     Row("frozen_encoder", "an encoder freezes", "the loop (`Frozen`)", RAMPED,
-        ramp("it is noticed"), "tripped", "encoder is frozen", 4),
+        ramp("it is noticed"), "tripped", "encoder is frozen", 4,
+        "which encoder is frozen, and what drove its axis"),
     Row("envelope_trip", "an angle, rate, voltage or time beyond the envelope", LOOP, RAMPED,
-        ramp("the sample that shows it"), "tripped", "beyond the envelope's", 4),
-    Row("late_ticks", "a quarter of the last second's periods come late", "the loop (`Late`)",
+        ramp("the sample that shows it"), "tripped", "beyond the envelope's", 4,
+        "what was beyond it, and by how much"),
+    Row("late_ticks", "half of the last second's periods come late", "the loop (`Late`)",
         RAMPED, ramp("it is noticed"), "tripped", "the loop was too late", 4),
     Row("lost_frames", "samples, or commands, are lost in a row", "the loop (`Lost`)", RAMPED,
         ramp("it is noticed"), "tripped", "the line loses frames", 4),
     Row("saturated_for_too_long", "a motor at its limit for too long", "the loop (`Saturated`)",
         RAMPED, ramp("it is noticed"), "tripped", "was at its limit", 4),
     Row("cable_out", "the cable is pulled out", "the device, and the loop", LATCHES, WATCHDOG,
-        "device", "gone", 3),
+        "device", "gone", 3, "the line is gone, or the rig has gone silent"),
     Row("device_reset", "the device starts anew (brown-out, crash)", "the device, and the loop",
         "starts with the amplifier disabled; its counts begin anew, where the rig was then",
-        BY_ITSELF, "device", "started anew", 3),
+        BY_ITSELF, "device", "started anew", 3, "the device has started anew"),
     Row("stalled_motor", "a motor is stalled", DEVICE, "stops by itself, until armed", BY_ITSELF,
         "tripped", "a motor is stalled", 4),
     Row("amplifier_fault", "overcurrent, over-temperature", DEVICE,
@@ -135,8 +140,14 @@ ROWS = [
 BY_NAME = {row.name: row for row in ROWS}
 HEAD = ["what happens", "who notices", "the device", "zero volts within", "the recording says",
         "exit code"]  # fmt: skip
-BEGIN = "<!-- table: made by python -m tests.safety.table -->"
-END = "<!-- end of table -->"
+LIMITS = {
+    "late_max_s": "a period that comes later than this is late …",
+    "late_max_share": "… and more than this share of the last second's: land",
+    "lost_max_s": "samples, or commands, lost in a row for longer: land. Keep it below the "
+    "watchdog's time, after which the device falls out by itself",
+    "saturated_max_s": "a motor at its limit for longer: land",
+    "ramp_down_s": "the ramp to zero after a trip or an interrupt",
+}
 
 
 def table() -> str:
@@ -145,11 +156,25 @@ def table() -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
 
 
+def limits() -> str:
+    """What a profile may set of the watches' numbers."""
+    given = Limits()
+    lines = [f"| `{key}` | {getattr(given, key):g} | {LIMITS[key]} |" for key in LIMITS]
+    return "\n".join(["| key | default | meaning |", "|---|---|---|", *lines])
+
+
+TABLES = {"table": table, "limits": limits}
+
+
 def renewed(page: str) -> str:
-    """The page with the table between its markers made anew."""
-    before, _, rest = page.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n{table()}\n{END}{after}"
+    """The page with the tables between their markers made anew."""
+    for name, made in TABLES.items():
+        begin = f"<!-- {name}: made by python -m tests.safety.table -->"
+        end = f"<!-- end of {name} -->"
+        before, _, rest = page.partition(begin)
+        _, _, after = rest.partition(end)
+        page = f"{before}{begin}\n{made()}\n{end}{after}"
+    return page
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A loop that is late for a quarter of a second in one, and a line that loses in a row."""
+"""A loop that is late for half a second in one, and a line that loses in a row."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from heli3dof.experiment.watches import Late, Lost
 from tests.experiment.watches.periods import DT, PROFILE, period
 
 
-def test_a_quarter_of_the_last_second_late_ends_the_flight_and_less_does_not() -> None:
+def test_half_of_the_last_second_late_ends_the_flight_and_less_does_not() -> None:
     watch = Late(PROFILE)
-    assert all(watch(period(k, lateness=0.011)) is None for k in range(125))
-    said = watch(period(125, lateness=0.011))
+    assert all(watch(period(k, lateness=0.011)) is None for k in range(250))
+    said = watch(period(250, lateness=0.011))
     assert said is not None
-    assert "126 of the last 500 periods came more than 10 ms after their time" in said
+    assert "251 of the last 500 periods came more than 10 ms after their time" in said
 
 
 def test_lateness_is_forgotten_after_a_second() -> None:
@@ -23,8 +23,8 @@ def test_lateness_is_forgotten_after_a_second() -> None:
 
 def test_the_periods_that_a_late_sample_was_too_late_for_count_with_it() -> None:
     watch = Late(PROFILE)
-    assert watch(period(0, lateness=0.2, missed=100)) is None
-    assert watch(period(101, lateness=0.06, missed=30)) is not None
+    assert watch(period(0, lateness=0.4, missed=200)) is None
+    assert watch(period(201, lateness=0.12, missed=60)) is not None
 
 
 def test_samples_that_are_skipped_but_hardly_late_are_no_lateness() -> None:
