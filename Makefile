@@ -6,17 +6,22 @@ STAMP  := $(VENV)/.installed
 JOBS   ?= auto
 PEERS  := .venv-peers
 
-.PHONY: help demo test check format bench bench-peers bench-hidden pages recordings clean
+.PHONY: help demo test test-kernel-usb check format bench bench-peers bench-hidden pages recordings firmware test-firmware test-qemu fuzz clean
 
 help:
 	@echo "make demo        fly the mock rig, identify, compare, diagnose, report"
 	@echo "make test        the tests"
+	@echo "make test-kernel-usb  the USB and serial doors through a real Linux USB stack (Debian; fetches 100 MB)"
 	@echo "make check       lint, formatting and types"
 	@echo "make bench       re-measure every figure in docs/benchmarks.md (TOPIC=cli: that one)"
 	@echo "make bench-peers other people's tools on the same flights (long; Octave where installed)"
 	@echo "make bench-hidden flights that hide a cause, and who finds it (long; resumes where it stopped)"
 	@echo "make pages       compute the tables in docs/ again"
 	@echo "make recordings  re-make the reference recordings that ship"
+	@echo "make firmware    the device side in C, as a program on a PTY: build/firmware/heli3dof-rig"
+	@echo "make test-firmware  its own tests, and against the Python side"
+	@echo "make test-qemu   its image for a microcontroller board, in qemu-system-arm"
+	@echo "make fuzz        its core under a sanitizer (FUZZ_SECONDS=60)"
 
 $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -30,6 +35,11 @@ demo: $(STAMP)
 
 test: $(STAMP)
 	$(BIN)/python -m pytest -n $(JOBS)
+
+# Debian's qemu and kernel, unpacked into build/, never installed; CASES: words of the cases to run.
+test-kernel-usb: $(STAMP)
+	@if command -v cc >/dev/null; then $(FIRMWARE); else echo "no C compiler: without the firmware"; fi
+	$(BIN)/python -m tests.kernel_usb.run $(CASES)
 
 check: $(STAMP)
 	$(BIN)/ruff check .
@@ -66,6 +76,20 @@ pages: $(STAMP)
 
 recordings: $(STAMP)
 	$(BIN)/python -m heli3dof_recordings.make
+
+FIRMWARE := $(MAKE) --no-print-directory -C drivers/firmware BUILD=$(CURDIR)/build/firmware
+
+firmware:
+	$(FIRMWARE)
+
+test-firmware: $(STAMP)
+	$(BIN)/python -m pytest tests/drivers/firmware
+
+test-qemu: $(STAMP)
+	HELI3DOF_QEMU=1 $(BIN)/python -m pytest tests/drivers/firmware/test_qemu.py
+
+fuzz:
+	$(FIRMWARE) fuzz
 
 clean:
 	rm -rf $(VENV) $(PEERS) build dist *.egg-info

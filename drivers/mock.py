@@ -3,7 +3,7 @@
 ``mock:?profile=P&hide=friction.coulomb.yaw:0.03&seed=1&speed=max``; docs/mock.md lists every
 option and effect. Two clocks:
 
-- ``speed=max`` or a number: the device keeps time. Every exchange is one control period of its
+- ``speed=max`` or a number: a virtual clock. Every exchange is one control period of its
   virtual clock, as fast as the machine can or that many times faster than real.
 - ``speed=real``: the host keeps time. The device runs on between exchanges; periods that the host
   missed are caught up with the voltage that stood, and the watchdog counts them.
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Literal
 
 from heli3dof.errors import DeviceError, UsageError, did_you_mean
 from heli3dof.rig.clock import wait_until
-from heli3dof.rig.port import Command, Identity, Sample
+from heli3dof.rig.port import Check, Command, Identity, Sample
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 OPTIONS = (
     "profile", "hide", "seed", "speed", "noise", "start", "spread", "rate_hz", "watchdog_s",
+    "fault",
 )  # fmt: skip
 LONGEST_CATCH_UP_S = 60.0
 
@@ -41,6 +42,8 @@ class MockDriver:
 
     scheme = "mock"
     options: Sequence[str] = OPTIONS
+    private = True
+    """Every opening makes a rig of its own: see `heli3dof.rig.drivers.is_private`."""
 
     def find(self) -> Sequence[str]:
         return ["mock:"]
@@ -57,6 +60,14 @@ class MockDriver:
             profile = load_profile(options.profile)
         return MockRig(profile, options)
 
+    def estop(self, url: DeviceUrl) -> str:
+        """There is no rig outside the process that emulates it."""
+        return "an emulated rig lives in the process that flies it: nothing else holds one"
+
+    def examine(self, url: DeviceUrl) -> Sequence[Check]:
+        """The emulated rig needs no permission and no line."""
+        return ()
+
 
 @dataclass(frozen=True)
 class Options:
@@ -72,6 +83,7 @@ class Options:
     spread: float = 0.0
     rate_hz: float | None = None
     watchdog_s: float | None = None
+    fault: tuple[str, ...] = ()
 
     @staticmethod
     def of(url: DeviceUrl) -> Options:
@@ -95,6 +107,7 @@ class Options:
             spread=_number(url, "spread", "0", 0, 0.5),
             rate_hz=_number(url, "rate_hz", "0", 10, 10000) if url.one("rate_hz") else None,
             watchdog_s=_number(url, "watchdog_s", "0", 1e-3, 10) if url.one("watchdog_s") else None,
+            fault=url.options.get("fault", ()),
         )
 
 
@@ -124,38 +137,45 @@ def _number(
     return int(text) if whole else value
 
 
+def device_of(profile: Profile, options: Options) -> Device:
+    """The emulated electronics and plant of these options, for every door they stand behind."""
+    from .emulator.body import setup_of
+    from .emulator.device import WATCHDOG_S, Device
+    from .emulator.faults import Breaking, parse_faults
+    from .emulator.hide import parse_hide
+    from .emulator.plant import Plant
+
+    dt = 1 / (options.rate_hz or profile.loop.rate_hz)
+    watchdog_s = options.watchdog_s or max(WATCHDOG_S, 3 * dt)
+    if watchdog_s < 2 * dt:
+        raise UsageError(
+            f"watchdog_s={watchdog_s:g} is shorter than two control periods of {dt:g} s.",
+            cause="the watchdog would latch between any two commands.",
+            fix=f"watchdog_s={3 * dt:g} or more",
+        )
+    level = options.start == "level"
+    plant = Plant(
+        setup_of(profile, options.start),
+        profile.encoder.rad_per_count,
+        dt=dt,
+        hidden=parse_hide(options.hide),
+        seed=options.seed,
+        noise=options.noise,
+        spread=options.spread,
+        start_V=profile.motor.V_o if level else 0.0,
+    )
+    faults = parse_faults(options.fault)
+    breaking = Breaking(plant, faults) if faults else plant
+    return Device(breaking, v_max=profile.motor.v_max, watchdog_s=watchdog_s, held=level)
+
+
 class MockRig:
     """An open emulated rig; see `heli3dof.rig.port.Rig`."""
 
     def __init__(self, profile: Profile, options: Options | None = None) -> None:
-        from .emulator.body import setup_of
-        from .emulator.device import WATCHDOG_S, Device
-        from .emulator.hide import parse_hide
-        from .emulator.plant import Plant
-
         options = options or Options()
-        dt = 1 / (options.rate_hz or profile.loop.rate_hz)
-        watchdog_s = options.watchdog_s or max(WATCHDOG_S, 3 * dt)
-        if watchdog_s < 2 * dt:
-            raise UsageError(
-                f"watchdog_s={watchdog_s:g} is shorter than two control periods of {dt:g} s.",
-                cause="the watchdog would latch between any two commands.",
-                fix=f"watchdog_s={3 * dt:g} or more",
-            )
-        level = options.start == "level"
-        plant = Plant(
-            setup_of(profile, options.start),
-            profile.encoder.rad_per_count,
-            dt=dt,
-            hidden=parse_hide(options.hide),
-            seed=options.seed,
-            noise=options.noise,
-            spread=options.spread,
-            start_V=profile.motor.V_o if level else 0.0,
-        )
-        self._device: Device = Device(
-            plant, v_max=profile.motor.v_max, watchdog_s=watchdog_s, held=level
-        )
+        self._device: Device = device_of(profile, options)
+        dt, watchdog_s = self._device.plant.dt, self._device.watchdog_s
         self._dt = dt
         self._real = options.speed == 1.0
         self._pace_s = 0.0 if math.isinf(options.speed) else dt / options.speed
@@ -171,13 +191,18 @@ class MockRig:
             counts_per_rev=(e.roll, e.pitch, e.yaw),
             v_max=profile.motor.v_max,
             watchdog_s=watchdog_s,
-            timebase="host" if self._real else "device",
+            timebase="host" if self._real else "virtual",
             emulated=True,
         )
 
     @property
     def identity(self) -> Identity:
         return self._identity
+
+    @property
+    def device(self) -> Device:
+        """The emulated electronics: for other doors to the same rig."""
+        return self._device
 
     @property
     def truth(self) -> Truth:
@@ -191,6 +216,12 @@ class MockRig:
         self._catch_up(now)
         self._device.arm()
         self._last_s = now
+        return self._sample()
+
+    def read(self) -> Sample:
+        """The sample now; where the host keeps time, after the periods that have gone by."""
+        self._check_open()
+        self._catch_up(time.monotonic())
         return self._sample()
 
     def exchange(self, command: Command, due_s: float) -> Sample:

@@ -6,9 +6,14 @@ the output ramps to zero over `RAMP_S` and stays there until the device is armed
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from heli3dof.rig.port import Flags
 
-from .plant import Plant
+from .faults import Breaking
+
+if TYPE_CHECKING:
+    from .plant import Plant
 
 WATCHDOG_S = 0.1
 RAMP_S = 0.2
@@ -20,7 +25,12 @@ class Device:
     """What stands between the link and the plant."""
 
     def __init__(
-        self, plant: Plant, *, v_max: float, watchdog_s: float = WATCHDOG_S, held: bool = False
+        self,
+        plant: Plant | Breaking,
+        *,
+        v_max: float,
+        watchdog_s: float = WATCHDOG_S,
+        held: bool = False,
     ) -> None:
         self.plant = plant
         self.v_max = v_max
@@ -29,6 +39,8 @@ class Device:
         """True while a hand holds the rig: until the first command after arming"""
         self.sequence = 0
         self.enabled = self.latched = self.stopped = self.saturated = False
+        self.fault = Flags(0)
+        """FAULT or STALL, while the amplifier reports it"""
         self.v = (0.0, 0.0)
         """V, what the amplifier puts out"""
         self._asked = (0.0, 0.0)
@@ -37,6 +49,7 @@ class Device:
     def arm(self) -> None:
         """Enable at zero volts and clear what was latched."""
         self.enabled, self.latched, self.stopped, self.saturated = True, False, False, False
+        self.fault = Flags(0)
         self.v = self._asked = (0.0, 0.0)
         self._silent_s = 0.0
 
@@ -52,7 +65,7 @@ class Device:
     def command(self, sequence: int, v_front: float, v_back: float) -> None:
         """Take a command: from now on these voltages (V), within the limit, if enabled."""
         self.sequence = sequence
-        if not self.enabled or self.stopped or self.latched:
+        if not self.enabled or self.stopped or self.latched or self.fault:
             return
         limit = self.v_max
         self.saturated = not (-limit <= v_front <= limit and -limit <= v_back <= limit)
@@ -64,14 +77,31 @@ class Device:
 
     def period(self) -> bool:
         """One control period with the present output. False when its sample gets lost."""
-        if self._silent_s > self.watchdog_s and self.enabled and not self.stopped:
+        silent = self._silent_s > self.watchdog_s
+        if silent and self.enabled and not self.stopped and not self.fault:
             self.latched, self.saturated = True, False
             left = max(0.0, 1 - (self._silent_s - self.watchdog_s) / RAMP_S)
             self.v = (self._asked[0] * left, self._asked[1] * left)
         self._silent_s += self.plant.dt
         if self.held:
             return True
-        return self.plant.step(*self.v)
+        arrived = self.plant.step(*self.v)
+        if isinstance(self.plant, Breaking):
+            self._break(self.plant)
+        return arrived
+
+    def _break(self, plant: Breaking) -> None:
+        """What the amplifier stops for by itself: zero volts from this instant on."""
+        trip = plant.trip()
+        if trip is None:
+            return
+        flag, _ = trip
+        self.saturated = False
+        self.v = self._asked = (0.0, 0.0)
+        if flag == Flags.ESTOP:
+            self.stopped = True
+        else:
+            self.fault |= flag
 
     @property
     def current(self) -> tuple[float, float]:
@@ -82,8 +112,10 @@ class Device:
     @property
     def flags(self) -> Flags:
         value = 0
-        if self.enabled and not self.latched and not self.stopped:
+        if self.enabled and not self.latched and not self.stopped and not self.fault:
             value |= 1
+        if self.fault:
+            value |= self.fault
         if self.latched:
             value |= 8
         if self.stopped:

@@ -1,6 +1,6 @@
-"""The table of effects in docs/mock.md, made from the catalogue.
+"""The tables of effects, faults and bus in docs/mock.md, made from what there is.
 
-``python -m heli3dof_drivers.emulator.page docs/mock.md`` rewrites it between its markers.
+``python -m heli3dof_drivers.emulator.page docs/mock.md`` rewrites them between their markers.
 """
 
 from __future__ import annotations
@@ -8,10 +8,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from .door_usb import KINDS as BUS
 from .effects import Effect, Parameter, catalogue
-
-BEGIN = "<!-- effects: made by python -m heli3dof_drivers.emulator.page -->"
-END = "<!-- end of effects -->"
+from .faults import KINDS
 
 
 def effects_table() -> str:
@@ -42,13 +41,32 @@ def _parameter(p: Parameter) -> str:
     return f"`{p.name}`: {p.meaning}; {p.low:g} … {p.high:g}{unit}{default}"
 
 
-def with_table(page: str) -> str:
-    """The page with the table between its markers made anew."""
-    before, _, rest = page.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n{effects_table()}\n{END}{after}"
+def faults_table() -> str:
+    """A Markdown table: every fault with an example."""
+    rows = ["| fault | what breaks |", "|---|---|"]
+    return "\n".join([*rows, *(f"| `{example}` | {what} |" for example, what in KINDS.values())])
+
+
+def bus_table() -> str:
+    """A Markdown table: everything that may befall a USB rig, with an example."""
+    rows = ["| bus | what befalls the rig |", "|---|---|"]
+    return "\n".join([*rows, *(f"| `{example}` | {what} |" for example, what in BUS.values())])
+
+
+TABLES = {"effects": effects_table, "faults": faults_table, "bus": bus_table}
+
+
+def with_tables(page: str) -> str:
+    """The page with the tables between their markers made anew."""
+    for name, table in TABLES.items():
+        begin = f"<!-- {name}: made by python -m heli3dof_drivers.emulator.page -->"
+        end = f"<!-- end of {name} -->"
+        before, _, rest = page.partition(begin)
+        _, _, after = rest.partition(end)
+        page = f"{before}{begin}\n{table()}\n{end}{after}"
+    return page
 
 
 if __name__ == "__main__":
     path = Path(sys.argv[1])
-    path.write_text(with_table(path.read_text(encoding="utf-8")), encoding="utf-8")
+    path.write_text(with_tables(path.read_text(encoding="utf-8")), encoding="utf-8")

@@ -6,7 +6,21 @@ import os
 
 import typer
 
-from heli3dof.cli import compare, demo, diagnose, files, fly, models, report, rigs, simulate
+from heli3dof.cli import (
+    compare,
+    demo,
+    diagnose,
+    doctor,
+    estop,
+    files,
+    fly,
+    models,
+    monitor,
+    report,
+    rigs,
+    simulate,
+    zero,
+)
 
 app = typer.Typer(
     name="heli3dof",
@@ -18,7 +32,12 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-for family in (demo, fly, simulate, models, compare, diagnose, report, files, rigs):
+FAMILIES = (
+    demo, fly, simulate, models, compare, diagnose, report, files,
+    rigs, doctor, zero, monitor, estop,
+)  # fmt: skip
+
+for family in FAMILIES:
     family.register(app)
 
 

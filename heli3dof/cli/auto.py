@@ -127,7 +127,7 @@ def _flown(
     live = Live()
     with progress(talk, live, plan.name):
         flight = fly_plan(
-            plan, device=device, profile=profile, seed=seed, output=path, live=live
+            plan, device=device, profile=profile, seed=seed, output=path, live=live, warn=talk.warn
         )  # fmt: skip
     flight.raise_if_cut_short()
     return flight.recording

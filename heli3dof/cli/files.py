@@ -139,6 +139,8 @@ def recover(
 def _info_table(about: Mapping[str, Any]) -> Any:
     from rich.table import Table
 
+    from heli3dof.cli.punctuality import punctuality_rows
+
     table = Table(show_header=False)
     timing, volts = about["timing"], about["voltage"]
     table.add_row("recording", about["name"])
@@ -150,10 +152,8 @@ def _info_table(about: Mapping[str, Any]) -> Any:
     table.add_row("voltages", f"{volts['min_V']:.2f} V to {volts['max_V']:.2f} V")
     known = "known" if about["loop_is_known"] else "unknown (the profile names no controller)"
     table.add_row("profile", f"{about['profile']}; its loop is {known}")
-    if about["lateness"]:
-        late = about["lateness"]
-        worst, ticks = late["max_s"] * 1e3, late["late_ticks"]
-        table.add_row("lateness", f"at most {worst:.2f} ms; {ticks} periods late by over 1 ms")
+    for what, said in punctuality_rows(about):
+        table.add_row(what, said)
     plan = about["plan"]
     if plan:
         table.add_row("plan", plan["name"] if isinstance(plan, Mapping) else str(plan))

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from heli3dof.cli.console import INTERRUPTED, Talk, live_allowed, verb
+from heli3dof.cli.console import INTERRUPTED, Talk, live_allowed, report, verb
 from heli3dof.cli.options import AsJson, Device, DryRun, Force, Output, ProfileFile, Quiet, Seed
+from heli3dof.errors import Heli3dofError
 
 if TYPE_CHECKING:
     from heli3dof.experiment.fly import Flight
@@ -179,12 +180,19 @@ def _fly(
             force=force,
             meta={"command_line": ["heli3dof", *sys.argv[1:]]},
             live=live,
+            warn=talk.warn,
         )
     _say_flight(talk, flight)
     if flight.outcome.ending == "interrupted":
-        talk.warn(f"{flight.outcome.detail}; the motors were ramped to zero")
+        end = "ramped to zero" if flight.outcome.landed else "stopped at once"
+        talk.warn(f"{flight.outcome.detail}; the motors were {end}")
         raise typer.Exit(INTERRUPTED)
-    flight.raise_if_cut_short()
+    try:
+        flight.raise_if_cut_short()
+    except Heli3dofError as error:
+        # On stderr only: the one JSON document was the flight's, and says how it ended.
+        report(error, as_json=False)
+        raise typer.Exit(error.exit_code) from None
 
 
 def default_path(name: str) -> Path:
@@ -220,9 +228,13 @@ def _say_plan(talk: Talk, plan: Plan, profile: Profile, device: str, seed: int) 
 
 def _say_flight(talk: Talk, flight: Flight) -> None:
     """The summary at the end of a flight: peak, overshoot, error per axis, late periods."""
+    from heli3dof.cli.punctuality import realtime_advice
     from heli3dof.cli.summary import flight_document, flight_table
 
     talk.show(flight_table(flight))
+    advice = realtime_advice(flight.outcome)
+    if advice:
+        talk.note(advice)
     talk.note(f"Recording: {flight.path}")
     talk.emit(flight_document(flight))
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.axes import AXES
+from heli3dof.cli.punctuality import punctuality_note
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -54,14 +55,14 @@ def flight_table(flight: Flight) -> Group | str:
     return recording_table(
         flight.recording,
         f"{flight.recording.name}: {outcome.ending}, {seconds:.1f} s in closed loop",
-        f"late by more than 1 ms: {outcome.late} of {outcome.periods} periods"
-        + (f"; {outcome.missed} missed" if outcome.missed else ""),
+        punctuality_note(outcome),
     )
 
 
 def flight_document(flight: Flight) -> dict[str, Any]:
     """``run-step --json`` and ``run --json``."""
     outcome = flight.outcome
+    details = outcome.details()
     return {
         "schema": "heli3dof.flight/1",
         "recording": str(flight.path),
@@ -70,7 +71,11 @@ def flight_document(flight: Flight) -> dict[str, Any]:
         "periods": outcome.periods,
         "late_periods": outcome.late,
         "missed_periods": outcome.missed,
+        "lost_periods": outcome.lost,
         "worst_lateness_s": outcome.worst_lateness_s,
+        "punctuality": details["punctuality"],
+        "realtime": details["realtime"],
+        "link": details["link"],
         "landed": outcome.landed,
         "digest": flight.recording.digest,
         "axes": recording_document(flight.recording) if outcome.periods else {},

@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from heli3dof.errors import DeviceError, Heli3dofError, SafetyTrip
-from heli3dof.experiment.interrupts import asked_to_stop
-from heli3dof.experiment.loop import Live, Outcome, fly
+from heli3dof.experiment.interrupts import Asked, asked_to_stop
+from heli3dof.experiment.loop import Live, fly
+from heli3dof.experiment.outcome import Outcome
 from heli3dof.experiment.plan import Plan, Signals, check_plan
+from heli3dof.experiment.watches import watches_for
 from heli3dof.model.hover import hover_model
 from heli3dof.model.stability import check_loop
 from heli3dof.recording.memory import MemoryRecorder
 from heli3dof.recording.provenance import provenance
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.row import RowSink
 from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.drivers import open_rig, with_seed
-from heli3dof.rig.port import Identity, Rig
+from heli3dof.rig.drivers import is_private, with_seed
+from heli3dof.rig.hold import hold
+from heli3dof.rig.port import Identity
 from heli3dof.rig.profile import Profile, default_profile
+from heli3dof.rig.stoppable import StoppableRig
+
+ON_REQUEST = "emergency stop on request"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +48,12 @@ class Flight:
         if outcome.ending == "interrupted":
             raise KeyboardInterrupt(outcome.detail)
         if outcome.ending == "tripped":
+            by_hand = outcome.detail.startswith(ON_REQUEST)
             raise SafetyTrip(
                 f"The flight was ended for safety: {outcome.detail}{kept}.",
-                cause="the rig did what the plan did not intend, or the envelope is too tight.",
+                cause="somebody ran heli3dof estop."
+                if by_hand
+                else "the rig did what the plan did not intend, or the envelope is too tight.",
                 fix=f"heli3dof info {self.path}" if self.path else "look at flight.recording",
             )
         if outcome.ending == "device":
@@ -84,67 +94,91 @@ def fly_plan(
     meta: Mapping[str, Any] | None = None,
     live: Live | None = None,
     opened: Callable[[Identity], None] = lambda identity: None,
+    warn: Callable[[str], None] = lambda text: None,
 ) -> Flight:
     """Fly a plan on a rig and record it (to ``output``, or in memory where that is None).
 
     ``seed`` draws the plan's random signals, and an emulated rig's noise where its URL names none.
+    ``warn`` is told what the user should know before the rig is armed.
     Returns however the flight ended (see `Flight.raise_if_cut_short`); raises only where nothing
     flew: PlanError, UnstableLoop, DeviceError, OutputExists.
     """
     profile = (profile or default_profile()).with_controller()
     signals = prepare(plan, profile, seed)
     device = with_seed(device, seed)
-    rig = open_rig(device, profile)
-    try:
+    live = live or Live()
+    with hold(device, profile, also=lambda: _progress(live)) as rig:
         opened(rig.identity)
+        if rig.rest.note:
+            warn(rig.rest.note)
         about = provenance(
             source="flight",
             plan=plan.to_dict(),
             seed=seed,
             identity=rig.identity,
             device=device,
+            rest=None if is_private(device) else rig.rest.to_dict(),
+            warnings=[rig.rest.note] if rig.rest.note else None,
             **{"name": Path(output).stem if output else plan.name, **(meta or {})},
         )
         if output is None:
             return _fly_in_memory(rig, profile, signals, about, live)
         return _fly_to_file(rig, profile, signals, about, live, Path(output), force)
-    finally:
-        rig.close()
 
 
 def _fly_in_memory(
-    rig: Rig, profile: Profile, signals: Signals, meta: Mapping[str, Any], live: Live | None
+    rig: StoppableRig, profile: Profile, signals: Signals, meta: Mapping[str, Any], live: Live
 ) -> Flight:
     sink = MemoryRecorder()
-    with asked_to_stop() as stop:
-        outcome = fly(rig, profile, signals, sink, stop=stop, live=live)
-    about = {**meta, "outcome": outcome.ending, "outcome_details": outcome_details(outcome)}
+    with asked_to_stop() as asked:
+        outcome = _fly(rig, profile, signals, sink, asked, live)
+    about = {**meta, "outcome": outcome.ending, "outcome_details": outcome.details()}
     return Flight(sink.recording(profile, about), outcome, None)
 
 
 def _fly_to_file(
-    rig: Rig,
+    rig: StoppableRig,
     profile: Profile,
     signals: Signals,
     meta: Mapping[str, Any],
-    live: Live | None,
+    live: Live,
     path: Path,
     force: bool,
 ) -> Flight:
-    writer = RecordingWriter(path, profile, meta, force=force)
-    with writer, asked_to_stop() as stop:
-        outcome = fly(rig, profile, signals, writer, stop=stop, live=live)
-        writer.outcome(outcome.ending, **outcome_details(outcome))
+    # Signals are caught until the recording is closed: one too many must not tear it.
+    with asked_to_stop() as asked, RecordingWriter(path, profile, meta, force=force) as writer:
+        outcome = _fly(rig, profile, signals, writer, asked, live)
+        writer.outcome(outcome.ending, **outcome.details())
     return Flight(read_recording(path), outcome, path)
 
 
-def outcome_details(outcome: Outcome) -> dict[str, Any]:
-    """The outcome as the recording keeps it, units in the keys."""
+def _fly(
+    rig: StoppableRig, profile: Profile, signals: Signals, sink: RowSink, asked: Asked, live: Live
+) -> Outcome:
+    watches = watches_for(profile)
+    outcome = fly(
+        rig,
+        profile,
+        signals,
+        sink,
+        stop=asked.why,
+        at_once=lambda: asked.at_once() or watches.at_once(),
+        live=live,
+        watches=watches.each_period,
+    )
+    if rig.session.stopped is None:
+        return outcome
+    # An emergency stop from outside, in whatever phase it came, is how the flight ended.
+    detail = f"{ON_REQUEST}: {rig.session.asked}"
+    return replace(outcome, ending="tripped", detail=detail, landed=False)
+
+
+def _progress(live: Live) -> dict[str, Any]:
+    """What a second terminal is told of the flight, besides the rig's own state."""
     return {
-        "detail": outcome.detail,
-        "periods": outcome.periods,
-        "late": outcome.late,
-        "missed": outcome.missed,
-        "worst_lateness_s": outcome.worst_lateness_s,
-        "landed": outcome.landed,
+        "phase": live.phase,
+        "done": live.done,
+        "total": live.total,
+        "late": live.late,
+        "lateness_s": live.lateness,
     }

@@ -1,36 +1,63 @@
-"""Ctrl-C and SIGTERM ask the loop to end; they never cut a control period in two."""
+"""Ctrl-C, SIGTERM and a closed terminal ask the loop to end; they never cut a period in two.
+
+once       the flight ends, the motors are ramped to zero
+again      emergency stop: zero volts in the period that comes
+later      nothing more: the recording is still being closed
+"""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
 ASKED = {
-    signal.SIGINT: "stopped with Ctrl-C",
-    signal.SIGTERM: "stopped by a request to terminate (SIGTERM)",
+    "SIGINT": ("stopped with Ctrl-C", "a second Ctrl-C"),
+    "SIGTERM": ("stopped by a request to terminate (SIGTERM)", "a second SIGTERM"),
+    "SIGHUP": ("stopped since the terminal was closed (SIGHUP)", "a SIGHUP on top"),
 }
+"""Signal (where the system has it): what it says at first, and after another."""
+
+
+class Asked:
+    """What was asked for so far."""
+
+    def __init__(self) -> None:
+        self._asked: list[str] = []
+
+    def why(self) -> str | None:
+        """Why to end the flight, once a signal came; None before."""
+        return ASKED[self._asked[0]][0] if self._asked else None
+
+    def at_once(self) -> str | None:
+        """Why to stop without a ramp, once a second signal came; None before."""
+        if len(self._asked) < 2:
+            return None
+        return f"emergency stop, by {ASKED[self._asked[1]][1]}"
+
+    def catch(self, number: int, frame: FrameType | None) -> None:
+        """The signals' handler."""
+        self._asked.append(signal.Signals(number).name)
 
 
 @contextmanager
-def asked_to_stop() -> Iterator[Callable[[], str | None]]:
-    """A function that says why to stop, once a signal came; None before.
+def asked_to_stop() -> Iterator[Asked]:
+    """Catch the signals; tells what was asked for.
 
-    Signals may only be caught in the main thread; elsewhere the function always says None.
+    Signals may only be caught in the main thread; elsewhere nothing is ever asked for. One that
+    the program was started to ignore (SIGHUP, under nohup) stays ignored.
     """
-    asked: list[str] = []
-
-    def catch(number: int, frame: FrameType | None) -> None:
-        asked.append(ASKED[signal.Signals(number)])
-
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: None
-        return
-    before = {number: signal.signal(number, catch) for number in ASKED}
+    asked = Asked()
+    before = {}
+    if threading.current_thread() is threading.main_thread():
+        for name in ASKED:
+            number = getattr(signal, name, None)
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, asked.catch)
     try:
-        yield lambda: asked[0] if asked else None
+        yield asked
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -2,32 +2,35 @@
 
     sample k → angles k → V[k] = controller(angles k, references k) → held until sample k+1
 
-Deadlines are absolute (due[k+1] = due[k] + dt): a late period does not shift those after it,
-and periods that were missed altogether are skipped, never flown in a burst. Whatever ends the
-flight, the motors are ramped to zero and every period of the ramp is recorded too.
+Deadlines are absolute and periods that were missed altogether are skipped, never flown in a burst
+(see `heli3dof.experiment.timekeeping`). Whatever ends the flight, the motors are ramped to zero
+and every period of the ramp is recorded too (see `heli3dof.experiment.landing`).
 """
 
 from __future__ import annotations
 
-import gc
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 
 from heli3dof.errors import DeviceError
+from heli3dof.experiment.landing import Kept, land
+from heli3dof.experiment.outcome import Ending, Outcome, Tally, link_counts
+from heli3dof.experiment.pacer import Pacer
+from heli3dof.experiment.period import Period, Watch
 from heli3dof.experiment.plan import Signals
+from heli3dof.experiment.realtime import Realtime, quiet_interpreter, realtime
+from heli3dof.experiment.stopped import STOPPED, explain
 from heli3dof.model.opened import OpenedController
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
 from heli3dof.rig.envelope import Envelope
-from heli3dof.rig.port import Command, Flags, Rig, Sample
+from heli3dof.rig.port import Identity, Rig, Sample
 from heli3dof.rig.profile import Profile
 
-LATE_S = 1e-3
-"""A period whose sample came later than this after its deadline counts as late."""
-
-Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
+BRIDGED = 500
+"""Skipped periods through which the controller is taken, at most"""
+Pair = tuple[float, float]
+Triple = tuple[float, float, float]
 
 
 @dataclass
@@ -39,33 +42,9 @@ class Live:
     angle: tuple[float, float, float] = (0.0, 0.0, 0.0)
     voltage: tuple[float, float] = (0.0, 0.0)
     late: int = 0
+    lateness: float = 0.0
+    """s, of the last sample"""
     phase: str = "arming"
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How a flight ended; written into the recording last."""
-
-    ending: Ending
-    detail: str
-    periods: int
-    """Control periods flown in closed loop."""
-    late: int
-    """Periods later than `LATE_S`."""
-    missed: int
-    """Periods skipped because they were missed altogether."""
-    worst_lateness_s: float
-    landed: bool
-    """True when the ramp to zero volts was carried out."""
-    error: BaseException | None = field(default=None, compare=False)
-
-
-@dataclass
-class _Tally:
-    periods: int = 0
-    late: int = 0
-    missed: int = 0
-    worst: float = 0.0
 
 
 def fly(
@@ -75,16 +54,20 @@ def fly(
     sink: RowSink,
     *,
     stop: Callable[[], str | None] = lambda: None,
+    at_once: Callable[[], str | None] = lambda: None,
     live: Live | None = None,
+    watches: Sequence[Watch] = (),
 ) -> Outcome:
     """Fly the rendered plan in closed loop and return how it ended. Never raises.
 
-    ``stop`` is asked in every period and returns why to end, or None. The profile must have a
-    controller and its rate must be the signals'.
+    ``stop`` is asked in every period and returns why to end, or None; ``at_once`` is asked in
+    every period of the ramp that follows, and returns why to stop without the rest of it.
+    ``watches`` are asked in their order, before the envelope. The profile must have a controller
+    and its rate must be the signals'.
     """
-    flight = _Flight(rig, profile, signals, sink, stop, live or Live())
-    with _quiet_interpreter():
-        return flight.run()
+    flight = _Flight(rig, profile, signals, sink, stop, live or Live(), watches)
+    with _granted(rig.identity) as granted:
+        return flight.run(at_once, granted)
 
 
 class _Flight:
@@ -96,27 +79,23 @@ class _Flight:
         sink: RowSink,
         stop: Callable[[], str | None],
         live: Live,
+        watches: Sequence[Watch],
     ) -> None:
         self.rig, self.profile, self.sink = rig, profile, sink
-        self.stop, self.live = stop, live
-        self.dt = profile.dt
+        self.stop, self.live, self.watches = stop, live, tuple(watches)
         self.rest = tuple(profile.encoder.rest_rad.tolist())
         self.rad_per_count = tuple(profile.encoder.rad_per_count.tolist())
-        # Plain floats: indexing a list costs a tenth of indexing an array.
-        self.reference = [tuple(row) for row in signals.reference.tolist()]
-        self.extra = [tuple(row) for row in signals.extra.tolist()]
-        self.opened = None if signals.opened is None else signals.opened.tolist()
+        self.reference, self.extra, self.opened = signals.reference, signals.extra, signals.opened
         self.controller = OpenedController.of(profile)
         self.envelope = Envelope(profile)
-        self.tally = _Tally()
-        self.sequence = 0
-        self.due = 0.0
+        self.tally = Tally(len(self.reference) + self.steps(hurried=False))
+        self.pacer = Pacer(rig, profile.dt, self.tally)
+        self.virtual = rig.identity.timebase == "virtual"
+        self.flown = 0
         self.t0 = 0.0
-        self.lateness = 0.0
-        self.sent = (0.0, 0.0)
-        self.device_timed = rig.identity.timebase == "device"
+        self.before: Triple = (0.0, 0.0, 0.0)
 
-    def run(self) -> Outcome:
+    def run(self, at_once: Callable[[], str | None], granted: Realtime | None) -> Outcome:
         ending: Ending = "completed"
         detail = "the plan was flown to its end"
         error: BaseException | None = None
@@ -124,9 +103,8 @@ class _Flight:
         live = self.live
         live.total = len(self.reference)
         try:
-            sample = self.rig.arm()
+            sample = self.pacer.start()
             self.t0 = sample.device_time_s
-            self.due = sample.host_time_s
             self.controller.reset(self.angle(sample))
             live.phase = "flying"
             k = 0
@@ -135,17 +113,29 @@ class _Flight:
                 if why is not None:
                     ending, detail = why
                     break
-                k += 1 + self.skip()
+                k += 1 + self.pacer.skipped
                 live.done = k
         except DeviceError as problem:
             ending, detail, error, sample = "device", problem.what, problem, None
         except BaseException as problem:
             ending, detail, error = "error", f"{type(problem).__name__}: {problem}", problem
-        landed = self.land(sample, hurried=ending != "completed")
+        live.phase = "ramping down"
+        steps = self.steps(hurried=ending != "completed")
+        known = int(sample.flags) if sample is not None and ending == "tripped" else 0
+        landing = land(self.pacer, sample, steps, self.keeper(), at_once, known)
+        if landing.stopped:
+            ending, detail = "tripped", f"{detail}; {landing.why}"
+        elif landing.error is not None and ending == "completed":
+            ending = "device" if isinstance(landing.error, DeviceError) else "error"
+            detail, error = landing.why, landing.error
+        elif landing.why:
+            detail = f"{detail}; {landing.why}"
         tally = self.tally
         return Outcome(
-            ending, detail, tally.periods, tally.late, tally.missed, tally.worst, landed, error
-        )
+            ending, detail, self.flown, tally.late, tally.missed, tally.worst, landing.landed,
+            error, tally.lost, None if self.virtual else tally.punctuality(), granted,
+            link_counts(self.rig),
+        )  # fmt: skip
 
     def angle(self, sample: Sample) -> tuple[float, float, float]:
         c, q, z = sample.counts, self.rad_per_count, self.rest
@@ -154,41 +144,48 @@ class _Flight:
     def period(self, k: int, sample: Sample) -> tuple[Sample, tuple[Ending, str] | None]:
         """One control period. Returns the next sample, or the same one and why to end."""
         angle = self.angle(sample)
-        reference, extra = self.reference[k], self.extra[k]
-        if self.opened is None:
-            command, voltage = self.controller.step(angle, reference, extra)
-        else:
-            reference, extra, command, voltage = self.controller.step_opened(
-                self.opened[k], angle, reference, extra
-            )
+        if self.pacer.skipped:
+            self.bridge(k, self.pacer.skipped, angle)
+        self.before = angle
+        reference, extra, command, voltage = self.control(k, angle)
         t = sample.device_time_s - self.t0
-        why = self.reason_to_end(t, sample, angle, command, voltage)
+        why = self.reason_to_end(k, t, sample, angle, command, voltage)
         if why is not None:
             return sample, why
-        after = self.exchange(voltage)
+        pacer, live = self.pacer, self.live
+        lateness = pacer.lateness
+        after = pacer.exchange(sample, voltage)
         self.sink.append(
             Row(
-                t,
-                sample,
-                angle,
-                reference,
-                self.controller.limited_reference,
-                extra,
-                command,
-                voltage,
-                self.sequence,
-                after.v_applied,
-                self.lateness,
-                CLOSED_LOOP,
+                t, sample, angle, reference, self.controller.limited_reference, extra, command,
+                voltage, pacer.sequence, after.v_applied, lateness, CLOSED_LOOP,
             )
-        )
-        self.clock(after)
-        self.tally.periods += 1
-        self.live.angle, self.live.voltage = angle, voltage
+        )  # fmt: skip
+        self.flown += 1
+        live.angle, live.voltage, live.late = angle, voltage, self.tally.late
+        live.lateness = pacer.lateness
         return after, None
+
+    def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:
+        """(reference, extra, command, voltage) of period k."""
+        # Plain floats from here on, made row by row: an hour of them would fill the memory.
+        reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
+        if self.opened is None:
+            return (reference, extra, *self.controller.step(angle, reference, extra))
+        return self.controller.step_opened(self.opened[k].tolist(), angle, reference, extra)
+
+    def bridge(self, k: int, skipped: int, angle: Triple) -> None:
+        """The controller goes through the periods that were skipped before k, along a straight line
+        from the last angle: to its filters a longer way in one period would be a greater rate."""
+        was = self.before
+        for j in range(1, min(skipped, BRIDGED) + 1):
+            share = j / (skipped + 1)
+            r, p, y = (a + share * (b - a) for a, b in zip(was, angle, strict=True))
+            self.control(k - skipped + j - 1, (r, p, y))
 
     def reason_to_end(
         self,
+        k: int,
         t: float,
         sample: Sample,
         angle: tuple[float, float, float],
@@ -198,100 +195,53 @@ class _Flight:
         asked = self.stop()
         if asked is not None:
             return "interrupted", asked
-        if sample.flags & (Flags.ESTOP | Flags.LATCHED | Flags.FAULT | Flags.STALL):
-            return "tripped", _explain(sample.flags)
-        tripped = self.envelope.check(t, angle, self.controller.rates, command, voltage)
+        rates = self.controller.rates
+        looked = None
+        if self.watches:
+            pacer = self.pacer
+            now = Period(
+                k, t, sample, angle, rates, command, voltage, pacer.sent, pacer.sequence,
+                pacer.lateness, pacer.skipped,
+            )  # fmt: skip
+            looked = next(filter(None, (watch(now) for watch in self.watches)), None)
+        # What a watch saw is nearer to the cause than what came of it.
+        stopped = explain(flags) if (flags := int(sample.flags)) & STOPPED else None
+        if stopped or looked:
+            return "tripped", "; ".join(filter(None, (stopped, looked)))
+        tripped = self.envelope.check(t, angle, rates, command, voltage)
         return ("tripped", tripped) if tripped is not None else None
 
-    def exchange(self, voltage: tuple[float, float]) -> Sample:
-        self.sequence = (self.sequence + 1) & 0xFFFFFFFF
-        self.due += self.dt
-        self.sent = voltage
-        return self.rig.exchange(Command(self.sequence, voltage[0], voltage[1]), self.due)
-
-    def clock(self, sample: Sample) -> None:
-        """Measure how late a sample was; where the device keeps time there is no lateness."""
-        self.lateness = 0.0 if self.device_timed else sample.host_time_s - self.due
-        if self.lateness > LATE_S:
-            self.tally.late += 1
-            self.live.late = self.tally.late
-        self.tally.worst = max(self.tally.worst, self.lateness)
-
-    def skip(self) -> int:
-        """Periods that passed unused because this one was late; the deadline moves past them."""
-        missed = int(self.lateness / self.dt) if self.lateness > self.dt else 0
-        self.due += missed * self.dt
-        self.tally.missed += missed
-        return missed
-
-    def land(self, sample: Sample | None, *, hurried: bool) -> bool:
-        """Ramp the motors to zero and record it; stop the device at once where that fails."""
+    def steps(self, *, hurried: bool) -> int:
+        """Periods of the ramp to zero."""
         limits = self.profile.limits
-        self.live.phase = "ramping down"
-        if sample is None:
-            return self._estop("the device did not answer")
-        start = self.sent
-        steps = max(1, round((limits.ramp_down_s if hurried else limits.landing_s) / self.dt))
-        keep: Callable[[Row], None] | None = self.sink.append
-        try:
-            for i in range(1, steps + 1):
-                share = 1 - i / steps
-                voltage = (start[0] * share, start[1] * share)
-                before, sample = sample, self.exchange(voltage)
-                keep = _kept(keep, self.landing_row(before, voltage, sample))
-                self.clock(sample)
-                self.skip()
-        except BaseException as problem:
-            return self._estop(f"the ramp to zero failed: {problem}")
-        return True
+        ramp_s = limits.ramp_down_s if hurried else limits.landing_s
+        return max(1, round(ramp_s / self.profile.dt))
 
-    def landing_row(self, sample: Sample, voltage: tuple[float, float], after: Sample) -> Row:
+    def keeper(self) -> Callable[[Sample, tuple[float, float], float, Sample], None]:
+        """Records the periods of the ramp, for as long as the recorder takes them."""
+        keep = Kept(self.sink.append)
         held = self.controller.limited_reference
-        return Row(
-            sample.device_time_s - self.t0, sample, self.angle(sample), held, held, (0.0, 0.0),
-            voltage, voltage, self.sequence, after.v_applied, self.lateness, RAMP_DOWN,
-        )  # fmt: skip
 
-    def _estop(self, why: str) -> bool:
-        try:
-            self.rig.estop(why)
-        except Exception:
-            # The device's own watchdog is what remains; the outcome says that nothing landed.
-            return False
-        return False
+        def row(
+            sample: Sample, voltage: tuple[float, float], lateness: float, after: Sample
+        ) -> None:
+            keep(
+                Row(
+                    sample.device_time_s - self.t0, sample, self.angle(sample), held, held,
+                    (0.0, 0.0), voltage, voltage, self.pacer.sequence, after.v_applied, lateness,
+                    RAMP_DOWN,
+                )
+            )  # fmt: skip
 
-
-def _kept(keep: Callable[[Row], None] | None, row: Row) -> Callable[[Row], None] | None:
-    """Keep a row of the ramp; a recorder that fails must not keep the motors from zero."""
-    if keep is None:
-        return None
-    try:
-        keep(row)
-    except Exception:
-        return None
-    return keep
-
-
-def _explain(flags: Flags) -> str:
-    said = {
-        Flags.ESTOP: "an emergency stop is in force",
-        Flags.LATCHED: "the device's watchdog expired: no command reached it in time",
-        Flags.FAULT: "the amplifier reports a fault",
-        Flags.STALL: "a motor is stalled",
-    }
-    return "; ".join(text for flag, text in said.items() if flags & flag)
+        return row
 
 
 @contextmanager
-def _quiet_interpreter() -> Iterator[None]:
-    """No garbage collection in the loop, and threads that give way quickly."""
-    interval, collecting = sys.getswitchinterval(), gc.isenabled()
-    gc.collect()
-    gc.disable()
-    sys.setswitchinterval(2e-4)
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(interval)
-        if collecting:
-            gc.enable()
+def _granted(identity: Identity) -> Iterator[Realtime | None]:
+    """What the system grants the loop; on a virtual clock nothing is asked for."""
+    with ExitStack() as undo:
+        if identity.timebase == "virtual":
+            quiet_interpreter(undo)
+            yield None
+        else:
+            yield undo.enter_context(realtime())

@@ -1,8 +1,10 @@
 """`RecordingWriter`: keeps a flight while it is flown, and loses little whatever happens.
 
 The loop's side of a row is one ``struct.pack`` and one list append; a thread gathers the rows
-of ``CHUNK_S`` into chunks. A process that is killed loses the rows of the chunk in progress; a
-full disk is reported to the loop at its next `append`, with all earlier chunks kept.
+of ``CHUNK_S`` into chunks, another sees them onto the disk. A process that is killed loses the
+rows of the chunk in progress, a power cut those of the last half second; a disk that is full, or
+too slow for `BEHIND_MOST` rows, is reported to the loop at its next `append`, with all earlier
+chunks kept.
 """
 
 from __future__ import annotations
@@ -20,12 +22,15 @@ from heli3dof.recording.container import OUTCOME, PROFILE, PROVENANCE, McapFile
 from heli3dof.recording.output import FULL, check_output, explained
 from heli3dof.recording.row import Row
 from heli3dof.recording.schema import RowFormat, RowPacker
+from heli3dof.recording.syncing import Syncer
 from heli3dof.rig.profile import Profile
 
 CHUNK_S = 0.15
 """s of wall-clock time after which a chunk is closed and handed to the system."""
 CHUNK_BYTES = 32 * 1024
 """Larger chunks would hold up the loop: 1 MiB by 3–6 ms, this by less than 0.5 ms."""
+BEHIND_MOST = 60_000
+"""Rows that may wait for the disk: two minutes at 500 Hz, some 25 MB."""
 
 
 class RecordingWriter:
@@ -77,6 +82,7 @@ class RecordingWriter:
                 if ours_to_remove:  # what stood there before may be a device, or somebody's link
                     self.path.unlink(missing_ok=True)
                 raise
+        self._syncer = Syncer(self._stream.fileno())
         # A daemon: a program that dies without closing must not hang on its recorder.
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
@@ -88,6 +94,8 @@ class RecordingWriter:
         """
         if self._failure is not None:
             self._raise_failure()
+        if len(self._rows) >= BEHIND_MOST:
+            self._raise_behind()
         sample = row.sample
         self._rows.append(
             self._pack(
@@ -123,6 +131,7 @@ class RecordingWriter:
         self._closed = True
         self._closing.set()
         self._thread.join()
+        self._syncer.close()
         try:
             if self._failure is None or isinstance(self._failure, OSError):
                 self._finish()
@@ -165,6 +174,10 @@ class RecordingWriter:
         per_chunk = max(1, CHUNK_BYTES // self._format.stride)
         for i in range(0, n, per_chunk):
             self._file.write_chunk(b"".join(batch[i : i + per_chunk]))
+        if n:
+            self._syncer.written()
+        if self._syncer.failure is not None:
+            raise self._syncer.failure
 
     def _finish(self) -> None:
         """Outcome and summary; after a failed write, behind the last whole chunk if they fit."""
@@ -186,6 +199,13 @@ class RecordingWriter:
         self._stream.truncate(size)
         self._stream.seek(size)
         self._file.good = size
+
+    def _raise_behind(self) -> None:
+        raise RecordingError(
+            f"The disk under {self.path} does not keep up: {len(self._rows)} samples wait for it.",
+            cause="it is slow, asleep or busy (a network drive, a full SD card, a backup).",
+            fix="record to a local disk with -o, and copy the file afterwards",
+        )
 
     def _raise_failure(self) -> None:
         error = self._failure

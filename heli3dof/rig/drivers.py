@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING
 
 from heli3dof.errors import DeviceError, UsageError, did_you_mean
 from heli3dof.rig.port import Driver, Rig
-from heli3dof.rig.profile import Profile
 from heli3dof.rig.url import DeviceUrl, parse_url
+
+if TYPE_CHECKING:
+    from heli3dof.rig.profile import Profile
 
 GROUP = "heli3dof.drivers"
 
@@ -24,8 +27,14 @@ def registered() -> dict[str, EntryPoint]:
 
 
 def load_driver(scheme: str) -> Driver:
-    """The driver for a URL scheme. Raises UsageError for an unknown one, naming the nearest."""
+    """The driver for a URL scheme. Raises UsageError for an unknown one, naming the nearest.
+
+    A scheme that is not registered itself belongs to the driver of what stands before its ``+``:
+    ``serial+socket`` to ``serial``.
+    """
     known = registered()
+    if scheme not in known:
+        scheme = scheme.partition("+")[0]
     if scheme not in known:
         raise UsageError(
             f"There is no driver for {scheme + ':'!r}.",
@@ -50,6 +59,17 @@ def open_rig(url: str | DeviceUrl, profile: Profile) -> Rig:
     driver = load_driver(parsed.scheme)
     parsed.check_options(driver.options)
     return driver.open(parsed, profile)
+
+
+def is_private(url: str | DeviceUrl) -> bool:
+    """True where every opening of the URL makes a rig of its own, that no other process can hold.
+
+    An emulated rig in this process is; its driver says so with ``private = True``, or with the
+    URL schemes of which that holds: ``private = ("usb+mock",)``.
+    """
+    parsed = parse_url(url) if isinstance(url, str) else url
+    private = getattr(load_driver(parsed.scheme), "private", False)
+    return private if isinstance(private, bool) else parsed.scheme in private
 
 
 def with_seed(url: str, seed: int) -> str:

@@ -4,7 +4,7 @@ A flight ends (exit 4, motors ramped to zero) as soon as
 
     roll ∉ [roll_min, roll_max],  |pitch| > pitch_max,  |yaw| > yaw_max,
     |rate| > its limit,  a voltage is not a number or beyond v_max,
-    |V[k] − V[k−1]| / dt > slew_max,  or  t > duration_max
+    |V[k] − V[k−1]| / (t[k] − t[k−1]) > slew_max,  or  t > duration_max
 
 with the numbers of the profile's ``[limits]``. The envelope never changes a command: the
 recorded voltage is always what the controller's law says, or the flight is over.
@@ -43,6 +43,7 @@ class Envelope:
         self._slew = limits.slew_max_V_per_s
         self._duration = limits.duration_max_s
         self._before: tuple[float, float] | None = None
+        self._t = 0.0
 
     def check(
         self,
@@ -69,6 +70,8 @@ class Envelope:
                     f"{AXES[i]} turned at {degrees(rate[i]):.0f}°/s, faster than the envelope's "
                     f"{degrees(self._rate[i]):.0f}°/s"
                 )
+        # Where periods were skipped, the voltage has had that much longer to change.
+        elapsed = max(self._dt, t - self._t)
         for i in range(2):
             if not isfinite(command[i]):
                 return f"the controller asked for {command[i]} V on the {MOTORS[i]} motor"
@@ -78,7 +81,7 @@ class Envelope:
                     f"amplifier's {self._v_max:g} V"
                 )
             if self._before is not None:
-                slew = abs(voltage[i] - self._before[i]) / self._dt
+                slew = abs(voltage[i] - self._before[i]) / elapsed
                 if slew > self._slew:
                     return (
                         f"the {MOTORS[i]} motor's voltage jumped at {slew:.0f} V/s, faster than "
@@ -86,5 +89,5 @@ class Envelope:
                     )
         if t > self._duration:
             return f"the flight lasted longer than the envelope's {self._duration:g} s"
-        self._before = (voltage[0], voltage[1])
+        self._before, self._t = (voltage[0], voltage[1]), t
         return None

@@ -10,8 +10,9 @@ period's end. So sample k's voltage follows from sample k's angles and is held u
 
 Where the device times the stream (``Identity.timebase == "device"``), ``due_s`` is ignored and
 the call returns with the device's next sample. Where the host does, the driver waits until
-``due_s`` with `heli3dof.rig.clock.wait_until` and asks then. Drivers register a `Driver` under
-the entry-point group ``heli3dof.drivers``, by the scheme of their URLs.
+``due_s`` with `heli3dof.rig.clock.wait_until` and asks then. A ``"virtual"`` clock runs as fast as
+the host asks: nothing can be late. Drivers register a `Driver` under the entry-point group
+``heli3dof.drivers``, by the scheme of their URLs.
 """
 
 from __future__ import annotations
@@ -58,8 +59,10 @@ class Identity:
     """V, the amplifier's limit."""
     watchdog_s: float
     """Seconds without a command until the device ramps to zero and latches."""
-    timebase: Literal["host", "device"]
+    timebase: Literal["host", "device", "virtual"]
     emulated: bool
+    boot: int | None = None
+    """Differs after every start of the device, whose counts began at zero then; None: unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,14 +95,34 @@ class Sample:
     """s on the host's monotonic clock when the sample arrived."""
 
 
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One line of ``heli3dof doctor``: what was looked at, what was found, what mends it."""
+
+    what: str
+    found: str
+    good: bool | None
+    """None: cannot tell"""
+    fix: str = ""
+    """The command to run, or the thing to do; empty where nothing is to be done"""
+
+
 class Rig(Protocol):
-    """An open connection to one rig. Every method may raise DeviceError."""
+    """An open connection to one rig. Every method may raise DeviceError.
+
+    A rig at a line may have ``statistics``, a dataclass of counters since it was opened, which the
+    recording's outcome keeps; ``lost`` among them, the samples that never came.
+    """
 
     @property
     def identity(self) -> Identity: ...
 
     def arm(self) -> Sample:
         """Enable the amplifier at zero volts, clear latches, and return a first sample."""
+        ...
+
+    def read(self) -> Sample:
+        """A sample now, without arming or moving anything; of a rig that is not armed."""
         ...
 
     def exchange(self, command: Command, due_s: float) -> Sample:
@@ -119,7 +142,11 @@ class Rig(Protocol):
 
 
 class Driver(Protocol):
-    """What a driver package registers: how to find its rigs and how to open one."""
+    """What a driver package registers: how to find its rigs and how to open one.
+
+    One whose every opening makes a rig of its own, inside the process (an emulated one), adds
+    ``private = True``: such a rig is neither locked nor taken for one that is there.
+    """
 
     scheme: str
     """The URL scheme, e.g. ``mock``."""
@@ -132,4 +159,15 @@ class Driver(Protocol):
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
         """Connect. Raises DeviceError (missing, busy, not permitted) or UsageError (options)."""
+        ...
+
+    def estop(self, url: DeviceUrl) -> str:
+        """Zero volts on the rig of that URL, though another process may hold it. What was done.
+
+        Raises DeviceError where the rig cannot be reached.
+        """
+        ...
+
+    def examine(self, url: DeviceUrl) -> Sequence[Check]:
+        """What ``doctor`` should know of this door before it is opened: permission, latency."""
         ...

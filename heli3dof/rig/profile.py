@@ -106,6 +106,7 @@ class Limits(Section):
     Angles are absolute readings; a trip outside them ramps the motors to zero. ``roll_min_deg``
     lies below the table (−27.5°), so that a start from rest is inside. The motors are ramped to
     zero over ``ramp_down_s`` after a trip or an interrupt, over ``landing_s`` at a plan's end.
+    What the last four mean stands in ``heli3dof.experiment.watches``.
     """
 
     roll_min_deg: Finite = -32.0
@@ -119,6 +120,10 @@ class Limits(Section):
     duration_max_s: Positive = 600.0
     ramp_down_s: Positive = 0.5
     landing_s: Positive = 3.0
+    late_max_s: Positive = 0.01
+    late_max_share: Positive = 0.5
+    lost_max_s: Positive = 0.05
+    saturated_max_s: Positive = 2.0
 
 
 class ControllerSpec(Section):

@@ -115,7 +115,7 @@ def test_real_time_flies_the_same_flight_as_full_speed():
 @pytest.mark.realtime
 def test_a_number_for_speed_is_so_many_times_real_time():
     rig = open_mock("?speed=10")
-    assert rig.identity.timebase == "device"
+    assert rig.identity.timebase == "virtual"
     rig.arm()
     start = time.monotonic()
     for k in range(1000):

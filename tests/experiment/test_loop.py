@@ -7,9 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from heli3dof_drivers.link.statistics import LinkStatistics
 
 from heli3dof.errors import DeviceError
-from heli3dof.experiment.loop import Outcome, fly
+from heli3dof.experiment.loop import fly
+from heli3dof.experiment.outcome import Outcome
+from heli3dof.experiment.period import Period
 from heli3dof.experiment.plan import step_plan
 from heli3dof.model.controller import Controller
 from heli3dof.recording.memory import MemoryRecorder
@@ -132,6 +135,31 @@ def test_a_trip_ends_the_flight_with_a_ramp_to_zero(change: Callable, said: str)
     assert len(ramp) == round(PROFILE.limits.ramp_down_s / DT)
 
 
+def test_a_watch_is_asked_in_every_period_and_ends_the_flight_when_it_says_why() -> None:
+    rig = ScriptedRig()
+    seen = []
+
+    def watch(now: Period) -> str | None:
+        seen.append(now)
+        return "the watch has seen enough" if now.k == 40 else None
+
+    outcome, sink = flown(rig, watches=[watch, lambda now: None])
+    assert (outcome.ending, outcome.detail) == ("tripped", "the watch has seen enough")
+    assert [now.k for now in seen] == list(range(41))
+    assert ends_at_zero(rig)
+    last = seen[-1]
+    assert last.sample.sequence == last.command_sequence == 40
+    assert last.sent == sink.rows[39].voltage
+    assert (last.t, last.missed) == (pytest.approx(40 * DT), 0)
+
+
+def test_a_watch_that_fails_ends_the_flight_with_a_ramp_to_zero() -> None:
+    rig = ScriptedRig()
+    outcome, _ = flown(rig, watches=[lambda now: "" * (1 // (now.k - 10)) or None])
+    assert (outcome.ending, outcome.periods, outcome.landed) == ("error", 10, True)
+    assert ends_at_zero(rig)
+
+
 def test_being_asked_to_stop_ends_the_flight_with_a_ramp_to_zero() -> None:
     rig = ScriptedRig()
     asked = iter([None] * 10 + ["stopped with Ctrl-C"] * 1000)
@@ -212,3 +240,85 @@ def test_missed_periods_are_skipped_and_never_flown_in_a_burst() -> None:
     assert np.diff(t).min() > 0.4 * DT
     # afterwards the samples are on the old grid again
     np.testing.assert_allclose(np.mod(t[12:] + DT / 2, DT), DT / 2, atol=1e-9)
+
+
+def test_samples_lost_on_the_line_are_skipped_so_that_the_references_keep_wall_time() -> None:
+    # A device-timed stream: of periods 10 and 11 no sample ever comes.
+    rig = ScriptedRig(late=lambda k: 2 * DT if k == 10 else 0.0)
+    ramp = step_plan((5.0, None, None), settle_s=0, duration_s=100 * DT).render(DT, 0)
+    ramp.reference[:, 0] = np.arange(len(ramp.reference)) * 1e-4
+    sink = MemoryRecorder()
+    outcome = fly(rig, PROFILE, ramp, sink)
+    assert (outcome.lost + outcome.missed, outcome.periods) == (2, 98)
+    rows = [r for r in sink.rows if r.phase == CLOSED_LOOP]
+    t = np.array([r.t for r in rows])
+    np.testing.assert_allclose([r.reference[0] for r in rows], t / DT * 1e-4, atol=1e-12)
+
+
+def test_an_axis_that_turns_steadily_turns_no_faster_after_skipped_periods() -> None:
+    # Yaw turns at 40°/s; after 15 periods without a sample it has come 15 steps further.
+    def turning(k: int, s: Sample) -> Sample:
+        yaw = round(np.radians(40.0) * s.device_time_s / abs(PROFILE.encoder.rad_per_count[2]))
+        return replace(s, counts=(s.counts[0], s.counts[1], yaw))
+
+    rig = ScriptedRig(turning, late=lambda k: 15 * DT if k == 60 else 0.0)
+    seen: list[float] = []
+    loose = PROFILE.limits.model_copy(update={"slew_max_V_per_s": 1e6})
+    loose = PROFILE.model_copy(update={"limits": loose})
+    flown(rig, profile=loose, watches=[lambda now: seen.append(now.rate[2])])
+    after = np.degrees(np.abs(seen[60:70]))
+    assert abs(after - 40.0).max() < 8.0  # counts are 0.044° apart, 22°/s in one period
+
+
+def test_a_ramp_through_lost_samples_takes_no_longer() -> None:
+    rig = ScriptedRig(late=lambda k: 20 * DT if k == 60 else 0.0)
+    asked = iter([None] * 50 + ["stopped with Ctrl-C"] * 1000)
+    _, sink = flown(rig, stop=lambda: next(asked))
+    ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
+    assert ends_at_zero(rig)
+    # The period in which the samples were lost is the only one that the ramp cannot foresee.
+    assert ramp[-1].t - ramp[0].t <= PROFILE.limits.ramp_down_s + DT
+    assert len(ramp) == round(PROFILE.limits.ramp_down_s / DT) - 20
+
+
+def test_a_landing_that_fails_is_how_the_flight_ended() -> None:
+    def gone(k: int, sample: Sample) -> Sample:
+        if k == 150:
+            raise DeviceError("the cable is out")
+        return sample
+
+    rig = ScriptedRig(gone)
+    outcome, _ = flown(rig)
+    assert (outcome.ending, outcome.landed) == ("device", False)
+    assert outcome.detail == "the ramp to zero failed: the cable is out"
+    assert rig.stopped
+
+
+def test_the_outcome_says_how_punctual_the_loop_was() -> None:
+    rig = ScriptedRig(late=lambda k: 0.0005 if k % 10 == 0 else 0.0, timebase="host")
+    outcome, _ = flown(rig)
+    found = outcome.punctuality
+    assert found.median_s == pytest.approx(0, abs=1e-9)
+    assert found.p99_s == found.worst_s == pytest.approx(0.0005)
+    assert found.late_share == 0
+    assert outcome.realtime is not None
+    kept = outcome.details()
+    assert kept["punctuality"]["worst_s"] == found.worst_s
+    assert set(kept["realtime"]) == {"scheduled", "memory_locked", "found", "refused"}
+
+
+def test_on_a_virtual_clock_nothing_is_asked_of_the_system_and_nothing_is_late() -> None:
+    outcome, _ = flown(ScriptedRig(timebase="virtual"))
+    assert (outcome.realtime, outcome.punctuality, outcome.late) == (None, None, 0)
+
+
+def test_what_the_link_counted_is_kept_with_the_outcome() -> None:
+    class Rig(ScriptedRig):
+        statistics = LinkStatistics(lost=3, damaged=2)
+
+    Rig.statistics.delay.add(120e-6)
+    link = flown(Rig())[0].details()["link"]
+    assert (link["lost"], link["damaged"]) == (3, 2)
+    assert link["delay_median_s"] == pytest.approx(130e-6)
+    assert "round_trip_median_s" not in link, "nothing was counted"
+    assert flown(ScriptedRig())[0].link is None

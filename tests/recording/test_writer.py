@@ -9,7 +9,9 @@ import signal
 import statistics
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +19,9 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import NoSpace, OutputExists, RecordingError, UsageError
-from heli3dof.recording.container import McapFile
+from heli3dof.recording import syncing
+from heli3dof.recording import writer as writer_module
+from heli3dof.recording.container import MAGIC, McapFile
 from heli3dof.recording.provenance import provenance
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recover import recover
@@ -209,6 +213,91 @@ def test_the_recorders_own_fault_is_not_lost(
     writer.append(tick(0))
     with pytest.raises(RecordingError, match="a bug in the writer thread"):
         writer.close()
+
+
+def until(true: Callable[[], bool], seconds: float = 10.0) -> bool:
+    deadline = time.monotonic() + seconds
+    while not true() and time.monotonic() < deadline:
+        time.sleep(0.005)
+    return true()
+
+
+def test_the_disk_is_asked_to_keep_what_was_written_while_the_flight_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.mcap"
+    synced: list[int] = []
+    monkeypatch.setattr(syncing, "_sync", lambda fd: synced.append(path.stat().st_size))
+    with RecordingWriter(path, default_profile()) as writer:
+        for k in range(3):
+            size, n = path.stat().st_size, len(synced)
+            writer.append(tick(k))
+            assert until(lambda: len(synced) > n and synced[-1] > size)  # noqa: B023
+    assert len(synced) < 10, "only when there is something new"
+
+
+def test_a_disk_that_is_slow_to_keep_holds_up_neither_loop_nor_recorder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.mcap"
+    go = threading.Event()
+    monkeypatch.setattr(syncing, "_sync", lambda fd: go.wait(20))
+    with RecordingWriter(path, default_profile()) as writer:
+        for k in range(4):
+            size = path.stat().st_size
+            writer.append(tick(k))
+            assert until(lambda: path.stat().st_size > size)  # noqa: B023
+        go.set()
+    assert path.read_bytes().endswith(MAGIC)
+
+
+def test_a_disk_that_fails_to_keep_is_told_to_the_loop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(fd: int) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(syncing, "_sync", broken)
+    writer = RecordingWriter(tmp_path / "a.mcap", default_profile())
+    writer.append(tick(0))
+    assert until(lambda: writer._failure is not None)
+    with pytest.raises(RecordingError, match="Input/output error"):
+        writer.append(tick(1))
+    with pytest.raises(RecordingError):
+        writer.close()
+
+
+def test_a_file_without_a_disk_is_no_failure() -> None:
+    read, write = os.pipe()
+    syncer = syncing.Syncer(write)
+    syncer.written()
+    syncer.close()
+    os.close(read), os.close(write)
+    assert syncer.failure is None
+
+
+def test_a_recorder_that_falls_behind_says_so_before_memory_fills(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    go = threading.Event()
+    real = McapFile.write_chunk
+
+    def stuck(self: McapFile, data: bytes) -> None:
+        go.wait(20)
+        real(self, data)
+
+    monkeypatch.setattr(McapFile, "write_chunk", stuck)
+    monkeypatch.setattr(writer_module, "BEHIND_MOST", 500)
+    path = tmp_path / "a.mcap"
+    writer = RecordingWriter(path, default_profile())
+    k = 0
+    with pytest.raises(RecordingError, match="does not keep up: 500 samples wait"):  # noqa: PT012
+        for k in range(5000):
+            writer.append(tick(k))
+            time.sleep(1e-4)
+    go.set()
+    writer.close()
+    assert len(read_recording(path)) == k, "what was taken is kept"
 
 
 FLY = """

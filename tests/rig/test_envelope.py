@@ -53,3 +53,12 @@ def test_a_voltage_that_jumps_faster_than_the_slew_limit_ends_the_flight() -> No
     assert envelope.check(0.0, LEVEL, LEVEL, HOVER, (0.0, 0.0)) is None
     assert envelope.check(0.002, LEVEL, LEVEL, HOVER, (9.9, 0.0)) is None
     assert "jumped at 5050 V/s" in (envelope.check(0.004, LEVEL, LEVEL, HOVER, (9.9, -10.1)) or "")
+
+
+def test_after_skipped_periods_the_voltage_has_had_longer_to_change() -> None:
+    envelope = Envelope(default_profile())
+    assert envelope.check(1.0, LEVEL, LEVEL, HOVER, (0.0, 0.0)) is None
+    assert envelope.check(1.010, LEVEL, LEVEL, HOVER, (20.0, 0.0)) is None  # five periods
+    assert "jumped at" in (envelope.check(1.012, LEVEL, LEVEL, HOVER, (9.9, 0.0)) or "")
+    # A clock that jitters makes no slew out of nothing.
+    assert envelope.check(1.0101, LEVEL, LEVEL, HOVER, (20.0, 9.9)) is None

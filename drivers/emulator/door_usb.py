@@ -1,0 +1,327 @@
+"""The emulated rig behind pyusb, without libusb and without a bus: a backend of pyusb's own kind.
+
+What may befall a rig is in `KINDS`: ``bus=KIND@SECONDS[:FOR_SECONDS]``, as often as it does.
+Two openings of one bus are to each other what two processes are: an interface is claimed once.
+"""
+
+from __future__ import annotations
+
+import errno
+import functools
+import struct
+import threading
+import time
+from array import array
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, NoReturn, TypeVar
+
+import usb.backend
+import usb.core
+
+from heli3dof.errors import UsageError, did_you_mean
+
+from .usb_function import CONFIGURATION, DEVICE, IN, OUT, Setup, UsbFunction
+
+KINDS = {
+    "unplug": ("unplug@3:1", "The cable comes out, and is back a second later, or never."),
+    "stall_in": ("stall_in@3", "The pipe to the host halts; with a time: again when cleared."),
+    "stall_out": ("stall_out@3:1", "The pipe to the rig does."),
+    "silent": ("silent@3:0.1", "No transfer on the pipes ends meanwhile."),
+    "refused": ("refused@0", "This user may not open the rig."),
+}
+"""Each with an example and what it does: the table in docs/mock.md"""
+_DEVICE = (
+    "bLength bDescriptorType bcdUSB bDeviceClass bDeviceSubClass bDeviceProtocol bMaxPacketSize0 "
+    "idVendor idProduct bcdDevice iManufacturer iProduct iSerialNumber bNumConfigurations"
+)
+_CONFIGURATION = (
+    "bLength bDescriptorType wTotalLength bNumInterfaces bConfigurationValue iConfiguration "
+    "bmAttributes bMaxPower"
+)
+_INTERFACE = (
+    "bLength bDescriptorType bInterfaceNumber bAlternateSetting bNumEndpoints bInterfaceClass "
+    "bInterfaceSubClass bInterfaceProtocol iInterface"
+)
+_ENDPOINT = "bLength bDescriptorType bEndpointAddress bmAttributes wMaxPacketSize bInterval"
+
+
+@dataclass(frozen=True, slots=True)
+class BusFault:
+    """What befalls a rig ``at_s`` after its bus began, for ``for_s`` (None: for good, or once)."""
+
+    kind: str
+    at_s: float = 0.0
+    for_s: float | None = None
+
+    @staticmethod
+    def of(text: str) -> BusFault:
+        """Raises UsageError for what is no fault.
+
+        >>> BusFault.of("silent@1:0.5")
+        BusFault(kind='silent', at_s=1.0, for_s=0.5)
+        """
+        kind, _, when = text.partition("@")
+        times = when.split(":")
+        try:
+            numbers = [float(t) for t in times]
+        except ValueError:
+            numbers = [-1.0]
+        if kind not in KINDS or len(numbers) > 2 or not all(0 <= n < 1e6 for n in numbers):
+            raise UsageError(
+                f"bus={text} is nothing that befalls a USB rig.",
+                cause=f"it is KIND@SECONDS or KIND@SECONDS:FOR; {did_you_mean(kind, KINDS)}",
+                fix="bus=unplug@2",
+            )
+        return BusFault(kind, *numbers)
+
+
+@dataclass(eq=False)
+class Rig:
+    """A device on the bus with the faults that await it."""
+
+    function: UsbFunction
+    faults: Sequence[BusFault] = ()
+    plugged: bool = True
+    refused: bool = False
+    claimed_by: Any = None
+    plugs: int = 0
+    """How often it was put back: who opened it before holds nothing"""
+
+
+@dataclass(eq=False)
+class Handle:
+    rig: Rig
+    plugs: int
+
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def locked(method: F) -> F:
+    """One thread at a time; those that wait for something let others in."""
+
+    @functools.wraps(method)
+    def alone(self: EmulatedBus, *args: Any, **named: Any) -> Any:
+        with self._lock:
+            return method(self, *args, **named)
+
+    return alone  # type: ignore[return-value]
+
+
+class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
+    """pyusb's backend: emulated rigs and nothing else."""
+
+    def __init__(self, rigs: Iterable[Rig], clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
+        self.rigs = list(rigs)
+        self.transfers = 0
+        self._clock = clock
+        self._began = clock()
+        # The host reads in one thread and writes in another; a reader waits for what a write does.
+        self._lock = threading.Condition(threading.RLock())
+
+    # What the user, or fate, does
+
+    @locked
+    def unplug(self, rig: Rig) -> None:
+        if rig.plugged:
+            rig.plugged, rig.claimed_by = False, None
+            rig.function.lost(self.now_us())
+
+    @locked
+    def plug(self, rig: Rig) -> None:
+        if not rig.plugged:
+            rig.plugged = True
+            rig.plugs += 1
+            rig.function.configuration = 1
+
+    def now_us(self) -> int:
+        """The devices' clock."""
+        return int((self._clock() - self._began) * 1e6)
+
+    def _befall(self) -> None:
+        """The faults whose time has come, and those whose time is over."""
+        t = self._clock() - self._began
+        for rig in self.rigs:
+            waiting = []
+            for fault in rig.faults:
+                if t < fault.at_s:
+                    waiting.append(fault)
+                elif fault.for_s is None or t < fault.at_s + fault.for_s:
+                    self._begin(rig, fault)
+                    if fault.for_s is not None:
+                        waiting.append(fault)
+                else:
+                    self._end(rig, fault)
+            rig.faults = waiting
+
+    def _begin(self, rig: Rig, fault: BusFault) -> None:
+        function, pipe = rig.function, IN if fault.kind == "stall_in" else OUT
+        match fault.kind:
+            case "unplug":
+                self.unplug(rig)
+            case "silent":
+                function.silent = True
+            case "refused":
+                rig.refused = True
+            case _:
+                (function.halted if fault.for_s is None else function.stuck).add(pipe)
+
+    def _end(self, rig: Rig, fault: BusFault) -> None:
+        match fault.kind:
+            case "unplug":
+                self.unplug(rig)  # nobody may have looked while it was out
+                self.plug(rig)
+            case "silent":
+                rig.function.silent = False
+            case "refused":
+                rig.refused = False
+            case _:
+                rig.function.stuck.discard(IN if fault.kind == "stall_in" else OUT)
+
+    # What pyusb asks for
+
+    @locked
+    def enumerate_devices(self) -> list[Rig]:
+        self._befall()
+        return [r for r in self.rigs if r.plugged]
+
+    def get_parent(self, dev: Rig) -> None:
+        return None
+
+    def get_device_descriptor(self, dev: Rig) -> SimpleNamespace:
+        address = self.rigs.index(dev) + 1
+        place = {"bus": 0, "address": address, "port_number": address, "port_numbers": (address,)}
+        return _named(_DEVICE, "<BBHBBBBHHHBBBB", DEVICE, speed=3, **place)
+
+    def get_configuration_descriptor(self, dev: Rig, config: int) -> SimpleNamespace:
+        if config:
+            raise IndexError(f"there is no configuration {config}")
+        return _named(_CONFIGURATION, "<BBHBBBBB", CONFIGURATION)
+
+    def get_interface_descriptor(
+        self, dev: Rig, intf: int, alt: int, config: int
+    ) -> SimpleNamespace:
+        if intf or alt or config:
+            raise IndexError(f"there is no interface {intf}.{alt}")
+        return _named(_INTERFACE, "<9B", CONFIGURATION[9:])
+
+    def get_endpoint_descriptor(
+        self, dev: Rig, ep: int, intf: int, alt: int, config: int
+    ) -> SimpleNamespace:
+        extra = {"bRefresh": 0, "bSynchAddress": 0}
+        return _named(_ENDPOINT, "<BBBBHB", CONFIGURATION[18 + 7 * ep :], **extra)
+
+    @locked
+    def open_device(self, dev: Rig) -> Handle:
+        self._befall()
+        if not dev.plugged:
+            _fail(errno.ENODEV)
+        if dev.refused:
+            _fail(errno.EACCES)
+        return Handle(dev, dev.plugs)
+
+    def close_device(self, dev_handle: Handle) -> None:
+        self.release_interface(dev_handle, 0)
+
+    @locked
+    def claim_interface(self, dev_handle: Handle, intf: int) -> None:
+        rig = self._reach(dev_handle)
+        if rig.claimed_by not in (None, dev_handle):
+            _fail(errno.EBUSY)
+        rig.claimed_by = dev_handle
+
+    @locked
+    def release_interface(self, dev_handle: Handle, intf: int) -> None:
+        if dev_handle.rig.claimed_by is dev_handle:
+            dev_handle.rig.claimed_by = None
+
+    def is_kernel_driver_active(self, dev_handle: Handle, intf: int) -> bool:
+        return False
+
+    def set_configuration(self, dev_handle: Handle, config_value: int) -> None:
+        self.ctrl_transfer(dev_handle, 0x00, 9, config_value, 0, array("B"), 100)
+
+    def get_configuration(self, dev_handle: Handle) -> int:
+        return self._reach(dev_handle).function.configuration
+
+    def clear_halt(self, dev_handle: Handle, ep: int) -> None:
+        self.ctrl_transfer(dev_handle, 0x02, 1, 0, ep, array("B"), 100)
+
+    @locked
+    def reset_device(self, dev_handle: Handle) -> None:
+        function = self._reach(dev_handle).function
+        function.lost(self.now_us())
+        function.configuration = 1
+
+    @locked
+    def ctrl_transfer(
+        self, dev_handle: Handle, bmRequestType: int, bRequest: int, wValue: int, wIndex: int,
+        data: Any, timeout: int,
+    ) -> int:  # fmt: skip
+        function = self._reach(dev_handle).function
+        setup = Setup(bmRequestType, bRequest, wValue, wIndex, len(data))
+        answer = function.setup(self.now_us(), setup)
+        if answer is None:
+            _fail(errno.EPIPE)
+        data[: len(answer)] = array("B", answer)
+        return len(answer)
+
+    @locked
+    def bulk_write(self, dev_handle: Handle, ep: int, intf: int, data: Any, timeout: int) -> int:
+        deadline = self._clock() + timeout / 1000
+        while True:
+            function = self._claimed(dev_handle)
+            taken = function.take(self.now_us(), data.tobytes())
+            if taken:
+                self._lock.notify_all()
+                return len(data)
+            if taken is None:
+                _fail(errno.EPIPE)
+            self._wait(function, deadline)
+
+    @locked
+    def bulk_read(self, dev_handle: Handle, ep: int, intf: int, buff: Any, timeout: int) -> int:
+        deadline = self._clock() + timeout / 1000
+        while True:
+            function = self._claimed(dev_handle)
+            given = function.give(self.now_us(), len(buff))
+            if given:
+                buff[: len(given)] = array("B", given)
+                return len(given)
+            if given is None:
+                _fail(errno.EPIPE)
+            self._wait(function, deadline)
+
+    def _reach(self, handle: Handle) -> Rig:
+        self._befall()
+        self.transfers += 1
+        if not handle.rig.plugged or handle.plugs != handle.rig.plugs:
+            _fail(errno.ENODEV)
+        return handle.rig
+
+    def _claimed(self, handle: Handle) -> UsbFunction:
+        rig = self._reach(handle)
+        if rig.claimed_by is not handle:
+            _fail(errno.EBUSY)
+        return rig.function
+
+    def _wait(self, function: UsbFunction, deadline: float) -> None:
+        """Until something may have changed; raise at the deadline."""
+        now = self._clock()
+        if now >= deadline:
+            raise usb.core.USBTimeoutError("Operation timed out", errno=errno.ETIMEDOUT)
+        due = function.next_us()
+        soon = now + 0.01 if due is None or function.silent else self._began + due / 1e6
+        self._lock.wait(min(deadline, max(soon, now + 20e-6), now + 0.01) - now)
+
+
+def _fail(number: int) -> NoReturn:
+    raise usb.core.USBError(errno.errorcode[number], errno=number)
+
+
+def _named(names: str, layout: str, data: bytes, **more: Any) -> SimpleNamespace:
+    values = dict(zip(names.split(), struct.unpack_from(layout, data), strict=True))
+    return SimpleNamespace(**values, **more, extra_descriptors=[])

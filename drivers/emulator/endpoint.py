@@ -1,0 +1,297 @@
+"""The device's side of the link: docs/protocol.md's state machine around the emulated rig.
+
+    IDLE ── ARM ──▶ ARMED ── silence > watchdog ──▶ LATCHED;   ESTOP, fault: STOPPED from anywhere
+
+    v(t) = V[last command], clipped          ARMED
+         = v·(1 − (t − t_expired)/ramp)      LATCHED, whole µV towards zero
+         = 0                                 else
+
+Time is whole microseconds on the device's clock, and comes from the caller: nothing here waits.
+The plant moves in whole control periods, counted from the arming; its voltage in a period is v's
+mean over it, so a command's delay is in the motion, too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cobs.cobs import DecodeError, decode
+
+from ..link.checksum import check
+from ..link.frames import (
+    NOT_MEASURED,
+    VERSION,
+    Ack,
+    Arm,
+    Cause,
+    Code,
+    CommandFrame,
+    Disarm,
+    Estop,
+    Frame,
+    Hello,
+    IdentityFrame,
+    Poll,
+    Report,
+    SampleFrame,
+    Splitter,
+    Status,
+    Type,
+    parse,
+    wire,
+)
+from .amplifier import STOPPED, Amplifier
+from .device import Device
+from .faults import Breaking
+
+SHORTEST_US = 500
+QUIET_US = 2_000_000
+"""µs without a whole frame from the host after which a stream ends"""
+NO_DELAY = 0xFFFF
+
+
+@dataclass(frozen=True, slots=True)
+class Unknown:
+    """A frame that is whole and right, of a type that no device knows."""
+
+    number: int
+    kind: int
+
+
+class Endpoint:
+    """One device of protocol 1; bytes in, bytes out, on a clock that the caller keeps (µs)."""
+
+    def __init__(
+        self,
+        device: Device,
+        *,
+        counts_per_rev: Sequence[int] = (4096, 4096, 8192),
+        model: str = "emulated 3-DOF",
+        serial: str = "mock-0",
+        firmware: str = "emulator 1",
+        boot: int = 1,
+        shortest_us: int = SHORTEST_US,
+    ) -> None:
+        self._device = device
+        self._amplifier = Amplifier(round(device.v_max * 1e6), round(device.watchdog_s * 1e6))
+        self._texts = tuple(_text(t) for t in (model, serial, firmware))
+        self._counts = tuple(counts_per_rev)
+        self._boot = boot
+        self._shortest_us = shortest_us
+        self._splitter = _Splitter()
+        self._frames = self._refused = self._late_us = 0
+        self._now = 0
+        self._period_us = 0
+        """of the stream; 0: there is none"""
+        self._armed_us = 0
+        self._number = 0
+        self._streamed = 0
+        """samples of the stream until now, those that got lost too"""
+        self._sampled_us: int | None = None
+        self._heard_us = 0
+        self._arrived_us: int | None = None
+        """when the command that is echoed came; None: it was no command"""
+        self._dt_us = device.plant.dt * 1e6
+        self._grid_us, self._steps = 0, 0
+        self._arrives = True
+        self._jitter_us = 0
+
+    def receive(self, now_us: int, data: bytes) -> bytes:
+        """What the host's bytes, read now, make the device say; with what was due until now."""
+        out = self.tick(now_us)
+        for frame in self._splitter.feed(data):
+            self._frames += 1
+            self._heard_us = self._now
+            out += self._answer(frame)
+        return out
+
+    def tick(self, now_us: int) -> bytes:
+        """What the device says of its own accord until now."""
+        out = b""
+        while (due := self._next_sample_us()) is not None and due <= now_us:
+            self._advance(due)
+            if due > self._heard_us + QUIET_US:
+                break
+            self._streamed += 1
+            self._late_us = max(self._late_us, now_us - due)
+            if self._arrives:
+                out += self._sample(due)
+            else:
+                self._number = _u32(self._number + 1)
+        self._advance(now_us)
+        if now_us > self._heard_us + QUIET_US:
+            self._period_us = 0
+        return out
+
+    def next_us(self) -> int | None:
+        """When `tick` will have something to say; None: not of its own accord."""
+        return self._next_sample_us()
+
+    def stop(self, now_us: int, cause: Cause = Cause.HOST_ESTOP, flag: int = STOPPED) -> bytes:
+        """A button, a fault (flag 2), a stall (4), a control request: zero volts now."""
+        out = self.tick(now_us)
+        self._amplifier.stop(now_us, cause, flag)
+        return out
+
+    @property
+    def amplifier(self) -> Amplifier:
+        """Its state and what it puts out, for doors and tests."""
+        return self._amplifier
+
+    def _answer(self, frame: Frame | Unknown) -> bytes:
+        amplifier, now = self._amplifier, self._now
+        match frame:
+            case CommandFrame():
+                if amplifier.command(now, frame.number, frame.front_uV, frame.back_uV):
+                    self._arrived_us = now
+                    self._device.held = False
+                else:
+                    self._refused += 1
+                return b""
+            case Poll():
+                if self._period_us:
+                    self._refused += 1
+                    return b""
+                return self._sample(now)
+            case Arm():
+                return self._arm(frame)
+            case Disarm():
+                self._period_us = 0
+                amplifier.disarm(now)
+                return self._ack(frame.number, Type.DISARM)
+            case Estop():
+                amplifier.stop(now, frame.reason)
+                return self._ack(frame.number, Type.ESTOP)
+            case Hello():
+                if not frame.oldest <= VERSION <= frame.newest:
+                    return self._ack(frame.number, Type.HELLO, Code.VERSION)
+                return self._identity(frame.number)
+            case Status():
+                return self._report(frame.number)
+            case _:
+                self._refused += 1
+                kind = frame.kind if isinstance(frame, Unknown) else frame.TYPE
+                if kind & 0x80:  # a device's own, come back: a line that echoes is not answered
+                    return b""
+                return self._ack(frame.number, kind, Code.UNKNOWN_TYPE)
+
+    def _arm(self, arm: Arm) -> bytes:
+        amplifier = self._amplifier
+        code = amplifier.arm_code(arm.ticket)
+        watchdog_us = arm.watchdog_us or amplifier.own_watchdog_us
+        if code == Code.OK and (
+            0 < arm.period_us < self._shortest_us
+            or watchdog_us < 2 * arm.period_us
+            or watchdog_us > 1_000_000
+        ):
+            code = Code.BAD_PARAMETER
+        if code != Code.OK:
+            return self._ack(arm.number, Type.ARM, code)
+        now = self._now
+        amplifier.arm(now, arm.number, watchdog_us)
+        self._device.arm()
+        self._period_us, self._armed_us, self._streamed, self._number = arm.period_us, now, 0, 0
+        self._arrived_us, self._sampled_us = None, None
+        self._grid_us, self._steps = now, 0
+        return self._ack(arm.number, Type.ARM) + self._sample(now)
+
+    def _next_sample_us(self) -> int | None:
+        if not self._period_us:
+            return None
+        return self._armed_us + (self._streamed + 1) * self._period_us
+
+    def _advance(self, now_us: int) -> None:
+        """The plant's periods that end until now."""
+        while (end := self._grid_us + round((self._steps + 1) * self._dt_us)) <= now_us:
+            volts = self._amplifier.mean_V(end)
+            self._steps += 1
+            if self._device.held:
+                continue
+            plant = self._device.plant
+            self._arrives = plant.step(*volts)
+            self._jitter_us = round((plant.t - plant.periods * plant.dt) * 1e6)
+            trip = plant.trip() if isinstance(plant, Breaking) else None
+            if trip is not None:
+                flag, cause = trip
+                self._amplifier.stop(end, cause, flag)
+        self._amplifier.advance(now_us)
+        self._now = now_us
+
+    def _sample(self, now_us: int) -> bytes:
+        amplifier, device = self._amplifier, self._device
+        front, back = amplifier.output_uV(now_us)
+        device.v = (front / 1e6, back / 1e6)
+        roll, pitch, yaw = device.plant.counts
+        delay = NO_DELAY
+        arrived, before = self._arrived_us, self._sampled_us
+        if arrived is not None and before is not None:
+            delay = min(arrived - before, NO_DELAY)
+        front_mA, back_mA = (_milliampere(i) for i in device.current)
+        time_us = _u32(now_us + self._jitter_us)
+        frame = SampleFrame(
+            self._number, amplifier.last, time_us, roll, pitch, yaw, front, back, front_mA, back_mA,
+            delay, amplifier.flags, amplifier.cause,
+        )  # fmt: skip
+        self._number = _u32(self._number + 1)
+        self._arrived_us, self._sampled_us = None, now_us
+        return wire(frame)
+
+    def _ack(self, number: int, request: int, code: Code = Code.OK) -> bytes:
+        a = self._amplifier
+        return wire(Ack(number, request, code, a.flags, a.cause, a.ticket))
+
+    def _identity(self, number: int) -> bytes:
+        a = self._amplifier
+        roll, pitch, yaw = self._counts
+        model, serial, firmware = self._texts
+        return wire(
+            IdentityFrame(
+                number, VERSION, a.flags, self._boot, a.ticket, roll, pitch, yaw, a.v_max_uV,
+                a.own_watchdog_us, a.ramp_us, self._shortest_us, model, serial, firmware,
+            )
+        )  # fmt: skip
+
+    def _report(self, number: int) -> bytes:
+        a = self._amplifier
+        return wire(
+            Report(
+                number, _u32(self._frames), _u32(self._splitter.damaged), _u32(self._refused),
+                a.expiries, min(self._late_us, 0xFFFFFFFF), 0, _u32(self._now // 1000), a.flags,
+                a.cause, a.ticket,
+            )
+        )  # fmt: skip
+
+
+class _Splitter(Splitter):
+    """A device tells an unknown type from damage: it answers it."""
+
+    def frame(self, piece: bytes) -> Frame | Unknown | None:  # type: ignore[override]
+        known = parse(piece)
+        if known is not None:
+            return known
+        try:
+            data = decode(piece)
+        except DecodeError:
+            return None
+        known_types = set(Type)
+        if len(data) < 10 or data[0] != VERSION or data[1] in known_types:
+            return None
+        if check(data[:-4]) != data[-4:]:
+            return None
+        return Unknown(int.from_bytes(data[2:6], "little"), data[1])
+
+
+def _text(text: str) -> bytes:
+    return text.encode("ascii", "replace")[:16].ljust(16, b"\0")
+
+
+def _milliampere(ampere: float) -> int:
+    if math.isnan(ampere):
+        return NOT_MEASURED
+    return max(-0x7FFF, min(0x7FFF, round(1000 * ampere)))
+
+
+def _u32(value: int) -> int:
+    return value & 0xFFFFFFFF

@@ -1,0 +1,151 @@
+"""Drills: what breaks in the emulated rig, and when. ``fault=KIND[.AXIS]@SECONDS[:COUNTS]``
+
+`KINDS` says what each does. Several with commas, or ``fault=`` again. Seconds are the device's own,
+and begin with its first period in motion. An amplifier's fault comes once: arming clears it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from heli3dof.axes import ALIASES, AXES
+from heli3dof.errors import UsageError, did_you_mean
+from heli3dof.rig.port import Flags
+
+from ..link.frames import Cause
+
+if TYPE_CHECKING:
+    from .plant import Plant, Truth
+
+TRIPS = {
+    "overcurrent": (Flags.FAULT, Cause.OVERCURRENT),
+    "overtemperature": (Flags.FAULT, Cause.OVERTEMPERATURE),
+    "stall": (Flags.STALL, Cause.STALL),
+    "button": (Flags.ESTOP, Cause.BUTTON),
+}
+"""What the amplifier stops for by itself: the flag and the cause that its samples then carry"""
+KINDS = {
+    "overcurrent": ("overcurrent@3", "The amplifier stops for it: zero volts, flag `FAULT`."),
+    "overtemperature": ("overtemperature@3", "The same, with another cause."),
+    "stall": ("stall@3", "A motor draws current and does not turn: zero volts, flag `STALL`."),
+    "button": ("button@3", "Somebody presses the rig's button: zero volts, flag `ESTOP`."),
+    "frozen": ("frozen.yaw@3", "An encoder's count stands still from then on."),
+    "jump": ("jump.pitch@3:200", "A count is 200 higher from then on, and nothing has moved."),
+}
+"""Each with an example and what it does: the table in docs/mock.md."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """One thing that breaks."""
+
+    kind: str
+    at_s: float
+    axis: int = -1
+    counts: int = 0
+    """of a jump"""
+
+
+def parse_faults(texts: Iterable[str]) -> tuple[Fault, ...]:
+    """The faults that the values of ``fault=`` name, the earliest first.
+
+    Raises UsageError for an unknown kind or axis (naming the nearest) and for a bad number.
+    """
+    parts = [p.strip() for text in texts for p in text.split(",")]
+    return tuple(sorted((_parse(p) for p in parts if p), key=lambda fault: fault.at_s))
+
+
+def _parse(text: str) -> Fault:
+    what, at, rest = text.partition("@")
+    kind, _, axis = what.partition(".")
+    if kind not in KINDS:
+        raise UsageError(
+            f"fault={text}: there is no fault {kind!r}.",
+            cause=f"a typing error; {did_you_mean(kind, KINDS)}",
+            fix="fault=overcurrent@3; docs/mock.md lists them",
+        )
+    example, _ = KINDS[kind]
+    seconds, _, counts = rest.partition(":")
+    at_s, jump = _number(seconds), _number(counts)
+    if not at or not 0 <= at_s <= 1e6:
+        raise _unclear(text, f"{seconds!r} is not a time in s from 0 on", example)
+    if kind in TRIPS:
+        if axis or counts:
+            raise _unclear(text, f"{kind} has a time and nothing else", example)
+        return Fault(kind, at_s)
+    axis = ALIASES.get(axis, axis)
+    if axis not in AXES:
+        raise _unclear(text, f"{axis!r} is no axis; {did_you_mean(axis, AXES)}", example)
+    if kind == "frozen":
+        if counts:
+            raise _unclear(text, "a frozen encoder has a time and nothing else", example)
+        return Fault(kind, at_s, AXES.index(axis))
+    if not (jump and jump == int(jump) and abs(jump) <= 1e6):
+        raise _unclear(text, f"{counts!r} is no whole number of counts, and not 0", example)
+    return Fault(kind, at_s, AXES.index(axis), int(jump))
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        return math.inf if text else 0.0
+    return value if math.isfinite(value) else math.inf
+
+
+def _unclear(text: str, why: str, example: str) -> UsageError:
+    return UsageError(
+        f"fault={text}: {why}.", cause="a typing error or another unit.", fix=f"fault={example}"
+    )
+
+
+class Breaking:
+    """A plant whose encoders fail; in all else the `Plant` that it stands for."""
+
+    def __init__(self, plant: Plant, faults: tuple[Fault, ...]) -> None:
+        self._plant = plant
+        self._faults = faults
+        self._stuck: dict[int, int] = {}
+        self.dt = plant.dt
+        self.trips = [f for f in faults if f.kind in TRIPS]
+        """Still to come"""
+
+    def step(self, v_front: float, v_back: float) -> bool:
+        """See `Plant.step`."""
+        before = self.counts
+        arrived = self._plant.step(v_front, v_back)
+        for fault in self._faults:
+            if fault.kind == "frozen" and fault.at_s <= self._plant.t:
+                self._stuck.setdefault(fault.axis, before[fault.axis])
+        return arrived
+
+    def trip(self) -> tuple[Flags, Cause] | None:
+        """What the amplifier has to stop for now; told once."""
+        if not self.trips or self.trips[0].at_s > self._plant.t:
+            return None
+        return TRIPS[self.trips.pop(0).kind]
+
+    @property
+    def counts(self) -> tuple[int, int, int]:
+        counts = list(self._plant.counts)
+        for fault in self._faults:
+            if fault.kind == "jump" and fault.at_s <= self._plant.t:
+                counts[fault.axis] += fault.counts
+        for axis, stuck in self._stuck.items():
+            counts[axis] = stuck
+        return counts[0], counts[1], counts[2]
+
+    @property
+    def t(self) -> float:
+        return self._plant.t
+
+    @property
+    def periods(self) -> int:
+        return self._plant.periods
+
+    @property
+    def truth(self) -> Truth:
+        return self._plant.truth

@@ -1,0 +1,41 @@
+/* Bytes in, pieces out; frames in, bytes out. Neither side ever waits.
+ *
+ * In: what stands between two delimiters, at most FRAME_LONGEST bytes of it. Out: a ring; a frame
+ * that does not fit is dropped whole, so that a host that does not read delays nothing and still
+ * finds whole frames. Samples leave LINK_SPARE bytes to answers: a stream that nobody reads must
+ * not swallow an ESTOP's ACK. */
+#ifndef HELI3DOF_LINK_H
+#define HELI3DOF_LINK_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "frames.h"
+
+#define LINK_OUT 1024u /* a power of two */
+#define LINK_SPARE 256u
+
+struct link_in {
+    uint8_t piece[FRAME_LONGEST];
+    size_t n; /* FRAME_LONGEST + 1: too long, the rest is not kept */
+};
+
+struct link_out {
+    uint8_t ring[LINK_OUT];
+    uint32_t head, tail; /* bytes put and taken, modulo 2^32 */
+    uint32_t dropped;    /* frames */
+};
+
+/* True when this byte ends a piece that is not empty: it is in `piece`, `n` bytes long. The next
+ * byte begins another one. */
+bool link_in_byte(struct link_in *in, uint8_t byte, size_t *n);
+
+/* Leaves at least `spare` bytes free. */
+void link_out_frame(struct link_out *out, const uint8_t *frame, size_t n, size_t spare);
+
+/* What can be sent in one go: `*at` is set to its beginning. Then say how much was sent. */
+size_t link_out_peek(const struct link_out *out, const uint8_t **at);
+void link_out_sent(struct link_out *out, size_t n);
+
+#endif

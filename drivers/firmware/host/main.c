@@ -1,0 +1,225 @@
+/* heli3dof-rig: the core on a PTY in real time, a bench plant behind it. This file is the HAL of
+ * the host, and its main loop. */
+#include <errno.h>
+#include <fcntl.h>
+#include <poll.h>
+#include <sched.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/random.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "bench.h"
+#include "hal.h"
+#include "pty.h"
+#include "rig.h"
+
+#define REAL_TIME_PRIORITY 80 /* hardware never waits for its host */
+#define TURN_US 1000u
+
+static struct options options;
+static struct bench bench;
+static struct device device;
+static int line = -1, log_file = -1;
+static volatile sig_atomic_t ended;
+
+/* ---- HAL ------------------------------------------------------------------------------- */
+
+static double monotonic_s(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+uint64_t hal_now_us(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (uint64_t)t.tv_sec * 1000000u + (uint64_t)t.tv_nsec / 1000u;
+}
+
+static uint32_t noise = 1;
+
+static bool happens(double probability)
+{
+    noise ^= noise << 13; /* Marsaglia's xorshift32 */
+    noise ^= noise >> 17;
+    noise ^= noise << 5;
+    return noise < probability * 4294967296.0;
+}
+
+static uint8_t on_the_way(uint8_t byte)
+{
+    const unsigned bit = happens(options.corrupt) ? 1u << (noise >> 8 & 7u) : 0u;
+    return (uint8_t)(byte ^ bit);
+}
+
+size_t hal_read(uint8_t *bytes, size_t room)
+{
+    const size_t n = pty_read(line, bytes, room);
+    size_t kept = 0;
+    for (size_t i = 0; i < n; i++) {
+        if (!happens(options.drop))
+            bytes[kept++] = on_the_way(bytes[i]);
+    }
+    return kept;
+}
+
+size_t hal_write(const uint8_t *bytes, size_t n)
+{
+    size_t sent = 0;
+    if (options.drop <= 0 && options.corrupt <= 0)
+        return pty_write(line, bytes, n);
+    for (; sent < n; sent++) {
+        const uint8_t byte = on_the_way(bytes[sent]);
+        if (!happens(options.drop) && pty_write(line, &byte, 1) == 0)
+            break;
+    }
+    return sent;
+}
+
+void hal_inputs(struct device_inputs *inputs)
+{
+    bench_advance(&bench, monotonic_s());
+    bench_inputs(&bench, inputs);
+}
+
+void hal_output(bool enabled, const int32_t uV[2])
+{
+    static int32_t out_uV[2];
+    static bool out_enabled;
+    static bool written;
+    if (written && enabled == out_enabled && uV[0] == out_uV[0] && uV[1] == out_uV[1])
+        return;
+    written = true;
+    out_enabled = enabled;
+    for (int i = 0; i < 2; i++) {
+        out_uV[i] = uV[i];
+        bench.V[i] = 1e-6 * uV[i];
+    }
+    if (log_file >= 0) {
+        char text[96];
+        const int n = snprintf(text, sizeof text, "%.6f %d %.6f %.6f\n", monotonic_s(), enabled,
+                               bench.V[0], bench.V[1]);
+        if (write(log_file, text, (size_t)n) < 0)
+            log_file = -1; /* a full disk does not stop a rig */
+    }
+}
+
+/* ---- the program ----------------------------------------------------------------------- */
+
+static void end(int signal_number)
+{
+    (void)signal_number;
+    ended = 1;
+}
+
+static uint32_t any_u32(void)
+{
+    uint32_t value;
+    return getrandom(&value, sizeof value, 0) == (ssize_t)sizeof value ? value
+                                                                       : (uint32_t)hal_now_us();
+}
+
+static void start(void)
+{
+    const struct device_config config = {
+        .boot = any_u32(),
+        .ticket = any_u32(),
+        .counts = {options.counts[0], options.counts[1], options.counts[2]},
+        .v_max_uV = 24000000,
+        .watchdog_us = options.watchdog_us,
+        .ramp_us = options.ramp_us,
+        .shortest_us = options.shortest_us,
+        .model = "emulated bench",
+        .serial = options.serial,
+        .firmware = "c 1.0",
+    };
+    rig_start(&device, &config);
+}
+
+/* Where it is permitted; a loaded machine makes the device late otherwise. */
+static void real_time(void)
+{
+    const struct sched_param priority = {.sched_priority = REAL_TIME_PRIORITY};
+    prctl(PR_SET_TIMERSLACK, 1ul);
+    if (sched_setscheduler(0, SCHED_FIFO, &priority) == 0)
+        mlockall(MCL_CURRENT | MCL_FUTURE);
+}
+
+static void wait_for_host_or_time(void)
+{
+    const uint8_t *at;
+    const uint64_t now_us = hal_now_us(), next_us = device_next_us(&device);
+    const uint64_t until_us = next_us < now_us + TURN_US ? next_us : now_us + TURN_US;
+    const uint64_t left_us = until_us > now_us ? until_us - now_us : 0;
+    const struct timespec left = {0, (long)left_us * 1000};
+    struct pollfd ready = {line, POLLIN, 0};
+    if (link_out_peek(&device.out, &at) > 0)
+        ready.events |= POLLOUT;
+    ppoll(&ready, 1, &left, NULL);
+}
+
+static void open_doors(void)
+{
+    char path[64];
+    line = pty_open(path, sizeof path);
+    if (line < 0) {
+        fprintf(stderr, "heli3dof-rig: no PTY: %s\n", strerror(errno));
+        exit(3);
+    }
+    if (options.log) {
+        log_file = open(options.log, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+        if (log_file < 0) {
+            fprintf(stderr, "heli3dof-rig: --log %s: %s\n", options.log, strerror(errno));
+            exit(2);
+        }
+    }
+    if (options.link) {
+        unlink(options.link);
+        if (symlink(path, options.link) < 0) {
+            fprintf(stderr, "heli3dof-rig: --link %s: %s\n", options.link, strerror(errno));
+            exit(2);
+        }
+    }
+    printf("%s\n", path);
+    fflush(stdout);
+}
+
+int main(int argc, char **argv)
+{
+    static const int32_t ZERO[2] = {0, 0};
+    bool reset = false;
+    const pid_t parent = getppid();
+    options = options_read(argc, argv);
+    noise = options.seed * 2654435769u | 1u;
+    bench_start(&bench, &options, monotonic_s());
+    const struct sigaction on_end = {.sa_handler = end};
+    sigaction(SIGTERM, &on_end, NULL);
+    sigaction(SIGINT, &on_end, NULL);
+    signal(SIGPIPE, SIG_IGN);
+    real_time();
+    open_doors();
+    start();
+    while (!ended && !(options.with_parent && getppid() != parent)) {
+        wait_for_host_or_time();
+        rig_turn(&device);
+        if (device.state == ARMED && bench.armed_s >= NEVER)
+            bench.armed_s = monotonic_s();
+        if (!reset && bench_due(&bench, monotonic_s(), options.reset_s)) {
+            reset = true;
+            bench_reset_counters(&bench);
+            start();
+        }
+    }
+    hal_output(false, ZERO);
+    if (options.link)
+        unlink(options.link);
+    return 0;
+}

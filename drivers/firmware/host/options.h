@@ -1,0 +1,37 @@
+/* What heli3dof-rig is told on its command line. */
+#ifndef HELI3DOF_OPTIONS_H
+#define HELI3DOF_OPTIONS_H
+
+#include <stdint.h>
+
+#include "plant.h"
+
+/* Times count in seconds from the first arming; NEVER where a drill was not asked for. */
+#define NEVER 1e300
+
+struct options {
+    const char *serial;
+    const char *link; /* a symbolic link to the PTY, or NULL */
+    const char *log;  /* what went to the motors and when, or NULL */
+    int with_parent;  /* ends with the process that started it */
+    uint32_t watchdog_us, ramp_us, shortest_us;
+    int32_t counts[3];
+
+    double fault_s, fault_for_s;
+    double stall_s, stall_for_s;
+    double button_s;
+    double reset_s;
+    enum axis freeze_axis;
+    double freeze_s;
+    enum axis jump_axis;
+    double jump_s;
+    long jump_counts;
+
+    double drop, corrupt; /* probability for each byte, both directions */
+    uint32_t seed;
+};
+
+/* Ends the program where the command line makes no sense (2) or asks for help (0). */
+struct options options_read(int argc, char **argv);
+
+#endif

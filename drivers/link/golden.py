@@ -1,0 +1,162 @@
+"""Golden transcripts: what a device of protocol 1 answers, microsecond by microsecond.
+
+Each line is (time in µs on the device's clock, who speaks, frame or bytes). The golden device has
+just started at 0, its encoders stand, its currents are not measured, and its ticket counts up from
+1. Every device that is told these bytes at these times answers these bytes, in this order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from .frames import (
+    NOT_MEASURED,
+    Ack,
+    Arm,
+    Cause,
+    Code,
+    CommandFrame,
+    Disarm,
+    Estop,
+    Frame,
+    Hello,
+    IdentityFrame,
+    Poll,
+    Report,
+    SampleFrame,
+    Status,
+    Type,
+    wire,
+)
+
+ENABLED, LATCHED, ESTOP, SATURATED = 1, 8, 16, 32
+GOLDEN = IdentityFrame(
+    0, 1, 0, 1, 1, 4096, 4096, 8192, 24_000_000, 100_000, 200_000, 500,
+    b"golden device".ljust(16, b"\0"), b"G1".ljust(16, b"\0"), b"1.0".ljust(16, b"\0"),
+)  # fmt: skip
+V5 = 5_000_000
+
+
+@dataclass(frozen=True)
+class Line:
+    """One turn."""
+
+    time_us: int
+    speaker: Literal["host", "device"]
+    said: Frame | bytes
+    note: str = ""
+
+    @property
+    def bytes(self) -> bytes:
+        return self.said if isinstance(self.said, bytes) else wire(self.said)
+
+
+def host(time_us: int, said: Frame | bytes, note: str = "") -> Line:
+    return Line(time_us, "host", said, note)
+
+
+def device(time_us: int, said: Frame, note: str = "") -> Line:
+    return Line(time_us, "device", said, note)
+
+
+def sample(
+    number: int, echo: int, time_us: int, uV: int, flags: int, cause: Cause = Cause.NONE,
+    delay_us: int = 65535,
+) -> SampleFrame:  # fmt: skip
+    return SampleFrame(
+        number, echo, time_us, 0, 0, 0, uV, -uV, NOT_MEASURED, NOT_MEASURED, delay_us, flags, cause
+    )
+
+
+def volts(number: int, uV: int) -> CommandFrame:
+    return CommandFrame(number, uV, -uV)
+
+
+HELLO = (
+    host(100, Hello(7)),
+    device(100, replace(GOLDEN, number=7)),
+    host(200, Poll(8), "a reading without arming"),
+    device(200, sample(0, 0, 200, 0, 0)),
+    host(300, volts(1, V5), "not armed: refused without an answer"),
+    host(400, Status(9)),
+    device(400, Report(9, 4, 0, 1, 0, 0, 0, 0, 0, 0, 1)),
+    host(500, Hello(10, 2, 3), "versions that this device does not speak"),
+    device(500, Ack(10, Type.HELLO, Code.VERSION, 0, 0, 1)),
+)
+STREAM = (
+    host(1000, Arm(0, 1, 2000, 0)),
+    device(1000, Ack(0, Type.ARM, Code.OK, ENABLED, 0, 2)),
+    device(1000, sample(0, 0, 1000, 0, ENABLED)),
+    host(1300, volts(1, V5)),
+    device(3000, sample(1, 1, 3000, V5, ENABLED, delay_us=300)),
+    host(3100, volts(1, V5), "repeated: refused"),
+    host(3200, volts(3, 30_000_000), "beyond the limit, and one was lost: 24 V"),
+    host(3300, volts(2, V5), "overtaken: refused"),
+    device(5000, sample(2, 3, 5000, 24_000_000, ENABLED | SATURATED, delay_us=200)),
+    host(5400, Estop(0)),
+    device(5400, Ack(0, Type.ESTOP, Code.OK, ESTOP, Cause.HOST_ESTOP, 3)),
+    host(5500, volts(4, V5), "stopped: refused"),
+    device(7000, sample(3, 3, 7000, 0, ESTOP, Cause.HOST_ESTOP)),
+    host(7100, Arm(0, 1, 2000, 0), "the first ARM once more: its ticket is stale"),
+    device(7100, Ack(0, Type.ARM, Code.STALE_TICKET, ESTOP, Cause.HOST_ESTOP, 3)),
+    host(7200, Disarm(11), "ends the stream; the stop stays until armed"),
+    device(7200, Ack(11, Type.DISARM, Code.OK, ESTOP, Cause.HOST_ESTOP, 4)),
+    host(9500, Arm(20, 4, 0, 0), "armed anew, without a stream"),
+    device(9500, Ack(20, Type.ARM, Code.OK, ENABLED, 0, 5)),
+    device(9500, sample(0, 20, 9500, 0, ENABLED)),
+    host(9600, Arm(21, 5, 0, 0)),
+    device(9600, Ack(21, Type.ARM, Code.ALREADY_ARMED, ENABLED, 0, 5)),
+)
+WATCHDOG = (
+    host(1000, Arm(0, 1, 0, 50_000)),
+    device(1000, Ack(0, Type.ARM, Code.OK, ENABLED, 0, 2)),
+    device(1000, sample(0, 0, 1000, 0, ENABLED)),
+    host(2000, volts(1, V5)),
+    host(52_000, Poll(2), "50 ms of silence are not longer than 50 ms"),
+    device(52_000, sample(1, 1, 52_000, V5, ENABLED, delay_us=1000)),
+    host(152_000, Poll(3), "expired at 52 ms, and half-way down the ramp of 200 ms"),
+    device(152_000, sample(2, 1, 152_000, V5 // 2, LATCHED, Cause.WATCHDOG)),
+    host(153_000, volts(2, V5), "latched: refused"),
+    host(252_000, Poll(4)),
+    device(252_000, sample(3, 1, 252_000, 0, LATCHED, Cause.WATCHDOG)),
+    host(253_000, Status(5)),
+    device(253_000, Report(5, 7, 0, 1, 1, 0, 0, 253, LATCHED, Cause.WATCHDOG, 3)),
+    host(254_000, Arm(10, 3, 3_000, 5_000), "a watchdog shorter than two periods"),
+    device(254_000, Ack(10, Type.ARM, Code.BAD_PARAMETER, LATCHED, Cause.WATCHDOG, 3)),
+    host(255_000, Arm(10, 3, 0, 0)),
+    device(255_000, Ack(10, Type.ARM, Code.OK, ENABLED, 0, 4)),
+    device(255_000, sample(0, 10, 255_000, 0, ENABLED)),
+)
+_CUT = wire(Hello(12))[:7]
+_WRONG = bytearray(wire(Poll(13)))
+_WRONG[4] ^= 0x10
+NOISE = (
+    host(100, b"\x00\x00\x7f\xff\x13\x00", "noise between delimiters"),
+    host(200, _CUT + wire(Poll(13)), "a cut frame swallows the one behind it"),
+    host(300, wire(Poll(14))),
+    device(300, sample(0, 0, 300, 0, 0)),
+    host(400, bytes(_WRONG), "one wrong bit"),
+    host(500, _CUT),
+    host(600, Estop(15), "an ESTOP begins with a delimiter, and is read after anything"),
+    device(600, Ack(15, Type.ESTOP, Code.OK, ESTOP, Cause.HOST_ESTOP, 2)),
+    host(700, Status(16)),
+    device(700, Report(16, 3, 4, 0, 0, 0, 0, 0, ESTOP, Cause.HOST_ESTOP, 2)),
+)
+TRANSCRIPTS = {"hello": HELLO, "stream": STREAM, "watchdog": WATCHDOG, "noise": NOISE}
+
+
+def text(lines: tuple[Line, ...]) -> str:
+    """``time > hex`` what the host says, ``time < hex`` what the device answers, # a note."""
+    out = []
+    for line in lines:
+        arrow = ">" if line.speaker == "host" else "<"
+        kind = "bytes" if isinstance(line.said, bytes) else line.said.TYPE.name
+        note = f"{kind}: {line.note}" if line.note else kind
+        out.append(f"{line.time_us} {arrow} {line.bytes.hex()}  # {note}")
+    return "\n".join(out)
+
+
+if __name__ == "__main__":
+    for name, lines in TRANSCRIPTS.items():
+        print(f"[{name}]\n{text(lines)}\n")

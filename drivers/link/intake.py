@@ -1,0 +1,99 @@
+"""Which samples are believed: an arming's own, newer than the last, echoing what was sent.
+
+A sample with number n and echo e is taken while a_n = number of the last one, c_0 = the ARM's
+number and c = the last command's
+
+    0 < (n − a_n) mod 2³² < 2³¹    and    (e − e_last) mod 2³² ≤ (c − e_last) mod 2³²
+
+e_last (c_0 at first) being the last echo: an echo never goes back, and never ahead of what was
+sent. A repeated, overtaken or older arming's sample fails one of them. Numbers that were left out
+are lost samples. The device's clock, modulo 2³² µs, is unwrapped here.
+"""
+
+from __future__ import annotations
+
+from math import nan
+
+from heli3dof.rig.port import Flags, Sample
+
+from .frames import NOT_MEASURED, SampleFrame
+from .statistics import LinkStatistics
+
+_MASK = 0xFFFFFFFF
+_HALF = 0x80000000
+_FLAGS = [Flags(value & 63) for value in range(256)]
+REMEMBERED = 1024
+"""Commands whose sequence is known by their number; at least a second's worth"""
+
+
+class Intake:
+    """Numbers commands, judges samples, and turns those it takes into the port's."""
+
+    def __init__(self, statistics: LinkStatistics) -> None:
+        self._statistics = statistics
+        self.number = 0
+        """of the last command, or of the ARM"""
+        self._sequences = [0] * REMEMBERED
+        self._echo = 0
+        self._echoed = 0
+        """The caller's sequence of the last command that was echoed"""
+        self._last: int | None = None
+        self._clock_us = 0
+        self._wrapped: int | None = None
+
+    def arm(self) -> int:
+        """A new arming: its number, greater than every command's before."""
+        self.number = self._echo = (self.number + 1) & _MASK
+        self._echoed = 0
+        self._last = None
+        return self.number
+
+    def command(self, sequence: int) -> int:
+        """The number under which the caller's command ``sequence`` is sent."""
+        self.number = number = (self.number + 1) & _MASK
+        self._sequences[number % REMEMBERED] = sequence
+        return number
+
+    def take(self, frame: SampleFrame, host_time_s: float) -> Sample | None:
+        """The port's sample, or None for one that cannot be."""
+        statistics = self._statistics
+        ahead = (frame.echo - self._echo) & _MASK
+        step = 1 if self._last is None else (frame.number - self._last) & _MASK
+        if ahead > (self.number - self._echo) & _MASK or not 0 < step < _HALF:
+            statistics.rejected += 1
+            return None
+        statistics.lost += step - 1
+        self._last = frame.number
+        if ahead:
+            self._echo = frame.echo
+            self._echoed = self._sequences[frame.echo % REMEMBERED]
+            if frame.delay_us != 0xFFFF:
+                statistics.delay.add(frame.delay_us * 1e-6)
+        return self.sample(frame, host_time_s)
+
+    def sample(self, frame: SampleFrame, host_time_s: float) -> Sample:
+        """The port's sample of any frame, as ``read`` needs it of a rig that is not armed."""
+        if self._wrapped is not None:
+            step = (frame.time_us - self._wrapped) & _MASK
+            self._clock_us += step if step < _HALF else step - _MASK - 1
+        else:
+            self._clock_us = frame.time_us
+        self._wrapped = frame.time_us
+        return Sample(
+            self._echoed,
+            self._clock_us / 1e6,
+            (frame.roll, frame.pitch, frame.yaw),
+            (frame.front_uV / 1e6, frame.back_uV / 1e6),
+            (_ampere(frame.front_mA), _ampere(frame.back_mA)),
+            _FLAGS[frame.flags],
+            host_time_s,
+        )
+
+    @property
+    def heard(self) -> bool:
+        """True when the last command has been echoed."""
+        return self._echo == self.number
+
+
+def _ampere(milliampere: int) -> float:
+    return nan if milliampere == NOT_MEASURED else milliampere * 1e-3

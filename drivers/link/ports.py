@@ -1,0 +1,107 @@
+"""What the system knows of its serial ports: which there are, who holds one, how quick it is."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+QUICK_MS = 1
+"""ms, an FTDI latency timer that does not hold samples back"""
+LATENCY_FILES = (
+    "/sys/bus/usb-serial/devices/{}/latency_timer",
+    "/sys/class/tty/{}/device/latency_timer",
+)
+
+
+def usb_ports() -> Sequence[str]:
+    """Device files of the serial ports on USB; nothing is opened.
+
+    A motherboard's own ports are left out: they are there whether or not a rig is.
+    """
+    from serial.tools.list_ports import comports
+
+    return sorted(p.device for p in comports() if p.vid is not None)
+
+
+def holders(path: str) -> list[tuple[int, str]]:
+    """(pid, name) of the processes that have this device open, as far as /proc tells us."""
+    try:
+        wanted = os.stat(path).st_rdev
+    except OSError:
+        return []
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        if int(process.name) == os.getpid():
+            continue
+        try:
+            if any(_is(fd, wanted) for fd in (process / "fd").iterdir()):
+                found.append((int(process.name), (process / "comm").read_text().strip()))
+        except OSError:  # another user's, or gone meanwhile
+            continue
+    return sorted(found)
+
+
+def _is(fd: Path, device: int) -> bool:
+    try:
+        return os.readlink(fd).startswith("/dev/") and os.stat(fd).st_rdev == device
+    except OSError:
+        return False
+
+
+def lockers(path: str) -> list[tuple[int, str]]:
+    """(pid, name) of the processes that have locked this port for themselves, as pyserial does."""
+    try:
+        file = os.stat(path)
+        locks = Path("/proc/locks").read_text(encoding="ascii")
+    except OSError:
+        return []
+    place = f"{os.major(file.st_dev):02x}:{os.minor(file.st_dev):02x}:{file.st_ino}"
+    # 1: FLOCK  ADVISORY  WRITE 4711 00:15:3 0 EOF
+    rows = [line.split() for line in locks.splitlines()]
+    found = {int(row[4]) for row in rows if "FLOCK" in row and place in row and row[4].isdigit()}
+    return [(pid, _name(pid)) for pid in sorted(found)]
+
+
+def named(processes: list[tuple[int, str]]) -> str:
+    """``process 123 (python)``, for each."""
+    return ", ".join(f"process {pid} ({name})" for pid, name in processes)
+
+
+def held_by(path: str) -> str:
+    """Who has locked a port, or has it open, or that /proc does not tell."""
+    return named(lockers(path) or holders(path)) or "a process of another user"
+
+
+def _name(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/comm").read_text(encoding="utf-8").strip()
+    except OSError:
+        return "another user's"
+
+
+def latency_timer(path: str) -> tuple[int, Path] | None:
+    """ms that an FTDI adapter holds bytes back, and where that is set; None: it has no such."""
+    name = Path(os.path.realpath(path)).name
+    for place in LATENCY_FILES:
+        file = Path(place.format(name))
+        try:
+            return int(file.read_text()), file
+        except (OSError, ValueError):
+            continue
+    return None
+
+
+def permission_fix(path: str) -> str:
+    """The command that lets this user open the port."""
+    import grp
+
+    try:
+        group = grp.getgrgid(os.stat(path).st_gid).gr_name
+    except (OSError, KeyError):
+        group = "dialout"
+    if group in ("root", "tty"):
+        from ..udev import install_command
+
+        return install_command()
+    return f"sudo usermod -aG {group} $USER, then log in again"

@@ -1,0 +1,350 @@
+"""A rig at the other end of the link, whatever carries it; docs/protocol.md, the host's side.
+
+Streaming (the device keeps time)::
+
+    exchange:  COMMAND at once ──▶ ... the device's next sample ──▶ the port's sample
+
+Samples that were waiting when the command went out say nothing of it: they are passed over, and
+of several that came together the newest counts. So a host that was late loses periods, and never
+flies two of them in one. A command that the line lost or delayed costs no period: the sample is
+taken when it comes, and its echo says so. Polled (the host keeps time)::
+
+    exchange:  COMMAND at once, wait until due_s, POLL ──▶ SAMPLE
+"""
+
+from __future__ import annotations
+
+import time
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from heli3dof.errors import DeviceError
+from heli3dof.rig.clock import wait_until
+from heli3dof.rig.port import Command, Flags, Identity, Sample
+
+from .dialogue import TRIES, Dialogue
+from .frames import (
+    Ack,
+    Arm,
+    Code,
+    Disarm,
+    Estop,
+    Hello,
+    IdentityFrame,
+    Poll,
+    Report,
+    Status,
+    Type,
+    command,
+    wire,
+)
+from .greeting import check_profile, greet, period_of
+from .intake import Intake
+from .stopping import BESIDE_TRIES, STOP_TRIES, ack_of, stop, stop_over
+from .troubles import (
+    closed,
+    gone_silent,
+    not_a_voltage,
+    not_armed,
+    not_arming,
+    not_ours,
+    not_stopped,
+    started_anew,
+)
+
+if TYPE_CHECKING:
+    from heli3dof.rig.profile import Profile
+
+    from .statistics import LinkStatistics
+    from .transport import Transport
+
+SILENCE_S = 0.5
+"""s without the sample that was due until the rig counts as gone; its watchdog is quicker"""
+SOONEST_AGAIN_S, LATEST_AGAIN_S = 5e-3, 0.1
+"""s until a POLL that stays without an answer is repeated in flight: four times what the last
+question took. On the ground nothing hurries, and the longest is waited for."""
+LARGEST_uV = 2_000_000_000
+"""What fits into a command; any device clips long before."""
+EMULATED = "emulated"
+"""How the model of a device without motors begins"""
+
+
+class LinkRig:
+    """An open rig; see `heli3dof.rig.port.Rig`. ``statistics`` says how the link has been."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        profile: Profile,
+        *,
+        driver: str,
+        stream: bool = True,
+        watchdog_s: float | None = None,
+        signs: str = "device",
+    ) -> None:
+        """Greet the device and compare it with the profile; nothing moves.
+
+        ``stream=False``: the host keeps time. ``watchdog_s``: another time than the device's own.
+        ``signs="profile"``: which way the encoders count is believed to the profile. Raises
+        DeviceError, and closes the transport then.
+        """
+        self._transport = transport
+        self._dialogue = Dialogue(transport)
+        self._intake = Intake(self._dialogue.statistics)
+        self._stream = stream
+        self._streaming = self._armed = False
+        self._gone = False
+        self._again_s = SOONEST_AGAIN_S
+        self._stale = 0
+        """answers that may still come to POLLs of the exchange before"""
+        self._open = True
+        try:
+            said = greet(self._dialogue)
+            check_profile(said, profile, transport.name, signs=signs)
+        except BaseException:
+            transport.close()
+            raise
+        self._boot = said.boot
+        self._period_us = period_of(profile)
+        own_us = said.watchdog_us
+        asked_us = own_us if watchdog_s is None else round(watchdog_s * 1e6)
+        self._watchdog_us = max(asked_us, 3 * self._period_us)
+        self._identity = _identity(said, driver, stream, self._watchdog_us)
+
+    @property
+    def identity(self) -> Identity:
+        return self._identity
+
+    @property
+    def statistics(self) -> LinkStatistics:
+        """How the link has been since it was opened."""
+        return self._dialogue.statistics
+
+    def arm(self) -> Sample:
+        """Zero volts, latches cleared, enabled; the first sample."""
+        self._check_open()
+        self._armed = self._streaming = False
+        # Counts that began anew since the rig was opened would be taken for angles of before.
+        if (problem := self._why_silent()) is not None:
+            raise problem
+        for _ in range(TRIES):
+            disarmed = self._request(Disarm)
+            self._pass_over()
+            said = self._ask_to_arm(disarmed.ticket)
+            if said is None:
+                continue
+            code = Code(said.code)
+            if code == Code.OK:
+                self._armed, self._streaming = True, self._stream
+                self._took(self._dialogue.trip_s)
+                return self._next_of_stream() if self._stream else self._first()
+            if code not in (Code.STALE_TICKET, Code.ALREADY_ARMED):
+                raise not_arming(
+                    self._transport.name, code, said.cause, self._period_us, self._watchdog_us
+                )
+        raise self._silence()
+
+    def read(self) -> Sample:
+        """A sample now, armed or not."""
+        self._check_open()
+        if self._streaming:
+            self._pass_over()
+            return self._next_of_stream()
+        return self._poll()
+
+    def exchange(self, command_: Command, due_s: float) -> Sample:
+        """One control period under the command; see `heli3dof.rig.port`."""
+        self._check_open()
+        v_front, v_back = command_.v_front, command_.v_back
+        if not (isfinite(v_front) and isfinite(v_back)):
+            self.estop("a voltage that is not a number")
+            raise not_a_voltage(command_.sequence, v_front, v_back)
+        if not self._armed:
+            raise not_armed(self._transport.name)
+        self._pass_over()
+        number = self._intake.command(command_.sequence)
+        self._dialogue.send(command(number, _microvolts(v_front), _microvolts(v_back)))
+        self.statistics.commands += 1
+        if self._streaming:
+            return self._next_of_stream()
+        wait_until(due_s)
+        return self._poll()
+
+    def estop(self, reason: str) -> None:
+        """Zero volts now. Raises DeviceError where the device does not say that it obeyed."""
+        if not self._open:
+            return
+        tries = BESIDE_TRIES if self._gone else STOP_TRIES
+        if not stop(self._dialogue, tries):
+            raise not_stopped(self._transport.name, tries)
+        self._pass_over()
+
+    def report(self) -> Report | None:
+        """The link as the device saw it; None when it does not say."""
+        self._check_open()
+        return self._dialogue.ask(
+            Status, lambda f, n: f if isinstance(f, Report) and f.number in n else None
+        )
+
+    def close(self) -> None:
+        """Zero volts, disabled, released. Idempotent; a line that is gone is no error."""
+        if not self._open:
+            return
+        self._open = False
+        try:
+            tries = 1 if self._gone else TRIES
+            if self._dialogue.ask(Disarm, ack_of(Type.DISARM), tries=tries) is None:
+                self._dialogue.send(wire(Estop(0)))
+        except DeviceError:
+            pass  # unplugged: the device's watchdog has seen to it
+        finally:
+            self._transport.close()
+
+    def _ask_to_arm(self, ticket: int) -> Ack | None:
+        number = self._intake.arm()
+        # An Ack of ours is known by the ARM's number; a second try is a new ARM, after a DISARM.
+        period_us = self._period_us if self._stream else 0
+        is_ack = ack_of(Type.ARM)
+        return self._dialogue.ask(
+            lambda _: Arm(number, ticket, period_us, self._watchdog_us),
+            lambda frame, _: is_ack(frame, {number}),
+            tries=1,
+        )
+
+    def _first(self) -> Sample:
+        """The sample that follows the ARM of a polled device."""
+        until = time.monotonic() + SILENCE_S
+        while time.monotonic() < until:
+            sample = self._newest()
+            if sample is not None:
+                return sample
+            self._dialogue.receive(LATEST_AGAIN_S)
+            if not self._dialogue.samples:
+                return self._poll()
+        raise self._silence()
+
+    def _next_of_stream(self) -> Sample:
+        until = time.monotonic() + SILENCE_S
+        while (sample := self._newest()) is None:
+            left = until - time.monotonic()
+            if left <= 0:
+                return self._after_the_stream()
+            self._dialogue.receive(left)
+        self.statistics.unheard += not self._intake.heard
+        return sample
+
+    def _after_the_stream(self) -> Sample:
+        """The stream has ended; ask why. A stopped device says so by POLL; else DeviceError."""
+        problem = self._why_silent()
+        if problem is not None:
+            raise problem
+        self._streaming = False
+        return self._poll()
+
+    def _poll(self) -> Sample:
+        dialogue, statistics = self._dialogue, self.statistics
+        self._pass_over()
+        first, sent = time.monotonic(), 0
+        again_s = self._again_s if self._armed else LATEST_AGAIN_S
+        while time.monotonic() < first + SILENCE_S:
+            dialogue.send(wire(Poll(dialogue.next_number())))
+            sent += 1
+            again = time.monotonic() + again_s  # from now on: a slow line is listened to, too
+            while (left := again - time.monotonic()) > 0:
+                dialogue.receive(left)
+                stale = self._stale
+                sample = self._newest()
+                if sample is None:
+                    continue
+                if stale and sample.flags & Flags.ENABLED and not self._intake.heard:
+                    statistics.passed_over += 1  # else every exchange would be one behind
+                    continue
+                self._stale = sent - 1
+                trip_s = sample.host_time_s - first
+                statistics.round_trip.add(trip_s)
+                self._took(trip_s)
+                if not self._armed:
+                    return sample
+                if not sample.flags & _HELD:
+                    raise self._silence()
+                statistics.unheard += not self._intake.heard
+                return sample
+            statistics.repeats += 1
+        raise self._silence()
+
+    def _took(self, trip_s: float) -> None:
+        self._again_s = min(max(4 * trip_s, SOONEST_AGAIN_S), LATEST_AGAIN_S)
+
+    def _newest(self) -> Sample | None:
+        """The newest of the samples that have come and can be; the others are passed over."""
+        samples, take = self._dialogue.samples, self._intake.take
+        if not self._armed:
+            take = self._intake.sample
+        newest: Sample | None = None
+        while samples:
+            frame, came_s = samples.popleft()
+            sample = take(frame, came_s)
+            if sample is not None:
+                self._stale = max(0, self._stale - 1)
+                self.statistics.passed_over += newest is not None
+                newest = sample
+        return newest
+
+    def _pass_over(self) -> None:
+        """What was sampled before now is of no use."""
+        self._dialogue.drain()
+        if self._newest() is not None:
+            self.statistics.passed_over += 1
+
+    def _request(self, question: type[Disarm]) -> Ack:
+        ack = self._dialogue.ask(question, ack_of(question.TYPE))
+        if ack is None:
+            raise self._silence()
+        return ack
+
+    def _silence(self) -> DeviceError:
+        """Why no sample came: gone, started anew, or no longer ours."""
+        return self._why_silent() or not_ours(self._transport.name)
+
+    def _why_silent(self) -> DeviceError | None:
+        """None when the device is there, and is the one that was opened."""
+        said = self._dialogue.ask(
+            Hello, lambda f, n: f if isinstance(f, IdentityFrame) and f.number in n else None
+        )
+        self._gone = said is None
+        if said is None:
+            return gone_silent(self._transport.name)
+        return None if said.boot == self._boot else started_anew(self._transport.name)
+
+    def _check_open(self) -> None:
+        if not self._open:
+            raise closed(self._transport.name)
+
+
+_HELD = Flags.ENABLED | Flags.FAULT | Flags.STALL | Flags.LATCHED | Flags.ESTOP
+
+
+def _microvolts(volts: float) -> int:
+    return max(-LARGEST_uV, min(LARGEST_uV, round(volts * 1e6)))
+
+
+def _identity(said: IdentityFrame, driver: str, stream: bool, watchdog_us: int) -> Identity:
+    model, serial, firmware = (
+        t.rstrip(b"\0").decode("ascii", "replace") for t in (said.model, said.serial, said.firmware)
+    )
+    return Identity(
+        driver=driver,
+        model=model,
+        serial=serial,
+        firmware=firmware,
+        protocol=f"link {said.version}",
+        counts_per_rev=(said.counts_roll, said.counts_pitch, said.counts_yaw),
+        v_max=said.v_max_uV / 1e6,
+        watchdog_s=watchdog_us / 1e6,
+        timebase="device" if stream else "host",
+        emulated=model.startswith(EMULATED),
+        boot=said.boot,
+    )
+
+
+__all__ = ["LinkRig", "stop_over"]

@@ -1,0 +1,173 @@
+"""Which rigs are on the bus, and which one a URL means.
+
+A rig is known by an interface of class 0xFF, subclass 0x48, protocol 0x01, whatever its VID:PID.
+Looking sends nothing to a device: descriptors and, on Linux, serial numbers are the kernel's
+copies.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, unquote
+
+from heli3dof.errors import DeviceError, UsageError
+
+from .errors import explained, no_libusb
+
+CLASS, SUBCLASS, PROTOCOL = 0xFF, 0x48, 0x01
+SYSFS = Path("/sys/bus/usb/devices")
+_WHERE = re.compile(r"([0-9a-fA-F]{1,4}):([0-9a-fA-F]{1,4})(?:/(.*))?|/?([^:]*)")
+
+
+@dataclass(frozen=True)
+class OnBus:
+    """A rig that is plugged in."""
+
+    device: Any
+    """usb.core.Device"""
+    serial: str | None
+    """None: cannot be read without a permission that we do not have"""
+
+    @property
+    def url(self) -> str:
+        d = self.device
+        text = f"usb://{d.idVendor:04x}:{d.idProduct:04x}"
+        return text + (f"/{quote(self.serial, safe='')}" if self.serial else "")
+
+    @property
+    def node(self) -> Path:
+        """Its file on Linux."""
+        return Path(f"/dev/bus/usb/{self.device.bus or 0:03d}/{self.device.address or 0:03d}")
+
+    def holder(self) -> str:
+        """The processes that have it open, as far as /proc shows them; "" where it does not."""
+        found = []
+        for process in Path("/proc").glob("[0-9]*"):
+            try:
+                links = [os.readlink(fd) for fd in (process / "fd").iterdir()]
+                if str(self.node) in links and int(process.name) != os.getpid():
+                    name = (process / "comm").read_text().strip()
+                    found.append(f"{name} (process {process.name})")
+            except OSError:
+                continue
+        return ", ".join(found)
+
+
+def kernel_lists_one() -> bool:
+    """False where the kernel's list of interfaces holds no rig: then nothing need be loaded.
+
+    True where there is no such list.
+    """
+    if not SYSFS.is_dir():
+        return True
+    wanted = (f"{CLASS:02x}", f"{SUBCLASS:02x}", f"{PROTOCOL:02x}")
+    names = ("bInterfaceClass", "bInterfaceSubClass", "bInterfaceProtocol")
+    for interface in SYSFS.glob("*:*"):
+        try:
+            if tuple((interface / name).read_text().strip() for name in names) == wanted:
+                return True
+        except OSError:  # it went meanwhile
+            continue
+    return False
+
+
+def system_backend() -> Any:
+    """pyusb on the system's libusb. Raises DeviceError where there is none."""
+    from usb.backend import libusb1
+
+    backend = libusb1.get_backend()
+    if backend is None:
+        raise no_libusb()
+    return backend
+
+
+def on_bus(backend: Any) -> Iterator[OnBus]:
+    """Every rig that is plugged in."""
+    import usb.core
+
+    for device in usb.core.find(find_all=True, backend=backend):
+        try:
+            ours = interface_of(device) is not None
+        except (usb.core.USBError, NotImplementedError):
+            continue  # a device that does not let itself be looked at is no rig
+        if ours:
+            yield OnBus(device, _serial(device))
+
+
+def interface_of(device: Any) -> Any:
+    """The rig's interface in its first configuration, or None."""
+    wanted = (CLASS, SUBCLASS, PROTOCOL)
+    for configuration in device:
+        for i in configuration:
+            if (i.bInterfaceClass, i.bInterfaceSubClass, i.bInterfaceProtocol) == wanted:
+                return i
+    return None
+
+
+def _serial(device: Any) -> str | None:
+    """The serial number; from sysfs where it is, for that needs no permission."""
+    import usb.core
+    import usb.util
+
+    if device.bus and device.port_numbers:
+        path = SYSFS / f"{device.bus}-{'.'.join(map(str, device.port_numbers))}" / "serial"
+        try:
+            return path.read_text(encoding="utf-8").strip()
+        except OSError:
+            pass
+    try:
+        return str(device.serial_number) if device.iSerialNumber else None
+    except (usb.core.USBError, NotImplementedError, ValueError):
+        return None
+    finally:
+        usb.util.dispose_resources(device)
+
+
+def select(backend: Any, text: str, where: str) -> OnBus:
+    """The one rig that ``usb://VID:PID/SERIAL`` means; either part may be left out, or both.
+
+    Raises UsageError for a place that is none; DeviceError where no rig is there, or several are.
+    """
+    match = _WHERE.fullmatch(where)
+    if match is None:
+        raise UsageError(
+            f"{text}: {where!r} is not VID:PID/SERIAL.",
+            cause="vendor and product are four hexadecimal digits each.",
+            fix="--device usb://1209:0001 or usb://1209:0001/SERIAL; heli3dof devices lists them",
+        )
+    vid, pid = (int(n, 16) if n else None for n in match.group(1, 2))
+    serial = unquote(match.group(3) or match.group(4) or "") or None
+    with explained(text, "looking for it"):
+        present = list(on_bus(backend))
+    fits = [
+        d for d in present if vid is None or (d.device.idVendor, d.device.idProduct) == (vid, pid)
+    ]
+    if serial is not None:
+        # One whose serial number cannot be read may be the one: opening it says why it cannot.
+        unread = [d for d in fits if d.serial is None]
+        fits = [d for d in fits if d.serial == serial] or unread
+    if len(fits) == 1:
+        return fits[0]
+    if fits:
+        raise DeviceError(
+            f"{text} means {len(fits)} rigs: {_listed(fits)}.",
+            cause="several are plugged in, and the URL does not say which.",
+            fix=f"--device {fits[0].url}",
+        )
+    raise DeviceError(
+        f"{text} is not there; "
+        + (f"there is {_listed(present)}." if present else "no USB rig is."),
+        cause="not plugged in, not powered, or another serial number."
+        if present
+        else "not plugged in, or not powered; or it is a serial rig.",
+        fix=f"--device {present[0].url}" if present else "heli3dof devices",
+    )
+
+
+def _listed(rigs: Sequence[OnBus]) -> str:
+    return ", ".join(r.url for r in rigs)

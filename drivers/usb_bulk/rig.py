@@ -1,0 +1,51 @@
+"""A rig on a USB pipe: the link over bulk transfers, and a stop that goes past them."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from heli3dof.errors import DeviceError
+from heli3dof.rig.port import Sample
+
+from ..link.frames import Cause
+from ..link.rig import LinkRig
+
+if TYPE_CHECKING:
+    from heli3dof.rig.profile import Profile
+
+    from .transport import UsbTransport
+
+
+class UsbRig(LinkRig):
+    """See `heli3dof.rig.port.Rig`."""
+
+    def __init__(
+        self,
+        pipe: UsbTransport,
+        profile: Profile,
+        *,
+        stream: bool,
+        watchdog_s: float | None,
+        signs: str,
+    ) -> None:
+        self._pipe = pipe
+        super().__init__(
+            pipe, profile, driver="usb", stream=stream, watchdog_s=watchdog_s, signs=signs
+        )
+
+    def arm(self) -> Sample:
+        self._pipe.follow_scheduling()
+        return super().arm()
+
+    def estop(self, reason: str) -> None:
+        """Zero volts now: by a control request first, which needs no pipe."""
+        if not self._open:
+            return
+        try:
+            self._pipe.stop(Cause.HOST_ESTOP)
+        except DeviceError:
+            super().estop(reason)
+            return
+        with suppress(DeviceError):  # it has stopped and said so; a dead pipe shows by itself
+            super().estop(reason)

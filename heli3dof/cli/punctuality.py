@@ -1,0 +1,81 @@
+"""How punctual a flight's loop was, in the words of ``info`` and of a flight's end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from heli3dof.experiment.outcome import Outcome
+
+
+def punctuality_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Rows for a recording, of `heli3dof.recording.info.summary`'s dictionary."""
+    rows: list[tuple[str, str]] = []
+    late, details = about["lateness"], about["outcome_details"]
+    if late:
+        rows.append(("lateness", _quantiles(late["median_s"], late["p999_s"], late["max_s"])))
+        rows.append(("late by over 1 ms", f"{late['late_ticks']} of {about['samples']} periods"))
+    skipped = _skipped(details.get("missed", 0), details.get("lost", 0))
+    if skipped:
+        rows.append(("skipped", skipped))
+    kept = details.get("punctuality")
+    if kept:
+        turn = (kept[f"turnaround_{q}_s"] for q in ("median", "p999", "worst"))
+        rows.append(("sample to command", _quantiles(*turn)))
+    link = details.get("link")
+    if link and "delay_median_s" in link:
+        turn = (link[f"delay_{q}_s"] for q in ("median", "p999", "worst"))
+        rows.append(("by the device's clock", _quantiles(*turn)))
+    realtime = details.get("realtime")
+    if realtime:
+        scheduled, locked = realtime["scheduled"], realtime["memory_locked"]
+        granted = f"scheduled {_yes(scheduled)}, memory locked {_yes(locked)}"
+        rows.append(("real time", granted))
+    return rows
+
+
+def punctuality_note(outcome: Outcome) -> str:
+    """What is said under the table at a flight's end."""
+    parts = [f"late by more than 1 ms: {outcome.late} of {outcome.periods} periods"]
+    skipped = _skipped(outcome.missed, outcome.lost)
+    if skipped:
+        parts.append(skipped)
+    found = outcome.punctuality
+    if found:
+        parts.append(f"lateness {_quantiles(found.median_s, found.p999_s, found.worst_s)}")
+    return "; ".join(parts)
+
+
+def realtime_advice(outcome: Outcome) -> str | None:
+    """What would make a loop that was late more punctual; None where it was not, or has it all."""
+    if outcome.realtime is None or not (outcome.late or outcome.missed):
+        return None
+    refused = outcome.realtime.refused
+    if not refused:
+        return None
+    whats = " and ".join(check.what for check in refused)
+    return f"Some periods were late, and {whats} was not granted. Try: {refused[0].fix}"
+
+
+def _skipped(missed: int, lost: int) -> str:
+    return ", ".join(
+        text
+        for count, text in (
+            (missed, f"{missed} missed by this computer"),
+            (lost, f"{lost} lost on the line"),
+        )
+        if count
+    )
+
+
+def _quantiles(median_s: float, p999_s: float, worst_s: float) -> str:
+    return f"median {_ms(median_s)}, 99.9 % {_ms(p999_s)}, at most {_ms(worst_s)}"
+
+
+def _ms(seconds: float) -> str:
+    return f"{seconds * 1e3:.2f} ms" if seconds >= 1e-4 else f"{seconds * 1e6:.0f} µs"
+
+
+def _yes(granted: bool) -> str:
+    return "yes" if granted else "no"

@@ -1,0 +1,131 @@
+"""How a flight ended, and how punctual its loop was."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from heli3dof.experiment.realtime import Realtime
+
+LATE_S = 1e-3
+"""A period whose sample came later than this after its deadline counts as late."""
+
+Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
+
+
+@dataclass(frozen=True)
+class Punctuality:
+    """How late the samples were, and how long the loop took over each; seconds."""
+
+    median_s: float
+    p99_s: float
+    p999_s: float
+    worst_s: float
+    late_share: float
+    """Of all periods: those later than `LATE_S`, and those missed altogether"""
+    turnaround_median_s: float
+    """From a sample's arrival to the command that follows from it"""
+    turnaround_p999_s: float
+    turnaround_worst_s: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a flight ended; written into the recording last."""
+
+    ending: Ending
+    detail: str
+    periods: int
+    """Control periods flown in closed loop."""
+    late: int
+    """Periods later than `LATE_S`."""
+    missed: int
+    """Periods skipped because the host was too late for them."""
+    worst_lateness_s: float
+    landed: bool
+    """True when the ramp to zero volts was carried out."""
+    error: BaseException | None = field(default=None, compare=False)
+    lost: int = 0
+    """Periods skipped because their samples never came."""
+    punctuality: Punctuality | None = None
+    """None where nothing was flown, or on a virtual clock"""
+    realtime: Realtime | None = None
+    """What the system granted the loop; None on a virtual clock"""
+    link: dict[str, Any] | None = None
+    """What the rig's link counted (see `link_counts`); None where it has none"""
+
+    def details(self) -> dict[str, Any]:
+        """The outcome as the recording keeps it, units in the keys."""
+        return {
+            "detail": self.detail,
+            "periods": self.periods,
+            "late": self.late,
+            "missed": self.missed,
+            "lost": self.lost,
+            "worst_lateness_s": self.worst_lateness_s,
+            "landed": self.landed,
+            "punctuality": asdict(self.punctuality) if self.punctuality else None,
+            "realtime": self.realtime.to_dict() if self.realtime else None,
+            "link": self.link,
+        }
+
+
+def link_counts(rig: Any) -> dict[str, Any] | None:
+    """What ``rig.statistics`` counted, as JSON keys: numbers, and histograms by their quantiles."""
+    statistics = getattr(rig, "statistics", None)
+    if not is_dataclass(statistics) or isinstance(statistics, type):
+        return None
+    kept: dict[str, Any] = {}
+    for name in (f.name for f in fields(statistics)):
+        value = getattr(statistics, name)
+        if isinstance(value, int | float):
+            kept[name] = value
+        elif hasattr(value, "quantile_s") and value.n:
+            kept[f"{name}_median_s"] = value.quantile_s(0.5)
+            kept[f"{name}_p999_s"] = value.quantile_s(0.999)
+            kept[f"{name}_worst_s"] = value.worst_s
+    return kept
+
+
+class Tally:
+    """Counts period by period; the room for ``periods`` numbers is taken before the flight."""
+
+    def __init__(self, periods: int) -> None:
+        self.flown = self.late = self.missed = self.lost = 0
+        self.worst = 0.0
+        self._n = 0
+        self._lateness = array("d", bytes(8 * periods))
+        self._turnaround = array("d", bytes(8 * periods))
+
+    def count(self, lateness: float, turnaround: float, missed: int, lost: int) -> None:
+        """One period more: s, s, periods skipped before it."""
+        if lateness > LATE_S:
+            self.late += 1
+        if lateness > self.worst:
+            self.worst = lateness
+        self.missed += missed
+        self.lost += lost
+        if self._n < len(self._lateness):
+            self._lateness[self._n] = lateness
+            self._turnaround[self._n] = turnaround
+            self._n += 1
+
+    def punctuality(self) -> Punctuality | None:
+        """Quantiles of what was counted; None for nothing."""
+        if not self._n:
+            return None
+        import numpy as np
+
+        late = np.frombuffer(self._lateness)[: self._n]
+        turn = np.frombuffer(self._turnaround)[: self._n]
+        median, p99, p999 = (float(q) for q in np.quantile(late, (0.5, 0.99, 0.999)))
+        return Punctuality(
+            median,
+            p99,
+            p999,
+            float(late.max()),
+            (self.late + self.missed) / (self._n + self.missed),
+            *(float(q) for q in np.quantile(turn, (0.5, 0.999, 1.0))),
+        )

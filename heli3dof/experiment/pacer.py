@@ -1,0 +1,54 @@
+"""One exchange with the rig after another, each with its number, its deadline and its judgement."""
+
+from __future__ import annotations
+
+from time import monotonic
+
+from heli3dof.experiment.outcome import Tally
+from heli3dof.experiment.timekeeping import timekeeper
+from heli3dof.rig.port import Command, Rig, Sample
+
+
+class Pacer:
+    """Sends a voltage, waits for the period's end, and says how punctual its sample was."""
+
+    def __init__(self, rig: Rig, dt: float, tally: Tally) -> None:
+        self._rig = rig
+        self._time = timekeeper(rig, dt)
+        self._tally = tally
+        self.sequence = 0
+        """The number of the last command"""
+        self.sent = (0.0, 0.0)
+        """V, what it said"""
+        self.lateness = 0.0
+        """s by which the sample that followed it was late"""
+        self.skipped = 0
+        """Periods that passed unused before that sample: missed, or lost"""
+
+    def start(self) -> Sample:
+        """Arm the rig; its first sample begins the flight."""
+        sample = self._rig.arm()
+        self._time.start(sample)
+        return sample
+
+    def exchange(self, since: Sample, voltage: tuple[float, float]) -> Sample:
+        """Put out a voltage (V) computed from the sample ``since``; the sample that follows."""
+        time = self._time
+        self.sequence = (self.sequence + 1) & 0xFFFFFFFF
+        self.sent = voltage
+        due = time.next()
+        command = Command(self.sequence, voltage[0], voltage[1])
+        asked = monotonic()
+        sample = self._rig.exchange(command, due)
+        time.arrived(sample, asked)
+        self.lateness = time.lateness
+        self.skipped = time.missed + time.lost
+        self._tally.count(time.lateness, asked - since.host_time_s, time.missed, time.lost)
+        return sample
+
+    def stop(self, why: str) -> None:
+        """Emergency stop. Where even that fails, the device's own watchdog is what remains."""
+        try:
+            self._rig.estop(why)
+        except Exception:
+            return

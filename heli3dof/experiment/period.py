@@ -1,0 +1,43 @@
+"""What the loop knows in one control period, before its command goes out; and who may look at it.
+
+A *watch* is anything that is called with every `Period` and returns why the flight must end now,
+or None. It may keep what it needs from period to period; a flight gets watches of its own. It
+runs inside the control period: a few microseconds, no input or output.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from heli3dof.rig.port import Sample
+
+
+class Period(NamedTuple):
+    """One control period: the sample that opened it and what was computed from it."""
+
+    k: int
+    """The plan's period, 0 first; it jumps where periods were missed or samples lost."""
+    t: float
+    """s since the first sample, on the device's clock."""
+    sample: Sample
+    angle: tuple[float, float, float]
+    """rad: roll, pitch, yaw"""
+    rate: tuple[float, float, float]
+    """rad/s, the controller's filtered derivatives"""
+    command: tuple[float, float]
+    """V asked for by the controller, before the limiter: front, back"""
+    voltage: tuple[float, float]
+    """V after it: what is about to be sent"""
+    sent: tuple[float, float]
+    """V sent in the period before"""
+    command_sequence: int
+    """The sequence that it was sent with: what this sample should echo"""
+    lateness: float
+    """s that the sample came after its deadline; 0 where the clock is virtual"""
+    missed: int
+    """Periods skipped just before this one: missed by the host, or whose samples were lost"""
+
+
+Watch = Callable[[Period], str | None]
+"""Why the flight must end now, or None."""

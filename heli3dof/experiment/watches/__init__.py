@@ -1,0 +1,50 @@
+"""What looks on while a flight goes on, and says when it must end: one small class each.
+
+A watch is made for one flight and called in every control period (see
+`heli3dof.experiment.period`). It says *why* in words that go into the recording; whatever it says
+ends the flight with a ramp to zero. None of them changes a command.
+
+===========  =====================================================================================
+`Jump`       an encoder's count changed by more than the rig can turn in a period
+`Frozen`     an encoder's count stood still while what drives its axis changed strongly
+`Saturated`  a motor was asked for more than the limit for too long
+`Late`       too many periods of the last second came too late
+`Lost`       samples, or commands, were lost in a row for too long
+`Suspended`  the computer slept: then there is no ramp, the device is stopped at once
+===========  =====================================================================================
+
+The numbers are the profile's ``[limits]``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from heli3dof.experiment.period import Watch
+from heli3dof.experiment.watches.encoders import Frozen, Jump
+from heli3dof.experiment.watches.saturation import Saturated
+from heli3dof.experiment.watches.suspension import Suspended
+from heli3dof.experiment.watches.timing import Late, Lost
+from heli3dof.rig.profile import Profile
+
+__all__ = ["Frozen", "Jump", "Late", "Lost", "Saturated", "Suspended", "Watches", "watches_for"]
+
+
+@dataclass(frozen=True)
+class Watches:
+    """The watches of one flight."""
+
+    each_period: tuple[Watch, ...]
+    at_once: Callable[[], str | None]
+    """Why to stop without a ramp; asked in every period of the ramp"""
+
+
+def watches_for(profile: Profile) -> Watches:
+    """All of them, fresh, for one flight with this profile."""
+    suspended = Suspended()
+    return Watches(
+        (suspended, Jump(profile), Lost(profile), Late(profile), Frozen(profile),
+         Saturated(profile)),
+        suspended.at_once,
+    )  # fmt: skip

@@ -1,0 +1,74 @@
+"""A loop that is too late to fly, and a line that loses what it should carry.
+
+**Late**: of the last second's periods, more than ``late_max_share`` came later than ``late_max_s``
+after their deadline; those that such a sample was too late for count with it.
+
+**Lost**: for longer than ``lost_max_s`` no sample came though the host waited for it, or the
+samples that came echoed no new command.
+"""
+
+from __future__ import annotations
+
+from heli3dof.experiment.period import Period
+from heli3dof.rig.profile import Profile
+
+WINDOW_S = 1.0
+
+
+class Late:
+    """A ring of the last second's periods: late or not."""
+
+    def __init__(self, profile: Profile) -> None:
+        limits = profile.limits
+        self._late_s = limits.late_max_s
+        self._ring = bytearray(max(2, round(WINDOW_S / profile.dt)))
+        self._most = limits.late_max_share * len(self._ring)
+        self._at = self._late = 0
+
+    def __call__(self, now: Period) -> str | None:
+        late = now.lateness > self._late_s
+        if not late and not self._late:
+            return None
+        for _ in range(1 + (min(now.missed, len(self._ring)) if late else 0)):
+            self._late += late - self._ring[self._at]
+            self._ring[self._at] = late
+            self._at = (self._at + 1) % len(self._ring)
+        if self._late > self._most:
+            return (
+                f"the loop was too late: {self._late} of the last {len(self._ring)} periods came "
+                f"more than {1e3 * self._late_s:g} ms after their time or not at all "
+                "(heli3dof doctor says why)"
+            )
+        return None
+
+
+class Lost:
+    """Lost in a row: samples by the gap they leave, commands by the echo that stays behind."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._dt = profile.dt
+        self._most = profile.limits.lost_max_s / profile.dt
+        self._echo = 0
+        self._unheard = 0
+
+    def __call__(self, now: Period) -> str | None:
+        # What the host itself was too late for is no loss of the line's.
+        lost = now.missed - int(now.lateness / self._dt + 1e-6)
+        if lost > self._most:
+            return (
+                f"no sample came for {1 + lost} periods ({1e3 * (1 + lost) * self._dt:.0f} ms): "
+                "the line loses frames (heli3dof doctor looks at it)"
+            )
+        echo = now.sample.sequence
+        if echo == now.command_sequence or echo != self._echo:
+            self._unheard = 0
+        else:
+            self._unheard += 1
+        self._echo = echo
+        if self._unheard > self._most:
+            return (
+                f"the device heard none of the last {self._unheard} commands "
+                f"({1e3 * self._unheard * self._dt:.0f} ms): the line loses frames "
+                "(heli3dof doctor looks at it)"
+            )
+        return None

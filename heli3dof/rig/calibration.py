@@ -1,0 +1,160 @@
+"""Where a rig's encoders stand when it rests, stored under its serial number by ``heli3dof zero``.
+
+    angle = rest + (count − counts_at_rest) · 2π / counts per revolution
+
+Counts begin at zero when the device starts (docs/protocol.md), so counts_at_rest holds for one
+start of the device, which its boot number tells:
+
+=====================  ========================  ==============================================
+stored                 the device says           counts_at_rest
+=====================  ========================  ==============================================
+nothing                                          0: it is taken to have started at rest
+for this boot          the same boot             as stored
+for another boot       another boot              0, and the user is told what is assumed
+without a boot number  no boot number            as stored, and the user is told when
+for other encoders     other counts per rev.     0, and the user is told
+=====================  ========================  ==============================================
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from heli3dof.rig.places import state_folder
+from heli3dof.rig.port import Identity
+
+Counts = tuple[int, int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What ``zero`` measured."""
+
+    serial: str
+    boot: int | None
+    counts_per_rev: Counts
+    counts_at_rest: Counts
+    zeroed_utc: str
+    device: str
+    """The URL it was measured through"""
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """What a session goes by: the counts at the rest angles, and what that rests on."""
+
+    counts_at_rest: Counts
+    known_from: str
+    """``zero``: measured; ``power-up``: the device is taken to have started at rest"""
+    note: str = ""
+    """What the user should know; empty where there is nothing to be said"""
+
+    def to_dict(self) -> dict[str, Any]:
+        """As a recording's provenance keeps it."""
+        about: dict[str, Any] = {
+            "counts_at_rest": list(self.counts_at_rest),
+            "known_from": self.known_from,
+        }
+        return about | ({"note": self.note} if self.note else {})
+
+
+POWER_UP = Rest((0, 0, 0), "power-up")
+
+
+def rest_of(identity: Identity) -> Rest:
+    """What to go by for the rig that answered so."""
+    try:
+        stored = load_calibration(identity.serial)
+    except ValueError as problem:
+        note = f"the stored rest angles cannot be read ({problem}): run heli3dof zero again"
+        return replace(POWER_UP, note=note)
+    if stored is None:
+        return POWER_UP
+    if stored.counts_per_rev != identity.counts_per_rev:
+        note = (
+            f"the rest angles stored on {stored.zeroed_utc} are for encoders of "
+            f"{stored.counts_per_rev} counts and are not used: run heli3dof zero again"
+        )
+        return replace(POWER_UP, note=note)
+    if stored.boot != identity.boot:
+        note = (
+            f"the device has started anew since heli3dof zero on {stored.zeroed_utc}: the rig is "
+            "taken to have rested at its start; if it did not, run heli3dof zero again"
+        )
+        return replace(POWER_UP, note=note)
+    note = ""
+    if identity.boot is None:
+        note = (
+            f"rest angles as of heli3dof zero on {stored.zeroed_utc}; this device does not tell "
+            "whether it was switched off since: if it was, run heli3dof zero again"
+        )
+    return Rest(stored.counts_at_rest, "zero", note)
+
+
+def calibration_path(serial: str) -> Path:
+    """The file of one rig."""
+    return state_folder() / "rigs" / (re.sub(r"[^A-Za-z0-9._-]", "_", serial) + ".toml")
+
+
+def load_calibration(serial: str) -> Calibration | None:
+    """What was stored for a rig; None: nothing. Raises ValueError for a file that is damaged."""
+    path = calibration_path(serial)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+        raise ValueError(f"{path}: {problem}") from problem
+    boot = data.get("boot")
+    serial_, zeroed, device = (data.get(key) for key in ("serial", "zeroed_utc", "device"))
+    per_rev, at_rest = (_counts(data.get(key)) for key in ("counts_per_rev", "counts_at_rest"))
+    texts = isinstance(serial_, str) and isinstance(zeroed, str) and isinstance(device, str)
+    if not texts or per_rev is None or at_rest is None or not isinstance(boot, int | None):
+        raise ValueError(f"{path}: a key is missing or of another kind")
+    if serial_ != serial:
+        raise ValueError(f"{path}: is for the rig {serial_}")
+    return Calibration(serial, boot, per_rev, at_rest, str(zeroed), str(device))
+
+
+def store_calibration(calibration: Calibration) -> Path:
+    """Write it, whole or not at all; returns the file."""
+    path = calibration_path(calibration.serial)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    c = calibration
+    lines = [
+        "# Where this rig's encoders stand at its rest angles. Made by heli3dof zero.",
+        f"serial = {_text(c.serial)}",
+        *([] if c.boot is None else [f"boot = {c.boot}"]),
+        f"counts_per_rev = {list(c.counts_per_rev)}",
+        f"counts_at_rest = {list(c.counts_at_rest)}",
+        f"zeroed_utc = {_text(c.zeroed_utc)}",
+        f"device = {_text(c.device)}",
+    ]
+    new = path.with_suffix(f".{os.getpid()}.new")
+    new.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    new.replace(path)
+    return path
+
+
+def now_utc() -> str:
+    """The time of a calibration."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _counts(value: object) -> Counts | None:
+    if isinstance(value, list) and len(value) == 3 and all(type(v) is int for v in value):
+        return (value[0], value[1], value[2])
+    return None
+
+
+def _text(value: str) -> str:
+    """A TOML basic string: JSON's escapes are a part of TOML's."""
+    import json
+
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,111 @@
+"""What only an armed rig shows: the loop's own traffic, the watchdog, the emergency stop.
+
+Asked for with ``doctor --arm``. Every command is zero volts, so nothing turns unless the amplifier
+is broken: hands off the propellers all the same.
+
+    arm → zero volts at the control rate for a second → silence until the watchdog must have
+    expired → arm → emergency stop → arm → close
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+
+from heli3dof.rig.port import Check, Command, Flags, Sample
+from heli3dof.rig.profile import Profile
+from heli3dof.rig.stoppable import StoppableRig
+
+SECONDS = 1.0
+LONGEST_RAMP_S = 0.5
+"""s that any device may take from the watchdog's expiry to zero volts"""
+LOST_SHARE = 1e-3
+
+
+class Armed:
+    """An open rig, driven with zero volts only."""
+
+    def __init__(self, rig: StoppableRig, profile: Profile) -> None:
+        self.rig, self.dt = rig, profile.dt
+        self.sequence = 0
+        self.due = 0.0
+
+    def arm(self) -> Sample:
+        sample = self.rig.arm()
+        self.due = sample.host_time_s
+        return sample
+
+    def zero_volts(self) -> Sample:
+        """One control period of the loop, with nothing to do."""
+        self.sequence += 1
+        self.due = max(self.due + self.dt, time.monotonic())
+        return self.rig.exchange(Command(self.sequence, 0.0, 0.0), self.due)
+
+
+def traffic(armed: Armed) -> Check:
+    """Samples that came, against those that were due by the device's clock."""
+    first = last = armed.arm()
+    came = 0
+    until = time.monotonic() + SECONDS
+    worst = 0.0
+    while time.monotonic() < until:
+        before, last = last, armed.zero_volts()
+        came += 1
+        worst = max(worst, last.host_time_s - before.host_time_s)
+    due = max(came, round((last.device_time_s - first.device_time_s) / armed.dt))
+    found = (
+        f"{came} of {due} samples came at {1 / armed.dt:g} Hz; {worst * 1e3:.1f} ms between two "
+        "at worst"
+    )
+    if last.v_applied != (0.0, 0.0):
+        volts = "{:g} and {:g} V".format(*last.v_applied)
+        fix = "switch off; have the amplifier repaired"
+        return Check("zero volts", f"{volts} put out where zero was asked for", False, fix)
+    if due - came > LOST_SHARE * due:
+        fix = "see wake-up and round trip above: this computer or the line pauses"
+        return Check("traffic of the loop", found, False, fix)
+    return Check("traffic of the loop", found, True)
+
+
+def watchdog_expires(armed: Armed) -> Check:
+    """Silence must latch the device out."""
+    what, rig = "watchdog at work", armed.rig
+    if rig.identity.timebase == "virtual":
+        return Check(what, "not asked: a virtual clock stands still in the silence", None)
+    armed.arm()
+    armed.zero_volts()
+    time.sleep(rig.identity.watchdog_s + LONGEST_RAMP_S)
+    # The first exchange after the silence ends a period that the device had begun before it.
+    armed.zero_volts()
+    flags = armed.zero_volts().flags
+    if flags & Flags.LATCHED and not flags & Flags.ENABLED:
+        return Check(what, "expired in the silence, and latched", True)
+    fix = "do not fly this device: nothing stops it when the cable comes out; mend its firmware"
+    return Check(what, "DID NOT EXPIRE in the silence", False, fix)
+
+
+def stop_holds(armed: Armed) -> Check:
+    """An emergency stop must hold against commands, and end with arming."""
+    what = "emergency stop at work"
+    armed.arm()
+    armed.zero_volts()
+    armed.rig.estop("heli3dof doctor")
+    flags = armed.zero_volts().flags
+    if not flags & Flags.ESTOP or flags & Flags.ENABLED:
+        fix = "do not fly this device: mend its firmware"
+        return Check(what, "the device did not stay stopped", False, fix)
+    again = armed.arm().flags
+    if not again & Flags.ENABLED or again & Flags.ESTOP:
+        return Check(what, "stopped, but does not arm again", False, "switch it off and on")
+    return Check(what, "stopped at once, held, and armed again", True)
+
+
+CHECKS: tuple[Callable[[Armed], Check], ...] = (traffic, watchdog_expires, stop_holds)
+
+
+def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
+    """Every check of this file; the rig is stopped at the end."""
+    armed = Armed(rig, profile)
+    for check in CHECKS:
+        yield check(armed)
+    rig.estop("heli3dof doctor is done")

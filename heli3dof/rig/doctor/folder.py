@@ -1,0 +1,65 @@
+"""Where recordings go: may we write there, is there room, how long until data is safe on disk."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from heli3dof.rig.port import Check
+
+ROOM_BYTES = 1 << 30
+"""A flight of ten minutes takes about 15 MB; the analysis writes as much again"""
+PIECE_BYTES = 32 * 1024
+"""About what the recorder hands over at a time"""
+TRIES = 20
+SLOW_S = 0.3
+"""s: data that takes longer than this to reach the disk would be lost with the power"""
+
+
+def room(folder: Path) -> Check:
+    """Free space."""
+    what = "room for recordings"
+    free = shutil.disk_usage(folder).free
+    found = f"{free / 1e9:.1f} GB free in {folder}"
+    if free < ROOM_BYTES:
+        return Check(what, found, False, f"make room, or record elsewhere with -o; df -h {folder}")
+    return Check(what, found, True)
+
+
+def to_disk(folder: Path) -> Check:
+    """Write and synchronise as the recorder does."""
+    what = "time to the disk"
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            took = sorted(_once(file.fileno()) for _ in range(TRIES))
+    except OSError as problem:
+        why = (problem.strerror or str(problem)).lower()
+        return Check(what, f"{folder} cannot be written: {why}", False, f"ls -ld {folder}")
+    found = f"{took[TRIES // 2] * 1e3:.1f} ms at the median, {took[-1] * 1e3:.0f} ms at worst"
+    if took[TRIES // 2] > SLOW_S:
+        fix = "record to a local disk with -o: this one is a network's, a card, or very busy"
+        return Check(what, found, False, fix)
+    return Check(what, found, True)
+
+
+CHECKS: tuple[Callable[[Path], Check], ...] = (room, to_disk)
+
+
+def checks(folder: Path) -> Iterator[Check]:
+    """Every check of this file; of the nearest folder that exists, for one that is not made yet."""
+    folder = folder.absolute()
+    while not folder.is_dir():
+        folder = folder.parent
+    for check in CHECKS:
+        yield check(folder)
+
+
+def _once(file: int) -> float:
+    start = time.monotonic()
+    os.write(file, b"\0" * PIECE_BYTES)
+    os.fsync(file)
+    return time.monotonic() - start

@@ -1,0 +1,214 @@
+"""The open rig: who it is, how fast and how surely it answers, and what it says of itself.
+
+Everything is read with `Rig.read`; the rig is never armed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import degrees
+
+from heli3dof.axes import AXES
+from heli3dof.rig.clock import wait_until
+from heli3dof.rig.port import Check, Flags, Sample
+from heli3dof.rig.profile import Profile
+from heli3dof.rig.stoppable import StoppableRig
+
+POLLS = 500
+EVERY_S = 2e-3
+"""s from reading to reading: long enough in all to compare clocks by"""
+LONGEST_S = 3.0
+LONGEST_WATCHDOG_S = 0.5
+STILL_COUNTS = 2
+
+
+@dataclass(frozen=True)
+class Opened:
+    """An open rig and what a row of readings said of it."""
+
+    rig: StoppableRig
+    profile: Profile
+    samples: list[Sample]
+    took_s: list[float]
+    """Of each reading, from the question to the sample"""
+    repeats: int | None
+    """Questions that had to be asked again; None: this driver does not count them"""
+    damaged: int | None
+    """Pieces on the line that were no frame"""
+
+
+def listen(rig: StoppableRig, profile: Profile) -> Opened:
+    """Read the rig `POLLS` times, or as often as `LONGEST_S` allows."""
+    repeats, damaged = _counted(rig, "repeats"), _counted(rig, "damaged")
+    samples, took = [], []
+    first = time.monotonic()
+    for k in range(POLLS):
+        start = wait_until(first + k * EVERY_S)
+        samples.append(rig.read())
+        now = time.monotonic()
+        took.append(now - start)
+        if now > first + LONGEST_S:
+            break
+    return Opened(
+        rig, profile, samples, took,
+        _less(_counted(rig, "repeats"), repeats), _less(_counted(rig, "damaged"), damaged),
+    )  # fmt: skip
+
+
+def identity(opened: Opened) -> Check:
+    """Is it the profile's rig?"""
+    found, profile = opened.rig.identity, opened.profile
+    e = profile.encoder
+    says = (
+        f"{found.model}, serial {found.serial}, firmware {found.firmware}, "
+        f"protocol {found.protocol}"
+    )
+    if found.counts_per_rev != (e.roll, e.pitch, e.yaw):
+        ours, theirs = (e.roll, e.pitch, e.yaw), found.counts_per_rev
+        return Check(
+            "identity",
+            f"{says}; it counts {theirs} per revolution, the profile says {ours}",
+            False,
+            f"--profile the rig's own, or encoder.{_differs(ours, theirs)} as the rig says in it",
+        )
+    if found.v_max < profile.motor.v_max:
+        return Check(
+            "identity",
+            f"{says}; it puts out {found.v_max:g} V at most, the profile says "
+            f"{profile.motor.v_max:g} V",
+            False,
+            f"motor.v_max = {found.v_max:g} in the profile",
+        )
+    return Check("identity", says, True)
+
+
+def watchdog(opened: Opened) -> Check:
+    """Its time; whether it works is the test bench's to show, with motors that may turn."""
+    seconds = opened.rig.identity.watchdog_s
+    found = f"motors to zero after {seconds * 1e3:g} ms of silence"
+    if seconds > LONGEST_WATCHDOG_S:
+        fix = "?watchdog_s=0.1 in the device URL, or the firmware's own setting"
+        return Check("watchdog", found, False, fix)
+    return Check("watchdog", found, True)
+
+
+def round_trip(opened: Opened) -> Check:
+    """From a question to its answer, against the control period."""
+    took = sorted(opened.took_s)
+    n, dt = len(took), opened.profile.dt
+    usual, rare = took[n // 2], took[min(n - 1, int(0.999 * n))]
+    found = f"{usual * 1e6:.0f} µs at the median, {rare * 1e6:.0f} µs at 99.9 %, of {n} readings"
+    if usual > dt / 2:
+        fix = "the latency timer (above), a higher ?baud=, or a lower loop.rate_hz in the profile"
+        return Check("round trip", f"{found}: too slow for {1 / dt:g} Hz", False, fix)
+    if rare > dt:
+        fix = "see wake-up: either this computer or the line pauses; nothing else on the USB hub"
+        return Check("round trip", f"{found}: longer than a period now and then", False, fix)
+    return Check("round trip", found, True)
+
+
+def loss(opened: Opened) -> Check:
+    """Questions without an answer, bytes that were no frame."""
+    if opened.repeats is None or opened.damaged is None:
+        return Check("loss", "this driver does not count it", None)
+    n = len(opened.samples)
+    found = f"{opened.repeats} of {n} readings asked again, {opened.damaged} damaged frames"
+    if opened.repeats or opened.damaged:
+        fix = "a shorter, shielded cable away from the motors' leads; ground at one end; lower baud"
+        return Check("loss", found, False, fix)
+    return Check("loss", found, True)
+
+
+def device_clock(opened: Opened) -> Check:
+    """The device's clock against ours, over the readings."""
+    first, last = opened.samples[0], opened.samples[-1]
+    theirs = last.device_time_s - first.device_time_s
+    ours = last.host_time_s - first.host_time_s
+    if opened.rig.identity.timebase == "virtual" or ours < 0.05:
+        return Check("device's clock", "not compared: virtual, or too short a time", None)
+    off = theirs / ours - 1
+    # Each end may be off by one reading's time.
+    unsure = 2 * max(opened.took_s) / ours
+    found = f"{off * 100:+.2f} % against ours (± {unsure * 100:.2f} %)"
+    if abs(off) > 0.01 + unsure:
+        return Check(
+            "device's clock", found, False, "the firmware's clock or its tick is set wrong"
+        )
+    return Check("device's clock", found, True)
+
+
+def stands_still(opened: Opened) -> Check:
+    """Counts of a rig at rest: those that wander are an encoder's noise, or a missing ground."""
+    spans = [
+        max(column) - min(column)
+        for column in zip(*(s.counts for s in opened.samples), strict=True)
+    ]
+    worst = max(range(3), key=lambda i: spans[i])
+    if spans[worst] > STILL_COUNTS:
+        return Check(
+            "encoders at rest",
+            f"{AXES[worst]} wandered by {spans[worst]} counts",
+            False,
+            "let the rig rest and try again; else check that encoder's cable and shield",
+        )
+    return Check("encoders at rest", "still", True)
+
+
+def state(opened: Opened) -> Check:
+    """What the device says of itself."""
+    flags = opened.samples[-1].flags
+    said = {
+        Flags.FAULT: ("the amplifier reports a fault", "let it cool, check supply and motors"),
+        Flags.STALL: ("a motor is stalled", "switch off, free the propeller"),
+        Flags.ENABLED: ("the rig is armed by somebody else", "heli3dof estop"),
+    }
+    for flag, (found, fix) in said.items():
+        if flags & flag:
+            return Check("state", found, False, fix)
+    held = [flag.name or "" for flag in (Flags.LATCHED, Flags.ESTOP) if flags & flag]
+    return Check("state", f"{' '.join(held).lower()}: the next flight clears it", True) if held \
+        else Check("state", "idle, output zero", True)  # fmt: skip
+
+
+def rest_angles(opened: Opened) -> Check:
+    """Where the encoders stand, by what is stored, against the profile's rest angles."""
+    rest, profile = opened.rig.rest, opened.profile
+    counts = opened.samples[-1].counts
+    off = [degrees(counts[i] * q) for i, q in enumerate(profile.encoder.rad_per_count)]
+    away = ", ".join(f"{axis} {each:+.1f}°" for axis, each in zip(AXES, off, strict=True))
+    origin = {"zero": "as heli3dof zero stored", "power-up": "as the device started"}
+    found = f"{origin[rest.known_from]}; away from rest now: {away}"
+    if rest.note:
+        return Check("rest angles", f"{found}; {rest.note}", None, "heli3dof zero")
+    if max(map(abs, off[:2])) > 3.0:
+        fix = "let the rig rest, then heli3dof zero"
+        return Check("rest angles", found, None, fix)
+    return Check("rest angles", found, True)
+
+
+CHECKS: tuple[Callable[[Opened], Check], ...] = (
+    identity, state, watchdog, round_trip, loss, device_clock, stands_still, rest_angles,
+)  # fmt: skip
+
+
+def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
+    """Every check of this file, on one row of readings."""
+    opened = listen(rig, profile)
+    for check in CHECKS:
+        yield check(opened)
+
+
+def _counted(rig: StoppableRig, name: str) -> int | None:
+    """A counter that the link's rigs keep; other drivers need not."""
+    value = getattr(getattr(rig.inner, "statistics", None), name, None)
+    return value if isinstance(value, int) else None
+
+
+def _less(after: int | None, before: int | None) -> int | None:
+    return None if after is None or before is None else after - before
+
+
+def _differs(ours: tuple[int, ...], theirs: tuple[int, ...]) -> str:
+    return next(a for a, x, y in zip(AXES, ours, theirs, strict=True) if x != y)

@@ -1,0 +1,87 @@
+"""A rig as its session holds it: it heeds a stop asked for elsewhere, and counts from rest.
+
+The loop goes on as before and ends by what the samples say (flag ESTOP)::
+
+    exchange(command):   asked?  →  estop once, confirm, and zero volts from then on
+    arm():               asked?  →  refused: arming would clear the stop
+
+In every phase of a flight, landing included; within one control period of the question. And every
+sample's counts are taken from where they stand at the rest angles (`heli3dof.rig.calibration`).
+"""
+
+from __future__ import annotations
+
+from heli3dof.errors import SafetyTrip
+from heli3dof.rig.calibration import POWER_UP, Rest
+from heli3dof.rig.port import Command, Identity, Rig, Sample
+from heli3dof.rig.session import Session
+
+
+class StoppableRig:
+    """See `heli3dof.rig.port.Rig`."""
+
+    def __init__(self, rig: Rig, session: Session, rest: Rest = POWER_UP) -> None:
+        self.inner, self.session = rig, session
+        self.rest = rest
+        self.last: Sample | None = None
+        """The last sample, for whoever looks on."""
+
+    @property
+    def identity(self) -> Identity:
+        return self.inner.identity
+
+    @property
+    def statistics(self) -> object:
+        """What the rig's link has counted; None where it counts nothing."""
+        return getattr(self.inner, "statistics", None)
+
+    def arm(self) -> Sample:
+        if self.session.asked is not None:
+            self._heed(self.session.asked)
+            raise SafetyTrip(
+                f"The rig was not armed: an emergency stop was asked for ({self.session.asked}).",
+                cause="somebody ran heli3dof estop while the rig was being opened.",
+                fix="find out who and why; then start again",
+            )
+        self.last = sample = self._from_rest(self.inner.arm())
+        return sample
+
+    def read(self) -> Sample:
+        if self.session.asked is not None:
+            self._heed(self.session.asked)
+        self.last = sample = self._from_rest(self.inner.read())
+        return sample
+
+    def exchange(self, command: Command, due_s: float) -> Sample:
+        if self.session.asked is not None:
+            self._heed(self.session.asked)
+            command = Command(command.sequence, 0.0, 0.0)
+        self.last = sample = self._from_rest(self.inner.exchange(command, due_s))
+        return sample
+
+    def _from_rest(self, sample: Sample) -> Sample:
+        zero = self.rest.counts_at_rest
+        if zero == (0, 0, 0):
+            return sample
+        counts = sample.counts
+        # Not dataclasses.replace: this is in the control period, and that takes ten times as long.
+        return Sample(
+            sample.sequence,
+            sample.device_time_s,
+            (counts[0] - zero[0], counts[1] - zero[1], counts[2] - zero[2]),
+            sample.v_applied,
+            sample.current,
+            sample.flags,
+            sample.host_time_s,
+        )
+
+    def estop(self, reason: str) -> None:
+        self.inner.estop(reason)
+
+    def close(self) -> None:
+        self.inner.close()
+
+    def _heed(self, why: str) -> None:
+        if self.session.stopped is None:
+            self.inner.estop(why)
+            self.session.confirm("by the session that held the rig")

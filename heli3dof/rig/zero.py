@@ -1,0 +1,94 @@
+"""Measure where the encoders stand at known angles, with a rig that stands still.
+
+    counts_at_rest = median(count) − (angle now − rest angle) · counts per revolution / 2π
+
+rounded to whole counts. The rig stands still when no axis moved by more than `STILL_DEG` or
+`STILL_COUNTS` within the time of the measurement.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from dataclasses import dataclass
+from math import degrees, radians
+
+from heli3dof.axes import AXES
+from heli3dof.errors import CheckFailed, SafetyTrip
+from heli3dof.rig.calibration import Calibration, Counts, now_utc
+from heli3dof.rig.port import Flags, Rig
+from heli3dof.rig.profile import Profile
+
+STILL_DEG = 0.2
+STILL_COUNTS = 2
+EVERY_S = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """How a rig stood for a while."""
+
+    counts: Counts
+    """The median of each axis, as the device counts"""
+    moved: Counts
+    """Largest less smallest"""
+    readings: int
+
+
+def watch_standing(rig: Rig, seconds: float) -> Standing:
+    """Read without arming for so long. Raises SafetyTrip where the rig is enabled."""
+    rows = []
+    until = time.monotonic() + seconds
+    while True:
+        sample = rig.read()
+        if sample.flags & Flags.ENABLED:
+            raise SafetyTrip(
+                "The rig is armed: its motors may turn.",
+                cause="another program flies it, or left it armed.",
+                fix="heli3dof estop",
+            )
+        rows.append(sample.counts)
+        if time.monotonic() >= until:
+            break
+        time.sleep(EVERY_S)
+    columns = list(zip(*rows, strict=True))
+    a, b, c = (round(statistics.median(column)) for column in columns)
+    x, y, z = (max(column) - min(column) for column in columns)
+    return Standing((a, b, c), (x, y, z), len(rows))
+
+
+def calibrate(
+    standing: Standing,
+    rig: Rig,
+    profile: Profile,
+    device: str,
+    angles_deg: tuple[float | None, float | None, float | None],
+) -> Calibration:
+    """The calibration of a rig that stands at these angles; None: at that axis's rest angle.
+
+    Raises CheckFailed where it did not stand still.
+    """
+    per_count = profile.encoder.rad_per_count
+    rest = profile.encoder.rest_rad
+    at_rest = []
+    for i, axis in enumerate(AXES):
+        moved_deg = abs(degrees(standing.moved[i] * per_count[i]))
+        if standing.moved[i] > STILL_COUNTS and moved_deg > STILL_DEG:
+            raise CheckFailed(
+                f"The rig does not stand still: {axis} moved by {moved_deg:.2f}° "
+                f"({standing.moved[i]} counts).",
+                cause="it still swings, somebody touches it, or the encoder picks up noise.",
+                fix="let it come to rest; heli3dof monitor shows the angles",
+            )
+        angle = angles_deg[i]
+        away = 0.0 if angle is None else (radians(angle) - rest[i]) / per_count[i]
+        at_rest.append(standing.counts[i] - round(away))
+    identity = rig.identity
+    return Calibration(
+        identity.serial,
+        identity.boot,
+        identity.counts_per_rev,
+        (at_rest[0], at_rest[1], at_rest[2]),
+        now_utc(),
+        device,
+    )

@@ -1,0 +1,113 @@
+"""The link: harmed lines, and what a question and its answer take."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+
+from heli3dof_drivers.link.rig import LinkRig
+
+from heli3dof.experiment.realtime import realtime
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.port import Command
+from heli3dof.rig.profile import TABLE_I, profile_from_dict
+from tests.bench import Figure, at_least, at_most
+from tests.drivers.doors import Door, firmware_door
+from tests.drivers.firmware.building import run
+from tests.drivers.link.faults import KINDS, Tally, Trial
+
+TITLE = "The link"
+INTRO = (
+    "Harm: half of all frames of both directions have wrong bits, a wrong run of bytes, a piece "
+    "cut out, noise in them, come twice, late or never; the emulated device, the host's side and "
+    "the firmware in C read them, and a judge knows what was sent. Round trip: POLL to SAMPLE in "
+    "a loop that sends commands, the host keeping time, through pyserial's port to the firmware "
+    "in C behind a pseudo-terminal. Flights over that line: the bench `loop`."
+)
+FAULTS = int(os.environ.get("LINK_FAULTS", "1200000"))
+SEEDS = 4
+SECONDS = float(os.environ.get("LINK_SECONDS", "60"))
+MEDIAN_US = 150.0
+
+
+def measure() -> list[Figure]:
+    figures = harmed()
+    with firmware_door() as door:
+        for rate_hz in (500.0, 1000.0):
+            figures.append(polled(door, rate_hz))
+    return figures
+
+
+def harmed() -> list[Figure]:
+    tallies: list[Tally] = []
+    answers = different = 0
+    for seed in range(1, SEEDS + 1):
+        trial = Trial(seed)
+        tallies.append(trial.run(FAULTS // SEEDS))
+        n, wrong = against_the_firmware(trial)
+        answers, different = answers + n, different + wrong
+    kinds = sum((t.harmed for t in tallies), Counter[str]())
+    how = ", ".join(f"{kinds[k]} {k}" for k in KINDS)
+
+    def total(name: str) -> int:
+        return sum(getattr(t, name) for t in tallies)
+
+    return [
+        at_least("frames harmed", total("faults"), 1e6, "", how=how),
+        at_most(
+            "wrong commands taken", total("wrong_commands"), 0, "", how=f"of {total('commands')}"
+        ),
+        at_most(
+            "wrong armings taken", total("wrong_armings"), 0, "", how=f"of {total('armings')}"
+        ),
+        at_most("wrong samples taken", total("wrong_samples"), 0, "", how=f"of {total('samples')}"),
+        at_most(
+            "second whole frame after harm not read", total("unsynchronised"), 0, "",
+            how=f"of {total('resyncs')}",
+        ),
+        at_most(
+            "answers in which the firmware in C differs", different, 0, "",
+            how=f"of {answers}, byte by byte, to the same harmed bytes",
+        ),
+    ]  # fmt: skip
+
+
+def against_the_firmware(trial: Trial) -> tuple[int, int]:
+    """Answers of the emulated device, and those that the firmware's core gives otherwise."""
+    said = "".join(f"{now} > {data.hex()}\n" for now, data, _ in trial.script)
+    expected = [
+        f"{now} < {piece.hex()}00"
+        for now, _, answer in trial.script
+        for piece in answer.split(b"\0")[:-1]
+    ]
+    answered = run("heli3dof-replay", text=said)
+    different = sum(a != b for a, b in zip(expected, answered, strict=False))
+    return len(expected), different + abs(len(expected) - len(answered))
+
+
+def polled(door: Door, rate_hz: float) -> Figure:
+    """The host keeps time and asks for each sample: what a question and its answer take."""
+    profile = profile_from_dict({**TABLE_I, "loop": {"rate_hz": rate_hz}})
+    rig = open_rig(door.url("stream=0"), profile)
+    assert isinstance(rig, LinkRig)
+    with realtime() as granted:
+        rig.arm()
+        due = time.monotonic()
+        for k in range(1, round(SECONDS * rate_hz) + 1):
+            late = (time.monotonic() - due) / profile.dt
+            due += profile.dt * max(1, int(late) + 1)
+            rig.exchange(Command(k, 1.0, 1.0), due)
+    rig.close()
+    counted = rig.statistics
+    trip = counted.round_trip
+    median, p999 = 1e6 * trip.quantile_s(0.5), 1e6 * trip.quantile_s(0.999)
+    scheduling = "real-time" if granted.scheduled else "ordinary"
+    return Figure(
+        f"{rate_hz:g} Hz: round trip, median / 99.9 %",
+        f"{median:.0f} / {p999:.0f} µs",
+        f"median ≤ {MEDIAN_US:g} µs",
+        median <= MEDIAN_US,
+        how=f"{trip.n} questions, {scheduling} scheduling, worst {1e3 * trip.worst_s:.2g} ms; "
+        f"{counted.repeats} asked again, {counted.lost} lost, {counted.damaged} damaged",
+    )

@@ -1,0 +1,164 @@
+"""The loop in real time: punctuality, kill -9, power cuts.
+
+To be run on a quiet machine. FLIGHT_SECONDS and KILLS in the environment shorten it; the half hour
+without growth of memory is `bench_soak`, which any machine may run.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from heli3dof.recording.reader import read_recording
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.profile import load_profile
+from tests.bench import Figure, Table, at_most
+from tests.drivers.firmware.building import rig_program
+from tests.realtime.flight import LANDING_S, PATIENT, FlightProcess, firmware, write_profile
+from tests.realtime.kill import EARLIEST_S, LATEST_S, Killed, kill_flights
+from tests.realtime.power import lost_to_a_power_cut
+from tests.realtime.standstill import late_of_its_own, watched
+
+TITLE = "The loop"
+INTRO = (
+    "`heli3dof run-step` in a process of its own, recording to a file and with its live view on a "
+    "pseudo-terminal, against the C firmware on another (`serial://`, the device keeps time). "
+    "Lateness is the arrival of a sample after its instant on the device's clock, mapped to the "
+    "host's, beyond the quickest that came; late is more than 1 ms, and every missed period counts "
+    "as late too. *Nothing granted*: no SCHED_FIFO and no locked memory, as for a user without "
+    "permission for either. A process above all others watches for the machine's own standstills "
+    "in the same run: a virtual machine is not always given its processors."
+)
+SECONDS = float(os.environ.get("FLIGHT_SECONDS", "60"))
+KILLS = int(os.environ.get("KILLS", "100"))
+SEED = 5
+POWER_S = 30.0
+WATCHDOG_S, RAMP_S, TURN_S = 0.1, 0.2, 2e-3
+"""The firmware's own; its watchdog may take 1 ms longer, and its output is set every 1 ms"""
+
+
+def measure() -> list[Figure | Table]:
+    program = rig_program()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        flights = {
+            (rate, granted): fly(program, folder, rate, granted)
+            for rate in (500, 1000)
+            for granted in (True, False)
+        }
+        log = folder / "device.log"
+        with firmware(program, "--log", str(log)) as device:
+            killed = list(kill_flights(device, log, folder, KILLS, seed=SEED))
+        power = lost_to_a_power_cut(folder / "power.mcap", POWER_S)
+        # Half an hour is about memory: one standstill of the machine must not end it.
+    cut = at_most(
+        "power cut: flight lost at the worst moment", power, 0.5, "s",
+        how=f"what fdatasync had returned for, {POWER_S:g} s at 500 Hz on this machine's disk",
+    )  # fmt: skip
+    return [*punctual(flights), *survived(killed), cut, side_by_side(flights)]
+
+
+def fly(program: str, folder: Path, rate_hz: int, granted: bool) -> dict[str, Any]:
+    """One flight's JSON document; limits and watchdog bear a machine that stands still."""
+    profile = write_profile(folder / f"{rate_hz}.toml", rate_hz=rate_hz, **PATIENT)
+    output = folder / f"{rate_hz}-{granted}.mcap"
+    with firmware(program, "--watchdog", "500") as device:
+        with (
+            watched() as still,
+            FlightProcess(device, output, SECONDS, profile=profile, realtime=granted) as flight,
+        ):
+            document = flight.result(SECONDS + LANDING_S + 120)
+        late, own = late_of_its_own(read_recording(output), still)
+        more = {
+            "late": late, "late_of_its_own": own, "worst_standstill_s": still.worst_s,
+            "standstills": len(still.seen), "device_late_s": device_late_s(device, profile),
+        }  # fmt: skip
+        return {**document, **more}
+
+
+def device_late_s(device: str, profile: Path) -> float:
+    """The worst lateness of the firmware itself, which then leaves samples out: not the line's."""
+    rig: Any = open_rig(device, load_profile(profile))
+    try:
+        return float(rig.report().late_us) * 1e-6
+    finally:
+        rig.close()
+
+
+def punctual(flights: dict[tuple[int, bool], dict[str, Any]]) -> list[Figure]:
+    """The bars at 500 Hz: late shares, and nothing lost."""
+    figures = []
+    for granted, bar in ((True, 0.0), (False, 0.1)):
+        found = flights[500, granted]
+        assert found["realtime"]["scheduled"] is granted, "this machine grants no SCHED_FIFO"
+        what = "with real-time scheduling" if granted else "nothing granted"
+        share = 100 * found["punctuality"]["late_share"]
+        stood = (
+            f"{found['late']} periods; the machine itself stood still {found['standstills']} "
+            f"times, {1e3 * found['worst_standstill_s']:.0f} ms at worst"
+        )
+        figures.append(
+            at_most(f"500 Hz, {what}: late by more than 1 ms", share, bar, "%", how=stood)
+        )
+        own = 100 * found["late_of_its_own"] / max(found["periods"], 1)
+        figures.append(at_most(f"500 Hz, {what}: late outside these standstills", own, bar, "%"))
+        late = f"the firmware itself late by {1e3 * found['device_late_s']:.2f} ms at worst"
+        lost = found["lost_periods"]
+        figures.append(at_most(f"500 Hz, {what}: samples lost", lost, 0, "", how=late))
+    return figures
+
+
+def side_by_side(flights: dict[tuple[int, bool], dict[str, Any]]) -> Table:
+    """Every flight's quantiles."""
+    rows = []
+    for (rate, granted), found in flights.items():
+        p = found["punctuality"]
+        late = (p["median_s"], p["p99_s"], p["p999_s"], p["worst_s"])
+        turn = (p["turnaround_median_s"], p["turnaround_p999_s"])
+        rows.append(
+            (
+                f"{rate} Hz",
+                "all" if granted else "nothing",
+                str(found["periods"]),
+                " / ".join(_us(v) for v in late),
+                f"{100 * p['late_share']:.3g} %",
+                f"{found['missed_periods']} / {found['lost_periods']}",
+                " / ".join(_us(v) for v in turn),
+                " / ".join(_us(found["link"][f"delay_{q}_s"]) for q in ("median", "p999")),
+                _us(found["device_late_s"]),
+            )
+        )
+    return Table(
+        f"{SECONDS:g} s each, µs",
+        (
+            "rate", "granted", "periods", "lateness: median / 99 % / 99.9 % / worst", "late",
+            "missed / lost", "sample to command: median / 99.9 %",
+            "by the device's clock",
+            "firmware itself late, worst",
+        ),
+        tuple(rows),
+    )  # fmt: skip
+
+
+def survived(killed: list[Killed]) -> list[Figure]:
+    """kill -9: zero volts in time, little lost, every file recovered."""
+    how = f"{len(killed)} flights, killed {EARLIEST_S:g} to {LATEST_S:g} s after take-off, seed"
+    how = f"{how} {SEED}"
+    worst = max(k.zero_s for k in killed)
+    return [
+        at_most(
+            "kill -9: from the last command to zero volts, worst", worst,
+            WATCHDOG_S + RAMP_S + TURN_S, "s", how=how,
+        ),
+        at_most("kill -9: flight lost, worst", max(k.lost_s for k in killed), 0.5, "s", how=how),
+        Figure(
+            "kill -9: files recovered", f"{sum(k.rows > 0 for k in killed)} of {len(killed)}",
+            "all", all(k.rows > 0 for k in killed), how,
+        ),
+    ]  # fmt: skip
+
+
+def _us(seconds: float) -> str:
+    return f"{seconds * 1e6:.0f}"

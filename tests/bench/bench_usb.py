@@ -1,0 +1,81 @@
+"""The USB door: flights over the emulated bus, and a real Linux USB stack in a virtual machine."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from heli3dof.experiment.realtime import realtime
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.port import Command
+from heli3dof.rig.profile import default_profile
+from tests.bench import Figure, Table, at_most
+from tests.kernel_usb.packages import Missing
+from tests.kernel_usb.run import run_guest
+
+TITLE = "The USB door"
+INTRO = (
+    "Emulated bus: pyusb on a backend of its own in the same process, device and host sharing one "
+    "interpreter, 500 Hz. Real stack: libusb, the Linux kernel's USB core and udev in a virtual "
+    "machine without KVM, the emulated rig on vhci-hcd (`usb://`) and, Python and C, behind "
+    "dummy_hcd's `/dev/ttyACM0` (`serial://`), at 50 Hz. An emulated processor is slow: its times "
+    "compare with each other only."
+)
+SECONDS = float(os.environ.get("USB_SECONDS", "30"))
+
+
+def measure() -> list[Figure | Table]:
+    return [*(flown(stream) for stream in (True, False)), *in_the_guest()]
+
+
+def flown(stream: bool) -> Figure:
+    """One flight over the emulated bus."""
+    profile = default_profile()
+    rig: Any = open_rig(f"usb+mock:?start=level&stream={int(stream)}", profile)
+    n = round(SECONDS / profile.dt)
+    try:
+        with realtime() as granted:
+            due = rig.arm().host_time_s
+            for k in range(n):
+                due += profile.dt
+                rig.exchange(Command(k + 1, 7.456, 7.456), due)
+        s = rig.statistics
+    finally:
+        rig.close()
+    trips = s.round_trip
+    how = (
+        f"{n} periods, {s.passed_over} passed over by the host, {s.unheard} commands not heard in "
+        f"time, {s.damaged} damaged; " + ("" if granted.scheduled else "not ") + "under SCHED_FIFO"
+    )
+    if not stream:
+        how += (
+            f"; round trip median {1e6 * trips.quantile_s(0.5):.0f} µs, "
+            f"99.9 % {1e6 * trips.quantile_s(0.999):.0f} µs"
+        )
+    what = "samples lost, " + ("the rig times the stream" if stream else "polled")
+    return at_most(what, s.lost, 0, "", how=how)
+
+
+def in_the_guest() -> list[Figure | Table]:
+    """The cases of `make test-kernel-usb`, and what they measured."""
+    try:
+        lines = run_guest()
+    except Missing as why:
+        return [Figure("cases over a real USB stack", "not run", how=f"{why}")]
+    cases = [line for line in lines if "case" in line]
+    failed = [line["case"] for line in cases if not line["ok"]]
+    whole = any("done" in line for line in lines)
+    kernel = next((line["kernel"] for line in lines if "kernel" in line), "none")
+    how = f"of {len(cases)}, Linux {kernel}" + ("" if whole else "; the guest ended early")
+    if failed:
+        how += "; " + ", ".join(failed)
+    missing = 0 if whole and cases else 1
+    rows = tuple(
+        (line["case"], name, f"{value:.4g}" if isinstance(value, float) else str(value))
+        for line in cases
+        for name, value in line.get("measured", {}).items()
+    )
+    return [
+        at_most("cases over a real USB stack that fail", len(failed) + missing, 0, "", how=how),
+        Table("What the guest measured", ("case", "what", "value"), rows),
+    ]

@@ -1,0 +1,139 @@
+"""``estop`` stops what flies, from another terminal, and says what it did."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from heli3dof.errors import DeviceError
+from heli3dof.recording.reader import read_recording
+from heli3dof.recording.row import RAMP_DOWN
+from heli3dof.rig.attach import Running, running, state
+from heli3dof.rig.port import Flags
+from heli3dof.rig.session import Session
+from tests.cli.running import heli3dof
+from tests.rig.fakes import FakeDriver, only_drivers
+
+MOCK = "mock:?watchdog_s=5&start=level"
+"""In real time, with a watchdog that bears a busy machine."""
+
+
+def wait_for_flight(pid: int) -> Running:
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        for session in running():
+            if session.pid == pid and (state(session, 5) or {}).get("phase") == "flying":
+                return session
+        time.sleep(0.02)
+    raise AssertionError("no flight began within a minute")
+
+
+@pytest.mark.realtime
+def test_a_flight_is_stopped_from_another_terminal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("heli3dof.rig.stop.PATIENCE_S", 10.0)  # the machine may be busy
+    path = tmp_path / "flight.mcap"
+    words = ["run-step", "--roll", "5", "--device", MOCK, "-o", str(path)]
+    run = [sys.executable, "-m", "heli3dof", *words]
+    with subprocess.Popen(run, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as flight:
+        wait_for_flight(flight.pid)
+        time.sleep(0.3)
+        said = heli3dof("estop", "--reason", "it smells", "--json")
+        _, err = flight.communicate(timeout=60)
+    assert said.code == 0
+    (stopped,) = said.document["stopped"]
+    assert f"pid {flight.pid}" in stopped["how"]
+    assert flight.returncode == 4
+    assert "it smells" in err
+    recording = read_recording(path)
+    assert recording.meta["outcome"] == "tripped"
+    assert recording.meta["outcome_details"]["detail"] == "emergency stop on request: it smells"
+    stop = np.flatnonzero(recording.channels["flags"].astype(int) & Flags.ESTOP)
+    assert len(stop)
+    assert np.all(recording.voltage[stop] == 0)
+    assert recording.channels["phase"][-1] == RAMP_DOWN
+
+
+def test_a_session_that_hangs_is_passed_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver = FakeDriver()
+    only_drivers(monkeypatch, fake=driver)
+    with Session("fake://1", doing="heli3dof run rich"):
+        said = heli3dof("estop", "--device", "fake://1")
+    assert said.code == 0
+    assert driver.stops == ["fake://1"]
+    assert "did not answer; the device said that it stopped" in said.out
+
+
+def test_without_a_session_the_device_is_told_directly(monkeypatch: pytest.MonkeyPatch) -> None:
+    driver = FakeDriver(urls=("fake://1", "fake://2"))
+    only_drivers(monkeypatch, fake=driver, broken=ImportError("no such library"))
+    assert heli3dof("estop", "--json").document["schema"] == "heli3dof.estop/1"
+    assert driver.stops == ["fake://1", "fake://2"]
+
+
+DEAF = "no answer within 0.1 s"
+
+
+def test_one_that_flies_and_cannot_be_stopped_is_a_failure_and_hinders_no_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    deaf, well = FakeDriver(cannot_stop=DEAF), FakeDriver(urls=("well://1",))
+    only_drivers(monkeypatch, fake=deaf, well=well)
+    with Session("fake://1", doing="heli3dof run rich"):
+        said = heli3dof("estop")
+    assert said.code == 3
+    assert well.stops == ["well://1"]
+    assert "Stopped well://1" in said.out
+    assert "NOT STOPPED: fake://1" in said.err
+    assert DEAF in said.err
+    assert "switch off the amplifier" in said.err
+
+
+def test_a_port_that_is_only_found_may_be_no_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+    deaf, well = FakeDriver(cannot_stop=DEAF), FakeDriver(urls=("well://1",))
+    only_drivers(monkeypatch, fake=deaf, well=well)
+    said = heli3dof("estop", "--json")
+    assert said.code == 0
+    assert [s["device"] for s in said.document["stopped"]] == ["well://1"]
+    assert said.document["unconfirmed"] == [{"device": "fake://1", "why": DEAF}]
+    assert "fake://1 did not confirm" in said.err
+
+
+@pytest.mark.parametrize("words", [(), ("--device", "fake://1")])
+def test_where_nothing_confirms_nothing_is_said_to_be_stopped(
+    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    only_drivers(monkeypatch, fake=FakeDriver(cannot_stop=DEAF))
+    said = heli3dof("estop", *words)
+    assert said.code == 3
+    assert "NOT STOPPED: fake://1" in said.err
+
+
+def test_where_sessions_cannot_be_trusted_the_device_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def strangers(device: str | None) -> list[Running]:
+        raise DeviceError("the folder belongs to somebody else")
+
+    driver = FakeDriver()
+    only_drivers(monkeypatch, fake=driver)
+    monkeypatch.setattr("heli3dof.rig.stop.running", strangers)
+    assert heli3dof("estop").code == 0
+    assert driver.stops == ["fake://1"]
+
+
+def test_no_rig_at_all_is_said_and_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
+    only_drivers(monkeypatch, fake=FakeDriver(urls=()))
+    said = heli3dof("estop", "--json")
+    assert said.code == 3
+    assert "No rig was stopped" in said.document["error"]
+
+
+def test_an_unknown_device_is_a_usage_error() -> None:
+    assert heli3dof("estop", "--device", "serail:///dev/ttyACM0").code == 2

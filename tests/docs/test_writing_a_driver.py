@@ -1,0 +1,93 @@
+"""docs/writing-a-driver.md: its driver, installed as the page says, does what the port says."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from heli3dof.errors import DeviceError
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.port import Command
+from heli3dof.rig.profile import default_profile
+from tests.paths import ROOT
+
+from .lab_amplifier import LabAmplifier
+
+PAGE = (ROOT / "docs" / "writing-a-driver.md").read_text(encoding="utf-8")
+
+
+def block(language: str, which: int = 0) -> str:
+    """A code block of the page."""
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)[which]
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A folder with the page's package in it, as pip would leave it there."""
+    project = tomllib.loads(block("toml"))["project"]
+    (group, drivers), *_ = project["entry-points"].items()
+    (module,) = {target.partition(":")[0] for target in drivers.values()}
+    (tmp_path / f"{module}.py").write_text(block("python"), encoding="utf-8")
+    about = tmp_path / f"{module}-{project['version']}.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text(f"Name: {project['name']}\nVersion: {project['version']}\n")
+    lines = [f"[{group}]", *(f"{name} = {target}" for name, target in drivers.items())]
+    (about / "entry_points.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def installed(package: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.syspath_prepend(package)
+    yield
+    sys.modules.pop("lab_amplifier", None)
+
+
+@pytest.fixture
+def amplifier() -> Iterator[LabAmplifier]:
+    made = LabAmplifier()
+    yield made
+    made.close()
+
+
+def test_the_driver_has_forty_lines() -> None:
+    lines = [line for line in block("python").splitlines() if line.strip()]
+    assert len([line for line in lines if not line.startswith(("from ", "import "))]) == 40
+
+
+def test_the_pages_own_test_of_the_driver_passes(package: Path, amplifier: LabAmplifier) -> None:
+    test = block("python", 1)
+    assert "lab://bench-7:4000" in test
+    (package / "test_lab.py").write_text(test.replace("bench-7:4000", amplifier.place))
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rs", "test_lab.py"],
+        cwd=package, env={**os.environ, "PYTHONPATH": str(package)},
+        capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    assert done.stdout.count("SKIPPED") <= 1  # it counts nothing
+
+
+def test_a_pulled_cable_is_an_error_and_closing_is_quiet(
+    installed: None, amplifier: LabAmplifier
+) -> None:
+    rig = open_rig(f"lab://{amplifier.place}", default_profile())
+    rig.arm()
+    amplifier.hang_up()
+    with pytest.raises(DeviceError, match=f"lab://{amplifier.place}"):
+        rig.exchange(Command(1, 1.0, 1.0), 0.0)
+    rig.close()
+
+
+def test_an_amplifier_that_is_off_is_an_error_that_says_what_to_do(installed: None) -> None:
+    with pytest.raises(DeviceError) as caught:
+        open_rig("lab://127.0.0.1:1", default_profile())
+    assert "refused" in caught.value.what.lower()
+    assert caught.value.fix

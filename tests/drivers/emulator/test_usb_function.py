@@ -1,0 +1,103 @@
+"""The emulated rig as a USB device: what docs/protocol.md says of USB, byte by byte."""
+
+from __future__ import annotations
+
+import pytest
+from heli3dof_drivers.emulator.usb_function import FIFO, IN, OUT, Setup, UsbFunction
+from heli3dof_drivers.link.frames import Arm, Cause, Splitter, wire
+from heli3dof_drivers.link.golden import TRANSCRIPTS, Line
+
+from tests.drivers.emulator.still import still_endpoint
+
+
+def function() -> UsbFunction:
+    return UsbFunction(still_endpoint(), "G1")
+
+
+def get(kind: int, index: int = 0, length: int = 255) -> Setup:
+    return Setup(0x80, 6, kind << 8 | index, 0, length)
+
+
+@pytest.mark.parametrize("packet", [1, 7, 64, 512])
+@pytest.mark.parametrize("name", TRANSCRIPTS)
+def test_the_pipes_carry_the_golden_transcripts_however_they_are_cut(name: str, packet: int):
+    usb, lines = function(), TRANSCRIPTS[name]
+    # The device says what it says until the host's next word, whenever the host collects it.
+    asked = [i for i, line in enumerate(lines) if line.speaker == "host"]
+    for i, following in zip(asked, [*asked[1:], len(lines)], strict=True):
+        said = lines[i].bytes
+        for start in range(0, len(said), packet):
+            assert usb.take(lines[i].time_us, said[start : start + packet]) is True
+        answers: tuple[Line, ...] = lines[i + 1 : following]
+        heard = b""
+        for line in answers or (lines[i],):
+            while part := usb.give(line.time_us, packet):
+                heard += part
+        assert heard == b"".join(line.bytes for line in answers)
+
+
+def test_the_descriptors_are_those_of_the_protocol():
+    usb = function()
+    device, configuration = usb.setup(0, get(1)), usb.setup(0, get(2))
+    assert device is not None
+    assert configuration is not None
+    assert device[8:12].hex() == "09120100"  # 1209:0001
+    assert len(configuration) == int.from_bytes(configuration[2:4], "little") == 32
+    assert configuration[14:17].hex() == "ff4801"
+    assert configuration[18:].hex() == "07050102000200" + "07058102000200"
+    serial = usb.setup(0, get(3, device[16]))
+    assert serial is not None
+    assert serial[2:].decode("utf-16-le") == "G1"
+
+
+def test_a_host_that_asks_for_less_gets_less():
+    assert function().setup(0, get(2, length=9)) == function().setup(0, get(2))[:9]  # type: ignore[index]
+
+
+def test_a_request_that_is_none_is_stalled():
+    usb = function()
+    assert usb.setup(0, get(9)) is None
+    assert usb.setup(0, Setup(0x40, 0x46, 0, 0, 0)) is None
+    assert usb.setup(0, Setup(0x00, 9, 2, 0, 0)) is None
+
+
+def test_the_stop_request_stops_with_its_reason_and_says_nothing_on_the_pipe():
+    usb = function()
+    usb.take(1000, wire(Arm(0, 1, 0, 0)))
+    usb.give(1000, 512)
+    assert usb.setup(1500, Setup(0x40, 0x45, Cause.BUTTON, 0, 0)) == b""
+    amplifier = usb.link.amplifier  # type: ignore[attr-defined]
+    assert (amplifier.flags, amplifier.cause) == (16, Cause.BUTTON)
+    assert usb.give(1500, 512) == b""
+
+
+def test_a_lost_configuration_stops_with_cause_supply():
+    usb = function()
+    usb.take(1000, wire(Arm(0, 1, 0, 0)))
+    assert usb.setup(1500, Setup(0x00, 9, 0, 0, 0)) == b""
+    amplifier = usb.link.amplifier  # type: ignore[attr-defined]
+    assert (amplifier.flags, amplifier.cause) == (16, Cause.SUPPLY)
+
+
+@pytest.mark.parametrize("pipe", [OUT, IN])
+def test_a_halted_pipe_stalls_until_it_is_cleared(pipe: int):
+    usb = function()
+    usb.setup(0, Setup(0x02, 3, 0, pipe, 0))
+    assert usb.setup(0, Setup(0x82, 0, 0, pipe, 2)) == b"\x01\x00"
+    assert (usb.take(0, b"\0") if pipe == OUT else usb.give(0, 512)) is None
+    usb.setup(0, Setup(0x02, 1, 0, pipe, 0))
+    assert (usb.take(0, b"\0") if pipe == OUT else usb.give(0, 512)) is not None
+
+
+def test_a_host_that_does_not_read_loses_whole_frames_and_no_memory():
+    usb = function()
+    usb.take(0, wire(Arm(0, 1, 1000, 0)))
+    for t_us in range(0, 1_900_000, 50_000):
+        usb.take(t_us, b"\0")
+    said = b""
+    while part := usb.give(1_900_000, 512):
+        said += part
+    assert len(said) <= FIFO
+    splitter = Splitter()
+    assert splitter.feed(said)
+    assert splitter.damaged == 0

@@ -1,0 +1,178 @@
+"""The firmware's core on a virtual clock: a second device, written from docs/protocol.md alone."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from heli3dof_drivers.emulator.endpoint import Endpoint
+from heli3dof_drivers.link.frames import (
+    Ack,
+    Arm,
+    CommandFrame,
+    Disarm,
+    Estop,
+    Frame,
+    Hello,
+    IdentityFrame,
+    Poll,
+    Report,
+    SampleFrame,
+    Splitter,
+    Status,
+    payload,
+    wire,
+)
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.drivers.emulator.still import still_endpoint
+from tests.paths import ROOT
+
+from .building import build, run, sanitizers
+
+U32 = st.integers(0, 2**32 - 1)
+I32 = st.integers(-(2**31), 2**31 - 1)
+NUMBER = st.one_of(st.integers(0, 12), U32)
+MICROVOLTS = st.one_of(st.integers(-25_000_000, 25_000_000), I32)
+
+
+def test_what_the_transcripts_do_not_reach():
+    assert len(run("heli3dof-unit")) >= 16
+
+
+def test_under_a_sanitizer_every_statement_of_the_harness_holds():
+    if not sanitizers():
+        pytest.skip("needs a compiler with -fsanitize=address,undefined: apt-get install gcc")
+    assert "every statement held" in run("heli3dof-fuzz", "2")[-1]
+
+
+def transcripts() -> dict[str, list[str]]:
+    """Straight from the page, comments taken off."""
+    page = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
+    golden = page.split("<!-- golden")[1].split("<!-- end of golden")[0]
+    blocks = re.findall(r"```\n\[(\w+)\]\n(.*?)```", golden, re.DOTALL)
+    return {
+        name: [line.split("#")[0].strip() for line in body.splitlines()] for name, body in blocks
+    }
+
+
+@pytest.mark.parametrize("name", sorted(transcripts()))
+def test_it_answers_the_golden_transcript_byte_by_byte(name: str):
+    lines = transcripts()[name]
+    said = [line for line in lines if " > " in line]
+    answers = [line for line in lines if " < " in line]
+    assert said
+    assert answers
+    assert run("heli3dof-replay", text="\n".join(said) + "\n") == answers
+
+
+# ---- frames: which bytes are one --------------------------------------------------------------
+
+
+@st.composite
+def frames(draw: st.DrawFn) -> Frame:
+    """Any frame of either direction."""
+    kind = draw(st.sampled_from((Hello, Arm, CommandFrame, Poll, Estop, Ack, SampleFrame, Report)))
+    values = [draw(U32)]
+    for code in kind.BODY.format.lstrip("<"):
+        low = -(1 << {"h": 15, "i": 31}.get(code, 0)) if code in "hi" else 0
+        high = {"B": 2**8, "H": 2**16, "h": 2**15, "i": 2**31, "I": 2**32}[code] - 1
+        values.append(draw(st.integers(low, high)))
+    return kind(*values)
+
+
+def damaged(draw: st.DrawFn, data: bytes) -> bytes:
+    what = draw(st.sampled_from(("cut", "flip", "insert", "twice")))
+    at = draw(st.integers(0, len(data) - 1))
+    if what == "cut":
+        return data[:at] + data[at + draw(st.integers(1, 9)) :]
+    if what == "flip":
+        return data[:at] + bytes([data[at] ^ (1 << draw(st.integers(0, 7)))]) + data[at + 1 :]
+    if what == "insert":
+        return data[:at] + draw(st.binary(min_size=1, max_size=9)) + data[at:]
+    return data + data
+
+
+@st.composite
+def lines(draw: st.DrawFn) -> bytes:
+    """Frames, whole and damaged, with noise between them."""
+    out = b""
+    for _ in range(draw(st.integers(1, 12))):
+        choice = draw(st.sampled_from(("frame", "frame", "damaged", "noise", "long")))
+        if choice == "noise":
+            out += draw(st.binary(max_size=40))
+        elif choice == "long":
+            out += b"\7" * draw(st.integers(120, 300)) + b"\0"
+        else:
+            data = wire(draw(frames()))
+            out += data if choice == "frame" else damaged(draw, data)
+    return out + b"\0"
+
+
+@given(lines())
+@settings(max_examples=150, deadline=None)
+def test_both_sides_take_the_same_frames_out_of_the_same_bytes(data: bytes):
+    splitter = Splitter()
+    taken = [payload(frame).hex() for frame in splitter.feed(data)]
+    found = run("heli3dof-replay", "--pieces", text=data.hex() + "\n")
+    assert [line.split()[1] for line in found if line.startswith("taken")] == taken
+    assert len(found) - len(taken) == splitter.damaged
+
+
+# ---- the state machine: two devices that share no code -----------------------------------------
+
+
+def until(device: Endpoint, now: int) -> bytes:
+    """Ticked on time, as the replay is."""
+    out = b""
+    while (instant := device.next_us()) is not None and instant <= now:
+        out += device.tick(instant)
+    return out + device.tick(now)
+
+
+@st.composite
+def dialogues(draw: st.DrawFn) -> list[tuple[int, bytes]]:
+    """What a host may say and when, right and wrong; the Python device is asked for its ticket."""
+    device, splitter = still_endpoint(), Splitter()
+    now, ticket, spoken = 0, 1, []
+    for _ in range(draw(st.integers(1, 25))):
+        now += draw(st.sampled_from((0, 0, 1, 499, 2000, 50_000, 100_001, 150_000, 2_000_000)))
+        now += draw(st.integers(0, 3000))
+        kind = draw(
+            st.sampled_from((Hello, Arm, Arm, CommandFrame, CommandFrame, Poll, Disarm, Estop,
+                             Status, None))
+        )  # fmt: skip
+        if kind is None:
+            data = draw(st.one_of(lines(), st.binary(max_size=12)))
+        elif kind is Arm:
+            wrong = draw(st.sampled_from((0, 0, 0, 1, -1)))
+            period = draw(st.sampled_from((0, 0, 499, 500, 10_000, 60_000, 3_000_000)))
+            watchdog = draw(st.sampled_from((0, 0, 1, 4000, 100_000, 10**6, 10**6 + 1)))
+            data = wire(Arm(draw(NUMBER), (ticket + wrong) % 2**32, period, watchdog))
+        elif kind is CommandFrame:
+            data = wire(CommandFrame(draw(NUMBER), draw(MICROVOLTS), draw(MICROVOLTS)))
+        elif kind is Hello:
+            data = wire(Hello(draw(NUMBER), draw(st.integers(0, 3)), draw(st.integers(0, 3))))
+        elif kind is Estop:
+            data = wire(Estop(draw(NUMBER), draw(st.integers(0, 255))))
+        else:
+            data = wire(kind(draw(NUMBER)))
+        spoken.append((now, data))
+        for frame in splitter.feed(until(device, now) + device.receive(now, data)):
+            if isinstance(frame, IdentityFrame | Ack | Report):
+                ticket = frame.ticket
+    return spoken
+
+
+@given(dialogues())
+@settings(max_examples=200, deadline=None)
+def test_two_devices_that_share_no_code_answer_alike_byte_by_byte(spoken: list[tuple[int, bytes]]):
+    build("heli3dof-replay")
+    python = still_endpoint()
+    end = spoken[-1][0] + 100
+    expected = b"".join(until(python, now) + python.receive(now, data) for now, data in spoken)
+    expected += until(python, end)
+    text = "".join(f"{now} > {data.hex()}\n" for now, data in spoken) + f"{end} .\n"
+    answered = [line.split(" < ")[1] for line in run("heli3dof-replay", text=text)]
+    assert answered == [piece.hex() + "00" for piece in expected.split(b"\0")[:-1]]

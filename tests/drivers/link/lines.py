@@ -1,0 +1,65 @@
+"""Lines without hardware: an emulated device in the same process, in real time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from heli3dof_drivers.emulator.endpoint import Endpoint
+
+from heli3dof.errors import DeviceError
+
+
+class DirectLine:
+    """A `Transport` to an endpoint that lives on this process's clock.
+
+    ``to_device`` and ``to_host`` may change, drop or double what passes.
+    """
+
+    name = "direct line"
+
+    def __init__(self, endpoint: Endpoint) -> None:
+        self.endpoint = endpoint
+        self.to_device: Callable[[bytes], bytes] = lambda data: data
+        self.to_host: Callable[[bytes], bytes] = lambda data: data
+        self.cut = False
+        self.latency_s = 0.0
+        """What comes from the device is held back for so long, as an FTDI adapter does"""
+        self.closed = False
+        self._start = time.monotonic()
+        self._waiting = b""
+        self._held: list[tuple[float, bytes]] = []
+
+    @property
+    def now_us(self) -> int:
+        return int((time.monotonic() - self._start) * 1e6)
+
+    def write(self, data: bytes) -> None:
+        self._check()
+        self._carry(self.endpoint.receive(self.now_us, self.to_device(data)))
+
+    def read(self, timeout_s: float) -> bytes:
+        self._check()
+        until = time.monotonic() + timeout_s
+        while True:
+            self._carry(self.endpoint.tick(self.now_us))
+            if self._waiting or (left := until - time.monotonic()) <= 0:
+                data, self._waiting = self._waiting, b""
+                return data
+            time.sleep(min(left, 2e-4))
+
+    def _carry(self, said: bytes) -> None:
+        now = time.monotonic()
+        self._held.append((now + self.latency_s, self.to_host(said)))
+        while self._held and self._held[0][0] <= now:
+            self._waiting += self._held.pop(0)[1]
+
+    def flush_input(self) -> None:
+        self._waiting = b""
+
+    def close(self) -> None:
+        self.closed = True
+
+    def _check(self) -> None:
+        if self.cut:
+            raise DeviceError("direct line: unplugged")

@@ -1,0 +1,114 @@
+"""Frames survive the line whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from struct import Struct
+
+import pytest
+from heli3dof_drivers.link.checksum import check, crc16
+from heli3dof_drivers.link.frames import (
+    _KINDS,
+    CommandFrame,
+    Estop,
+    Frame,
+    Poll,
+    Splitter,
+    command,
+    parse,
+    payload,
+    wire,
+)
+from heli3dof_drivers.link.page import made
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.paths import ROOT
+
+RANGES = {"B": (0, 255), "H": (0, 65535), "h": (-32768, 32767), "I": (0, 2**32 - 1),
+          "i": (-(2**31), 2**31 - 1)}  # fmt: skip
+
+
+def fields(layout: Struct) -> list[st.SearchStrategy]:
+    codes = layout.format[1:].replace("16s", "s")
+    return [
+        st.binary(min_size=16, max_size=16) if c == "s" else st.integers(*RANGES[c]) for c in codes
+    ]
+
+
+@st.composite
+def any_frame(draw: st.DrawFn) -> Frame:
+    kind = draw(st.sampled_from(list(_KINDS.values())))
+    return kind(draw(st.integers(0, 2**32 - 1)), *(draw(f) for f in fields(kind.BODY)))
+
+
+def test_the_crc_is_the_published_one():
+    assert crc16(b"123456789") == 0x29B1
+    assert check(b"123456789") == bytes.fromhex("b129") + crc16(b"987654321").to_bytes(2, "little")
+
+
+def test_a_command_of_five_volts_by_hand():
+    data = payload(CommandFrame(1, 5_000_000, -5_000_000))
+    assert data[:-4].hex() == "010301000000404b4c00c0b4b3ff"
+    assert command(1, 5_000_000, -5_000_000) == wire(CommandFrame(1, 5_000_000, -5_000_000))
+
+
+@given(any_frame())
+def test_what_is_sent_is_what_is_read(frame: Frame):
+    sent = wire(frame)
+    assert sent.strip(b"\0").count(0) == 0
+    assert Splitter().feed(sent) == [frame]
+
+
+@given(st.lists(any_frame(), max_size=5), st.lists(st.integers(1, 40), min_size=1))
+def test_it_does_not_matter_how_the_bytes_arrive(frames: list[Frame], cuts: list[int]):
+    stream = b"".join(wire(f) for f in frames)
+    splitter, out, at = Splitter(), [], 0
+    while at < len(stream):
+        n = cuts[at % len(cuts)]
+        out += splitter.feed(stream[at : at + n])
+        at += n
+    assert out == frames
+    assert splitter.damaged == 0
+
+
+@given(any_frame(), st.data())
+def test_up_to_three_wrong_bits_are_seen(frame: Frame, data: st.DataObject):
+    whole = payload(frame)
+    wrong = bytearray(whole)
+    bits = data.draw(
+        st.lists(st.integers(0, 8 * len(whole) - 1), min_size=1, max_size=3, unique=True)
+    )
+    for b in bits:
+        wrong[b // 8] ^= 1 << b % 8
+    assert check(bytes(wrong[:-4])) != bytes(wrong[-4:])
+
+
+@given(st.binary(max_size=300), any_frame(), any_frame())
+def test_after_any_damage_the_second_whole_frame_is_read(noise: bytes, first: Frame, second: Frame):
+    read = Splitter().feed(noise + wire(first) + wire(second))
+    assert read[-1] == second
+
+
+@given(st.binary(max_size=60))
+def test_an_estop_is_read_whatever_was_torn_before_it(noise: bytes):
+    assert Splitter().feed(noise + wire(Estop(5)))[-1] == Estop(5)
+
+
+@pytest.mark.parametrize("cut", range(1, len(wire(Poll(1))) - 1))
+def test_a_cut_frame_is_none(cut: int):
+    assert parse(wire(Poll(1))[cut:-1]) is None
+    assert parse(wire(Poll(1))[:cut]) is None
+
+
+def test_a_line_that_never_ends_a_frame_takes_no_memory():
+    splitter = Splitter()
+    for _ in range(1000):
+        splitter.feed(b"\x01" * 1000)
+    assert len(splitter._rest) < 200
+    assert splitter.feed(b"\0" + wire(Poll(3))) == [Poll(3)]
+
+
+def test_the_page_is_what_the_code_says():
+    page = Path(ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
+    assert made(page) == page, "python -m heli3dof_drivers.link.page"

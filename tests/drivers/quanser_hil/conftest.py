@@ -1,0 +1,44 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from heli3dof_drivers.quanser_hil import QuanserDriver
+from heli3dof_drivers.quanser_hil.rig import QuanserRig
+
+from heli3dof.rig.profile import Profile
+from heli3dof.rig.url import parse_url
+
+from .board import PROFILE
+from .stand_in import Laboratory
+
+SLOW = PROFILE.model_copy(update={"loop": PROFILE.loop.model_copy(update={"rate_hz": 20.0})})
+"""Periods of 50 ms: a busy test machine meets every one of them"""
+
+
+@pytest.fixture
+def lab() -> Laboratory:
+    return Laboratory()
+
+
+@pytest.fixture
+def driver(lab: Laboratory) -> QuanserDriver:
+    module = lab.module()
+    return QuanserDriver(lambda: module)
+
+
+Open = Callable[..., QuanserRig]
+
+
+@pytest.fixture
+def open_board(driver: QuanserDriver) -> Iterator[Open]:
+    """Opens rigs, and closes them when the test is over."""
+    opened = []
+
+    def open_(url: str = "quanser://q8_usb/0?watchdog_s=0.5", profile: Profile = SLOW):
+        opened.append(driver.open(parse_url(url), profile))
+        return opened[-1]
+
+    yield open_
+    for rig in opened:
+        rig.close()

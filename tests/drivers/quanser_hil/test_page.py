@@ -1,0 +1,45 @@
+"""docs/quanser.md has every option, with the default that the driver has."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from heli3dof_drivers.quanser_hil import wiring
+
+from heli3dof.rig.url import parse_url
+from tests.paths import ROOT
+
+PAGE = (ROOT / "docs" / "quanser.md").read_text(encoding="utf-8")
+
+
+def table() -> dict[str, str]:
+    """Option → default, from the page."""
+    found = {}
+    for names, defaults in re.findall(r"^\| (`.*?`) \| (.*?) \|", PAGE, re.MULTILINE):
+        options = re.findall(r"`(\w+)`", names)
+        values = defaults.split(", ") if len(options) > 1 else [defaults]
+        found |= dict(zip(options, values, strict=True))
+    return found
+
+
+def test_every_option_stands_on_the_page() -> None:
+    assert set(table()) == set(wiring.OPTIONS)
+
+
+@pytest.mark.parametrize(("option", "default"), table().items())
+def test_a_default_on_the_page_changes_nothing(option: str, default: str) -> None:
+    plain = wiring.Wiring.of(parse_url("quanser://q8_usb/0"))
+    assert wiring.Wiring.of(parse_url(f"quanser://q8_usb/0?{option}={default}")) == plain
+
+
+def test_every_option_stands_in_the_modules_table() -> None:
+    assert wiring.__doc__ is not None
+    for option, default in table().items():
+        assert option in wiring.__doc__
+        assert default in wiring.__doc__
+
+
+def test_the_example_is_a_wiring() -> None:
+    (example,) = re.findall(r"For example `(.*?)`", PAGE)
+    wiring.Wiring.of(parse_url(example))

@@ -1,0 +1,244 @@
+"""The serial driver against emulated rigs behind pseudo-terminals, sockets and loops."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+from heli3dof_drivers.emulator.door import serve
+from heli3dof_drivers.link import greeting, ports
+from heli3dof_drivers.link.ports import holders
+from heli3dof_drivers.link.statistics import LinkStatistics
+
+from heli3dof.errors import DeviceError, UsageError
+from heli3dof.rig.drivers import load_driver, open_rig
+from heli3dof.rig.port import Command, Flags
+from heli3dof.rig.profile import default_profile
+from heli3dof.rig.url import parse_url
+from tests.drivers.doors import Door, python_door
+from tests.drivers.emulator.still import still_endpoint
+from tests.paths import ROOT
+
+PROFILE = default_profile()
+DRIVER = load_driver("serial")
+
+
+@pytest.fixture(scope="module")
+def door() -> Iterator[Door]:
+    with python_door() as opened:
+        yield opened
+
+
+def fly(rig, periods: int = 20):
+    rig.arm()
+    for k in range(1, periods + 1):
+        sample = rig.exchange(Command(k, 2.0, 2.0), time.monotonic() + PROFILE.dt)
+    return sample
+
+
+def test_a_scheme_with_a_plus_belongs_to_the_driver_before_it():
+    assert load_driver("serial+socket").scheme == "serial"
+    with pytest.raises(UsageError, match="no driver for 'serail:'"):
+        load_driver("serail+socket")
+
+
+def test_a_port_that_is_not_there_is_named_with_those_that_are(monkeypatch):
+    with pytest.raises(DeviceError, match=r"/dev/ttyNONE: there is no such port \(ports: "):
+        open_rig("serial:///dev/ttyNONE", PROFILE)
+
+
+def test_what_is_no_serial_port_says_so(tmp_path: Path):
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(DeviceError, match=r"no serial port|not permitted|does not open") as caught:
+        open_rig(f"serial://{file}", PROFILE)
+    assert caught.value.exit_code == 3
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may open everything")
+def test_a_port_that_is_not_ours_to_open_names_the_group(tmp_path: Path):
+    file = tmp_path / "port"
+    file.touch(mode=0)
+    with pytest.raises(DeviceError, match="not permitted") as caught:
+        open_rig(f"serial://{file}", PROFILE)
+    assert "usermod" in caught.value.fix
+
+
+def test_a_place_and_options_that_make_no_sense_are_usage_errors():
+    for url in (
+        "serial:", "serial:///dev/ttyACM0?baud=fast", "serial:///dev/ttyACM0?stream=2",
+        "serial:///dev/ttyACM0?watchdog_s=20", "serial:///dev/ttyACM0?file=x",
+        "serial+nonsense://x",
+    ):  # fmt: skip
+        with pytest.raises(UsageError):
+            open_rig(url, PROFILE)
+
+
+HOLD = """
+import sys, time
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.port import Command
+from heli3dof.rig.profile import default_profile
+rig = open_rig(sys.argv[1], default_profile())
+rig.arm()
+print("armed", flush=True)
+for k in range(1, 5000):
+    sample = rig.exchange(Command(k, 3.0, 3.0), 0.0)
+    if not sample.flags & 1:
+        print(int(sample.flags), *sample.v_applied, flush=True)
+        break
+"""
+
+
+def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
+    url = door.url("watchdog_s=0.5")
+    flight = subprocess.Popen([sys.executable, "-c", HOLD, url], stdout=subprocess.PIPE, text=True)
+    assert flight.stdout is not None
+    assert flight.stdout.readline() == "armed\n"
+    with pytest.raises(DeviceError, match=f"process {flight.pid} ") as caught:
+        open_rig(url, PROFILE)
+    assert "busy" in caught.value.what
+    assert "estop" in caught.value.fix
+    assert flight.pid in [pid for pid, _ in holders(door.path)]
+    held = {c.what: c for c in DRIVER.examine(parse_url(url))}["held by"]
+    assert held.good is False
+    assert str(flight.pid) in held.found
+    assert str(door.process.pid) not in held.found
+
+    said = DRIVER.estop(parse_url(url))
+    assert "stop" in said
+    assert flight.stdout.readline() == "16 0.0 0.0\n"
+    flight.wait(timeout=20)
+    rig = open_rig(url, PROFILE)
+    assert rig.read().flags == Flags.ESTOP
+    rig.close()
+
+
+def test_estop_reaches_a_rig_whose_holder_hangs_with_the_line_full(door: Door):
+    url = door.url("watchdog_s=0.5")
+    flight = subprocess.Popen([sys.executable, "-c", HOLD, url], stdout=subprocess.PIPE, text=True)
+    assert flight.stdout is not None
+    assert flight.stdout.readline() == "armed\n"
+    flight.send_signal(signal.SIGSTOP)
+    time.sleep(0.4)  # samples that nobody reads
+    try:
+        assert "the rig says so" in DRIVER.estop(parse_url(url))
+    finally:
+        flight.kill()
+        flight.wait(timeout=20)
+
+
+def test_estop_reaches_a_rig_that_nobody_holds(door: Door):
+    url = parse_url(door.url())
+    assert "the rig says so" in DRIVER.estop(url)
+    rig = open_rig(url, PROFILE)
+    assert rig.read().flags == Flags.ESTOP
+    assert fly(rig).flags == Flags.ENABLED
+    rig.close()
+
+
+def test_estop_of_a_port_that_is_gone_is_a_device_error():
+    with pytest.raises(DeviceError, match="no such port"):
+        DRIVER.estop(parse_url("serial:///dev/ttyNONE"))
+
+
+def test_a_rig_that_dies_in_flight_is_a_device_error_that_says_so():
+    with python_door() as mortal:
+        rig = open_rig(mortal.url(), PROFILE)
+        fly(rig)
+        mortal.end()
+        with pytest.raises(DeviceError, match="is gone"):
+            fly(rig)
+        rig.close()
+
+
+@pytest.fixture
+def served() -> Iterator[str]:
+    """A rig behind a TCP port."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        going = True
+
+        def accept() -> None:
+            connection, _ = server.accept()
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            with connection:
+                serve(still_endpoint(), connection.fileno(), lambda: going)
+
+        thread = threading.Thread(target=accept, daemon=True)
+        thread.start()
+        yield "{}:{}".format(*server.getsockname())
+        going = False
+        thread.join(timeout=5)
+
+
+def test_a_rig_behind_a_socket_flies_and_a_socket_that_closes_is_noticed(served: str):
+    rig = open_rig(f"serial+socket://{served}?watchdog_s=0.5", PROFILE)
+    assert fly(rig).sequence == 20
+    rig.close()
+
+
+def test_a_socket_where_nobody_listens():
+    with pytest.raises(DeviceError, match="does not open"):
+        open_rig("serial+socket://127.0.0.1:1", PROFILE)
+
+
+def test_a_loop_answers_with_what_it_was_asked_and_that_is_no_rig(monkeypatch):
+    monkeypatch.setattr(greeting, "TRIES", 2)
+    with pytest.raises(DeviceError, match="not a rig"):
+        open_rig("serial+loop://", PROFILE)
+
+
+def test_a_spy_writes_down_what_passes(door: Door, tmp_path: Path):
+    file = tmp_path / "bytes.txt"
+    rig = open_rig(f"serial+spy://{door.path}?file={file}&watchdog_s=0.5", PROFILE)
+    assert fly(rig).flags & Flags.ENABLED
+    rig.close()
+    assert "TX" in file.read_text()
+
+
+def test_what_doctor_is_told_of_a_port(door: Door, monkeypatch, tmp_path: Path):
+    found = {c.what: c for c in DRIVER.examine(parse_url(door.url()))}
+    assert found["port"].good
+    assert found["permission"].good
+    assert found["latency timer"].good
+    # The emulated rig has its own end open, and has locked nothing.
+    assert found["held by"].good is None
+    assert str(door.process.pid) in found["held by"].found
+    assert not DRIVER.examine(parse_url("serial:///dev/ttyNONE"))[0].good
+
+    timer = tmp_path / "latency_timer"
+    timer.write_text("16\n")
+    monkeypatch.setattr(ports, "LATENCY_FILES", (str(timer),))
+    slow = {c.what: c for c in DRIVER.examine(parse_url(door.url()))}["latency timer"]
+    assert slow.good is False
+    assert slow.fix == f"echo 1 | sudo tee {timer}"
+
+
+def test_nothing_is_imported_that_finding_does_not_need():
+    code = (
+        "import sys; from heli3dof_drivers.serial_port import SerialDriver; SerialDriver().find();"
+        "print(sorted({'numpy', 'pydantic', 'numba'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_the_page_names_every_option_and_every_count():
+    page = (ROOT / "docs" / "serial.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
+    named = set(re.findall(r"`(\w+?)(?:_…_s)?`", "".join(rows)))
+    counted = {f.name for f in fields(LinkStatistics)}
+    assert set(DRIVER.options) <= named
+    assert named - set(DRIVER.options) <= counted
+    assert counted - named == {"sent", "received", "commands"}  # they speak for themselves
+    assert f"for {greeting.TRIES * greeting.PATIENCE_S:g} s" in page

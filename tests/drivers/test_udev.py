@@ -1,0 +1,71 @@
+"""The udev rule that ships: every line is one that udev understands, and nobody gets 0666."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from heli3dof_drivers import udev
+from heli3dof_drivers.emulator.usb_function import PRODUCT, VENDOR
+
+PAIR = re.compile(r'(\w+(?:\{[\w/]+\})?)(==|!=|\+=|=)"([^"]*)"')
+LINES = [
+    line
+    for line in udev.RULES.read_text(encoding="utf-8").splitlines()
+    if line and not line.startswith("#")
+]
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_a_line_is_matches_then_assignments_and_nothing_else(line: str):
+    pairs = [PAIR.fullmatch(part.strip()) for part in line.split(",")]
+    assert all(pairs), line
+    signs = [p[2] for p in pairs if p]
+    matches = [s for s in signs if s in ("==", "!=")]
+    assert matches == signs[: len(matches)]  # a match after an assignment would be a typing error
+    assert len(signs) > len(matches)
+    assert {v for k, _, v in (p.groups() for p in pairs if p) if k == "MODE"} <= {"0660"}
+
+
+def rules_for(**device: str) -> str:
+    """All that the rules assign to a device with these properties, as text."""
+    done = []
+    for line in LINES:
+        pairs = [p.groups() for p in PAIR.finditer(line)]
+        wanted = {k: v for k, s, v in pairs if s == "=="}
+        device_ = {k.replace("_of_", "{").replace("_end", "}"): v for k, v in device.items()}
+        if all(re.fullmatch(v.replace("*", ".*"), device_.get(k, "")) for k, v in wanted.items()):
+            done += [f"{k}{s}{v}" for k, s, v in pairs if s != "=="]
+    return " ".join(done)
+
+
+def test_who_sits_at_the_machine_may_use_a_usb_rig():
+    usb = {
+        "SUBSYSTEM": "usb",
+        "ENV_of_DEVTYPE_end": "usb_device",
+        "ATTR_of_idVendor_end": f"{VENDOR:04x}",
+        "ATTR_of_idProduct_end": f"{PRODUCT:04x}",
+    }
+    assert "GROUP=dialout MODE=0660 TAG+=uaccess" in rules_for(**usb)
+    assert rules_for(**{**usb, "ATTR_of_idProduct_end": "0002"}) == ""
+
+
+@pytest.mark.parametrize("port", ["ttyACM0", "ttyUSB11"])
+def test_who_sits_at_the_machine_may_use_a_serial_rig(port: str):
+    assert rules_for(SUBSYSTEM="tty", KERNEL=port) == "TAG+=uaccess"
+    assert rules_for(SUBSYSTEM="tty", KERNEL="ttyS0") == ""
+
+
+def test_an_ftdi_adapter_is_made_quick():
+    done = rules_for(ACTION="add", SUBSYSTEM="usb-serial", DRIVER="ftdi_sio")
+    assert done == "ATTR{latency_timer}=1"
+
+
+def test_the_rule_comes_before_the_one_that_reads_the_tag():
+    assert udev.RULES.name < "73-seat-late.rules"
+
+
+def test_the_command_installs_this_file_and_applies_it():
+    command = udev.install_command()
+    assert f"cp '{udev.RULES}' /etc/udev/rules.d/" in command
+    assert command.index("--reload") < command.index("udevadm trigger")

@@ -1,0 +1,180 @@
+"""Which rig a URL means, and what is said where it means none, several, or one that is taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from heli3dof_drivers.emulator.door_usb import BusFault
+from heli3dof_drivers.emulator.usb_mock import UsbMockDriver
+from heli3dof_drivers.mock import OPTIONS
+from heli3dof_drivers.udev import RULES
+from heli3dof_drivers.usb_bulk import UsbDriver, devices, errors
+
+from heli3dof.errors import DeviceError, UsageError
+from heli3dof.rig.url import parse_url
+from tests.paths import ROOT
+
+from .laboratory import PROFILE, Lab
+
+
+def refused(lab: Lab, url: str) -> str:
+    with pytest.raises(DeviceError) as caught:
+        lab.open(url)
+    assert caught.value.cause
+    assert caught.value.fix
+    return str(caught.value)
+
+
+def test_every_rig_on_the_bus_is_found_by_number_and_serial(lab: Lab):
+    assert lab.driver.find() == []
+    lab.plug(1)
+    lab.plug(2)
+    assert lab.driver.find() == ["usb://1209:0001/mock-1", "usb://1209:0001/mock-2"]
+    for url in lab.driver.find():
+        assert lab.open(url).identity.serial == url.rpartition("/")[2]
+
+
+@pytest.mark.parametrize(
+    "url",
+    ["usb:", "usb://", "usb://1209:0001", "usb://1209:1/mock-7", "usb:///mock-7", "usb://mock-7"],
+)
+def test_where_one_rig_is_the_place_may_be_left_out(lab: Lab, url: str):
+    lab.plug(7)
+    assert lab.open(url).identity.serial == "mock-7"
+
+
+def test_several_rigs_are_listed_when_the_url_does_not_choose(lab: Lab):
+    lab.plug(1)
+    lab.plug(2)
+    said = refused(lab, "usb://1209:0001")
+    assert "usb://1209:0001/mock-1" in said
+    assert "usb://1209:0001/mock-2" in said
+
+
+def test_a_rig_that_is_not_there_names_those_that_are(lab: Lab):
+    assert "no USB rig is" in refused(lab, "usb://1209:0001/mock-1")
+    lab.plug(2)
+    assert "--device usb://1209:0001/mock-2" in refused(lab, "usb://1209:0001/mock-1")
+
+
+@pytest.mark.parametrize("url", ["usb://rig:1", "usb://12345:1", "usb://1209:", "usb://1209:0001x"])
+def test_a_place_that_is_none_is_an_error_of_use(lab: Lab, url: str):
+    with pytest.raises(UsageError, match="hexadecimal"):
+        lab.open(url)
+
+
+def test_a_second_process_is_told_that_the_rig_is_in_use(lab: Lab):
+    lab.plug()
+    lab.open()
+    assert "in use" in refused(lab, "usb:")
+    lab.opened[0].close()
+    assert lab.open().identity.serial == "mock-1"
+
+
+def test_a_rig_that_this_user_may_not_open_is_told_the_rules_command(lab: Lab):
+    lab.plug(1, "refused@0")
+    said = refused(lab, "usb:")
+    assert "may not be opened" in said
+    assert f"sudo cp '{RULES}'" in said
+
+
+def test_a_rig_whose_serial_number_cannot_be_read_is_found_without_it(lab: Lab):
+    lab.plug(1, "refused@0")
+    assert lab.driver.find() == ["usb://1209:0001"]
+
+
+def test_a_serial_number_that_fits_is_preferred_to_one_that_cannot_be_read(lab: Lab):
+    lab.plug(1, "refused@0")
+    lab.plug(2)
+    assert lab.open("usb:///mock-2").identity.serial == "mock-2"
+    assert "may not be opened" in refused(lab, "usb:///mock-1")
+
+
+def test_without_libusb_nothing_is_found_and_opening_names_the_package(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    from usb.backend import libusb1
+
+    monkeypatch.setattr(libusb1, "get_backend", lambda *_: None)
+    monkeypatch.setattr(errors.sys, "platform", "linux")
+    driver = UsbDriver()
+    assert driver.find() == []
+    with pytest.raises(DeviceError) as caught:
+        driver.open(parse_url("usb:"), PROFILE)
+    assert "apt install libusb-1.0-0" in caught.value.fix
+    with pytest.raises(DeviceError):
+        driver.estop(parse_url("usb:"))
+    (check,) = driver.examine(parse_url("usb:"))
+    assert check.good is False
+    assert check.fix == caught.value.fix
+
+
+def test_the_kernels_list_says_whether_there_is_one_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(devices, "SYSFS", tmp_path / "none")
+    assert devices.kernel_lists_one()  # no list: libusb has to look
+    monkeypatch.setattr(devices, "SYSFS", tmp_path)
+    assert not devices.kernel_lists_one()
+    for interface, triple in {"1-1:1.0": ("03", "01", "02"), "1-2:1.0": ("ff", "48", "01")}.items():
+        assert not devices.kernel_lists_one()
+        (tmp_path / interface).mkdir()
+        for name, value in zip(("Class", "SubClass", "Protocol"), triple, strict=True):
+            (tmp_path / interface / f"bInterface{name}").write_text(value + "\n")
+    assert devices.kernel_lists_one()
+
+
+def test_doctor_hears_what_is_there(lab: Lab):
+    lab.plug(3)
+    checks = {c.what: c for c in lab.driver.examine(parse_url("usb:"))}
+    assert checks["libusb"].good
+    assert checks["USB rig"].good
+    assert "mock-3" in checks["USB rig"].found
+    assert "480 Mbit/s" in checks["USB rig"].found
+    missing = {c.what: c for c in lab.driver.examine(parse_url("usb:///other"))}["USB rig"]
+    assert missing.good is False
+    assert missing.fix
+
+
+@pytest.mark.parametrize(
+    "option", ["stream=2", "signs=up", "watchdog_s=5", "watchdog_s=x", "timeout_s=0"]
+)
+def test_an_option_out_of_range_names_the_range(lab: Lab, option: str):
+    lab.plug()
+    with pytest.raises(UsageError) as caught:
+        lab.open(f"usb:?{option}")
+    assert caught.value.fix
+
+
+def test_options_of_the_emulated_rig_are_none_of_a_real_one(lab: Lab):
+    lab.plug()
+    with pytest.raises(UsageError, match="no option 'hide'"):
+        lab.open("usb:?hide=motor.lag:0.1")
+
+
+@pytest.mark.parametrize("text", ["melt@1", "unplug@x", "unplug", "stall_in@1:2:3", "silent@-1"])
+def test_a_fault_that_is_none_is_refused(text: str):
+    with pytest.raises(UsageError, match="nothing that befalls a USB rig"):
+        BusFault.of(text)
+
+
+def test_the_page_names_every_option_of_both_drivers():
+    page = (ROOT / "docs" / "rigs.md").read_text(encoding="utf-8")
+    assert all(f"| `{option}` |" in page for option in UsbDriver.options)
+    assert set(UsbMockDriver.options) == {*UsbDriver.options, *OPTIONS, "bus"} - {"speed"}
+
+
+def test_an_emulated_rig_is_there_only_for_whoever_asks():
+    driver = UsbMockDriver()
+    assert driver.find() == []
+    rig = driver.open(parse_url("usb+mock:?seed=5&noise=0"), PROFILE)
+    assert rig.identity.serial == "mock-5"
+    assert rig.identity.emulated
+    rig.close()
+
+
+def test_the_emulated_rigs_bus_befalls_it_as_the_url_says():
+    url = parse_url("usb+mock:?bus=refused@0&bus=silent@5")
+    with pytest.raises(DeviceError, match="may not be opened"):
+        UsbMockDriver().open(url, PROFILE)

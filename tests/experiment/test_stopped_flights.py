@@ -1,0 +1,105 @@
+"""A stop from another terminal ends a flight in any phase, and the recording says so."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from heli3dof.errors import SafetyTrip
+from heli3dof.experiment.fly import Flight, fly_plan
+from heli3dof.experiment.plan import step_plan
+from heli3dof.recording.row import RAMP_DOWN
+from heli3dof.rig.attach import Question, running
+from heli3dof.rig.port import Command, Flags, Identity, Sample
+from tests.rig.fakes import FakeDriver, FakeRig, only_drivers
+
+PERIODS = 50
+LEVEL = (313, 0, 0)
+
+
+class Watched(FakeRig):
+    """Somebody in another terminal asks for a stop at the k-th command."""
+
+    def __init__(self, driver: Watching) -> None:
+        super().__init__(driver)
+        self.commands: list[Command] = []
+
+    def exchange(self, command: Command, due_s: float) -> Sample:
+        self.commands.append(command)
+        if len(self.commands) == self.driver.stop_at:
+            ask()
+        return super().exchange(command, due_s)
+
+
+class Watching(FakeDriver):
+    """Opens rigs of that kind."""
+
+    stop_at: int | None = None
+
+    def open(self, url: object, profile: object) -> FakeRig:
+        self.rigs.append(Watched(self))
+        return self.rigs[-1]
+
+
+@pytest.fixture
+def driver(monkeypatch: pytest.MonkeyPatch) -> Watching:
+    driver = Watching(counts=LEVEL)
+    only_drivers(monkeypatch, fake=driver)
+    return driver
+
+
+def ask(identity: Identity | None = None) -> None:
+    (session,) = running("fake://1")
+    Question(session, {"do": "estop", "reason": "smoke"})
+    time.sleep(0.2)  # the session's thread has heard it by then
+
+
+def flown(**keys: object) -> Flight:
+    plan = step_plan((0.0, None, None), settle_s=0, duration_s=PERIODS * 2e-3)
+    return fly_plan(plan, device="fake://1", **keys)
+
+
+def is_tripped(flight: Flight) -> bool:
+    detail = flight.outcome.detail
+    with pytest.raises(SafetyTrip, match="smoke"):
+        flight.raise_if_cut_short()
+    return flight.outcome.ending == "tripped" and detail == "emergency stop on request: smoke"
+
+
+def test_without_a_stop_the_plan_is_flown_to_its_end(driver):
+    flight = flown()
+    assert flight.outcome.ending == "completed"
+    assert driver.rigs[0].stopped == []
+
+
+def test_before_arming_the_rig_is_never_armed(driver):
+    flight = flown(opened=ask)
+    assert is_tripped(flight)
+    assert driver.rigs[0].armed == 0
+    assert "smoke" in driver.rigs[0].stopped
+
+
+def test_in_flight_no_volt_is_sent_after_it(driver):
+    driver.stop_at = 20
+    flight = flown()
+    assert is_tripped(flight)
+    after = driver.rigs[0].commands[20:]
+    assert after
+    assert all((c.v_front, c.v_back) == (0.0, 0.0) for c in after)
+    assert flight.recording.meta["outcome"] == "tripped"
+    stopped = flight.recording.channels["flags"].astype(int) & Flags.ESTOP != 0
+    assert stopped[-1]
+    assert not flight.recording.voltage[stopped].any()
+    assert not flight.recording.channels["v_front_sent_V"][stopped].any()
+
+
+def test_while_landing_it_ends_the_landing(driver):
+    driver.stop_at = PERIODS + 10
+    flight = flown()
+    assert is_tripped(flight)
+    assert not flight.outcome.landed
+    assert driver.rigs[0].stopped[0] == "smoke"
+    assert flight.recording.channels["phase"][-1] == RAMP_DOWN
+    after = driver.rigs[0].commands[PERIODS + 10 :]
+    assert all((c.v_front, c.v_back) == (0.0, 0.0) for c in after)

@@ -1,0 +1,63 @@
+"""Every case that a driver owes the port (`heli3dof.rig.conformance`), over the kernel's stack."""
+
+from __future__ import annotations
+
+import sys
+import unittest
+from importlib.metadata import EntryPoint
+from types import ModuleType
+from typing import Any
+
+from . import cases_serial, cases_usb
+from .guest import PROFILE, case
+
+DRIVERS = {
+    "usb": "heli3dof_drivers.usb_bulk:UsbDriver",
+    "serial": "heli3dof_drivers.serial_port:SerialDriver",
+}
+NOT_OF_A_RIG_THAT_STANDS_STILL = ("equal_volts_lift_the_body",)
+
+
+def suite() -> Any:
+    """The cases and how to run one. No numpy and no installed package here: both are stood in."""
+    from heli3dof.rig import drivers
+
+    profile: Any = ModuleType("heli3dof.rig.profile")
+    profile.Profile, profile.default_profile = object, lambda: PROFILE
+    sys.modules.setdefault("heli3dof.rig.profile", profile)
+    drivers.registered = lambda: {  # type: ignore[assignment]
+        name: EntryPoint(name, value, drivers.GROUP) for name, value in DRIVERS.items()
+    }
+    from heli3dof.rig.conformance import CASES, conforms
+
+    return CASES, conforms
+
+
+def conformance(url: str) -> dict[str, Any]:
+    cases, conforms = suite()
+    held, skipped, failed = 0, [], {}
+    for one in cases:
+        if str(one).startswith(NOT_OF_A_RIG_THAT_STANDS_STILL):
+            continue
+        try:
+            conforms(one, url, PROFILE, moves=True)
+            held += 1
+        except unittest.SkipTest:
+            skipped.append(str(one))
+        except Exception as error:
+            failed[str(one)] = f"{type(error).__name__}: {error}"
+    assert not failed, failed
+    assert held > 20, held
+    return {"held": held, "skipped": ", ".join(skipped)}
+
+
+@case
+def conformance_of_usb() -> dict[str, Any]:
+    cases_usb.hand()
+    return conformance(cases_usb.URL)
+
+
+@case
+def conformance_of_serial() -> dict[str, Any]:
+    cases_serial.hand()
+    return conformance(cases_serial.URL)

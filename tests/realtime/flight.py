@@ -1,0 +1,128 @@
+"""``heli3dof run-step`` as a process: with recorder, live view, and the rig that it is told of."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from heli3dof.rig.profile import default_profile
+
+SETTLE_S = 5.0
+LANDING_S = 3.0
+"""The profile's: what a flight takes beyond its plan"""
+GRANTED = "from heli3dof.cli.app import main; main()"
+REFUSED = """
+import os
+def refuse(*ignored):
+    raise PermissionError(1, "Operation not permitted")
+os.sched_setscheduler = refuse
+from heli3dof.experiment import realtime
+realtime._may_lock_everything = lambda: False
+"""
+"""A system that grants nothing which needs a permission, whoever runs this."""
+
+
+PATIENT = {"late_max_s": 0.3, "late_max_share": 1.0, "lost_max_s": 0.4}
+"""Limits for what is not about time, on a machine that has other work and may stand still."""
+
+
+def write_profile(path: Path, *, rate_hz: float = 500.0, **limits: float) -> Path:
+    """The paper's rig at a rate, with these ``limits``, as a TOML file."""
+    data = default_profile().to_dict()
+    data["loop"]["rate_hz"] = rate_hz
+    data["limits"] |= limits
+    lines = [f"{k} = {json.dumps(v)}" for k, v in data.items() if not isinstance(v, dict)]
+    for section, keys in data.items():
+        if isinstance(keys, dict):
+            lines += [f"[{section}]", *(f"{k} = {json.dumps(v)}" for k, v in keys.items())]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+class FlightProcess:
+    """A flight under way; leaving the block kills what is left of it."""
+
+    def __init__(
+        self,
+        device: str,
+        output: Path,
+        seconds: float,
+        *,
+        profile: Path | None = None,
+        realtime: bool = True,
+    ) -> None:
+        words = [
+            "run-step", "--roll", "5", "--settle", f"{SETTLE_S:g}",
+            "--duration", f"{max(1.0, seconds - SETTLE_S):g}",
+            "--device", device, "-o", str(output), "--json", "--force",
+        ]  # fmt: skip
+        if profile is not None:
+            words += ["--profile", str(profile)]
+        program = GRANTED if realtime else REFUSED + GRANTED
+        self.output = output
+        self._screen, inner = pty.openpty()  # without a terminal there is no live view
+        environment = {k: v for k, v in os.environ.items() if k != "NO_COLOR"}
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", program, *words],
+            stdout=subprocess.PIPE,
+            stderr=inner,
+            text=True,
+            env={**environment, "TERM": "xterm", "OPENBLAS_NUM_THREADS": "1"},
+        )
+        os.close(inner)
+        self.shown = bytearray()
+        """What the terminal was sent, its last 64 KiB"""
+        self._watcher = threading.Thread(target=self._watch, daemon=True)
+        self._watcher.start()
+
+    def _watch(self) -> None:
+        while True:
+            try:
+                self.shown += os.read(self._screen, 4096)
+            except OSError:  # the other end was closed
+                return
+            del self.shown[:-65536]
+
+    def result(self, timeout_s: float) -> dict[str, Any]:
+        """The flight's JSON document. AssertionError where it ended otherwise than well."""
+        said, _ = self.process.communicate(timeout=timeout_s)
+        assert self.process.returncode == 0, self.shown.decode(errors="replace")[-3000:]
+        document: dict[str, Any] = json.loads(said)
+        return document
+
+    def __enter__(self) -> FlightProcess:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.process.kill()
+        self.process.wait()
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+        self._watcher.join(5)
+        os.close(self._screen)
+
+
+@contextmanager
+def firmware(program: str, *options: str) -> Iterator[str]:
+    """The C firmware in a process of its own; the URL of its pseudo-terminal."""
+    with subprocess.Popen([program, *options], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        path = process.stdout.readline().strip()
+        try:
+            yield f"serial://{path}"
+        finally:
+            process.kill()

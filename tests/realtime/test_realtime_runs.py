@@ -1,0 +1,103 @@
+"""The long runs of `make bench TOPIC=loop`, flown short: behaviour is strict, lateness is loose."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from heli3dof.recording.reader import read_recording
+from tests.drivers.firmware.building import rig_program
+from tests.realtime.flight import LANDING_S, PATIENT, FlightProcess, firmware, write_profile
+from tests.realtime.kill import kill_flights
+from tests.realtime.power import lost_to_a_power_cut
+from tests.realtime.soak import found, soak
+
+pytestmark = [
+    pytest.mark.realtime,
+    pytest.mark.skipif(sys.platform != "linux", reason="reads /proc"),
+]
+WATCHDOG_S, RAMP_S = 0.5, 0.2
+SLACK = ("--watchdog", f"{WATCHDOG_S * 1e3:g}")
+"""A busy machine stands still for longer than the firmware's own 100 ms."""
+
+
+def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_path: Path) -> None:
+    profile = write_profile(tmp_path / "patient.toml", **PATIENT)
+    with (
+        firmware(rig_program(), *SLACK) as device,
+        FlightProcess(device, tmp_path / "a.mcap", 4, profile=profile) as flight,
+    ):
+        document = flight.result(120)
+    assert b"flying" in flight.shown, "the live view was on"
+    assert (document["outcome"], document["landed"]) == ("completed", True)
+    recording = read_recording(tmp_path / "a.mcap")
+    periods = 500 * (6 + LANDING_S)
+    skipped = document["missed_periods"] + document["lost_periods"]
+    assert periods - skipped - 1 <= len(recording) <= periods + 1
+    # What was skipped shows in the device's time, and nothing else does; the device itself may be
+    # late on a busy machine.
+    t = recording.channels["device_time_s"]
+    assert np.diff(t).min() > 0
+    assert abs(round(float(t[-1] - t[0]) * 500) - (len(t) - 1) - skipped) <= 2
+    assert document["punctuality"]["median_s"] < 0.01
+    assert document["link"]["lost"] == document["lost_periods"]
+    assert 0 < document["link"]["delay_median_s"] < 0.01
+
+
+def test_a_system_that_refuses_everything_is_told_and_flown_on(tmp_path: Path) -> None:
+    device = "mock:?speed=real&start=level"
+    profile = write_profile(tmp_path / "patient.toml", **PATIENT)
+    with FlightProcess(device, tmp_path / "a.mcap", 1, profile=profile, realtime=False) as flight:
+        document = flight.result(120)
+    assert document["realtime"]["scheduled"] is False
+    assert {r["what"] for r in document["realtime"]["refused"]} == {
+        "real-time scheduling", "locked memory",
+    }  # fmt: skip
+    kept = read_recording(tmp_path / "a.mcap").meta["outcome_details"]
+    assert kept["realtime"] == document["realtime"]
+
+
+def test_kill_minus_nine_ends_at_zero_volts_with_half_a_second_lost_at_most(tmp_path: Path) -> None:
+    log = tmp_path / "device.log"
+    with firmware(rig_program(), *PATIENT, "--log", str(log)) as device:
+        flights = list(kill_flights(device, log, tmp_path, 3, seed=1))
+    for flight in flights:
+        assert flight.zero_s <= WATCHDOG_S + RAMP_S + 0.3, "some room for a loaded machine"
+        assert flight.lost_s <= 0.5
+        assert flight.rows > 0
+
+
+def test_a_power_cut_takes_half_a_second_where_the_disk_is_quick(tmp_path: Path) -> None:
+    lost_s = lost_to_a_power_cut(tmp_path / "a.mcap", 3, sync=lambda descriptor: None)
+    assert lost_s <= 0.5 + 0.5, "some room for a loaded machine"
+
+
+def test_a_slow_disk_shows_in_what_a_power_cut_takes(tmp_path: Path) -> None:
+    lost_s = lost_to_a_power_cut(tmp_path / "a.mcap", 3, sync=lambda descriptor: time.sleep(0.7))
+    assert lost_s > 0.7
+
+
+def test_a_soak_of_some_seconds_grows_by_nothing_to_speak_of(tmp_path: Path) -> None:
+    result = soak("mock:?speed=real&start=level", tmp_path, 12)
+    assert result.last_MiB - result.first_MiB < 4
+    assert result.flight["outcome"] == "completed"
+
+
+def test_a_leak_is_seen_by_its_slope() -> None:
+    t = np.arange(0, 1800, 0.25)
+    noise = np.random.default_rng(0).normal(0, 20, len(t))
+    flat, leak = (found(t, 200_000 + rate * t / 60 + noise, {}) for rate in (0.0, 10.0))
+    assert flat.low < 0 < flat.high
+    assert leak.low < 10 < leak.high
+    assert leak.low > 0
+
+
+def test_a_profile_that_is_written_is_read_as_it_was(tmp_path: Path) -> None:
+    from heli3dof.rig.profile import load_profile
+
+    profile = load_profile(write_profile(tmp_path / "p.toml", rate_hz=1000, duration_max_s=700))
+    assert (profile.loop.rate_hz, profile.limits.duration_max_s) == (1000, 700)

@@ -1,0 +1,91 @@
+"""Rest angles are stored by serial number, and hold for the start of the device they are of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from heli3dof.rig.calibration import (
+    Calibration,
+    calibration_path,
+    load_calibration,
+    rest_of,
+    store_calibration,
+)
+from tests.rig.fakes import IDENTITY
+
+FOUND = Calibration(
+    "F-1", 7, (4096, 4096, 8192), (12, -3, 40), "2026-11-21T07:00:00+00:00", "fake://1"
+)
+
+
+@pytest.fixture(autouse=True)
+def state(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    return tmp_path
+
+
+def test_a_rig_that_was_never_zeroed_is_taken_to_have_started_at_rest():
+    rest = rest_of(IDENTITY)
+    assert (rest.counts_at_rest, rest.known_from, rest.note) == ((0, 0, 0), "power-up", "")
+
+
+def test_what_was_stored_is_gone_by_without_a_word(state):
+    path = store_calibration(FOUND)
+    assert path == state / "heli3dof" / "rigs" / "F-1.toml"
+    rest = rest_of(IDENTITY)
+    assert (rest.counts_at_rest, rest.known_from, rest.note) == ((12, -3, 40), "zero", "")
+
+
+def test_after_another_start_of_the_device_it_is_not_used_and_that_is_said():
+    store_calibration(FOUND)
+    rest = rest_of(replace(IDENTITY, boot=8))
+    assert rest.counts_at_rest == (0, 0, 0)
+    assert "started anew since heli3dof zero on 2026-11-21" in rest.note
+
+
+def test_where_the_device_tells_no_starts_it_is_used_and_the_time_is_said():
+    store_calibration(replace(FOUND, boot=None))
+    rest = rest_of(replace(IDENTITY, boot=None))
+    assert rest.counts_at_rest == (12, -3, 40)
+    assert "2026-11-21" in rest.note
+
+
+def test_other_encoders_make_it_void():
+    store_calibration(FOUND)
+    rest = rest_of(replace(IDENTITY, counts_per_rev=(-4096, 4096, 8192)))
+    assert rest.counts_at_rest == (0, 0, 0)
+    assert "run heli3dof zero again" in rest.note
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "serial = ", "serial = 'F-1'\n", "\x00", "serial = 'F-2'\n" + "x = 1\n"],
+)
+def test_a_damaged_file_is_not_used_and_that_is_said(text):
+    path = store_calibration(FOUND)
+    path.write_text(text)
+    rest = rest_of(IDENTITY)
+    assert rest.counts_at_rest == (0, 0, 0)
+    assert "cannot be read" in rest.note
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    serial=st.text(st.characters(codec="utf-8"), min_size=1, max_size=40),
+    boot=st.none() | st.integers(0, 2**32 - 1),
+    counts=st.tuples(*[st.integers(-(2**31), 2**31 - 1)] * 3),
+)
+def test_whatever_is_stored_comes_back(serial, boot, counts):
+    stored = replace(FOUND, serial=serial, boot=boot, counts_at_rest=counts)
+    path = store_calibration(stored)
+    assert load_calibration(serial) == stored
+    path.unlink()
+
+
+def test_a_serial_number_stays_in_its_folder(state):
+    assert calibration_path("../../etc/passwd").parent == state / "heli3dof" / "rigs"
+    assert calibration_path("..").name == "...toml"

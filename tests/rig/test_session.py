@@ -1,0 +1,230 @@
+"""A session locks its rig and answers a second terminal, whatever else goes on."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from heli3dof.errors import DeviceError
+from heli3dof.rig.attach import Question, lives, running, state
+from heli3dof.rig.places import device_name, runtime_folder
+from heli3dof.rig.session import Session
+from tests.rig.processes import suspend
+
+DEVICE = "serial:///dev/null?baud=9600"
+HOLDER = f"""
+import sys, time
+from heli3dof.rig.session import Session
+from tests.rig.processes import suspend
+session = Session({DEVICE!r}, doing="heli3dof run rich")
+print("held", flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.fixture
+def session() -> Iterator[Session]:
+    with Session(DEVICE, doing="heli3dof run rich") as held:
+        yield held
+
+
+@pytest.fixture
+def other_process() -> Iterator[subprocess.Popen[str]]:
+    with subprocess.Popen([sys.executable, "-c", HOLDER], stdout=subprocess.PIPE, text=True) as p:
+        assert p.stdout is not None
+        assert p.stdout.readline() == "held\n"
+        yield p
+        p.kill()
+
+
+def test_options_and_links_do_not_make_another_device(tmp_path):
+    link = tmp_path / "by-id"
+    link.symlink_to("/dev/null")
+    assert device_name(DEVICE) == device_name(f"serial://{link}")
+    assert device_name(DEVICE) != device_name("serial:///dev/zero")
+    assert device_name(DEVICE) != device_name("usb:///dev/null")
+
+
+@pytest.fixture
+def runtime(monkeypatch) -> Iterator[Path]:
+    """Short, unlike tmp_path: a socket's address has to fit."""
+    with tempfile.TemporaryDirectory(prefix="h3t-") as folder:
+        monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
+        yield Path(folder)
+
+
+def test_the_runtime_folder_is_its_owners_alone(runtime):
+    (runtime / "heli3dof").mkdir(mode=0o755)
+    assert runtime_folder() == runtime / "heli3dof"
+    assert runtime_folder().stat().st_mode & 0o777 == 0o700
+
+
+def test_a_runtime_folder_that_is_a_link_is_not_trusted(runtime, tmp_path):
+    (runtime / "heli3dof").symlink_to(tmp_path)
+    with pytest.raises(DeviceError, match="somebody else"):
+        runtime_folder()
+
+
+def test_a_path_too_long_for_a_socket_is_not_used(monkeypatch, tmp_path):
+    long = tmp_path / ("x" * 90)
+    long.mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(long))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    assert runtime_folder() == tmp_path / f"heli3dof-{os.getuid()}"
+
+
+def test_a_second_session_is_told_who_holds_the_rig(session):
+    with pytest.raises(DeviceError) as caught:
+        Session("serial:///dev/null")
+    assert f"pid {os.getpid()} runs `heli3dof run rich` since 2" in caught.value.what
+    assert caught.value.exit_code == 3
+
+
+def test_a_rig_is_free_again_after_its_session(session):
+    session.close()
+    session.close()
+    Session(DEVICE).close()
+
+
+def test_a_killed_session_leaves_the_rig_free_and_nothing_listed(other_process):
+    assert [s.pid for s in running(DEVICE)] == [other_process.pid]
+    with pytest.raises(DeviceError, match=f"pid {other_process.pid} runs"):
+        Session(DEVICE)
+    other_process.send_signal(signal.SIGKILL)
+    other_process.wait()
+    assert running(DEVICE) == []
+    Session(DEVICE).close()
+
+
+def test_sessions_are_listed_with_what_they_do(session):
+    (found,) = running(DEVICE)
+    assert (found.device, found.pid, found.doing) == (DEVICE, os.getpid(), "heli3dof run rich")
+    assert running("serial:///dev/zero") == []
+
+
+def test_private_rigs_do_not_lock_each_other_out():
+    with Session("mock:", private=True) as one, Session("mock:?seed=2", private=True) as two:
+        assert running("mock:") == []
+        one.serve()
+        two.serve()
+        assert [s.device for s in running("mock:")] == ["mock:", "mock:?seed=2"]
+    assert running("mock:") == []
+    assert not list(runtime_folder().glob("mock*"))
+
+
+def test_the_state_is_what_the_session_says(session):
+    session.state = lambda: {"roll_deg": 1.5}
+    (found,) = running(DEVICE)
+    assert state(found, timeout_s=5) == {"roll_deg": 1.5}
+
+
+def test_a_state_that_fails_is_no_answer_and_ends_nothing(session):
+    def broken() -> dict[str, float]:
+        raise ValueError("no sample yet")
+
+    session.state = broken
+    (found,) = running(DEVICE)
+    assert state(found, timeout_s=5) is None
+    assert Question(found, {"do": "state"}).answer(5) == {"error": "ValueError: no sample yet"}
+
+
+def test_a_stop_is_answered_when_it_has_been_carried_out(session):
+    (found,) = running(DEVICE)
+    question = Question(found, {"do": "estop", "reason": "smoke"})
+    deadline = time.monotonic() + 5
+    while session.asked is None and time.monotonic() < deadline:
+        time.sleep(1e-3)
+    assert session.asked == "smoke"
+    threading.Timer(0.05, session.confirm, ["by the loop"]).start()
+    assert question.answer(5) == {"stopped": "by the loop"}
+
+
+def test_a_session_that_never_confirms_is_given_up_in_time(session):
+    (found,) = running(DEVICE)
+    start = time.monotonic()
+    assert Question(found, {"do": "estop"}).answer(0.2) is None
+    assert time.monotonic() - start < 1
+
+
+def test_who_waits_for_a_stop_is_told_when_the_session_ends(session):
+    (found,) = running(DEVICE)
+    question = Question(found, {"do": "estop"})
+    while session.asked is None:
+        time.sleep(1e-3)
+    session.close()
+    assert "over" in question.answer(5)
+
+
+@pytest.mark.parametrize("rubbish", [b"", b"\n", b"{", b"[1]", b'{"do": 1}\n', b"\xff" * 9000])
+def test_rubbish_is_dropped_and_the_next_one_is_answered(session, rubbish):
+    (found,) = running(DEVICE)
+    with socket.socket(socket.AF_UNIX) as line:
+        line.connect(str(found.socket))
+        line.sendall(rubbish)
+        line.shutdown(socket.SHUT_WR)
+        assert state(found, timeout_s=5) == {}
+
+
+def test_silent_callers_keep_nobody_waiting(session):
+    (found,) = running(DEVICE)
+    lines = [socket.socket(socket.AF_UNIX) for _ in range(8)]
+    for line in lines:
+        line.connect(str(found.socket))
+    assert state(found, timeout_s=5) == {}
+    for line in lines:
+        line.close()
+
+
+def test_a_session_that_hangs_lives_and_answers_nothing(other_process):
+    (found,) = running(DEVICE)
+    suspend(other_process)
+    try:
+        assert lives(found)
+        assert state(found, timeout_s=0.1) is None
+        with pytest.raises(DeviceError, match="busy"):
+            Session(DEVICE)
+    finally:
+        other_process.send_signal(signal.SIGCONT)
+    assert state(found, timeout_s=5) == {}
+
+
+def test_of_many_that_want_the_rig_at_once_one_gets_it():
+    together = threading.Barrier(8)
+    won: list[Session] = []
+
+    def want() -> None:
+        together.wait()
+        with contextlib.suppress(DeviceError):
+            won.append(Session(DEVICE))
+
+    threads = [threading.Thread(target=want) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(won) == 1
+    won[0].close()
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@given(noise=st.binary(max_size=6000))
+def test_no_bytes_stop_a_session_from_answering(session, noise):
+    (found,) = running(DEVICE)
+    with socket.socket(socket.AF_UNIX) as line, contextlib.suppress(BrokenPipeError):
+        line.connect(str(found.socket))
+        line.sendall(noise)
+    assert state(found, timeout_s=5) == {}
+    assert session.asked is None

@@ -1,0 +1,91 @@
+"""An emergency stop reaches the device itself: an emulated rig behind a pseudo-terminal."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from heli3dof.rig.attach import running, state
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.port import Flags
+from heli3dof.rig.profile import default_profile
+from tests.cli.running import heli3dof
+from tests.rig.processes import suspend
+
+DOOR = [sys.executable, "-m", "heli3dof_drivers.emulator.door_pty", "--with-parent"]
+pytestmark = pytest.mark.realtime
+
+
+@pytest.fixture
+def device() -> Iterator[str]:
+    """A rig held level whose watchdog bears a busy machine: only a stop takes its volts away."""
+    rig = [*DOOR, "--device", "mock:?noise=0&start=level"]
+    with subprocess.Popen(rig, stdout=subprocess.PIPE, text=True) as door:
+        assert door.stdout is not None
+        yield f"serial://{door.stdout.readline().strip()}?watchdog_s=1"
+        door.kill()
+
+
+@pytest.fixture
+def flight(device: str, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    words = ["run-step", "--roll", "3", "--device", device, "-o", str(tmp_path / "flight.mcap")]
+    run = [sys.executable, "-m", "heli3dof", *words, "--json"]
+    with subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as flying:
+        deadline = time.monotonic() + 60
+        while not any((state(s, 5) or {}).get("phase") == "flying" for s in running(device)):
+            assert time.monotonic() < deadline, "no flight began within a minute"
+            assert flying.poll() is None, flying.communicate()
+            time.sleep(0.05)
+        time.sleep(0.3)
+        yield flying
+        flying.kill()
+
+
+def is_stopped(device: str) -> bool:
+    rig = open_rig(device, default_profile())
+    sample = rig.read()
+    rig.close()
+    return bool(sample.flags & Flags.ESTOP) and sample.v_applied == (0.0, 0.0)
+
+
+def test_a_flight_is_stopped_through_its_session(device, flight, monkeypatch):
+    monkeypatch.setattr("heli3dof.rig.stop.PATIENCE_S", 10.0)  # the machine may be busy
+    said = heli3dof("estop", "--device", device, "--json")
+    (stopped,) = said.document["stopped"]
+    assert f"pid {flight.pid}" in stopped["how"]
+    out, err = flight.communicate(timeout=60)
+    assert flight.returncode == 4, err
+    assert json.loads(out)["outcome"] == "tripped"
+    assert is_stopped(device)
+
+
+def test_a_flight_that_hangs_is_stopped_past_it(device, flight):
+    suspend(flight)
+    said = heli3dof("estop", "--device", device)
+    assert said.code == 0
+    assert "did not answer" in said.out
+    flight.kill()
+    flight.wait()
+    assert is_stopped(device)
+
+
+def test_a_second_flight_is_refused_and_the_first_goes_on(device, flight, tmp_path):
+    other = tmp_path / "other.mcap"
+    said = heli3dof("run-step", "--roll", "3", "--device", device, "-o", other)
+    assert said.code == 3
+    assert f"pid {flight.pid} runs `" in said.err
+    assert not other.exists()
+    assert flight.poll() is None
+
+
+def test_a_stopped_rig_flies_again(device, tmp_path):
+    assert heli3dof("estop", "--device", device).code == 0
+    assert is_stopped(device)
+    short = ("--settle", "0.2", "--duration", "0.3", "-o", tmp_path / "again.mcap")
+    assert heli3dof("run-step", "--roll", "1", "--device", device, *short).code == 0

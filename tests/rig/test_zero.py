@@ -1,0 +1,54 @@
+"""Rest angles come from a rig that stands still, and from nothing else."""
+
+from __future__ import annotations
+
+import pytest
+
+from heli3dof.errors import CheckFailed, SafetyTrip
+from heli3dof.rig.port import Flags
+from heli3dof.rig.profile import TABLE_I, default_profile, profile_from_dict
+from heli3dof.rig.zero import calibrate, watch_standing
+from tests.rig.fakes import FakeDriver, FakeRig
+
+PROFILE = default_profile()
+
+
+def zeroed(driver, angles=(None, None, None), profile=PROFILE):
+    rig = FakeRig(driver)
+    return calibrate(watch_standing(rig, 0.05), rig, profile, "fake://1", angles)
+
+
+def test_at_rest_the_counts_are_the_medians():
+    driver = FakeDriver(counts=(12, -3, 40), script={2: {"counts": (13, -3, 41)}})
+    found = zeroed(driver)
+    assert found.counts_at_rest == (12, -3, 40)
+    assert (found.serial, found.boot, found.device) == ("F-1", 7, "fake://1")
+
+
+def test_held_level_the_rest_lies_27_and_a_half_degrees_below():
+    # 27.5° of 4096 counts a revolution are 312.9 counts.
+    assert zeroed(FakeDriver(counts=(100, 5, 7)), (0.0, None, None)).counts_at_rest == (-213, 5, 7)
+
+
+def test_an_encoder_that_counts_down_is_zeroed_alike():
+    data = {**TABLE_I, "encoder": {"roll": -4096, "pitch": 4096, "yaw": 8192}}
+    profile = profile_from_dict(data)
+    assert zeroed(FakeDriver(), (0.0, None, None), profile).counts_at_rest == (313, 0, 0)
+
+
+def test_a_rig_that_swings_is_refused_with_the_axis_and_how_far():
+    driver = FakeDriver(script={3: {"counts": (0, 30, 0)}})
+    with pytest.raises(CheckFailed, match=r"pitch moved by 2\.64° \(30 counts\)"):
+        zeroed(driver)
+
+
+def test_an_armed_rig_is_refused_and_left_alone():
+    driver = FakeDriver(script={1: {"flags": Flags.ENABLED}})
+    with pytest.raises(SafetyTrip, match="armed"):
+        zeroed(driver)
+
+
+def test_it_never_arms():
+    rig = FakeRig(FakeDriver())
+    watch_standing(rig, 0.05)
+    assert rig.armed == 0

@@ -1,0 +1,111 @@
+"""A look at the emulated amplifier while the command line flies it, in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from heli3dof_drivers.mock import MockRig
+
+from heli3dof.recording.reader import read_recording
+from heli3dof.recording.recording import Recording
+from heli3dof.recording.row import RAMP_DOWN
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.port import Flags
+from heli3dof.rig.profile import Profile
+from tests.cli.running import Said, heli3dof
+from tests.safety.table import BY_NAME, STOPPED, Row
+
+
+class Aboard:
+    """Keeps what the amplifier put out in every period, and does things at a given time."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+        self.volts: list[tuple[float, float, float]] = []
+        """When the period began (s, the device's clock), front and back V during it"""
+        self.rig: MockRig | None = None
+        self._path = folder / "flight.mcap"
+        self._to_do: list[tuple[float, Callable[[], Any]]] = []
+        monkeypatch.setattr("heli3dof.rig.hold.open_rig", self._open)
+
+    def at(self, t_s: float, what: Callable[[], Any]) -> None:
+        """Do this as the period begins that begins then."""
+        self._to_do.append((t_s, what))
+
+    @property
+    def t(self) -> float:
+        """s on the device's clock."""
+        return self.device.plant.t if self.rig is not None else 0.0
+
+    @property
+    def device(self):
+        assert self.rig is not None
+        return self.rig.device
+
+    def flown(self, device: str, *words: object) -> Said:
+        """``heli3dof run-step`` on that rig, levelling for 2 s and then a small step for 2 s."""
+        step = ("--roll", "3", "--settle", "2", "--duration", "2")
+        return heli3dof("run-step", *step, "--device", device, "-o", self._path, "--quiet", *words)
+
+    def flown_plan(self, plan: str, device: str) -> Said:
+        """``heli3dof run PLAN`` on that rig."""
+        return heli3dof("run", plan, "--device", device, "-o", self._path, "--quiet")
+
+    @property
+    def recording(self) -> Recording:
+        return read_recording(self._path)
+
+    @property
+    def noticed_s(self) -> float:
+        """When the loop began to ramp down (s, the device's clock)."""
+        channels = self.recording.channels
+        k = int(np.flatnonzero(channels["phase"] == RAMP_DOWN)[0])
+        return float(channels["device_time_s"][k])
+
+    @property
+    def zero_s(self) -> float:
+        """Since when the output is zero (s, the device's clock)."""
+        ends = [t + self.device.plant.dt for t, *v in self.volts if v != [0.0, 0.0]]
+        return ends[-1]
+
+    def shows(self, name: str, said: Said, since_s: float, *, slack_s: float = 0.0) -> None:
+        """All that the table says of the row, and that the device arms again afterwards."""
+        row: Row = BY_NAME[name]
+        meta = self.recording.meta
+        detail = meta["outcome_details"]["detail"]
+        assert said.code == row.exit_code, said.err
+        assert meta["outcome"] == row.ending, detail
+        assert row.said in detail
+        within_s = row.zero.seconds(self.recording.profile, self.device.watchdog_s)
+        assert self.device.v == (0.0, 0.0)
+        # Closing the rig takes the volts away, too: a stop must have come before it.
+        assert self.device.stopped or STOPPED not in row.device
+        assert since_s - 1e-9 < self.zero_s <= since_s + within_s + slack_s + 1e-9
+        self.arms_again()
+
+    def arms_again(self) -> None:
+        """Whatever it was, arming clears it."""
+        device = self.device
+        device.arm()
+        device.command(1, 1.0, 2.0)
+        device.period()
+        assert (device.v, device.flags) == ((1.0, 2.0), Flags.ENABLED)
+
+    def _open(self, url: str, profile: Profile) -> MockRig:
+        rig = open_rig(url, profile)
+        assert isinstance(rig, MockRig)
+        self.rig = rig
+        plant: Any = rig.device.plant
+        step = plant.step
+
+        def watched(v_front: float, v_back: float) -> bool:
+            while self._to_do and self._to_do[0][0] <= plant.t + 1e-9:
+                self._to_do.pop(0)[1]()
+            self.volts.append((plant.t, v_front, v_back))
+            return bool(step(v_front, v_back))
+
+        plant.step = watched
+        return rig

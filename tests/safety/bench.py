@@ -1,0 +1,155 @@
+"""The emulated rig behind a pseudo-terminal, in a thread: every change of its output is kept.
+
+The flight is another process, which may be killed; the line may be cut, made deaf or mute; the
+device may start anew. All times are the host's monotonic clock, in s, which both processes share.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+import tty
+from math import inf
+from typing import NamedTuple
+
+from heli3dof_drivers.emulator.door import emulated, serve
+from heli3dof_drivers.emulator.endpoint import Endpoint
+
+IDLE_S = 5e-3
+
+
+class Output(NamedTuple):
+    """What the amplifier put out from an instant on."""
+
+    t: float
+    front_uV: int
+    back_uV: int
+    flags: int
+
+
+class Bench:
+    """Use it in a ``with`` statement. ``url`` opens the rig."""
+
+    def __init__(self, watchdog_s: float = 0.3) -> None:
+        self.watchdog_s = watchdog_s
+        self.log: list[Output] = []
+        self.deaf = self.mute = False
+        """What the host says does not arrive; what the device says does not"""
+        self.last_command_s = 0.0
+        """When one last arrived, and volts followed from it"""
+        self._mock = f"mock:?start=level&watchdog_s={watchdog_s}"
+        self._endpoint = emulated(self._mock)
+        self._fresh: Endpoint | None = None
+        self._start = time.monotonic()
+        self._ahead_us = 0
+        """of the clock of whoever serves this"""
+        self._ours, self._theirs, self.path = -1, -1, ""
+        self._pulled = self._over = False
+        self.plug()
+        self._thread = threading.Thread(target=self._serve, daemon=True)
+
+    @property
+    def url(self) -> str:
+        return f"serial://{self.path}?watchdog_s={self.watchdog_s}"
+
+    def plug(self) -> None:
+        """A new terminal, as a cable that was plugged in again."""
+        self._ours, self._theirs = os.openpty()
+        tty.setraw(self._theirs)
+        self.path = os.ttyname(self._theirs)
+        self._pulled = False
+
+    def pull(self) -> float:
+        """The cable is out: the port is gone. The device goes on. When that was."""
+        self._pulled = True
+        return time.monotonic()
+
+    def reset(self) -> float:
+        """The device starts anew. When that was."""
+        self._fresh = emulated(self._mock)
+        while self._fresh is not None:
+            time.sleep(1e-4)
+        return self._start
+
+    def wait_until_flying(self, seconds: float = 0.5) -> None:
+        """Until it has been flown for so long."""
+        deadline = time.monotonic() + 60
+        since: float | None = None
+        while time.monotonic() < deadline:
+            flying = bool(self.log) and self.log[-1].front_uV != 0
+            since = (since or time.monotonic()) if flying else None
+            if since is not None and time.monotonic() - since > seconds:
+                return
+            time.sleep(0.01)
+        raise AssertionError("no flight began within a minute")
+
+    @property
+    def zero_s(self) -> float:
+        """Since when the output is zero; infinite while it is not."""
+        since = inf
+        for output in reversed(self.log):
+            if (output.front_uV, output.back_uV) != (0, 0):
+                break
+            since = output.t
+        return since
+
+    def receive(self, now_us: int, data: bytes) -> bytes:
+        """See `Endpoint.receive`."""
+        own_us = self._own(now_us)
+        before = self._endpoint.amplifier.last
+        said = self._endpoint.receive(own_us, b"" if self.deaf else data)
+        if self._endpoint.amplifier.last != before:
+            self.last_command_s = time.monotonic()
+        return self._kept(said)
+
+    def tick(self, now_us: int) -> bytes:
+        """See `Endpoint.tick`."""
+        return self._kept(self._endpoint.tick(self._own(now_us)))
+
+    def next_us(self) -> int | None:
+        """See `Endpoint.next_us`; on the clock of whoever asks."""
+        due = self._endpoint.next_us()
+        return None if due is None else due - self._ahead_us
+
+    def __enter__(self) -> Bench:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *problem: object) -> None:
+        self._over = True
+        self._thread.join(5)
+        os.close(self._theirs)
+        os.close(self._ours)
+
+    def _own(self, asked_us: int) -> int:
+        if self._fresh is not None:
+            self._endpoint, self._fresh = self._fresh, None
+            self._start = time.monotonic()
+        own_us = round((time.monotonic() - self._start) * 1e6)
+        self._ahead_us = own_us - asked_us
+        return own_us
+
+    def _kept(self, said: bytes) -> bytes:
+        now = time.monotonic()
+        amplifier = self._endpoint.amplifier
+        front, back = amplifier.output_uV(round((now - self._start) * 1e6))
+        last = self.log[-1] if self.log else None
+        if last is None or last[1:] != (front, back, amplifier.flags):
+            self.log.append(Output(now, front, back, amplifier.flags))
+        return b"" if self.mute else said
+
+    def _serve(self) -> None:
+        while not self._over:
+            serve(self._line(), self._ours, lambda: not (self._over or self._pulled))
+            if self._pulled:
+                os.close(self._theirs)
+                os.close(self._ours)
+                while self._pulled and not self._over:
+                    self.tick(0)
+                    time.sleep(IDLE_S)
+                if self._over:
+                    self._ours, self._theirs = os.openpty()
+
+    def _line(self) -> Endpoint:
+        return self  # type: ignore[return-value]

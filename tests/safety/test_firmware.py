@@ -1,0 +1,108 @@
+"""Rows of docs/safety.md once more, on the firmware in C: a process that no test holds up.
+
+What its output stage was told is in its log: CLOCK_MONOTONIC in s, enabled, front and back V.
+"""
+
+from __future__ import annotations
+
+import signal
+import time
+from itertools import pairwise
+from math import inf
+from pathlib import Path
+
+import pytest
+
+from tests.drivers.doors import Door, firmware_door
+from tests.safety.table import BY_NAME
+from tests.safety.test_processes import PROFILE, ended, flying, starts_clean
+
+pytestmark = pytest.mark.realtime
+WATCHDOG_S = 0.3
+BUSY_S = 0.1
+
+
+class Firmware:
+    """Looks like `tests.safety.bench.Bench` to a flight."""
+
+    def __init__(self, door: Door, log: Path) -> None:
+        self.url = door.url(f"watchdog_s={WATCHDOG_S}")
+        self._log = log
+
+    @property
+    def lines(self) -> list[tuple[float, ...]]:
+        """t, enabled, front V, back V, of every change; the last line may still be written."""
+        whole = self._log.read_text().rpartition("\n")[0].splitlines()
+        return [tuple(float(word) for word in line.split()) for line in whole]
+
+    @property
+    def zero_s(self) -> float:
+        """Since when the output is zero; infinite while it is not."""
+        since = inf
+        for t, _, *volts in reversed(self.lines):
+            if volts != [0.0, 0.0]:
+                break
+            since = t
+        return since
+
+    def wait_until_flying(self, seconds: float = 0.5) -> None:
+        deadline = time.monotonic() + 60
+        while time.monotonic() < deadline:
+            begun = [t for t, _, front, _ in self.lines if front != 0]
+            if begun and time.monotonic() - begun[0] > seconds:
+                return
+            time.sleep(0.01)
+        raise AssertionError("no flight began within a minute")
+
+
+def within(name: str) -> float:
+    return BY_NAME[name].zero.seconds(PROFILE, WATCHDOG_S) + BUSY_S
+
+
+def test_a_killed_flights_rig_is_at_zero_within_watchdog_and_ramp(tmp_path: Path) -> None:
+    with firmware_door("--log", str(tmp_path / "volts")) as door:
+        rig = Firmware(door, tmp_path / "volts")
+        with flying(rig, tmp_path) as flight:
+            flight.process.kill()
+            killed_s = time.monotonic()
+            flight.end()
+            time.sleep(within("kill_9"))
+        assert killed_s < rig.zero_s <= killed_s + within("kill_9")
+        # No step on the way: the device ramps.
+        ramp = [front for t, _, front, _ in rig.lines if t > killed_s]
+        assert max(abs(a - b) for a, b in pairwise(ramp)) < 2.0
+        starts_clean(rig)
+
+
+def test_ctrl_c_ramps_the_rig_to_zero(tmp_path: Path) -> None:
+    with firmware_door("--log", str(tmp_path / "volts")) as door:
+        rig = Firmware(door, tmp_path / "volts")
+        with flying(rig, tmp_path) as flight:
+            flight.process.send_signal(signal.SIGINT)
+            asked_s = time.monotonic()
+            ended("ctrl_c", flight)
+        assert asked_s < rig.zero_s <= asked_s + within("ctrl_c")
+        starts_clean(rig)
+
+
+@pytest.mark.parametrize(
+    ("name", "drill"),
+    [
+        ("device_reset", "--reset-after=1"),
+        ("amplifier_fault", "--fault-after=1:0.2"),
+        ("stalled_motor", "--stall-after=1:0.2"),
+        ("button", "--button-after=1"),
+    ],
+)
+def test_what_breaks_in_the_device_stops_it_by_itself(
+    name: str, drill: str, tmp_path: Path
+) -> None:
+    with firmware_door("--log", str(tmp_path / "volts"), drill) as door:
+        rig = Firmware(door, tmp_path / "volts")
+        with flying(rig, tmp_path) as flight:
+            ended(name, flight)
+        volts = [front for _, _, front, _ in rig.lines]
+        # From full to nothing in one step: no ramp, no command in between.
+        assert volts[-1] == 0.0
+        assert volts[-2] > 3.0
+        starts_clean(rig)

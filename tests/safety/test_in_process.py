@@ -1,0 +1,182 @@
+"""The rows of docs/safety.md that one process shows: the device's output, period by period."""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from heli3dof.errors import NoSpace
+from heli3dof.experiment.watches import suspension
+from heli3dof.model.opened import OpenedController
+from heli3dof.recording.container import McapFile
+from heli3dof.recording.row import Row
+from heli3dof.recording.writer import RecordingWriter
+from heli3dof.rig.profile import default_profile
+from tests.safety.aboard import Aboard
+from tests.safety.profiles import profile_file
+
+MOCK = "mock:?speed=max&seed=1&start=level"
+EVENT_S = 1.0
+
+
+@pytest.fixture
+def aboard(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Aboard:
+    return Aboard(monkeypatch, tmp_path)
+
+
+def send(number: signal.Signals) -> Callable[[], None]:
+    return lambda: os.kill(os.getpid(), number)
+
+
+def test_ctrl_c(aboard: Aboard) -> None:
+    aboard.at(EVENT_S, send(signal.SIGINT))
+    aboard.shows("ctrl_c", aboard.flown(MOCK), EVENT_S)
+
+
+def test_second_ctrl_c(aboard: Aboard) -> None:
+    aboard.at(EVENT_S, send(signal.SIGINT))
+    aboard.at(EVENT_S + 0.1, send(signal.SIGINT))
+    aboard.shows("second_ctrl_c", aboard.flown(MOCK), EVENT_S + 0.1)
+
+
+def test_sigterm(aboard: Aboard) -> None:
+    aboard.at(EVENT_S, send(signal.SIGTERM))
+    aboard.shows("sigterm", aboard.flown(MOCK), EVENT_S)
+
+
+def test_terminal_closed(aboard: Aboard) -> None:
+    before = signal.signal(signal.SIGHUP, signal.default_int_handler)
+    try:
+        aboard.at(EVENT_S, send(signal.SIGHUP))
+        aboard.shows("terminal_closed", aboard.flown(MOCK), EVENT_S)
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def controller(
+    aboard: Aboard, monkeypatch: pytest.MonkeyPatch, instead: Callable[[], object]
+) -> None:
+    """From `EVENT_S` on the controller does this."""
+    real = OpenedController.step
+
+    def step(self: OpenedController, *a: object) -> object:
+        if aboard.t >= EVENT_S - 1e-9:
+            said = instead()
+            if said is not None:
+                return said
+        return real(self, *a)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(OpenedController, "step", step)
+
+
+def test_exception_in_the_controller(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
+    controller(aboard, monkeypatch, lambda: 1 / 0)
+    aboard.shows("exception_in_the_controller", aboard.flown(MOCK), EVENT_S)
+
+
+def test_nan_from_the_controller(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
+    nan = (float("nan"), float("nan"))
+    controller(aboard, monkeypatch, lambda: (nan, nan))
+    aboard.shows("nan_from_the_controller", aboard.flown(MOCK), EVENT_S)
+
+
+@pytest.mark.parametrize("axis", ["roll", "pitch", "yaw"])
+def test_encoder_jump(aboard: Aboard, axis: str) -> None:
+    said = aboard.flown(f"{MOCK}&fault=jump.{axis}@{EVENT_S}:-40")
+    aboard.shows("encoder_jump", said, EVENT_S - default_profile().dt)
+    assert f"the {axis} encoder" in said.err
+
+
+@pytest.mark.parametrize(("axis", "plan"), [("roll", "steps"), ("pitch", "steps"), ("yaw", "rich")])
+def test_frozen_encoder(aboard: Aboard, axis: str, plan: str) -> None:
+    frozen = f"mock:?speed=max&seed=1&fault=frozen.{axis}@0.01"
+    said = aboard.flown_plan(plan, frozen)
+    aboard.shows("frozen_encoder", said, aboard.noticed_s)
+    assert f"the {axis} encoder" in said.err
+
+
+def test_envelope_trip(aboard: Aboard, tmp_path: Path) -> None:
+    said = aboard.flown(MOCK, "--profile", profile_file(tmp_path, roll_max_deg=3.2))
+    aboard.shows("envelope_trip", said, aboard.noticed_s)
+
+
+def test_saturated_for_too_long(aboard: Aboard, tmp_path: Path) -> None:
+    weak = profile_file(tmp_path, v_max=7.6, saturated_max_s=0.2)
+    said = aboard.flown(MOCK, "--profile", weak)
+    aboard.shows("saturated_for_too_long", said, aboard.noticed_s)
+
+
+def test_late_ticks(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
+    controller(aboard, monkeypatch, lambda: time.sleep(0.015))
+    said = aboard.flown("mock:?seed=1&start=level&watchdog_s=5")
+    # A machine that is busy besides is late in the ramp, too.
+    slack_s = aboard.recording.meta["outcome_details"]["worst_lateness_s"]
+    aboard.shows("late_ticks", said, aboard.noticed_s, slack_s=slack_s)
+    assert aboard.noticed_s < EVENT_S + 1.0 + slack_s
+
+
+def test_laptop_suspend(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = suspension.ahead_s
+    slept = [0.0]
+    monkeypatch.setattr(suspension, "ahead_s", lambda: real() + slept[0])
+    aboard.at(EVENT_S, lambda: slept.append(slept.pop() + 600.0))
+    said = aboard.flown(MOCK)
+    aboard.shows("laptop_suspend", said, EVENT_S)
+    assert aboard.zero_s <= EVENT_S + 2 * default_profile().dt + 1e-9, "no ramp after it woke"
+
+
+def stopping_by_itself(aboard: Aboard, name: str, fault: str, at_s: float) -> None:
+    said = aboard.flown(f"{MOCK}&fault={fault}@{at_s}")
+    # It happens at the end of the period that reaches that time.
+    aboard.shows(name, said, at_s - default_profile().dt, slack_s=default_profile().dt)
+
+
+IN_FLIGHT_AND_IN_LANDING = (EVENT_S, 5.0)
+
+
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+def test_stalled_motor(aboard: Aboard, at_s: float) -> None:
+    stopping_by_itself(aboard, "stalled_motor", "stall", at_s)
+
+
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+@pytest.mark.parametrize("fault", ["overcurrent", "overtemperature"])
+def test_amplifier_fault(aboard: Aboard, fault: str, at_s: float) -> None:
+    stopping_by_itself(aboard, "amplifier_fault", fault, at_s)
+
+
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+def test_button(aboard: Aboard, at_s: float) -> None:
+    stopping_by_itself(aboard, "button", "button", at_s)
+
+
+def test_full_disk(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = McapFile.write_chunk
+
+    def write_chunk(self: McapFile, data: bytes) -> None:
+        if aboard.t >= EVENT_S:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        real(self, data)
+
+    monkeypatch.setattr(McapFile, "write_chunk", write_chunk)
+    append, told_s = RecordingWriter.append, []
+
+    def listened(self: RecordingWriter, row: Row) -> None:
+        try:
+            append(self, row)
+        except NoSpace:
+            told_s.append(aboard.t)
+            raise
+
+    monkeypatch.setattr(RecordingWriter, "append", listened)
+    # Not as fast as it can: the recorder must have its turn before the plan is over.
+    said = aboard.flown(MOCK.replace("max", "5"))
+    assert "df -h" in said.err
+    assert told_s[0] < EVENT_S + 2.0
+    aboard.shows("full_disk", said, told_s[0])

@@ -1,0 +1,201 @@
+"""The rows of docs/safety.md that need a process, a line and a device: all three real but the last.
+
+The device is the emulated one behind a pseudo-terminal, and its amplifier is what is measured. Its
+watchdog bears a busy machine; the bound that is held follows from it.
+"""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import pytest
+
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
+from heli3dof.recording.reader import read_recording
+from heli3dof.recording.recording import Recording
+from heli3dof.rig.port import Flags
+from heli3dof.rig.profile import default_profile
+from tests.cli.running import heli3dof
+from tests.safety.bench import Bench
+from tests.safety.profiles import PATIENT, profile, profile_file
+from tests.safety.table import BY_NAME
+
+pytestmark = pytest.mark.realtime
+PROFILE = default_profile()
+BUSY_S = 0.25
+"""s by which a busy machine may delay the emulated device's thread, and the look at it"""
+
+
+class Opened(Protocol):
+    """A device somewhere: `Bench`, or the firmware."""
+
+    @property
+    def url(self) -> str: ...
+
+    def wait_until_flying(self) -> None: ...
+
+
+@dataclass
+class Flight:
+    process: subprocess.Popen[str]
+    path: Path
+
+    def end(self) -> tuple[int, str]:
+        """Its exit code, and what it said on stderr."""
+        _, err = self.process.communicate(timeout=60)
+        return self.process.returncode, err
+
+    @property
+    def recording(self) -> Recording:
+        return read_recording(self.path)
+
+
+@contextmanager
+def flying(bench: Opened, folder: Path, *, duration_s: float = 20) -> Iterator[Flight]:
+    """``heli3dof run-step`` in a process of its own, well on its way."""
+    path = folder / "flight.mcap"
+    command = [
+        sys.executable, "-m", "heli3dof", "run-step", "--roll", "3", "--settle", "1",
+        "--duration", str(duration_s), "--device", bench.url, "-o", str(path),
+        "--profile", str(profile_file(folder, **PATIENT)),
+    ]  # fmt: skip
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            bench.wait_until_flying()
+            yield Flight(process, path)
+        finally:
+            process.send_signal(signal.SIGCONT)
+            process.kill()
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    with Bench() as bench:
+        yield bench
+
+
+def starts_clean(bench: Opened) -> None:
+    """A flight that follows arms, flies and lands as if nothing had been."""
+    plan = step_plan((None, None, None), settle_s=0.2, duration_s=0.1)
+    patient = profile(**PATIENT, landing_s=0.1)
+    outcome = fly_plan(plan, device=bench.url, profile=patient).outcome
+    assert outcome.ending == "completed", outcome.detail
+
+
+def within(name: str, bench: Bench) -> float:
+    return BY_NAME[name].zero.seconds(PROFILE, bench.watchdog_s) + BUSY_S
+
+
+def ended(name: str, flight: Flight) -> None:
+    """Exit code and recording are the row's."""
+    row = BY_NAME[name]
+    code, err = flight.end()
+    assert code == row.exit_code, err
+    meta = flight.recording.meta
+    assert (meta["outcome"], row.said in meta["outcome_details"]["detail"]) == (
+        row.ending,
+        True,
+    ), meta["outcome_details"]["detail"]
+
+
+def test_kill_9(bench: Bench, tmp_path: Path) -> None:
+    with flying(bench, tmp_path) as flight:
+        flight.process.kill()
+        killed_s = time.monotonic()
+        code, _ = flight.end()
+        time.sleep(within("kill_9", bench))
+    assert code == BY_NAME["kill_9"].exit_code
+    assert bench.last_command_s < killed_s + BUSY_S
+    assert killed_s < bench.zero_s <= killed_s + within("kill_9", bench)
+    assert heli3dof("recover", flight.path).code == 0
+    saved = read_recording(flight.path.with_name("flight.recovered.mcap"))
+    assert saved.meta["outcome"] == "recovered"
+    starts_clean(bench)
+
+
+def test_stopped_process(bench: Bench, tmp_path: Path) -> None:
+    with flying(bench, tmp_path) as flight:
+        flight.process.send_signal(signal.SIGSTOP)
+        stopped_s = time.monotonic()
+        time.sleep(within("stopped_process", bench) + 0.1)
+        assert stopped_s < bench.zero_s <= stopped_s + within("stopped_process", bench)
+        flight.process.send_signal(signal.SIGCONT)
+        ended("stopped_process", flight)
+    assert stopped_s < bench.zero_s <= stopped_s + within("stopped_process", bench)
+    starts_clean(bench)
+
+
+def test_estop_from_a_second_terminal(bench: Bench, tmp_path: Path) -> None:
+    with flying(bench, tmp_path) as flight:
+        asked_s = time.monotonic()
+        assert heli3dof("estop", "--device", bench.url).code == 0
+        ended("estop_from_a_second_terminal", flight)
+    assert asked_s < bench.zero_s <= asked_s + within("estop_from_a_second_terminal", bench)
+    assert [o for o in bench.log if o.flags & Flags.ESTOP], "stopped, not merely at zero volts"
+    starts_clean(bench)
+
+
+def test_cable_out(bench: Bench, tmp_path: Path) -> None:
+    with flying(bench, tmp_path) as flight:
+        pulled_s = bench.pull()
+        ended("cable_out", flight)
+        time.sleep(within("cable_out", bench))
+    assert pulled_s < bench.zero_s <= pulled_s + within("cable_out", bench)
+    bench.plug()
+    starts_clean(bench)
+
+
+def test_cable_out_at_the_rigs_end(bench: Bench, tmp_path: Path) -> None:
+    """The port stays, and nothing comes or goes."""
+    with flying(bench, tmp_path) as flight:
+        bench.deaf = bench.mute = True
+        cut_s = time.monotonic()
+        code, err = flight.end()
+        assert code == BY_NAME["cable_out"].exit_code
+        assert "gone silent" in err
+        assert flight.recording.meta["outcome"] == "device"
+        time.sleep(within("cable_out", bench))
+    assert cut_s < bench.zero_s <= cut_s + within("cable_out", bench)
+    bench.deaf = bench.mute = False
+    starts_clean(bench)
+
+
+def test_device_reset(bench: Bench, tmp_path: Path) -> None:
+    with flying(bench, tmp_path) as flight:
+        reset_s = bench.reset()
+        ended("device_reset", flight)
+    assert reset_s < bench.zero_s <= reset_s + within("device_reset", bench)
+    starts_clean(bench)
+
+
+@pytest.mark.parametrize("lost", ["commands", "samples"])
+def test_lost_frames(lost: str, tmp_path: Path) -> None:
+    # The device would fall out by itself after its watchdog; the host lands before.
+    with Bench(watchdog_s=0.9) as bench:
+        with flying(bench, tmp_path) as flight:
+            setattr(bench, {"commands": "deaf", "samples": "mute"}[lost], True)
+            time.sleep(0.3)
+            bench.deaf = bench.mute = False
+            heard_s = time.monotonic()
+            ended("lost_frames", flight)
+        assert heard_s < bench.zero_s <= heard_s + within("lost_frames", bench)
+        starts_clean(bench)
+
+
+def test_second_process(bench: Bench, tmp_path: Path) -> None:
+    with flying(bench, tmp_path, duration_s=2) as flight:
+        second = heli3dof("run-step", "--roll", "5", "--device", bench.url)
+        assert second.code == BY_NAME["second_process"].exit_code
+        assert f"pid {flight.process.pid}" in second.err
+        code, err = flight.end()
+    assert (code, flight.recording.meta["outcome"]) == (0, "completed"), err
+    starts_clean(bench)

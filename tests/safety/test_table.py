@@ -1,0 +1,32 @@
+"""Every row of docs/safety.md has its test, and the page is what the rows say."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+from tests.paths import ROOT
+from tests.safety.table import ROWS, renewed
+
+
+def shown_here() -> set[str]:
+    """Names of the test functions in this folder, without ``test_``."""
+    return {
+        node.name.removeprefix("test_")
+        for path in Path(__file__).parent.glob("test_*.py")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.FunctionDef) and node.name.startswith("test_")
+    }
+
+
+def test_every_row_has_its_test() -> None:
+    assert {row.name for row in ROWS} <= shown_here()
+
+
+def test_no_row_stands_twice() -> None:
+    assert len({row.name for row in ROWS}) == len(ROWS) == len({row.what for row in ROWS})
+
+
+def test_the_page_is_made_of_the_rows() -> None:
+    page = (ROOT / "docs" / "safety.md").read_text(encoding="utf-8")
+    assert renewed(page) == page, "run: python -m tests.safety.table docs/safety.md"
