@@ -1,15 +1,17 @@
 """When the machine itself stood still: a virtual one is not always given its processors.
 
-A process above all others (SCHED_FIFO, where permitted) sleeps for `EVERY_S` again and again; where
-it wakes more than `STILL_S` late, nothing else could have run in time either.
+On every processor a process above all others (SCHED_FIFO, where permitted) sleeps for `EVERY_S`
+again and again; where it wakes more than `STILL_S` late, nothing else there could have run in time
+either.
 """
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +25,7 @@ AFTER_S = 5e-3
 """What was queued meanwhile is late for a little longer."""
 PROGRAM = f"""
 import os, sys, time
+os.sched_setaffinity(0, {{int(sys.argv[1])}})
 try:
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(95))
 except OSError:
@@ -58,19 +61,26 @@ class Standstills:
 def watched() -> Iterator[Standstills]:
     """Watches while the block runs."""
     found = Standstills()
-    with subprocess.Popen(
-        [sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdout is not None
-        process.stdout.readline()
+    with ExitStack() as each:
+        said = [each.enter_context(_on(cpu)) for cpu in sorted(os.sched_getaffinity(0))]
         try:
             yield found
         finally:
-            process.kill()
-            for line in process.stdout.read().splitlines():
-                words = line.split()
-                if len(words) == 2:
-                    found.seen.append((float(words[0]), float(words[1])))
+            for process in said:
+                process.kill()
+                assert process.stdout is not None
+                words = [line.split() for line in process.stdout.read().splitlines()]
+                found.seen += [(float(w[0]), float(w[1])) for w in words if len(w) == 2]
+            found.seen.sort()
+
+
+@contextmanager
+def _on(cpu: int) -> Iterator[subprocess.Popen[str]]:
+    words = [sys.executable, "-c", PROGRAM, str(cpu)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        yield process
 
 
 def late_of_its_own(recording: Recording, still: Standstills) -> tuple[int, int]:
