@@ -46,7 +46,11 @@ def flown_with_signals(at: dict[int, tuple[signal.Signals, ...]]) -> tuple[Scrip
     ],
 )
 def test_one_signal_ends_the_flight_with_a_ramp_to_zero(number: signal.Signals, said: str) -> None:
-    rig, outcome = flown_with_signals({20: (number,)})
+    before = signal.signal(number, signal.default_int_handler)  # nohup has it ignored
+    try:
+        rig, outcome = flown_with_signals({20: (number,)})
+    finally:
+        signal.signal(number, before)
     assert (outcome.ending, outcome.detail, outcome.periods) == ("interrupted", said, 20)
     assert outcome.landed
     assert ends_at_zero(rig)

@@ -49,7 +49,7 @@ def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_pa
 
 
 def test_a_system_that_refuses_everything_is_told_and_flown_on(tmp_path: Path) -> None:
-    device = "mock:?speed=real&start=level"
+    device = "mock:?speed=real&start=level&watchdog_s=0.5"
     profile = write_profile(tmp_path / "patient.toml", **PATIENT)
     with FlightProcess(device, tmp_path / "a.mcap", 1, profile=profile, realtime=False) as flight:
         document = flight.result(120)
@@ -63,7 +63,7 @@ def test_a_system_that_refuses_everything_is_told_and_flown_on(tmp_path: Path) -
 
 def test_kill_minus_nine_ends_at_zero_volts_with_half_a_second_lost_at_most(tmp_path: Path) -> None:
     log = tmp_path / "device.log"
-    with firmware(rig_program(), *PATIENT, "--log", str(log)) as device:
+    with firmware(rig_program(), *SLACK, "--log", str(log)) as device:
         flights = list(kill_flights(device, log, tmp_path, 3, seed=1))
     for flight in flights:
         assert flight.zero_s <= WATCHDOG_S + RAMP_S + 0.3, "some room for a loaded machine"
@@ -82,7 +82,7 @@ def test_a_slow_disk_shows_in_what_a_power_cut_takes(tmp_path: Path) -> None:
 
 
 def test_a_soak_of_some_seconds_grows_by_nothing_to_speak_of(tmp_path: Path) -> None:
-    result = soak("mock:?speed=real&start=level", tmp_path, 12)
+    result = soak("mock:?speed=real&start=level&watchdog_s=0.5", tmp_path, 12)
     assert result.last_MiB - result.first_MiB < 4
     assert result.flight["outcome"] == "completed"
 
