@@ -179,11 +179,12 @@ try:
     for k in range(40_000):
         writer.append(tick(k))
     writer.close()
-except NoSpace:
+except NoSpace:  # from an append, or where all were taken first, from close
     try:
         writer.close()
     except NoSpace:
-        print("NoSpace")
+        pass
+    print("NoSpace")
 """
 
 
