@@ -79,13 +79,12 @@ def beside(found: Estimate, held: Held) -> tuple[Beside, ...]:
 def base_beside(found: Estimate, held: Held) -> tuple[np.ndarray, np.ndarray]:
     """(4,), (4,): ln of T_g and the inertias beside the leftovers over what they are in the fit,
     and its standard deviation."""
-    g = held.g if not len(held.g_null) else held.g - held.g_null.mean(axis=0)
     inverse = np.linalg.pinv(held.A, hermitian=True)
     per = found.slopes[:4] / found.values[:4]  # ∂ ln v/∂θ
-    moved = np.maximum(1 + per * (inverse @ g)[:4], SMALLEST)
+    step = per * (inverse @ centred(held))[:4]
     log = np.array([f.log for f in found.free[:4]])
     return (
-        np.where(log, per * (inverse @ g)[:4], np.log(moved)),
+        np.where(log, step, np.log(np.maximum(1 + step, SMALLEST))),
         np.abs(per) * np.sqrt(np.diag(inverse)[:4]),
     )
 

@@ -202,6 +202,15 @@ def contend(
     rows = max(len(o.at.row), 2)
     played = {t.name for t in problem.structure.terms if t.effect.starts}
 
+    def scored(term: Term, fit: Optimum) -> float | None:
+        """None for a fit that diverged or ran into a bound."""
+        if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
+            return None
+        won = 2 * (fit.loglik - level.loglik) / nulls.inflation
+        # What a simpler base leaves out has no number to be bought: its share is believed to be 1.
+        bought = 0 if term.effect.within else len(fit.theta) - len(o.theta)
+        return float(won - bought * np.log(rows))
+
     def one(k: int) -> Contender | None:
         term, Z2, i = ranked[k]
         wide, _ = with_term(problem.structure, found.values, term)
@@ -234,12 +243,8 @@ def contend(
             fit = maximise_tilted(
                 ext, np.append(level.theta, near), level.noise, tilt, rounds=28, hold=jagged
             )
-        if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
-            return None
-        won = 2 * (fit.loglik - level.loglik) / nulls.inflation
-        # What a simpler base leaves out has no number to be bought: its share is believed to be 1.
-        bought = 0 if term.effect.within else len(new)
-        return Contender(term, ext, fit, float(won - bought * np.log(rows)), Z2, i)
+        score = scored(term, fit)
+        return None if score is None else Contender(term, ext, fit, score, Z2, i)
 
     def trial(k: int) -> Contender | None:
         term = tried[k].term
@@ -249,11 +254,8 @@ def contend(
         no_slope = np.append(bias, np.zeros(len(new)))
         tilt = Tilt(no_slope, none, np.append(o.theta, start[len(o.theta) :]), o.noise)
         fit = maximise_tilted(ext, start, noise, tilt)
-        if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
-            return None
-        won = 2 * (fit.loglik - level.loglik) / nulls.inflation
-        score = float(won - len(new) * np.log(rows))
-        return Contender(term, ext, fit, score, score, None)
+        score = scored(term, fit)
+        return None if score is None else Contender(term, ext, fit, score, score, None)
 
     fits = [f for f in in_threads(trial, len(tried), what="fits") if f is not None]
     most = max((f.score for f in fits), default=0.0)
