@@ -55,14 +55,14 @@ def diagnose(
     from heli3dof.diagnosis.document import document as to_document
     from heli3dof.diagnosis.next_experiment import next_of
     from heli3dof.model.modelfile import save_model
-    from heli3dof.recording.output import check_output
+    from heli3dof.recording.output import check_output, stem
     from heli3dof.report.diagnosis_page import diagnosis_page
     from heli3dof.report.diagnosis_tables import diagnosis_tables
     from heli3dof.report.grid import Grid, to_rich
     from heli3dof.report.html import write_page
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    path = output or Path(f"{recordings[0].name.split('.')[0]}-extended.json")
+    path = output or Path(f"{stem(recordings[0])}-extended.json")
     check_output(path, force=force)
     if report is not None:
         check_output(report, force=force)

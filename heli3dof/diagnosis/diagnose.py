@@ -17,10 +17,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
-from heli3dof.diagnosis.calibration import Off, off_nominal
+from heli3dof.diagnosis.calibration import Off, calibrated, off_nominal
 from heli3dof.diagnosis.corrected import Corrected
+from heli3dof.diagnosis.counts import with_counts
 from heli3dof.diagnosis.imitated import with_imitators
-from heli3dof.diagnosis.integrity import Kind, integrity
+from heli3dof.diagnosis.integrity import Fault, Kind, integrity
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import base_beside
@@ -113,6 +114,11 @@ def _diagnosed(
     clock.start("off", "Asking whether the rig itself is off its profile …")
     off = base_off(bench, last, quick=quick) if last.sure else ()
     off = tuple(with_imitators(o, steps[-1]) for o in off)
+    profile = train[0].profile
+    findings, off = with_counts(
+        last.findings, off, calibrated(last.found),
+        rest_rad=float(profile.encoder.rest_rad[0]), tolerance=profile.tolerance,
+    )  # fmt: skip
     clock.stop()
     about = {
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
@@ -121,8 +127,8 @@ def _diagnosed(
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
     return Diagnosis(
-        *names, _verdict(last.findings, [*sized, *off], last.left), faults, whole,
-        last.findings, off, last.dropped, last.left, first.unseen, about,
+        *names, _verdict([*sized, *findings, *off], last.left), faults, whole,
+        findings, off, last.dropped, last.left, first.unseen, about,
     )  # fmt: skip
 
 
@@ -195,11 +201,14 @@ class Clock:
         self._stage, self._since = "", now
 
 
-def _verdict(
-    findings: Sequence[Finding], others: Sequence[object], left: Sequence[Leftover]
-) -> str:
+def _verdict(findings: Sequence[Fault | Finding | Off], left: Sequence[Leftover]) -> str:
+    """``findings`` as the document has them, the first one first."""
     if left:
         return "unexplained"
-    if findings and findings[0].choice.tied_with:
-        return "ambiguous"
-    return "explained" if findings or others else "nothing_found"
+    if not findings:
+        return "nothing_found"
+    first = findings[0]
+    if isinstance(first, Fault):
+        return "explained"
+    tied = first.choice.tied_with if isinstance(first, Finding) else first.tied_with
+    return "ambiguous" if tied else "explained"

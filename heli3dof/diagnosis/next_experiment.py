@@ -27,6 +27,7 @@ import numpy as np
 
 from heli3dof.diagnosis.catalogue import Probe, probes
 from heli3dof.diagnosis.corrected import look
+from heli3dof.diagnosis.counts import flyable
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis
 from heli3dof.diagnosis.screen import Screen
@@ -161,8 +162,8 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
     try:
         for finding in found.findings:
             best, *others = finding.choice.contenders
-            if finding.choice.tied_with:
-                tied = [c for c in others if c.term.name in finding.choice.tied_with]
+            if names := flyable(finding.choice.tied_with):
+                tied = [c for c in others if c.term.name in names]
                 return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
         open_ = [x.name for x in found.dropped if x.why == DOES_NOT_PAY] or list(
