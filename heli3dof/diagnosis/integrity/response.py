@@ -38,7 +38,7 @@ PER_WIDTH = 2
 """Windows per half width."""
 LEAST_WINDOWS = 8
 STEP, STEP_EVERY_S, STEP_INSIDE_S = 0.5, 1.0, 3.0
-"""Share of the rest that a step of the trim must explain; where one is tried, and how far inside."""
+"""Share of the rest that a trim's step must explain; where one is tried, and how far inside."""
 LAGS = 8
 """Windows over which the equations' noise is correlated, at most."""
 PRIOR_LAG_S, PRIOR_SPRING, PRIOR_DAMPING = 0.15, 4.0, 1.5
