@@ -11,7 +11,7 @@ import pytest
 
 from heli3dof.diagnosis.corrected import Corrected, Informed
 from heli3dof.diagnosis.measured import forwards
-from heli3dof.diagnosis.select import Choice, this_one
+from heli3dof.diagnosis.select import WEAK, Choice, this_one
 from heli3dof.diagnosis.steps import (
     Bench,
     Step,
@@ -58,6 +58,26 @@ def test_a_cause_once_taken_is_gone_from_what_is_left_and_can_be_taken_out_again
     assert max(z for _, z in left.largest) < step.nulls.threshold
     less = without(found, choice.term)
     assert less.structure.terms == ()
+
+
+def test_a_second_cause_that_moves_the_rig_as_the_first_does_is_told_weakly() -> None:
+    """κF hardly varies in flight, so κ takes a constant torque's place: 0.015 N·m are 0.0083 m of κ
+    at F = T_g/L_a = 1.8 N, and what tells the two apart is little."""
+    hide = "bias.torque.yaw:0.015,aero.reaction_torque:0.012"
+    bench, step = step_of(load_plan("rich"), hide, 1041)
+    assert step.choice is not None
+    assert not step.choice.weak
+    found = extended(bench, step.choice)
+    second = looked_at(bench, found, 10)
+    again = second.chosen(bench, step.choice.score).choice
+    assert again is not None
+    assert again.weak
+    assert again.score < WEAK
+    assert {step.choice.term.name, again.term.name} == {"bias.torque.yaw", "aero.reaction_torque"}
+    # As a first cause it is what it is.
+    first = second.chosen(bench, None).choice
+    assert first is not None
+    assert not first.weak
 
 
 def test_play_in_roll_is_not_made_up_for_by_its_false_slopes() -> None:
