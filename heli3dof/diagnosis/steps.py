@@ -44,6 +44,10 @@ CHATTERS = 1.2
 QUIETER = np.array([0.5, 0.7, 1.0, 1.0])
 """What the filter makes of a chattering flight's noise, roughly; roll and pitch chatter most."""
 
+FAR, ROUGHER = 30.0, 1.0
+"""Standard deviations of a parameter, and steps of a log noise intensity, beyond which false slopes
+are no longer those that were seen: play that is left out is swollen noise, of another slope."""
+
 BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
 """What each base simulation is made of beside the rigid body."""
 
@@ -190,8 +194,12 @@ def settled_again(bench: Bench, found: Corrected) -> Corrected:
 
 
 def without(found: Corrected, term: Term) -> Corrected:
-    """The same fit without one of its terms: for backward elimination and for gains."""
-    keep = [f.term != term.name for f in found.free]
+    """The same fit without one of its terms: for backward elimination and for gains.
+
+    Freed of the same false slopes where it lies near; by likelihood alone, its ``bias`` zero, where
+    it has `strayed` and they, taken off along a line, would be worth more than the cause itself.
+    """
+    keep = np.array([f.term != term.name for f in found.free])
     structure = Structure(
         found.structure.profile, tuple(t for t in found.structure.terms if t.name != term.name)
     )
@@ -202,8 +210,21 @@ def without(found: Corrected, term: Term) -> Corrected:
     fit = maximise_tilted(
         problem, theta, found.optimum.noise, Tilt(bias, none, theta, found.optimum.noise)
     )
+    if strayed(found, keep, fit):
+        bias, none = np.zeros(len(theta)), np.zeros(3)
+        fit = maximise_tilted(problem, theta, found.optimum.noise, None)
     scatter = None if found.scatter is None else found.scatter[np.ix_(keep, keep)]
     return Corrected(problem, fit, scatter, bias, none, found.flights)
+
+
+def strayed(found: Corrected, keep: np.ndarray, fit: Optimum) -> bool:
+    """Whether a fit of the coordinates ``keep`` ((n,) bool) of ``found`` lies far from there."""
+    o = found.optimum
+    A = o.information + np.diag(found.problem.prior_precision)
+    sd = np.sqrt(np.diag(np.linalg.inv(A)))[keep]
+    rougher = np.abs(np.log(fit.noise[:3] / o.noise[:3]))[found.problem.data.axes]
+    moved = np.abs(fit.theta - o.theta[keep]) / sd
+    return bool(moved.max() > FAR or rougher.max(initial=0.0) > ROUGHER)
 
 
 def eliminated(
@@ -217,9 +238,12 @@ def eliminated(
         term = s.choice.term
         less = without(found, term)
         o = found.optimum
-        bias = np.zeros(len(o.theta)) if found.bias is None else found.bias
-        none = np.zeros(3) if found.noise_bias is None else found.noise_bias
-        full = maximise_tilted(found.problem, o.theta, o.noise, Tilt(bias, none, o.theta, o.noise))
+        # Both on the same likelihood: freed of false slopes, or neither.
+        freed = less.bias is not None and less.bias.any()
+        tilt = None
+        if freed and found.bias is not None and found.noise_bias is not None:
+            tilt = Tilt(found.bias, found.noise_bias, o.theta, o.noise)
+        full = maximise_tilted(found.problem, o.theta, o.noise, tilt)
         won = 2 * (full.loglik - less.optimum.loglik) / s.nulls.inflation
         if won < len(term.effect.parameters) * np.log(max(len(o.at.row), 2)):
             found = settled(bench, less.problem, less.optimum)

@@ -133,8 +133,9 @@ def causes(document: Document) -> Iterator[str]:
             )
         elif named and f.get("like"):
             said += (
-                " Its size is open, or data that it has not seen do not surely confirm it: read it "
-                f"as {name}-like, something acts as this would."
+                " Its size is open, it may be what is wrong with another one's formula, or data "
+                f"that it has not seen do not surely confirm it: read it as {name}-like, something "
+                "acts as this would."
             )
         yield said
 
