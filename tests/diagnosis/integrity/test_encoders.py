@@ -154,6 +154,21 @@ def test_where_two_seconds_are_missing_an_arm_may_be_elsewhere() -> None:
     assert fault.parameters["lost_share"][0] == pytest.approx(2.0 / r.duration, rel=0.01)
 
 
+@pytest.mark.parametrize("plan", ["rich", "steps", "run-step"])
+def test_a_roll_that_was_zeroed_on_the_table_is_bad_data(plan: str) -> None:
+    r = flight(plan)
+    fault = only(with_angle(r, 0, r.angle[:, 0] - r.angle[0, 0]))
+    assert (fault.check, fault.effect, fault.axis) == ("encoder.zero", "encoder.offset", "roll")
+    assert fault.parameters["angle_deg"][0] == pytest.approx(27.5, abs=0.1)
+    assert "add -27.5°" in fault.fix
+
+
+def test_a_flight_that_starts_level_or_with_a_wrong_zero_was_not_zeroed_on_the_table() -> None:
+    r = flight("large")
+    assert names(r.between(12.0, 60.0), Kind.BAD_DATA) == set()
+    assert "encoder.zero.roll" not in names(flight("rich", "encoder.offset.roll:4"))
+
+
 def test_yaw_folded_into_a_turn_is_said_to_be() -> None:
     r = flight("rich")
     yaw = r.angle[:, 2] + np.radians(170)
