@@ -20,7 +20,7 @@ from functools import partial
 from heli3dof.diagnosis.calibration import Off, off_nominal
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.imitated import with_imitators
-from heli3dof.diagnosis.integrity import Kind, integrity
+from heli3dof.diagnosis.integrity import Fault, Kind, integrity
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import base_beside
@@ -121,7 +121,7 @@ def _diagnosed(
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
     return Diagnosis(
-        *names, _verdict(last.findings, [*sized, *off], last.left), faults, whole,
+        *names, _verdict(last.findings, sized, off, last.left), faults, whole,
         last.findings, off, last.dropped, last.left, first.unseen, about,
     )  # fmt: skip
 
@@ -196,10 +196,12 @@ class Clock:
 
 
 def _verdict(
-    findings: Sequence[Finding], others: Sequence[object], left: Sequence[Leftover]
-) -> str:
+    findings: Sequence[Finding], faults: Sequence[Fault], off: Sequence[Off],
+    left: Sequence[Leftover],
+) -> str:  # fmt: skip
     if left:
         return "unexplained"
-    if findings and findings[0].choice.tied_with:
+    first = findings[0].choice.tied_with if findings else off[0].tied_with if off else ()
+    if first:
         return "ambiguous"
-    return "explained" if findings or others else "nothing_found"
+    return "explained" if findings or faults or off else "nothing_found"
