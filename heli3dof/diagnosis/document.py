@@ -193,14 +193,16 @@ def _upcoming(n: NextExperiment) -> dict[str, Any]:
 
 def _next(d: Diagnosis) -> dict[str, Any] | None:
     """The plan that separates the first tie that a flight can separate, by the catalogue."""
-    for f in d.findings:
-        if others := flyable(f.choice.tied_with):
-            effect = f.choice.term.effect
+    ties = [
+        *((f.choice.term, f.choice.tied_with) for f in d.findings),
+        *((o.term, o.tied_with) for o in d.calibration_findings),
+    ]
+    for term, tied_with in ties:
+        if others := flyable(tied_with):
             return {
-                "plan": effect.separated_by or "rich",
-                "separates": [f.choice.term.name, *others],
-                "why": f"{f.choice.term.name} and {', '.join(others)} fit this recording equally "
-                "well",
+                "plan": term.effect.separated_by or "rich",
+                "separates": [term.name, *others],
+                "why": f"{term.name} and {', '.join(others)} fit this recording equally well",
             }
     return None
 

@@ -161,7 +161,7 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
         open_ = [x.name for x in found.dropped if x.why == DOES_NOT_PAY] or list(
             found.not_identifiable
         )
-        if found.findings or not open_:
+        if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
         asked = recommend(base, [Cause.typical(open_[0])], seed=seed)
         return None if (asked.certainty or 0.0) < HOPELESS else asked

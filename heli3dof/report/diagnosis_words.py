@@ -191,7 +191,9 @@ def unadopted(document: Document) -> Iterator[str]:
         low, high = span
         why = str(x.get("why", "it does not surely pay on data that it has not seen"))
         if high is not None and high < 0:
-            why = "data that it has not seen contradict it: is the hold-out from the same rig?"
+            why = "data that it has not seen contradict it" + (
+                ": is the hold-out from the same rig?" if document["holdout"] else ""
+            )
         told = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"
         yield f"Not adopted: {x['effect']} fits these recordings better, but {why} ({told})."
     dark = [str(x) for x in document["not_identifiable"] if x not in NEVER]
