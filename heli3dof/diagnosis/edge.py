@@ -10,9 +10,9 @@ edge, everything else (o) estimated beside it, and that rig flown b = 1 … B ti
 
 is Lagrange's multiplier: how surely the recordings want j to move from there (+: on, to the
 estimate). The edge is refuted where z is beyond Student's quantile for what is found from the
-estimate's own noise on the axis of j, and for what is found from much less. And the estimate's
-flights must chatter there as the recordings do (`heli3dof.diagnosis.alike`): else it is not the
-rig either.
+estimate's own noise on the axis of j, and for what is found from much less. And where the
+estimate's flights do not chatter there as the recordings do (`heli3dof.diagnosis.alike`), those
+of the edge must do so less still.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from heli3dof.diagnosis.steps import Bench
 from heli3dof.diagnosis.workers import in_threads
 
 PILOTS = 6
-ROUNDS = 8
+ROUNDS = 10
 FLIGHTS = 24
 SHARES = (1.0, 0.3)
 """Of the estimate's noise on the parameter's axis, from which the edge is solved"""
@@ -61,12 +61,19 @@ class Pinned(Informed):
 
 def refuted(bench: Bench, found: Corrected, j: int, value: float) -> bool:
     """Whether no rig whose parameter j, an inertia, is ``value`` (in the fit's units) explains the
-    recordings of which ``found`` is the estimate. Where that does not settle: no."""
-    if abs(rates_apart(found, bench.recordings, seed=bench.seed)[j - 1]) > widest():
-        return False
+    recordings of which ``found`` is the estimate. Where the first does not settle: no; a second
+    that is still on its way is asked all the same."""
+
+    def apart(rig: Corrected) -> float:
+        return abs(float(rates_apart(rig, bench.recordings, seed=bench.seed)[j - 1]))
+
+    unlike = apart(found)
     for share in SHARES:
         there = on_the_edge(bench, found, j, value, share)
-        if there.scatter is None or not there.optimum.converged:
+        settled = there.optimum.converged or share != SHARES[0]
+        if there.scatter is None or not settled:
+            return False
+        if unlike > widest() and apart(there) < unlike:
             return False
         if multiplier(bench, found, there, j) < quantile(FLIGHTS - 1):
             return False

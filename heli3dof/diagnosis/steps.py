@@ -123,7 +123,9 @@ def base_of(bench: Bench) -> Corrected:
     freed = correct(
         problem, *beginning(found), bench.recordings, seed=bench.seed, pilots=bench.pilots
     )
-    return Corrected(problem, found.optimum) if freed.scatter is None else quieter(bench, freed)
+    if freed.scatter is None:
+        return Corrected(problem, found.optimum)
+    return quieter(bench, freed) if found.inflation >= CHATTERS else freed
 
 
 def quieter(bench: Bench, found: Corrected) -> Corrected:
