@@ -20,13 +20,13 @@ from functools import partial
 from heli3dof.diagnosis.calibration import Off, calibrated, off_nominal
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.counts import with_counts
+from heli3dof.diagnosis.edge import refuted
 from heli3dof.diagnosis.imitated import with_imitators
 from heli3dof.diagnosis.integrity import Fault, Kind, integrity
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import base_beside
 from heli3dof.diagnosis.real_log import applies, diagnose_real
-from heli3dof.diagnosis.refits import refits
 from heli3dof.diagnosis.result import Diagnosis, Finding
 from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import (
@@ -48,7 +48,6 @@ FURTHER = 0.5
 """Of the flights, for the nulls after the first finding."""
 PILOTS, QUICK_PILOTS = 12, 6
 LEFT_FLIGHTS, QUICK_LEFT_FLIGHTS = 24, 8
-REFITS, QUICK_REFITS = 12, 8
 SAID_EVERY_S = 1.0
 Says = Callable[[str], None]
 
@@ -112,7 +111,7 @@ def _diagnosed(
     clock.start("gain", "Measuring the gain on what was not seen …")
     whole = fitted(least, last.found, last.after, train, held, seed=seed)
     clock.start("off", "Asking whether the rig itself is off its profile …")
-    off = base_off(bench, last, quick=quick) if last.sure else ()
+    off = base_off(bench, last) if last.sure else ()
     off = tuple(with_imitators(o, steps[-1]) for o in off)
     profile = train[0].profile
     findings, off = with_counts(
@@ -132,14 +131,12 @@ def _diagnosed(
     )  # fmt: skip
 
 
-def base_off(bench: Bench, last: Settled, *, quick: bool) -> tuple[Off, ...]:
-    """The base's numbers that are off nominal: run again where flights can be simulated, and beside
-    what is left."""
-    again = None
-    if bench.loop_is_known:
-        again = partial(refits, bench, last.found, flights=QUICK_REFITS if quick else REFITS)
+def base_off(bench: Bench, last: Settled) -> tuple[Off, ...]:
+    """The base's numbers that are off nominal: on the edge refuted, where flights can be simulated,
+    and beside what is left."""
+    ask = partial(refuted, bench, last.found) if bench.loop_is_known else None
     beside = None if last.held is None or not last.left else base_beside(last.found, last.held)
-    return off_nominal(last.found, again=again, beside=beside)
+    return off_nominal(last.found, refuted=ask, beside=beside)
 
 
 def causes(
