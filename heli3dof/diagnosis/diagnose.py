@@ -26,7 +26,7 @@ from heli3dof.diagnosis.integrity import Fault, Kind, integrity
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import base_beside
-from heli3dof.diagnosis.real_log import applies, diagnose_real
+from heli3dof.diagnosis.real_log import diagnose_real, no_likelihood
 from heli3dof.diagnosis.result import Diagnosis, Finding
 from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import (
@@ -92,8 +92,8 @@ def _diagnosed(
     for stops in (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE):
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
-    if base == "rigid" and applies(train):
-        return diagnose_real(train, held, faults, seed=seed, says=clock.says)
+    if why := no_likelihood(train):
+        return diagnose_real(train, held, faults, why=why, seed=seed, says=clock.says)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
     bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
     clock.start("base", "Fitting the base simulation, and flying it for its bias …")
