@@ -88,7 +88,7 @@ class _Flight:
         self.reference, self.extra, self.opened = signals.reference, signals.extra, signals.opened
         self.controller = OpenedController.of(profile)
         self.envelope = Envelope(profile)
-        self.tally = Tally(len(self.reference) + self.steps(hurried=False))
+        self.tally = Tally()
         self.pacer = Pacer(rig, profile.dt, self.tally)
         self.virtual = rig.identity.timebase == "virtual"
         self.flown = 0
