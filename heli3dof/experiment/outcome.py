@@ -48,13 +48,15 @@ class Outcome:
     """True when the ramp to zero volts was carried out."""
     error: BaseException | None = field(default=None, compare=False)
     lost: int = 0
-    """Periods skipped because their samples never came."""
+    """Periods skipped because their samples were lost on the line."""
     punctuality: Punctuality | None = None
     """None where nothing was flown, or on a virtual clock"""
     realtime: Realtime | None = None
     """What the system granted the loop; None on a virtual clock"""
     link: dict[str, Any] | None = None
     """What the rig's link counted (see `link_counts`); None where it has none"""
+    left_out: int = 0
+    """Periods skipped because the device, held up itself, made no samples of them."""
 
     def details(self) -> dict[str, Any]:
         """The outcome as the recording keeps it, units in the keys."""
@@ -64,6 +66,7 @@ class Outcome:
             "late": self.late,
             "missed": self.missed,
             "lost": self.lost,
+            "left_out": self.left_out,
             "worst_lateness_s": self.worst_lateness_s,
             "landed": self.landed,
             "punctuality": asdict(self.punctuality) if self.punctuality else None,
@@ -93,13 +96,15 @@ class Tally:
     """Counts period by period; the room for ``periods`` numbers is taken before the flight."""
 
     def __init__(self, periods: int) -> None:
-        self.flown = self.late = self.missed = self.lost = 0
+        self.flown = self.late = self.missed = self.lost = self.left_out = 0
         self.worst = 0.0
         self._n = 0
         self._lateness = array("d", bytes(8 * periods))
         self._turnaround = array("d", bytes(8 * periods))
 
-    def count(self, lateness: float, turnaround: float, missed: int, lost: int) -> None:
+    def count(
+        self, lateness: float, turnaround: float, missed: int, lost: int, left_out: int
+    ) -> None:
         """One period more: s, s, periods skipped before it."""
         if lateness > LATE_S:
             self.late += 1
@@ -107,6 +112,7 @@ class Tally:
             self.worst = lateness
         self.missed += missed
         self.lost += lost
+        self.left_out += left_out
         if self._n < len(self._lateness):
             self._lateness[self._n] = lateness
             self._turnaround[self._n] = turnaround
