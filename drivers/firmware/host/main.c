@@ -21,11 +21,12 @@
 
 #define REAL_TIME_PRIORITY 80 /* hardware never waits for its host */
 #define TURN_US 1000u
+#define LATE_US 200u /* a turn takes some 10 us */
 
 static struct options options;
 static struct bench bench;
 static struct device device;
-static int line = -1, log_file = -1;
+static int line = -1, log_file = -1, late_file = -1;
 static volatile sig_atomic_t ended;
 
 /* ---- HAL ------------------------------------------------------------------------------- */
@@ -166,6 +167,29 @@ static void wait_for_host_or_time(void)
     ppoll(&ready, 1, &left, NULL);
 }
 
+static int opened(const char *option, const char *path)
+{
+    const int file = open(path, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+    if (file < 0) {
+        fprintf(stderr, "heli3dof-rig: %s %s: %s\n", option, path, strerror(errno));
+        exit(2);
+    }
+    return file;
+}
+
+/* A sample that was taken in this turn, and written only now. */
+static void log_late(uint64_t sampled_before_us)
+{
+    const uint64_t took_us = hal_now_us() - device.sampled_us;
+    char text[48];
+    if (late_file < 0 || device.sampled_us == sampled_before_us || took_us <= LATE_US)
+        return;
+    const int n = snprintf(text, sizeof text, "%u %u\n", (unsigned)(uint32_t)device.sampled_us,
+                           (unsigned)took_us);
+    if (write(late_file, text, (size_t)n) < 0)
+        late_file = -1;
+}
+
 static void open_doors(void)
 {
     char path[64];
@@ -174,13 +198,10 @@ static void open_doors(void)
         fprintf(stderr, "heli3dof-rig: no PTY: %s\n", strerror(errno));
         exit(3);
     }
-    if (options.log) {
-        log_file = open(options.log, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-        if (log_file < 0) {
-            fprintf(stderr, "heli3dof-rig: --log %s: %s\n", options.log, strerror(errno));
-            exit(2);
-        }
-    }
+    if (options.log)
+        log_file = opened("--log", options.log);
+    if (options.late)
+        late_file = opened("--late", options.late);
     if (options.link) {
         unlink(options.link);
         if (symlink(path, options.link) < 0) {
@@ -209,7 +230,9 @@ int main(int argc, char **argv)
     start();
     while (!ended && !(options.with_parent && getppid() != parent)) {
         wait_for_host_or_time();
+        const uint64_t sampled_us = device.sampled_us;
         rig_turn(&device);
+        log_late(sampled_us);
         if (device.state == ARMED && bench.armed_s >= NEVER)
             bench.armed_s = monotonic_s();
         if (!reset && bench_due(&bench, monotonic_s(), options.reset_s)) {

@@ -13,6 +13,8 @@ static const char HELP[] =
     "  --serial S                 serial number (FW-0001)\n"
     "  --link PATH                a symbolic link to the PTY, removed at the end\n"
     "  --log FILE                 appends 'CLOCK_MONOTONIC_s enabled front_V back_V' at each change\n"
+    "  --late FILE                appends 'time_us late_us' of each sample that was written more\n"
+    "                             than 0.2 ms after its time: the program itself was held up\n"
     "  --counts ROLL,PITCH,YAW    per revolution, negative: falls as the angle rises\n"
     "  --with-parent              end when the process that started it ends\n"
     "  --watchdog MS  --ramp MS   the device's own (100, 200)\n"
@@ -98,7 +100,7 @@ static const char *axis_at(const char *option, const char *text, enum axis *axis
 }
 
 enum name {
-    HELP_WANTED = 1, WITH_PARENT, SERIAL, LINK, LOG, COUNTS, WATCHDOG, RAMP, SHORTEST,
+    HELP_WANTED = 1, WITH_PARENT, SERIAL, LINK, LOG, LATE, COUNTS, WATCHDOG, RAMP, SHORTEST,
     FAULT, STALL, BUTTON, RESET, FREEZE, JUMP, DROP, CORRUPT, SEED,
 };
 
@@ -108,6 +110,7 @@ static const struct option KNOWN[] = {
     {"serial", required_argument, NULL, SERIAL},
     {"link", required_argument, NULL, LINK},
     {"log", required_argument, NULL, LOG},
+    {"late", required_argument, NULL, LATE},
     {"counts", required_argument, NULL, COUNTS},
     {"watchdog", required_argument, NULL, WATCHDOG},
     {"ramp", required_argument, NULL, RAMP},
@@ -161,6 +164,7 @@ struct options options_read(int argc, char **argv)
         case SERIAL: o.serial = optarg; break;
         case LINK: o.link = optarg; break;
         case LOG: o.log = optarg; break;
+        case LATE: o.late = optarg; break;
         case COUNTS:
             if (sscanf(optarg, "%d,%d,%d", &o.counts[0], &o.counts[1], &o.counts[2]) != 3)
                 refuse(name, optarg, "three whole numbers, as 4096,4096,8192");

@@ -13,6 +13,7 @@ struct options {
     const char *serial;
     const char *link; /* a symbolic link to the PTY, or NULL */
     const char *log;  /* what went to the motors and when, or NULL */
+    const char *late; /* which samples this program itself kept from the line, or NULL */
     int with_parent;  /* ends with the process that started it */
     uint32_t watchdog_us, ramp_us, shortest_us;
     int32_t counts[3];
