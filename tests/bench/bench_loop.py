@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from heli3dof.experiment.cores import WORKERS, written
 from heli3dof.recording.reader import read_recording
@@ -34,7 +34,9 @@ INTRO = (
     "without one was left out by the device, whose process was held up. *Nothing granted*: no "
     "SCHED_FIFO and no locked memory, as for a user without permission for either. With real-time "
     "scheduling all threads of the flight share one core; where root may, the kernel's workers are "
-    "kept off it for that flight, as `heli3dof doctor` advises. Processes above all others watch "
+    "kept off it for that flight, as `heli3dof doctor` advises. What a pseudo-terminal carries "
+    "passes through these workers, ordinary threads, whatever priority the loop has; *over TCP* "
+    "is the same firmware and the same loop without them. Processes above all others watch "
     "every core for the machine's own standstills in the same run: a virtual machine is not "
     "always given its processors."
 )
@@ -46,15 +48,30 @@ WATCHDOG_S, RAMP_S, TURN_S = 0.1, 0.2, 2e-3
 """The firmware's own; its watchdog may take 1 ms longer, and its output is set every 1 ms"""
 
 
+class Kind(NamedTuple):
+    """One flight of the bench."""
+
+    rate_hz: int
+    granted: bool
+    tcp: bool = False
+
+    @property
+    def seconds(self) -> float:
+        """1 kHz is reported, and has no bars."""
+        return SECONDS if self.rate_hz == 500 else SECONDS / 2
+
+
+KINDS = (
+    Kind(500, True), Kind(500, False), Kind(500, True, tcp=True), Kind(1000, True),
+    Kind(1000, False),
+)  # fmt: skip
+
+
 def measure() -> list[Figure | Table]:
     program = rig_program()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        flights = {
-            (rate, granted): fly(program, folder, rate, granted)
-            for rate in (500, 1000)
-            for granted in (True, False)
-        }
+        flights = {kind: fly(program, folder, kind) for kind in KINDS}
         log = folder / "device.log"
         with firmware(program, "--log", str(log)) as device:
             killed = list(kill_flights(device, log, folder, KILLS, seed=SEED))
@@ -67,17 +84,22 @@ def measure() -> list[Figure | Table]:
     return [*punctual(flights), *survived(killed), cut, side_by_side(flights)]
 
 
-def fly(program: str, folder: Path, rate_hz: int, granted: bool) -> dict[str, Any]:
+def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
     """One flight's JSON document; limits and watchdog bear a machine that stands still."""
+    rate_hz, granted, tcp = kind
+    name = f"{rate_hz}-{granted}-{tcp}"
     profile = write_profile(folder / f"{rate_hz}.toml", rate_hz=rate_hz, **PATIENT)
-    output, log = (folder / f"{rate_hz}-{granted}.{kind}" for kind in ("mcap", "late"))
-    with firmware(program, "--watchdog", "500", "--late", str(log)) as device:
+    output, log = (folder / f"{name}.{suffix}" for suffix in ("mcap", "late"))
+    door = ("--tcp", "0") if tcp else ()
+    with firmware(program, "--watchdog", "500", "--late", str(log), *door) as device:
         with (
             workers_kept_off() if granted else nullcontext(False) as kept_off,
             watched() as still,
-            FlightProcess(device, output, SECONDS, profile=profile, realtime=granted) as flight,
+            FlightProcess(
+                device, output, kind.seconds, profile=profile, realtime=granted
+            ) as flight,
         ):
-            document = flight.result(SECONDS + LANDING_S + 120)
+            document = flight.result(kind.seconds + LANDING_S + 120)
         return {
             **document,
             "why_late": lateness(read_recording(output), still, written_late(log)),
@@ -114,13 +136,16 @@ def device_late_s(device: str, profile: Path) -> float:
         rig.close()
 
 
-def punctual(flights: dict[tuple[int, bool], dict[str, Any]]) -> list[Figure]:
+def punctual(flights: dict[Kind, dict[str, Any]]) -> list[Figure]:
     """The bars at 500 Hz: how late and why, and nothing lost on the line."""
     figures = []
-    for granted, bar in ((True, 0.0), (False, 0.1)):
-        found = flights[500, granted]
+    for kind, found in flights.items():
+        if kind.rate_hz != 500:
+            continue
+        granted, bar = kind.granted, 0.0 if kind.granted else 0.1
         assert found["realtime"]["scheduled"] is granted, "this machine grants no SCHED_FIFO"
         what = "with real-time scheduling" if granted else "nothing granted"
+        what += ", over TCP instead" * kind.tcp
         what = f"500 Hz, {what}"
         why: Lateness = found["why_late"]
         still, seconds = found["still"], why.periods / 500
@@ -153,17 +178,17 @@ def punctual(flights: dict[tuple[int, bool], dict[str, Any]]) -> list[Figure]:
     return figures
 
 
-def side_by_side(flights: dict[tuple[int, bool], dict[str, Any]]) -> Table:
+def side_by_side(flights: dict[Kind, dict[str, Any]]) -> Table:
     """Every flight's quantiles."""
     rows = []
-    for (rate, granted), found in flights.items():
+    for kind, found in flights.items():
         p = found["punctuality"]
         late = (p["median_s"], p["p99_s"], p["p999_s"], p["worst_s"])
         turn = (p["turnaround_median_s"], p["turnaround_p999_s"])
         rows.append(
             (
-                f"{rate} Hz",
-                "all" if granted else "nothing",
+                f"{kind.rate_hz} Hz" + ", TCP" * kind.tcp,
+                "all" if kind.granted else "nothing",
                 str(found["periods"]),
                 " / ".join(_us(v) for v in late),
                 f"{100 * p['late_share']:.3g} %",
@@ -174,7 +199,7 @@ def side_by_side(flights: dict[tuple[int, bool], dict[str, Any]]) -> Table:
             )
         )
     return Table(
-        f"{SECONDS:g} s each, µs",
+        f"{SECONDS:g} s each, at 1 kHz half of it; µs",
         (
             "rate", "granted", "periods", "lateness: median / 99 % / 99.9 % / worst", "late",
             "lost / left out / missed", "sample to command: median / 99.9 %",
