@@ -1,15 +1,10 @@
-"""Which core a flight runs on, and what of the kernel runs there too.
+"""Which core a flight runs on.
 
-A loop under SCHED_FIFO, and the threads beside it, take a core from every ordinary program: also
-from the kernel's own unbound workers, and these are what bytes of a serial line or a
-pseudo-terminal pass through before anybody can read them (``tty_flip_buffer_push``). A worker that
-was put behind a thread which compresses for some milliseconds keeps a sample for as long. So
-
-- all threads of a flight share one core; they take turns for the interpreter anyway. It is one
-  that the kernel was told to keep free (``isolcpus=``), else the last one that no other flight has;
-- the workers' cores (`WORKERS`) should not have it among them: root's to say, so `doctor` says how.
-
-Without SCHED_FIFO a thread waits wherever it is, and is left to the kernel.
+All threads of a flight share one: they take turns for the interpreter anyway, the loop comes first
+there, and nothing that they do under SCHED_FIFO keeps anybody waiting elsewhere, neither another
+flight nor the kernel's workers that bring a serial line's bytes. It is one that the kernel was
+told to keep free (``isolcpus=``), else the last one that no other flight has. Without SCHED_FIFO a
+thread would wait there behind ordinary programs, and is left to the kernel.
 """
 
 from __future__ import annotations
@@ -23,7 +18,6 @@ from pathlib import Path
 from heli3dof.rig.port import Check
 
 ISOLATED = Path("/sys/devices/system/cpu/isolated")
-WORKERS = Path("/sys/devices/virtual/workqueue/cpumask")
 CLAIM = "\0heli3dof-core-{}"
 """An abstract socket's name: one flight has it, and it goes with the process"""
 
@@ -44,40 +38,13 @@ def on_one_core(undo: ExitStack, *, scheduled: bool) -> tuple[Check, ...]:
     if core is None:
         return ()
     _move(undo, {core}, everybody=True)
-    checks = (Check("core", f"{core}, for all threads of this program", True),)
-    return (*checks, *workers(core))
+    return (Check("core", f"{core}, for all threads of this program", True),)
 
 
 def isolated_cores() -> set[int]:
     """Those that the kernel was told to keep free."""
     text = _text(ISOLATED)
     return cores(text) if text else set()
-
-
-def workers(core: int) -> tuple[Check, ...]:
-    """Whether the kernel's unbound workers keep off a core; nothing where it does not tell."""
-    text = _text(WORKERS)
-    if text is None:
-        return ()
-    mask = int(text.replace(",", ""), 16)
-    if not mask >> core & 1:
-        return (Check("kernel's workers", f"keep off core {core}", True),)
-    rest = mask & ~(1 << core)
-    found = f"may stand behind the loop on core {core}, with what a serial line brings"
-    fix = f"echo {written(rest)} | sudo tee {WORKERS}" if rest else ""
-    return (Check("kernel's workers", found, None, fix),)
-
-
-def written(mask: int) -> str:
-    """A mask as the kernel reads it: groups of eight hexadecimal digits.
-
-    >>> written(0x7), written(1 << 35)
-    ('7', '8,00000000')
-    """
-    digits = f"{mask:x}"
-    first = len(digits) % 8 or 8
-    groups = [digits[:first], *(digits[i : i + 8] for i in range(first, len(digits), 8))]
-    return ",".join(groups)
 
 
 def cores(text: str) -> set[int]:

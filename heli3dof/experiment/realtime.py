@@ -8,8 +8,10 @@ scheduling     SCHED_FIFO: no ordinary program runs where  rtprio in limits.d, o
 memory         mlockall: no page of the program has to be  memlock in limits.d, or CAP_IPC_LOCK
                read from the disk in flight
 idle states    a core that wakes up at once                whoever may write /dev/cpu_dma_latency
-core           one for all threads of the flight, which    everybody who is scheduled; where
-               the kernel's workers keep off (`cores`)     `isolcpus=` left one, everybody
+core           one for all threads of the flight (`cores`) everybody who is scheduled; where
+                                                           `isolcpus=` left one, everybody
+workers        the kernel's, which a serial line needs,    CAP_SYS_NICE
+               are not kept waiting (`workers`)
 timer          sleeps end within 1 µs, not 50              everybody
 interpreter    no garbage collection; other threads give   everybody
                way within 0.1 ms
@@ -37,6 +39,7 @@ from pathlib import Path
 from typing import Any
 
 from heli3dof.experiment.cores import on_one_core
+from heli3dof.experiment.workers import raise_workers
 from heli3dof.rig.port import Check
 
 PRIORITY = 40
@@ -83,9 +86,11 @@ def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
         quiet_interpreter(undo)
         scheduling, memory = _scheduling(undo, priority), _memory(undo)
         scheduled = scheduling.good is True
-        checks = (scheduling, memory, *_idle_states(undo), *on_one_core(undo, scheduled=scheduled))
+        checks = [scheduling, memory, *_idle_states(undo), *on_one_core(undo, scheduled=scheduled)]
+        if scheduled:
+            checks += raise_workers(undo)
         _timer(undo)
-        yield Realtime(checks, scheduled, memory.good is True)
+        yield Realtime(tuple(checks), scheduled, memory.good is True)
 
 
 def quiet_interpreter(undo: ExitStack) -> None:

@@ -8,12 +8,9 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from heli3dof.experiment.cores import WORKERS, written
 from heli3dof.recording.reader import read_recording
 from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.profile import load_profile
@@ -32,13 +29,12 @@ INTRO = (
     "host's, beyond the quickest that came; late is more than 1 ms, and every missed period counts "
     "as late too. A gap in the samples' numbers was lost on the line; a jump of the device's time "
     "without one was left out by the device, whose process was held up. *Nothing granted*: no "
-    "SCHED_FIFO and no locked memory, as for a user without permission for either. With real-time "
-    "scheduling all threads of the flight share one core; where root may, the kernel's workers are "
-    "kept off it for that flight, as `heli3dof doctor` advises. What a pseudo-terminal carries "
-    "passes through these workers, ordinary threads, whatever priority the loop has; *over TCP* "
-    "is the same firmware and the same loop without them. Processes above all others watch "
-    "every core for the machine's own standstills in the same run: a virtual machine is not "
-    "always given its processors."
+    "SCHED_FIFO and no locked memory, as for a user without permission for either. What a "
+    "pseudo-terminal carries passes through workers of the kernel: ordinary threads, but where "
+    "the loop is scheduled in real time and may (CAP_SYS_NICE, as here) it has them scheduled so, "
+    "too. *Over TCP* is the same firmware and the same loop without them. Processes above all "
+    "others watch every core for the machine's own standstills in the same run: a virtual machine "
+    "is not always given its processors."
 )
 SECONDS = float(os.environ.get("FLIGHT_SECONDS", "60"))
 KILLS = int(os.environ.get("KILLS", "100"))
@@ -93,7 +89,6 @@ def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
     door = ("--tcp", "0") if tcp else ()
     with firmware(program, "--watchdog", "500", "--late", str(log), *door) as device:
         with (
-            workers_kept_off() if granted else nullcontext(False) as kept_off,
             watched() as still,
             FlightProcess(
                 device, output, kind.seconds, profile=profile, realtime=granted
@@ -104,27 +99,8 @@ def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
             **document,
             "why_late": lateness(read_recording(output), still, written_late(log)),
             "still": still,
-            "workers_kept_off": kept_off,
             "device_late_s": device_late_s(device, profile),
         }
-
-
-@contextmanager
-def workers_kept_off() -> Iterator[bool]:
-    """The kernel's unbound workers off the core that a flight will take; True where that is
-    permitted."""
-    before, core = "", max(os.sched_getaffinity(0))
-    try:
-        before = WORKERS.read_text(encoding="ascii")
-        mask = int(before.replace(",", ""), 16) & ~(1 << core)
-        WORKERS.write_text(written(mask), encoding="ascii")
-    except (OSError, ValueError):
-        yield False
-        return
-    try:
-        yield True
-    finally:
-        WORKERS.write_text(before, encoding="ascii")
 
 
 def device_late_s(device: str, profile: Path) -> float:
@@ -165,8 +141,7 @@ def punctual(flights: dict[Kind, dict[str, Any]]) -> list[Figure]:
             ),
             at_most(
                 f"{what}: late for neither reason", 100 * why.own / why.periods, bar, "%",
-                how=f"{why.own_times} times, {1e3 * why.own_worst_s:.2f} ms at worst"
-                + ("; the kernel's workers kept off the core" * found["workers_kept_off"]),
+                how=f"{why.own_times} times, {1e3 * why.own_worst_s:.2f} ms at worst",
             ),
             at_most(f"{what}: samples lost on the line", found["lost_periods"], 0, ""),
             Figure(

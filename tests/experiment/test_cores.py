@@ -1,4 +1,4 @@
-"""One core for all threads of a flight, and what it says of the kernel's workers there."""
+"""One core for all threads of a flight."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from heli3dof.experiment import cores as module
-from heli3dof.experiment.cores import cores, on_one_core, workers, written
+from heli3dof.experiment.cores import cores, on_one_core
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's own calls")
 SEVERAL = pytest.mark.skipif(
@@ -24,13 +24,11 @@ def own_names(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Other flights on this machine, and what it keeps free, are not these tests'."""
     monkeypatch.setattr(module, "CLAIM", f"\0{tmp_path}-{{}}")
     monkeypatch.setattr(module, "ISOLATED", tmp_path / "isolated")
-    monkeypatch.setattr(module, "WORKERS", tmp_path / "cpumask")
 
 
 def test_cores_are_read_as_the_kernel_writes_them() -> None:
     assert cores("2-3,7") == {2, 3, 7}
     assert cores("5") == {5}
-    assert [written(mask) for mask in (7, 0xFFFFFFFF, 1 << 32)] == ["7", "ffffffff", "1,00000000"]
 
 
 @SEVERAL
@@ -43,7 +41,7 @@ def test_every_thread_is_on_one_core_and_put_back_afterwards() -> None:
     before = os.sched_getaffinity(0)
     with ExitStack() as undo:
         found = on_one_core(undo, scheduled=True)
-        assert [check.what for check in found] == ["core"], "it does not tell of its workers here"
+        assert [check.what for check in found] == ["core"]
         assert os.sched_getaffinity(0) == os.sched_getaffinity(thread.native_id) == {max(before)}
     assert os.sched_getaffinity(0) == os.sched_getaffinity(thread.native_id) == before
     ended.set()
@@ -75,14 +73,3 @@ def test_a_core_that_the_kernel_keeps_free_is_taken_first() -> None:
         assert "keeps free" in found.found
         assert os.sched_getaffinity(0) == {min(before)}
     assert os.sched_getaffinity(0) == before
-
-
-def test_workers_on_the_loops_core_are_told_with_the_command_that_moves_them() -> None:
-    assert workers(3) == ()
-    module.WORKERS.write_text("f\n")
-    (found,) = workers(3)
-    assert found.good is None
-    assert found.fix == f"echo 7 | sudo tee {module.WORKERS}"
-    module.WORKERS.write_text("7\n")
-    (found,) = workers(3)
-    assert (found.good, found.found) == (True, "keep off core 3")
