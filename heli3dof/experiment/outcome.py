@@ -49,13 +49,15 @@ class Outcome:
     """True when the ramp to zero volts was carried out."""
     error: BaseException | None = field(default=None, compare=False)
     lost: int = 0
-    """Periods skipped because their samples never came."""
+    """Periods skipped because their samples were lost on the line."""
     punctuality: Punctuality | None = None
     """None where nothing was flown, or on a virtual clock"""
     realtime: Realtime | None = None
     """What the system granted the loop; None on a virtual clock"""
     link: dict[str, Any] | None = None
     """What the rig's link counted (see `link_counts`); None where it has none"""
+    left_out: int = 0
+    """Periods skipped because the device, held up itself, made no samples of them."""
 
     def details(self) -> dict[str, Any]:
         """The outcome as the recording keeps it, units in the keys."""
@@ -65,6 +67,7 @@ class Outcome:
             "late": self.late,
             "missed": self.missed,
             "lost": self.lost,
+            "left_out": self.left_out,
             "worst_lateness_s": self.worst_lateness_s,
             "landed": self.landed,
             "punctuality": asdict(self.punctuality) if self.punctuality else None,
@@ -94,7 +97,7 @@ class Tally:
     """Counts period by period, in the room of the first."""
 
     def __init__(self) -> None:
-        self.late = self.missed = self.lost = 0
+        self.late = self.missed = self.lost = self.left_out = 0
         self.lateness = Histogram()
         self.turnaround = Histogram()
 
@@ -103,7 +106,9 @@ class Tally:
         """s, the latest sample's lateness"""
         return self.lateness.worst_s
 
-    def count(self, lateness: float, turnaround: float, missed: int, lost: int) -> None:
+    def count(
+        self, lateness: float, turnaround: float, missed: int, lost: int, left_out: int
+    ) -> None:
         """One period more: s, s, periods skipped before it."""
         if lateness > LATE_S:
             self.late += 1
@@ -111,6 +116,7 @@ class Tally:
         self.lost += lost
         self.lateness.add(lateness)
         self.turnaround.add(turnaround)
+        self.left_out += left_out
 
     def punctuality(self) -> Punctuality | None:
         """Quantiles of what was counted (see `Histogram`); None for nothing."""
