@@ -39,6 +39,11 @@ def hold(
     """
     with Session(device, private=is_private(device), doing=doing) as session:
         opened = open_rig(device, profile)
+        try:
+            session.claim(opened.identity)
+        except BaseException:
+            opened.close()  # it was never armed, so this leaves it as its holder has it
+            raise
         rest = POWER_UP if session.private else rest_of(opened.identity)
         rig = StoppableRig(opened, session, rest)
         try:
