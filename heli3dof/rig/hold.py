@@ -17,6 +17,7 @@ from typing import Any
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.rig.calibration import POWER_UP, rest_of
 from heli3dof.rig.drivers import is_private, open_rig
+from heli3dof.rig.known import remember
 from heli3dof.rig.port import Flags, Sample
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.session import Session
@@ -44,6 +45,8 @@ def hold(
         except BaseException:
             opened.close()  # it was never armed, so this leaves it as its holder has it
             raise
+        if not session.private:
+            remember(device)
         rest = POWER_UP if session.private else rest_of(opened.identity)
         rig = StoppableRig(opened, session, rest)
         try:
