@@ -6,6 +6,8 @@ from array import array
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from heli3dof.rig.trip import Trip
+
 if TYPE_CHECKING:
     from heli3dof.experiment.realtime import Realtime
 
@@ -37,6 +39,7 @@ class Outcome:
 
     ending: Ending
     detail: str
+    """A `Trip` where something ended it whose likely cause is known"""
     periods: int
     """Control periods flown in closed loop."""
     late: int
@@ -56,10 +59,17 @@ class Outcome:
     link: dict[str, Any] | None = None
     """What the rig's link counted (see `link_counts`); None where it has none"""
 
+    def advice(self) -> dict[str, str]:
+        """What it likely came from and what to do; empty where nothing is known."""
+        if not isinstance(self.detail, Trip):
+            return {}
+        return {"likely_cause": self.detail.cause, "fix": self.detail.fix}
+
     def details(self) -> dict[str, Any]:
         """The outcome as the recording keeps it, units in the keys."""
         return {
             "detail": self.detail,
+            **self.advice(),
             "periods": self.periods,
             "late": self.late,
             "missed": self.missed,

@@ -11,8 +11,11 @@ from __future__ import annotations
 
 from heli3dof.experiment.period import Period
 from heli3dof.rig.profile import Profile
+from heli3dof.rig.trip import Trip
 
 WINDOW_S = 1.0
+LOSES = "a loose or long cable, a hub in between, or the motors' leads beside it."
+LOOK = "heli3dof doctor, and what it says of loss; a shorter shielded cable away from the motors"
 
 
 class Late:
@@ -34,10 +37,12 @@ class Late:
             self._ring[self._at] = late
             self._at = (self._at + 1) % len(self._ring)
         if self._late > self._most:
-            return (
+            return Trip(
                 f"the loop was too late: {self._late} of the last {len(self._ring)} periods came "
-                f"more than {1e3 * self._late_s:g} ms after their time or not at all "
-                "(heli3dof doctor says why)"
+                f"more than {1e3 * self._late_s:g} ms after their time or not at all",
+                "another program takes the processor, and the system does not let this one "
+                "go first.",
+                "heli3dof doctor, and what it says of scheduling",
             )
         return None
 
@@ -55,9 +60,11 @@ class Lost:
         # What the host itself was too late for is no loss of the line's.
         lost = now.missed - int(now.lateness / self._dt + 1e-6)
         if lost > self._most:
-            return (
+            return Trip(
                 f"no sample came for {1 + lost} periods ({1e3 * (1 + lost) * self._dt:.0f} ms): "
-                "the line loses frames (heli3dof doctor looks at it)"
+                "the line loses frames",
+                LOSES,
+                LOOK,
             )
         echo = now.sample.sequence
         if echo == now.command_sequence or echo != self._echo:
@@ -66,9 +73,10 @@ class Lost:
             self._unheard += 1
         self._echo = echo
         if self._unheard > self._most:
-            return (
+            return Trip(
                 f"the device heard none of the last {self._unheard} commands "
-                f"({1e3 * self._unheard * self._dt:.0f} ms): the line loses frames "
-                "(heli3dof doctor looks at it)"
+                f"({1e3 * self._unheard * self._dt:.0f} ms): the line loses frames",
+                LOSES,
+                LOOK,
             )
         return None
