@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from heli3dof.rig.histogram import Histogram
+from heli3dof.rig.trip import Trip
 
 if TYPE_CHECKING:
     from heli3dof.experiment.realtime import Realtime
@@ -38,6 +39,7 @@ class Outcome:
 
     ending: Ending
     detail: str
+    """A `Trip` where something ended it whose likely cause is known"""
     periods: int
     """Control periods flown in closed loop."""
     late: int
@@ -59,10 +61,17 @@ class Outcome:
     left_out: int = 0
     """Periods skipped because the device, held up itself, made no samples of them."""
 
+    def advice(self) -> dict[str, str]:
+        """What it likely came from and what to do; empty where nothing is known."""
+        if not isinstance(self.detail, Trip):
+            return {}
+        return {"likely_cause": self.detail.cause, "fix": self.detail.fix}
+
     def details(self) -> dict[str, Any]:
         """The outcome as the recording keeps it, units in the keys."""
         return {
             "detail": self.detail,
+            **self.advice(),
             "periods": self.periods,
             "late": self.late,
             "missed": self.missed,
