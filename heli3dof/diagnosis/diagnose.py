@@ -93,7 +93,7 @@ def _diagnosed(
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
     if why := no_likelihood(train):
-        return diagnose_real(train, held, faults, why=why, seed=seed, says=clock.says)
+        return diagnose_real(train, held, faults, why=why, base=base, seed=seed, says=clock.says)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
     bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
     clock.start("base", "Fitting the base simulation, and flying it for its bias …")
