@@ -70,6 +70,7 @@ WHY = (
     "whose size is sure, is named; the rest is kept within what is known of such rigs. Sizes are "
     "in units of the profile's K_f; there is no noise floor."
 )
+FITTING = "Fitting the full physical model to free flights …"
 BLOCKS = "blocks left out of the fit"
 Says = Callable[[str], None]
 
@@ -102,8 +103,8 @@ def diagnose_real(
     seen, on = _whole(held), "holdout"
     if not seen:
         seen, on = whole, "the recordings themselves"
-    says("Fitting the full physical model to free flights …")
-    full = fit_freeflight(whole)
+    says(FITTING)
+    full = fit_freeflight(whole, say=lambda round_: says(f"{FITTING} {round_}"))
     found = backward(full.problem, full, seed=seed, says=says)
     says("Fitting the base simulation in the same way …")
     simpler = BASES[base]
