@@ -250,7 +250,8 @@ def warnings(found: Fitted) -> tuple[str, ...]:
         said.append(f"The fit had not settled after {found.rounds} rounds: too little motion.")
     for name, values in found.by_recording.items():
         each = ", ".join(f"{v:.3g}" for v in values)
-        said.append(f"{name} differs by recording: {each}. Predictions re-estimate it.")
+        whose = "differs by recording" if len(values) > 1 else "may differ by recording, here"
+        said.append(f"{name} {whose}: {each}. Predictions re-estimate it.")
     return tuple(said)
 
 
