@@ -63,7 +63,8 @@ class Screen:
         self.plain = tuple(probes)
         self.values = problem.values(theta)
         self.sets = self._sets()
-        a, m, m0 = self._changes(here)
+        self._built = here, self._changes(here)
+        a, m, m0 = self._built[1]
         self.D = forward(here.path, a, m, m0)
         """(P, E) traces, of the plain probes"""
         self.weight = here.at.w
@@ -112,7 +113,8 @@ class Screen:
         # q·δc with q = g − w Tᵀ A⁻¹ g is the efficient score of every δc at once.
         q = look.at.g - look.at.w * (pull @ look.T)
         L, mu, z0 = backward(look.path, q[None])
-        a, m, m0 = self._changes(look)
+        built, changes = self._built
+        a, m, m0 = changes if look is built else self._changes(look)
         u = np.einsum("pci,ci->p", a, L[0])
         u += m @ mu[0] - np.einsum("pbi,bi->p", m0, z0[0][:, :3] / look.path.slope)
         root = np.sqrt(self.v)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.alike import rates_apart, widest
 from heli3dof.diagnosis.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.corrected import (
     NOISE_NEAR,
@@ -43,6 +44,7 @@ CHATTERS = 1.2
 """Inflation of a fit from which its bias is too large to start from."""
 QUIETER = np.array([0.5, 0.7, 1.0, 1.0])
 """What the filter makes of a chattering flight's noise, roughly; roll and pitch chatter most."""
+MUCH_QUIETER = 0.25
 
 FAR, ROUGHER = 30.0, 1.0
 """Standard deviations of a parameter, and steps of a log noise intensity, beyond which false slopes
@@ -125,7 +127,32 @@ def base_of(bench: Bench) -> Corrected:
     freed = correct(
         problem, *beginning(found), bench.recordings, seed=bench.seed, pilots=bench.pilots
     )
-    return Corrected(problem, found.optimum) if freed.scatter is None else freed
+    if freed.scatter is None:
+        return Corrected(problem, found.optimum)
+    return quieter(bench, freed) if found.inflation >= CHATTERS else freed
+
+
+def quieter(bench: Bench, found: Corrected) -> Corrected:
+    """The estimate; another where its flights chatter faster than the recordings on some axis.
+
+    Such a one is the wrong end of the ridge of which `beginning` speaks. The other is found from
+    the profile's inertias and a quarter of the noise there, and taken if it has settled and its
+    flights chatter no faster.
+    """
+    limit = widest()
+    fast = rates_apart(found, bench.recordings, seed=bench.seed) < -limit
+    if not fast.any():
+        return found
+    theta, noise = found.theta.copy(), found.optimum.noise.copy()
+    theta[1:4][fast] = found.problem.prior_mean[1:4][fast]
+    noise[:3][fast] *= MUCH_QUIETER
+    other = correct(
+        found.problem, theta, noise, bench.recordings, seed=bench.seed, pilots=bench.pilots
+    )
+    if other.scatter is None or not other.optimum.converged:
+        return found
+    apart = rates_apart(other, bench.recordings, seed=bench.seed)
+    return found if (apart[fast] < -limit).any() else other
 
 
 def beginning(found: Estimate) -> tuple[np.ndarray, np.ndarray]:

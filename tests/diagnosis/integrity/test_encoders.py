@@ -150,6 +150,44 @@ def test_a_jump_of_many_counts_is_no_motion(
     assert f"encoder.jump.{AXES[axis]}" in names(with_angle(r, axis, q), Kind.BAD_DATA)
 
 
+@pytest.mark.parametrize(("axis", "lasts_s"), [(1, 1.0), (2, 10.0)])
+def test_a_jump_that_ends_a_standstill_is_said_to_be_a_frozen_encoder_s(
+    axis: int, lasts_s: float
+) -> None:
+    r = flight("rich")
+    a, b = np.searchsorted(r.t, [30.0, 30.0 + lasts_s])
+    q = r.angle[:, axis].copy()
+    q[a:b] = q[a]
+    fault = only(with_angle(r, axis, q))
+    assert (fault.check, fault.axis) == ("encoder.jump", AXES[axis])
+    assert "having stood on one count from" in fault.sentence
+    assert "frozen" in fault.cause
+    from_s = float(fault.fix.split("between(0, ")[1].rstrip(")"))
+    assert from_s == pytest.approx(30.0, abs=0.05)
+
+
+def test_where_two_seconds_are_missing_an_arm_may_be_elsewhere() -> None:
+    r = flight("rich")
+    (fault,) = integrity(r.rows((r.t < 30.0) | (r.t >= 32.0)))
+    assert fault.check == "timing.gaps"
+    assert fault.parameters["lost_share"][0] == pytest.approx(2.0 / r.duration, rel=0.01)
+
+
+@pytest.mark.parametrize("plan", ["rich", "steps", "run-step"])
+def test_a_roll_that_was_zeroed_on_the_table_is_bad_data(plan: str) -> None:
+    r = flight(plan)
+    fault = only(with_angle(r, 0, r.angle[:, 0] - r.angle[0, 0]))
+    assert (fault.check, fault.effect, fault.axis) == ("encoder.zero", "encoder.offset", "roll")
+    assert fault.parameters["angle_deg"][0] == pytest.approx(27.5, abs=0.1)
+    assert "add -27.5°" in fault.fix
+
+
+def test_a_flight_that_starts_level_or_with_a_wrong_zero_was_not_zeroed_on_the_table() -> None:
+    r = flight("large")
+    assert names(r.between(12.0, 60.0), Kind.BAD_DATA) == set()
+    assert "encoder.zero.roll" not in names(flight("rich", "encoder.offset.roll:4"))
+
+
 def test_yaw_folded_into_a_turn_is_said_to_be() -> None:
     r = flight("rich")
     yaw = r.angle[:, 2] + np.radians(170)
