@@ -28,25 +28,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import erf, sqrt
 
 import numpy as np
 
-from heli3dof.identification.greybox.multistep import FAR, ROUNDS, Fitted, MultiStep, robust, search
-from heli3dof.model.effects import terms
+from heli3dof.diagnosis.refits import STAGE_S, folds_of, only, own, refit, refits
+from heli3dof.diagnosis.workers import in_threads
+from heli3dof.identification.greybox.multistep import FAR, Fitted, MultiStep, robust, search
 from heli3dof.model.filtering import Data
 from heli3dof.model.greybox_windows import Flight, errors
 from heli3dof.model.instants import follow
-from heli3dof.model.rig_model import Structure
 
-STAGES_S = ((0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0),)
-BLOCK_S = 6.0
-WINDOW_S = 3.0
 CELL_S = 3.0
-FOLDS = 2
 DRAWS = 2000
 LEVEL = 0.95
-REFIT = 3
-"""Rounds of a refit from where the fit stood."""
 KNOWN = 3.0
 CLEAR = 30.0
 """(θ/σ)²: a term above it is not tried before all others have been."""
@@ -73,11 +68,10 @@ class Worse:
 
 @dataclass(frozen=True, eq=False)
 class Removal:
-    """A term, what it costs blocks left out to do without it, and the fit of all but that term."""
+    """A term, and what it costs blocks left out to do without it."""
 
     term: str
     worse: Worse
-    without: Fitted
     tied_with: tuple[str, ...] = ()
 
 
@@ -87,6 +81,8 @@ class Backward:
 
     fit: Fitted
     """With every term"""
+    begun: Fitted
+    """The same, settled at the scales s that all refits share"""
     kept: tuple[Removal, ...]
     """Most needed first"""
     gone: tuple[Removal, ...]
@@ -100,10 +96,10 @@ def backward(
 ) -> Backward:
     """Which terms held-out windows need. ``found`` is the fit of ``problem``."""
     whole = found
-    found = search(problem, whole.z, whole.noise, stages_s=STAGES_S)
+    found = begun = search(problem, whole.z, whole.noise, stages_s=(STAGE_S,))
     gone: list[tuple[str, Worse, list[str]]] = []
     proven: dict[str, Worse] = {}
-    folds = refitted_folds(found, ROUNDS)
+    folds = folds_of(found)
     alone = tuple(fit for fit, _ in folds)
     known = known_beforehand(problem)
     while True:
@@ -124,14 +120,26 @@ def backward(
         near = traded(found, out)
         proven = {k: v for k, v in proven.items() if k not in near}
         gone.append((out, worse, near))
-        found = refit(found, out, rounds=ROUNDS)
-        folds = refitted_folds(found)
+        found, *less = refits([found, *(fit for fit, _ in folds)], out)
+        folds = [(fit, test) for fit, (_, test) in zip(less, folds, strict=True)]
     says("Looking for ties …")
     tied = {t: ties(found, folds, t, gone, seed) for t in proven}
-    kept = [Removal(t, w, refit(whole, t), tied[t]) for t, w in proven.items()]
+    kept = [Removal(t, w, tied[t]) for t, w in proven.items()]
     kept.sort(key=lambda r: -r.worse.value)
-    went = [Removal(t, w, refit(whole, t), tuple(near)) for t, w, near in gone]
-    return Backward(whole, tuple(kept), tuple(went), alone)
+    went = [Removal(t, w, tuple(near)) for t, w, near in gone]
+    return Backward(whole, begun, tuple(kept), tuple(went), alone)
+
+
+def glance(found: Fitted) -> Backward:
+    """Without leaving blocks out: in the place of Δ stands how many deviations a term's numbers
+    are from its absence, which the fit itself says."""
+    each = [
+        Removal(t, Worse(u, u - 1.96, u + 1.96, 1.0, 0.5 * (1 + erf(u / sqrt(2)))))
+        for t, z2 in reversed(by_need(found))
+        for u in [sqrt(z2)]
+    ]
+    kept = tuple(r for r in each if r.worse.kept)
+    return Backward(found, found, kept, tuple(r for r in each if not r.worse.kept))
 
 
 def by_need(found: Fitted) -> list[tuple[str, float]]:
@@ -153,8 +161,8 @@ def by_need(found: Fitted) -> list[tuple[str, float]]:
 
 def swapped(found: Backward, instead: str, name: str, *, seed: int) -> Removal:
     """What it costs the whole model to take in a term that takes away what ``name`` names."""
-    worse = removed(found.fit, refitted_folds(found.fit), "", seed=seed, instead=instead)
-    return Removal(name, worse, refit(found.fit, "", instead))
+    worse = removed(found.begun, folds_of(found.begun), "", seed=seed, instead=instead)
+    return Removal(name, worse)
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
@@ -167,12 +175,6 @@ def known_beforehand(problem: MultiStep) -> set[str]:
         if abs(problem.start[j] - f.inward(f.null)) > KNOWN * sd[j]:
             out.add(f.term)
     return out
-
-
-def own(problem: MultiStep, j: int) -> list[int]:
-    """Where the recordings' own numbers of parameter j stand."""
-    b = list(problem.own).index(j)
-    return [problem.n + i * len(problem.own) + b for i in range(len(problem.flights))]
 
 
 def traded(found: Fitted, name: str) -> list[str]:
@@ -190,83 +192,29 @@ def traded(found: Fitted, name: str) -> list[str]:
 def removed(found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], name: str, *, seed: int,
             instead: str | None = None) -> Worse:  # fmt: skip
     """Without that term, or with ``instead`` in its place, everything refitted."""
-    worse = []
     p = found.problem
     if any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1:
-        for i in range(len(p.flights)):
+
+        def one(i: int) -> np.ndarray:
             full = only([j for j in range(len(p.flights)) if j != i], found)
             less = refit(full, name, instead)
-            worse.append((foreign(less, p, i, found.scale), foreign(full, p, i, found.scale)))
-    else:
-        for fit, test in folds:
-            less = refit(fit, name, instead)
-            worse.append((cells(less, test, fit.scale), cells(fit, test, fit.scale)))
-    return interval(np.concatenate([a - b for a, b in worse]), seed)
+            loss = [foreign(f, p, i, found.scale) for f in (less, full)]
+            return np.asarray(loss[0] - loss[1])
 
+        return interval(np.concatenate(in_threads(one, len(p.flights))), seed)
 
-def refit(found: Fitted, name: str, instead: str | None = None, rounds: int = REFIT) -> Fitted:
-    """The fit with that term left out, warm, at the same scales."""
-    p = found.problem
-    names = [t.name for t in found.structure.terms if t.name != name]
-    if instead is not None:
-        names.append(instead)
-    new = restructured(p, names)
-    z = moved(found, new)
-    return search(new, z, found.noise, stages_s=STAGES_S, rounds=rounds, fixed=found.scale)
+    def each(i: int) -> np.ndarray:
+        fit, test = folds[i]
+        less = refit(fit, name, instead)
+        return np.asarray(cells(less, test, fit.scale) - cells(fit, test, fit.scale))
 
-
-def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
-    """The same flights with other terms."""
-    structure = Structure(p.structure.profile, terms(names))
-    here = set(structure.names)
-    return replace(
-        p,
-        structure=structure,
-        varying={k: v for k, v in p.varying.items() if k in here},
-    )
-
-
-def moved(found: Fitted, new: MultiStep) -> np.ndarray:
-    """(dim,) of ``new``: what both have stays, what is new stands at its prior."""
-    old, z = found.problem, new.start.copy()
-    at = {n: j for j, n in enumerate(old.structure.names)}
-    for j, n in enumerate(new.structure.names):
-        if n in at:
-            z[j] = found.z[at[n]]
-            if n in new.varying:
-                z[own(new, j)] = found.z[own(old, at[n])]
-    return z
-
-
-def refitted_folds(found: Fitted, rounds: int = REFIT) -> list[tuple[Fitted, MultiStep]]:
-    """For each fold: the fit to the blocks of the others, and its own windows."""
-    problem, out = found.problem, []
-    for fold in range(FOLDS):
-        split = [halves(f, fold) for f in problem.flights]
-        train = replace(problem, flights=tuple(a for a, _ in split))
-        test = replace(problem, flights=tuple(b for _, b in split))
-        fit = search(
-            train, found.z, found.noise, stages_s=STAGES_S, rounds=rounds, fixed=found.scale
-        )
-        out.append((fit, test))
-    return out
-
-
-def halves(flight: Flight, fold: int) -> tuple[Flight, Flight]:
-    """(to fit, to test): windows inside a block of `BLOCK_S` of the fold's, and those outside."""
-    start = flight.t[flight.starts]
-    stop = start + WINDOW_S
-    block = np.floor(start / BLOCK_S).astype(int)
-    last = np.floor((stop - 1e-9) / BLOCK_S).astype(int)
-    test = (block % FOLDS == fold) & (last == block)
-    train = (block % FOLDS != fold) & (last == block)
-    return replace(flight, starts=flight.starts[train]), replace(flight, starts=flight.starts[test])
+    return interval(np.concatenate(in_threads(each, len(folds))), seed)
 
 
 def cells(found: Fitted, test: MultiStep, scale: np.ndarray) -> np.ndarray:
     """(m,) mean loss of the test's windows in each cell of `CELL_S`, recording by recording."""
     there = replace(test, structure=found.structure, varying=found.problem.varying)
-    each = there.errors(found.z, found.noise, STAGES_S[-1])
+    each = there.errors(found.z, found.noise, STAGE_S)
     return np.concatenate([by_cell(f, e, scale) for f, e in zip(there.flights, each, strict=True)])
 
 
@@ -277,20 +225,6 @@ def by_cell(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
     return np.array([loss[cell == c].mean() for c in np.unique(cell)])
 
 
-def only(which: Sequence[int], found: Fitted) -> Fitted:
-    """The fit to these recordings of the problem alone."""
-    p = found.problem
-    part = replace(
-        p,
-        flights=tuple(p.flights[i] for i in which),
-        data=tuple(p.data[i] for i in which),
-        rows=tuple(p.rows[i] for i in which),
-    )
-    b = len(p.own)
-    z = np.concatenate([found.z[: p.n], *(found.z[p.n + i * b : p.n + (i + 1) * b] for i in which)])
-    return search(part, z, found.noise, stages_s=STAGES_S, rounds=REFIT, fixed=found.scale)
-
-
 def foreign(found: Fitted, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
     """(m,) as `cells`, on recording i of ``p``, of which the fit knows nothing."""
     q, flight, a = found.problem, p.flights[i], found.noise
@@ -299,7 +233,7 @@ def foreign(found: Fitted, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarra
     X = np.full((len(flight.t), states.shape[1]), np.nan)
     there = p.rows[i] >= 0
     X[p.rows[i][there]] = states[there]
-    ahead = np.array([max(1, round(h / flight.dt)) for h in STAGES_S[-1]])
+    ahead = np.array([max(1, round(h / flight.dt)) for h in STAGE_S])
     e = errors(q.structure, found.values, flight, X, ahead, tuple(q.varying))
     e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
     e[..., ~flight.free] = 0.0

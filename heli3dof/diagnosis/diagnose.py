@@ -66,7 +66,8 @@ def diagnose(
 
     ``base`` is the simulation that is judged: "rigid", the nonlinear rigid body, or "hover", the
     paper's linear model, beside which the rigid body is one more candidate, ``geometry``.
-    ``quick`` simulates `QUICK_FLIGHTS` nulls instead of `FLIGHTS`. Without ``holdout`` the gains
+    ``quick`` simulates `QUICK_FLIGHTS` nulls instead of `FLIGHTS`, and where none can be flown
+    leaves no blocks out. Without ``holdout`` the gains
     are measured on blocks left out, and the document says so. Raises RecordingError
     where nothing can be fitted, UsageError for a base that there is not.
     """
@@ -94,7 +95,9 @@ def _diagnosed(
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
     if why := no_likelihood(train):
-        return diagnose_real(train, held, faults, why=why, base=base, seed=seed, says=clock.says)
+        return diagnose_real(
+            train, held, faults, why=why, base=base, quick=quick, seed=seed, says=clock.says
+        )
     flights = QUICK_FLIGHTS if quick else FLIGHTS
     bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
     clock.start("base", "Fitting the base simulation, and flying it for its bias …")

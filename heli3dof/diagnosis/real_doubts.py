@@ -32,11 +32,14 @@ def doubted(findings: Sequence[Finding], recordings: Sequence[Recording]) -> tup
     """The findings, those that such logs cannot bear as "…-like"."""
     out = []
     for f in findings:
-        if _unborne(f, recordings):
-            sure = min(f.choice.confidence, EVEN)
-            f = replace(f, like=True, choice=replace(f.choice, confidence=sure))
-        out.append(f)
+        out.append(unsure(f) if _unborne(f, recordings) else f)
     return tuple(out)
+
+
+def unsure(f: Finding) -> Finding:
+    """The same as "…-like"."""
+    sure = min(f.choice.confidence, EVEN)
+    return replace(f, like=True, choice=replace(f.choice, confidence=sure))
 
 
 def _unborne(f: Finding, recordings: Sequence[Recording]) -> bool:

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.backward import own
+from heli3dof.diagnosis.refits import own
 from heli3dof.identification.greybox.multistep import Fitted
 
 SEEN = 1.645

@@ -29,29 +29,31 @@ from heli3dof.diagnosis.backward import (
     Backward,
     Removal,
     backward,
-    halves,
+    glance,
     known_beforehand,
-    refitted_folds,
     swapped,
 )
 from heli3dof.diagnosis.calibration import Calibrated
 from heli3dof.diagnosis.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
 from heli3dof.diagnosis.how_wrong import HowWrong
 from heli3dof.diagnosis.integrity import Fault
+from heli3dof.diagnosis.real_base import off_profile
+from heli3dof.diagnosis.real_doubts import unsure
 from heli3dof.diagnosis.real_explains import explains
 from heli3dof.diagnosis.real_hidden import still_hidden
 from heli3dof.diagnosis.real_leftover import leftovers
 from heli3dof.diagnosis.real_named import certainty, named, sizes, unseen, within
+from heli3dof.diagnosis.refits import folds_of, halves, refit
 from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted
 from heli3dof.diagnosis.select import Choice
 from heli3dof.diagnosis.steps import BASES
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.freeflight import (
     LEAST_STARTS,
     fit_freeflight,
     flight_of,
     model_of,
 )
-from heli3dof.identification.greybox.multistep import ROUNDS
 from heli3dof.identification.greybox.multistep import Fitted as Fit
 from heli3dof.identification.greybox.noise_check import why_freeflight
 from heli3dof.model.effects import terms
@@ -69,6 +71,12 @@ WHY = (
     "full physical model was fitted to free flights of 3 s. What blocks left out need, and "
     "whose size is sure, is named; the rest is kept within what is known of such rigs. Sizes are "
     "in units of the profile's K_f; there is no noise floor."
+)
+QUICK = (
+    "The loop is unknown, so no nulls can be flown, and no likelihood can be trusted: {} So the "
+    "full physical model was fitted to free flights of 3 s. Quickly: no blocks were left out, so "
+    "every name is one by its size alone. Sizes are in units of the profile's K_f; there is no "
+    "noise floor."
 )
 FITTING = "Fitting the full physical model to free flights …"
 BLOCKS = "blocks left out of the fit"
@@ -90,13 +98,15 @@ def diagnose_real(
     *,
     why: str,
     base: str = "rigid",
+    quick: bool = False,
     seed: int = 0,
     says: Says = lambda sentence: None,
 ) -> Diagnosis:
     """As `heli3dof.diagnosis.diagnose.diagnose`, of recordings whose integrity was checked.
 
     ``why`` is what `no_likelihood` said, ``base`` as there: with "hover" the rigid body is one more
-    cause, needed or not as the others are, and taken whole.
+    cause, needed or not as the others are, and taken whole. ``quick`` leaves no blocks out: names
+    rest on their size alone and are "…-like", and the gain is that on what was fitted.
     """
     whole, runs = _whole(train), _rest([*train, *held])
     flights = [r for r in whole if len(flight_of(r).starts) >= LEAST_STARTS]
@@ -105,7 +115,7 @@ def diagnose_real(
         seen, on = whole, "the recordings themselves"
     says(FITTING)
     full = fit_freeflight(whole, say=lambda round_: says(f"{FITTING} {round_}"))
-    found = backward(full.problem, full, seed=seed, says=says)
+    found = glance(full) if quick else backward(full.problem, full, seed=seed, says=says)
     says("Fitting the base simulation in the same way …")
     simpler = BASES[base]
     least = fit_freeflight(whole, simpler)
@@ -114,19 +124,17 @@ def diagnose_real(
     simple = model_of(least, whole, "base")
     after, before = Flown.of(model, seen), Flown.of(simple, seen)
     own, against = after, on  # what single causes are measured by
-    if not held:
+    if not held and not quick:
         against = BLOCKS
         after = left_out([model_of(f, whole, "") for f in found.halves], whole)
-        folds = refitted_folds(least, ROUNDS)
+        folds = folds_of(least)
         before = left_out([model_of(f, whole, "") for f, _ in folds], whole)
-    alone = {r.term: Flown.of(model_of(r.without, whole, ""), seen)
-             for r in (*found.kept, *found.gone)}  # fmt: skip
     causes, only_kept = named(found)
-    if base == "hover":
+    if base == "hover" and not quick:
         r = swapped(found, "base.hover", "geometry", seed=seed)
-        alone[r.term] = Flown.of(model_of(r.without, whole, ""), seen)
         causes += [r] * r.worse.kept
         causes.sort(key=lambda r: -r.worse.value)
+    alone = _without(found, causes, whole, seen)
     findings = tuple(_finding(found, r, gain(alone[r.term], own, on, seed)) for r in causes)
     poor = not pays(before, after)
     dropped = tuple(Dropped(f.choice.term.name, f.gain) for f in findings) if poor else ()
@@ -136,10 +144,14 @@ def diagnose_real(
         _wrong(seen, simpler), dict.fromkeys(AXES), _calibrated(least if poor else found.fit),
     )  # fmt: skip
     findings = () if poor else findings
+    tolerance = whole[0].profile.tolerance
+    off = () if poor else off_profile(found.begun, found.halves, tolerance)
+    if quick:
+        findings = tuple(unsure(f) for f in findings)
     left = leftovers(found.fit)
     about = {
         "method": "free flights of the full physical model, and backwards from it",
-        "why": WHY.format(why),
+        "why": (QUICK if quick else WHY).format(why),
         "gain_measured_on": against,
         "adopted": not poor,
         "not_fitted": [r.name for r in runs],
@@ -155,13 +167,29 @@ def diagnose_real(
         "still_hidden": still_hidden(found.fit, flights, runs),
         "seed": seed,
     }  # fmt: skip
-    tied = bool(findings and findings[0].choice.tied_with)
+    first = [*(f.choice.tied_with for f in findings), *(o.tied_with for o in off)][:1]
+    tied = any(first)
     verdict = "unexplained" if left else "ambiguous" if tied else "explained"
+    if not (findings or off):
+        verdict = "nothing_found"
     return Diagnosis(
-        tuple(r.name for r in train), tuple(r.name for r in held),
-        verdict if findings else "nothing_found", faults, fitted, findings, (), dropped, left,
+        tuple(r.name for r in train), tuple(r.name for r in held), verdict, faults, fitted,
+        findings, off, dropped, left,
         tuple(unseen(found.fit, causes)), about,
     )  # fmt: skip
+
+
+def _without(
+    found: Backward, causes: Sequence[Removal], whole: Sequence[Recording], seen: list[Recording]
+) -> dict[str, Flown]:
+    """By term: everything but that cause, refitted, flown along what is seen."""
+    swap = {"geometry": ("", "base.hover")}
+
+    def one(i: int) -> Flown:
+        fit = refit(found.begun, *swap.get(causes[i].term, (causes[i].term,)))
+        return Flown.of(model_of(fit, whole, ""), seen)
+
+    return dict(zip([r.term for r in causes], in_threads(one, len(causes)), strict=True))
 
 
 def _whole(recordings: Sequence[Recording]) -> list[Recording]:

@@ -72,6 +72,8 @@ def within(found: Backward, only_kept: list[Removal]) -> list[dict[str, Any]]:
 
 
 def _why(found: Backward, r: Removal) -> str:
+    if not found.halves:
+        return "its size is not told from none, and no blocks were left out"
     if r in found.gone:
         return "blocks left out of the fit do not need it"
     if apart(found.fit, r.term) >= SURE and (why := contradicted(found, r)):

@@ -143,6 +143,8 @@ def gains(document: Document) -> Grid:
         less = fixed(number(won["value"]), 3, sign=True)
         rows.append([axis, *sides, less, interval(won["interval"]), _degrees(floor.get(axis))])
     where = "the held-out recordings" if document["holdout"] else "blocks left out of the fit"
+    if gain.get("measured_on") == "the recordings themselves":
+        where = "the recordings that were fitted, which flatters"
     notes = [
         f"Measured on {where}; before: the base simulation with its own parameters refitted, "
         "so that nothing here is mere calibration."

@@ -12,10 +12,11 @@ import numpy as np
 import heli3dof as h3
 from heli3dof.comparison.prediction import HeldStill
 from heli3dof.comparison.shares import error_deg, shares
-from heli3dof.diagnosis.backward import STAGES_S, backward, moved, restructured
+from heli3dof.diagnosis.backward import backward
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import document
 from heli3dof.diagnosis.real_explains import settles_at
+from heli3dof.diagnosis.refits import STAGE_S, moved, restructured
 from heli3dof.identification.greybox.freeflight import (
     fit_freeflight,
     free_rows,
@@ -200,8 +201,8 @@ def folds(trial: Trial) -> list[Figure]:
         found = backward(full.problem, full)
         gone = [r.term for r in found.gone]
         less = restructured(found.fit.problem, [r.term for r in found.kept])
-        z = moved(found.fit, less)
-        scarce = search(less, z, found.fit.noise, stages_s=STAGES_S, fixed=found.fit.scale)
+        z, _ = moved(found.fit, less)
+        scarce = search(less, z, found.fit.noise, stages_s=(STAGE_S,), fixed=found.fit.scale)
         errors = [error_deg(model_of(f, train, ""), flown, 3.0) for f in (found.fit, scarce)]
         out.append(
             Figure(

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from heli3dof.diagnosis import backward as module
 from heli3dof.diagnosis.backward import (
-    BLOCK_S,
-    STAGES_S,
-    WINDOW_S,
     from_climbs_end,
-    halves,
+    glance,
     interval,
     known_beforehand,
-    refit,
 )
+from heli3dof.diagnosis.refits import BLOCK_S, STAGE_S, WINDOW_S, halves, refit
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.identification.greybox.multistep import search
 from heli3dof.identification.greybox.weak_form import weak_start
@@ -78,7 +73,7 @@ def test_blocks_name_causes_and_the_model_keeps_what_they_do_not_need(
     """Where blocks say that a torque on yaw is not needed, the model is the fit that has it."""
     names = ("stiffness.pendulum.roll", "bias.torque.yaw", "motor.lag")
     problem = problem_of([fly(1022).recording.between(0, 25)], names)
-    full = search(problem, weak_start(problem), stages_s=STAGES_S, rounds=1)
+    full = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=1)
     said = {n: interval(np.full(9, 1.0), 1) for n in names}
     said["bias.torque.yaw"] = interval(np.linspace(-1, 1, 9), 1)
     monkeypatch.setattr(module, "removed", lambda f, b, name, *, seed, instead=None: said[name])
@@ -86,11 +81,25 @@ def test_blocks_name_causes_and_the_model_keeps_what_they_do_not_need(
     assert found.fit is full
     assert {r.term for r in found.kept} == {"stiffness.pendulum.roll", "motor.lag"}
     assert [r.term for r in found.gone] == ["bias.torque.yaw"]
-    for r in (*found.kept, *found.gone):
-        assert {t.name for t in r.without.structure.terms} == set(names) - {r.term}
+    assert {t.name for t in found.begun.structure.terms} == set(names)
+    assert len(found.halves) == 2
 
 
-def test_a_refit_without_a_term_is_weighed_as_the_fit_with_it() -> None:
-    problem = problem_of([fly(1022).recording.between(0, 25)], ("motor.lag",))
-    full = search(problem, stages_s=((0.25, 0.5),), rounds=1)
-    assert refit(replace(full, scale=np.ones((7, 3))), "motor.lag", rounds=1).scale.sum() == 21
+def test_a_refit_without_a_term_is_weighed_as_the_fit_with_it_and_stands_where_a_search_ends() -> (
+    None
+):
+    problem = problem_of([fly(1022).recording.between(0, 25)], ("motor.lag", "bias.torque.yaw"))
+    full = search(problem, weak_start(problem), stages_s=(STAGE_S,))
+    less = refit(full, "bias.torque.yaw")
+    assert (less.scale == full.scale).all()
+    there = search(less.problem, less.z, full.noise, stages_s=(STAGE_S,), fixed=full.scale)
+    assert less.cost == pytest.approx(there.cost, abs=0.1)
+
+
+def test_at_a_glance_a_term_is_seen_by_its_own_size_and_no_halves_are_told() -> None:
+    problem = problem_of([fly(1022).recording.between(0, 25)], ("motor.lag", "bias.torque.yaw"))
+    full = search(problem, weak_start(problem), stages_s=(STAGE_S,))
+    found = glance(full)
+    assert [r.term for r in found.kept] == ["motor.lag"]
+    assert [r.term for r in found.gone] == ["bias.torque.yaw"]
+    assert found.halves == ()

@@ -49,8 +49,9 @@ def told(fit: Fitted, values: dict[str, float], std: float) -> Fitted:
 def backward_of(fit: Fitted, kept: dict[str, Worse], gone: dict[str, Worse]) -> Backward:
     return Backward(
         fit,
-        tuple(Removal(t, w, fit) for t, w in kept.items()),
-        tuple(Removal(t, w, fit) for t, w in gone.items()),
+        fit,
+        tuple(Removal(t, w) for t, w in kept.items()),
+        tuple(Removal(t, w) for t, w in gone.items()),
     )
 
 
@@ -93,7 +94,7 @@ def test_what_one_half_of_the_flights_does_not_show_is_no_cause(flat: Fitted) ->
 
 def test_what_blocks_do_not_need_is_no_cause_but_stays_with_its_reason(flat: Fitted) -> None:
     fit = told(flat, {f"{YAW}.torque_Nm": 0.03, f"{PITCH}.torque_Nm": 0.001}, 2e-3)
-    found = backward_of(fit, {PITCH: NEEDED}, {YAW: NOT_NEEDED})
+    found = replace(backward_of(fit, {PITCH: NEEDED}, {YAW: NOT_NEEDED}), halves=(fit, fit))
     causes, kept = named(found)
     assert not causes
     said = {x["term"]: x["why"] for x in within(found, kept)}

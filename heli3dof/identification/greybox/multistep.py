@@ -10,8 +10,8 @@ minimised, at several horizons h_j from many starts k::
 
 with S starts, M horizons, and T/τ the number of independent windows in T seconds of flight
 (`WINDOW_S`). The scales s are the errors' own, taken again in each stage; the stages go from short
-horizons to long ones, because a poor start diverges over long ones. Gauss–Newton with Levenberg's
-λ; the tangents by differences, the filter's dependence on θ included.
+horizons to long ones, because a poor start diverges over long ones. The descent is
+`heli3dof.identification.greybox.descent`'s; the filter's dependence on θ is in the tangents.
 
 Λ is the weak prior of every term, and of the inertias their geometry: their *ratios* follow from
 lengths and a few masses, their common factor (in units of K_f) from the thrust gain, which is off
@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.identification.greybox.descent import Valley, descend
 from heli3dof.model.filtering import Data
 from heli3dof.model.greybox_windows import Flight, errors
 from heli3dof.model.instants import follow
@@ -274,56 +275,40 @@ def search(
     """The minimum from ``start`` (dim,), through the stages; ``fixed`` (M, 3) rad: the scales s."""
     p = problem
     z = p.start.copy() if start is None else start.copy()
-    low, high = p.bounds
     a = np.array([*NOISE_START, 0.002]) if noise is None else np.array(noise, dtype=float)
     count = 0
-    mapper: Any = ThreadPoolExecutor(p.threads).map if p.threads > 1 else map
     for stage in stages_s:
         if noise is None:
             a = better_noise(p, z, a)
-        first = np.concatenate(p.errors(z, a, stage))
-        scale = scales(first) if fixed is None else fixed
-        seconds = sum(len(f.starts) * _apart(f) for f in p.flights)
-        weight = np.sqrt(seconds / WINDOW_S / first[..., 0].size)
+        scale = scales(np.concatenate(p.errors(z, a, stage))) if fixed is None else fixed
 
-        def residuals(at: np.ndarray, a=a, stage=stage, scale=scale, weight=weight) -> np.ndarray:  # type: ignore[no-untyped-def]
-            e = np.concatenate(p.errors(at, a, stage))
-            return np.asarray(weight * robust(e / scale).ravel())
-
-        def cost(r: np.ndarray, at: np.ndarray) -> float:
-            d = at - p.start
-            return float(r @ r + d @ p.prior @ d)
-
-        r = residuals(z)
-        here = begun = cost(r, z)
-        lam = 1e-3
-        done = False
-        for _ in range(rounds):
-            count += 1
-            step = np.where(z + DIFFERENCE < high, DIFFERENCE, -DIFFERENCE)
-            moved = mapper(residuals, [z + np.eye(p.dim)[j] * step[j] for j in range(p.dim)])
-            D = (np.array(list(moved)) - r) / step[:, None]
-            g = D @ r + p.prior @ (z - p.start)
-            H = D @ D.T + p.prior
-            go = ~(((z <= low) & (g > 0)) | ((z >= high) & (g < 0)))
-            gain = 0.0
-            for _ in range(8):
-                A = H + lam * np.diag(np.diag(H))
-                delta = np.zeros(p.dim)
-                delta[go] = -np.linalg.solve(A[np.ix_(go, go)], g[go])
-                new = np.clip(z + delta, low, high)
-                q = residuals(new)
-                if (there := cost(q, new)) < here:
-                    gain, z, r, here = here - there, new, q, there
-                    lam = max(lam / 10, 1e-6)
-                    break
-                lam *= 10
+        def told(
+            n: int, begun: float, here: float, last: float = stage[-1], before: int = count
+        ) -> None:
             if say is not None:
-                say(f"flights of {stage[-1]:g} s, round {count}: {begun:.0f} → {here:.0f}")
-            if gain < SETTLED:
-                done = True
-                break
-    return Fitted(p, z, a, scale, here, D, count, done)
+                say(f"flights of {last:g} s, round {before + n}: {begun:.0f} → {here:.0f}")
+
+        v = valley(p, a, stage, scale)
+        found = descend(v, z, rounds=rounds, settled=SETTLED, say=told)
+        z, count = found.z, count + found.rounds
+    return Fitted(p, z, a, scale, found.cost, found.tangents, count, found.settled)
+
+
+def valley(
+    p: MultiStep, noise: np.ndarray, stage_s: Sequence[float], scale: np.ndarray, threads: int = 0
+) -> Valley:
+    """Q of these flights at these horizons and scales (M, 3) rad; in as many threads."""
+    seconds = sum(len(f.starts) * _apart(f) for f in p.flights)
+    size = len(stage_s) * sum(len(f.starts) for f in p.flights)
+    weight = np.sqrt(seconds / WINDOW_S / size)
+
+    def residuals(at: np.ndarray) -> np.ndarray:
+        e = np.concatenate(p.errors(at, noise, stage_s))
+        return np.asarray(weight * robust(e / scale).ravel())
+
+    threads = threads or p.threads
+    many: Any = ThreadPoolExecutor(threads).map if threads > 1 else map
+    return Valley(residuals, p.start, p.prior, *p.bounds, DIFFERENCE, many)
 
 
 def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
@@ -347,4 +332,6 @@ def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 def _apart(flight: Flight) -> float:
     """s between starts"""
+    if len(flight.starts) < 2:
+        return WINDOW_S
     return float(np.median(np.diff(flight.t[flight.starts])))

@@ -20,10 +20,13 @@ errors in q and q̇ on the right-hand side pull the estimates a little: it is a 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from heli3dof.identification.greybox.descent import Valley, follow_on
 from heli3dof.identification.greybox.multistep import MultiStep
 from heli3dof.model import rigid_body, stepping
 from heli3dof.model import slots as _s
@@ -39,7 +42,6 @@ OVERLAP = 3
 """Spans begin every third of their length."""
 SMOOTH_S = 0.07
 ROUNDS = 4
-STEPS = 15
 DIFFERENCE = 1e-4
 SETTLED = 1e-4
 """Of the cost."""
@@ -178,8 +180,7 @@ def weak_start(
 ) -> np.ndarray:
     """(dim,) coordinates from which the fit to free flights may start."""
     logs = [log_of(f) for f in problem.flights]
-    low, high = problem.bounds
-    z = np.clip(problem.start if start is None else start, low, high)
+    z = np.clip(problem.start if start is None else start, *problem.bounds)
     for _ in range(rounds):
         scale = [scales(e) for e in residuals(problem, logs, z)]
         z = _minimum(problem, logs, scale, z)
@@ -189,37 +190,12 @@ def weak_start(
 def _minimum(
     problem: MultiStep, logs: Sequence[Log], scale: Sequence[np.ndarray], z: np.ndarray
 ) -> np.ndarray:
-    low, high = problem.bounds
-
     def weighted(at: np.ndarray) -> np.ndarray:
         e = [e / s for e, s in zip(residuals(problem, logs, at), scale, strict=True)]
         flat = np.concatenate([x.ravel() for x in e])
         flat = np.nan_to_num(flat, nan=FAR, posinf=FAR, neginf=-FAR)
         return np.asarray(2 * np.arcsinh(flat / 2))
 
-    def cost(r: np.ndarray, at: np.ndarray) -> float:
-        d = at - problem.start
-        return float(r @ r + d @ problem.prior @ d)
-
-    r = weighted(z)
-    here, lam = cost(r, z), 1e-2
-    for _ in range(STEPS):
-        before = here
-        side = np.where(z + DIFFERENCE < high, DIFFERENCE, -DIFFERENCE)
-        D = np.array([(weighted(z + d) - r) for d in np.diag(side)]) / side[:, None]
-        g = D @ r + problem.prior @ (z - problem.start)
-        H = D @ D.T + problem.prior
-        go = ~(((z <= low) & (g > 0)) | ((z >= high) & (g < 0)))
-        for _ in range(8):
-            A = H + lam * np.diag(np.diag(H))
-            delta = np.zeros(problem.dim)
-            delta[go] = -np.linalg.solve(A[np.ix_(go, go)], g[go])
-            new = np.clip(z + delta, low, high)
-            q = weighted(new)
-            if (there := cost(q, new)) < here:
-                z, r, here, lam = new, q, there, max(lam / 8, 1e-7)
-                break
-            lam *= 8
-        if before - here < SETTLED * before:
-            break
-    return np.asarray(z)
+    many: Any = ThreadPoolExecutor(problem.threads).map if problem.threads > 1 else map
+    v = Valley(weighted, problem.start, problem.prior, *problem.bounds, DIFFERENCE, many)
+    return follow_on(v, z, None, settled=0.0, share=SETTLED).z
