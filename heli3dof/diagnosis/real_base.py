@@ -23,6 +23,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.calibration import Calibrated, Off
 from heli3dof.diagnosis.real_halves import APART, SEEN
+from heli3dof.diagnosis.result import Finding
 from heli3dof.identification.greybox.freeflight import WEIGHT
 from heli3dof.identification.greybox.multistep import Fitted
 from heli3dof.model.effects import term
@@ -62,6 +63,19 @@ def off_profile(whole: Fitted, halves: tuple[Fitted, ...], tolerance: float) -> 
     if len(inertias) == len(AXES) and one_factor(inertias):
         off = [replace(o, tied_with=(SCALE,)) if o in inertias else o for o in off]
     return tuple(sorted(off, key=lambda o: -o.score))
+
+
+def merged(
+    findings: tuple[Finding, ...], off: tuple[Off, ...]
+) -> tuple[tuple[Finding, ...], tuple[Off, ...]]:
+    """One finding of each name: a weight that differs by recording, and is off in all, is one."""
+    by_name = {o.term.name: o for o in off}
+    out = []
+    for f in findings:
+        if o := by_name.pop(f.choice.term.name, None):
+            f = replace(f, values={o.term.effect.parameters[0].name: (o.value, o.std)})
+        out.append(f)
+    return tuple(out), tuple(o for o in off if o.term.name in by_name)
 
 
 def sure(c: Calibrated, tolerance: float) -> bool:

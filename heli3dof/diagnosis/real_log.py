@@ -37,7 +37,7 @@ from heli3dof.diagnosis.calibration import Calibrated
 from heli3dof.diagnosis.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
 from heli3dof.diagnosis.how_wrong import HowWrong
 from heli3dof.diagnosis.integrity import Fault
-from heli3dof.diagnosis.real_base import off_profile
+from heli3dof.diagnosis.real_base import merged, off_profile
 from heli3dof.diagnosis.real_doubts import unsure
 from heli3dof.diagnosis.real_explains import explains
 from heli3dof.diagnosis.real_hidden import still_hidden
@@ -146,6 +146,7 @@ def diagnose_real(
     findings = () if poor else findings
     tolerance = whole[0].profile.tolerance
     off = () if poor else off_profile(found.begun, found.halves, tolerance)
+    findings, off = merged(findings, off)
     if quick:
         findings = tuple(unsure(f) for f in findings)
     left = leftovers(found.fit)
