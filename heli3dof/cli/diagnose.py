@@ -42,7 +42,7 @@ def diagnose(
         Base, typer.Option("--base", help="The simulation that is judged: rigid body, or hover.")
     ] = Base.rigid,
     quick: Annotated[
-        bool, typer.Option("--quick", help="Fewer simulated nulls: a first look.")
+        bool, typer.Option("--quick", help="A first look: fewer nulls, no blocks left out.")
     ] = False,
     report: Annotated[
         Path | None, typer.Option("--report", metavar="FILE", help="Figures and tables, HTML.")

@@ -113,6 +113,7 @@ def _diagnosed(
     many = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
     last = unnamed(bench, Settled(found, findings, dropped, after), held, flights=many)
     if not bench.loop_is_known:
+        clock.says("Asking each recording by itself …")
         last = replace(last, findings=doubted(last.findings, train))
     clock.start("gain", "Measuring the gain on what was not seen …")
     whole = fitted(least, last.found, last.after, train, held, seed=seed)
@@ -131,8 +132,10 @@ def _diagnosed(
         "gain_measured_on": whole.gain.on, "base": base, "seconds": clock.seconds,
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
+    unknown = not bench.loop_is_known
+    verdict = _verdict([*sized, *findings, *off], last.left, unknown=unknown)
     return Diagnosis(
-        *names, _verdict([*sized, *findings, *off], last.left), faults, whole,
+        *names, verdict, faults, whole,
         findings, off, last.dropped, last.left, first.unseen, about,
     )  # fmt: skip
 
@@ -205,8 +208,10 @@ class Clock:
         self._stage, self._since = "", now
 
 
-def _verdict(findings: Sequence[Fault | Finding | Off], left: Sequence[Leftover]) -> str:
-    """``findings`` as the document has them, the first one first."""
+def _verdict(
+    findings: Sequence[Fault | Finding | Off], left: Sequence[Leftover], *, unknown: bool = False
+) -> str:
+    """``findings`` as the document has them, the first one first; ``unknown``: the loop."""
     if left:
         return "unexplained"
     if not findings:
@@ -215,4 +220,5 @@ def _verdict(findings: Sequence[Fault | Finding | Off], left: Sequence[Leftover]
     if isinstance(first, Fault):
         return "explained"
     tied = first.choice.tied_with if isinstance(first, Finding) else first.tied_with
-    return "ambiguous" if tied else "explained"
+    unsure = unknown and isinstance(first, Finding) and first.like
+    return "ambiguous" if tied or unsure else "explained"

@@ -11,6 +11,9 @@ torque is not told from the model's own error where share(f) is `LINE` or more o
 A mass change has one time after a recording's first sample. Recordings of different flights that
 share it share a drift (of motors that get warm), or its formula.
 
+And what no recording shows by itself, but only their comparison
+(`heli3dof.diagnosis.real_alone`).
+
 Such a finding keeps its place and its fit, as "…-like", with a certainty of `EVEN` at most.
 """
 
@@ -21,6 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from heli3dof.diagnosis.real_alone import only_compared
 from heli3dof.diagnosis.result import Finding
 from heli3dof.recording.recording import Recording
 
@@ -30,10 +34,11 @@ EVEN = 0.5
 
 def doubted(findings: Sequence[Finding], recordings: Sequence[Recording]) -> tuple[Finding, ...]:
     """The findings, those that such logs cannot bear as "…-like"."""
-    out = []
-    for f in findings:
-        out.append(unsure(f) if _unborne(f, recordings) else f)
-    return tuple(out)
+    compared = only_compared([f.choice.term.name for f in findings], recordings)
+    return tuple(
+        unsure(f) if f.choice.term.name in compared or _unborne(f, recordings) else f
+        for f in findings
+    )
 
 
 def unsure(f: Finding) -> Finding:

@@ -169,7 +169,7 @@ def diagnose_real(
         "seed": seed,
     }  # fmt: skip
     first = [*(f.choice.tied_with for f in findings), *(o.tied_with for o in off)][:1]
-    tied = any(first)
+    tied = any(first) or quick
     verdict = "unexplained" if left else "ambiguous" if tied else "explained"
     if not (findings or off):
         verdict = "nothing_found"

@@ -99,6 +99,7 @@ def identify(
         tuple(partial),
     )
     found = methods.fit(prepared, request)
+    method = found.method or method
     said = [*recording_warnings(prepared), *extrapolation_warnings(prepared), *found.warnings]
     if about.assumes_open_loop and feedback.present:
         said.append(methods.OPEN_LOOP_WARNING)

@@ -75,3 +75,5 @@ class Found:
     """s between the errors that ``innovations`` gives, where that is not ``interval_s``."""
     correlation: np.ndarray | None = None
     """(n, n) between the ``parameters``, in their order."""
+    method: str = ""
+    """The method that it was handed over to; empty where it was fitted by the one asked for."""

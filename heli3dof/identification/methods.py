@@ -31,7 +31,7 @@ METHODS: dict[str, Method] = {
         physical=True,
     ),
     "freeflight": Method(
-        "physical parameters from free flights of up to 3 s, for logs whose clock lies",
+        "physical parameters from free flights of up to 3 s, for logs that bear no likelihood",
         "heli3dof.identification.greybox.freeflight",
         physical=True,
     ),

@@ -131,7 +131,7 @@ def causes(document: Document) -> Iterator[str]:
                 f" As something without a name acts on {f['axis']} too, read it as {name}-like: "
                 "it may stand in for a part of that."
             )
-        elif named and f.get("like"):
+        elif f.get("like"):
             said += (
                 " Its size is open, it may be what is wrong with another one's formula, or data "
                 f"that it has not seen do not surely confirm it: read it as {name}-like, something "

@@ -61,3 +61,12 @@ def test_a_rig_that_shakes_does_not_and_is_told_why(rig_b: Recording) -> None:
 
 def test_a_second_of_flight_says_nothing(rig_b: Recording) -> None:
     assert noise_check([rig_b.between(10, 11)]) is None
+
+
+def test_what_is_handed_over_names_the_method_that_fitted_it(rig_b: Recording) -> None:
+    found = h3.identify(rig_b)
+    assert found.method == "freeflight"
+    assert found.to_json()["method"] == "freeflight"
+    said = "\n".join(found.sentences())
+    assert "likelihood (extended Kalman filter" not in said
+    assert any("Fitted to free flights" in w for w in found.warnings)

@@ -257,4 +257,4 @@ def warnings(found: Fitted) -> tuple[str, ...]:
 
 def handed_over(found: Found, why: str) -> Found:
     """The same, saying why the likelihood was left."""
-    return replace(found, warnings=(f"{why} {INSTEAD}", *found.warnings))
+    return replace(found, method="freeflight", warnings=(f"{why} {INSTEAD}", *found.warnings))
