@@ -75,7 +75,7 @@ def diagnose(
     train, at_fault = read(talk, recordings, profile)
     test, also = read(talk, holdout or [], profile)
     if at_fault or also:
-        names = [[p.name.split(".")[0] for p in side] for side in (recordings, holdout or [])]
+        names = [[stem(p) for p in side] for side in (recordings, holdout or [])]
         refused = Diagnosis((*names[0],), (*names[1],), "bad_data", (*at_fault, *also))
         document = to_document(refused)
         for each in diagnosis_tables(document):
@@ -128,7 +128,7 @@ def read(
         except RecordingError as e:
             if not path.is_file() or not path.name.endswith(LOGS):
                 raise
-            name = path.name.split(".")[0]
+            name = stem(path)
             faults.append(Fault("log.refused", Kind.BAD_DATA, name, e.what, e.cause, e.fix))
     return loaded, faults
 
