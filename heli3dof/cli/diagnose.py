@@ -60,21 +60,21 @@ def diagnose(
     from heli3dof.diagnosis.next_experiment import next_of
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.model.modelfile import save_model
-    from heli3dof.recording.output import check_output, unused
+    from heli3dof.recording.output import check_output, stem, unused
     from heli3dof.report.diagnosis_page import diagnosis_page
     from heli3dof.report.diagnosis_tables import diagnosis_tables
     from heli3dof.report.grid import Grid, to_rich
     from heli3dof.report.html import write_page
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    ours = Path(f"{recordings[0].name.split('.')[0]}-extended.json")
+    ours = Path(f"{stem(recordings[0])}-extended.json")
     check_output(output or unused(ours), force=force)
     if report is not None:
         check_output(report, force=force)
     train, at_fault = read(talk, recordings, profile)
     test, also = read(talk, holdout or [], profile)
     if at_fault or also:
-        names = [[p.name.split(".")[0] for p in side] for side in (recordings, holdout or [])]
+        names = [[stem(p) for p in side] for side in (recordings, holdout or [])]
         refused = Diagnosis((*names[0],), (*names[1],), "bad_data", (*at_fault, *also))
         document = to_document(refused)
         for each in diagnosis_tables(document):
@@ -120,6 +120,7 @@ def read(
     from heli3dof.diagnosis.integrity import Fault, Kind
     from heli3dof.errors import RecordingError
     from heli3dof.recording.importing import is_log
+    from heli3dof.recording.output import stem
 
     loaded: list[Recording] = []
     faults: list[Fault] = []
@@ -129,7 +130,7 @@ def read(
         except RecordingError as e:
             if not path.is_file() or not is_log(path):
                 raise
-            name = path.name.split(".")[0]
+            name = stem(path)
             faults.append(Fault("log.refused", Kind.BAD_DATA, name, e.what, e.cause, e.fix))
     return loaded, faults
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.calibration import Off, calibrated
+from heli3dof.diagnosis.counts import flyable
 from heli3dof.diagnosis.gain import HORIZON_S, Gain
 from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.leftover import Leftover
@@ -191,13 +192,13 @@ def _upcoming(n: NextExperiment) -> dict[str, Any]:
 
 
 def _next(d: Diagnosis) -> dict[str, Any] | None:
-    """The plan that separates the first tie, by the catalogue."""
+    """The plan that separates the first tie that a flight can separate, by the catalogue."""
     ties = [
         *((f.choice.term, f.choice.tied_with) for f in d.findings),
         *((o.term, o.tied_with) for o in d.calibration_findings),
     ]
-    for term, others in ties:
-        if others:
+    for term, tied_with in ties:
+        if others := flyable(tied_with):
             return {
                 "plan": term.effect.separated_by or "rich",
                 "separates": [term.name, *others],

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.integrity import Kind, integrity
+from heli3dof.diagnosis.integrity.response import with_step
 from heli3dof.diagnosis.integrity.scale import misfit
 from heli3dof.diagnosis.integrity.view import View
 from tests.diagnosis.integrity.flights import (
@@ -31,6 +32,24 @@ def test_the_answers_of_a_clean_flight_are_one() -> None:
     for axis, x in View(flight("large")).responses.items():
         assert x.gain == pytest.approx(1.0, abs=0.08), axis
         assert x.explained > 0.95
+
+
+def test_a_mass_added_in_flight_leaves_the_answers_as_they_were() -> None:
+    """1.7 times the inertia answers 1/1.7 = 0.588 times as strongly, with the step or without."""
+    still = View(flight(hide="inertia.roll:1.7")).responses["roll"]
+    added = View(flight(hide="inertia.roll:1.7,mass.change:0.04@28")).responses["roll"]
+    assert still.gain == pytest.approx(1 / 1.7, rel=0.03)
+    assert added.gain == pytest.approx(still.gain, rel=0.03)
+
+
+def test_a_step_of_the_trim_is_found_where_it_is_and_nowhere_else() -> None:
+    t = np.arange(0.125, 20.0, 0.125)
+    rng = np.random.default_rng(1)
+    X = np.column_stack([rng.standard_normal(len(t)), np.ones(len(t))])
+    z = X @ [2.0, -1.0] + 0.1 * rng.standard_normal(len(t))
+    assert with_step(X, z, X[:, 1], t) is X
+    found = with_step(X, z + 0.5 * (t > 8.0), X[:, 1], t)[:, 2]
+    assert abs(t[found > 0][0] - 8.0) < 0.7
 
 
 def test_the_misfit_of_a_factor_two_is_what_a_hand_computes() -> None:
