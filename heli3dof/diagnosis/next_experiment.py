@@ -27,6 +27,7 @@ import numpy as np
 
 from heli3dof.diagnosis.catalogue import Probe, probes
 from heli3dof.diagnosis.corrected import look
+from heli3dof.diagnosis.counts import flyable
 from heli3dof.diagnosis.plan_flights import Task, fly_task, stable, task_of
 from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis, Dropped
 from heli3dof.diagnosis.screen import Screen
@@ -153,13 +154,13 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
     try:
         for finding in found.findings:
             best, *others = finding.choice.contenders
-            if finding.choice.tied_with:
-                tied = [c for c in others if c.term.name in finding.choice.tied_with]
+            if names := flyable(finding.choice.tied_with):
+                tied = [c for c in others if c.term.name in names]
                 return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
         open_ = [_dropped(x) for x in found.dropped if x.why == DOES_NOT_PAY]
         open_ = open_ or [Cause.typical(name) for name in found.not_identifiable[:1]]
-        if found.findings or not open_:
+        if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
         asked = recommend(base, open_[:1], seed=seed)
         return None if (asked.certainty or 0.0) < HOPELESS else asked

@@ -70,7 +70,7 @@ class Screen:
         self.weight = here.at.w
         self.full = np.einsum("ij,j,ij->i", self.D, here.at.w, self.D)
         self.cross = cross = (here.T * here.at.w) @ self.D.T
-        A = here.H + np.diag(problem.prior_precision)
+        self.A = A = here.H + np.diag(problem.prior_precision)
         self.solved = np.linalg.solve(A, cross)
         v = self.full - np.einsum("ij,ij->j", cross, self.solved)
         seen = v > 1e-6 * np.maximum(self.full, 1e-30)
@@ -92,6 +92,15 @@ class Screen:
         full = float((self.D[a] * self.weight) @ self.D[b])
         shared = full - float(self.cross[:, a] @ self.solved[:, b])
         return shared / float(np.sqrt(self.v[a] * self.v[b]))
+
+    def shared(self, i: int, causes: np.ndarray) -> float:
+        """What the ``causes`` ((n,) bool) take of the information that the base leaves of plain
+        probe i: ρ² of it and them. Zero for a scan, and for what the base leaves nothing of."""
+        if i >= len(self.plain) or not causes.any() or not np.isfinite(self.v[i]):
+            return 0.0
+        base, c = ~causes, self.cross[~causes, i]
+        alone = self.full[i] - c @ np.linalg.solve(self.A[np.ix_(base, base)], c)
+        return float(1 - self.v[i] / alone)
 
     def see(self, look: Look, *, prior: bool) -> Seen:
         """The screen of a look; ``prior``: of the recordings, whose score has the prior in it."""
