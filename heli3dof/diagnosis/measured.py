@@ -51,7 +51,8 @@ def adopted(
         if not poor:
             return found, _findings(found, kept, less, gains), tuple(dropped), after
         worst = min(poor, key=lambda i: won(gains[i]))
-        dropped.append(Dropped(kept[worst].term.name, gains[worst]))
+        gone = kept[worst]
+        dropped.append(Dropped(gone.term.name, gains[worst], choice=gone))
         found = less[worst]
         del kept[worst]
 
