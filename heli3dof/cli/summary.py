@@ -68,6 +68,7 @@ def flight_document(flight: Flight) -> dict[str, Any]:
         "recording": str(flight.path),
         "outcome": outcome.ending,
         "detail": outcome.detail,
+        **outcome.advice(),
         "periods": outcome.periods,
         "late_periods": outcome.late,
         "missed_periods": outcome.missed,

@@ -26,6 +26,7 @@ from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
 from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.port import Identity, Rig, Sample
 from heli3dof.rig.profile import Profile
+from heli3dof.rig.trip import Trip
 
 BRIDGED = 500
 """Skipped periods through which the controller is taken, at most"""
@@ -88,7 +89,7 @@ class _Flight:
         self.reference, self.extra, self.opened = signals.reference, signals.extra, signals.opened
         self.controller = OpenedController.of(profile)
         self.envelope = Envelope(profile)
-        self.tally = Tally(len(self.reference) + self.steps(hurried=False))
+        self.tally = Tally()
         self.pacer = Pacer(rig, profile.dt, self.tally)
         self.virtual = rig.identity.timebase == "virtual"
         self.flown = 0
@@ -124,12 +125,12 @@ class _Flight:
         known = int(sample.flags) if sample is not None and ending == "tripped" else 0
         landing = land(self.pacer, sample, steps, self.keeper(), at_once, known)
         if landing.stopped:
-            ending, detail = "tripped", f"{detail}; {landing.why}"
+            ending, detail = "tripped", Trip.first(detail, landing.why) or ""
         elif landing.error is not None and ending == "completed":
             ending = "device" if isinstance(landing.error, DeviceError) else "error"
             detail, error = landing.why, landing.error
         elif landing.why:
-            detail = f"{detail}; {landing.why}"
+            detail = Trip.first(detail, landing.why) or ""
         tally = self.tally
         return Outcome(
             ending, detail, self.flown, tally.late, tally.missed, tally.worst, landing.landed,
@@ -206,8 +207,8 @@ class _Flight:
             looked = next(filter(None, (watch(now) for watch in self.watches)), None)
         # What a watch saw is nearer to the cause than what came of it.
         stopped = explain(flags) if (flags := int(sample.flags)) & STOPPED else None
-        if stopped or looked:
-            return "tripped", "; ".join(filter(None, (stopped, looked)))
+        if (seen := Trip.first(stopped, looked)) is not None:
+            return "tripped", seen
         tripped = self.envelope.check(t, angle, rates, command, voltage)
         return ("tripped", tripped) if tripped is not None else None
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from array import array
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Literal
+
+from heli3dof.rig.histogram import Histogram
+from heli3dof.rig.trip import Trip
 
 if TYPE_CHECKING:
     from heli3dof.experiment.realtime import Realtime
@@ -37,6 +39,7 @@ class Outcome:
 
     ending: Ending
     detail: str
+    """A `Trip` where something ended it whose likely cause is known"""
     periods: int
     """Control periods flown in closed loop."""
     late: int
@@ -58,10 +61,17 @@ class Outcome:
     left_out: int = 0
     """Periods skipped because the device, held up itself, made no samples of them."""
 
+    def advice(self) -> dict[str, str]:
+        """What it likely came from and what to do; empty where nothing is known."""
+        if not isinstance(self.detail, Trip):
+            return {}
+        return {"likely_cause": self.detail.cause, "fix": self.detail.fix}
+
     def details(self) -> dict[str, Any]:
         """The outcome as the recording keeps it, units in the keys."""
         return {
             "detail": self.detail,
+            **self.advice(),
             "periods": self.periods,
             "late": self.late,
             "missed": self.missed,
@@ -93,14 +103,17 @@ def link_counts(rig: Any) -> dict[str, Any] | None:
 
 
 class Tally:
-    """Counts period by period; the room for ``periods`` numbers is taken before the flight."""
+    """Counts period by period, in the room of the first."""
 
-    def __init__(self, periods: int) -> None:
-        self.flown = self.late = self.missed = self.lost = self.left_out = 0
-        self.worst = 0.0
-        self._n = 0
-        self._lateness = array("d", bytes(8 * periods))
-        self._turnaround = array("d", bytes(8 * periods))
+    def __init__(self) -> None:
+        self.late = self.missed = self.lost = self.left_out = 0
+        self.lateness = Histogram()
+        self.turnaround = Histogram()
+
+    @property
+    def worst(self) -> float:
+        """s, the latest sample's lateness"""
+        return self.lateness.worst_s
 
     def count(
         self, lateness: float, turnaround: float, missed: int, lost: int, left_out: int
@@ -108,30 +121,25 @@ class Tally:
         """One period more: s, s, periods skipped before it."""
         if lateness > LATE_S:
             self.late += 1
-        if lateness > self.worst:
-            self.worst = lateness
         self.missed += missed
         self.lost += lost
+        self.lateness.add(lateness)
+        self.turnaround.add(turnaround)
         self.left_out += left_out
-        if self._n < len(self._lateness):
-            self._lateness[self._n] = lateness
-            self._turnaround[self._n] = turnaround
-            self._n += 1
 
     def punctuality(self) -> Punctuality | None:
-        """Quantiles of what was counted; None for nothing."""
-        if not self._n:
+        """Quantiles of what was counted (see `Histogram`); None for nothing."""
+        late, turn = self.lateness, self.turnaround
+        n = late.n
+        if not n:
             return None
-        import numpy as np
-
-        late = np.frombuffer(self._lateness)[: self._n]
-        turn = np.frombuffer(self._turnaround)[: self._n]
-        median, p99, p999 = (float(q) for q in np.quantile(late, (0.5, 0.99, 0.999)))
         return Punctuality(
-            median,
-            p99,
-            p999,
-            float(late.max()),
-            (self.late + self.missed) / (self._n + self.missed),
-            *(float(q) for q in np.quantile(turn, (0.5, 0.999, 1.0))),
+            late.quantile_s(0.5),
+            late.quantile_s(0.99),
+            late.quantile_s(0.999),
+            late.worst_s,
+            (self.late + self.missed) / (n + self.missed),
+            turn.quantile_s(0.5),
+            turn.quantile_s(0.999),
+            turn.worst_s,
         )

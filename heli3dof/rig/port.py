@@ -146,7 +146,9 @@ class Driver(Protocol):
     """What a driver package registers: how to find its rigs and how to open one.
 
     One whose every opening makes a rig of its own, inside the process (an emulated one), adds
-    ``private = True``: such a rig is neither locked nor taken for one that is there.
+    ``private = True``: such a rig is neither locked nor taken for one that is there. One whose
+    ``find`` lists what may be no rig adds ``surely(url) -> bool`` and ``lasting(url) -> str``, see
+    `heli3dof.rig.known`.
     """
 
     scheme: str

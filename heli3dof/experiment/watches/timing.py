@@ -11,8 +11,13 @@ from __future__ import annotations
 
 from heli3dof.experiment.period import Period
 from heli3dof.rig.profile import Profile
+from heli3dof.rig.trip import Trip
 
 WINDOW_S = 1.0
+LOSES = "a loose or long cable, a hub in between, or the motors' leads beside it."
+BUSY = "the device has more to do than it has time for, or its program was stopped."
+LOAD = "heli3dof doctor, and what it says of the device; a lower rate_hz in the profile"
+LOOK = "heli3dof doctor, and what it says of loss; a shorter shielded cable away from the motors"
 
 
 class Late:
@@ -34,10 +39,12 @@ class Late:
             self._ring[self._at] = late
             self._at = (self._at + 1) % len(self._ring)
         if self._late > self._most:
-            return (
+            return Trip(
                 f"the loop was too late: {self._late} of the last {len(self._ring)} periods came "
-                f"more than {1e3 * self._late_s:g} ms after their time or not at all "
-                "(heli3dof doctor says why)"
+                f"more than {1e3 * self._late_s:g} ms after their time or not at all",
+                "another program takes the processor, and the system does not let this one "
+                "go first.",
+                "heli3dof doctor, and what it says of scheduling",
             )
         return None
 
@@ -55,11 +62,11 @@ class Lost:
         # What the host itself was too late for is no loss of the line's.
         lost = now.missed - int(now.lateness / self._dt + 1e-6)
         if lost > self._most:
-            why = "the line loses frames (heli3dof doctor looks at it)"
-            if now.left_out > lost / 2:
-                why = "the device itself was held up, and made none"
             gap_ms = 1e3 * (1 + lost) * self._dt
-            return f"no sample came for {1 + lost} periods ({gap_ms:.0f} ms): {why}"
+            gap = f"no sample came for {1 + lost} periods ({gap_ms:.0f} ms)"
+            if now.left_out > lost / 2:
+                return Trip(f"{gap}: the device itself was held up, and made none", BUSY, LOAD)
+            return Trip(f"{gap}: the line loses frames", LOSES, LOOK)
         echo = now.sample.sequence
         if echo == now.command_sequence or echo != self._echo:
             self._unheard = 0
@@ -67,9 +74,10 @@ class Lost:
             self._unheard += 1
         self._echo = echo
         if self._unheard > self._most:
-            return (
+            return Trip(
                 f"the device heard none of the last {self._unheard} commands "
-                f"({1e3 * self._unheard * self._dt:.0f} ms): the line loses frames "
-                "(heli3dof doctor looks at it)"
+                f"({1e3 * self._unheard * self._dt:.0f} ms): the line loses frames",
+                LOSES,
+                LOOK,
             )
         return None

@@ -7,7 +7,7 @@ import math
 import pytest
 from heli3dof_drivers.link.frames import NOT_MEASURED, SampleFrame
 from heli3dof_drivers.link.intake import Intake
-from heli3dof_drivers.link.statistics import Histogram, LinkStatistics
+from heli3dof_drivers.link.statistics import LinkStatistics
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -141,14 +141,3 @@ def test_only_an_echo_between_the_arming_and_the_last_command_is_believed(
         intake.command(k)
     between = (echo - armed) % 2**32 <= sent % 5
     assert (intake.take(frame(number, echo), 0.0) is not None) == between
-
-
-def test_a_histogram_by_hand():
-    histogram = Histogram()
-    assert math.isnan(histogram.quantile_s(0.5))
-    for time_s in (4e-6, 14e-6, 15e-6, 1.0):
-        histogram.add(time_s)
-    assert histogram.n == 4
-    assert histogram.quantile_s(0.25) == pytest.approx(10e-6)
-    assert histogram.quantile_s(0.5) == pytest.approx(20e-6)
-    assert histogram.quantile_s(1.0) == histogram.worst_s == 1.0
