@@ -40,6 +40,18 @@ class SerialDriver:
 
         return [f"serial://{port}" for port in usb_ports()]
 
+    def surely(self, url: DeviceUrl) -> bool:
+        """Whether a rig is there: by its USB number, or since a heli3dof holds the port now."""
+        from .link.ports import is_known
+
+        return is_known(url.where)
+
+    def lasting(self, url: DeviceUrl) -> str:
+        """What is plugged in there, by its USB serial number; ttyUSB0 may be another one's soon."""
+        from .link.ports import plugged_in
+
+        return plugged_in(url.where)
+
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
         """Take the port for this process alone, and greet the rig."""
         from .link.rig import LinkRig

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 QUICK_MS = 1
 """ms, an FTDI latency timer that does not hold samples back"""
@@ -22,6 +23,44 @@ def usb_ports() -> Sequence[str]:
     from serial.tools.list_ports import comports
 
     return sorted(p.device for p in comports() if p.vid is not None)
+
+
+def is_known(path: str) -> bool:
+    """True where a rig is behind it for sure: by its USB number, or since heli3dof has locked it.
+
+    Another user's flight counts, which no session of ours tells of.
+    """
+    from ..udev import known_ids
+
+    port = _on_usb(path)
+    if port is not None and (port.vid, port.pid) in known_ids():
+        return True
+    return any(_runs_heli3dof(pid) for pid, _ in lockers(path))
+
+
+def plugged_in(path: str) -> str:
+    """What is plugged in at a port: the same at any port where it has a serial number."""
+    port = _on_usb(path)
+    if port is None:
+        return path
+    where = port.serial_number or f"at {port.location}"
+    return f"{port.vid:04x}:{port.pid:04x} {where}"
+
+
+def _on_usb(path: str) -> Any:
+    """pyserial's description of a port on USB, or None."""
+    from serial.tools.list_ports import comports
+
+    real = os.path.realpath(path)
+    return next((p for p in comports() if p.vid is not None and p.device == real), None)
+
+
+def _runs_heli3dof(pid: int) -> bool:
+    try:
+        words = Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+    except OSError:
+        return False
+    return any(os.path.basename(word) == b"heli3dof" for word in words)
 
 
 def holders(path: str) -> list[tuple[int, str]]:

@@ -14,7 +14,6 @@ taken when it comes, and its echo says so. Polled (the host keeps time)::
 
 from __future__ import annotations
 
-import time
 from math import isfinite
 from typing import TYPE_CHECKING
 
@@ -31,7 +30,6 @@ from .frames import (
     Estop,
     Hello,
     IdentityFrame,
-    Poll,
     Report,
     Status,
     Type,
@@ -40,6 +38,7 @@ from .frames import (
 )
 from .greeting import check_profile, greet, period_of
 from .intake import Intake
+from .sampling import Sampling
 from .stopping import BESIDE_TRIES, STOP_TRIES, ack_of, stop, stop_over
 from .troubles import (
     closed,
@@ -58,11 +57,6 @@ if TYPE_CHECKING:
     from .statistics import LinkStatistics
     from .transport import Transport
 
-SILENCE_S = 0.5
-"""s without the sample that was due until the rig counts as gone; its watchdog is quicker"""
-SOONEST_AGAIN_S, LATEST_AGAIN_S = 5e-3, 0.1
-"""s until a POLL that stays without an answer is repeated in flight: four times what the last
-question took. On the ground nothing hurries, and the longest is waited for."""
 LARGEST_uV = 2_000_000_000
 """What fits into a command; any device clips long before."""
 EMULATED = "emulated"
@@ -92,11 +86,9 @@ class LinkRig:
         self._dialogue = Dialogue(transport)
         self._intake = Intake(self._dialogue.statistics)
         self._stream = stream
-        self._streaming = self._armed = False
-        self._gone = False
-        self._again_s = SOONEST_AGAIN_S
-        self._stale = 0
-        """answers that may still come to POLLs of the exchange before"""
+        self._samples = Sampling(self._dialogue, self._intake)
+        self._streaming = False
+        self._gone = self._ours = False
         self._open = True
         try:
             said = greet(self._dialogue)
@@ -123,20 +115,21 @@ class LinkRig:
     def arm(self) -> Sample:
         """Zero volts, latches cleared, enabled; the first sample."""
         self._check_open()
-        self._armed = self._streaming = False
+        self._samples.armed = self._streaming = False
+        self._ours = True
         # Counts that began anew since the rig was opened would be taken for angles of before.
         if (problem := self._why_silent()) is not None:
             raise problem
         for _ in range(TRIES):
             disarmed = self._request(Disarm)
-            self._pass_over()
+            self._samples.pass_over()
             said = self._ask_to_arm(disarmed.ticket)
             if said is None:
                 continue
             code = Code(said.code)
             if code == Code.OK:
-                self._armed, self._streaming = True, self._stream
-                self._took(self._dialogue.trip_s)
+                self._samples.armed, self._streaming = True, self._stream
+                self._samples.took(self._dialogue.trip_s)
                 return self._next_of_stream() if self._stream else self._first()
             if code not in (Code.STALE_TICKET, Code.ALREADY_ARMED):
                 raise not_arming(
@@ -148,7 +141,7 @@ class LinkRig:
         """A sample now, armed or not."""
         self._check_open()
         if self._streaming:
-            self._pass_over()
+            self._samples.pass_over()
             return self._next_of_stream()
         return self._poll()
 
@@ -159,9 +152,9 @@ class LinkRig:
         if not (isfinite(v_front) and isfinite(v_back)):
             self.estop("a voltage that is not a number")
             raise not_a_voltage(command_.sequence, v_front, v_back)
-        if not self._armed:
+        if not self._samples.armed:
             raise not_armed(self._transport.name)
-        self._pass_over()
+        self._samples.pass_over()
         number = self._intake.command(command_.sequence)
         self._dialogue.send(command(number, _microvolts(v_front), _microvolts(v_back)))
         self.statistics.commands += 1
@@ -177,7 +170,7 @@ class LinkRig:
         tries = BESIDE_TRIES if self._gone else STOP_TRIES
         if not stop(self._dialogue, tries):
             raise not_stopped(self._transport.name, tries)
-        self._pass_over()
+        self._samples.pass_over()
 
     def report(self) -> Report | None:
         """The link as the device saw it; None when it does not say."""
@@ -187,11 +180,16 @@ class LinkRig:
         )
 
     def close(self) -> None:
-        """Zero volts, disabled, released. Idempotent; a line that is gone is no error."""
+        """Zero volts, disabled, released. Idempotent; a line that is gone is no error.
+
+        One that was never armed from here is let go as it is: another door may fly it.
+        """
         if not self._open:
             return
         self._open = False
         try:
+            if not self._ours:
+                return
             tries = 1 if self._gone else TRIES
             if self._dialogue.ask(Disarm, ack_of(Type.DISARM), tries=tries) is None:
                 self._dialogue.send(wire(Estop(0)))
@@ -201,9 +199,9 @@ class LinkRig:
             self._transport.close()
 
     def _ask_to_arm(self, ticket: int) -> Ack | None:
-        number = self._intake.arm()
         # An Ack of ours is known by the ARM's number; a second try is a new ARM, after a DISARM.
         period_us = self._period_us if self._stream else 0
+        number = self._intake.arm(period_us)
         is_ack = ack_of(Type.ARM)
         return self._dialogue.ask(
             lambda _: Arm(number, ticket, period_us, self._watchdog_us),
@@ -212,29 +210,13 @@ class LinkRig:
         )
 
     def _first(self) -> Sample:
-        """The sample that follows the ARM of a polled device."""
-        until = time.monotonic() + SILENCE_S
-        while time.monotonic() < until:
-            sample = self._newest()
-            if sample is not None:
-                return sample
-            self._dialogue.receive(LATEST_AGAIN_S)
-            if not self._dialogue.samples:
-                return self._poll()
-        raise self._silence()
+        return self._own(self._samples.first())
 
     def _next_of_stream(self) -> Sample:
-        until = time.monotonic() + SILENCE_S
-        while (sample := self._newest()) is None:
-            left = until - time.monotonic()
-            if left <= 0:
-                return self._after_the_stream()
-            self._dialogue.receive(left)
-        self.statistics.unheard += not self._intake.heard
-        return sample
-
-    def _after_the_stream(self) -> Sample:
-        """The stream has ended; ask why. A stopped device says so by POLL; else DeviceError."""
+        """Of a stream that has ended: why. A stopped device says so by POLL; else DeviceError."""
+        sample = self._samples.next_of_stream()
+        if sample is not None:
+            return sample
         problem = self._why_silent()
         if problem is not None:
             raise problem
@@ -242,59 +224,13 @@ class LinkRig:
         return self._poll()
 
     def _poll(self) -> Sample:
-        dialogue, statistics = self._dialogue, self.statistics
-        self._pass_over()
-        first, sent = time.monotonic(), 0
-        again_s = self._again_s if self._armed else LATEST_AGAIN_S
-        while time.monotonic() < first + SILENCE_S:
-            dialogue.send(wire(Poll(dialogue.next_number())))
-            sent += 1
-            again = time.monotonic() + again_s  # from now on: a slow line is listened to, too
-            while (left := again - time.monotonic()) > 0:
-                dialogue.receive(left)
-                stale = self._stale
-                sample = self._newest()
-                if sample is None:
-                    continue
-                if stale and sample.flags & Flags.ENABLED and not self._intake.heard:
-                    statistics.passed_over += 1  # else every exchange would be one behind
-                    continue
-                self._stale = sent - 1
-                trip_s = sample.host_time_s - first
-                statistics.round_trip.add(trip_s)
-                self._took(trip_s)
-                if not self._armed:
-                    return sample
-                if not sample.flags & _HELD:
-                    raise self._silence()
-                statistics.unheard += not self._intake.heard
-                return sample
-            statistics.repeats += 1
-        raise self._silence()
+        return self._own(self._samples.poll())
 
-    def _took(self, trip_s: float) -> None:
-        self._again_s = min(max(4 * trip_s, SOONEST_AGAIN_S), LATEST_AGAIN_S)
-
-    def _newest(self) -> Sample | None:
-        """The newest of the samples that have come and can be; the others are passed over."""
-        samples, take = self._dialogue.samples, self._intake.take
-        if not self._armed:
-            take = self._intake.sample
-        newest: Sample | None = None
-        while samples:
-            frame, came_s = samples.popleft()
-            sample = take(frame, came_s)
-            if sample is not None:
-                self._stale = max(0, self._stale - 1)
-                self.statistics.passed_over += newest is not None
-                newest = sample
-        return newest
-
-    def _pass_over(self) -> None:
-        """What was sampled before now is of no use."""
-        self._dialogue.drain()
-        if self._newest() is not None:
-            self.statistics.passed_over += 1
+    def _own(self, sample: Sample | None) -> Sample:
+        """One that came, and of a device that is still ours; DeviceError else."""
+        if sample is None or (self._samples.armed and not sample.flags & _HELD):
+            raise self._silence()
+        return sample
 
     def _request(self, question: type[Disarm]) -> Ack:
         ack = self._dialogue.ask(question, ack_of(question.TYPE))

@@ -18,7 +18,9 @@ class LinkStatistics:
     damaged: int = 0
     """Pieces that were no frame"""
     lost: int = 0
-    """Samples that the device numbered and that never came"""
+    """Samples that the device made and that never came: numbers are missing"""
+    left_out: int = 0
+    """Samples that the device, held up itself, never made: time jumped, no number is missing"""
     passed_over: int = 0
     """Samples that came too late to be of use: with a newer one, or after the next command"""
     rejected: int = 0

@@ -32,8 +32,15 @@ def estop(
     from heli3dof.errors import DeviceError
     from heli3dof.rig.stop import stop_rigs
 
-    stopped = stop_rigs(device, reason)
+    stopped, left_out = stop_rigs(device, reason)
     talk = Talk(as_json=as_json, quiet=quiet)
+    if not stopped and left_out:
+        raise DeviceError(
+            f"No rig was stopped: none runs, and no rig was ever opened at {', '.join(left_out)}.",
+            cause="what is behind these ports may be another instrument, so nothing was sent.",
+            fix=" && ".join(f"heli3dof estop --device {url}" for url in left_out)
+            + "; or switch off the amplifier",
+        )
     if not stopped:
         raise DeviceError(
             "No rig was stopped: none runs, and none was found"
@@ -53,11 +60,17 @@ def estop(
         )
     for each in failed:
         talk.warn(f"{each.device} did not confirm, and nothing here flies it: {each.how}")
+    for url in left_out:
+        talk.warn(
+            f"{url} was left out: no rig was ever opened there. If it is one: "
+            f"heli3dof estop --device {url}"
+        )
     talk.emit(
         {
             "schema": "heli3dof.estop/1",
             "stopped": [{"device": s.device, "how": s.how, "seconds": s.seconds} for s in done],
             "unconfirmed": [{"device": s.device, "why": s.how} for s in failed],
+            "left_out": left_out,
         }
     )
 

@@ -26,6 +26,7 @@ from heli3dof.rig.hold import hold
 from heli3dof.rig.port import Identity
 from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.stoppable import StoppableRig
+from heli3dof.rig.trip import Trip
 
 ON_REQUEST = "emergency stop on request"
 
@@ -48,13 +49,12 @@ class Flight:
         if outcome.ending == "interrupted":
             raise KeyboardInterrupt(outcome.detail)
         if outcome.ending == "tripped":
-            by_hand = outcome.detail.startswith(ON_REQUEST)
+            advice = outcome.advice()
+            look = f"heli3dof report {self.path}" if self.path else "look at flight.recording"
             raise SafetyTrip(
                 f"The flight was ended for safety: {outcome.detail}{kept}.",
-                cause="somebody ran heli3dof estop."
-                if by_hand
-                else "the rig did what the plan did not intend, or the envelope is too tight.",
-                fix=f"heli3dof info {self.path}" if self.path else "look at flight.recording",
+                cause=advice.get("likely_cause") or "what the plan did not intend.",
+                fix=advice.get("fix") or look,
             )
         if outcome.ending == "device":
             assert isinstance(outcome.error, DeviceError)
@@ -169,7 +169,11 @@ def _fly(
     if rig.session.stopped is None:
         return outcome
     # An emergency stop from outside, in whatever phase it came, is how the flight ended.
-    detail = f"{ON_REQUEST}: {rig.session.asked}"
+    detail = Trip(
+        f"{ON_REQUEST}: {rig.session.asked}",
+        "somebody ran heli3dof estop.",
+        "find out who and why; then start again: arming clears the stop",
+    )
     return replace(outcome, ending="tripped", detail=detail, landed=False)
 
 

@@ -13,6 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from heli3dof.rig.trip import Trip
+
 ASKED = {
     "SIGINT": ("stopped with Ctrl-C", "a second Ctrl-C"),
     "SIGTERM": ("stopped by a request to terminate (SIGTERM)", "a second SIGTERM"),
@@ -35,7 +37,11 @@ class Asked:
         """Why to stop without a ramp, once a second signal came; None before."""
         if len(self._asked) < 2:
             return None
-        return f"emergency stop, by {ASKED[self._asked[1]][1]}"
+        return Trip(
+            f"emergency stop, by {ASKED[self._asked[1]][1]}",
+            "that is what a second one asks for; the first one lands.",
+            "start again: arming clears the stop",
+        )
 
     def catch(self, number: int, frame: FrameType | None) -> None:
         """The signals' handler."""

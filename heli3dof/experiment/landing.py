@@ -73,8 +73,8 @@ def land(
         why = f"the ramp to zero failed: {said}"
         pacer.stop(why)
         return Landing(False, why, error=problem)
-    said = explain(told & STOPPED & ~known)
-    return Landing(False, said, stopped=True) if said else Landing(True)
+    by_itself = explain(told & STOPPED & ~known)
+    return Landing(True) if by_itself is None else Landing(False, by_itself, stopped=True)
 
 
 class Kept:

@@ -26,6 +26,7 @@ from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN, Row, RowSink
 from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.port import Identity, Rig, Sample
 from heli3dof.rig.profile import Profile
+from heli3dof.rig.trip import Trip
 
 BRIDGED = 500
 """Skipped periods through which the controller is taken, at most"""
@@ -124,17 +125,17 @@ class _Flight:
         known = int(sample.flags) if sample is not None and ending == "tripped" else 0
         landing = land(self.pacer, sample, steps, self.keeper(), at_once, known)
         if landing.stopped:
-            ending, detail = "tripped", f"{detail}; {landing.why}"
+            ending, detail = "tripped", Trip.first(detail, landing.why) or ""
         elif landing.error is not None and ending == "completed":
             ending = "device" if isinstance(landing.error, DeviceError) else "error"
             detail, error = landing.why, landing.error
         elif landing.why:
-            detail = f"{detail}; {landing.why}"
+            detail = Trip.first(detail, landing.why) or ""
         tally = self.tally
         return Outcome(
             ending, detail, self.flown, tally.late, tally.missed, tally.worst, landing.landed,
             error, tally.lost, None if self.virtual else tally.punctuality(), granted,
-            link_counts(self.rig),
+            link_counts(self.rig), tally.left_out,
         )  # fmt: skip
 
     def angle(self, sample: Sample) -> tuple[float, float, float]:
@@ -201,13 +202,13 @@ class _Flight:
             pacer = self.pacer
             now = Period(
                 k, t, sample, angle, rates, command, voltage, pacer.sent, pacer.sequence,
-                pacer.lateness, pacer.skipped,
+                pacer.lateness, pacer.skipped, pacer.left_out,
             )  # fmt: skip
             looked = next(filter(None, (watch(now) for watch in self.watches)), None)
         # What a watch saw is nearer to the cause than what came of it.
         stopped = explain(flags) if (flags := int(sample.flags)) & STOPPED else None
-        if stopped or looked:
-            return "tripped", "; ".join(filter(None, (stopped, looked)))
+        if (seen := Trip.first(stopped, looked)) is not None:
+            return "tripped", seen
         tripped = self.envelope.check(t, angle, rates, command, voltage)
         return ("tripped", tripped) if tripped is not None else None
 

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from heli3dof.rig.histogram import Histogram
+from heli3dof.rig.trip import Trip
 
 if TYPE_CHECKING:
     from heli3dof.experiment.realtime import Realtime
@@ -38,6 +39,7 @@ class Outcome:
 
     ending: Ending
     detail: str
+    """A `Trip` where something ended it whose likely cause is known"""
     periods: int
     """Control periods flown in closed loop."""
     late: int
@@ -49,22 +51,32 @@ class Outcome:
     """True when the ramp to zero volts was carried out."""
     error: BaseException | None = field(default=None, compare=False)
     lost: int = 0
-    """Periods skipped because their samples never came."""
+    """Periods skipped because their samples were lost on the line."""
     punctuality: Punctuality | None = None
     """None where nothing was flown, or on a virtual clock"""
     realtime: Realtime | None = None
     """What the system granted the loop; None on a virtual clock"""
     link: dict[str, Any] | None = None
     """What the rig's link counted (see `link_counts`); None where it has none"""
+    left_out: int = 0
+    """Periods skipped because the device, held up itself, made no samples of them."""
+
+    def advice(self) -> dict[str, str]:
+        """What it likely came from and what to do; empty where nothing is known."""
+        if not isinstance(self.detail, Trip):
+            return {}
+        return {"likely_cause": self.detail.cause, "fix": self.detail.fix}
 
     def details(self) -> dict[str, Any]:
         """The outcome as the recording keeps it, units in the keys."""
         return {
             "detail": self.detail,
+            **self.advice(),
             "periods": self.periods,
             "late": self.late,
             "missed": self.missed,
             "lost": self.lost,
+            "left_out": self.left_out,
             "worst_lateness_s": self.worst_lateness_s,
             "landed": self.landed,
             "punctuality": asdict(self.punctuality) if self.punctuality else None,
@@ -94,7 +106,7 @@ class Tally:
     """Counts period by period, in the room of the first."""
 
     def __init__(self) -> None:
-        self.late = self.missed = self.lost = 0
+        self.late = self.missed = self.lost = self.left_out = 0
         self.lateness = Histogram()
         self.turnaround = Histogram()
 
@@ -103,7 +115,9 @@ class Tally:
         """s, the latest sample's lateness"""
         return self.lateness.worst_s
 
-    def count(self, lateness: float, turnaround: float, missed: int, lost: int) -> None:
+    def count(
+        self, lateness: float, turnaround: float, missed: int, lost: int, left_out: int
+    ) -> None:
         """One period more: s, s, periods skipped before it."""
         if lateness > LATE_S:
             self.late += 1
@@ -111,6 +125,7 @@ class Tally:
         self.lost += lost
         self.lateness.add(lateness)
         self.turnaround.add(turnaround)
+        self.left_out += left_out
 
     def punctuality(self) -> Punctuality | None:
         """Quantiles of what was counted (see `Histogram`); None for nothing."""

@@ -15,6 +15,19 @@ FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 """What the system answers when nothing more fits: disk, quota, largest file."""
 
 
+LOGS = (".csv.gz", ".csv", ".mat", ".mcap", ".parquet")
+
+
+def stem(path: Path) -> str:
+    """The file's name without the ending of a recording or a log; other dots are part of it.
+
+    >>> stem(Path("cable.yaw:0.1.mcap")), stem(Path("log.csv.gz"))
+    ('cable.yaw:0.1', 'log')
+    """
+    name = path.name
+    return next((name[: -len(e)] for e in LOGS if name.lower().endswith(e)), path.stem)
+
+
 def check_output(path: Path, *, force: bool) -> None:
     """Raise OutputExists or UsageError where ``path`` cannot be created."""
     if path.is_dir():

@@ -17,6 +17,14 @@ from math import degrees, isfinite, radians
 
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.rig.profile import Profile
+from heli3dof.rig.trip import Trip
+
+ROAMS = (
+    "the reference goes further than the envelope, the gain does not fit this rig, or an encoder "
+    "counts the wrong way."
+)
+LOOK = "heli3dof monitor and turn it by hand: do angles and signs agree? If they do"
+NO_VOLTAGE = "the controller's gains, the references or an angle are not finite."
 
 
 class Envelope:
@@ -61,33 +69,54 @@ class Envelope:
         for i in range(3):
             if not self._low[i] <= angle[i] <= self._high[i]:
                 side = self._low[i] if angle[i] < self._low[i] else self._high[i]
-                return (
+                limit = "roll_min_deg or roll_max_deg" if i == 0 else f"{AXES[i]}_max_deg"
+                return Trip(
                     f"{AXES[i]} reached {degrees(angle[i]):.2f}°, beyond the envelope's "
-                    f"{degrees(side):g}°"
+                    f"{degrees(side):g}°",
+                    ROAMS,
+                    f"{LOOK}: a smaller reference, or limits.{limit} where the rig has the room",
                 )
             if not abs(rate[i]) <= self._rate[i]:
-                return (
+                return Trip(
                     f"{AXES[i]} turned at {degrees(rate[i]):.0f}°/s, faster than the envelope's "
-                    f"{degrees(self._rate[i]):.0f}°/s"
+                    f"{degrees(self._rate[i]):.0f}°/s",
+                    "the loop is hardly stable on this rig, somebody pushed it, or the reference "
+                    "is too fast.",
+                    f"{LOOK}: a smaller step, a slower reference, or "
+                    f"limits.{AXES[i]}_rate_max_deg_per_s",
                 )
         # Where periods were skipped, the voltage has had that much longer to change.
         elapsed = max(self._dt, t - self._t)
         for i in range(2):
             if not isfinite(command[i]):
-                return f"the controller asked for {command[i]} V on the {MOTORS[i]} motor"
+                return Trip(
+                    f"the controller asked for {command[i]} V on the {MOTORS[i]} motor",
+                    NO_VOLTAGE,
+                    "heli3dof run PLAN --dry-run with this profile; [controller] and the plan",
+                )
             if not abs(voltage[i]) <= self._v_max * (1 + 1e-9):
-                return (
+                return Trip(
                     f"the {MOTORS[i]} motor was asked for {voltage[i]:.2f} V, beyond the "
-                    f"amplifier's {self._v_max:g} V"
+                    f"amplifier's {self._v_max:g} V",
+                    "a controller of your own has no limiter.",
+                    "clip its voltages to motor.v_max",
                 )
             if self._before is not None:
                 slew = abs(voltage[i] - self._before[i]) / elapsed
                 if slew > self._slew:
-                    return (
+                    return Trip(
                         f"the {MOTORS[i]} motor's voltage jumped at {slew:.0f} V/s, faster than "
-                        f"the envelope's {self._slew:.0f} V/s"
+                        f"the envelope's {self._slew:.0f} V/s",
+                        "the gains of the rates make encoder noise a large voltage, or the plan "
+                        "adds a step to it.",
+                        "a lower derivative filter or gain in [controller], a smaller step in the "
+                        "plan, or limits.slew_max_V_per_s",
                     )
         if t > self._duration:
-            return f"the flight lasted longer than the envelope's {self._duration:g} s"
+            return Trip(
+                f"the flight lasted longer than the envelope's {self._duration:g} s",
+                "periods were lost, or the plan is longer than it said.",
+                "heli3dof doctor; or limits.duration_max_s in the profile",
+            )
         self._before, self._t = (voltage[0], voltage[1]), t
         return None

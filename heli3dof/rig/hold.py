@@ -17,6 +17,7 @@ from typing import Any
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.rig.calibration import POWER_UP, rest_of
 from heli3dof.rig.drivers import is_private, open_rig
+from heli3dof.rig.known import remember
 from heli3dof.rig.port import Flags, Sample
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.session import Session
@@ -39,6 +40,13 @@ def hold(
     """
     with Session(device, private=is_private(device), doing=doing) as session:
         opened = open_rig(device, profile)
+        try:
+            session.claim(opened.identity)
+        except BaseException:
+            opened.close()  # it was never armed, so this leaves it as its holder has it
+            raise
+        if not session.private:
+            remember(device)
         rest = POWER_UP if session.private else rest_of(opened.identity)
         rig = StoppableRig(opened, session, rest)
         try:

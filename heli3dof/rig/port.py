@@ -111,7 +111,8 @@ class Rig(Protocol):
     """An open connection to one rig. Every method may raise DeviceError.
 
     A rig at a line may have ``statistics``, a dataclass of counters since it was opened, which the
-    recording's outcome keeps; ``lost`` among them, the samples that never came.
+    recording's outcome keeps; ``lost`` among them, the samples that were made and never came, and
+    ``left_out``, those that a device that was held up never made.
     """
 
     @property
@@ -145,7 +146,9 @@ class Driver(Protocol):
     """What a driver package registers: how to find its rigs and how to open one.
 
     One whose every opening makes a rig of its own, inside the process (an emulated one), adds
-    ``private = True``: such a rig is neither locked nor taken for one that is there.
+    ``private = True``: such a rig is neither locked nor taken for one that is there. One whose
+    ``find`` lists what may be no rig adds ``surely(url) -> bool`` and ``lasting(url) -> str``, see
+    `heli3dof.rig.known`.
     """
 
     scheme: str

@@ -1,7 +1,6 @@
 """A running session: it locks its rig, and a second terminal can stop it or look at it.
 
-    lock     <runtime>/<device>.lock   flock held while the session lives, even after kill -9 it
-                                       is free at once; says who holds it (JSON)
+    locks    see `heli3dof.rig.locks`: the port's, and the device's once it is known
     socket   <runtime>/<device>.sock   one question a connection, one line of JSON each way:
 
         {"do": "estop", "reason": "…"}   answered when the rig has been stopped
@@ -28,8 +27,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from heli3dof.errors import DeviceError
+from heli3dof.rig.locks import Lock, device_lock_path
 from heli3dof.rig.places import POSSIBLE, device_name, runtime_folder
+from heli3dof.rig.port import Identity
 
 LONGEST_QUESTION = 4096
 PATIENCE_S = 1.0
@@ -52,7 +52,8 @@ class Session:
         self.state: Callable[[], Mapping[str, Any]] = dict
         """What ``state`` answers; called by the answering thread, so it only looks."""
         self.private, self._doing = private, doing or _command_line()
-        self._lock = -1
+        self._lock: Lock | None = None
+        self._device_lock: Lock | None = None
         self._answering: _Answering | None = None
         self._stopped: str | None = None
         if not private:
@@ -65,8 +66,8 @@ class Session:
             return
         mine = f"-{os.getpid()}-{next(_number)}" if self.private else ""
         path = runtime_folder() / f"{device_name(self.device)}{mine}.lock"
-        self._lock_path, self._lock = path, _locked(path, self.device)
-        about = {
+        self._lock = Lock(path, self.device, passing=self.private)
+        self._about = {
             "device": self.device,
             "pid": os.getpid(),
             "doing": self._doing,
@@ -74,13 +75,20 @@ class Session:
             "private": self.private,
         }
         try:
-            os.ftruncate(self._lock, 0)
-            os.pwrite(self._lock, json.dumps(about).encode(), 0)
+            self._lock.tell(self._about)
             self._answering = _Answering(self, path.with_suffix(".sock"))
             self._answering.start()
         except BaseException:
             self.close()
             raise
+
+    def claim(self, identity: Identity) -> None:
+        """Lock the device that answered, through whichever door. Raises DeviceError (busy)."""
+        if self._lock is None or self.private:
+            return
+        path = device_lock_path(identity.serial, identity.boot)
+        self._device_lock = Lock(path, self.device, passing=True)
+        self._device_lock.tell(self._about)
 
     def ask_estop(self, reason: str) -> None:
         """Have the rig stopped by whoever talks to it; the first reason stands."""
@@ -100,18 +108,14 @@ class Session:
 
     def close(self) -> None:
         """Let go of the rig. Idempotent."""
-        if self._lock < 0:
+        if self._lock is None:
             return
         if self._answering is not None:
             self._answering.close()
-        with contextlib.suppress(OSError):
-            if self.private:
-                self._lock_path.unlink()
-            else:
-                # Never unlinked: another process may have opened it and wait for the lock.
-                os.ftruncate(self._lock, 0)
-        os.close(self._lock)
-        self._lock = -1
+        if self._device_lock is not None:
+            self._device_lock.release()
+        self._lock.release()
+        self._lock = self._device_lock = None
 
     def __enter__(self) -> Session:
         return self
@@ -229,33 +233,6 @@ class _Answering(threading.Thread):
 def _answer(caller: socket.socket, what: Mapping[str, Any]) -> None:
     with contextlib.suppress(OSError), caller:
         caller.sendall(json.dumps(what).encode() + b"\n")
-
-
-def _locked(path: Path, device: str) -> int:
-    """The lock's file descriptor. Raises DeviceError (busy) naming the holder."""
-    import fcntl
-
-    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        text = os.pread(handle, LONGEST_QUESTION, 0)
-        os.close(handle)
-        raise busy(device, text) from None
-    return handle
-
-
-def busy(device: str, text: bytes) -> DeviceError:
-    """The error of a rig that another session holds, from what its lock says."""
-    try:
-        about = json.loads(text)
-        who = f"pid {about['pid']} runs `{about['doing']}` since {about['since_utc']}"
-        fix = f"wait for it, heli3dof monitor to watch it, or: kill -INT {about['pid']}"
-    except (ValueError, KeyError, TypeError):
-        who, fix = "another heli3dof is just taking or leaving it", "try again"
-    return DeviceError(
-        f"{device} is busy: {who}.", cause="one rig flies one experiment at a time.", fix=fix
-    )
 
 
 def _command_line() -> str:

@@ -5,7 +5,8 @@
     no session          →  directly
 
 All sessions are asked before any answer is awaited: a hung one delays nobody. Whoever is found
-without a session comes after them, since nothing of ours moves it.
+without a session comes after them, since nothing of ours moves it; what is not known for a rig's
+place (`heli3dof.rig.known`) is left out, for it may be another instrument.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import dataclass, replace
 from heli3dof.errors import DeviceError, Heli3dofError, UsageError
 from heli3dof.rig.attach import Question, running
 from heli3dof.rig.drivers import find_rigs, is_private, load_driver
+from heli3dof.rig.known import is_known
 from heli3dof.rig.places import device_name
 from heli3dof.rig.url import parse_url
 
@@ -37,10 +39,11 @@ class Stopped:
     """A session of ours held it; else it was only found, and need not even be a rig"""
 
 
-def stop_rigs(device: str | None, reason: str) -> list[Stopped]:
-    """Stop one device, or every running session and every rig that is found. Empty: there is none.
+def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]]:
+    """Stop one device, or every running session and every rig that is found: (rigs, left out).
 
-    Raises UsageError for a URL that makes no sense; never DeviceError: that is in the answer.
+    ``left out``: URLs of what was found and may be no rig. Raises UsageError for a URL that makes
+    no sense; never DeviceError: that is in the answer.
     """
     if device is not None:
         load_driver(parse_url(device).scheme)
@@ -54,12 +57,21 @@ def stop_rigs(device: str | None, reason: str) -> list[Stopped]:
     held = {device_name(q.session.device) for q in questions}
     found = [_await(q, start) for q in questions]
     if device is not None:
-        return found if found or is_private(device) else [_directly(device, start, held=False)]
+        if not found and not is_private(device):
+            found = [_directly(device, start, held=False)]
+        return found, []
+    left_out = []
     for _scheme, urls, problem in find_rigs():
-        if problem is None:
-            alone = [u for u in urls if device_name(u) not in held and not is_private(u)]
-            found += [_directly(url, start, held=False) for url in alone]
-    return found
+        if problem is not None:
+            continue
+        for url in urls:
+            if device_name(url) in held or is_private(url):
+                continue
+            if is_known(url):
+                found.append(_directly(url, start, held=False))
+            else:
+                left_out.append(url)
+    return found, left_out
 
 
 def _await(question: Question, start: float) -> Stopped:

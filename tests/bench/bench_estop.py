@@ -50,7 +50,7 @@ def stopped_in(*, hung: bool) -> float:
     with flying() as (device, process):
         if hung:
             suspend(process)
-        (stopped,) = stop_rigs(device, "a bench")
+        (stopped,), _ = stop_rigs(device, "a bench")
         assert stopped.done, stopped.how
         assert ("did not answer" in stopped.how) == hung, stopped.how
         return stopped.seconds

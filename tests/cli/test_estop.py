@@ -14,8 +14,11 @@ from heli3dof.errors import DeviceError
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.row import RAMP_DOWN
 from heli3dof.rig.attach import Running, running, state
+from heli3dof.rig.hold import hold
 from heli3dof.rig.port import Flags
+from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session import Session
+from heli3dof.rig.url import DeviceUrl
 from tests.cli.running import heli3dof
 from tests.rig.fakes import FakeDriver, only_drivers
 
@@ -103,6 +106,46 @@ def test_a_port_that_is_only_found_may_be_no_rig(monkeypatch: pytest.MonkeyPatch
     assert [s["device"] for s in said.document["stopped"]] == ["well://1"]
     assert said.document["unconfirmed"] == [{"device": "fake://1", "why": DEAF}]
     assert "fake://1 did not confirm" in said.err
+
+
+class Ports(FakeDriver):
+    """Finds what may be no rig, as serial ports may."""
+
+    def surely(self, url: DeviceUrl) -> bool:
+        return url.where == "3"
+
+    def lasting(self, url: DeviceUrl) -> str:
+        return f"board {url.where}"
+
+
+def test_what_may_be_no_rig_is_left_out_until_one_was_opened_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    driver = Ports(urls=("fake://1", "fake://2", "fake://3"))
+    only_drivers(monkeypatch, fake=driver)
+    with hold("fake://2", default_profile()):
+        pass
+    said = heli3dof("estop", "--json")
+    assert said.code == 0
+    assert driver.stops == ["fake://2", "fake://3"]
+    assert said.document["left_out"] == ["fake://1"]
+    assert "heli3dof estop --device fake://1" in said.err
+
+
+def test_where_all_is_left_out_nothing_is_said_to_be_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    driver = Ports()
+    only_drivers(monkeypatch, fake=driver)
+    said = heli3dof("estop")
+    assert said.code == 3
+    assert driver.stops == []
+    assert "No rig was stopped" in said.err
+    assert "heli3dof estop --device fake://1" in said.err
+    assert heli3dof("estop", "--device", "fake://1").code == 0
+    assert driver.stops == ["fake://1"]
 
 
 @pytest.mark.parametrize("words", [(), ("--device", "fake://1")])

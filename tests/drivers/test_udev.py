@@ -69,3 +69,15 @@ def test_the_command_installs_this_file_and_applies_it():
     command = udev.install_command()
     assert f"cp '{udev.RULES}' /etc/udev/rules.d/" in command
     assert command.index("--reload") < command.index("udevadm trigger")
+
+
+def test_the_rigs_usb_numbers_are_read_from_the_rule():
+    assert udev.known_ids() == {(VENDOR, PRODUCT)}
+
+
+def test_a_number_that_a_lab_added_to_its_rule_is_known_too(monkeypatch, tmp_path):
+    installed = tmp_path / "rule"
+    line = 'SUBSYSTEM=="usb", ATTR{idVendor}=="16c0", ATTR{idProduct}=="05dc", MODE="0660"'
+    installed.write_text(f"{line}\n# {line.replace('16c0', 'dead')}\n")
+    monkeypatch.setattr(udev, "INSTALLED", installed)
+    assert udev.known_ids() == {(VENDOR, PRODUCT), (0x16C0, 0x05DC)}

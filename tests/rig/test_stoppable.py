@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from dataclasses import replace
+
 import pytest
 
 from heli3dof.errors import DeviceError, SafetyTrip
@@ -11,7 +14,7 @@ from heli3dof.rig.port import Command, Flags
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session import Session
 from heli3dof.rig.stoppable import StoppableRig
-from tests.rig.fakes import FakeDriver, FakeRig, only_drivers
+from tests.rig.fakes import IDENTITY, FakeDriver, FakeRig, only_drivers
 
 
 @pytest.fixture
@@ -79,6 +82,31 @@ def test_a_held_rig_is_locked(monkeypatch):
         pytest.raises(DeviceError, match="busy"),
         hold("fake://1", default_profile()),
     ):
+        pass
+
+
+def test_a_rig_is_not_flown_through_two_doors(monkeypatch):
+    pipe, port = FakeDriver(), FakeDriver(scheme="port")
+    only_drivers(monkeypatch, pipe=pipe, port=port)
+    for _ in range(2):
+        with hold("pipe://1", default_profile(), doing="heli3dof run rich"):
+            with (
+                pytest.raises(DeviceError) as caught,
+                hold("port:///dev/null", default_profile()),
+            ):
+                pass
+            assert caught.value.exit_code == 3
+            assert f"pid {os.getpid()} runs `heli3dof run rich`" in caught.value.what
+            assert "through pipe://1" in caught.value.what
+    assert port.closed == 2
+    with hold("port:///dev/null", default_profile()):
+        pass
+
+
+def test_rigs_of_one_serial_number_are_told_apart_by_their_boot(monkeypatch):
+    one, two = FakeDriver(), FakeDriver(identity=replace(IDENTITY, boot=8))
+    only_drivers(monkeypatch, one=one, two=two)
+    with hold("one://1", default_profile()), hold("two://1", default_profile()):
         pass
 
 

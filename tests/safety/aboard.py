@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from heli3dof_drivers.mock import MockRig
 
+from heli3dof.errors import SafetyTrip
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import RAMP_DOWN
@@ -18,6 +19,8 @@ from heli3dof.rig.port import Flags
 from heli3dof.rig.profile import Profile
 from tests.cli.running import Said, heli3dof
 from tests.safety.table import BY_NAME, STOPPED, Row
+
+SAFETY_TRIP = SafetyTrip.exit_code
 
 
 class Aboard:
@@ -79,6 +82,10 @@ class Aboard:
         assert said.code == row.exit_code, said.err
         assert meta["outcome"] == row.ending, detail
         assert row.said in detail
+        if row.exit_code == SAFETY_TRIP:
+            # In the recording and on the screen, each trip's own; never a generic one.
+            for advice in ("likely_cause", "fix"):
+                assert meta["outcome_details"][advice] in said.err
         within_s = row.zero.seconds(self.recording.profile, self.device.watchdog_s)
         assert self.device.v == (0.0, 0.0)
         # Closing the rig takes the volts away, too: a stop must have come before it.

@@ -33,6 +33,7 @@ from math import inf, pi, radians
 from heli3dof.axes import AXES
 from heli3dof.experiment.period import Period
 from heli3dof.rig.profile import Profile
+from heli3dof.rig.trip import Trip
 
 AT_REST_RAD = radians(3.0)
 """A roll angle closer than this to the rest angle may be on the table."""
@@ -65,9 +66,10 @@ class Jump:
         for i in range(3):
             moved = counts[i] - before[i]
             if abs(moved) > self._per_s[i] * dt + 2:
-                return (
-                    f"the {AXES[i]} encoder jumped by {moved} counts within {1e3 * dt:.1f} ms: "
-                    "its cable or connector is loose, or the device lost counts"
+                return Trip(
+                    f"the {AXES[i]} encoder jumped by {moved} counts within {1e3 * dt:.1f} ms",
+                    "its cable or connector is loose, or the device lost counts.",
+                    "heli3dof monitor while its cable is moved; then heli3dof zero",
                 )
         return None
 
@@ -114,9 +116,12 @@ class Frozen:
 
     def _said(self, axis: _Stillness, why: str) -> str:
         name, seconds = AXES[axis.axis], axis.still * axis.periods * self._dt
-        return (
+        return Trip(
             f"the {name} encoder is frozen: its count stood at {axis.count} for {seconds:.2g} s "
-            f"while {why}"
+            f"while {why}",
+            "its cable is out, its supply is gone, or its disc slips on the shaft; or something "
+            "holds the axis.",
+            f"heli3dof monitor and turn {name} by hand: does its angle follow?",
         )
 
     def _changed(self, axis: _Stillness) -> str:

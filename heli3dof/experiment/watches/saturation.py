@@ -10,6 +10,7 @@ from heli3dof.axes import MOTORS
 from heli3dof.experiment.period import Period
 from heli3dof.rig.port import Flags
 from heli3dof.rig.profile import Profile
+from heli3dof.rig.trip import Trip
 
 _SATURATED = int(Flags.SATURATED)
 
@@ -33,10 +34,12 @@ class Saturated:
                 if since is None:
                     self._since[i] = t
                 elif t - since > self._longest_s:
-                    return (
+                    return Trip(
                         f"the {MOTORS[i]} motor was at its limit of {self._v_max:g} V for "
-                        f"{t - since:.2g} s: the plan asks for more than the rig has, or a rotor "
-                        "does not pull"
+                        f"{t - since:.2g} s",
+                        "the plan asks for more than the rig has, or a rotor does not pull.",
+                        "look at both rotors; then a smaller or slower step: heli3dof simulate "
+                        "PLAN --model M shows the volts that it needs",
                     )
             elif t - self._last[i] > 0.1 * self._longest_s:
                 self._since[i] = None

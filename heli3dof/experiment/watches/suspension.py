@@ -13,6 +13,7 @@ from __future__ import annotations
 import time
 
 from heli3dof.experiment.period import Period
+from heli3dof.rig.trip import Trip
 
 SHORTEST_S = 0.1
 """No computer sleeps for less; the clocks are read one after the other."""
@@ -39,7 +40,13 @@ class Suspended:
 
     def __call__(self, now: Period) -> str | None:
         asleep = self.asleep_s()
-        return f"the computer slept for {asleep:.2g} s in mid-flight" if asleep else None
+        if not asleep:
+            return None
+        return Trip(
+            f"the computer slept for {asleep:.2g} s in mid-flight",
+            "its lid was closed, its battery is empty, or it suspends when nobody types.",
+            "systemd-inhibit --what=sleep:idle:handle-lid-switch heli3dof …",
+        )
 
     def at_once(self) -> str | None:
         """Why there is no ramp."""

@@ -5,10 +5,20 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import subprocess
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
-from heli3dof_drivers.link.ports import held_by, holders, lockers, permission_fix
+from heli3dof_drivers.link.ports import (
+    held_by,
+    holders,
+    is_known,
+    lockers,
+    permission_fix,
+    plugged_in,
+)
 from heli3dof_drivers.link.serial_line import pyserial_url, refused
 
 from heli3dof.errors import UsageError
@@ -60,3 +70,40 @@ def test_pyserials_name_of_a_place():
     assert pyserial_url("serial+loop", "") == "loop://"
     with pytest.raises(UsageError, match="names no port"):
         pyserial_url("serial", "")
+
+
+def on_usb(monkeypatch: pytest.MonkeyPatch, path: Path, **port: object) -> None:
+    """A port on USB and no other."""
+    said = SimpleNamespace(**{"device": str(path), "serial_number": None, "location": "1-2"} | port)
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [said])
+
+
+def test_what_is_plugged_in_is_called_by_its_serial_number(monkeypatch, tmp_path):
+    port, link = tmp_path / "ttyACM0", tmp_path / "by-id"
+    port.touch()
+    link.symlink_to(port)
+    on_usb(monkeypatch, port, vid=0x2341, pid=0x43, serial_number="A1")
+    assert plugged_in(str(port)) == plugged_in(str(link)) == "2341:0043 A1"
+    on_usb(monkeypatch, port, vid=0x1A86, pid=0x7523)
+    assert plugged_in(str(port)) == "1a86:7523 at 1-2"
+    assert plugged_in("/dev/ttyS0") == "/dev/ttyS0"
+
+
+def test_a_rig_is_known_by_the_usb_numbers_of_the_rule(monkeypatch, tmp_path):
+    on_usb(monkeypatch, tmp_path, vid=0x1209, pid=0x0001)
+    assert is_known(str(tmp_path))
+    on_usb(monkeypatch, tmp_path, vid=0x2341, pid=0x0043)
+    assert not is_known(str(tmp_path))
+
+
+def test_a_port_that_heli3dof_holds_is_a_rigs_and_anothers_is_not(tmp_path):
+    port = tmp_path / "port"
+    port.touch()
+    take = f"import fcntl, time; f = open({str(port)!r}, 'r+'); fcntl.flock(f, 2)"
+    for name, known in (("heli3dof", True), ("octoprint", False)):
+        command = [sys.executable, "-c", f"{take}; print(flush=True); time.sleep(60)", name]
+        with subprocess.Popen(command, stdout=subprocess.PIPE) as holder:
+            assert holder.stdout is not None
+            holder.stdout.readline()
+            assert is_known(str(port)) is known
+            holder.kill()

@@ -79,6 +79,16 @@ def test_it_arms_flies_and_closes(stream: bool):
     assert line.endpoint.amplifier.flags == 0
 
 
+def test_who_never_armed_a_rig_leaves_it_to_whoever_flies_it():
+    flying, line = open_direct()
+    flying.arm()
+    heard(flying, 1)
+    other = DirectLine(line.endpoint)
+    LinkRig(other, PROFILE, driver="test").close()
+    assert other.closed
+    assert line.endpoint.amplifier.flags == Flags.ENABLED
+
+
 def test_a_command_that_the_line_lost_is_counted_and_the_volts_before_it_stand():
     rig, line = open_direct()
     rig.arm()

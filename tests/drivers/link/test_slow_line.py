@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 
 import pytest
-from heli3dof_drivers.link.rig import SOONEST_AGAIN_S, LinkRig
+from heli3dof_drivers.link.rig import LinkRig
+from heli3dof_drivers.link.sampling import SOONEST_AGAIN_S
 
 from heli3dof.rig.port import Command, Flags
 from heli3dof.rig.profile import default_profile

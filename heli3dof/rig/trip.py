@@ -1,0 +1,27 @@
+"""Why a flight must end, in words; with what it likely comes from, and what to do then.
+
+A watch may return a plain string as well: then nothing is known of its cause.
+"""
+
+from __future__ import annotations
+
+
+class Trip(str):
+    """What was seen, as text. ``cause``: the likely one; ``fix``: the command or thing to do."""
+
+    cause: str
+    fix: str
+
+    def __new__(cls, what: str, cause: str = "", fix: str = "") -> Trip:
+        trip = super().__new__(cls, what)
+        trip.cause, trip.fix = cause, fix
+        return trip
+
+    @staticmethod
+    def first(*seen: str | None) -> Trip | None:
+        """All that was seen, in one sentence; cause and fix are the first one's that has any."""
+        said = [each for each in seen if each]
+        if not said:
+            return None
+        known = next((s for s in said if isinstance(s, Trip) and s.cause), Trip(""))
+        return Trip("; ".join(said), known.cause, known.fix)

@@ -1,0 +1,44 @@
+"""A trip says what was seen, what it likely comes from, and what to do; each its own."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+
+import heli3dof
+from heli3dof.rig.trip import Trip
+from tests.paths import ROOT
+
+
+def trips() -> list[tuple[str, ast.Call]]:
+    """Every place in the package that makes one."""
+    found = []
+    for path in sorted((ROOT / heli3dof.__name__).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Trip":
+                found.append((f"{path.name}:{node.lineno}", node))
+    return [(where, call) for where, call in found if not where.startswith("trip.py")]
+
+
+def test_every_trip_says_its_cause_and_what_to_do() -> None:
+    assert len(trips()) > 10
+    assert [where for where, call in trips() if len(call.args) != 3] == []
+
+
+def test_no_cause_serves_more_than_two_trips() -> None:
+    causes = Counter(ast.dump(call.args[1]) for _, call in trips())
+    assert max(causes.values()) <= 2
+
+
+def test_it_is_its_text() -> None:
+    assert Trip("the rig is upside down", "somebody turned it.", "turn it back") == (
+        "the rig is upside down"
+    )
+
+
+def test_of_several_all_is_said_and_the_first_known_cause_stands() -> None:
+    seen = Trip.first("it is dark", None, Trip("it is cold", "winter.", "wait"), Trip("?", "x"))
+    assert seen == "it is dark; it is cold; ?"
+    assert seen is not None
+    assert (seen.cause, seen.fix) == ("winter.", "wait")
+    assert Trip.first(None, "") is None
