@@ -29,7 +29,9 @@ class Soak:
     """What a long flight took."""
 
     minutes: float
-    """Of readings"""
+    """Of readings, without the warm-up"""
+    flown_min: float
+    """Of readings in all"""
     first_MiB: float
     last_MiB: float
     slope_KiB_per_min: float
@@ -41,7 +43,10 @@ class Soak:
 
 
 def soak(device: str, folder: Path, seconds: float) -> Soak:
-    """Fly for ``seconds`` with recorder and live view, and read the memory meanwhile."""
+    """Fly for ``seconds`` with recorder and live view, and read the memory meanwhile.
+
+    A flight that is cut short is told for as long as it was: its document says why.
+    """
     profile = write_profile(folder / "soak.toml", duration_max_s=seconds + 60, **PATIENT)
     t: list[float] = []
     resident: list[float] = []
@@ -53,7 +58,7 @@ def soak(device: str, folder: Path, seconds: float) -> Soak:
             t.append(now)
             resident.append(resident_KiB(flight.process.pid))
             time.sleep(EVERY_S)
-        document = flight.result(seconds + LANDING_S + 120)
+        document = flight.ended(seconds + LANDING_S + 120)
     return found(np.array(t), np.array(resident), document)
 
 
@@ -66,7 +71,8 @@ def found(t_s: np.ndarray, resident_KiB: np.ndarray, document: dict[str, Any]) -
     half = float(stats.t.ppf(0.975, BLOCKS - 2)) * float(line.stderr)
     slope = float(line.slope)
     return Soak(
-        float(minutes[-1] - minutes[0]), float(kept[0]) / 1024, float(kept[-1]) / 1024,
+        float(minutes[-1] - minutes[0]), float(t_s[-1]) / 60,
+        float(kept[0]) / 1024, float(kept[-1]) / 1024,
         slope, slope - half, slope + half, document,
     )  # fmt: skip
 
