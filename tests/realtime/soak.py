@@ -22,6 +22,8 @@ WARM_UP = 0.4
 """Share of the flight at its beginning that is left out: the first of everything takes room, and
 the live view's library keeps the last 4096 texts that it measured, ten new ones a second."""
 BLOCKS = 12
+LANDS = b"ramping down"
+"""What the live view says once the flight is over: then the recording is read back"""
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,9 @@ def soak(device: str, folder: Path, seconds: float) -> Soak:
         while b"flying" not in flight.shown and flight.process.poll() is None:
             time.sleep(0.05)
         start = time.monotonic()
-        while (now := time.monotonic() - start) < seconds - 1 and flight.process.poll() is None:
+        while (now := time.monotonic() - start) < seconds - 1 and LANDS not in flight.shown:
+            if flight.process.poll() is not None:
+                break
             t.append(now)
             resident.append(resident_KiB(flight.process.pid))
             time.sleep(EVERY_S)
