@@ -20,7 +20,8 @@ from tests.realtime.flight import LANDING_S, PATIENT, FlightProcess, write_profi
 EVERY_S = 0.25
 WARM_UP = 0.4
 """Share of the flight at its beginning that is left out: the first of everything takes room, and
-the live view's library keeps the last 4096 texts that it measured, ten new ones a second."""
+the live view's library keeps the last 4096 texts that it measured, ten new ones a second and more,
+in a table that it builds anew, beside the old one, whenever that is full of what was dropped."""
 BLOCKS = 12
 LANDS = b"ramping down"
 """What the live view says once the flight is over: then the recording is read back"""
