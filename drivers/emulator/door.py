@@ -56,6 +56,7 @@ def serve(endpoint: Endpoint, fd: int, going: Callable[[], bool] = lambda: True)
             except OSError:
                 return
         now = time.monotonic_ns() // 1000 - start
+        endpoint.held_up(now)
         said = endpoint.receive(now, data) if data else endpoint.tick(now)
         if len(waiting) + len(said) <= FULL:
             waiting += said

@@ -87,8 +87,9 @@ class Endpoint:
         """of the stream; 0: there is none"""
         self._armed_us = 0
         self._number = 0
+        """of the next sample: how many were made, those that got lost too"""
         self._streamed = 0
-        """samples of the stream until now, those that got lost too"""
+        """instants of the stream until now, those left out too"""
         self._sampled_us: int | None = None
         self._heard_us = 0
         self._arrived_us: int | None = None
@@ -124,6 +125,18 @@ class Endpoint:
         if now_us > self._heard_us + QUIET_US:
             self._period_us = 0
         return out
+
+    def held_up(self, now_us: int) -> None:
+        """The device did nothing since it was last called: it wakes up now.
+
+        Samples that were due a period ago or earlier are left out, never sent in a burst. Whoever
+        does not say so looks late at a device that was on time.
+        """
+        due = self._next_sample_us()
+        if due is None or now_us < due + self._period_us:
+            return
+        self._late_us = max(self._late_us, now_us - due)
+        self._streamed += (now_us - due) // self._period_us
 
     def next_us(self) -> int | None:
         """When `tick` will have something to say; None: not of its own accord."""

@@ -2,7 +2,9 @@
 
 Each line is (time in µs on the device's clock, who speaks, frame or bytes). The golden device has
 just started at 0, its encoders stand, its currents are not measured, and its ticket counts up from
-1. Every device that is told these bytes at these times answers these bytes, in this order.
+1. Every device that is told these bytes at these times answers these bytes, in this order. A line
+of the clock's is an instant until which the device was held up: it did nothing since the line
+before.
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ class Line:
     """One turn."""
 
     time_us: int
-    speaker: Literal["host", "device"]
+    speaker: Literal["host", "device", "clock"]
     said: Frame | bytes
     note: str = ""
 
@@ -58,6 +60,10 @@ def host(time_us: int, said: Frame | bytes, note: str = "") -> Line:
 
 def device(time_us: int, said: Frame, note: str = "") -> Line:
     return Line(time_us, "device", said, note)
+
+
+def held_up(time_us: int, note: str) -> Line:
+    return Line(time_us, "clock", b"", note)
 
 
 def sample(
@@ -143,13 +149,34 @@ NOISE = (
     host(700, Status(16)),
     device(700, Report(16, 3, 4, 0, 0, 0, 0, 0, ESTOP, Cause.HOST_ESTOP, 2)),
 )
-TRANSCRIPTS = {"hello": HELLO, "stream": STREAM, "watchdog": WATCHDOG, "noise": NOISE}
+LATE = (
+    host(1000, Arm(0, 1, 2000, 0)),
+    device(1000, Ack(0, Type.ARM, Code.OK, ENABLED, 0, 2)),
+    device(1000, sample(0, 0, 1000, 0, ENABLED)),
+    host(1300, volts(1, V5)),
+    device(3000, sample(1, 1, 3000, V5, ENABLED, delay_us=300)),
+    host(3400, volts(2, V5)),
+    held_up(9000, "samples of 5000 and 7000 are left out, without numbers"),
+    device(9000, sample(2, 2, 9000, V5, ENABLED, delay_us=400)),
+    device(11000, sample(3, 2, 11000, V5, ENABLED), "on the old grid"),
+    host(11_100, Status(3)),
+    device(11_100, Report(3, 4, 0, 0, 0, 4000, 0, 11, ENABLED, 0, 2)),
+    host(11_200, Disarm(4)),
+    device(11_200, Ack(4, Type.DISARM, Code.OK, 0, 0, 3)),
+)
+TRANSCRIPTS = {
+    "hello": HELLO, "stream": STREAM, "watchdog": WATCHDOG, "noise": NOISE, "late": LATE,
+}  # fmt: skip
 
 
 def text(lines: tuple[Line, ...]) -> str:
-    """``time > hex`` what the host says, ``time < hex`` what the device answers, # a note."""
+    """``time > hex`` what the host says, ``time < hex`` what the device answers, ``time !`` until
+    when it was held up, # a note."""
     out = []
     for line in lines:
+        if line.speaker == "clock":
+            out.append(f"{line.time_us} !  # held up until now: {line.note}")
+            continue
         arrow = ">" if line.speaker == "host" else "<"
         kind = "bytes" if isinstance(line.said, bytes) else line.said.TYPE.name
         note = f"{kind}: {line.note}" if line.note else kind

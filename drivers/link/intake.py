@@ -6,14 +6,21 @@ number and c = the last command's
     0 < (n − a_n) mod 2³² < 2³¹    and    (e − e_last) mod 2³² ≤ (c − e_last) mod 2³²
 
 e_last (c_0 at first) being the last echo: an echo never goes back, and never ahead of what was
-sent. A repeated, overtaken or older arming's sample fails one of them. Numbers that were left out
-are lost samples. The device's clock, modulo 2³² µs, is unwrapped here.
+sent. A repeated, overtaken or older arming's sample fails one of them. The device's clock, modulo
+2³² µs, is unwrapped here.
+
+    lost     += (n − a_n) − 1                     made, and did not come
+    left out += (i − i_last) − (n − a_n)          never made: the device was held up
+
+i being the instant of the stream that the sample's time belongs to (`Instants`): by the device's
+own clock in the period that it was armed with, so exactly.
 """
 
 from __future__ import annotations
 
 from math import nan
 
+from heli3dof.rig.instants import Instants
 from heli3dof.rig.port import Flags, Sample
 
 from .frames import NOT_MEASURED, SampleFrame
@@ -22,6 +29,8 @@ from .statistics import LinkStatistics
 _MASK = 0xFFFFFFFF
 _HALF = 0x80000000
 _FLAGS = [Flags(value & 63) for value in range(256)]
+BUSY = 0.99
+"""Of a period: by how much a device may take a sample too late; from one on, it leaves it out"""
 REMEMBERED = 1024
 """Commands whose sequence is known by their number; at least a second's worth"""
 
@@ -40,9 +49,14 @@ class Intake:
         self._last: int | None = None
         self._clock_us = 0
         self._wrapped: int | None = None
+        self._period_s = 0.0
+        self._instants: Instants | None = None
 
-    def arm(self) -> int:
-        """A new arming: its number, greater than every command's before."""
+    def arm(self, period_us: int = 0) -> int:
+        """A new arming, for a stream with this period (0: none): its number, greater than every
+        command's before."""
+        self._period_s = period_us * 1e-6
+        self._instants = None
         self.number = self._echo = (self.number + 1) & _MASK
         self._echoed = 0
         self._last = None
@@ -62,14 +76,20 @@ class Intake:
         if ahead > (self.number - self._echo) & _MASK or not 0 < step < _HALF:
             statistics.rejected += 1
             return None
-        statistics.lost += step - 1
-        self._last = frame.number
         if ahead:
             self._echo = frame.echo
             self._echoed = self._sequences[frame.echo % REMEMBERED]
             if frame.delay_us != 0xFFFF:
                 statistics.delay.add(frame.delay_us * 1e-6)
-        return self.sample(frame, host_time_s)
+        sample = self.sample(frame, host_time_s)
+        statistics.lost += step - 1
+        self._last = frame.number
+        if self._instants is not None:
+            skipped = self._instants.skipped(sample.device_time_s)
+            statistics.left_out += max(0, skipped - (step - 1))
+        elif self._period_s:
+            self._instants = Instants(self._period_s, sample.device_time_s, busy=BUSY, creep=0)
+        return sample
 
     def sample(self, frame: SampleFrame, host_time_s: float) -> Sample:
         """The port's sample of any frame, as ``read`` needs it of a rig that is not armed."""

@@ -199,9 +199,9 @@ class LinkRig:
             self._transport.close()
 
     def _ask_to_arm(self, ticket: int) -> Ack | None:
-        number = self._intake.arm()
         # An Ack of ours is known by the ARM's number; a second try is a new ARM, after a DISARM.
         period_us = self._period_us if self._stream else 0
+        number = self._intake.arm(period_us)
         is_ack = ack_of(Type.ARM)
         return self._dialogue.ask(
             lambda _: Arm(number, ticket, period_us, self._watchdog_us),

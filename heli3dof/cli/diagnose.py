@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from heli3dof.cli.console import Talk, live_allowed, verb
 from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet, Recordings, Seed
 
+if TYPE_CHECKING:
+    from heli3dof.diagnosis.integrity import Fault
+    from heli3dof.recording.recording import Recording
+
 BAD_DATA = 5
 """Exit code of a recording that is itself at fault; its document is printed all the same."""
+LOGS = (".csv", ".csv.gz", ".mat")
 
 
 class Base(StrEnum):
@@ -50,24 +55,33 @@ def diagnose(
     quiet: Quiet = False,
 ) -> None:
     """What the simulation gets wrong, and why: heli3dof diagnose rec.mcap -o model.json."""
-    from heli3dof.cli.loading import distinct, load_all
+    from heli3dof.cli.loading import distinct
     from heli3dof.diagnosis.diagnose import diagnose as find
     from heli3dof.diagnosis.document import document as to_document
     from heli3dof.diagnosis.next_experiment import next_of
+    from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.model.modelfile import save_model
-    from heli3dof.recording.output import check_output
+    from heli3dof.recording.output import check_output, stem
     from heli3dof.report.diagnosis_page import diagnosis_page
     from heli3dof.report.diagnosis_tables import diagnosis_tables
     from heli3dof.report.grid import Grid, to_rich
     from heli3dof.report.html import write_page
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    path = output or Path(f"{recordings[0].name.split('.')[0]}-extended.json")
+    path = output or Path(f"{stem(recordings[0])}-extended.json")
     check_output(path, force=force)
     if report is not None:
         check_output(report, force=force)
-    train = load_all(talk, recordings, profile)
-    test = load_all(talk, holdout or [], profile)
+    train, at_fault = read(talk, recordings, profile)
+    test, also = read(talk, holdout or [], profile)
+    if at_fault or also:
+        names = [[p.name.split(".")[0] for p in side] for side in (recordings, holdout or [])]
+        refused = Diagnosis((*names[0],), (*names[1],), "bad_data", (*at_fault, *also))
+        document = to_document(refused)
+        for each in diagnosis_tables(document):
+            talk.show(to_rich(each) if isinstance(each, Grid) else each)
+        talk.emit(document)
+        raise typer.Exit(BAD_DATA)
     distinct(train, test)
     with saying(talk) as says:
         found = find(train, test or None, quick=quick, seed=seed, says=says, base=base.value)
@@ -92,6 +106,31 @@ def diagnose(
     talk.emit(document)
     if found.verdict == "bad_data":
         raise typer.Exit(BAD_DATA)
+
+
+def read(
+    talk: Talk, paths: Sequence[Path], profile: Path | None
+) -> tuple[list[Recording], list[Fault]]:
+    """The recordings, and what is wrong with logs of other programs that cannot be taken as one.
+
+    Such a log is bad data like any other: radians under the name of degrees, say. A file that is
+    missing, or a torn recording of ours, is an error.
+    """
+    from heli3dof.cli.loading import load_all
+    from heli3dof.diagnosis.integrity import Fault, Kind
+    from heli3dof.errors import RecordingError
+
+    loaded: list[Recording] = []
+    faults: list[Fault] = []
+    for path in paths:
+        try:
+            loaded += load_all(talk, [path], profile)
+        except RecordingError as e:
+            if not path.is_file() or not path.name.endswith(LOGS):
+                raise
+            name = path.name.split(".")[0]
+            faults.append(Fault("log.refused", Kind.BAD_DATA, name, e.what, e.cause, e.fix))
+    return loaded, faults
 
 
 @contextmanager

@@ -36,8 +36,9 @@ def import_(
 ) -> None:
     """Make a recording of a log: heli3dof import LOG --profile P -o REC."""
     from heli3dof.errors import UsageError
-    from heli3dof.recording.importing import ENDINGS, import_log
+    from heli3dof.recording.importing import import_log
     from heli3dof.recording.info import summary
+    from heli3dof.recording.output import stem
     from heli3dof.recording.store import write_recording
     from heli3dof.rig.profile import load_profile
 
@@ -50,10 +51,7 @@ def import_(
         )
     recording = import_log(log, load_profile(profile), columns)
     if output is None:
-        stem = next(
-            (log.name[: -len(e)] for e in ENDINGS if log.name.lower().endswith(e)), log.stem
-        )
-        output = Path(f"{stem}.mcap")
+        output = Path(f"{stem(log)}.mcap")
     write_recording(recording, output, force=force)
     for warning in recording.meta.get("warnings", ()):
         talk.warn(warning)

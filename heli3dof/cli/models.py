@@ -66,12 +66,12 @@ def identify(
     from heli3dof.identification.api import identify as fit
     from heli3dof.identification.greybox.method import chosen_terms
     from heli3dof.model.modelfile import save_model
-    from heli3dof.recording.output import check_output
+    from heli3dof.recording.output import check_output, stem
     from heli3dof.report.grid import to_rich
     from heli3dof.report.identification_section import identification_tables
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    path = output or Path(f"{recordings[0].name.split('.')[0]}-{method.value}.json")
+    path = output or Path(f"{stem(recordings[0])}-{method.value}.json")
     check_output(path, force=force)
     if report is not None:
         check_output(report, force=force)

@@ -16,7 +16,7 @@ def punctuality_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
     if late:
         rows.append(("lateness", _quantiles(late["median_s"], late["p999_s"], late["max_s"])))
         rows.append(("late by over 1 ms", f"{late['late_ticks']} of {about['samples']} periods"))
-    skipped = _skipped(details.get("missed", 0), details.get("lost", 0))
+    skipped = _skipped(*(details.get(name, 0) for name in ("missed", "lost", "left_out")))
     if skipped:
         rows.append(("skipped", skipped))
     kept = details.get("punctuality")
@@ -38,7 +38,7 @@ def punctuality_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
 def punctuality_note(outcome: Outcome) -> str:
     """What is said under the table at a flight's end."""
     parts = [f"late by more than 1 ms: {outcome.late} of {outcome.periods} periods"]
-    skipped = _skipped(outcome.missed, outcome.lost)
+    skipped = _skipped(outcome.missed, outcome.lost, outcome.left_out)
     if skipped:
         parts.append(skipped)
     found = outcome.punctuality
@@ -58,12 +58,13 @@ def realtime_advice(outcome: Outcome) -> str | None:
     return f"Some periods were late, and {whats} was not granted. Try: {refused[0].fix}"
 
 
-def _skipped(missed: int, lost: int) -> str:
+def _skipped(missed: int, lost: int, left_out: int) -> str:
     return ", ".join(
         text
         for count, text in (
             (missed, f"{missed} missed by this computer"),
             (lost, f"{lost} lost on the line"),
+            (left_out, f"{left_out} left out by the device"),
         )
         if count
     )

@@ -14,12 +14,10 @@ flights' own standard deviation of x and σ_k the scale's,
 
 σ_k is what the profile is believed to, the same in every flight of a rig; σ is what noise does, and
 q its quantile at which one of `FAMILY` parameters is falsely named in a share `FALSE_ALARMS` of
-recordings. Where encoders chatter σ is up to `DOUBTED` times what the noise model says. What is
-sure only if it is not, and owes more to it than to σ_k, is looked at again: x of the same
-estimator, run on flights of a rig that stands on the edge (`heli3dof.diagnosis.refits`), has a mean
-x̄ (in place of e) and a scatter s,
-
-    |x − x̄| > √((`SURE` σ_k)² + (t s)² (1 + 1/B)),      t Student's quantile with B − 1
+recordings. Where encoders chatter σ is up to `DOUBTED` times what the noise model says, and the
+estimate may be another rig's altogether. An inertia that owes more to such a σ than to σ_k is off
+only if the recordings refute every rig that stands on the edge (`heli3dof.diagnosis.edge`); where
+no such rig can be flown, if `DOUBTED` σ makes it sure.
 """
 
 from __future__ import annotations
@@ -39,10 +37,8 @@ SURE = 2.0
 FAMILY = 5
 """K_f, T_g and three inertias"""
 DOUBTED = 3.0
-LEAST = 6
-"""Flights without which nothing is surely off"""
-Again = Callable[[int, float], np.ndarray]
-"""(which of `Estimate.free`, its value on the edge) → (B,) ln of its estimates over that value"""
+Refuted = Callable[[int, float], bool]
+"""(which of `Estimate.free`, its value on the edge) → whether the recordings refute a rig there"""
 
 
 @dataclass(frozen=True)
@@ -124,21 +120,20 @@ class Off:
 def off_nominal(
     found: Estimate,
     *,
-    again: Again | None = None,
+    refuted: Refuted | None = None,
     beside: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[Off, ...]:
     """What is surely off by more than the profile's tolerance, the surest first.
 
-    ``again`` runs the estimator on flights of a rig on the edge; without it what would have to be
-    looked at again is not surely off. ``beside``: (4,), (4,) what T_g and the inertias are, as a
-    logarithm over ``found``'s, beside a leftover, and its standard deviation; a parameter that is
-    within the tolerance there is off by what has no name.
+    ``refuted`` asks the recordings whether a rig on the edge explains them. ``beside``: (4,), (4,)
+    what T_g and the inertias are, as a logarithm over ``found``'s, beside a leftover, and its
+    standard deviation; a parameter that is within the tolerance there is off by what has no name.
     """
     tolerance = found.structure.profile.tolerance
     scale = thrust_scale(found)
     out = []
     for j, c in enumerate(calibrated(found), start=-1):
-        if not _surely_off(c, tolerance, j, again, scale):
+        if not _surely_off(c, tolerance, j, refuted, scale):
             continue
         if beside is not None and j >= 0:
             moved = c.x + float(beside[0][j])
@@ -150,22 +145,16 @@ def off_nominal(
 
 
 def _surely_off(
-    c: Calibrated, tolerance: float, j: int, again: Again | None, scale: ThrustScale
+    c: Calibrated, tolerance: float, j: int, refuted: Refuted | None, scale: ThrustScale
 ) -> bool:
     beyond = c.beyond(tolerance)
     if not c.surely(beyond, quantile(), c.told):
         return False
-    if np.isinf(c.x) or c.surely(beyond, quantile(), DOUBTED * c.told):
-        return True
-    if again is None or quantile() * DOUBTED * c.told < SURE * c.scale:
-        return False
+    doubtful = quantile() * DOUBTED * c.told > SURE * c.scale
+    if np.isinf(c.x) or refuted is None or j < 1 or not doubtful:
+        return c.surely(beyond, quantile(), DOUBTED * c.told)
     on = c.nominal * float(np.exp(edge(c.x, tolerance)))
-    x = again(j, on / scale.k if any(u in c.unit for u in TORQUE_UNITS) else on)
-    if len(x) < LEAST:
-        return False
-    spread = float(x.std(ddof=1)) * float(np.sqrt(1 + 1 / len(x)))
-    further = beyond - float(np.sign(c.x) * x.mean())
-    return c.surely(further, quantile(len(x) - 1), max(spread, c.told))
+    return refuted(j, on / scale.k if any(u in c.unit for u in TORQUE_UNITS) else on)
 
 
 def _off(c: Calibrated) -> Off:

@@ -17,15 +17,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
-from heli3dof.diagnosis.calibration import Off, off_nominal
+from heli3dof.diagnosis.calibration import Off, calibrated, off_nominal
 from heli3dof.diagnosis.corrected import Corrected
+from heli3dof.diagnosis.counts import with_counts
+from heli3dof.diagnosis.edge import refuted
 from heli3dof.diagnosis.imitated import with_imitators
-from heli3dof.diagnosis.integrity import Kind, integrity
+from heli3dof.diagnosis.integrity import Fault, Kind, integrity
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import base_beside
-from heli3dof.diagnosis.real_log import applies, diagnose_real
-from heli3dof.diagnosis.refits import refits
+from heli3dof.diagnosis.real_log import diagnose_real, no_likelihood
 from heli3dof.diagnosis.result import Diagnosis, Finding
 from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import (
@@ -47,7 +48,6 @@ FURTHER = 0.5
 """Of the flights, for the nulls after the first finding."""
 PILOTS, QUICK_PILOTS = 12, 6
 LEFT_FLIGHTS, QUICK_LEFT_FLIGHTS = 24, 8
-REFITS, QUICK_REFITS = 12, 8
 SAID_EVERY_S = 1.0
 Says = Callable[[str], None]
 
@@ -92,8 +92,8 @@ def _diagnosed(
     for stops in (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE):
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
-    if base == "rigid" and applies(train):
-        return diagnose_real(train, held, faults, seed=seed, says=clock.says)
+    if why := no_likelihood(train):
+        return diagnose_real(train, held, faults, why=why, seed=seed, says=clock.says)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
     bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
     clock.start("base", "Fitting the base simulation, and flying it for its bias …")
@@ -111,8 +111,13 @@ def _diagnosed(
     clock.start("gain", "Measuring the gain on what was not seen …")
     whole = fitted(least, last.found, last.after, train, held, seed=seed)
     clock.start("off", "Asking whether the rig itself is off its profile …")
-    off = base_off(bench, last, quick=quick) if last.sure else ()
+    off = base_off(bench, last) if last.sure else ()
     off = tuple(with_imitators(o, steps[-1]) for o in off)
+    profile = train[0].profile
+    findings, off = with_counts(
+        last.findings, off, calibrated(last.found),
+        rest_rad=float(profile.encoder.rest_rad[0]), tolerance=profile.tolerance,
+    )  # fmt: skip
     clock.stop()
     about = {
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
@@ -121,19 +126,17 @@ def _diagnosed(
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
     return Diagnosis(
-        *names, _verdict(last.findings, [*sized, *off], last.left), faults, whole,
-        last.findings, off, last.dropped, last.left, first.unseen, about,
+        *names, _verdict([*sized, *findings, *off], last.left), faults, whole,
+        findings, off, last.dropped, last.left, first.unseen, about,
     )  # fmt: skip
 
 
-def base_off(bench: Bench, last: Settled, *, quick: bool) -> tuple[Off, ...]:
-    """The base's numbers that are off nominal: run again where flights can be simulated, and beside
-    what is left."""
-    again = None
-    if bench.loop_is_known:
-        again = partial(refits, bench, last.found, flights=QUICK_REFITS if quick else REFITS)
+def base_off(bench: Bench, last: Settled) -> tuple[Off, ...]:
+    """The base's numbers that are off nominal: on the edge refuted, where flights can be simulated,
+    and beside what is left."""
+    ask = partial(refuted, bench, last.found) if bench.loop_is_known else None
     beside = None if last.held is None or not last.left else base_beside(last.found, last.held)
-    return off_nominal(last.found, again=again, beside=beside)
+    return off_nominal(last.found, refuted=ask, beside=beside)
 
 
 def causes(
@@ -195,11 +198,14 @@ class Clock:
         self._stage, self._since = "", now
 
 
-def _verdict(
-    findings: Sequence[Finding], others: Sequence[object], left: Sequence[Leftover]
-) -> str:
+def _verdict(findings: Sequence[Fault | Finding | Off], left: Sequence[Leftover]) -> str:
+    """``findings`` as the document has them, the first one first."""
     if left:
         return "unexplained"
-    if findings and findings[0].choice.tied_with:
-        return "ambiguous"
-    return "explained" if findings or others else "nothing_found"
+    if not findings:
+        return "nothing_found"
+    first = findings[0]
+    if isinstance(first, Fault):
+        return "explained"
+    tied = first.choice.tied_with if isinstance(first, Finding) else first.tied_with
+    return "ambiguous" if tied else "explained"

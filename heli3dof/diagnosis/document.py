@@ -7,6 +7,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.calibration import Off, calibrated
+from heli3dof.diagnosis.counts import flyable
 from heli3dof.diagnosis.gain import HORIZON_S, Gain
 from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.leftover import Leftover
@@ -191,15 +192,17 @@ def _upcoming(n: NextExperiment) -> dict[str, Any]:
 
 
 def _next(d: Diagnosis) -> dict[str, Any] | None:
-    """The plan that separates the first tie, by the catalogue."""
-    for f in d.findings:
-        if f.choice.tied_with:
-            effect = f.choice.term.effect
+    """The plan that separates the first tie that a flight can separate, by the catalogue."""
+    ties = [
+        *((f.choice.term, f.choice.tied_with) for f in d.findings),
+        *((o.term, o.tied_with) for o in d.calibration_findings),
+    ]
+    for term, tied_with in ties:
+        if others := flyable(tied_with):
             return {
-                "plan": effect.separated_by or "rich",
-                "separates": [f.choice.term.name, *f.choice.tied_with],
-                "why": f"{f.choice.term.name} and {', '.join(f.choice.tied_with)} fit this "
-                "recording equally well",
+                "plan": term.effect.separated_by or "rich",
+                "separates": [term.name, *others],
+                "why": f"{term.name} and {', '.join(others)} fit this recording equally well",
             }
     return None
 

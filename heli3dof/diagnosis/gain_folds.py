@@ -7,9 +7,16 @@ turn with `PURGE_S` on either side, the fit made again from the rest:
 
 H, g the sums over events, H_b, g_b those of the block, s its share of them and ḡ the filter's bias
 where the fit was freed of it (`heli3dof.diagnosis.corrected`). Where that step is longer than `FAR`
-standard deviations it is only the start, and Gauss and Newton go on from there. The
-noise is no part of a cause: its intensities are found again on the data that judge, for the base
-as for the extension, so that neither wins because a later flight was a rougher one.
+standard deviations it is only the start, and Gauss and Newton go on from there.
+
+Holds alone say little of an inertia, yet their score of it scatters (encoders chatter) by far more
+than that little: without a flight's only step an inertia would run off to a multiple. Where flights
+of the fit tell how its score scatters, C, the prior counts the more, the less the score is worth,
+
+    Λ_jj ← Λ_jj max(1, C_jj / H_jj),     C and H of what is left
+
+The noise is no part of a cause: its intensities are found again on the data that judge, for the
+base as for the extension, so that neither wins because a later flight was a rougher one.
 """
 
 from __future__ import annotations
@@ -110,6 +117,11 @@ def _refitted(found: Estimate, at: Pass, tangents: np.ndarray, rows: tuple[int, 
         replace(at, g=np.where(of, at.g, 0.0), w=np.where(of, at.w, 0.0)), tangents
     )
     precision = problem.prior_precision
+    scatter = getattr(found, "scatter", None)
+    if scatter is not None:
+        share = np.diag(scatter) * float(of.mean())
+        precision = precision * np.maximum(1.0, share / np.maximum(np.diag(H), 1e-12))
+        problem = _believing(problem, precision)
     A = H + np.diag(precision)
     step = np.linalg.solve(A, g - tilt - precision * (theta - problem.prior_mean))
     there = np.clip(theta + step, *problem.bounds)
@@ -117,6 +129,13 @@ def _refitted(found: Estimate, at: Pass, tangents: np.ndarray, rows: tuple[int, 
         return np.asarray(there)
     slope = Tilt(tilt, np.zeros(3), theta, noise)
     return maximise_tilted(problem, there, noise, slope, rounds=ROUNDS, hold_noise=True).theta
+
+
+def _believing(problem: Likelihood, precision: np.ndarray) -> Likelihood:
+    """The same likelihood beside a prior of that precision (n,)."""
+    new = replace(problem)
+    vars(new)["prior_precision"] = precision  # where its `cached_property` would keep it
+    return new
 
 
 @dataclass(frozen=True, eq=False)

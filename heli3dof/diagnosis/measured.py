@@ -7,12 +7,16 @@ pays least first, and the rest are measured again.
 The first cause stood up to the nulls, and a short flight's few cells bound no gain: it pays where
 held-out data are likelier with it. Later ones are only as good as the first one's formula; they pay
 where the gain's interval lies above zero.
+
+Two causes that were tied when the first of them was taken, and are both here in the end, are tied
+no more: each has paid beside the other, so neither stands in the other's place.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.calibration import in_SI
@@ -21,7 +25,7 @@ from heli3dof.diagnosis.gain import Gain, HeldOut, gain, pays
 from heli3dof.diagnosis.gain_folds import held_out
 from heli3dof.diagnosis.how_wrong import how_wrong
 from heli3dof.diagnosis.result import Dropped, Finding, Fitted
-from heli3dof.diagnosis.select import Choice
+from heli3dof.diagnosis.select import Choice, this_one
 from heli3dof.diagnosis.steps import without
 from heli3dof.diagnosis.thrust_scale import thrust_scale
 from heli3dof.identification.greybox.method import model_of
@@ -68,10 +72,25 @@ def _findings(
     found: Corrected, choices: Sequence[Choice], less: Sequence[Corrected], gains: Sequence[Gain]
 ) -> tuple[Finding, ...]:
     scale = thrust_scale(found)
+    choices = beside_each_other(choices)
     return tuple(
         Finding(c, forwards(in_SI(found, scale, c.term.name)), g, w.optimum.noise)
         for c, w, g in zip(choices, less, gains, strict=True)
     )
+
+
+def beside_each_other(choices: Sequence[Choice]) -> list[Choice]:
+    """The choices without ties among themselves; the certainty is against what else there was."""
+    named = {c.term.name for c in choices}
+    out = []
+    for c in choices:
+        tied = tuple(n for n in c.tied_with if n not in named)
+        sure = c.confidence
+        if len(tied) < len(c.tied_with):
+            others = [x.score for x in c.contenders if x.term.name not in named]
+            sure = max(sure, this_one([c.score, max([0.0, *others])]))
+        out.append(replace(c, tied_with=tied, confidence=sure))
+    return out
 
 
 def won(g: Gain) -> float:

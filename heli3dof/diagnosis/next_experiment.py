@@ -27,23 +27,20 @@ import numpy as np
 
 from heli3dof.diagnosis.catalogue import Probe, probes
 from heli3dof.diagnosis.corrected import look
-from heli3dof.diagnosis.noisy_flight import noisy_flight
+from heli3dof.diagnosis.counts import flyable
+from heli3dof.diagnosis.plan_flights import Task, fly_task, stable, task_of
 from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis
 from heli3dof.diagnosis.screen import Screen
 from heli3dof.diagnosis.select import TIE, Contender
-from heli3dof.diagnosis.workers import in_threads
-from heli3dof.errors import CheckFailed, UsageError
-from heli3dof.experiment.plan import Plan, load_plan, named_plans
-from heli3dof.experiment.simulate import simulate
+from heli3dof.diagnosis.workers import WORKERS, in_threads
+from heli3dof.errors import UsageError
+from heli3dof.experiment.plan import load_plan, named_plans
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.effects import Term, term
 from heli3dof.model.filtering import data_of
 from heli3dof.model.greybox import GreyBoxModel
 from heli3dof.model.rig_model import Structure
-from heli3dof.recording.recording import Recording
-from heli3dof.rig.envelope import Envelope
-from heli3dof.rig.profile import Profile
 
 MOST = 4
 """Tied causes that are simulated; a tie of more is told by its first ones."""
@@ -84,7 +81,8 @@ class Cause:
 
 @dataclass(frozen=True)
 class Outlook:
-    """What one plan would show: margins of each truth (the unit of 2 ln L), and the chance."""
+    """What one plan would show: margins of the truths it was flown on (the unit of 2 ln L), and
+    the chance. Of the best plan that is all of them; of one that it beats, perhaps the first."""
 
     plan: str
     duration_s: float
@@ -98,7 +96,8 @@ class Outlook:
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """The plan to fly, what it separates, the chance that it does, and all plans, best first."""
+    """The plan to fly, what it separates, the chance that it does, and all plans, best first (those
+    below the best by what they promise at most)."""
 
     plan: str
     separates: tuple[str, ...]
@@ -123,19 +122,13 @@ def recommend(
     names = [c.term.name for c in causes]
     V = base.problem.data.V
     looked = [[*probes(c.term, V), c.probe] for c in causes]
-    flown = [load_plan(p) for p in (named_plans() if plans is None else plans)]
-    profile = base.structure.profile.with_controller()
+    profile = base.structure.profile
     worlds = [_world(base, c) for c in (None, *causes)]
-    jobs = [(plan, world) for plan in flown for world in worlds]
-    every = in_threads(lambda j: _scores(base, profile, *jobs[j], looked, seed), len(jobs))
-    outlooks = []
-    for k, plan in enumerate(flown):
-        nothing, *seen = every[k * len(worlds) : (k + 1) * len(worlds)]
-        if nothing is None or any(z is None for z in seen):
-            continue
-        margins = _margins([z - nothing for z in seen if z is not None], looked)
-        sure = float(np.mean([_chance(m) for m in margins]))
-        outlooks.append(Outlook(plan.name, plan.duration_s, margins, sure))
+    tasks = []
+    if all(stable(world, profile) for world in worlds):
+        wanted = [load_plan(p) for p in (named_plans() if plans is None else plans)]
+        tasks = [t for t in (task_of(plan, profile, seed) for plan in wanted) if t is not None]
+    outlooks = _outlooks(base, tasks, worlds, looked)
     if not outlooks:
         raise UsageError(
             f"No plan can be flown to separate {', '.join(names)}.",
@@ -161,14 +154,14 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
     try:
         for finding in found.findings:
             best, *others = finding.choice.contenders
-            if finding.choice.tied_with:
-                tied = [c for c in others if c.term.name in finding.choice.tied_with]
+            if names := flyable(finding.choice.tied_with):
+                tied = [c for c in others if c.term.name in names]
                 return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
         open_ = [x.name for x in found.dropped if x.why == DOES_NOT_PAY] or list(
             found.not_identifiable
         )
-        if found.findings or not open_:
+        if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
         asked = recommend(base, [Cause.typical(open_[0])], seed=seed)
         return None if (asked.certainty or 0.0) < HOPELESS else asked
@@ -206,16 +199,71 @@ def _chance(margin: float) -> float:
     return 0.5 * (1 + math.erf((margin - TIE) / (2 * math.sqrt(2 * margin))))
 
 
-def _scores(
+def _outlooks(
     base: Estimate,
-    profile: Profile,
-    plan: Plan,
-    world: GreyBoxModel,
+    tasks: Sequence[Task],
+    worlds: Sequence[GreyBoxModel],
     looked: Sequence[Sequence[Probe]],
-    seed: int,
+) -> list[Outlook]:
+    """Of every plan that can be flown. One that can no longer be the best is flown no further: its
+    margins are those of the hardest truths, as the first plan showed them.
+
+    ``worlds``: the base alone, then each truth.
+    """
+    nothing: dict[Task, np.ndarray] = {}
+    margins: dict[Task, dict[int, float]] = {}
+
+    def fly(jobs: Sequence[tuple[Task, int]]) -> None:
+        """The jobs (plan, truth); those of plans that cannot be flown there strike them off."""
+        first = [(t, 0) for t in dict.fromkeys(task for task, _ in jobs) if t not in nothing]
+        every = [*first, *((task, i + 1) for task, i in jobs)]
+        seen = in_threads(
+            lambda j: _scores(base, every[j][0], worlds[every[j][1]], looked), len(every)
+        )
+        cannot = {task for (task, _), z in zip(every, seen, strict=True) if z is None}
+        for (task, world), z in zip(every, seen, strict=True):
+            if task in cannot:
+                margins.pop(task, None)
+            elif z is not None and world == 0:
+                nothing[task] = z
+            elif z is not None:
+                m = _margin(z - nothing[task], world - 1, looked)
+                margins.setdefault(task, {})[world - 1] = m
+
+    def promises(task: Task) -> float:
+        """At most, by what was seen: the rank of what was flown on every truth."""
+        return min(margins[task].values()) / task.plan.duration_s
+
+    truths = list(range(len(worlds) - 1))
+    waiting = list(tasks)
+    while waiting and not margins:
+        pilot = waiting.pop(0)
+        fly([(pilot, i) for i in truths])
+        truths.sort(key=lambda i: margins.get(pilot, {}).get(i, 0.0))
+    fly([(task, truths[0]) for task in waiting])
+    while True:
+        going = sorted(margins, key=promises, reverse=True)
+        best = max((promises(t) for t in going if len(margins[t]) == len(truths)), default=-np.inf)
+        going = [t for t in going if len(margins[t]) < len(truths) and promises(t) > best]
+        if not going:
+            break
+        fly([(t, i) for t in going[:WORKERS] for i in truths if i not in margins[t]])
+    return [
+        Outlook(
+            task.plan.name,
+            task.plan.duration_s,
+            tuple(m[i] for i in sorted(m)),
+            float(np.mean([_chance(v) for v in m.values()])),
+        )
+        for task, m in margins.items()
+    ]
+
+
+def _scores(
+    base: Estimate, task: Task, world: GreyBoxModel, looked: Sequence[Sequence[Probe]]
 ) -> np.ndarray | None:
-    """(P,) z of every probe on a flight of the plan in that world; None where none can be flown."""
-    flight = _flight(profile, plan, world, seed)
+    """(P,) z of every probe on a flight of the task in that world; None where none can be flown."""
+    flight = fly_task(task, world)
     runs = [] if flight is None else usable_runs(flight, 0)
     if flight is None or not runs:
         return None
@@ -226,32 +274,11 @@ def _scores(
     return Screen(problem, o.theta, here, probes).see(here, prior=False).z
 
 
-def _margins(seen: Sequence[np.ndarray], looked: Sequence[Sequence[Probe]]) -> tuple[float, ...]:
-    """Of each truth over the others, from the scores (P,) of each truth's flight."""
+def _margin(z: np.ndarray, i: int, looked: Sequence[Sequence[Probe]]) -> float:
+    """Of truth ``i`` over the others, from the scores (P,) of its flight."""
     ends = np.cumsum([len(group) for group in looked])[:-1]
-    out = []
-    for i, z in enumerate(seen):
-        best = [float(part.max()) for part in np.split(z**2, ends)]
-        out.append(best[i] - max((b for j, b in enumerate(best) if j != i), default=0.0))
-    return tuple(out)
-
-
-def _flight(profile: Profile, plan: Plan, world: GreyBoxModel, seed: int) -> Recording | None:
-    """The plan flown in that world with its noise; None where it is refused or would trip."""
-    try:
-        calm = simulate(plan, world, profile=profile, seed=seed)
-    except (UsageError, CheckFailed):
-        return None
-    flight = noisy_flight(world, calm, np.random.default_rng([seed, 5]))
-    return flight if _inside(flight, profile) else None
-
-
-def _inside(flight: Recording, profile: Profile) -> bool:
-    """True where the flight's angles stay in the envelope."""
-    envelope, still = Envelope(profile), (0.0, 0.0, 0.0)
-    every = flight.angle[:: max(1, round(0.02 / profile.dt))]
-    volts = (0.0, 0.0)
-    return all(envelope.check(0.0, a, still, volts, volts) is None for a in every.tolist())
+    best = [float(part.max()) for part in np.split(z**2, ends)]
+    return best[i] - max((b for j, b in enumerate(best) if j != i), default=0.0)
 
 
 def _world(base: Estimate, cause: Cause | None) -> GreyBoxModel:

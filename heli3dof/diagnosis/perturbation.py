@@ -18,7 +18,6 @@ the state at −δm (`misreading`).
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -66,11 +65,11 @@ def path(structure: Structure, values: np.ndarray, data: Data, at: Pass) -> Path
     """``at`` must hold its states (``keep`` 2)."""
     assert at.X is not None
     size = max(1, round(CHUNK_S / float(np.median(data.h))))
-    rows = []
+    rows = [np.empty((0, 3), dtype=np.int64)]
     for b, (_, start, stop) in enumerate(data.blocks):
         edges = np.append(np.arange(start, stop - 1, size), stop - 1)
-        rows += [(lo, hi, b) for lo, hi in itertools.pairwise(edges)]
-    chunk = np.array(rows, dtype=np.int64).reshape(-1, 3)
+        rows.append(np.column_stack([edges[:-1], edges[1:], np.full(len(edges) - 1, b)]))
+    chunk = np.concatenate(rows)
     hooks = structure.hooks
     s, par = structure.arrays(values)
     A = np.empty((len(chunk), 3, 6))

@@ -104,11 +104,12 @@ def doubted(
 ) -> tuple[Finding, ...]:
     """The findings; "…-like" those that the leftovers make unsure, and those that data not seen do
     not surely confirm (a first cause is adopted where it is likelier there, see `measured`), or
-    whose size is less than `VAGUE` standard deviations from nothing."""
+    whose size is less than `VAGUE` standard deviations from nothing, or that were weak already."""
     unsure = {b.name for b in beside(found, held) if b.unsure} if left else set()
     unsure |= vague(found)
     return tuple(
-        replace(f, like=f.choice.term.name in unsure or not pays(f.gain)) for f in findings
+        replace(f, like=f.choice.weak or f.choice.term.name in unsure or not pays(f.gain))
+        for f in findings
     )
 
 

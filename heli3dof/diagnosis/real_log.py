@@ -1,7 +1,8 @@
-"""The diagnosis of a log whose clock lies and whose loop is unknown: `heli3dof.diagnosis.backward`.
+"""The diagnosis of a log whose loop is unknown and which bears no likelihood, either for its clock
+lies or for its motion one step ahead is no noise (`identification.greybox.noise_check`).
 
-One step ahead such a log's errors are its clock's, so nothing here rests on a likelihood: models
-are compared by free flights from re-estimated states. With e_k(h) the error of flight k after h s,
+So nothing here rests on a likelihood: models are compared by free flights from re-estimated states.
+With e_k(h) the error of flight k after h s,
 
     RMSE_i(h) = √(mean_k e_k,i(h)²),      over 3 s: √(1/3 ∫₀³ RMSE_i(h)² dh)
 
@@ -37,8 +38,8 @@ from heli3dof.identification.greybox.freeflight import (
     flight_of,
     model_of,
 )
-from heli3dof.identification.greybox.method import clock_lies
 from heli3dof.identification.greybox.multistep import Fitted as Fit
+from heli3dof.identification.greybox.noise_check import why_freeflight
 from heli3dof.model.greybox import GreyBoxModel, nominal
 from heli3dof.model.greybox_predict import filtered
 from heli3dof.model.greybox_windows import errors
@@ -49,18 +50,20 @@ STEP_S = 0.25
 FAR = 10 * np.pi
 """rad: no flight is further off than that."""
 WHY = (
-    "The loop is unknown and the clock lies, so neither nulls nor a likelihood can be trusted: "
-    "the full physical model was fitted to free flights of 3 s. What blocks left out need, and "
+    "The loop is unknown, so no nulls can be flown, and no likelihood can be trusted: {} So the "
+    "full physical model was fitted to free flights of 3 s. What blocks left out need, and "
     "whose size is sure, is named; the rest is kept within what is known of such rigs. Sizes are "
     "in units of the profile's K_f; there is no noise floor."
 )
 Says = Callable[[str], None]
 
 
-def applies(recordings: Sequence[Recording]) -> bool:
-    """Whether these logs have to be diagnosed this way."""
+def no_likelihood(recordings: Sequence[Recording]) -> str:
+    """Why these logs have to be diagnosed this way; empty where they need not."""
     whole = _whole(recordings)
-    return bool(whole) and all(r.profile.controller is None and clock_lies(r) for r in whole)
+    if not whole or any(r.profile.controller is not None for r in whole):
+        return ""
+    return why_freeflight(whole)
 
 
 def diagnose_real(
@@ -68,10 +71,14 @@ def diagnose_real(
     held: Sequence[Recording],
     faults: tuple[Fault, ...],
     *,
+    why: str,
     seed: int = 0,
     says: Says = lambda sentence: None,
 ) -> Diagnosis:
-    """As `heli3dof.diagnosis.diagnose.diagnose`, of recordings whose integrity was checked."""
+    """As `heli3dof.diagnosis.diagnose.diagnose`, of recordings whose integrity was checked.
+
+    ``why`` is what `no_likelihood` said.
+    """
     whole, runs = _whole(train), _rest([*train, *held])
     flights = [r for r in whole if len(flight_of(r).starts) >= LEAST_STARTS]
     seen, on = _whole(held), "holdout"
@@ -97,7 +104,7 @@ def diagnose_real(
     left = leftovers(found.fit)
     about = {
         "method": "free flights of the full physical model, and backwards from it",
-        "why": WHY,
+        "why": WHY.format(why),
         "gain_measured_on": on,
         "not_fitted": [r.name for r in runs],
         "over_3_s": {"before": before.over_deg(), "after": after.over_deg()},

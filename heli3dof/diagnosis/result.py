@@ -34,7 +34,7 @@ class Finding:
     """(4,) of that fit without it, as `Optimum.noise`: with it a filter sees what is missing"""
     like: bool = False
     """Beside what is left without a name it is not sure any more, or data not seen do not surely
-    confirm it: "…-like\""""
+    confirm it, or it may be what is wrong with another one's formula: "…-like\""""
 
 
 @dataclass(frozen=True, eq=False)

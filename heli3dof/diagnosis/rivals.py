@@ -28,7 +28,7 @@ import numpy as np
 
 from heli3dof.diagnosis.corrected import Corrected, correct, fly_again, model_at
 from heli3dof.diagnosis.nulls import Nulls
-from heli3dof.diagnosis.select import TIE, Choice, Contender, this_one
+from heli3dof.diagnosis.select import EVEN, TIE, Choice, Contender, this_one
 from heli3dof.diagnosis.workers import in_threads
 from heli3dof.recording.recording import Recording
 
@@ -40,8 +40,6 @@ MODEST = 500.0
 CLOSE = 0.25
 """Of the score: below it a term is no rival of one whose false slopes are small."""
 MOST = 3
-EVEN = 0.5
-"""Certainty where the two ways disagree"""
 FLIGHTS = 12
 ROUNDS = 6
 LEAST = 1.0
@@ -104,7 +102,7 @@ def told_apart(
     others = [c for c in choice.contenders if c.term.name != best.term.name]
     sure = min(nulls.confidence(best.Z2), sure, 1.0 if decides else choice.confidence)
     tied = tuple(n for n in dict.fromkeys(open_) if n != best.term.name)
-    return Choice(best.term, best.score, best.Z2, sure, tied, (best, *others))
+    return Choice(best.term, best.score, best.Z2, sure, tied, (best, *others), choice.weak)
 
 
 def likelihoods(

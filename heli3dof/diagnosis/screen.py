@@ -63,13 +63,14 @@ class Screen:
         self.plain = tuple(probes)
         self.values = problem.values(theta)
         self.sets = self._sets()
-        a, m, m0 = self._changes(here)
+        self._built = here, self._changes(here)
+        a, m, m0 = self._built[1]
         self.D = forward(here.path, a, m, m0)
         """(P, E) traces, of the plain probes"""
         self.weight = here.at.w
         self.full = np.einsum("ij,j,ij->i", self.D, here.at.w, self.D)
         self.cross = cross = (here.T * here.at.w) @ self.D.T
-        A = here.H + np.diag(problem.prior_precision)
+        self.A = A = here.H + np.diag(problem.prior_precision)
         self.solved = np.linalg.solve(A, cross)
         v = self.full - np.einsum("ij,ij->j", cross, self.solved)
         seen = v > 1e-6 * np.maximum(self.full, 1e-30)
@@ -92,6 +93,15 @@ class Screen:
         shared = full - float(self.cross[:, a] @ self.solved[:, b])
         return shared / float(np.sqrt(self.v[a] * self.v[b]))
 
+    def shared(self, i: int, causes: np.ndarray) -> float:
+        """What the ``causes`` ((n,) bool) take of the information that the base leaves of plain
+        probe i: ρ² of it and them. Zero for a scan, and for what the base leaves nothing of."""
+        if i >= len(self.plain) or not causes.any() or not np.isfinite(self.v[i]):
+            return 0.0
+        base, c = ~causes, self.cross[~causes, i]
+        alone = self.full[i] - c @ np.linalg.solve(self.A[np.ix_(base, base)], c)
+        return float(1 - self.v[i] / alone)
+
     def see(self, look: Look, *, prior: bool) -> Seen:
         """The screen of a look; ``prior``: of the recordings, whose score has the prior in it."""
         problem = self.problem
@@ -103,7 +113,8 @@ class Screen:
         # q·δc with q = g − w Tᵀ A⁻¹ g is the efficient score of every δc at once.
         q = look.at.g - look.at.w * (pull @ look.T)
         L, mu, z0 = backward(look.path, q[None])
-        a, m, m0 = self._changes(look)
+        built, changes = self._built
+        a, m, m0 = changes if look is built else self._changes(look)
         u = np.einsum("pci,ci->p", a, L[0])
         u += m @ mu[0] - np.einsum("pbi,bi->p", m0, z0[0][:, :3] / look.path.slope)
         root = np.sqrt(self.v)

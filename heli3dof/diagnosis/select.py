@@ -8,7 +8,10 @@ nulls' inflation and n a term's parameters
 
 (BIC; N the encoders' events). Nothing at all scores 0, so what scores less than `TIE` is tied with
 it and not named. No formula is quite right, and what is wrong with the first cause's looks like a
-further one: that must exceed `SHARE` of the first one's score, or `WEAK` where that is less. An
+further one: that must exceed `SHARE` of the first one's score, or `WEAK` where that is less. A
+term whose trace is nearly that of the causes found (ρ² > `ALIKE` of what the base leaves of it) has
+little score of its own however large it is, and without it the first one's size takes its place:
+below that floor it is taken as well, but weakly, "…-like", the formula being as likely wrong. An
 inertia that is off (`heli3dof.diagnosis.calibration`) is such a first cause: where the mass that
 makes it so sits is not known. Diverged fits and fits on a bound are refused. Terms A and B are tied
 where their scores differ by less than
@@ -51,6 +54,9 @@ FORM = 0.03
 SHARE = 0.1
 WEAK = 100.0
 """Of a score: what a wrong formula leaves for others stays below it."""
+ALIKE = 0.75
+EVEN = 0.5
+"""Certainty of one that may as well be what is wrong with another's formula"""
 ONE_WAY = 0.25
 """An estimate may go that share of its range below nothing, so as not to be cut off there; a cause
 may not."""
@@ -84,6 +90,8 @@ class Choice:
     tied_with: tuple[str, ...]
     contenders: tuple[Contender, ...]
     """Best first; the term's own fit is the first one's."""
+    weak: bool = False
+    """It may as well be what is wrong with an earlier cause's formula."""
 
 
 def suspects(seen: Seen, nulls: Nulls) -> list[tuple[Term, float, int]]:
@@ -130,13 +138,22 @@ def choose(
     best = fits[0]
     if best.score < TIE or nulls.threshold / 2 > best.Z2:
         return None
-    if first_score is not None and best.score < min(SHARE * first_score, WEAK):
+    weak = first_score is not None and best.score < min(SHARE * first_score, WEAK)
+    if weak and not alike(found, screen, best):
         return None
     tied = tuple(
         f.term.name for f in fits[1:] if best.score - f.score < slack(screen, nulls, best, f)
     )
     sure = min(nulls.confidence(best.Z2), this_one([*(f.score for f in fits[:2]), 0.0]))
-    return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits))
+    if weak:
+        sure = min(sure, EVEN)
+    return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits), weak)
+
+
+def alike(found: Corrected, screen: Screen, new: Contender) -> bool:
+    """Whether the causes found move the rig nearly as the new one does."""
+    causes = np.array([f.term is not None for f in found.free])
+    return new.probe is not None and screen.shared(new.probe, causes) > ALIKE
 
 
 def this_one(scores: Sequence[float]) -> float:

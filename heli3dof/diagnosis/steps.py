@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.alike import rates_apart, widest
 from heli3dof.diagnosis.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.corrected import (
     NOISE_NEAR,
@@ -43,6 +44,11 @@ CHATTERS = 1.2
 """Inflation of a fit from which its bias is too large to start from."""
 QUIETER = np.array([0.5, 0.7, 1.0, 1.0])
 """What the filter makes of a chattering flight's noise, roughly; roll and pitch chatter most."""
+MUCH_QUIETER = 0.25
+
+FAR, ROUGHER = 30.0, 1.0
+"""Standard deviations of a parameter, and steps of a log noise intensity, beyond which false slopes
+are no longer those that were seen: play that is left out is swollen noise, of another slope."""
 
 BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
 """What each base simulation is made of beside the rigid body."""
@@ -121,7 +127,32 @@ def base_of(bench: Bench) -> Corrected:
     freed = correct(
         problem, *beginning(found), bench.recordings, seed=bench.seed, pilots=bench.pilots
     )
-    return Corrected(problem, found.optimum) if freed.scatter is None else freed
+    if freed.scatter is None:
+        return Corrected(problem, found.optimum)
+    return quieter(bench, freed) if found.inflation >= CHATTERS else freed
+
+
+def quieter(bench: Bench, found: Corrected) -> Corrected:
+    """The estimate; another where its flights chatter faster than the recordings on some axis.
+
+    Such a one is the wrong end of the ridge of which `beginning` speaks. The other is found from
+    the profile's inertias and a quarter of the noise there, and taken if it has settled and its
+    flights chatter no faster.
+    """
+    limit = widest()
+    fast = rates_apart(found, bench.recordings, seed=bench.seed) < -limit
+    if not fast.any():
+        return found
+    theta, noise = found.theta.copy(), found.optimum.noise.copy()
+    theta[1:4][fast] = found.problem.prior_mean[1:4][fast]
+    noise[:3][fast] *= MUCH_QUIETER
+    other = correct(
+        found.problem, theta, noise, bench.recordings, seed=bench.seed, pilots=bench.pilots
+    )
+    if other.scatter is None or not other.optimum.converged:
+        return found
+    apart = rates_apart(other, bench.recordings, seed=bench.seed)
+    return found if (apart[fast] < -limit).any() else other
 
 
 def beginning(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
@@ -190,8 +221,12 @@ def settled_again(bench: Bench, found: Corrected) -> Corrected:
 
 
 def without(found: Corrected, term: Term) -> Corrected:
-    """The same fit without one of its terms: for backward elimination and for gains."""
-    keep = [f.term != term.name for f in found.free]
+    """The same fit without one of its terms: for backward elimination and for gains.
+
+    Freed of the same false slopes where it lies near; by likelihood alone, its ``bias`` zero, where
+    it has `strayed` and they, taken off along a line, would be worth more than the cause itself.
+    """
+    keep = np.array([f.term != term.name for f in found.free])
     structure = Structure(
         found.structure.profile, tuple(t for t in found.structure.terms if t.name != term.name)
     )
@@ -202,8 +237,21 @@ def without(found: Corrected, term: Term) -> Corrected:
     fit = maximise_tilted(
         problem, theta, found.optimum.noise, Tilt(bias, none, theta, found.optimum.noise)
     )
+    if strayed(found, keep, fit):
+        bias, none = np.zeros(len(theta)), np.zeros(3)
+        fit = maximise_tilted(problem, theta, found.optimum.noise, None)
     scatter = None if found.scatter is None else found.scatter[np.ix_(keep, keep)]
     return Corrected(problem, fit, scatter, bias, none, found.flights)
+
+
+def strayed(found: Corrected, keep: np.ndarray, fit: Optimum) -> bool:
+    """Whether a fit of the coordinates ``keep`` ((n,) bool) of ``found`` lies far from there."""
+    o = found.optimum
+    A = o.information + np.diag(found.problem.prior_precision)
+    sd = np.sqrt(np.diag(np.linalg.inv(A)))[keep]
+    rougher = np.abs(np.log(fit.noise[:3] / o.noise[:3]))[found.problem.data.axes]
+    moved = np.abs(fit.theta - o.theta[keep]) / sd
+    return bool(moved.max() > FAR or rougher.max(initial=0.0) > ROUGHER)
 
 
 def eliminated(
@@ -217,9 +265,12 @@ def eliminated(
         term = s.choice.term
         less = without(found, term)
         o = found.optimum
-        bias = np.zeros(len(o.theta)) if found.bias is None else found.bias
-        none = np.zeros(3) if found.noise_bias is None else found.noise_bias
-        full = maximise_tilted(found.problem, o.theta, o.noise, Tilt(bias, none, o.theta, o.noise))
+        # Both on the same likelihood: freed of false slopes, or neither.
+        freed = less.bias is not None and less.bias.any()
+        tilt = None
+        if freed and found.bias is not None and found.noise_bias is not None:
+            tilt = Tilt(found.bias, found.noise_bias, o.theta, o.noise)
+        full = maximise_tilted(found.problem, o.theta, o.noise, tilt)
         won = 2 * (full.loglik - less.optimum.loglik) / s.nulls.inflation
         if won < len(term.effect.parameters) * np.log(max(len(o.at.row), 2)):
             found = settled(bench, less.problem, less.optimum)

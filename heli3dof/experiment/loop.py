@@ -89,7 +89,7 @@ class _Flight:
         self.reference, self.extra, self.opened = signals.reference, signals.extra, signals.opened
         self.controller = OpenedController.of(profile)
         self.envelope = Envelope(profile)
-        self.tally = Tally(len(self.reference) + self.steps(hurried=False))
+        self.tally = Tally()
         self.pacer = Pacer(rig, profile.dt, self.tally)
         self.virtual = rig.identity.timebase == "virtual"
         self.flown = 0
@@ -135,7 +135,7 @@ class _Flight:
         return Outcome(
             ending, detail, self.flown, tally.late, tally.missed, tally.worst, landing.landed,
             error, tally.lost, None if self.virtual else tally.punctuality(), granted,
-            link_counts(self.rig),
+            link_counts(self.rig), tally.left_out,
         )  # fmt: skip
 
     def angle(self, sample: Sample) -> tuple[float, float, float]:
@@ -202,7 +202,7 @@ class _Flight:
             pacer = self.pacer
             now = Period(
                 k, t, sample, angle, rates, command, voltage, pacer.sent, pacer.sequence,
-                pacer.lateness, pacer.skipped,
+                pacer.lateness, pacer.skipped, pacer.left_out,
             )  # fmt: skip
             looked = next(filter(None, (watch(now) for watch in self.watches)), None)
         # What a watch saw is nearer to the cause than what came of it.

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from array import array
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+from heli3dof.rig.histogram import Histogram
 from heli3dof.rig.trip import Trip
 
 if TYPE_CHECKING:
@@ -51,13 +51,15 @@ class Outcome:
     """True when the ramp to zero volts was carried out."""
     error: BaseException | None = field(default=None, compare=False)
     lost: int = 0
-    """Periods skipped because their samples never came."""
+    """Periods skipped because their samples were lost on the line."""
     punctuality: Punctuality | None = None
     """None where nothing was flown, or on a virtual clock"""
     realtime: Realtime | None = None
     """What the system granted the loop; None on a virtual clock"""
     link: dict[str, Any] | None = None
     """What the rig's link counted (see `link_counts`); None where it has none"""
+    left_out: int = 0
+    """Periods skipped because the device, held up itself, made no samples of them."""
 
     def advice(self) -> dict[str, str]:
         """What it likely came from and what to do; empty where nothing is known."""
@@ -74,6 +76,7 @@ class Outcome:
             "late": self.late,
             "missed": self.missed,
             "lost": self.lost,
+            "left_out": self.left_out,
             "worst_lateness_s": self.worst_lateness_s,
             "landed": self.landed,
             "punctuality": asdict(self.punctuality) if self.punctuality else None,
@@ -100,42 +103,43 @@ def link_counts(rig: Any) -> dict[str, Any] | None:
 
 
 class Tally:
-    """Counts period by period; the room for ``periods`` numbers is taken before the flight."""
+    """Counts period by period, in the room of the first."""
 
-    def __init__(self, periods: int) -> None:
-        self.flown = self.late = self.missed = self.lost = 0
-        self.worst = 0.0
-        self._n = 0
-        self._lateness = array("d", bytes(8 * periods))
-        self._turnaround = array("d", bytes(8 * periods))
+    def __init__(self) -> None:
+        self.late = self.missed = self.lost = self.left_out = 0
+        self.lateness = Histogram()
+        self.turnaround = Histogram()
 
-    def count(self, lateness: float, turnaround: float, missed: int, lost: int) -> None:
+    @property
+    def worst(self) -> float:
+        """s, the latest sample's lateness"""
+        return self.lateness.worst_s
+
+    def count(
+        self, lateness: float, turnaround: float, missed: int, lost: int, left_out: int
+    ) -> None:
         """One period more: s, s, periods skipped before it."""
         if lateness > LATE_S:
             self.late += 1
-        if lateness > self.worst:
-            self.worst = lateness
         self.missed += missed
         self.lost += lost
-        if self._n < len(self._lateness):
-            self._lateness[self._n] = lateness
-            self._turnaround[self._n] = turnaround
-            self._n += 1
+        self.lateness.add(lateness)
+        self.turnaround.add(turnaround)
+        self.left_out += left_out
 
     def punctuality(self) -> Punctuality | None:
-        """Quantiles of what was counted; None for nothing."""
-        if not self._n:
+        """Quantiles of what was counted (see `Histogram`); None for nothing."""
+        late, turn = self.lateness, self.turnaround
+        n = late.n
+        if not n:
             return None
-        import numpy as np
-
-        late = np.frombuffer(self._lateness)[: self._n]
-        turn = np.frombuffer(self._turnaround)[: self._n]
-        median, p99, p999 = (float(q) for q in np.quantile(late, (0.5, 0.99, 0.999)))
         return Punctuality(
-            median,
-            p99,
-            p999,
-            float(late.max()),
-            (self.late + self.missed) / (self._n + self.missed),
-            *(float(q) for q in np.quantile(turn, (0.5, 0.999, 1.0))),
+            late.quantile_s(0.5),
+            late.quantile_s(0.99),
+            late.quantile_s(0.999),
+            late.worst_s,
+            (self.late + self.missed) / (n + self.missed),
+            turn.quantile_s(0.5),
+            turn.quantile_s(0.999),
+            turn.worst_s,
         )

@@ -23,7 +23,9 @@ class Pacer:
         self.lateness = 0.0
         """s by which the sample that followed it was late"""
         self.skipped = 0
-        """Periods that passed unused before that sample: missed, or lost"""
+        """Periods that passed unused before that sample: missed, lost or left out"""
+        self.left_out = 0
+        """Those of them that the device left out"""
 
     def start(self) -> Sample:
         """Arm the rig; its first sample begins the flight."""
@@ -42,8 +44,9 @@ class Pacer:
         sample = self._rig.exchange(command, due)
         time.arrived(sample, asked)
         self.lateness = time.lateness
-        self.skipped = time.missed + time.lost
-        self._tally.count(time.lateness, asked - since.host_time_s, time.missed, time.lost)
+        missed, lost, self.left_out = time.missed, time.lost, time.left_out
+        self.skipped = missed + lost + self.left_out
+        self._tally.count(time.lateness, asked - since.host_time_s, missed, lost, self.left_out)
         return sample
 
     def stop(self, why: str) -> None:

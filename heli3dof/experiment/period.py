@@ -17,7 +17,7 @@ class Period(NamedTuple):
     """One control period: the sample that opened it and what was computed from it."""
 
     k: int
-    """The plan's period, 0 first; it jumps where periods were missed or samples lost."""
+    """The plan's period, 0 first; it jumps where periods were skipped."""
     t: float
     """s since the first sample, on the device's clock."""
     sample: Sample
@@ -36,7 +36,9 @@ class Period(NamedTuple):
     lateness: float
     """s that the sample came after its deadline; 0 where the clock is virtual"""
     missed: int
-    """Periods skipped just before this one: missed by the host, or whose samples were lost"""
+    """Periods skipped just before this one: missed by the host, lost on the line, left out"""
+    left_out: int = 0
+    """Those of them that the device made no samples of"""
 
 
 Watch = Callable[[Period], str | None]

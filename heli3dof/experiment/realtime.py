@@ -8,7 +8,10 @@ scheduling     SCHED_FIFO: no ordinary program runs where  rtprio in limits.d, o
 memory         mlockall: no page of the program has to be  memlock in limits.d, or CAP_IPC_LOCK
                read from the disk in flight
 idle states    a core that wakes up at once                whoever may write /dev/cpu_dma_latency
-core           a core that the kernel keeps free           everybody, where `isolcpus=` left one
+core           one for all threads of the flight (`cores`) everybody who is scheduled; where
+                                                           `isolcpus=` left one, everybody
+workers        the kernel's, which a serial line needs,    CAP_SYS_NICE
+               are not kept waiting (`workers`)
 timer          sleeps end within 1 µs, not 50              everybody
 interpreter    no garbage collection; other threads give   everybody
                way within 0.1 ms
@@ -35,6 +38,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from heli3dof.experiment.cores import on_one_core
+from heli3dof.experiment.workers import raise_workers
 from heli3dof.rig.port import Check
 
 PRIORITY = 40
@@ -79,11 +84,13 @@ def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
     """Ask for everything in the table, for the calling thread; give it back at the end."""
     with ExitStack() as undo:
         quiet_interpreter(undo)
-        checks = [_scheduling(undo, priority), _memory(undo), _idle_states(undo), _core(undo)]
+        scheduling, memory = _scheduling(undo, priority), _memory(undo)
+        scheduled = scheduling.good is True
+        checks = [scheduling, memory, *_idle_states(undo), *on_one_core(undo, scheduled=scheduled)]
+        if scheduled:
+            checks += raise_workers(undo)
         _timer(undo)
-        found = tuple(check for check in checks if check is not None)
-        scheduled, locked = (check is not None and check.good is True for check in checks[:2])
-        yield Realtime(found, scheduled, locked)
+        yield Realtime(tuple(checks), scheduled, memory.good is True)
 
 
 def quiet_interpreter(undo: ExitStack) -> None:
@@ -169,38 +176,17 @@ def _may_lock_everything() -> bool:
     return False
 
 
-def _idle_states(undo: ExitStack) -> Check | None:
+def _idle_states(undo: ExitStack) -> tuple[Check, ...]:
     """A core in a deep idle state takes 0.1 ms and more to wake: ask for none of these."""
     door = Path("/dev/cpu_dma_latency")
     if not door.exists():
-        return None
+        return ()
     try:
         held = undo.enter_context(door.open("wb", buffering=0))
         held.write(struct.pack("i", 0))
     except OSError as error:
-        return Check("deep idle states", f"allowed in flight: {_why(error)}", None)
-    return Check("deep idle states", "off in flight", True)
-
-
-def _core(undo: ExitStack) -> Check | None:
-    """Move to the cores that the kernel was told to keep free, where there are some."""
-    with suppress(OSError, ValueError):
-        text = Path("/sys/devices/system/cpu/isolated").read_text(encoding="ascii").strip()
-        if text:
-            before = os.sched_getaffinity(0)
-            os.sched_setaffinity(0, _cores(text))
-            undo.callback(os.sched_setaffinity, 0, before)
-            return Check("isolated core", text, True)
-    return None
-
-
-def _cores(text: str) -> set[int]:
-    """The kernel's way to write a set of cores: ``2-3,7``."""
-    found: set[int] = set()
-    for part in text.split(","):
-        first, _, last = part.partition("-")
-        found.update(range(int(first), int(last or first) + 1))
-    return found
+        return (Check("deep idle states", f"allowed in flight: {_why(error)}", None),)
+    return (Check("deep idle states", "off in flight", True),)
 
 
 def _timer(undo: ExitStack) -> None:

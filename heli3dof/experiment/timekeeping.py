@@ -1,21 +1,25 @@
-"""Who keeps the time of a flight, and what that makes of a sample: on time, late, missed, lost.
+"""Who keeps the time of a flight, and what that makes of a sample: on time, late, or skipped.
 
 Deadlines are absolute: due[k+1] = due[k] + dt, whatever happened in period k.
 
-=========  ==============================  =====================================================
+=========  ==============================  ====================================================
 timebase   sample k is due                 periods that are skipped
-=========  ==============================  =====================================================
-host       when the host asks for it       ⌊lateness / dt⌋ where a sample came that late
-device     by the device's clock, mapped   those by which the device's time jumped: *lost*
-           to the host's (`ClockMap`)      where the link says so, *missed* by the host else
+=========  ==============================  ====================================================
+host       when the host asks for it       ⌊lateness / dt⌋ where a sample came that late: missed
+device     by the device's clock, mapped   those that the link counted, or by which the
+           to the host's (`ClockMap`)      device's time jumped (`Instants`)
 virtual    when it comes                   none
-=========  ==============================  =====================================================
+=========  ==============================  ====================================================
+
+A link that numbers its samples tells the device's skipped periods apart (``rig.statistics``): those
+*lost* were made and never came, those *left out* were never made, for the device itself was held
+up, and those *passed over* came too late to be flown: the host *missed* them. Of a link that counts
+less, the device's time tells how many were skipped; those are lost that it counts as lost, or
+that were due after the host began to wait; the rest is missed.
 
 A skipped period is never flown later: the plan's k moves past it, so references keep wall time.
-Lateness counts from the first deadline that was not met: a host that was away for 5.5 periods is
-late by 5.5 periods and has missed 5, whoever keeps the time. A link tells what it has lost by
-``rig.statistics.lost``; of one that does not, a skipped sample is lost that was due after the host
-began to wait.
+Lateness counts from the first deadline that the host did not meet: a host that was away for 5.5
+periods is late by 5.5 periods and has missed 5, whoever keeps the time.
 """
 
 from __future__ import annotations
@@ -24,12 +28,11 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from heli3dof.rig.clockmap import ClockMap
+from heli3dof.rig.instants import Instants
 from heli3dof.rig.port import Rig, Sample
 
-BUSY = 0.9
-"""Of a period: by how much a device may take a sample too late before it is the next one's"""
-CREEP = 1e-3
-"""Of a period, in each: how much longer the device's may be"""
+Skipped = Callable[[], tuple[int, int, int]]
+"""Samples that a link has lost, its device left out, its host passed over: since it was opened"""
 
 
 class Timekeeper(Protocol):
@@ -42,7 +45,9 @@ class Timekeeper(Protocol):
     missed: int
     """Periods skipped before it because the host was late"""
     lost: int
-    """Periods skipped before it because their samples never came"""
+    """Periods skipped before it because their samples were lost on the line"""
+    left_out: int
+    """Periods skipped before it because the device made no samples of them"""
 
     def start(self, sample: Sample) -> None:
         """The flight begins with this sample."""
@@ -63,7 +68,7 @@ class VirtualTime:
     def __init__(self, dt: float) -> None:
         self.dt = dt
         self.due = self.lateness = 0.0
-        self.missed = self.lost = 0
+        self.missed = self.lost = self.left_out = 0
 
     def start(self, sample: Sample) -> None:
         self.due = sample.host_time_s
@@ -96,32 +101,20 @@ class DeviceTime(VirtualTime):
 
     def start(self, sample: Sample) -> None:
         self.due = sample.host_time_s
-        self._base, self._k = sample.device_time_s, 0
+        self._instants = Instants(self.dt, sample.device_time_s)
         self._map = ClockMap(sample.device_time_s, sample.host_time_s)
         self._lost = self._counted() if self._counted is not None else 0
 
     def arrived(self, sample: Sample, asked_s: float) -> None:
         own = self._map.arrived(sample.device_time_s, sample.host_time_s)
         self.due = sample.host_time_s - own
-        skipped = self._skipped(sample.device_time_s)
-        self.missed = 0
-        if skipped:
-            self.missed = max(0, skipped - self._lost_since(asked_s))
-        self.lost = skipped - self.missed
+        self._skip(sample, asked_s)
         self.lateness = own + self.missed * self.dt
 
-    def _skipped(self, device_s: float) -> int:
-        """Whole periods that the device's time jumped by.
-
-        Samples are taken at base + k·dt, or a little after it where the device was busy; never
-        before. So base is the earliest that fits, and may creep (a period in whole µs is not dt).
-        """
-        dt = self.dt
-        behind = (device_s - self._base) / dt - (self._k + 1)
-        skipped = max(0, int(behind + 1 - BUSY))
-        self._k += 1 + skipped
-        self._base = min(self._base + CREEP * dt, device_s - self._k * dt)
-        return skipped
+    def _skip(self, sample: Sample, asked_s: float) -> None:
+        skipped = self._instants.skipped(sample.device_time_s)
+        self.missed = max(0, skipped - self._lost_since(asked_s)) if skipped else 0
+        self.lost = skipped - self.missed
 
     def _lost_since(self, asked_s: float) -> int:
         if self._counted is None:
@@ -130,12 +123,32 @@ class DeviceTime(VirtualTime):
         return self._lost - before
 
 
+class CountedTime(DeviceTime):
+    """The same, over a link that says what became of every sample."""
+
+    def __init__(self, dt: float, skipped: Skipped) -> None:
+        super().__init__(dt)
+        self._so_far = skipped
+
+    def start(self, sample: Sample) -> None:
+        super().start(sample)
+        self._before = self._so_far()
+
+    def _skip(self, sample: Sample, asked_s: float) -> None:
+        before = self._before
+        self._before = now = self._so_far()
+        self.lost, self.left_out, self.missed = (
+            now[0] - before[0], now[1] - before[1], now[2] - before[2],
+        )  # fmt: skip
+
+
 def timekeeper(rig: Rig, dt: float) -> Timekeeper:
     """The clock of a rig, for control periods of ``dt`` s."""
     if rig.identity.timebase == "host":
         return HostTime(dt)
     if rig.identity.timebase == "virtual":
         return VirtualTime(dt)
-    statistics: Any = getattr(rig, "statistics", None)
-    counted = hasattr(statistics, "lost")
-    return DeviceTime(dt, (lambda: int(statistics.lost)) if counted else None)
+    counts: Any = getattr(rig, "statistics", None)
+    if all(hasattr(counts, name) for name in ("lost", "left_out", "passed_over")):
+        return CountedTime(dt, lambda: (counts.lost, counts.left_out, counts.passed_over))
+    return DeviceTime(dt, (lambda: int(counts.lost)) if hasattr(counts, "lost") else None)

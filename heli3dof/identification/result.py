@@ -155,6 +155,7 @@ def report_json(report: RecordingReport) -> dict[str, Any]:
         "control_period_s": c.nominal_s,
         "jitter_s": c.jitter_s,
         "gaps": c.gaps,
+        "long_gaps": c.long_gaps,
         "lost_share": c.lost_share,
         "usable_share": report.usable_share,
         "left_out_share": report.left_out,

@@ -19,8 +19,6 @@ still right. Their share is reported.
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL, YAW
@@ -126,9 +124,8 @@ def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
     out = np.zeros(len(angle), dtype=bool)
     changes = np.flatnonzero(np.diff(angle) != 0) + 1
     edges = np.concatenate([[0], changes, [len(angle)]])
-    for a, b in itertools.pairwise(edges):
-        if b - a >= AT_STOP_S / dt:
-            out[a:b] = True
+    for k in np.flatnonzero(np.diff(edges) >= AT_STOP_S / dt):
+        out[edges[k] : edges[k + 1]] = True
     with np.errstate(invalid="ignore"):
         extremes = [x for x in (np.nanmax(angle), np.nanmin(angle)) if abs(x) > STOP_BEYOND]
         near = [np.abs(angle - x) <= AT_EXTREME for x in extremes]

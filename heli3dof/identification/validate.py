@@ -19,6 +19,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.identification.prepare import Prepared, Run
 from heli3dof.model.base import Model
+from heli3dof.model.filtering import LOST
 from heli3dof.model.loop_task import instants, loop_task, why_not_replayed
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
@@ -119,6 +120,9 @@ def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
     """Usable rows right before the run, where the filter may settle."""
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:
+            t = prepared.recordings[run.source].t
+            if t[run.start] - t[run.start - 1] > LOST * prepared.dt:
+                return 0
             return min(most, other.stop - other.start)
     return 0
 
@@ -129,8 +133,8 @@ def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
         r = prepared.recordings[i]
         if why := why_not_replayed(r):
             return f"not available: {r.name}: {why}"
-        if prepared.reports[i].clock.gaps:
-            return f"not available: {r.name} has gaps, so references are missing"
+        if prepared.reports[i].clock.long_gaps:
+            return f"not available: {r.name} has long gaps, so references are missing"
         if abs(r.dt / r.profile.dt - 1) > 0.01:
             return f"not available: {r.name} was not logged at the control rate"
     return ""

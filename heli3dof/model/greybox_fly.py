@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from heli3dof.model.greybox import GreyBoxModel
 
 ON_TABLE_BELOW = math.radians(-15.0)
-_law, _before, _after = compiled(control_law), compiled(before_law), compiled(after_law)
+_law = compiled(control_law, leaf=True)
+_before, _after = compiled(before_law, leaf=True), compiled(after_law, leaf=True)
 
 
 def _fly(  # type: ignore[no-untyped-def]
@@ -70,6 +71,7 @@ _fly_compiled = compiled(
     _fly,
     calls=(control_law, before_law, after_law, *kalman._CALLS),
     error_model="numpy",
+    nogil=True,
 )
 
 

@@ -21,7 +21,9 @@ L_k is the time-varying Kalman gain from an uncertain start, then its limit. The
 * any other model with K = 0 (output error): the same encoder noise, and a drift of the free
   response by ``DRIFT`` rad/√s, which is the same in every basis.
 
-An axis without readings has no part in the filter; a single lost reading is skipped.
+An axis without readings has no part in the filter; a lost reading is skipped, and so are samples
+of which the whole row is lost, up to a gap that the other filter does not cross either
+(`heli3dof.model.filtering.LOST`).
 """
 
 from __future__ import annotations
@@ -31,7 +33,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.model.compiled import compiled
+from heli3dof.model.filtering import LOST
 from heli3dof.model.state import state_spread
+from heli3dof.recording.bridged import bridged
 from heli3dof.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -54,8 +58,11 @@ def predict(model: LinearModel, recording: Recording, horizon_s: float) -> np.nd
     for the first h rows and for an axis that is not modelled or was not measured. Raises
     RecordingError where the sample interval is not the model's; see `LinearModel.at`.
     """
-    N = len(recording)
     model = model.at(recording.dt)
+    whole, own = bridged(recording, LOST)
+    if whole is not recording:
+        return np.asarray(predict(model, whole, horizon_s)[own])
+    N = len(recording)
     h = max(1, round(horizon_s / model.dt))
     axes = model.modelled & np.isfinite(recording.angle).any(axis=0)
     result = np.full((N, 3), np.nan)

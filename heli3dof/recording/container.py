@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import zlib
-from array import array
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, BinaryIO
 
@@ -21,7 +20,6 @@ from mcap.opcode import Opcode
 from mcap.records import (
     Channel,
     Chunk,
-    ChunkIndex,
     DataEnd,
     Footer,
     Header,
@@ -32,6 +30,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from heli3dof.recording.chunk_index import CODEC, chunk_indexes
 from heli3dof.recording.schema import RowFormat
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -40,15 +39,16 @@ LIBRARY = "heli3dof"
 PROFILE = "heli3dof.profile"
 PROVENANCE = "heli3dof.provenance"
 OUTCOME = "heli3dof.outcome"
-NUMBERS = 7
-"""That are kept of each chunk, for the summary"""
+SUMMARY_BYTES = 64 * 1024
+"""The summary is written in pieces of this size."""
 
 
 class McapFile:
-    """Writes one recording to an unbuffered binary stream.
+    """Writes one recording to an unbuffered binary stream, and keeps nothing of what it wrote.
 
-    ``good`` is the offset behind the last record that was written whole: what lies beyond it
-    after a failed write may be cut off.
+    Where the stream can be read, `finish` finds the chunks in it and adds their index; a pipe has
+    to do without. ``good`` is the offset behind the last record that was written whole: what lies
+    beyond it after a failed write may be cut off.
     """
 
     def __init__(
@@ -61,8 +61,11 @@ class McapFile:
         self._rows = rows
         self._compress = zstandard.ZstdCompressor(level=3).compress
         self._metadata: list[MetadataIndex] = []
-        # Seven numbers a chunk: a list of the library's records would grow a hundred times faster.
-        self._chunks = array("Q")
+        self._first = 0
+        """Where the first chunk may stand"""
+        self._times: tuple[int, int] | None = None
+        """Of the first and the last message"""
+        self.chunk_count = 0
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
         self._crc = 0
@@ -87,6 +90,7 @@ class McapFile:
         for record in (*self._schemas, *self._channels):
             record.write(builder)
         self._put(builder)
+        self._first = self.good
 
     def add_metadata(self, name: str, data: Mapping[str, Any]) -> None:
         """A Metadata record; every value is JSON text."""
@@ -101,17 +105,15 @@ class McapFile:
         rows = np.frombuffer(data, self._rows.dtype)
         times = rows[self._rows.layouts[0].name]["log_time"]
         start, end = int(times.min()), int(times.max())
-        packed = self._compress(data)
         builder = RecordBuilder()
         Chunk(
-            compression="zstd",
-            data=packed,
+            compression=CODEC,
+            data=self._compress(data),
             message_start_time=start,
             message_end_time=end,
             uncompressed_crc=zlib.crc32(data),
             uncompressed_size=len(data),
         ).write(builder)
-        chunk_length = builder.count
         for channel, offset in enumerate(self._rows.offsets, 1):
             entries = np.empty((len(rows), 2), "<u8")
             entries[:, 0] = times
@@ -121,79 +123,72 @@ class McapFile:
             builder.write4(entries.nbytes)
             builder.write(entries.tobytes())
             builder.finish_record()  # type: ignore[no-untyped-call]
-        index = (
-            start, end, self.good, chunk_length, builder.count - chunk_length,
-            len(packed), len(data),
-        )  # fmt: skip
         self._put(builder)
-        self._chunks.extend(index)
+        before = self._times or (start, end)
+        self._times = min(before[0], start), max(before[1], end)
+        self.chunk_count += 1
         self.row_count += len(rows)
 
     def finish(self) -> None:
         """The summary and the closing magic."""
         before = self.good
+        try:
+            self._finish()
+        except OSError:
+            self.good = before  # a data section that was declared ended is of no use alone
+            raise
+
+    def _finish(self) -> None:
+        chunks = (self._first, self.good)
         builder = RecordBuilder()
         DataEnd(self._crc).write(builder)
         self._put(builder)
+        self._crc = 0  # from here on of the summary
         start = self.good
         offsets: list[SummaryOffset] = []
         groups: tuple[tuple[Opcode, Iterable[Any]], ...] = (
             (Opcode.SCHEMA, self._schemas),
             (Opcode.CHANNEL, self._channels),
             (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, self._chunk_indexes()),
+            (Opcode.CHUNK_INDEX, self._chunk_indexes(chunks)),
             (Opcode.METADATA_INDEX, self._metadata),
         )
         for opcode, records in groups:
-            group = builder.count
+            group = self.good
             for record in records:
                 record.write(builder)
-            if builder.count > group:
-                offsets.append(SummaryOffset(opcode, start + group, builder.count - group))
-        offset_start = start + builder.count
+                if builder.count > SUMMARY_BYTES:
+                    self._put(builder)
+            self._put(builder)
+            if self.good > group:
+                offsets.append(SummaryOffset(opcode, group, self.good - group))
+        offset_start = self.good
         for offset in offsets:
             offset.write(builder)
-        summary = builder.end()  # type: ignore[no-untyped-call]
+        self._put(builder)
         footer = RecordBuilder()
         Footer(start, offset_start, 0).write(footer)
         head = footer.end()[:-4]  # type: ignore[no-untyped-call]  # the checksum covers the footer up to itself
-        builder.write(summary)
-        Footer(start, offset_start, zlib.crc32(head, zlib.crc32(summary))).write(builder)
+        Footer(start, offset_start, zlib.crc32(head, self._crc)).write(builder)
         builder.write(MAGIC)
-        try:
-            self._put(builder)
-        except OSError:
-            self.good = before  # a data section that was declared ended is of no use alone
-            raise
+        self._put(builder)
 
-    def _chunk_indexes(self) -> Iterator[ChunkIndex]:
-        """Where each chunk stands; its message indexes follow it, all of the same length."""
-        channels = len(self._channels)
-        for i in range(0, len(self._chunks), NUMBERS):
-            start, end, at, length, indexes, packed, size = self._chunks[i : i + NUMBERS]
-            first, each = at + length, indexes // channels
-            yield ChunkIndex(
-                message_start_time=start,
-                message_end_time=end,
-                chunk_start_offset=at,
-                chunk_length=length,
-                message_index_offsets={c + 1: first + c * each for c in range(channels)},
-                message_index_length=indexes,
-                compression="zstd",
-                compressed_size=packed,
-                uncompressed_size=size,
-            )
+    def _chunk_indexes(self, span: tuple[int, int]) -> Iterator[Any]:
+        if not (self._stream.readable() and self._stream.seekable()):
+            return iter(())
+        return chunk_indexes(self._stream, span, self.chunk_count, self._rows)
 
     def _statistics(self) -> Statistics:
+        start, end = self._times or (0, 0)
         return Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
             channel_message_counts={c.id: self.row_count for c in self._channels},
-            chunk_count=len(self._chunks) // NUMBERS,
+            chunk_count=self.chunk_count,
             message_count=self.row_count * len(self._channels),
             metadata_count=len(self._metadata),
-            message_start_time=min(self._chunks[0::NUMBERS], default=0),
-            message_end_time=max(self._chunks[1::NUMBERS], default=0),
+            message_start_time=start,
+            message_end_time=end,
             schema_count=len(self._schemas),
         )
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from heli3dof.errors import UsageError
 from heli3dof.recording.importing import import_log, is_log
+from heli3dof.recording.output import stem
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.scan import missing
 from heli3dof.rig.profile import Profile
@@ -31,7 +32,7 @@ def load(
                 f"{path} is a log, and a log does not say which rig it is from.",
                 cause="no profile was named.",
                 fix=f"add --profile PROFILE.toml, or once and for all: heli3dof import {path} "
-                f"--profile PROFILE.toml -o {path.name.split('.')[0]}.mcap",
+                f"--profile PROFILE.toml -o {stem(path)}.mcap",
             )
         return import_log(path, profile, columns)
     from heli3dof.recording.reader import read_recording

@@ -15,6 +15,19 @@ FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 """What the system answers when nothing more fits: disk, quota, largest file."""
 
 
+LOGS = (".csv.gz", ".csv", ".mat", ".mcap", ".parquet")
+
+
+def stem(path: Path) -> str:
+    """The file's name without the ending of a recording or a log; other dots are part of it.
+
+    >>> stem(Path("cable.yaw:0.1.mcap")), stem(Path("log.csv.gz"))
+    ('cable.yaw:0.1', 'log')
+    """
+    name = path.name
+    return next((name[: -len(e)] for e in LOGS if name.lower().endswith(e)), path.stem)
+
+
 def check_output(path: Path, *, force: bool) -> None:
     """Raise OutputExists or UsageError where ``path`` cannot be created."""
     if path.is_dir():
@@ -37,9 +50,21 @@ def check_output(path: Path, *, force: bool) -> None:
         )
 
 
+def mode(path: Path, *, force: bool) -> str:
+    """How to open ``path`` for writing: a file so that it can be read, too, a pipe or device not.
+
+    A pipe that its writer could read as well would never tell it that the reader has gone.
+    """
+    if not force:
+        return "x+b"
+    return "w+b" if path.is_file() or not path.exists() else "wb"
+
+
 @contextlib.contextmanager
 def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
     """A binary stream that becomes ``path`` when the block ends well, and vanishes when not.
+
+    A file's can be read back.
 
     Raises OutputExists, UsageError (no such folder, not permitted) or NoSpace.
     """
@@ -53,7 +78,7 @@ def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     with explained(path):
         try:
-            with part.open("xb", buffering=0) as stream:
+            with part.open("x+b", buffering=0) as stream:
                 yield stream
                 os.fsync(stream.fileno())
             if not force:

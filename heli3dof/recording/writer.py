@@ -19,7 +19,7 @@ from typing import Any, BinaryIO
 
 from heli3dof.errors import Heli3dofError, NoSpace, RecordingError
 from heli3dof.recording.container import OUTCOME, PROFILE, PROVENANCE, McapFile
-from heli3dof.recording.output import FULL, check_output, explained
+from heli3dof.recording.output import FULL, check_output, explained, mode
 from heli3dof.recording.row import Row
 from heli3dof.recording.schema import RowFormat, RowPacker
 from heli3dof.recording.syncing import Syncer
@@ -73,7 +73,9 @@ class RecordingWriter:
         about = {"name": self.path.stem, **(meta or {}), "start_ns": self.start_ns}
         ours_to_remove = not self.path.exists()
         with explained(self.path):
-            self._stream: BinaryIO = self.path.open("wb" if force else "xb", buffering=0)
+            self._stream: BinaryIO = self.path.open(  # type: ignore[assignment]
+                mode(self.path, force=force), buffering=0
+            )
             self._file = McapFile(self._stream, self._format)
             try:
                 self._file.start({PROFILE: profile_record(profile), PROVENANCE: about})

@@ -121,11 +121,8 @@ def causes(document: Document) -> Iterator[str]:
         said = f"{name}: {what}" if what else f"{name}."
         sure = f["confidence"]
         if f["tied_with"]:
-            others = listed([str(x) for x in f["tied_with"]], "or")
-            said += (
-                f" Something is there ({certainty(sure)}), but it cannot be told from {others} "
-                "by these recordings: any of them fits about as well."
-            )
+            said += f" Something is there ({certainty(sure)}), but it cannot be told from "
+            said += _others([str(x) for x in f["tied_with"]])
         elif sure is not None:
             said += f" Certainty that it is there: {certainty(sure)}."
         named = f["gain"]["holdout_log_likelihood"] is not None
@@ -136,10 +133,27 @@ def causes(document: Document) -> Iterator[str]:
             )
         elif named and f.get("like"):
             said += (
-                " Its size is open, or data that it has not seen do not surely confirm it: read it "
-                f"as {name}-like, something acts as this would."
+                " Its size is open, it may be what is wrong with another one's formula, or data "
+                f"that it has not seen do not surely confirm it: read it as {name}-like, something "
+                "acts as this would."
             )
         yield said
+
+
+def _others(tied: Sequence[str]) -> str:
+    """What a finding is tied with, and what would tell them apart where no flight does."""
+    counted = [n for n in tied if n.startswith("encoder.scale.")]
+    said = []
+    if flown := [n for n in tied if n not in counted]:
+        said.append(f"{listed(flown, 'or')} by these recordings: any of them fits about as well.")
+    if counted:
+        axes = listed([n.removeprefix("encoder.scale.") for n in counted], "and")
+        said.append(
+            f"{'Nor from ' if flown else ''}{listed(counted, 'or')} by any flight: turn {axes} by "
+            "hand through an angle that you know, and see with `heli3dof monitor` whether the "
+            "encoder counts as much."
+        )
+    return " ".join(said)
 
 
 def adopted(document: Document) -> bool:
@@ -177,7 +191,9 @@ def unadopted(document: Document) -> Iterator[str]:
         low, high = span
         why = str(x.get("why", "it does not surely pay on data that it has not seen"))
         if high is not None and high < 0:
-            why = "data that it has not seen contradict it: is the hold-out from the same rig?"
+            why = "data that it has not seen contradict it" + (
+                ": is the hold-out from the same rig?" if document["holdout"] else ""
+            )
         told = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"
         yield f"Not adopted: {x['effect']} fits these recordings better, but {why} ({told})."
     dark = [str(x) for x in document["not_identifiable"] if x not in NEVER]

@@ -111,7 +111,8 @@ class Rig(Protocol):
     """An open connection to one rig. Every method may raise DeviceError.
 
     A rig at a line may have ``statistics``, a dataclass of counters since it was opened, which the
-    recording's outcome keeps; ``lost`` among them, the samples that never came.
+    recording's outcome keeps; ``lost`` among them, the samples that were made and never came, and
+    ``left_out``, those that a device that was held up never made.
     """
 
     @property

@@ -7,16 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from heli3dof.diagnosis import diagnose as module
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.model.modelfile import load_model
+from heli3dof.recording.reader import read_recording
 from heli3dof.recording.store import write_recording
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import Said, heli3dof
 
+RIG = Path(__file__).parents[2] / "recordings" / "rig.toml"
 KEYS = {
     "schema", "recordings", "holdout", "verdict", "simulation_error", "calibration", "findings",
     "not_identifiable", "leftover", "next_experiment", "gain", "model",
@@ -158,6 +161,22 @@ def test_a_recording_at_fault_is_printed_and_exits_with_5(
     assert bad.code == 5
     assert bad.document["verdict"] == "bad_data"
     assert "recording itself is at fault" in bad.err
+
+
+def test_a_log_in_the_wrong_unit_is_bad_data_and_not_an_error(flight: Path, tmp_path: Path) -> None:
+    r = read_recording(flight)
+    columns = np.column_stack([r.t, r.voltage, r.angle])
+    log = tmp_path / "log.csv"
+    names = "t_s,v_front_V,v_back_V,roll_deg,pitch_deg,yaw_deg"
+    np.savetxt(log, columns, delimiter=",", fmt="%.9g", header=names, comments="")
+    bad = heli3dof("diagnose", log, "--profile", RIG, "-o", tmp_path / "m.json", "--json")
+    assert bad.code == 5
+    assert set(bad.document) >= KEYS
+    assert (bad.document["verdict"], bad.document["recordings"]) == ("bad_data", ["log"])
+    (fault,) = bad.document["integrity"]
+    assert "radians" in fault["cause"]
+    assert "roll_rad" in fault["fix"]
+    assert "Verdict: bad data" in bad.err
 
 
 def test_what_is_no_recording_and_a_log_without_a_profile_are_refused(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ REFUSED = Realtime(
 )
 GRANTED = Realtime((Check("real-time scheduling", "SCHED_FIFO", True),), True, True)
 OUTCOME = Outcome("completed", "flown", 1000, 5, 30, 31.2e-3, True, None, 2, FOUND, REFUSED)
+HELD_UP = replace(OUTCOME, left_out=7)
 
 
 def test_a_flights_end_says_late_missed_and_lost() -> None:
@@ -22,6 +23,13 @@ def test_a_flights_end_says_late_missed_and_lost() -> None:
         "late by more than 1 ms: 5 of 1000 periods; 30 missed by this computer, "
         "2 lost on the line; lateness median 2 µs, 99.9 % 0.40 ms, at most 31.20 ms"
     )
+
+
+def test_what_the_device_itself_left_out_is_not_put_down_to_the_line() -> None:
+    said = "30 missed by this computer, 2 lost on the line, 7 left out by the device"
+    assert said in punctuality_note(HELD_UP)
+    about = {"lateness": None, "samples": 9, "outcome_details": HELD_UP.details()}
+    assert dict(punctuality_rows(about))["skipped"] == said
 
 
 def test_a_flight_on_a_virtual_clock_says_nothing_of_it() -> None:

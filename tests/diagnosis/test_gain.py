@@ -8,14 +8,24 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.ahead import covariance_floor_deg, floor_deg, model_ahead
+from heli3dof.diagnosis.corrected import Corrected, Informed
 from heli3dof.diagnosis.gain import Course, HeldOut, gain, pays
-from heli3dof.diagnosis.gain_folds import PURGE_S, _near, _noise, on_blocks, on_holdout, training
+from heli3dof.diagnosis.gain_folds import (
+    PURGE_S,
+    _near,
+    _noise,
+    _refitted,
+    on_blocks,
+    on_holdout,
+    training,
+)
 from heli3dof.diagnosis.gain_replay import replayed
 from heli3dof.diagnosis.how_wrong import how_wrong
 from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
-from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.experiment.plan import load_plan, step_plan
+from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.method import fit_greybox, model_of, usable_runs
+from heli3dof.model.filtering import data_of
 from heli3dof.model.greybox import nominal
 from heli3dof.recording.recording import Recording
 
@@ -113,6 +123,35 @@ def test_the_right_extension_pays_and_a_needless_one_does_not(
     assert g.rmse_deg["yaw"].value > 0
     needless = on_blocks(fit_greybox(recording, (HIDDEN, "drag.quadratic.roll")))
     assert not pays(gain(better, needless))
+
+
+def test_without_a_flight_s_only_step_an_inertia_stays_near_what_was_believed(
+    base: Estimate,
+) -> None:
+    """What is left is a hold, whose score of J_roll says little and scatters: b is that scatter."""
+    step = fly_plan(step_plan((10.0, None, None)), device="mock:?speed=max", seed=1213).recording
+    runs = usable_runs(step, 0)
+    problem = Informed(data_of([step], runs), base.problem.structure)
+    fit = estimate(problem)
+    o = fit.optimum
+    at = problem.run(o.theta, o.noise)
+    tangents = problem.tangents(o.theta, at)
+    d = problem.data
+    rows = (int(np.searchsorted(d.t, 9.0)), int(np.searchsorted(d.t, 16.0)))
+    b = 300.0
+    bias = np.array([0.0, -b, 0.0, 0.0])  # as if holds had that false score of J_roll
+
+    def moved(scatter: np.ndarray | None) -> float:
+        """ln J_roll without the step, less with it."""
+        found = Corrected(problem, o, scatter, bias, np.zeros(3), 12)
+        return float((_refitted(found, at, tangents, rows) - o.theta)[1])
+
+    run_off = moved(None)
+    stays = moved(np.diag([1.0, b**2, 1.0, 1.0]))
+    assert run_off > np.log(2)  # twice the inertia
+    # Λ C/H ≫ H: within about b/(Λ C/H) of the prior's mean, a fraction of the tolerance.
+    tolerance = step.profile.tolerance
+    assert abs(o.theta[1] + stays - problem.prior_mean[1]) < tolerance
 
 
 def test_on_a_second_flight_the_right_extension_pays_too(base: Estimate, right: Estimate) -> None:

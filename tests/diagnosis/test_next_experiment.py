@@ -61,6 +61,21 @@ def test_the_same_seed_recommends_the_same(base: Estimate) -> None:
     assert one == two
 
 
+def test_leaving_out_what_cannot_win_changes_neither_the_plan_nor_its_forecast(
+    base: Estimate,
+) -> None:
+    causes = [Cause.typical(n) for n in ("motor.lag", "motor.delay", "motor.dead_zone")]
+    plans = ["ramp", "steps", "large", "doublets"]
+    together = recommend(base, causes, plans=plans)
+    alone = [recommend(base, causes, plans=[p]).ranking[0] for p in plans]
+    best = max(alone, key=lambda o: o.margin / o.duration_s)
+    assert together.ranking[0] == best
+    # Every other one promises less, whether it was flown on all three truths or on one.
+    for outlook in together.ranking[1:]:
+        assert outlook.margin / outlook.duration_s < best.margin / best.duration_s
+    assert sum(len(o.margins) for o in together.ranking) < 3 * len(plans)
+
+
 def test_where_no_plan_can_be_flown_it_is_said(base: Estimate) -> None:
     with pytest.raises(UsageError, match="No plan can be flown"):
         recommend(base, [Cause.typical("motor.lag")], plans=[])

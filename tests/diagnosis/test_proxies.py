@@ -68,15 +68,17 @@ def test_the_leftover_says_whose_place_it_took_unless_it_is_like_another() -> No
     assert named_like([left], []) == (left,)
 
 
-def test_what_data_not_seen_do_not_surely_confirm_is_only_alike() -> None:
-    def finding(low: float) -> Any:
+def test_what_data_not_seen_do_not_surely_confirm_or_was_weak_is_only_alike() -> None:
+    def finding(low: float, weak: bool = False) -> Any:
         return Finding(
-            cast(Any, SimpleNamespace(term=SimpleNamespace(name="motor.delay"))), {},
+            cast(Any, SimpleNamespace(term=SimpleNamespace(name="motor.delay"), weak=weak)), {},
             cast(Any, SimpleNamespace(log_likelihood=Interval(28.0, low, 71.0))), np.zeros(4),
         )  # fmt: skip
 
-    found = doubted([finding(-8.0), finding(3.0)], fit(1.0), [], held(0.0, 0.0))
-    assert [f.like for f in found] == [True, False]
+    found = doubted(
+        [finding(-8.0), finding(3.0), finding(3.0, weak=True)], fit(1.0), [], held(0.0, 0.0)
+    )
+    assert [f.like for f in found] == [True, False, True]
 
 
 def test_a_size_that_may_as_well_be_nothing_makes_no_sure_name() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from heli3dof.diagnosis.real_explains import explains, hover_voltage, steady
 from heli3dof.diagnosis.real_leftover import _judged
-from heli3dof.diagnosis.real_log import Flown, applies, gain
+from heli3dof.diagnosis.real_log import Flown, gain, no_likelihood
 from heli3dof.identification.greybox.multistep import Fitted
 from heli3dof.recording.recording import Recording
 from tests.diagnosis import rig_a
@@ -25,16 +25,16 @@ def quick(real: Recording) -> Fitted:
 
 
 def test_a_mock_flight_is_diagnosed_by_its_likelihood() -> None:
-    assert not applies([fly(1022).recording.between(0, 10)])
+    assert not no_likelihood([fly(1022).recording.between(0, 10)])
 
 
 def test_a_real_log_is_diagnosed_from_free_flights(real: Recording) -> None:
-    assert applies([real])
+    assert no_likelihood([real])
 
 
 def test_a_run_that_read_roll_alone_does_not_change_how_a_log_is_diagnosed(real: Recording) -> None:
-    assert applies([real, rig_a.recording("open-roll-7V-1")])
-    assert not applies([rig_a.recording("open-roll-7V-1")])
+    assert no_likelihood([real, rig_a.recording("open-roll-7V-1")])
+    assert not no_likelihood([rig_a.recording("open-roll-7V-1")])
 
 
 def test_more_voltage_is_needed_the_higher_the_arm_hangs(quick: Fitted) -> None:

@@ -90,3 +90,15 @@ def test_the_base_s_own_parameters_are_no_candidates() -> None:
     names = {t.effect.name for t in candidates()}
     assert not names & {"inertia", "mass.imbalance", "motor.thrust_gain"}
     assert "stiffness.cable.yaw" not in {t.name for t in candidates(["stiffness.cable.yaw"])}
+
+
+def test_what_a_cause_shares_with_a_probe_is_what_the_base_leaves_of_both() -> None:
+    """Informations 1, the base's share 0.6 of the probe, the cause's 0.48, by hand: the base leaves
+    1 − 0.36 = 0.64, of which the cause takes 0.48² = 0.2304, so ρ² = 0.36."""
+    screen = object.__new__(Screen)
+    screen.A, screen.cross = np.eye(2), np.array([[0.6], [0.48]])
+    screen.full, screen.v = np.array([1.0]), np.array([0.4096])
+    screen.plain, screen.scans = probes(term("bias.torque.yaw"), np.zeros((1, 2)))[:1], ()
+    assert screen.shared(0, np.array([False, True])) == pytest.approx(0.36)
+    assert screen.shared(0, np.array([False, False])) == 0.0
+    assert screen.shared(1, np.array([False, True])) == 0.0  # a scan

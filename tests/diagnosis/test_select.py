@@ -3,15 +3,31 @@
 from __future__ import annotations
 
 from functools import cache
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.corrected import Corrected, Informed
 from heli3dof.diagnosis.measured import forwards
-from heli3dof.diagnosis.select import Choice, this_one
-from heli3dof.diagnosis.steps import Bench, Step, base_of, extended, looked_at, without
+from heli3dof.diagnosis.select import WEAK, Choice, this_one
+from heli3dof.diagnosis.steps import (
+    Bench,
+    Step,
+    base_of,
+    eliminated,
+    extended,
+    looked_at,
+    without,
+)
+from heli3dof.diagnosis.tilted import maximise_tilted
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
+from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.model.effects import term
+from heli3dof.model.filtering import data_of
+from heli3dof.model.rig_model import Structure
 
 
 def step_of(plan: Plan, hide: str, seed: int) -> tuple[Bench, Step]:
@@ -42,6 +58,48 @@ def test_a_cause_once_taken_is_gone_from_what_is_left_and_can_be_taken_out_again
     assert max(z for _, z in left.largest) < step.nulls.threshold
     less = without(found, choice.term)
     assert less.structure.terms == ()
+
+
+def test_a_second_cause_that_moves_the_rig_as_the_first_does_is_told_weakly() -> None:
+    """κF hardly varies in flight, so κ takes a constant torque's place: 0.015 N·m are 0.0083 m of κ
+    at F = T_g/L_a = 1.8 N, and what tells the two apart is little."""
+    hide = "bias.torque.yaw:0.015,aero.reaction_torque:0.012"
+    bench, step = step_of(load_plan("rich"), hide, 1041)
+    assert step.choice is not None
+    assert not step.choice.weak
+    found = extended(bench, step.choice)
+    second = looked_at(bench, found, 10)
+    again = second.chosen(bench, step.choice.score).choice
+    assert again is not None
+    assert again.weak
+    assert again.score < WEAK
+    assert {step.choice.term.name, again.term.name} == {"bias.torque.yaw", "aero.reaction_torque"}
+    # As a first cause it is what it is.
+    first = second.chosen(bench, None).choice
+    assert first is not None
+    assert not first.weak
+
+
+def test_play_in_roll_is_not_made_up_for_by_its_false_slopes() -> None:
+    """Without the play noise swells fifty-fold; slopes seen beside it, taken off along a line that
+    far, were worth thousands, drew T_g to −8 N·m, and the play went for superfluous."""
+    play = term("encoder.backlash.roll")
+    device = "mock:?speed=max&seed=1031&hide=encoder.backlash.roll:1.0"
+    flown = fly_plan(load_plan("rich"), device=device, seed=1031).recording.between(0.0, 20.0)
+    structure = Structure(flown.profile, (play,))
+    problem = Informed(data_of([flown], usable_runs(flown, 0)), structure)
+    start = problem.coordinates(np.array([f.start for f in structure.free[:-1]] + [1.0]))
+    fit = maximise_tilted(problem, start, np.array([0.003, 0.014, 0.0025, 0.0]), None)
+    slopes = np.array([1235.0, -92.0, -148.0, -79.0, -14.0])  # of hidden case rich-pair-40020
+    found = Corrected(problem, fit, np.eye(5), slopes, np.array([692.0, 10.0, -32.0]), 12)
+    less = without(found, play)
+    assert less.values[0] == pytest.approx(found.values[0], rel=0.05)  # T_g
+    assert less.optimum.loglik < found.optimum.loglik - 100
+    taken = SimpleNamespace(choice=SimpleNamespace(term=play), nulls=SimpleNamespace(inflation=1.0))
+    bench = Bench((flown,), 0, 4)
+    kept, steps = eliminated(bench, found, [cast(Step, taken), cast(Step, taken)])
+    assert kept is found
+    assert len(steps) == 2
 
 
 def test_in_a_plain_step_a_delay_is_named_or_tied_never_excluded() -> None:

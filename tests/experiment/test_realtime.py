@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from heli3dof.experiment import realtime as module
-from heli3dof.experiment.realtime import Realtime, _cores, realtime
+from heli3dof.experiment.realtime import Realtime, realtime
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="Linux's own calls")
 
@@ -121,8 +121,3 @@ def test_a_system_without_real_time_scheduling_says_so(monkeypatch: pytest.Monke
         found = check(granted, "real-time scheduling")
     assert found.good is None
     assert not granted.refused or granted.refused[0].what != "real-time scheduling"
-
-
-def test_isolated_cores_are_read_as_the_kernel_writes_them() -> None:
-    assert _cores("2-3,7") == {2, 3, 7}
-    assert _cores("5") == {5}

@@ -17,9 +17,8 @@ from heli3dof.identification.greybox.freeflight import (
     model_of,
     problem_of,
 )
-from heli3dof.identification.greybox.method import DEFAULT_TERMS, lying_clocks
+from heli3dof.identification.greybox.method import DEFAULT_TERMS, clock_lies
 from heli3dof.identification.greybox.multistep import robust, scales
-from heli3dof.identification.prepare import prepare
 from heli3dof.model.modelfile import load_model, save_model
 from heli3dof.recording.recording import Recording
 from tests.identification.known_flights import fly
@@ -86,7 +85,7 @@ def test_a_real_take_off_counts_from_the_end_of_its_climb(real: Recording) -> No
 
 
 def test_a_real_logs_clock_is_found_to_lie(real: Recording) -> None:
-    assert lying_clocks(prepare([real]))
+    assert clock_lies(real)
 
 
 def test_predictions_find_a_pitch_encoder_that_was_zeroed_elsewhere(

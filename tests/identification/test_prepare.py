@@ -37,7 +37,7 @@ def test_unequal_sample_times_weigh_the_voltage_by_how_long_it_was_held() -> Non
     np.testing.assert_allclose(cut.u[0], 1.45)
 
 
-def test_segments_never_reach_across_a_gap() -> None:
+def test_segments_never_reach_across_a_long_gap() -> None:
     rec = flying()
     keep = np.ones(len(rec), dtype=bool)
     keep[4000:4050] = False
@@ -49,8 +49,37 @@ def test_segments_never_reach_across_a_gap() -> None:
         (7462, 9950),
     ]
     clock = p.reports[0].clock
-    assert clock.gaps == 1
+    assert clock.gaps == clock.long_gaps == 1
     assert clock.lost_share == pytest.approx(50 / 10_000)
+
+
+def test_a_lost_sample_costs_no_run() -> None:
+    whole = flying()
+    lost = np.arange(100, 10_000, 250)  # the last of them in the data set aside
+    rec = whole.rows(np.delete(np.arange(10_000), lost))
+    p = prepare([rec])
+    assert len(p.train) == len(p.held_out) == 1
+    assert p.reports[0].clock.gaps == len(lost)
+    assert p.reports[0].clock.long_gaps == 0
+
+
+def test_over_lost_samples_the_voltage_is_held_and_the_angle_interpolated() -> None:
+    whole = flying()
+    lost = [200, 207, 208]
+    rec = whole.rows(np.delete(np.arange(10_000), lost))
+    (cut,) = segments(prepare([rec]), [Run(0, 0, 997)], 10)
+    (true,) = segments(prepare([whole]), [Run(0, 0, 1000)], 10)
+    assert len(cut.y) == len(true.y) == 100
+    untouched = np.delete(np.arange(100), [19, 20])
+    np.testing.assert_allclose(cut.u[untouched], true.u[untouched], rtol=1e-9)
+    np.testing.assert_array_equal(np.delete(cut.y, 20, axis=0), np.delete(true.y, 20, axis=0))
+    # Sample 200 would have been picked: it lies half-way between 199 and 201.
+    np.testing.assert_allclose(cut.y[20], whole.angle[[199, 201]].mean(axis=0), rtol=1e-9)
+    # Row 20 holds samples 200 … 209: the 199th's voltage, 201 … 206, the 206th's twice more, 209.
+    held = whole.voltage[[199, 201, 202, 203, 204, 205, 206, 206, 206, 209]].mean(axis=0)
+    # But what was held in row 19's last sample still belongs to row 19.
+    np.testing.assert_allclose(cut.u[20], held, rtol=1e-9)
+    np.testing.assert_allclose(cut.u[19], true.u[19], rtol=1e-9)
 
 
 def test_the_clock_tells_period_and_jitter() -> None:

@@ -163,6 +163,14 @@ def test_single_lost_readings_and_voltages_are_bridged() -> None:
     assert abs(error).max() / DEG < 0.01
 
 
+def test_samples_that_never_came_are_bridged_and_cost_no_time() -> None:
+    flight = hover_flight(quantised=False)
+    there = np.delete(np.arange(len(flight)), np.arange(1000, len(flight) - 1, 97))
+    # In a flight that goes on without them, each lost row would be a step of the clock swallowed.
+    error = (predict(HOVER, flight.rows(there), 0.1) - flight.angle[there])[100:]
+    assert abs(error).max() / DEG < 0.01
+
+
 def test_hover_predicts_at_any_rate_and_an_identified_model_at_its_own_only() -> None:
     flight = hover_flight()
     halved = flight.rows(slice(None, None, 2))

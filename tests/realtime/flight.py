@@ -118,11 +118,11 @@ class FlightProcess:
 
 @contextmanager
 def firmware(program: str, *options: str) -> Iterator[str]:
-    """The C firmware in a process of its own; the URL of its pseudo-terminal."""
+    """The C firmware in a process of its own; the URL of its pseudo-terminal, or of its port."""
     with subprocess.Popen([program, *options], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        path = process.stdout.readline().strip()
+        said = process.stdout.readline().strip()
         try:
-            yield f"serial://{path}"
+            yield f"serial+{said}" if "://" in said else f"serial://{said}"
         finally:
             process.kill()

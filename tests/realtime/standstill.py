@@ -1,42 +1,32 @@
 """When the machine itself stood still: a virtual one is not always given its processors.
 
-On every processor a process above all others (SCHED_FIFO, where permitted) sleeps for `EVERY_S`
-again and again; where it wakes more than `STILL_S` late, nothing else there could have run in time
-either.
+On every processor a process above all others (SCHED_FIFO, where permitted) sleeps for 0.25 ms again
+and again; where it wakes more than 0.4 ms late, nothing else there could have run in time either.
+So whatever stands still for 0.65 ms and more is seen.
 """
 
 from __future__ import annotations
 
+import fcntl
+import functools
 import os
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from heli3dof.recording.recording import Recording
+from tests.drivers.firmware.building import BUILD, COMPILER
 
-EVERY_S = 1e-3
-STILL_S = 0.7e-3
+SOURCE = Path(__file__).with_name("standstill.c")
 LATE_S = 1e-3
-AFTER_S = 5e-3
+AFTER_S = 2e-3
 """What was queued meanwhile is late for a little longer."""
-PROGRAM = f"""
-import os, sys, time
-os.sched_setaffinity(0, {{int(sys.argv[1])}})
-try:
-    os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(95))
-except OSError:
-    pass
-print("watching", flush=True)
-while True:
-    start = time.monotonic()
-    time.sleep({EVERY_S})
-    if time.monotonic() - start > {EVERY_S + STILL_S}:
-        print(start, time.monotonic(), flush=True)
-"""
+WRAP = 2**32
+"""The device's clock, in µs"""
 
 
 @dataclass
@@ -49,6 +39,15 @@ class Standstills:
     def worst_s(self) -> float:
         return max((b - a for a, b in self.seen), default=0.0)
 
+    @property
+    def together_s(self) -> float:
+        """s that are put down to them, what several processors share once."""
+        total, until = 0.0, float("-inf")
+        for a, b in sorted(self.seen):
+            total += max(0.0, b + AFTER_S - max(a, until))
+            until = max(until, b + AFTER_S)
+        return total
+
     def covers(self, start_s: np.ndarray, end_s: np.ndarray) -> np.ndarray:
         """(n,) bool: whether an interval has a part in a standstill, or just after one."""
         out = np.zeros(len(start_s), dtype=bool)
@@ -59,10 +58,10 @@ class Standstills:
 
 @contextmanager
 def watched() -> Iterator[Standstills]:
-    """Watches while the block runs."""
+    """Watches while the block runs; sees nothing where there is no C compiler."""
     found = Standstills()
     with ExitStack() as each:
-        said = [each.enter_context(_on(cpu)) for cpu in sorted(os.sched_getaffinity(0))]
+        said = [each.enter_context(_on(cpu)) for cpu in sorted(os.sched_getaffinity(0)) if COMPILER]
         try:
             yield found
         finally:
@@ -74,22 +73,76 @@ def watched() -> Iterator[Standstills]:
             found.seen.sort()
 
 
+@functools.cache
+def _program() -> str:
+    program = BUILD / "standstill"
+    BUILD.mkdir(parents=True, exist_ok=True)
+    with (BUILD / ".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        made = ["cc", "-O2", "-Wall", "-D_GNU_SOURCE", "-o", str(program), str(SOURCE)]
+        if not program.exists() or program.stat().st_mtime < SOURCE.stat().st_mtime:
+            subprocess.run(made, check=True)
+    return str(program)
+
+
 @contextmanager
 def _on(cpu: int) -> Iterator[subprocess.Popen[str]]:
-    words = [sys.executable, "-c", PROGRAM, str(cpu)]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen([_program(), str(cpu)], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         process.stdout.readline()
         yield process
 
 
-def late_of_its_own(recording: Recording, still: Standstills) -> tuple[int, int]:
-    """(late periods, those of them outside standstills); missed periods count as late."""
+@dataclass(frozen=True)
+class Lateness:
+    """Periods that came late or were missed, each under the first cause that explains it."""
+
+    periods: int
+    """All there were, those that were missed too"""
+    late: int
+    stood_still: int
+    """Their way fell into a standstill of the machine."""
+    device: int
+    """The firmware's own process wrote the sample late, by so much that it was in time else."""
+    own: int
+    """What is left: the line's, the kernel's, ours"""
+    own_times: int
+    """How often that was: several missed periods in a row are one time"""
+    own_worst_s: float
+
+
+def lateness(
+    recording: Recording, still: Standstills, written_late_s: dict[int, float] | None = None
+) -> Lateness:
+    """What late periods of a flight are to be put down to.
+
+    ``written_late_s``: by a sample's time on the device's clock (µs modulo 2³²), how long after
+    it the device wrote it, as ``heli3dof-rig --late`` tells.
+    """
     channels = recording.channels
     came, late = channels["host_time_s"], channels["lateness_s"]
-    device = channels["device_time_s"]
-    before = np.diff(device, prepend=device[0] - recording.dt)
-    missed = np.maximum(np.rint(before / recording.dt).astype(int) - 1, 0)
+    before = np.diff(channels["device_time_s"], prepend=channels["device_time_s"][0] - recording.dt)
+    skipped = np.maximum(np.rint(before / recording.dt).astype(int) - 1, 0)
+    # The host missed as many of these as it was late for; what the device left out is not late.
+    missed = np.minimum(skipped, np.floor(late / recording.dt + 1e-6).astype(int))
     count = missed + (late > LATE_S)
-    own = ~still.covers(came - late - missed * recording.dt, came)
-    return int(count.sum()), int(count[own].sum())
+    in_standstill = still.covers(came - late, came)
+    times = np.rint(channels["device_time_s"] * 1e6).astype(np.int64) % WRAP
+    kept = np.array([(written_late_s or {}).get(int(t), 0.0) for t in times])
+    of_device = ~in_standstill & (count == 1) & (late - kept <= LATE_S)
+    own = ~in_standstill & ~of_device & (count > 0)
+    return Lateness(
+        int(len(late) + missed.sum()),
+        int(count.sum()),
+        int(count[in_standstill].sum()),
+        int(count[of_device].sum()),
+        int(count[own].sum()),
+        int(own.sum()),
+        float(late[own].max(initial=0.0)),
+    )
+
+
+def written_late(path: Path) -> dict[int, float]:
+    """What ``heli3dof-rig --late`` wrote."""
+    rows = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
+    return {int(time): int(late) * 1e-6 for time, late in rows}

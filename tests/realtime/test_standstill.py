@@ -1,29 +1,67 @@
-"""Lateness that the machine's own standstills explain, and lateness that they do not."""
+"""Lateness that standstills of the machine or of the firmware explain, and what neither does."""
 
 from __future__ import annotations
 
+import time
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
-from tests.realtime.standstill import Standstills, late_of_its_own, watched
+from tests.realtime.standstill import WRAP, Standstills, lateness, watched, written_late
+
+DT = 2e-3
+
+
+def flight(skipped: dict[int, int], late_s: dict[int, float], start_s: float = 0.0) -> Any:
+    """Ten samples: so many periods skipped before one, and how late it came."""
+    device = start_s + DT * np.cumsum([1 + skipped.get(k, 0) for k in range(10)])
+    late = np.array([late_s.get(k, 0.0) for k in range(10)])
+    channels = {
+        "host_time_s": 100 + device - start_s + late, "lateness_s": late, "device_time_s": device,
+    }  # fmt: skip
+    return cast(Any, SimpleNamespace(channels=channels, dt=DT))
 
 
 def test_late_and_missed_periods_are_told_apart_by_when_the_machine_stood_still() -> None:
-    dt = 2e-3
-    device = dt * np.arange(10.0)
-    device[6:] += 3 * dt  # three periods missed before the sixth
-    late = np.zeros(10)
-    late[3], late[6] = 4e-3, 6e-3
-    channels = {"host_time_s": 100 + device + late, "lateness_s": late, "device_time_s": device}
-    flight = cast(Any, SimpleNamespace(channels=channels, dt=dt))
-    assert late_of_its_own(flight, Standstills()) == (5, 5)
-    # By hand: the machine stood still from 100.013 to 100.019, the sixth row's way.
-    assert late_of_its_own(flight, Standstills([(100.013, 100.019)])) == (5, 1)
+    # Sample 6 comes after three missed periods and is late itself.
+    rows = flight({6: 3}, {3: 4e-3, 6: 7.5e-3})
+    found = lateness(rows, Standstills())
+    assert (found.late, found.stood_still, found.device, found.own) == (5, 0, 0, 5)
+    assert (found.own_times, found.own_worst_s) == (2, 7.5e-3)
+    # By hand: sample 6 was due at 100.020, and the machine stood still until just before.
+    found = lateness(rows, Standstills([(100.013, 100.0195)]))
+    assert (found.late, found.stood_still, found.own, found.own_times) == (5, 4, 1, 1)
 
 
-def test_a_watch_that_sees_nothing_ends_with_nothing_or_with_times_that_rise() -> None:
+def test_what_the_device_left_out_or_the_line_lost_is_no_lateness() -> None:
+    assert lateness(flight({6: 3}, {6: 0.4e-3}), Standstills()).late == 0
+    assert lateness(flight({6: 3}, {6: 1.4e-3}), Standstills()).late == 1
+
+
+def test_a_sample_that_the_firmware_itself_wrote_late_is_its_own() -> None:
+    start_s = (WRAP - 3000) * 1e-6  # the device's clock wraps on the way
+    rows = flight({}, {3: 1.5e-3, 5: 4e-3}, start_s)
+    times = np.rint(rows.channels["device_time_s"] * 1e6).astype(np.int64) % WRAP
+    kept = {int(times[3]): 1.2e-3, int(times[5]): 1.2e-3}
+    found = lateness(rows, Standstills(), kept)
+    assert (found.late, found.device, found.own) == (2, 1, 1), "2.8 ms of the other are not its"
+
+
+def test_the_firmwares_log_is_read_as_it_writes_it(tmp_path: Path) -> None:
+    (tmp_path / "late").write_text("4294967295 250\n12 31000\n")
+    assert written_late(tmp_path / "late") == {4294967295: 250e-6, 12: pytest.approx(31e-3)}
+
+
+def test_standstills_of_several_processors_at_once_count_once() -> None:
+    # 1.000 to 1.010 and 1.005 to 1.012, each with 2 ms behind it: 14 ms; then another 3.
+    seen = [(1.0, 1.01), (1.005, 1.012), (2.0, 2.001)]
+    assert Standstills(seen).together_s == pytest.approx(0.014 + 0.003)
+
+
+def test_a_watch_sees_nothing_or_times_that_rise() -> None:
     with watched() as still:
-        pass
-    assert all(a < b for a, b in still.seen)
+        time.sleep(0.2)
+    assert all(a + 0.6e-3 < b for a, b in still.seen)

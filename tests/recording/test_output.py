@@ -10,7 +10,15 @@ from pathlib import Path
 import pytest
 
 from heli3dof.errors import NoSpace, OutputExists, UsageError
-from heli3dof.recording.output import new_file
+from heli3dof.recording.output import new_file, stem
+
+
+@pytest.mark.parametrize(
+    ("name", "plain"),
+    [("cable.yaw:0.1.mcap", "cable.yaw:0.1"), ("log.CSV.gz", "log"), ("flight", "flight")],
+)
+def test_what_comes_of_a_recording_keeps_the_dots_of_its_name(name: str, plain: str) -> None:
+    assert stem(Path(name)) == plain
 
 
 def test_a_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:

@@ -180,14 +180,13 @@ static void stream(struct device *device, uint64_t now_us)
 {
     const uint64_t end_us = device->heard_us + STREAM_UNHEARD_US;
     if (now_us >= device->next_us && device->next_us <= end_us) {
-        /* Late by more than a period: the samples in between are left out, never sent in a burst;
-         * their numbers show it. */
+        /* Late by more than a period: the samples in between are never made, nor sent in a burst.
+         * The time shows it; a gap in the numbers would say that the line lost them. */
         const uint64_t late_us = now_us - device->next_us;
-        const uint64_t missed = late_us / device->period_us;
+        const uint64_t left_out = late_us / device->period_us;
         if (late_us > device->late_us)
             device->late_us = late_us < UINT32_MAX ? (uint32_t)late_us : UINT32_MAX;
-        device->samples += (uint32_t)missed;
-        device->next_us += (missed + 1) * device->period_us;
+        device->next_us += (left_out + 1) * device->period_us;
         send_sample(device, now_us);
     }
     if (now_us > end_us)

@@ -54,7 +54,7 @@ struct device {
     uint64_t period_us; /* 0: no stream */
     uint64_t next_us;   /* the stream's next instant */
     uint64_t sampled_us;
-    uint32_t samples;
+    uint32_t samples; /* made since the start, or the arming */
     bool fresh; /* a command came since the last sample */
 
     uint64_t start_us, heard_us;

@@ -18,14 +18,16 @@
 #include "hal.h"
 #include "pty.h"
 #include "rig.h"
+#include "tcp.h"
 
 #define REAL_TIME_PRIORITY 80 /* hardware never waits for its host */
 #define TURN_US 1000u
+#define LATE_US 200u /* a turn takes some 10 us */
 
 static struct options options;
 static struct bench bench;
 static struct device device;
-static int line = -1, log_file = -1;
+static int line = -1, listener = -1, log_file = -1, late_file = -1;
 static volatile sig_atomic_t ended;
 
 /* ---- HAL ------------------------------------------------------------------------------- */
@@ -62,8 +64,11 @@ static uint8_t on_the_way(uint8_t byte)
 
 size_t hal_read(uint8_t *bytes, size_t room)
 {
-    const size_t n = pty_read(line, bytes, room);
-    size_t kept = 0;
+    size_t n = 0, kept = 0;
+    if (listener < 0)
+        n = pty_read(line, bytes, room);
+    else if (line >= 0 || (line = tcp_accept(listener)) >= 0)
+        n = tcp_read(&line, bytes, room);
     for (size_t i = 0; i < n; i++) {
         if (!happens(options.drop))
             bytes[kept++] = on_the_way(bytes[i]);
@@ -74,6 +79,8 @@ size_t hal_read(uint8_t *bytes, size_t room)
 size_t hal_write(const uint8_t *bytes, size_t n)
 {
     size_t sent = 0;
+    if (line < 0)
+        return n; /* nobody there */
     if (options.drop <= 0 && options.corrupt <= 0)
         return pty_write(line, bytes, n);
     for (; sent < n; sent++) {
@@ -160,27 +167,51 @@ static void wait_for_host_or_time(void)
     const uint64_t until_us = next_us < now_us + TURN_US ? next_us : now_us + TURN_US;
     const uint64_t left_us = until_us > now_us ? until_us - now_us : 0;
     const struct timespec left = {0, (long)left_us * 1000};
-    struct pollfd ready = {line, POLLIN, 0};
+    struct pollfd ready = {line >= 0 ? line : listener, POLLIN, 0};
     if (link_out_peek(&device.out, &at) > 0)
         ready.events |= POLLOUT;
     ppoll(&ready, 1, &left, NULL);
 }
 
+static int opened(const char *option, const char *path)
+{
+    const int file = open(path, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+    if (file < 0) {
+        fprintf(stderr, "heli3dof-rig: %s %s: %s\n", option, path, strerror(errno));
+        exit(2);
+    }
+    return file;
+}
+
+/* A sample that was taken in this turn, and written only now. */
+static void log_late(uint64_t sampled_before_us)
+{
+    const uint64_t took_us = hal_now_us() - device.sampled_us;
+    char text[48];
+    if (late_file < 0 || device.sampled_us == sampled_before_us || took_us <= LATE_US)
+        return;
+    const int n = snprintf(text, sizeof text, "%u %u\n", (unsigned)(uint32_t)device.sampled_us,
+                           (unsigned)took_us);
+    if (write(late_file, text, (size_t)n) < 0)
+        late_file = -1;
+}
+
 static void open_doors(void)
 {
     char path[64];
-    line = pty_open(path, sizeof path);
-    if (line < 0) {
-        fprintf(stderr, "heli3dof-rig: no PTY: %s\n", strerror(errno));
+    if (options.tcp >= 0)
+        listener = tcp_listen((uint16_t)options.tcp, path, sizeof path);
+    else
+        line = pty_open(path, sizeof path);
+    if (line < 0 && listener < 0) {
+        fprintf(stderr, "heli3dof-rig: no %s: %s\n", options.tcp >= 0 ? "port" : "PTY",
+                strerror(errno));
         exit(3);
     }
-    if (options.log) {
-        log_file = open(options.log, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
-        if (log_file < 0) {
-            fprintf(stderr, "heli3dof-rig: --log %s: %s\n", options.log, strerror(errno));
-            exit(2);
-        }
-    }
+    if (options.log)
+        log_file = opened("--log", options.log);
+    if (options.late)
+        late_file = opened("--late", options.late);
     if (options.link) {
         unlink(options.link);
         if (symlink(path, options.link) < 0) {
@@ -209,7 +240,9 @@ int main(int argc, char **argv)
     start();
     while (!ended && !(options.with_parent && getppid() != parent)) {
         wait_for_host_or_time();
+        const uint64_t sampled_us = device.sampled_us;
         rig_turn(&device);
+        log_late(sampled_us);
         if (device.state == ARMED && bench.armed_s >= NEVER)
             bench.armed_s = monotonic_s();
         if (!reset && bench_due(&bench, monotonic_s(), options.reset_s)) {

@@ -11,8 +11,11 @@ static const char HELP[] =
     "is the PTY's path; it serves until it is ended.\n"
     "\n"
     "  --serial S                 serial number (FW-0001)\n"
+    "  --tcp PORT                 no PTY: 127.0.0.1, port PORT (0: any); socket://… is printed\n"
     "  --link PATH                a symbolic link to the PTY, removed at the end\n"
     "  --log FILE                 appends 'CLOCK_MONOTONIC_s enabled front_V back_V' at each change\n"
+    "  --late FILE                appends 'time_us late_us' of each sample that was written more\n"
+    "                             than 0.2 ms after its time: the program itself was held up\n"
     "  --counts ROLL,PITCH,YAW    per revolution, negative: falls as the angle rises\n"
     "  --with-parent              end when the process that started it ends\n"
     "  --watchdog MS  --ramp MS   the device's own (100, 200)\n"
@@ -98,7 +101,7 @@ static const char *axis_at(const char *option, const char *text, enum axis *axis
 }
 
 enum name {
-    HELP_WANTED = 1, WITH_PARENT, SERIAL, LINK, LOG, COUNTS, WATCHDOG, RAMP, SHORTEST,
+    HELP_WANTED = 1, WITH_PARENT, SERIAL, LINK, LOG, LATE, TCP, COUNTS, WATCHDOG, RAMP, SHORTEST,
     FAULT, STALL, BUTTON, RESET, FREEZE, JUMP, DROP, CORRUPT, SEED,
 };
 
@@ -108,6 +111,8 @@ static const struct option KNOWN[] = {
     {"serial", required_argument, NULL, SERIAL},
     {"link", required_argument, NULL, LINK},
     {"log", required_argument, NULL, LOG},
+    {"late", required_argument, NULL, LATE},
+    {"tcp", required_argument, NULL, TCP},
     {"counts", required_argument, NULL, COUNTS},
     {"watchdog", required_argument, NULL, WATCHDOG},
     {"ramp", required_argument, NULL, RAMP},
@@ -137,6 +142,7 @@ static const struct options DEFAULTS = {
     .freeze_s = NEVER,
     .jump_s = NEVER,
     .seed = 1,
+    .tcp = -1,
 };
 
 static void jump(struct options *o, const char *text)
@@ -161,6 +167,8 @@ struct options options_read(int argc, char **argv)
         case SERIAL: o.serial = optarg; break;
         case LINK: o.link = optarg; break;
         case LOG: o.log = optarg; break;
+        case LATE: o.late = optarg; break;
+        case TCP: o.tcp = (int)whole(name, optarg, 65535); break;
         case COUNTS:
             if (sscanf(optarg, "%d,%d,%d", &o.counts[0], &o.counts[1], &o.counts[2]) != 3)
                 refuse(name, optarg, "three whole numbers, as 4096,4096,8192");

@@ -111,6 +111,11 @@ int main(int argc, char **argv)
         if (sscanf(line, "%" SCNu64 " %n", &now_us, &used) < 1)
             continue;
         const char *rest = line + used;
+        if (*rest == '!') { /* held up until now: what was due meanwhile finds nobody */
+            device_tick(&device, now_us);
+            print_answers(now_us);
+            continue;
+        }
         advance(now_us);
         if (*rest != '>')
             continue;

@@ -109,16 +109,18 @@ def device(view: View) -> Iterable[Fault]:
 
 
 def repeated(view: View) -> Iterable[Fault]:
-    """Rows that repeat the one before in every angle and both voltages, off the limiter.
+    """Rows that repeat the one before in everything that was flown, off the limiter.
 
     In closed loop the voltage answers every count and filters in between, so it is never twice
-    the same; a constant voltage (open loop) says nothing here.
+    the same; a constant voltage (open loop) says nothing here. With one axis let go and the
+    others at rest it may stand for a few rows: then what the experiment adds does not.
     """
     r = view.recording
     if len(r) < 2 * NEAR:
         return
-    same = (np.diff(r.voltage, axis=0) == 0).all(axis=1)
-    same &= ((np.diff(r.angle, axis=0) == 0) | np.isnan(r.angle[1:])).all(axis=1)
+    flown = np.hstack([r.voltage, r.angle, r.voltage_extra])
+    same = ((np.diff(flown, axis=0) == 0) | np.isnan(flown[1:])).all(axis=1)
+    same &= np.isfinite(r.voltage[1:]).all(axis=1)
     told = ~view.clipped[1:] & (np.abs(r.voltage[1:]) > 1e-9).any(axis=1)
     changes = (np.diff(r.voltage, axis=0) != 0).any(axis=1)
     told &= np.convolve(changes.astype(float), np.ones(NEAR), "same") > NEAR / 10

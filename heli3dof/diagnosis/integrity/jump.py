@@ -1,9 +1,11 @@
 """A step of many counts within one sample: no arm turns that fast.
 
 d_k = (q_k − q_{k−1}) / (n_k − n_{k−1}) is the change per sample; a jump is where it leaves the mean
-of its neighbours' by more than `COUNTS` counts, `ANGLE` and `RATE` times the period. Impacts on
-the table or a stop change the rate by 150°/s at most, a tenth of it at 500 Hz. Smaller losses
-(a few counts) cannot be told from motion.
+of its neighbours' by more than `COUNTS` counts, `ANGLE` and `RATE` times the time between the two
+samples: where a second is missing, an arm gets far. Impacts on the table or a stop change the
+rate by 150°/s at most, a tenth of it at 500 Hz. Smaller losses (a few counts) cannot be told from
+motion. An axis that stood on one count for `STOOD_S` before may have been frozen, and jumps to
+where it really is; or it rested and its counter was reset: both are said.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ RATE = np.radians(600.0)
 FEW = 20
 """More jumps than this may be another unit."""
 WRAP = np.radians(5.0)
+STOOD_S = 0.4
 
 
 def leaps(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
@@ -38,7 +41,8 @@ def leaps(view: View, i: int) -> tuple[np.ndarray, np.ndarray]:
     around[0], around[-1] = d[1], d[-2]
     # A spike's neighbours are its own return: take whichever is nearer.
     off = np.minimum(np.abs(d - around), np.abs(d)) * n
-    least = max(COUNTS * abs(float(r.profile.encoder.rad_per_count[i])), ANGLE, RATE * r.dt)
+    counts = COUNTS * abs(float(r.profile.encoder.rad_per_count[i]))
+    least = np.maximum(max(counts, ANGLE), RATE * r.dt * n)
     return off, np.flatnonzero(off > least)
 
 
@@ -53,19 +57,33 @@ def jumps(view: View) -> Iterable[Fault]:
         size = float(change[k])
         turn = next((w for w in (360, 180) if abs(abs(size) - np.radians(w)) < WRAP), None)
         back = k + 1 < len(change) and abs(change[k] + change[k + 1]) < 0.5 * abs(size)
+        first = _stood_from(view, i, k)
+        froze = not back and turn is None and r.t[k] - r.t[first] >= STOOD_S
         times = f"{len(at)} times, at most" if len(at) > 1 else "once,"
         yield Fault(
             "encoder.jump", Kind.BAD_DATA, r.name,
             f"{r.name}: {AXES[i]} jumps {times} by {np.degrees(size):+.4g}° within one sample (at "
-            f"{r.t[k + 1]:.4g} s)" + (" and comes back." if back else "."),
+            f"{r.t[k + 1]:.4g} s)" + (
+                " and comes back." if back else
+                f", having stood on one count from {r.t[first]:.4g} s on." if froze else "."
+            ),
             f"the angle is folded into {turn}° or a turn." if turn else
             "a glitch on the link." if back else
+            "the encoder was frozen meanwhile (its cable, its input on the card, or a log that "
+            "repeats an old value); or the axis rested and the counter was reset." if froze else
             "the counter was reset or lost counts: every angle after it is off.",
             "unwrap it: numpy.unwrap(angle)" if turn else
             "remove the row (a gap in time is understood)" if back else
-            f"use the flight before or after: recording.between(0, {r.t[k]:.4g})",
+            "use the flight before or after: "
+            f"recording.between(0, {r.t[first if froze else k]:.4g})",
             axis=AXES[i],
         )  # fmt: skip
+
+
+def _stood_from(view: View, i: int, k: int) -> int:
+    """The first row of the stretch on one count that ends in row k."""
+    moved = np.flatnonzero(np.diff(view.recording.angle[: k + 1, i]) != 0)
+    return int(moved[-1]) + 1 if len(moved) else 0
 
 
 CHECKS = (Check("encoder.jump", Stage.MOTION, "many counts within one sample", jumps),)

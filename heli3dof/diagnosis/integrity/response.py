@@ -17,6 +17,8 @@ integrated by parts, all derivatives fall on φ::
 
 one equation per window, least squares over the flight, with weak priors on τ g, c and b: in closed
 loop with little excitation D is a multiple of p and ṗ, and a spring of any size would do as well.
+A mass that is added or lost in flight is a step in the first x_j: of a step at each second the one
+that explains most is taken as one more regressor, where it explains more than `STEP` of the rest.
 The voltages are known, so feedback does no harm except through noise, which draws g towards zero.
 The standard deviation allows for overlapping windows and coloured noise (Newey and West).
 """
@@ -35,6 +37,8 @@ HALF_WIDTH_S = 0.25
 PER_WIDTH = 2
 """Windows per half width."""
 LEAST_WINDOWS = 8
+STEP, STEP_EVERY_S, STEP_INSIDE_S = 0.5, 1.0, 3.0
+"""Share of the rest that a trim's step must explain; where one is tried, and how far inside."""
 LAGS = 8
 """Windows over which the equations' noise is correlated, at most."""
 PRIOR_LAG_S, PRIOR_SPRING, PRIOR_DAMPING = 0.15, 4.0, 1.5
@@ -110,7 +114,7 @@ def responses(
         columns += [windows.dot(angle[:, i])]
         X = np.column_stack(columns)[kept]
         z = windows.ddot(angle[:, i])[kept]
-        answer = _fit(X, z)
+        answer = _fit(with_step(X, z, X[:, 2], windows.middle_s[kept]), z)
         if answer is not None:
             found[axis] = answer
     return found
@@ -141,6 +145,7 @@ class _Windows:
         self.half = max(3, round(HALF_WIDTH_S / dt))
         self.step = max(1, self.half // PER_WIDTH)
         self.count = max(0, (n - 2 * self.half - 1) // self.step + 1)
+        self.middle_s = (self.half + self.step * np.arange(self.count)) * dt
         x = np.arange(-self.half, self.half + 1) / self.half
         T, bump = self.half * dt, 1 - x**2
         norm = 1 / np.sum(bump**3)
@@ -167,6 +172,24 @@ class _Windows:
         return self._apply((~ok).astype(float), np.ones(2 * self.half + 1)) < 0.5
 
 
+def with_step(X: np.ndarray, z: np.ndarray, trim: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """X (W, n), and where it explains most of the rest a step of ``trim`` (W,) at an instant.
+
+    ``t`` (W,) s, of the windows' middles.
+    """
+    at = np.arange(t[0] + STEP_INSIDE_S, t[-1] - STEP_INSIDE_S, STEP_EVERY_S)
+    if not len(at):
+        return X
+    steps = np.where(t[:, None] > at, trim[:, None], 0.0)
+    Q = np.linalg.qr(X)[0]
+    rest = z - Q @ (Q.T @ z)
+    new = steps - Q @ (Q.T @ steps)
+    size = np.maximum(np.einsum("wj,wj->j", new, new), 1e-12)
+    explained = (rest @ new) ** 2 / size
+    best = int(np.argmax(explained))
+    return np.column_stack([X, steps[:, best]]) if explained[best] > STEP * (rest @ rest) else X
+
+
 def _fit(X: np.ndarray, z: np.ndarray) -> Response | None:
     """Ridge with the priors; g is the first coefficient. None where nothing drives the axis."""
     drive = float(np.std(X[:, 0]))
@@ -174,6 +197,7 @@ def _fit(X: np.ndarray, z: np.ndarray) -> Response | None:
     if drive < 1e-9 or spread == 0:
         return None
     prior = np.array([np.inf, PRIOR_LAG_S, PRIOR_SPRING, PRIOR_SPRING, PRIOR_DAMPING])
+    prior = np.append(prior, [PRIOR_SPRING] * (X.shape[1] - len(prior)))
     noise = spread**2
     for _ in range(3):
         # Overlapping windows are worth about one in PER_WIDTH.

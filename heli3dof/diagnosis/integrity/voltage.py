@@ -11,6 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from heli3dof.axes import MOTORS
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, refused
 from heli3dof.diagnosis.integrity.view import View
 from heli3dof.errors import RecordingError
@@ -18,6 +19,7 @@ from heli3dof.recording import checks
 
 BEYOND = 1.02
 ANOTHER_UNIT = 0.15
+OPPOSED = 0.4
 CLIPPED = 0.02
 FLAT = 0.005
 DIFFERS_V, DIFFERS = 0.02, 0.01
@@ -58,11 +60,25 @@ def limit(view: View) -> Iterable[Fault]:
 
 
 def unit(view: View) -> Iterable[Fault]:
-    """Voltages in another unit, told by the hover voltage."""
+    """Voltages in another unit, or one of them with the wrong sign, told by the hover voltage."""
     r, h = view.recording, view.hover_ratio
-    if h is None or not 0 <= h < ANOTHER_UNIT:
+    if h is None or abs(h) >= ANOTHER_UNIT:
         return
     v_max, V_o = r.profile.motor.v_max, r.profile.motor.V_o
+    mean = np.mean(r.voltage[view.flying], axis=0)
+    if abs(mean[0] - mean[1]) / 2 > OPPOSED * abs(V_o) and mean[0] * mean[1] < 0:
+        other = MOTORS[int(np.argmin(mean * np.sign(V_o)))]
+        yield Fault(
+            "voltage.sign", Kind.BAD_DATA, r.name,
+            f"{r.name}: the rig flies with {mean[0]:+.3g} V on the front motor and "
+            f"{mean[1]:+.3g} V on the back one: one lifts, the other pushes down.",
+            f"the {other} motor's voltage is logged with the wrong sign (a motor wired or mounted "
+            "the other way round).",
+            f"change the sign of v_{other}_V", confidence=0.99,
+        )  # fmt: skip
+        return
+    if h < 0:
+        return
     share = float(np.nanmax(np.abs(r.voltage))) <= 1.02
     yield Fault(
         "voltage.unit", Kind.BAD_DATA, r.name,

@@ -3,8 +3,8 @@
 **Late**: of the last second's periods, more than ``late_max_share`` came later than ``late_max_s``
 after their deadline; those that such a sample was too late for count with it.
 
-**Lost**: for longer than ``lost_max_s`` no sample came though the host waited for it, or the
-samples that came echoed no new command.
+**Lost**: for longer than ``lost_max_s`` no sample came though the host waited for it (lost on the
+line, or left out by a device that was held up), or the samples that came echoed no new command.
 """
 
 from __future__ import annotations
@@ -15,6 +15,8 @@ from heli3dof.rig.trip import Trip
 
 WINDOW_S = 1.0
 LOSES = "a loose or long cable, a hub in between, or the motors' leads beside it."
+BUSY = "the device has more to do than it has time for, or its program was stopped."
+LOAD = "heli3dof doctor, and what it says of the device; a lower rate_hz in the profile"
 LOOK = "heli3dof doctor, and what it says of loss; a shorter shielded cable away from the motors"
 
 
@@ -32,7 +34,7 @@ class Late:
         late = now.lateness > self._late_s
         if not late and not self._late:
             return None
-        for _ in range(1 + (min(now.missed, len(self._ring)) if late else 0)):
+        for _ in range(1 + (min(now.missed - now.left_out, len(self._ring)) if late else 0)):
             self._late += late - self._ring[self._at]
             self._ring[self._at] = late
             self._at = (self._at + 1) % len(self._ring)
@@ -60,12 +62,11 @@ class Lost:
         # What the host itself was too late for is no loss of the line's.
         lost = now.missed - int(now.lateness / self._dt + 1e-6)
         if lost > self._most:
-            return Trip(
-                f"no sample came for {1 + lost} periods ({1e3 * (1 + lost) * self._dt:.0f} ms): "
-                "the line loses frames",
-                LOSES,
-                LOOK,
-            )
+            gap_ms = 1e3 * (1 + lost) * self._dt
+            gap = f"no sample came for {1 + lost} periods ({gap_ms:.0f} ms)"
+            if now.left_out > lost / 2:
+                return Trip(f"{gap}: the device itself was held up, and made none", BUSY, LOAD)
+            return Trip(f"{gap}: the line loses frames", LOSES, LOOK)
         echo = now.sample.sequence
         if echo == now.command_sequence or echo != self._echo:
             self._unheard = 0

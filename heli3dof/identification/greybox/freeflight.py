@@ -1,8 +1,9 @@
 """The method ``freeflight``: physical parameters from free flights of up to 3 s.
 
-For real rigs whose log's clock lies (`heli3dof.recording.jitter` finds that from the motion); what
+For real rigs whose log's clock lies (`heli3dof.recording.jitter` finds that from the motion), or
+whose motion one step ahead is no white noise (`heli3dof.identification.greybox.noise_check`); what
 is minimised, and why, stands in `heli3dof.identification.greybox.multistep`. ``greybox`` hands over
-to it by itself where it finds such a clock and no terms were asked for.
+to it by itself where it finds either and no terms were asked for.
 
 `REAL_TERMS` are what identified rigs were found to need beside the defaults: thrust as a power of
 the rotor's speed, a spin-up limit, dry friction, inflow, the propellers' momentum, flapping, and an
@@ -85,10 +86,8 @@ APART_S = 0.2
 LEAST_WINDOWS = 20
 LEAST_STARTS = 2
 """Of one recording, to be fitted."""
-WHY = (
-    "These logs' clocks are even, but the samples were not taken evenly (found from the motion): "
-    "one step ahead that is noise of the rate's size, which pulls every inertia and thrust "
-    "parameter off. Fitted to free flights of up to 3 s instead (method freeflight); "
+INSTEAD = (
+    "Fitted to free flights of up to 3 s instead (method freeflight); "
     "--method greybox --terms NAME,… forces the likelihood."
 )
 
@@ -254,6 +253,6 @@ def warnings(found: Fitted) -> tuple[str, ...]:
     return tuple(said)
 
 
-def handed_over(found: Found) -> Found:
+def handed_over(found: Found, why: str) -> Found:
     """The same, saying why the likelihood was left."""
-    return replace(found, warnings=(WHY, *found.warnings))
+    return replace(found, warnings=(f"{why} {INSTEAD}", *found.warnings))

@@ -52,10 +52,10 @@ LYING = 0.2
 
 def fit(prepared: Prepared, request: Request) -> Found:
     """The grey box on the prepared training runs, and on what recordings of fewer angles hold."""
-    if request.terms is None and not request.partial and lying_clocks(prepared):
+    if request.terms is None and not request.partial and (why := no_likelihood(prepared)):
         from heli3dof.identification.greybox import freeflight
 
-        return freeflight.handed_over(freeflight.fit(prepared, request))
+        return freeflight.handed_over(freeflight.fit(prepared, request), why)
     first = prepared.recordings[0]
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]
@@ -84,10 +84,17 @@ def fit(prepared: Prepared, request: Request) -> Found:
     )
 
 
-def lying_clocks(prepared: Prepared) -> bool:
-    """True where the motion shows that samples of the training runs were not taken when they say,
-    by more than `LYING` of the period."""
-    return all(clock_lies(prepared.recordings[i]) for i in {r.source for r in prepared.train})
+def no_likelihood(prepared: Prepared) -> str:
+    """Why the training recordings bear no likelihood (`noise_check`), empty where they do.
+
+    Where the loop is known, only the clock is asked.
+    """
+    from heli3dof.identification.greybox.noise_check import CLOCK, why_freeflight
+
+    sources = [prepared.recordings[i] for i in sorted({r.source for r in prepared.train})]
+    if any(r.profile.controller is not None for r in sources):
+        return CLOCK if all(clock_lies(r) for r in sources) else ""
+    return why_freeflight(sources)
 
 
 def clock_lies(recording: Recording) -> bool:

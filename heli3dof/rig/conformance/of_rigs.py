@@ -38,8 +38,9 @@ def what_a_rig_counts_are_numbers_that_recordings_can_keep(bench: Bench) -> None
     if statistics is None:
         raise unittest.SkipTest("this rig counts nothing")
     owed(is_dataclass(statistics), "statistics that are a dataclass", statistics)
-    lost = getattr(statistics, "lost", 0)
-    owed(isinstance(lost, int) and lost >= 0, "a count of lost samples", lost)
+    for name in ("lost", "left_out"):
+        count = getattr(statistics, name, 0)
+        owed(isinstance(count, int) and count >= 0, f"a count of samples {name}", count)
 
 
 def before_arming_no_volt_gets_out(bench: Bench) -> None:

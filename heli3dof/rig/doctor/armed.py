@@ -20,6 +20,17 @@ SECONDS = 1.0
 LONGEST_RAMP_S = 0.5
 """s that any device may take from the watchdog's expiry to zero volts"""
 LOST_SHARE = 1e-3
+WHERE = {
+    "lost": "lost on the line",
+    "left_out": "left out by the device",
+    "passed_over": "came too late for this computer",
+}
+"""What a link counts of samples that are not flown, in words"""
+FIXES = {
+    "lost": "a shorter, shielded cable away from the motors' leads; ground at one end; lower baud",
+    "left_out": "a lower loop.rate_hz in the profile: the device does not keep up with this one",
+    "passed_over": "see wake-up above: this computer pauses",
+}
 
 
 class Armed:
@@ -43,8 +54,9 @@ class Armed:
 
 
 def traffic(armed: Armed) -> Check:
-    """Samples that came, against those that were due by the device's clock."""
+    """Samples that came, against those that were due by the device's clock; where the rest went."""
     first = last = armed.arm()
+    before_counts = _gone(armed.rig)
     came = 0
     until = time.monotonic() + SECONDS
     worst = 0.0
@@ -61,10 +73,23 @@ def traffic(armed: Armed) -> Check:
         volts = "{:g} and {:g} V".format(*last.v_applied)
         fix = "switch off; have the amplifier repaired"
         return Check("zero volts", f"{volts} put out where zero was asked for", False, fix)
-    if due - came > LOST_SHARE * due:
+    if due - came <= LOST_SHARE * due:
+        return Check("traffic of the loop", found, True)
+    gone = {why: n - before_counts[why] for why, n in _gone(armed.rig).items()}
+    if not gone:
         fix = "see wake-up and round trip above: this computer or the line pauses"
         return Check("traffic of the loop", found, False, fix)
-    return Check("traffic of the loop", found, True)
+    counted = ", ".join(f"{n} {WHERE[why]}" for why, n in gone.items() if n)
+    fix = FIXES[max(gone, key=lambda why: gone[why])]
+    return Check("traffic of the loop", f"{found}; {counted}" if counted else found, False, fix)
+
+
+def _gone(rig: StoppableRig) -> dict[str, int]:
+    """What a link counted of samples that were not flown; empty where it does not."""
+    counts = getattr(rig.inner, "statistics", None)
+    if not all(hasattr(counts, why) for why in WHERE):
+        return {}
+    return {why: int(getattr(counts, why)) for why in WHERE}
 
 
 def watchdog_expires(armed: Armed) -> Check:

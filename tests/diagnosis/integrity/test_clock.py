@@ -120,6 +120,13 @@ def test_rows_written_twice_are_seen() -> None:
     assert "clock.repeated" in names(with_time(r.rows(twice), r.t), Kind.BAD_DATA)
 
 
+def test_a_frozen_voltage_over_axes_that_stick_is_no_row_written_twice() -> None:
+    r = flight("ring-down", "friction.coulomb.yaw:0.04,friction.coulomb.pitch:0.004")
+    assert names(r, Kind.BAD_DATA) == set()
+    twice = np.arange(len(r)) // 2 * 2
+    assert "clock.repeated" in names(with_time(r.rows(twice), r.t), Kind.BAD_DATA)
+
+
 def test_the_device_s_clock_may_not_run_away() -> None:
     r = flight()
     own = {**r.channels, "device_time_s": 1.02 * np.asarray(r.channels["device_time_s"])}

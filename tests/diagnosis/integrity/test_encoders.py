@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.integrity import Kind, integrity
+from heli3dof.diagnosis.integrity.response import with_step
 from heli3dof.diagnosis.integrity.scale import misfit
 from heli3dof.diagnosis.integrity.view import View
 from tests.diagnosis.integrity.flights import (
@@ -31,6 +32,24 @@ def test_the_answers_of_a_clean_flight_are_one() -> None:
     for axis, x in View(flight("large")).responses.items():
         assert x.gain == pytest.approx(1.0, abs=0.08), axis
         assert x.explained > 0.95
+
+
+def test_a_mass_added_in_flight_leaves_the_answers_as_they_were() -> None:
+    """1.7 times the inertia answers 1/1.7 = 0.588 times as strongly, with the step or without."""
+    still = View(flight(hide="inertia.roll:1.7")).responses["roll"]
+    added = View(flight(hide="inertia.roll:1.7,mass.change:0.04@28")).responses["roll"]
+    assert still.gain == pytest.approx(1 / 1.7, rel=0.03)
+    assert added.gain == pytest.approx(still.gain, rel=0.03)
+
+
+def test_a_step_of_the_trim_is_found_where_it_is_and_nowhere_else() -> None:
+    t = np.arange(0.125, 20.0, 0.125)
+    rng = np.random.default_rng(1)
+    X = np.column_stack([rng.standard_normal(len(t)), np.ones(len(t))])
+    z = X @ [2.0, -1.0] + 0.1 * rng.standard_normal(len(t))
+    assert with_step(X, z, X[:, 1], t) is X
+    found = with_step(X, z + 0.5 * (t > 8.0), X[:, 1], t)[:, 2]
+    assert abs(t[found > 0][0] - 8.0) < 0.7
 
 
 def test_the_misfit_of_a_factor_two_is_what_a_hand_computes() -> None:
@@ -129,6 +148,44 @@ def test_a_jump_of_many_counts_is_no_motion(
     q = r.angle[:, axis].copy()
     q[k : None if lasts else k + 1] += np.radians(size_deg if up else -size_deg)
     assert f"encoder.jump.{AXES[axis]}" in names(with_angle(r, axis, q), Kind.BAD_DATA)
+
+
+@pytest.mark.parametrize(("axis", "lasts_s"), [(1, 1.0), (2, 10.0)])
+def test_a_jump_that_ends_a_standstill_is_said_to_be_a_frozen_encoder_s(
+    axis: int, lasts_s: float
+) -> None:
+    r = flight("rich")
+    a, b = np.searchsorted(r.t, [30.0, 30.0 + lasts_s])
+    q = r.angle[:, axis].copy()
+    q[a:b] = q[a]
+    fault = only(with_angle(r, axis, q))
+    assert (fault.check, fault.axis) == ("encoder.jump", AXES[axis])
+    assert "having stood on one count from" in fault.sentence
+    assert "frozen" in fault.cause
+    from_s = float(fault.fix.split("between(0, ")[1].rstrip(")"))
+    assert from_s == pytest.approx(30.0, abs=0.05)
+
+
+def test_where_two_seconds_are_missing_an_arm_may_be_elsewhere() -> None:
+    r = flight("rich")
+    (fault,) = integrity(r.rows((r.t < 30.0) | (r.t >= 32.0)))
+    assert fault.check == "timing.gaps"
+    assert fault.parameters["lost_share"][0] == pytest.approx(2.0 / r.duration, rel=0.01)
+
+
+@pytest.mark.parametrize("plan", ["rich", "steps", "run-step"])
+def test_a_roll_that_was_zeroed_on_the_table_is_bad_data(plan: str) -> None:
+    r = flight(plan)
+    fault = only(with_angle(r, 0, r.angle[:, 0] - r.angle[0, 0]))
+    assert (fault.check, fault.effect, fault.axis) == ("encoder.zero", "encoder.offset", "roll")
+    assert fault.parameters["angle_deg"][0] == pytest.approx(27.5, abs=0.1)
+    assert "add -27.5°" in fault.fix
+
+
+def test_a_flight_that_starts_level_or_with_a_wrong_zero_was_not_zeroed_on_the_table() -> None:
+    r = flight("large")
+    assert names(r.between(12.0, 60.0), Kind.BAD_DATA) == set()
+    assert "encoder.zero.roll" not in names(flight("rich", "encoder.offset.roll:4"))
 
 
 def test_yaw_folded_into_a_turn_is_said_to_be() -> None:

@@ -19,6 +19,7 @@ from tests.paths import REAL_DATA, needs_real_data
 PHYSICS = (
     "motor.lag:0.15,inertia.yaw:1.3",
     "motor.delay:0.03,mass.change:0.1@25",
+    "mass.change:0.04@28,inertia.roll:1.7",
     "motor.dead_zone:2.5,encoder.scale.pitch:0.87",
     "motor.saturation:10",
     "motor.thrust_curve:0.9",

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from heli3dof.axes import MOTORS
 from heli3dof.diagnosis.integrity import Kind
 from tests.diagnosis.integrity.flights import flight, names, only, with_voltage
 
@@ -64,3 +65,12 @@ def test_a_limiter_below_the_profile_s_is_said() -> None:
 def test_no_voltage_at_all() -> None:
     r = flight()
     assert only(replace(r, voltage=np.full_like(r.voltage, np.nan))).kind == Kind.BAD_DATA
+
+
+@pytest.mark.parametrize("motor", [0, 1])
+def test_one_motor_s_wrong_sign_is_no_other_unit(motor: int) -> None:
+    r = flight()
+    sign = np.where(np.arange(2) == motor, -1.0, 1.0)
+    fault = only(replace(r, voltage=r.voltage * sign, voltage_cmd=r.voltage_cmd * sign))
+    assert (fault.check, fault.kind) == ("voltage.sign", Kind.BAD_DATA)
+    assert fault.fix == f"change the sign of v_{MOTORS[motor]}_V"

@@ -7,7 +7,7 @@ import math
 import pytest
 from heli3dof_drivers.link.frames import NOT_MEASURED, SampleFrame
 from heli3dof_drivers.link.intake import Intake
-from heli3dof_drivers.link.statistics import Histogram, LinkStatistics
+from heli3dof_drivers.link.statistics import LinkStatistics
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -58,6 +58,49 @@ def test_what_cannot_be_is_rejected_and_what_did_not_come_is_counted():
     assert statistics.lost == 3
 
 
+def test_a_gap_in_numbers_is_lost_and_a_jump_of_time_beyond_it_is_left_out():
+    statistics = LinkStatistics()
+    intake = Intake(statistics)
+    armed = intake.arm(2000)
+    for number, time_us in [
+        (0, 1000), (1, 3000),
+        (4, 9000),  # 2 and 3 did not come
+        (5, 15_000),  # held up: nothing at 11 and 13 ms
+        (8, 27_900),  # 6 and 7 did not come, three were never made, and this one is late
+        (9, 29_000),
+    ]:  # fmt: skip
+        assert intake.take(frame(number, armed, time_us), 0.0) is not None
+    assert (statistics.lost, statistics.left_out) == (4, 5)
+
+
+def test_without_a_stream_no_time_jumps():
+    statistics = LinkStatistics()
+    intake = Intake(statistics)
+    armed = intake.arm()
+    for number, time_us in [(0, 1000), (1, 900_000)]:
+        assert intake.take(frame(number, armed, time_us), 0.0) is not None
+    assert statistics.left_out == 0
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 1950)), max_size=200)
+)
+def test_whatever_is_lost_and_left_out_is_counted_as_that(steps: list[tuple[int, int, int]]):
+    """Each sample late by up to 1.95 ms of its 2."""
+    statistics = LinkStatistics()
+    intake = Intake(statistics)
+    armed = intake.arm(2000)
+    assert intake.take(frame(0, armed), 0.0) is not None
+    number = instant = 0
+    for lost, left_out, late_us in steps:
+        number += 1 + lost
+        instant += 1 + lost + left_out
+        time_us = instant * 2000 + late_us
+        assert intake.take(frame(number, armed, time_us), 0.0) is not None
+    assert statistics.lost == sum(lost for lost, _, _ in steps)
+    assert statistics.left_out == sum(left_out for _, left_out, _ in steps)
+
+
 @given(U32, st.lists(st.integers(1, 5), min_size=1, max_size=50))
 def test_numbers_may_wrap_wherever_they_do(start: int, steps: list[int]):
     statistics = LinkStatistics()
@@ -98,14 +141,3 @@ def test_only_an_echo_between_the_arming_and_the_last_command_is_believed(
         intake.command(k)
     between = (echo - armed) % 2**32 <= sent % 5
     assert (intake.take(frame(number, echo), 0.0) is not None) == between
-
-
-def test_a_histogram_by_hand():
-    histogram = Histogram()
-    assert math.isnan(histogram.quantile_s(0.5))
-    for time_s in (4e-6, 14e-6, 15e-6, 1.0):
-        histogram.add(time_s)
-    assert histogram.n == 4
-    assert histogram.quantile_s(0.25) == pytest.approx(10e-6)
-    assert histogram.quantile_s(0.5) == pytest.approx(20e-6)
-    assert histogram.quantile_s(1.0) == histogram.worst_s == 1.0

@@ -39,6 +39,19 @@ def test_a_gap_without_samples_longer_than_the_limit_is_a_line_that_loses_them()
     assert "no sample came for 27 periods (54 ms)" in said
 
 
+def test_a_gap_that_the_device_made_is_said_to_be_its_own() -> None:
+    assert Lost(PROFILE)(period(26, missed=25, left_out=25)) is None
+    said = Lost(PROFILE)(period(27, missed=26, left_out=26))
+    assert said is not None
+    assert "no sample came for 27 periods (54 ms): the device itself was held up" in said
+
+
+def test_what_the_device_left_out_is_no_lateness_of_the_hosts() -> None:
+    watch = Late(PROFILE)
+    rows = [period(k, lateness=0.011, missed=4, left_out=4) for k in range(250)]
+    assert all(watch(row) is None for row in rows)
+
+
 def test_a_gap_that_the_host_made_is_not_the_lines() -> None:
     assert Lost(PROFILE)(period(300, missed=299, lateness=299 * DT)) is None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from heli3dof_drivers.link.statistics import LinkStatistics
 
 from heli3dof.rig.doctor import armed
 from heli3dof.rig.drivers import open_rig
@@ -82,6 +83,34 @@ def test_lost_samples_are_seen_in_the_devices_time():
     assert check.good is False
     rig = Commanded()
     assert looked_at(rig)["traffic of the loop"].good is True
+
+
+@pytest.mark.parametrize(
+    ("why", "said", "fix"),
+    [
+        ("lost", "lost on the line", "cable"),
+        ("left_out", "left out by the device", "lower loop.rate_hz"),
+        ("passed_over", "came too late for this computer", "wake-up"),
+    ],
+)
+def test_where_samples_went_is_told_by_a_link_that_counts_them(why: str, said: str, fix: str):
+    class Counting(Commanded):
+        def __init__(self) -> None:
+            super().__init__()
+            self.statistics = LinkStatistics(lost=3, left_out=2, passed_over=1)
+            self.lost_every = 10
+
+        def exchange(self, command: Command, due_s: float) -> Sample:
+            sample = super().exchange(command, due_s)
+            if len(self.commands) % self.lost_every == 0:
+                setattr(self.statistics, why, getattr(self.statistics, why) + 1)
+            return sample
+
+    check = looked_at(Counting())["traffic of the loop"]
+    assert check.good is False
+    assert said in check.found
+    assert check.found.count("by the device") + check.found.count("on the line") <= 1
+    assert fix in check.fix
 
 
 def test_a_stop_that_a_command_undoes_is_found():

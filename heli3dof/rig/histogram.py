@@ -1,0 +1,56 @@
+"""Times in bins of a fixed ratio: quantiles of however many, in constant memory.
+
+    bin(t) = ⌈ln(t / SHORTEST_S) / ln(1 + RATIO)⌉     0 up to SHORTEST_S, the last from 85 s on
+
+A quantile is told by the upper edge of its bin, at most 1 % too long and never too short; in the
+first bin it is told as 0. The longest time is kept as it is.
+"""
+
+from __future__ import annotations
+
+from array import array
+from itertools import accumulate
+from math import ceil, log, nan
+
+SHORTEST_S = 1e-7
+"""s; what is less is nothing to any clock here"""
+RATIO = 0.01
+"""A bin's upper edge is this much longer than its lower one."""
+BINS = 2068
+_STEP = log(1 + RATIO)
+
+
+class Histogram:
+    """Counts of times, s."""
+
+    def __init__(self) -> None:
+        self.counts = array("Q", bytes(8 * BINS))
+        self.worst_s = 0.0
+
+    def add(self, time_s: float) -> None:
+        """One more. What is below zero counts as zero."""
+        at = 0
+        if time_s > SHORTEST_S:
+            at = min(ceil(log(time_s / SHORTEST_S) / _STEP), BINS - 1)
+        if time_s > self.worst_s:
+            self.worst_s = time_s
+        self.counts[at] += 1
+
+    @property
+    def n(self) -> int:
+        return sum(self.counts)
+
+    def quantile_s(self, share: float) -> float:
+        """What this share of the times does not exceed, s; NaN where there is none.
+
+        >>> h = Histogram(); h.add(12e-6); h.add(80e-6); round(h.quantile_s(0.5) * 1e6, 1)
+        12.1
+        """
+        n = self.n
+        if n == 0:
+            return nan
+        wanted = max(1, share * n)
+        i = next(i for i, below in enumerate(accumulate(self.counts)) if below >= wanted)
+        if i in (0, BINS - 1):
+            return self.worst_s if i else 0.0
+        return min(SHORTEST_S * (1 + RATIO) ** i, self.worst_s)

@@ -1,0 +1,84 @@
+"""A wrong count per revolution is another cause too: the two are told as a tie."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from heli3dof.diagnosis.calibration import Calibrated, Off
+from heli3dof.diagnosis.counts import flyable, with_counts
+from heli3dof.diagnosis.result import Finding
+from heli3dof.diagnosis.select import Choice
+from heli3dof.model.effects import term
+
+REST = math.radians(-27.5)
+E = 0.15
+
+
+def numbers(roll: float = 1.0, pitch: float = 1.0, yaw: float = 1.0) -> list[Calibrated]:
+    """Inertias over nominal, each known to 1 %; T_g = 1.17 N·m."""
+    T_g = Calibrated("T_g", 1.17, 1.17, 0.01, "N·m", 0.01)
+    return [
+        T_g,
+        *(
+            Calibrated(f"J_{axis}", 1.0, ratio, 0.01, "kg·m²", 0.01)
+            for axis, ratio in (("roll", roll), ("pitch", pitch), ("yaw", yaw))
+        ),
+    ]
+
+
+def off(name: str, ratio: float) -> Off:
+    return Off(term(name), ratio, 0.02, 100.0)
+
+
+def finding(name: str, value: float) -> Finding:
+    choice = Choice(term(name), 100.0, 100.0, 1.0, ("bias.torque.yaw",), ())
+    (p, *_) = choice.term.effect.parameters
+    return Finding(choice, {p.name: (value, 0.1)}, cast(Any, SimpleNamespace()), cast(Any, None))
+
+
+def tied(
+    found: list[Finding], base: list[Off], seen: list[Calibrated]
+) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
+    a, b = with_counts(found, base, seen, rest_rad=REST, tolerance=E)
+    return [f.choice.tied_with for f in a], [o.tied_with for o in b]
+
+
+def test_a_yaw_inertia_is_a_yaw_encoder_that_counts_too_little() -> None:
+    assert tied([], [off("inertia.yaw", 1.5)], numbers(yaw=1.5))[1] == [("encoder.scale.yaw",)]
+
+
+def test_a_pitch_inertia_alone_is_no_pitch_encoder_as_the_thrust_would_be_tilted_too() -> None:
+    assert tied([], [off("inertia.pitch", 1.5)], numbers(pitch=1.5))[1] == [()]
+
+
+def test_pitch_and_yaw_inertia_off_in_opposite_ways_may_be_one_pitch_encoder() -> None:
+    # k = 1.25: J_pitch/1.25 and J_yaw · 1.25.
+    base = [off("inertia.pitch", 0.8), off("inertia.yaw", 1.25)]
+    pitch, yaw = tied([], base, numbers(pitch=0.8, yaw=1.25))[1]
+    assert pitch == ("encoder.scale.pitch",)
+    assert set(yaw) == {"encoder.scale.pitch", "encoder.scale.yaw"}
+
+
+def test_a_roll_offset_may_be_a_roll_encoder_whose_level_is_off_by_27_5_degrees_times_as_much() -> (
+    None
+):
+    # 27.5° (1 − 1/k) = 2.95° for k = 1.12, within the tolerance of J_roll.
+    assert tied([finding("encoder.offset.roll", 2.95)], [], numbers())[0] == [
+        ("bias.torque.yaw", "encoder.scale.roll")
+    ]
+    # 15° would be k = 2.2, and J_roll less than half of what it is.
+    assert tied([finding("encoder.offset.roll", 15.0)], [], numbers())[0] == [("bias.torque.yaw",)]
+
+
+@pytest.mark.parametrize(("torque", "is_tied"), [(0.06, True), (0.5, False), (2.0, False)])
+def test_so_may_a_pendulum_as_weak_as_a_tilted_arm(torque: float, is_tied: bool) -> None:
+    (names,), _ = tied([finding("stiffness.pendulum.roll", torque)], [], numbers())
+    assert ("encoder.scale.roll" in names) is is_tied
+
+
+def test_no_plan_is_asked_to_separate_what_no_flight_can() -> None:
+    assert flyable(("motor.delay", "encoder.scale.yaw")) == ("motor.delay",)

@@ -1,0 +1,46 @@
+"""What was adopted: ties among causes that are both there are no ties."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import pytest
+
+from heli3dof.diagnosis.measured import beside_each_other
+from heli3dof.diagnosis.select import Choice, Contender
+from heli3dof.model.effects import terms
+
+NONE = cast(Any, None)
+
+
+def choice(score: float, tied: tuple[str, ...], **others: float) -> Choice:
+    """Of contenders by the name (``__`` for a dot) and score; the first is the cause."""
+    fits = tuple(
+        Contender(terms([n.replace("__", ".")])[0], NONE, NONE, s, s, 0) for n, s in others.items()
+    )
+    return Choice(fits[0].term, score, score, 0.5, tied, fits)
+
+
+YAW = "disturbance.periodic.yaw"
+ROLL = "disturbance.periodic.roll"
+DRAG = "drag.quadratic.yaw"
+
+
+def test_causes_that_are_both_there_are_not_tied_with_each_other() -> None:
+    first = choice(176.0, (ROLL,), disturbance__periodic__yaw=176.0,
+                   disturbance__periodic__roll=175.5, drag__quadratic__yaw=160.0)  # fmt: skip
+    second = choice(613.0, (), disturbance__periodic__roll=613.0)
+    a, b = beside_each_other([first, second])
+    assert (a.tied_with, b.tied_with) == ((), ())
+    # Against the drag: 1 / (1 + exp(−(176 − 160)/2))
+    assert a.confidence == pytest.approx(0.99966, abs=1e-5)
+    assert b.confidence == second.confidence
+
+
+def test_a_tie_with_what_is_not_there_stays() -> None:
+    first = choice(176.0, (ROLL, DRAG), disturbance__periodic__yaw=176.0,
+                   disturbance__periodic__roll=175.5, drag__quadratic__yaw=176.0)  # fmt: skip
+    assert beside_each_other([first])[0].tied_with == (ROLL, DRAG)
+    (a, _) = beside_each_other([first, choice(613.0, (), disturbance__periodic__roll=613.0)])
+    assert a.tied_with == (DRAG,)
+    assert a.confidence == pytest.approx(0.5)

@@ -1,0 +1,45 @@
+"""The verdict is ambiguous where the first finding is tied, whichever kind it is."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from heli3dof.diagnosis.calibration import Off
+from heli3dof.diagnosis.diagnose import _verdict
+from heli3dof.diagnosis.document import document
+from heli3dof.diagnosis.result import Diagnosis
+from heli3dof.model.effects import terms
+
+
+def off(*tied: str) -> Off:
+    return Off(terms(["inertia.roll"])[0], 1.4, 0.03, 60.0, tied_with=tied)
+
+
+def finding(*tied: str) -> Any:
+    return SimpleNamespace(choice=SimpleNamespace(tied_with=tied))
+
+
+@pytest.mark.parametrize(
+    ("findings", "offs", "left", "verdict"),
+    [
+        ([], [], [], "nothing_found"),
+        ([finding()], [], [], "explained"),
+        ([finding("motor.delay")], [], [], "ambiguous"),
+        ([], [off()], [], "explained"),
+        ([], [off("motor.thrust_curve")], [], "ambiguous"),
+        ([finding()], [off("motor.thrust_curve")], [], "explained"),
+        ([finding("motor.delay")], [], [SimpleNamespace()], "unexplained"),
+    ],
+)
+def test_the_first_finding_s_ties_decide(findings: Any, offs: Any, left: Any, verdict: str) -> None:
+    assert _verdict(findings, [], offs, left) == verdict
+
+
+def test_a_base_number_that_is_tied_asks_for_the_plan_that_parts_it() -> None:
+    tied = Diagnosis(("a",), (), "ambiguous", (), calibration_findings=(off("motor.thrust_curve"),))
+    plan = document(tied)["next_experiment"]
+    assert plan["plan"] == terms(["inertia.roll"])[0].effect.separated_by
+    assert plan["separates"] == ["inertia.roll", "motor.thrust_curve"]

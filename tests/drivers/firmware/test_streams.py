@@ -1,0 +1,113 @@
+"""The firmware's stream: over TCP, on a line that loses bytes, from a process that is held up."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.port import Command, Flags
+from heli3dof.rig.profile import default_profile
+from tests.drivers.firmware.building import rig_program
+
+PROFILE = default_profile()
+HELD_UP_S = 0.06
+PATIENT = ("--watchdog", "1000", "--with-parent")
+
+
+@contextmanager
+def served(*options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """The firmware's process, and its device URL."""
+    words = [rig_program(), *PATIENT, *options]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        said = process.stdout.readline().strip()
+        try:
+            yield process, f"serial+{said}" if "://" in said else f"serial://{said}"
+        finally:
+            process.kill()
+
+
+@contextmanager
+def armed(url: str) -> Iterator[Any]:
+    """A rig over a stream at the profile's rate."""
+    rig: Any = open_rig(url, PROFILE)
+    try:
+        rig.arm()
+        yield rig
+    finally:
+        rig.close()
+
+
+def fly(rig: Any, periods: int) -> float:
+    """Periods at zero volts; s on the device's clock from the first sample to the last."""
+    times = [rig.exchange(Command(k, 0.0, 0.0), 0.0).device_time_s for k in range(1, periods + 1)]
+    return float(times[-1] - times[0])
+
+
+@pytest.mark.realtime
+def test_a_process_that_is_held_up_leaves_samples_out_and_the_line_loses_none() -> None:
+    with served() as (process, url), armed(url) as rig:
+        fly(rig, 20)
+        before = rig.statistics.left_out
+        os.kill(process.pid, signal.SIGSTOP)
+        time.sleep(HELD_UP_S)
+        os.kill(process.pid, signal.SIGCONT)
+        fly(rig, 20)
+        # Two periods of play: the stop begins and ends somewhere within one.
+        assert rig.statistics.left_out - before >= HELD_UP_S / PROFILE.dt - 2
+        assert rig.statistics.lost == 0
+
+
+@pytest.mark.realtime
+def test_a_line_that_loses_bytes_loses_samples() -> None:
+    with served("--drop", "0.003", "--seed", "3") as (_, url), armed(url) as rig:
+        fly(rig, 300)
+        assert rig.statistics.lost > 0
+        assert rig.statistics.damaged > 0
+
+
+@pytest.mark.realtime
+def test_every_period_is_accounted_for() -> None:
+    with served("--drop", "0.003", "--seed", "4") as (_, url), armed(url) as rig:
+        first = rig.exchange(Command(1, 0.0, 0.0), 0.0)
+        counts = rig.statistics
+        before = counts.lost + counts.left_out + counts.passed_over
+        last = [rig.exchange(Command(k, 0.0, 0.0), 0.0) for k in range(2, 302)][-1]
+        skipped = counts.lost + counts.left_out + counts.passed_over - before
+        passed = (last.device_time_s - first.device_time_s) / PROFILE.dt
+        assert abs(passed - (300 + skipped)) < 1, "either end may be late by less than a period"
+
+
+@pytest.mark.realtime
+def test_over_tcp_one_host_after_another_is_served() -> None:
+    with served("--tcp", "0") as (_, url):
+        assert url.startswith("serial+socket://127.0.0.1:")
+        for _ in range(2):
+            with armed(url) as rig:
+                assert rig.identity.timebase == "device"
+                assert fly(rig, 50) >= 49 * PROFILE.dt - 1e-3
+                assert rig.statistics.lost == 0
+                rig.estop("test")
+                assert rig.read().flags & Flags.ESTOP
+
+
+def test_the_file_of_late_samples_is_there_from_the_start(tmp_path: Path) -> None:
+    with served("--late", str(tmp_path / "late")):
+        assert (tmp_path / "late").read_text() == ""
+
+
+def test_a_port_that_is_taken_is_said() -> None:
+    with served("--tcp", "0") as (_, url):
+        port = url.rpartition(":")[2]
+        said = subprocess.run([rig_program(), "--tcp", port], capture_output=True, text=True)
+        assert said.returncode == 3
+        assert "no port: Address already in use" in said.stderr

@@ -1,0 +1,87 @@
+"""What a flight holds in memory as its rows go by: half an hour of it in half a minute.
+
+A flight on the emulated rig, as fast as it can, recorded to a file; the memory is read in mid-
+flight, each time once the recorder has written all that it was given.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from heli3dof.experiment.fly import prepare
+from heli3dof.experiment.loop import fly
+from heli3dof.experiment.outcome import Outcome
+from heli3dof.experiment.period import Period, Watch
+from heli3dof.experiment.plan import step_plan
+from heli3dof.experiment.watches import watches_for
+from heli3dof.recording.provenance import provenance
+from heli3dof.recording.writer import RecordingWriter
+from heli3dof.rig.hold import hold
+from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
+
+DEVICE = "mock:?speed=max&start=level"
+SETTLE_S = 5.0
+READINGS = 10
+"""At each row, of which the least counts"""
+
+
+def read_in_flight(
+    path: Path,
+    rows: int,
+    at: Sequence[int],
+    held: Callable[[], float],
+    *,
+    begin: Callable[[], object] = lambda: None,
+    watches: Sequence[Watch] = (),
+) -> tuple[list[float], Outcome]:
+    """``held()`` at the rows ``at`` of a flight of so many, and how the flight ended.
+
+    ``begin`` is called in the first row; ``watches`` look on besides the flight's own.
+    """
+    profile = patient()
+    plan = step_plan((5, None, None), settle_s=SETTLE_S, duration_s=rows * profile.dt - SETTLE_S)
+    signals = prepare(plan, profile, 0)
+    readings: list[float] = []
+    due = {k: i for i, k in enumerate(at)}
+    with (
+        hold(DEVICE, profile) as rig,
+        RecordingWriter(path, profile, provenance(source="flight", identity=rig.identity)) as file,
+    ):
+
+        def look(now: Period) -> str | None:
+            if now.k == 0:
+                begin()
+            if now.k in due:
+                until_written(file, now.k)
+                readings.append(min(rested(held)))
+            return None
+
+        outcome = fly(
+            rig, profile, signals, file,
+            watches=(*watches_for(profile).each_period, *watches, look),
+        )  # fmt: skip
+        file.outcome(outcome.ending, **outcome.details())
+    return readings, outcome
+
+
+def until_written(file: RecordingWriter, rows: int, patience_s: float = 20.0) -> None:
+    """Wait for the recorder."""
+    last = time.monotonic() + patience_s
+    while file._file.row_count < rows and time.monotonic() < last:
+        time.sleep(0.002)
+
+
+def rested(held: Callable[[], float]) -> Iterator[float]:
+    """Readings while the loop stands still: the recorder lets go of what it has just written."""
+    for _ in range(READINGS):
+        time.sleep(0.01)
+        yield held()
+
+
+def patient() -> Profile:
+    """The paper's rig, allowed to fly for as long as it takes."""
+    data = default_profile().to_dict()
+    data["limits"] |= {"duration_max_s": 1e6}
+    return profile_from_dict(data).with_controller()
