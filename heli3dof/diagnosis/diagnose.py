@@ -28,7 +28,7 @@ from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import base_beside
 from heli3dof.diagnosis.real_doubts import doubted
 from heli3dof.diagnosis.real_log import diagnose_real, no_likelihood
-from heli3dof.diagnosis.result import Diagnosis, Finding
+from heli3dof.diagnosis.result import Diagnosis, Finding, in_order
 from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import (
     BASES,
@@ -129,7 +129,7 @@ def _diagnosed(
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
     return Diagnosis(
-        *names, _verdict([*sized, *findings, *off], last.left), faults, whole,
+        *names, _verdict(in_order(sized, findings, off), last.left), faults, whole,
         findings, off, last.dropped, last.left, first.unseen, about,
     )  # fmt: skip
 
