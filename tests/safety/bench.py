@@ -107,6 +107,10 @@ class Bench:
         """See `Endpoint.tick`."""
         return self._kept(self._endpoint.tick(self._own(now_us)))
 
+    def held_up(self, now_us: int) -> None:
+        """See `Endpoint.held_up`."""
+        self._endpoint.held_up(self._own(now_us))
+
     def next_us(self) -> int | None:
         """See `Endpoint.next_us`; on the clock of whoever asks."""
         due = self._endpoint.next_us()
