@@ -91,6 +91,8 @@ class Backward:
     """Most needed first"""
     gone: tuple[Removal, ...]
     """In the order in which they went"""
+    halves: tuple[Fitted, ...] = ()
+    """With every term, each fitted to the blocks of one fold alone"""
 
 
 def backward(
@@ -101,7 +103,8 @@ def backward(
     found = search(problem, whole.z, whole.noise, stages_s=STAGES_S)
     gone: list[tuple[str, Worse, list[str]]] = []
     proven: dict[str, Worse] = {}
-    folds = refitted_folds(found)
+    folds = refitted_folds(found, ROUNDS)
+    alone = tuple(fit for fit, _ in folds)
     known = known_beforehand(problem)
     while True:
         order = by_need(found)
@@ -128,7 +131,7 @@ def backward(
     kept = [Removal(t, w, refit(whole, t), tied[t]) for t, w in proven.items()]
     kept.sort(key=lambda r: -r.worse.value)
     went = [Removal(t, w, refit(whole, t), tuple(near)) for t, w, near in gone]
-    return Backward(whole, tuple(kept), tuple(went))
+    return Backward(whole, tuple(kept), tuple(went), alone)
 
 
 def by_need(found: Fitted) -> list[tuple[str, float]]:
@@ -146,6 +149,12 @@ def by_need(found: Fitted) -> list[tuple[str, float]]:
             z2 += sum(float((found.z[i] - null) ** 2 / C[i, i]) for i in at)
         out[t.name] = z2
     return sorted(out.items(), key=lambda kv: kv[1])
+
+
+def swapped(found: Backward, instead: str, name: str, *, seed: int) -> Removal:
+    """What it costs the whole model to take in a term that takes away what ``name`` names."""
+    worse = removed(found.fit, refitted_folds(found.fit), "", seed=seed, instead=instead)
+    return Removal(name, worse, refit(found.fit, "", instead))
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
@@ -229,7 +238,7 @@ def moved(found: Fitted, new: MultiStep) -> np.ndarray:
     return z
 
 
-def refitted_folds(found: Fitted) -> list[tuple[Fitted, MultiStep]]:
+def refitted_folds(found: Fitted, rounds: int = REFIT) -> list[tuple[Fitted, MultiStep]]:
     """For each fold: the fit to the blocks of the others, and its own windows."""
     problem, out = found.problem, []
     for fold in range(FOLDS):
@@ -237,7 +246,7 @@ def refitted_folds(found: Fitted) -> list[tuple[Fitted, MultiStep]]:
         train = replace(problem, flights=tuple(a for a, _ in split))
         test = replace(problem, flights=tuple(b for _, b in split))
         fit = search(
-            train, found.z, found.noise, stages_s=STAGES_S, rounds=REFIT, fixed=found.scale
+            train, found.z, found.noise, stages_s=STAGES_S, rounds=rounds, fixed=found.scale
         )
         out.append((fit, test))
     return out

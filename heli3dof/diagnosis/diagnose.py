@@ -26,6 +26,7 @@ from heli3dof.diagnosis.integrity import Fault, Kind, integrity
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import base_beside
+from heli3dof.diagnosis.real_doubts import doubted
 from heli3dof.diagnosis.real_log import diagnose_real, no_likelihood
 from heli3dof.diagnosis.result import Diagnosis, Finding
 from heli3dof.diagnosis.select import MOST
@@ -93,7 +94,7 @@ def _diagnosed(
         if any(f.kind == stops for f in faults):
             return Diagnosis(*names, stops, faults)
     if why := no_likelihood(train):
-        return diagnose_real(train, held, faults, why=why, seed=seed, says=clock.says)
+        return diagnose_real(train, held, faults, why=why, base=base, seed=seed, says=clock.says)
     flights = QUICK_FLIGHTS if quick else FLIGHTS
     bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
     clock.start("base", "Fitting the base simulation, and flying it for its bias …")
@@ -108,6 +109,8 @@ def _diagnosed(
     clock.start("left", "Looking for what has no name …")
     many = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
     last = unnamed(bench, Settled(found, findings, dropped, after), held, flights=many)
+    if not bench.loop_is_known:
+        last = replace(last, findings=doubted(last.findings, train))
     clock.start("gain", "Measuring the gain on what was not seen …")
     whole = fitted(least, last.found, last.after, train, held, seed=seed)
     clock.start("off", "Asking whether the rig itself is off its profile …")
@@ -149,7 +152,8 @@ def causes(
     score, left = max(inertias, default=None), MOST
     while left:
         n = flights if not steps else max(8, round(FURTHER * flights))
-        clock.start(f"screen {len(steps) + 1}", f"Screening against {n} simulated nulls …")
+        nulls = f"against {n} simulated nulls" if bench.loop_is_known else "every candidate"
+        clock.start(f"screen {len(steps) + 1}", f"Screening {nulls} …")
         step = looked_at(bench, found, n)
         clock.start(f"fits {len(steps) + 1}", "Fitting what may be the cause …")
         step = step.chosen(bench, score)

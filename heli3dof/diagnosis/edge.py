@@ -12,7 +12,7 @@ is Lagrange's multiplier: how surely the recordings want j to move from there (+
 estimate). The edge is refuted where z is beyond Student's quantile for what is found from the
 estimate's own noise on the axis of j, and for what is found from much less. And where the
 estimate's flights do not chatter there as the recordings do (`heli3dof.diagnosis.alike`), those
-of the edge must do so less still.
+of the edge must not come nearer.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ ROUNDS = 10
 FLIGHTS = 24
 SHARES = (1.0, 0.3)
 """Of the estimate's noise on the parameter's axis, from which the edge is solved"""
+NEARER = 1.0
+"""Standard deviations by which flights of the edge are more like the recordings"""
 FIRM = 1e-4
 """Standard deviation of a pinned coordinate."""
 
@@ -73,7 +75,7 @@ def refuted(bench: Bench, found: Corrected, j: int, value: float) -> bool:
         settled = there.optimum.converged or share != SHARES[0]
         if there.scatter is None or not settled:
             return False
-        if unlike > widest() and apart(there) < unlike:
+        if unlike > widest() and apart(there) < unlike - NEARER:
             return False
         if multiplier(bench, found, there, j) < quantile(FLIGHTS - 1):
             return False

@@ -5,8 +5,10 @@ one, nothing (the base), each refitted. A cause whose gain does not pay is taken
 pays least first, and the rest are measured again.
 
 The first cause stood up to the nulls, and a short flight's few cells bound no gain: it pays where
-held-out data are likelier with it. Later ones are only as good as the first one's formula; they pay
-where the gain's interval lies above zero.
+held-out data are likelier with it. Later ones are only as good as the first one's formula; they
+pay where the gain's interval lies above zero. One that moves the rig nearly as another does, and
+is told as "…-like" only (`heli3dof.diagnosis.select`), cannot gain much beside it: it is taken as
+a first one is, since without it the other one's size would surely be wrong.
 
 Two causes that were tied when the first of them was taken, and are both here in the end, are tied
 no more: each has paid beside the other, so neither stands in the other's place.
@@ -33,7 +35,7 @@ from heli3dof.model.greybox import nominal
 from heli3dof.recording.recording import Recording
 
 LEAST = 3.0
-"""Held-out log-likelihood that a first cause has to gain: odds of 20 to one."""
+"""Held-out log-likelihood that a first cause, or a weak one, has to gain: odds of 20 to one."""
 
 
 def adopted(
@@ -45,13 +47,19 @@ def adopted(
         after = held_out(found, holdout)
         less = [without(found, c.term) for c in kept]
         gains = [gain(held_out(w, holdout), after, seed=seed) for w in less]
-        poor = [i for i, g in enumerate(gains) if not (pays(g) or (i == 0 and _likelier(g)))]
+        poor = [i for i, g in enumerate(gains) if not is_worth(kept[i], g, first=i == 0)]
         if not poor:
             return found, _findings(found, kept, less, gains), tuple(dropped), after
         worst = min(poor, key=lambda i: won(gains[i]))
-        dropped.append(Dropped(kept[worst].term.name, gains[worst]))
+        gone = kept[worst]
+        dropped.append(Dropped(gone.term.name, gains[worst], choice=gone))
         found = less[worst]
         del kept[worst]
+
+
+def is_worth(choice: Choice, g: Gain, *, first: bool) -> bool:
+    """Whether a cause is adopted for that gain."""
+    return pays(g) or ((first or choice.weak) and won(g) > LEAST)
 
 
 def fitted(
@@ -80,8 +88,11 @@ def _findings(
 
 
 def beside_each_other(choices: Sequence[Choice]) -> list[Choice]:
-    """The choices without ties among themselves; the certainty is against what else there was."""
-    named = {c.term.name for c in choices}
+    """The choices without ties among themselves; the certainty is against what else there was.
+
+    A weak one has not surely paid: what was tied with it still is.
+    """
+    named = {c.term.name for c in choices if not c.weak}
     out = []
     for c in choices:
         tied = tuple(n for n in c.tied_with if n not in named)
@@ -108,10 +119,6 @@ def forwards(values: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float
         out["torque_Nm"] = abs(torque), std
         out["phase_rad"] = math.pi - (math.pi - turned) % (2 * math.pi), spread
     return out
-
-
-def _likelier(g: Gain) -> bool:
-    return won(g) > LEAST
 
 
 def _number(value: float) -> float | None:

@@ -10,7 +10,7 @@ Measured beside it: rows in which roll has stood still (`STILL_DEG_PER_S`) for `
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 
 import numpy as np
 
@@ -23,6 +23,10 @@ STILL_S = 0.5
 STILL_DEG_PER_S = 3.0
 LOW_V = (2.0, 3.5)
 """Between these, one motor alone is said not to lift."""
+LEAST_HOVER = 2.0
+"""Times the upper of these: a rig that hovers below flies there, and has no such zone."""
+ALIKE = 2.0
+"""Slopes that differ by more are not one and the same."""
 PENDULUM = "stiffness.pendulum.roll.torque_Nm"
 EXPONENT = "motor.rotor_curve.exponent"
 
@@ -64,11 +68,11 @@ def steady(recording: Recording) -> np.ndarray:
     return np.asarray(np.column_stack([roll, np.degrees(r.angle[:, 1]), V])[rows])
 
 
-def explains(fit: Fitted, recordings: Sequence[Recording]) -> list[str]:
-    """One sentence for each thing that is seen, as far as its cause was kept."""
+def explains(fit: Fitted, recordings: Sequence[Recording], causes: Container[str]) -> list[str]:
+    """One sentence for each thing that is seen, as far as its cause was named."""
     said = []
     seen = [steady(r) for r in recordings]
-    if OFFSET in fit.by_recording:
+    if OFFSET in fit.by_recording and "encoder.offset.pitch" in causes:
         each = zip(recordings, fit.by_recording[OFFSET], seen, strict=False)
         words = "; ".join(
             f"{r.name}: offset {v:.1f}°, mean pitch in steady flight {s[:, 1].mean():.1f}°"
@@ -77,16 +81,18 @@ def explains(fit: Fitted, recordings: Sequence[Recording]) -> list[str]:
         )
         said.append(f"The standing pitch is the encoder's zero (encoder.offset.pitch): {words}.")
     rows = np.concatenate(seen)
-    if PENDULUM in fit.structure.names and len(rows) > 10:
+    if "stiffness.pendulum.roll" in causes and len(rows) > 10:
         slope, level = np.polyfit(rows[:, 0], rows[:, 2], 1)
         low, high = (hover_voltage(fit, a) for a in (-10, 10))
+        times = (high - low) / (20 * slope)
+        also = "" if 1 / ALIKE < times < ALIKE else ": that is not what was measured"
         said.append(
             "The hover voltage rises with roll because the arm is a pendulum "
             f"(stiffness.pendulum.roll): measured {level - 10 * slope:.1f} V at −10° and "
             f"{level + 10 * slope:.1f} V at +10° (a line through the rows in which roll stands "
-            f"still); the model holds {low:.1f} V and {high:.1f} V."
+            f"still); the model holds {low:.1f} V and {high:.1f} V{also}."
         )
-    if EXPONENT in fit.structure.names:
+    if "motor.rotor_curve" in causes and hover_voltage(fit, 0.0) > LEAST_HOVER * LOW_V[1]:
         n = fit.values[fit.structure.names.index(EXPONENT)]
         hover = hover_voltage(fit, 0.0)
         parts = [f"{100 * (v / hover) ** n:.0f} % at {v:g} V" for v in LOW_V]

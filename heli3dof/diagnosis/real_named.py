@@ -4,10 +4,13 @@ With θ̂ ± σ the first number of a term and θ_0 its absence, the chance that
 
     P = erf(|θ̂ − θ_0| / (σ √2))
 
-A term is a named cause where blocks left out need it (`heli3dof.diagnosis.backward`, or it is known
-beforehand to be there) and P is at least `SURE`. The others stay in the extended model, within what
-is known of such rigs: dry friction of some size is in every joint, and a term at exactly zero
-predicts worse, on flights that move what these did not, than one at a size that is likely.
+and for a number that differs by recording that of the χ² of all its values. A term is a named cause
+where blocks left out need it (`heli3dof.diagnosis.backward`, or it is known beforehand to be
+there), P is at least `SURE`, and both halves of the flights show it, of one size
+(`heli3dof.diagnosis.real_halves`; what is known beforehand must be of one size only). The others
+stay in the extended model, within what is known of such rigs: dry friction of some size is in every
+joint, and a term at exactly zero predicts worse, on flights that move what these did not, than one
+at a size that is likely.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from heli3dof.diagnosis.backward import Backward, Removal, known_beforehand, traded
+from heli3dof.diagnosis.real_halves import deviations, seen
 from heli3dof.identification.greybox.multistep import Fitted
 
 SURE = 0.95
@@ -25,19 +29,29 @@ LITTLE = 0.7
 
 
 def apart(fit: Fitted, name: str) -> float:
-    """P of the term's first number; 1 where that differs by recording, or has no absence."""
-    for f, v, s in zip(fit.structure.free, fit.values, fit.std, strict=True):
-        if f.term == name:
-            if f.log or f.name in fit.problem.varying or not s > 0:
-                return 1.0
-            return math.erf(abs(float(v) - f.null) / (float(s) * math.sqrt(2)))
-    return 1.0
+    """P of the term's first number; 1 where it has no absence."""
+    found = deviations(fit, name)
+    return 1.0 if found is None else math.erf(abs(found[0]) / math.sqrt(2))
 
 
 def named(found: Backward) -> tuple[list[Removal], list[Removal]]:
     """(causes, what is only kept), each in its order."""
-    sure = [r for r in found.kept if apart(found.fit, r.term) >= SURE]
+    sure = [
+        r for r in found.kept if apart(found.fit, r.term) >= SURE and not contradicted(found, r)
+    ]
     return sure, [*(r for r in found.kept if r not in sure), *found.gone]
+
+
+def contradicted(found: Backward, r: Removal) -> str:
+    """Why the halves of the flights do not bear that name; empty where they do."""
+    halves = seen(found.halves, r.term)
+    if halves is None:
+        return ""
+    if not halves.one_size:
+        return "the halves of these flights give it two sizes"
+    if halves.by_both or r.term in known_beforehand(found.fit.problem):
+        return ""
+    return "not each half of these flights shows it"
 
 
 def certainty(found: Backward, r: Removal) -> float:
@@ -60,6 +74,8 @@ def within(found: Backward, only_kept: list[Removal]) -> list[dict[str, Any]]:
 def _why(found: Backward, r: Removal) -> str:
     if r in found.gone:
         return "blocks left out of the fit do not need it"
+    if apart(found.fit, r.term) >= SURE and (why := contradicted(found, r)):
+        return f"blocks left out of the fit need it, but {why}"
     alike = ", ".join(traded(found.fit, r.term))
     other = f", or what acts alike ({alike})" if alike else ""
     return f"blocks left out of the fit need it{other}, but its size is not told from none"

@@ -44,6 +44,8 @@ class Dropped:
     name: str
     gain: Gain
     why: str = DOES_NOT_PAY
+    choice: Choice | None = None
+    """The step in which it had been taken, where it had been one"""
 
 
 @dataclass(frozen=True, eq=False)

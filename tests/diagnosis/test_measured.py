@@ -1,12 +1,15 @@
-"""What was adopted: ties among causes that are both there are no ties."""
+"""What is adopted for its gain on data not seen; ties among causes both there are no ties."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
-from heli3dof.diagnosis.measured import beside_each_other
+from heli3dof.diagnosis.gain import Interval
+from heli3dof.diagnosis.measured import beside_each_other, is_worth
 from heli3dof.diagnosis.select import Choice, Contender
 from heli3dof.model.effects import terms
 
@@ -44,3 +47,28 @@ def test_a_tie_with_what_is_not_there_stays() -> None:
     (a, _) = beside_each_other([first, choice(613.0, (), disturbance__periodic__roll=613.0)])
     assert a.tied_with == (DRAG,)
     assert a.confidence == pytest.approx(0.5)
+
+
+def test_a_tie_with_what_is_only_weakly_there_stays() -> None:
+    first = choice(176.0, (ROLL,), disturbance__periodic__yaw=176.0,
+                   disturbance__periodic__roll=175.5)  # fmt: skip
+    weak = replace(choice(40.0, (), disturbance__periodic__roll=40.0), weak=True)
+    assert beside_each_other([first, weak])[0].tied_with == (ROLL,)
+
+
+@pytest.mark.parametrize(
+    ("low", "value", "first", "weak", "adopted"),
+    [
+        (2.0, 20.0, False, False, True),  # surely likelier
+        (-1.0, 20.0, False, False, False),  # not surely
+        (-1.0, 20.0, True, False, True),  # odds of e²⁰ do for a first one,
+        (-1.0, 20.0, False, True, True),  # and for one that is told as "…-like" only
+        (-1.0, 2.0, False, True, False),  # e² do not: 7 to one
+    ],
+)
+def test_a_cause_is_adopted_where_data_not_seen_confirm_it(
+    low: float, value: float, first: bool, weak: bool, adopted: bool
+) -> None:
+    gain = cast(Any, SimpleNamespace(log_likelihood=Interval(value, low, 2 * value)))
+    choice = cast(Any, SimpleNamespace(weak=weak))
+    assert is_worth(choice, gain, first=first) is adopted

@@ -7,7 +7,7 @@ import pytest
 
 from heli3dof.diagnosis.real_explains import explains, hover_voltage, steady
 from heli3dof.diagnosis.real_leftover import _judged
-from heli3dof.diagnosis.real_log import Flown, gain, no_likelihood
+from heli3dof.diagnosis.real_log import Flown, gain, no_likelihood, pays
 from heli3dof.identification.greybox.multistep import Fitted
 from heli3dof.recording.recording import Recording
 from tests.diagnosis import rig_a
@@ -51,9 +51,14 @@ def test_steady_rows_are_flown_and_not_on_the_table(real: Recording) -> None:
 
 
 def test_what_people_see_on_the_rig_is_explained(quick: Fitted, real: Recording) -> None:
-    said = " ".join(explains(quick, [real]))
-    for cause in ("encoder.offset.pitch", "stiffness.pendulum.roll", "motor.rotor_curve"):
+    causes = ("encoder.offset.pitch", "stiffness.pendulum.roll", "motor.rotor_curve")
+    said = " ".join(explains(quick, [real], causes))
+    for cause in causes:
         assert cause in said
+
+
+def test_what_is_not_named_explains_nothing(quick: Fitted, real: Recording) -> None:
+    assert explains(quick, [real], ()) == []
 
 
 def test_a_gain_is_the_difference_of_two_rms_errors() -> None:
@@ -76,3 +81,12 @@ def test_structure_is_seen_on_spans_that_the_curve_has_not_seen_and_noise_is_not
     assert share > 0.3
     assert low > 0
     assert _judged(noise, z, t)[0] < 0.1
+
+
+def test_an_extension_pays_where_it_predicts_better_every_axis_counting_alike() -> None:
+    """Half on two axes, 1.5 times on one: 1/4 + 1/4 + 2.25 < 3; twice as bad: 4.5 > 3."""
+    e, cell = np.full((40, 12, 3), np.radians(2.0)), np.arange(40) // 4
+    before = Flown(e, cell)
+    assert pays(before, Flown(e * [0.5, 0.5, 1.5], cell))
+    assert not pays(before, Flown(e * [0.5, 0.5, 2.0], cell))
+    assert not pays(before, before)

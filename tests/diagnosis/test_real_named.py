@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.backward import Backward, Removal, Worse
-from heli3dof.diagnosis.real_named import apart, certainty, named, sizes, unseen, within
+from heli3dof.diagnosis.real_named import (
+    apart,
+    certainty,
+    contradicted,
+    named,
+    sizes,
+    unseen,
+    within,
+)
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.identification.greybox.multistep import Fitted
 from tests.identification.known_flights import fly
@@ -51,8 +59,17 @@ def test_a_size_of_1_96_deviations_is_95_percent_sure_to_be_one(flat: Fitted) ->
     assert apart(fit, YAW) == pytest.approx(0.95, abs=0.001)
 
 
-def test_what_differs_by_recording_has_no_size_to_be_told_from_none(flat: Fitted) -> None:
-    assert apart(flat, "encoder.offset.pitch") == 1.0
+def test_a_zero_that_may_differ_by_recording_is_told_from_none_by_its_values(flat: Fitted) -> None:
+    """One recording whose own zero is 5° ± 1°: five deviations, and none where nothing is said."""
+    assert apart(flat, "encoder.offset.pitch") == pytest.approx(0.0, abs=1e-6)
+    fit = told(flat, {}, 1.0)
+    j = fit.structure.names.index("encoder.offset.pitch.angle_deg")
+    f, at = fit.structure.free[j], fit.problem.n
+    z, rows = fit.z.copy(), fit.tangents.copy()
+    z[at] = f.inward(5.0)
+    rows[at, at] = f.slope(5.0)
+    fit = replace(fit, z=z, tangents=rows)
+    assert apart(fit, "encoder.offset.pitch") > 0.99999
 
 
 def test_a_cause_is_needed_by_blocks_and_has_a_size_that_is_sure(flat: Fitted) -> None:
@@ -60,6 +77,18 @@ def test_a_cause_is_needed_by_blocks_and_has_a_size_that_is_sure(flat: Fitted) -
     causes, kept = named(backward_of(fit, {YAW: NEEDED, PITCH: NEEDED}, {}))
     assert [r.term for r in causes] == [YAW]
     assert [r.term for r in kept] == [PITCH]
+
+
+def test_what_one_half_of_the_flights_does_not_show_is_no_cause(flat: Fitted) -> None:
+    fit = told(flat, {f"{YAW}.torque_Nm": 0.03}, 2e-3)
+    shows, shows_not = fit, told(flat, {f"{YAW}.torque_Nm": 0.001}, 2e-3)
+    found = backward_of(fit, {YAW: NEEDED}, {})
+    assert named(replace(found, halves=(shows, shows)))[0]
+    doubted = replace(found, halves=(shows, shows_not))
+    causes, kept = named(doubted)
+    assert not causes
+    assert "two sizes" in contradicted(doubted, kept[0])
+    assert "two sizes" in within(doubted, kept)[0]["why"]
 
 
 def test_what_blocks_do_not_need_is_no_cause_but_stays_with_its_reason(flat: Fitted) -> None:

@@ -15,7 +15,7 @@ happened to hang), and a weight that is (what it lifts, or how well its motors p
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -118,14 +118,15 @@ def fit(prepared: Prepared, request: Request) -> Found:
 
 
 def fit_freeflight(
-    recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS, *, threads: int = 2
-) -> Fitted:
-    """Fit a rig with these terms to flights with all three angles.
+    recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS, *, threads: int = 2,
+    say: Callable[[str], None] | None = None,
+) -> Fitted:  # fmt: skip
+    """Fit a rig with these terms to flights with all three angles; ``say`` hears of each round.
 
     Raises RecordingError where no free flight of 3 s fits between take-off, table and stops.
     """
     problem = problem_of(recordings, names, threads=threads)
-    return search(problem, weak_start(problem))
+    return search(problem, weak_start(problem), say=say)
 
 
 def problem_of(
@@ -249,7 +250,8 @@ def warnings(found: Fitted) -> tuple[str, ...]:
         said.append(f"The fit had not settled after {found.rounds} rounds: too little motion.")
     for name, values in found.by_recording.items():
         each = ", ".join(f"{v:.3g}" for v in values)
-        said.append(f"{name} differs by recording: {each}. Predictions re-estimate it.")
+        whose = "differs by recording" if len(values) > 1 else "may differ by recording, here"
+        said.append(f"{name} {whose}: {each}. Predictions re-estimate it.")
     return tuple(said)
 
 

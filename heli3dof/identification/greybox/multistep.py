@@ -318,11 +318,11 @@ def search(
                     lam = max(lam / 10, 1e-6)
                     break
                 lam *= 10
+            if say is not None:
+                say(f"flights of {stage[-1]:g} s, round {count}: {begun:.0f} → {here:.0f}")
             if gain < SETTLED:
                 done = True
                 break
-        if say is not None:
-            say(f"{stage[-1]} s: {begun:.1f} → {here:.1f} in {count}, noise {np.round(a, 4)}")
     return Fitted(p, z, a, scale, here, D, count, done)
 
 
