@@ -271,12 +271,15 @@ def wire(frame: Frame) -> bytes:
 
 
 def parse(stuffed: bytes) -> Frame | None:
-    """The frame between two delimiters; None for anything that is not exactly one."""
+    """The frame between two delimiters; None for anything that is not exactly one.
+
+    A HELLO is one whatever the version in its header: it asks which versions there are.
+    """
     try:
         data = decode(stuffed)
     except DecodeError:
         return None
-    if len(data) < _HEADER.size + 4 or data[0] != VERSION:
+    if len(data) < _HEADER.size + 4 or (data[0] != VERSION and data[1] != Type.HELLO):
         return None
     kind = _KINDS.get(data[1])
     if kind is None or len(data) != _LENGTHS[data[1]] or check(data[:-4]) != data[-4:]:

@@ -12,6 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from cobs.cobs import encode
+
+from .checksum import check
 from .frames import (
     NOT_MEASURED,
     Ack,
@@ -29,6 +32,7 @@ from .frames import (
     SampleFrame,
     Status,
     Type,
+    payload,
     wire,
 )
 
@@ -66,6 +70,12 @@ def held_up(time_us: int, note: str) -> Line:
     return Line(time_us, "clock", b"", note)
 
 
+def of_version(version: int, frame: Frame) -> bytes:
+    """The frame with that version in its header."""
+    data = bytes([version]) + payload(frame)[1:-4]
+    return bytes(encode(data + check(data))) + b"\0"
+
+
 def sample(
     number: int, echo: int, time_us: int, uV: int, flags: int, cause: Cause = Cause.NONE,
     delay_us: int = 65535,
@@ -89,6 +99,11 @@ HELLO = (
     device(400, Report(9, 4, 0, 1, 0, 0, 0, 0, 0, 0, 1)),
     host(500, Hello(10, 2, 3), "versions that this device does not speak"),
     device(500, Ack(10, Type.HELLO, Code.VERSION, 0, 0, 1)),
+    host(600, of_version(2, Hello(11, 1, 2)), "a HELLO in a header of version 2"),
+    device(600, replace(GOLDEN, number=11)),
+    host(700, of_version(2, Hello(12, 2, 2)), "from a host that speaks version 2 only"),
+    device(700, Ack(12, Type.HELLO, Code.VERSION, 0, 0, 1)),
+    host(800, of_version(2, Poll(13)), "any other frame of version 2 is none"),
 )
 STREAM = (
     host(1000, Arm(0, 1, 2000, 0)),

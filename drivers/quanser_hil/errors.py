@@ -12,6 +12,8 @@ from enum import IntEnum
 
 from heli3dof.errors import DeviceError
 
+from ..trouble import Trouble, Troubles, each
+
 
 class Qerr(IntEnum):
     """The codes that this driver tells apart, without their sign."""
@@ -82,6 +84,108 @@ _CHANNEL = {
     Qerr.INVALID_ANALOG_OUTPUT_CHANNEL: "front, back",
     Qerr.INVALID_DIGITAL_OUTPUT_CHANNEL: "enable",
 }
+TROUBLES: Troubles = {
+    Qerr.BOARD_NOT_FOUND: Trouble(
+        "{name}: there is no such board.",
+        "it is not plugged in or has no power, or it is a board of another type.",
+        "plug it in and wait for its light; the URL is quanser://BOARD/NUMBER, "
+        "e.g. quanser://q8_usb/0",
+    ),
+    **each(
+        (Qerr.UNRECOGNIZED_BOARD_TYPE, Qerr.INVALID_BOARD_IDENTIFIER),
+        Trouble(
+            "{name}: the HIL library knows no board of this name.",
+            "a typing error, or a board that this system's library does not support "
+            "(on Linux it supports fewer than on Windows).",
+            "the names are in the HIL documentation: q8_usb, q2_usb, qpid_e, ...",
+        ),
+    ),
+    **each(
+        _BUSY,
+        Trouble(
+            "{name} is in use.",
+            "another program holds the board: QUARC, Simulink, or another flight.",
+            "stop that program. The red button of the amplifier stops the motors meanwhile",
+        ),
+    ),
+    Qerr.NO_PERMISSION: Trouble(
+        "{name} may not be opened by this user.",
+        "the system does not let this user reach the board.",
+        "sudo apt-get install --reinstall quanser-sdk, then plug the board in again",
+    ),
+    **each(
+        (Qerr.UNABLE_TO_OPEN_DRIVER, Qerr.LIBRARY_NOT_FOUND),
+        Trouble(
+            "{name}: the board's driver does not load.",
+            "the HIL library is there and what it needs for this board is not.",
+            "install the Quanser SDK again, for this board's type",
+        ),
+    ),
+    **each(
+        (Qerr.INVALID_LICENSE, Qerr.MISSING_LICENSE_FILE),
+        Trouble(
+            "{name}: the HIL library refuses for want of a licence.",
+            "QUARC is installed and its licence is missing or has run out.",
+            "renew the licence, or install the Quanser SDK instead of QUARC",
+        ),
+    ),
+    **each(
+        OVERRUN,
+        Trouble(
+            "{name}: samples were lost: the board's buffer ran over while {doing}.",
+            "the host was away for longer than the buffer holds; the motors were stopped.",
+            "heli3dof doctor; close what keeps this machine busy",
+        ),
+    ),
+    **each(
+        (*_GONE, Qerr.TIMED_OUT),
+        Trouble(
+            "{name} was lost while {doing}.",
+            "its cable came out or it lost its power. The board's watchdog puts the "
+            "outputs to rest.",
+            "plug it in and secure the cable; then open it again",
+        ),
+    ),
+    Qerr.HARDWARE_CLOCK_IN_USE: Trouble(
+        "{name}: the board's clock is in use.",
+        "another program times its samples with it.",
+        "end that program, or another clock: clock=1",
+    ),
+    **each(
+        _CLOCK,
+        Trouble(
+            "{name}: the board's clock cannot run at the profile's rate.",
+            "the rate is beyond this board, or the clock is not one that times samples.",
+            "a lower [loop] rate_hz in the profile, or another clock: clock=1",
+        ),
+    ),
+    **each(
+        _CHANNEL,
+        Trouble(
+            "{name}: the board has no such channel.",
+            "one of {channels} in the URL is beyond what this board has.",
+            "look at the terminal board and write each channel into the URL",
+        ),
+    ),
+    **each(
+        EVERY_OUTPUT,
+        Trouble(
+            "{name} cannot be flown: its watchdog wants to be told of every output.",
+            "the board does not say how many outputs it has.",
+            "update the board's firmware and the HIL library",
+        ),
+    ),
+    **each(
+        _NO_WATCHDOG,
+        Trouble(
+            "{name} cannot be flown: its watchdog cannot put the outputs to rest.",
+            "this type of board has no expiration states: if this computer hangs, the "
+            "motors go on at the last voltage.",
+            "a board whose watchdog has them, e.g. a q8_usb",
+        ),
+    ),
+}
+"""The library's, by their number without its sign"""
 
 
 def code_of(error: BaseException) -> int:
@@ -92,88 +196,10 @@ def code_of(error: BaseException) -> int:
 def explain(error: BaseException, name: str, doing: str) -> DeviceError:
     """The error for a user. ``name``: the rig's URL; ``doing``: "starting its watchdog", say."""
     code = code_of(error)
-    if code == Qerr.BOARD_NOT_FOUND:
-        return DeviceError(
-            f"{name}: there is no such board.",
-            cause="it is not plugged in or has no power, or it is a board of another type.",
-            fix="plug it in and wait for its light; the URL is quanser://BOARD/NUMBER, "
-            "e.g. quanser://q8_usb/0",
-        )
-    if code in (Qerr.UNRECOGNIZED_BOARD_TYPE, Qerr.INVALID_BOARD_IDENTIFIER):
-        return DeviceError(
-            f"{name}: the HIL library knows no board of this name.",
-            cause="a typing error, or a board that this system's library does not support "
-            "(on Linux it supports fewer than on Windows).",
-            fix="the names are in the HIL documentation: q8_usb, q2_usb, qpid_e, ...",
-        )
-    if code in _BUSY:
-        return DeviceError(
-            f"{name} is in use.",
-            cause="another program holds the board: QUARC, Simulink, or another flight.",
-            fix="stop that program. The red button of the amplifier stops the motors meanwhile",
-        )
-    if code == Qerr.NO_PERMISSION:
-        return DeviceError(
-            f"{name} may not be opened by this user.",
-            cause="the system does not let this user reach the board.",
-            fix="sudo apt-get install --reinstall quanser-sdk, then plug the board in again",
-        )
-    if code in (Qerr.UNABLE_TO_OPEN_DRIVER, Qerr.LIBRARY_NOT_FOUND):
-        return DeviceError(
-            f"{name}: the board's driver does not load.",
-            cause="the HIL library is there and what it needs for this board is not.",
-            fix="install the Quanser SDK again, for this board's type",
-        )
-    if code in (Qerr.INVALID_LICENSE, Qerr.MISSING_LICENSE_FILE):
-        return DeviceError(
-            f"{name}: the HIL library refuses for want of a licence.",
-            cause="QUARC is installed and its licence is missing or has run out.",
-            fix="renew the licence, or install the Quanser SDK instead of QUARC",
-        )
-    if code in OVERRUN:
-        return DeviceError(
-            f"{name}: samples were lost: the board's buffer ran over while {doing}.",
-            cause="the host was away for longer than the buffer holds; the motors were stopped.",
-            fix="heli3dof doctor; close what keeps this machine busy",
-        )
-    if code in _GONE or code == Qerr.TIMED_OUT:
-        return DeviceError(
-            f"{name} was lost while {doing}.",
-            cause="its cable came out or it lost its power. The board's watchdog puts the "
-            "outputs to rest.",
-            fix="plug it in and secure the cable; then open it again",
-        )
-    if code == Qerr.HARDWARE_CLOCK_IN_USE:
-        return DeviceError(
-            f"{name}: the board's clock is in use.",
-            cause="another program times its samples with it.",
-            fix="end that program, or another clock: clock=1",
-        )
-    if code in _CLOCK:
-        return DeviceError(
-            f"{name}: the board's clock cannot run at the profile's rate.",
-            cause="the rate is beyond this board, or the clock is not one that times samples.",
-            fix="a lower [loop] rate_hz in the profile, or another clock: clock=1",
-        )
-    if code in _CHANNEL:
-        return DeviceError(
-            f"{name}: the board has no such channel.",
-            cause=f"one of {_CHANNEL[Qerr(code)]} in the URL is beyond what this board has.",
-            fix="look at the terminal board and write each channel into the URL",
-        )
-    if code in EVERY_OUTPUT:
-        return DeviceError(
-            f"{name} cannot be flown: its watchdog wants to be told of every output.",
-            cause="the board does not say how many outputs it has.",
-            fix="update the board's firmware and the HIL library",
-        )
-    if code in _NO_WATCHDOG:
-        return DeviceError(
-            f"{name} cannot be flown: its watchdog cannot put the outputs to rest.",
-            cause="this type of board has no expiration states: if this computer hangs, the "
-            "motors go on at the last voltage.",
-            fix="a board whose watchdog has them, e.g. a q8_usb",
-        )
+    known = TROUBLES.get(code)
+    if known is not None:
+        channels = _CHANNEL[Qerr(code)] if code in _CHANNEL else ""
+        return known.error(name=name, doing=doing, channels=channels)
     return DeviceError(
         f"{name}: {_message(error)} while {doing}.",
         cause=f"the HIL library reports error {code}, which this driver does not know."

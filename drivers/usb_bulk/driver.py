@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 from heli3dof.errors import DeviceError, UsageError
 from heli3dof.rig.port import Check
 
-from ..link.frames import Cause
 from .devices import kernel_lists_one, on_bus, select, system_backend
 
 if TYPE_CHECKING:
@@ -56,6 +55,7 @@ class UsbDriver:
         """Zero volts by a control request, though another process may hold the rig's pipes."""
         import usb.util
 
+        from ..link.frames import Cause
         from .transport import stop
 
         on = select(self._backend(), url.text, url.where)

@@ -13,6 +13,7 @@ from typing import Any
 
 from heli3dof.errors import DeviceError
 
+from ..trouble import Trouble, Troubles, each
 from ..udev import install_command
 
 NO_LIBUSB = {
@@ -20,6 +21,55 @@ NO_LIBUSB = {
     "darwin": "brew install libusb",
     "win32": "pip install libusb-package, or libusb-1.0.dll beside python.exe",
 }
+
+_OUT_OF_REACH = Trouble(
+    "{name}: the system does not let libusb reach this rig.",
+    "no driver that libusb can use is bound to it (Windows: WinUSB).",
+    "Windows: bind WinUSB to it with Zadig; elsewhere: heli3dof doctor",
+)
+TROUBLES: Troubles = {
+    errno.ENODEV: Trouble(
+        "{name} was unplugged while {doing}.",
+        "the cable or a hub came out, or the amplifier lost its power. The rig stops "
+        "itself when the bus goes.",
+        "plug it in and secure the cable; heli3dof devices shows when it is back",
+    ),
+    errno.EPIPE: Trouble(
+        "{name} stalled while {doing}, and again after it was cleared.",
+        "its firmware refuses this pipe: a fault in the firmware, or not a heli3dof rig.",
+        "take the cable out and put it back; if it stays: heli3dof doctor",
+    ),
+    errno.ETIMEDOUT: Trouble(
+        "{name} did not answer in time while {doing}.",
+        "its firmware hangs, or the bus is taken up by another device.",
+        "switch the amplifier off and on; plug it into a port of its own, without a hub",
+    ),
+    **each(
+        (errno.EACCES, errno.EPERM),
+        Trouble(
+            "{name} may not be opened by this user.",
+            "the udev rule is not installed, or was not when the rig was plugged in, or you "
+            "do not sit at this machine (ssh).",
+            "{install}; by ssh also: sudo usermod -aG dialout $USER, then log in again",
+        ),
+    ),
+    errno.EBUSY: Trouble(
+        "{name} is in use{by}.",
+        "another process flies it or watches it; a rig has one master.",
+        "end that process. heli3dof estop stops the motors meanwhile, whoever holds it",
+    ),
+    errno.EOVERFLOW: Trouble(
+        "{name} sent more than was asked for while {doing}.",
+        "its firmware sends packets longer than its descriptor says.",
+        "update the firmware; docs/protocol.md, section USB",
+    ),
+    errno.EIO: Trouble(
+        "{name}: the bus failed while {doing}.",
+        "a bad cable or hub, a motor's interference, or the cable coming out just then.",
+        "a short shielded cable, a port without a hub; then heli3dof devices",
+    ),
+}
+"""libusb's, by errno"""
 
 
 def no_libusb() -> DeviceError:
@@ -38,59 +88,14 @@ def explain(
 
     ``holder`` says who holds the rig; it is asked only where that matters.
     """
-    number = getattr(error, "errno", None)
     if isinstance(error, NotImplementedError):
-        return DeviceError(
-            f"{name}: the system does not let libusb reach this rig.",
-            cause="no driver that libusb can use is bound to it (Windows: WinUSB).",
-            fix="Windows: bind WinUSB to it with Zadig; elsewhere: heli3dof doctor",
-        )
-    if number == errno.ENODEV:
-        return DeviceError(
-            f"{name} was unplugged while {doing}.",
-            cause="the cable or a hub came out, or the amplifier lost its power. The rig stops "
-            "itself when the bus goes.",
-            fix="plug it in and secure the cable; heli3dof devices shows when it is back",
-        )
-    if number == errno.EPIPE:
-        return DeviceError(
-            f"{name} stalled while {doing}, and again after it was cleared.",
-            cause="its firmware refuses this pipe: a fault in the firmware, or not a heli3dof rig.",
-            fix="take the cable out and put it back; if it stays: heli3dof doctor",
-        )
-    if number == errno.ETIMEDOUT:
-        return DeviceError(
-            f"{name} did not answer in time while {doing}.",
-            cause="its firmware hangs, or the bus is taken up by another device.",
-            fix="switch the amplifier off and on; plug it into a port of its own, without a hub",
-        )
-    if number in (errno.EACCES, errno.EPERM):
-        return DeviceError(
-            f"{name} may not be opened by this user.",
-            cause="the udev rule is not installed, or was not when the rig was plugged in, or you "
-            "do not sit at this machine (ssh).",
-            fix=f"{install_command()}; by ssh also: sudo usermod -aG dialout $USER, then log in "
-            "again",
-        )
-    if number == errno.EBUSY:
-        who = holder()
-        return DeviceError(
-            f"{name} is in use" + (f" by {who}." if who else "."),
-            cause="another process flies it or watches it; a rig has one master.",
-            fix="end that process. heli3dof estop stops the motors meanwhile, whoever holds it",
-        )
-    if number == errno.EOVERFLOW:
-        return DeviceError(
-            f"{name} sent more than was asked for while {doing}.",
-            cause="its firmware sends packets longer than its descriptor says.",
-            fix="update the firmware; docs/protocol.md, section USB",
-        )
-    if number == errno.EIO:
-        return DeviceError(
-            f"{name}: the bus failed while {doing}.",
-            cause="a bad cable or hub, a motor's interference, or the cable coming out just then.",
-            fix="a short shielded cable, a port without a hub; then heli3dof devices",
-        )
+        return _OUT_OF_REACH.error(name=name)
+    number = getattr(error, "errno", None)
+    known = None if number is None else TROUBLES.get(number)
+    if known is not None:
+        who = holder() if number == errno.EBUSY else ""
+        by = f" by {who}" if who else ""
+        return known.error(name=name, doing=doing, by=by, install=install_command())
     return DeviceError(
         f"{name}: {error} while {doing}.",
         cause=f"the bus reports errno {number}, which this driver does not know.",

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import typer
 
@@ -37,6 +40,20 @@ FAMILIES = (
     rigs, doctor, zero, monitor, estop,
 )  # fmt: skip
 
+QUICK: dict[str, tuple[Callable[..., None], dict[str, str], dict[str, str]]] = {
+    "estop": (
+        estop.estop,
+        {"--json": "as_json", "--quiet": "quiet"},
+        {"--device": "device", "--reason": "reason"},
+    ),
+    "devices": (
+        rigs.devices,
+        {"--ask": "ask", "--json": "as_json", "--quiet": "quiet"},
+        {},
+    ),
+}
+"""Verbs that nobody waits for: the function, its flags, its options with a value"""
+
 for family in FAMILIES:
     family.register(app)
 
@@ -46,4 +63,31 @@ def main() -> None:
     # Before numpy is imported. Our matrices are small: several BLAS threads gain nothing, and on
     # a busy machine they wait for each other, which made an identification ten times slower.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    without_delay(sys.argv[1:])
     app()
+
+
+def without_delay(words: Sequence[str]) -> None:
+    """A `QUICK` verb as it is meant to be typed, and the process's end; else nothing.
+
+    To read even one flag typer builds a validator, and loads pydantic for it: half of the time
+    until a rig stands still. What is not understood here at once is typer's to read or to refuse.
+    """
+    if not words or words[0] not in QUICK:
+        return
+    verb, flags, values = QUICK[words[0]]
+    given: dict[str, Any] = {}
+    rest = iter(words[1:])
+    for word in rest:
+        name, _, value = word.partition("=")
+        if word in flags:
+            given[flags[word]] = True
+        elif name in values and (value := value or next(rest, "")) and value[0] != "-":
+            given[values[name]] = value
+        else:
+            return
+    try:
+        verb(**given)
+    except typer.Exit as end:
+        sys.exit(end.exit_code)
+    sys.exit(0)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from heli3dof.cli.console import Talk, live_allowed, verb
-from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet, Recordings, Seed
+from heli3dof.cli.options import AsJson, Force, LogProfile, Output, Quiet, Recordings, Seed
 
 if TYPE_CHECKING:
     from heli3dof.diagnosis.integrity import Fault
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 BAD_DATA = 5
 """Exit code of a recording that is itself at fault; its document is printed all the same."""
-LOGS = (".csv", ".csv.gz", ".mat")
 
 
 class Base(StrEnum):
@@ -47,7 +46,7 @@ def diagnose(
     report: Annotated[
         Path | None, typer.Option("--report", metavar="FILE", help="Figures and tables, HTML.")
     ] = None,
-    profile: ProfileFile = None,
+    profile: LogProfile = None,
     output: Output = None,
     force: Force = False,
     seed: Seed = 0,
@@ -61,21 +60,21 @@ def diagnose(
     from heli3dof.diagnosis.next_experiment import next_of
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.model.modelfile import save_model
-    from heli3dof.recording.output import check_output, stem
+    from heli3dof.recording.output import check_output, stem, unused
     from heli3dof.report.diagnosis_page import diagnosis_page
     from heli3dof.report.diagnosis_tables import diagnosis_tables
     from heli3dof.report.grid import Grid, to_rich
     from heli3dof.report.html import write_page
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    path = output or Path(f"{stem(recordings[0])}-extended.json")
-    check_output(path, force=force)
+    ours = Path(f"{stem(recordings[0])}-extended.json")
+    check_output(output or unused(ours), force=force)
     if report is not None:
         check_output(report, force=force)
     train, at_fault = read(talk, recordings, profile)
     test, also = read(talk, holdout or [], profile)
     if at_fault or also:
-        names = [[p.name.split(".")[0] for p in side] for side in (recordings, holdout or [])]
+        names = [[stem(p) for p in side] for side in (recordings, holdout or [])]
         refused = Diagnosis((*names[0],), (*names[1],), "bad_data", (*at_fault, *also))
         document = to_document(refused)
         for each in diagnosis_tables(document):
@@ -87,6 +86,7 @@ def diagnose(
         found = find(train, test or None, quick=quick, seed=seed, says=says, base=base.value)
         written = None
         if found.fitted is not None:
+            path = output or (ours if force else unused(ours))
             written = str(save_model(found.fitted.model, path, force=force))
         upcoming = None
         if found.fitted is not None and not quick:
@@ -119,6 +119,8 @@ def read(
     from heli3dof.cli.loading import load_all
     from heli3dof.diagnosis.integrity import Fault, Kind
     from heli3dof.errors import RecordingError
+    from heli3dof.recording.importing import is_log
+    from heli3dof.recording.output import stem
 
     loaded: list[Recording] = []
     faults: list[Fault] = []
@@ -126,9 +128,9 @@ def read(
         try:
             loaded += load_all(talk, [path], profile)
         except RecordingError as e:
-            if not path.is_file() or not path.name.endswith(LOGS):
+            if not path.is_file() or not is_log(path):
                 raise
-            name = path.name.split(".")[0]
+            name = stem(path)
             faults.append(Fault("log.refused", Kind.BAD_DATA, name, e.what, e.cause, e.fix))
     return loaded, faults
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from heli3dof.cli.console import Talk, verb
-from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet
+from heli3dof.cli.options import AsJson, Force, LogProfile, Output, Quiet
 
 Columns = Annotated[
     str | None,
@@ -27,7 +27,7 @@ def register(app: typer.Typer) -> None:
 @verb
 def import_(
     log: Annotated[Path, typer.Argument(metavar="LOG", help="A .csv, .csv.gz or .mat log.")],
-    profile: ProfileFile = None,
+    profile: LogProfile = None,
     output: Output = None,
     columns: Columns = None,
     force: Force = False,
@@ -65,7 +65,7 @@ def import_(
 def export(
     recording: Annotated[Path, typer.Argument(metavar="REC", help="A recording or a log.")],
     output: Output = None,
-    profile: ProfileFile = None,
+    profile: LogProfile = None,
     columns: Columns = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -86,7 +86,7 @@ def export(
 @verb
 def info(
     recording: Annotated[Path, typer.Argument(metavar="REC", help="A recording or a log.")],
-    profile: ProfileFile = None,
+    profile: LogProfile = None,
     columns: Columns = None,
     as_json: AsJson = False,
     quiet: Quiet = False,

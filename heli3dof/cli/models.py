@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from heli3dof.cli.console import Talk, verb
-from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet, Recordings
+from heli3dof.cli.options import AsJson, Force, LogProfile, Output, Quiet, Recordings
 
 if TYPE_CHECKING:
     from heli3dof.identification.api import Identification
@@ -55,7 +55,7 @@ def identify(
     report: Annotated[
         Path | None, typer.Option("--report", metavar="FILE", help="Figures and tables, HTML.")
     ] = None,
-    profile: ProfileFile = None,
+    profile: LogProfile = None,
     output: Output = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -66,12 +66,13 @@ def identify(
     from heli3dof.identification.api import identify as fit
     from heli3dof.identification.greybox.method import chosen_terms
     from heli3dof.model.modelfile import save_model
-    from heli3dof.recording.output import check_output, stem
+    from heli3dof.recording.output import check_output, stem, unused
     from heli3dof.report.grid import to_rich
     from heli3dof.report.identification_section import identification_tables
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    path = output or Path(f"{stem(recordings[0])}-{method.value}.json")
+    ours = Path(f"{stem(recordings[0])}-{method.value}.json")
+    path = output or (ours if force else unused(ours))
     check_output(path, force=force)
     if report is not None:
         check_output(report, force=force)

@@ -20,6 +20,14 @@ ProfileFile = Annotated[
     Path | None,
     typer.Option("--profile", metavar="FILE", help="The rig's numbers; default: the paper's rig."),
 ]
+LogProfile = Annotated[
+    Path | None,
+    typer.Option(
+        "--profile",
+        metavar="FILE",
+        help="The rig's numbers: a log needs them, a recording has its own.",
+    ),
+]
 Output = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")
 ]

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from heli3dof.cli.console import Talk, verb
-from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet, Recordings
+from heli3dof.cli.options import AsJson, Force, LogProfile, Output, Quiet, Recordings
 
 
 def register(app: typer.Typer) -> None:
@@ -22,7 +22,7 @@ def report(
         list[str] | None,
         typer.Option("--model", metavar="M", help="A model's name or file. Repeatable."),
     ] = None,
-    profile: ProfileFile = None,
+    profile: LogProfile = None,
     output: Output = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -33,13 +33,14 @@ def report(
     from heli3dof.comparison.compare import compare
     from heli3dof.comparison.reproduce import reproduce
     from heli3dof.model.hover import hover_model
-    from heli3dof.recording.output import check_output, stem
+    from heli3dof.recording.output import check_output, stem, unused
     from heli3dof.report.flight_report import flight_report
     from heli3dof.report.html import write_page
     from heli3dof.rig.profile import default_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    path = output or Path(f"{stem(recordings[0])}-report.html")
+    ours = Path(f"{stem(recordings[0])}-report.html")
+    path = output or (ours if force else unused(ours))
     check_output(path, force=force)
     loaded = load_all(talk, recordings, profile)
     names = models or ["hover"]

@@ -28,7 +28,7 @@ from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import base_beside
 from heli3dof.diagnosis.real_doubts import doubted
 from heli3dof.diagnosis.real_log import diagnose_real, no_likelihood
-from heli3dof.diagnosis.result import Diagnosis, Finding
+from heli3dof.diagnosis.result import Diagnosis, Finding, in_order
 from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import (
     BASES,
@@ -133,7 +133,7 @@ def _diagnosed(
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
     unknown = not bench.loop_is_known
-    verdict = _verdict([*sized, *findings, *off], last.left, unknown=unknown)
+    verdict = _verdict(in_order(sized, findings, off), last.left, unknown=unknown)
     return Diagnosis(
         *names, verdict, faults, whole,
         findings, off, last.dropped, last.left, first.unseen, about,

@@ -32,11 +32,7 @@ def document(
         "verdict": d.verdict,
         "simulation_error": {a: _wrong(f, a) for a in AXES},
         "calibration": [] if f is None else _calibration(f),
-        "findings": [
-            *(_fault(x) for x in d.faults),
-            *(_finding(x) for x in d.findings),
-            *(_off(x) for x in d.calibration_findings),
-        ],
+        "findings": [_found(x) for x in d.in_order],
         "not_identifiable": list(d.not_identifiable),
         "leftover": [_leftover(x) for x in d.leftovers],
         "next_experiment": _next(d) if upcoming is None else _upcoming(upcoming),
@@ -118,6 +114,12 @@ def _gain(g: Gain | None, f: Fitted | None = None) -> dict[str, Any]:
     return out
 
 
+def _found(x: Fault | Finding | Off) -> dict[str, Any]:
+    if isinstance(x, Finding):
+        return _finding(x)
+    return _off(x) if isinstance(x, Off) else _fault(x)
+
+
 def _finding(f: Finding) -> dict[str, Any]:
     return {
         "effect": f.choice.term.effect.name,
@@ -193,10 +195,11 @@ def _upcoming(n: NextExperiment) -> dict[str, Any]:
 
 def _next(d: Diagnosis) -> dict[str, Any] | None:
     """The plan that separates the first tie that a flight can separate, by the catalogue."""
-    ties = [
-        *((f.choice.term, f.choice.tied_with) for f in d.findings),
-        *((o.term, o.tied_with) for o in d.calibration_findings),
-    ]
+    ties = (
+        (x.term, x.tied_with) if isinstance(x, Off) else (x.choice.term, x.choice.tied_with)
+        for x in d.in_order
+        if not isinstance(x, Fault)
+    )
     for term, tied_with in ties:
         if others := flyable(tied_with):
             return {

@@ -6,7 +6,8 @@ pays least first, and the rest are measured again.
 
 The first cause stood up to the nulls, and a short flight's few cells bound no gain: it pays where
 held-out data are likelier with it. Later ones are only as good as the first one's formula; they
-pay where the gain's interval lies above zero. One that moves the rig nearly as another does, and
+pay where the gain's interval lies above zero, or as a first one does where their score is beyond
+what a wrong formula leaves (`select.WEAK`). One that moves the rig nearly as another does, and
 is told as "…-like" only (`heli3dof.diagnosis.select`), cannot gain much beside it: it is taken as
 a first one is, since without it the other one's size would surely be wrong.
 
@@ -27,7 +28,7 @@ from heli3dof.diagnosis.gain import Gain, HeldOut, gain, pays
 from heli3dof.diagnosis.gain_folds import held_out
 from heli3dof.diagnosis.how_wrong import how_wrong
 from heli3dof.diagnosis.result import Dropped, Finding, Fitted
-from heli3dof.diagnosis.select import Choice, this_one
+from heli3dof.diagnosis.select import WEAK, Choice, this_one
 from heli3dof.diagnosis.steps import without
 from heli3dof.diagnosis.thrust_scale import thrust_scale
 from heli3dof.identification.greybox.method import model_of
@@ -35,7 +36,7 @@ from heli3dof.model.greybox import nominal
 from heli3dof.recording.recording import Recording
 
 LEAST = 3.0
-"""Held-out log-likelihood that a first cause, or a weak one, has to gain: odds of 20 to one."""
+"""Held-out log-likelihood that a first, a strong or a weak cause has to gain: odds of 20 to one."""
 
 
 def adopted(
@@ -51,14 +52,16 @@ def adopted(
         if not poor:
             return found, _findings(found, kept, less, gains), tuple(dropped), after
         worst = min(poor, key=lambda i: won(gains[i]))
-        dropped.append(Dropped(kept[worst].term.name, gains[worst]))
+        gone = kept[worst]
+        dropped.append(Dropped(gone.term.name, gains[worst], choice=gone))
         found = less[worst]
         del kept[worst]
 
 
 def is_worth(choice: Choice, g: Gain, *, first: bool) -> bool:
     """Whether a cause is adopted for that gain."""
-    return pays(g) or ((first or choice.weak) and won(g) > LEAST)
+    strong = first or choice.weak or choice.score >= WEAK
+    return pays(g) or (strong and won(g) > LEAST)
 
 
 def fitted(

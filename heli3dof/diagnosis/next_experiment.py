@@ -29,7 +29,7 @@ from heli3dof.diagnosis.catalogue import Probe, probes
 from heli3dof.diagnosis.corrected import look
 from heli3dof.diagnosis.counts import flyable
 from heli3dof.diagnosis.plan_flights import Task, fly_task, stable, task_of
-from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis
+from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis, Dropped
 from heli3dof.diagnosis.screen import Screen
 from heli3dof.diagnosis.select import TIE, Contender
 from heli3dof.diagnosis.workers import WORKERS, in_threads
@@ -158,15 +158,19 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
                 tied = [c for c in others if c.term.name in names]
                 return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
-        open_ = [x.name for x in found.dropped if x.why == DOES_NOT_PAY] or list(
-            found.not_identifiable
-        )
+        open_ = [_dropped(x) for x in found.dropped if x.why == DOES_NOT_PAY]
+        open_ = open_ or [Cause.typical(name) for name in found.not_identifiable[:1]]
         if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
-        asked = recommend(base, [Cause.typical(open_[0])], seed=seed)
+        asked = recommend(base, open_[:1], seed=seed)
         return None if (asked.certainty or 0.0) < HOPELESS else asked
     except UsageError:
         return None
+
+
+def _dropped(x: Dropped) -> Cause:
+    """At the size that it was taken with; at the catalogue's where it was seen in passing only."""
+    return Cause.typical(x.name) if x.choice is None else Cause.fitted(x.choice.contenders[0])
 
 
 def _why(best: Outlook, names: Sequence[str]) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -44,6 +44,8 @@ class Dropped:
     name: str
     gain: Gain
     why: str = DOES_NOT_PAY
+    choice: Choice | None = None
+    """The step in which it had been taken, where it had been one"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,3 +89,24 @@ class Diagnosis:
     def faults(self) -> tuple[Fault, ...]:
         """Findings of the integrity checks: causes in the recording itself, with a size."""
         return tuple(f for f in self.integrity if f.kind == "finding")
+
+    @property
+    def in_order(self) -> tuple[Fault | Finding | Off, ...]:
+        """All of them as `in_order` has it."""
+        return in_order(self.faults, self.findings, self.calibration_findings)
+
+
+def in_order(
+    faults: Sequence[Fault], findings: Sequence[Finding], off: Sequence[Off]
+) -> tuple[Fault | Finding | Off, ...]:
+    """The strongest first: what is wrong with the recording, then causes as they were found, each
+    base number before the first of them that it is stronger than."""
+    out: list[Finding | Off] = list(findings)
+    for o in sorted(off, key=lambda o: o.score):
+        weaker = (k for k, f in enumerate(out) if _score(f) < o.score)
+        out.insert(next(weaker, len(out)), o)
+    return (*faults, *out)
+
+
+def _score(found: Finding | Off) -> float:
+    return found.score if isinstance(found, Off) else found.choice.score

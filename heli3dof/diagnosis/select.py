@@ -7,11 +7,14 @@ nulls' inflation and n a term's parameters
     score = 2 Δℓ_c / κ − n ln N
 
 (BIC; N the encoders' events). Nothing at all scores 0, so what scores less than `TIE` is tied with
-it and not named. No formula is quite right, and what is wrong with the first cause's looks like a
-further one: that must exceed `SHARE` of the first one's score, or `WEAK` where that is less. A
-term whose trace is nearly that of the causes found (ρ² > `ALIKE` of what the base leaves of it) has
-little score of its own however large it is, and without it the first one's size takes its place:
-below that floor it is taken as well, but weakly, "…-like", the formula being as likely wrong. An
+it and not named; nor is the likeliest where its own Z² is not beyond the nulls' threshold: what the
+screen saw was then another term's, which its full fit does not bear out.
+
+No formula is quite right, and what is wrong with the first cause's looks like a further one: that
+must exceed `SHARE` of the first one's score, or `WEAK` where that is less. A term whose trace is
+nearly that of the causes found (ρ² > `ALIKE` of what the base leaves of it) has little score of its
+own however large it is, and without it the first one's size takes its place: below that floor it is
+taken as well, but weakly, "…-like", the formula being as likely wrong. An
 inertia that is off (`heli3dof.diagnosis.calibration`) is such a first cause: where the mass that
 makes it so sits is not known. Diverged fits and fits on a bound are refused. Terms A and B are tied
 where their scores differ by less than
@@ -136,7 +139,7 @@ def choose(
         return None
     fits = surest_first(screen, nulls, fits)
     best = fits[0]
-    if best.score < TIE or nulls.threshold / 2 > best.Z2:
+    if best.score < TIE or nulls.threshold > best.Z2:
         return None
     weak = first_score is not None and best.score < min(SHARE * first_score, WEAK)
     if weak and not alike(found, screen, best):

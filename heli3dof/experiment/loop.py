@@ -29,7 +29,9 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 BRIDGED = 500
-"""Skipped periods through which the controller is taken, at most"""
+"""Skipped periods through which the controller is taken, at most: the last ones, many times what
+its filters remember. Who slept for an hour must not first fly it through in his head; and no flight
+goes on after so many, since every device's watchdog has expired by then."""
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
@@ -179,7 +181,7 @@ class _Flight:
         """The controller goes through the periods that were skipped before k, along a straight line
         from the last angle: to its filters a longer way in one period would be a greater rate."""
         was = self.before
-        for j in range(1, min(skipped, BRIDGED) + 1):
+        for j in range(max(1, skipped - BRIDGED + 1), skipped + 1):
             share = j / (skipped + 1)
             r, p, y = (a + share * (b - a) for a, b in zip(was, angle, strict=True))
             self.control(k - skipped + j - 1, (r, p, y))

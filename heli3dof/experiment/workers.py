@@ -28,7 +28,9 @@ def raise_workers(undo: ExitStack) -> tuple[Check, ...]:
     if not hasattr(os, "sched_setscheduler"):
         return ()
     found = _workers()
-    ordinary = [pid for pid in found if _policy(pid) == os.SCHED_OTHER]
+    # Those that a flight left so which was killed are put back after this one.
+    left_so = (os.SCHED_FIFO, PRIORITY)
+    ordinary = [pid for pid in found if _policy(pid) in ((os.SCHED_OTHER, 0), left_so)]
     try:
         for pid in ordinary:
             with suppress(ProcessLookupError):  # they come and go
@@ -50,9 +52,9 @@ def _workers() -> list[int]:
     return found
 
 
-def _policy(pid: int) -> int | None:
+def _policy(pid: int) -> tuple[int, int] | None:
     with suppress(OSError):
-        return os.sched_getscheduler(pid)
+        return os.sched_getscheduler(pid), os.sched_getparam(pid).sched_priority
     return None
 
 

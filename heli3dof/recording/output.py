@@ -50,6 +50,19 @@ def check_output(path: Path, *, force: bool) -> None:
         )
 
 
+def unused(path: Path) -> Path:
+    """A name of our own making: ``path``, or its first numbered neighbour that is free.
+
+    ``a-extended.json``, ``a-extended-2.json``, … Where nobody asked for a name, an earlier run is
+    no reason to refuse the next one.
+    """
+    k, free = 1, path
+    while free.exists():
+        k += 1
+        free = path.with_name(f"{path.stem}-{k}{path.suffix}")
+    return free
+
+
 def mode(path: Path, *, force: bool) -> str:
     """How to open ``path`` for writing: a file so that it can be read, too, a pipe or device not.
 

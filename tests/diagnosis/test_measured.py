@@ -10,7 +10,7 @@ import pytest
 
 from heli3dof.diagnosis.gain import Interval
 from heli3dof.diagnosis.measured import beside_each_other, is_worth
-from heli3dof.diagnosis.select import Choice, Contender
+from heli3dof.diagnosis.select import WEAK, Choice, Contender
 from heli3dof.model.effects import terms
 
 NONE = cast(Any, None)
@@ -70,5 +70,12 @@ def test_a_cause_is_adopted_where_data_not_seen_confirm_it(
     low: float, value: float, first: bool, weak: bool, adopted: bool
 ) -> None:
     gain = cast(Any, SimpleNamespace(log_likelihood=Interval(value, low, 2 * value)))
-    choice = cast(Any, SimpleNamespace(weak=weak))
+    choice = cast(Any, SimpleNamespace(weak=weak, score=WEAK - 1))
     assert is_worth(choice, gain, first=first) is adopted
+
+
+@pytest.mark.parametrize(("score", "adopted"), [(WEAK - 1, False), (WEAK, True)])
+def test_so_is_one_of_a_score_that_no_wrong_formula_leaves(score: float, adopted: bool) -> None:
+    gain = cast(Any, SimpleNamespace(log_likelihood=Interval(20.0, -1.0, 40.0)))
+    choice = cast(Any, SimpleNamespace(weak=False, score=score))
+    assert is_worth(choice, gain, first=False) is adopted

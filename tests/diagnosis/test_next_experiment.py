@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import doctest
 import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 from heli3dof.diagnosis import next_experiment as module
-from heli3dof.diagnosis.next_experiment import Cause, recommend
+from heli3dof.diagnosis.next_experiment import Cause, NextExperiment, next_of, recommend
+from heli3dof.diagnosis.result import Diagnosis, Dropped
+from heli3dof.diagnosis.select import Choice, Contender
 from heli3dof.diagnosis.steps import Bench, base_of
 from heli3dof.errors import UsageError
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate
+from heli3dof.model.effects import term
+from heli3dof.model.rig_model import Structure
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +82,41 @@ def test_leaving_out_what_cannot_win_changes_neither_the_plan_nor_its_forecast(
     for outlook in together.ranking[1:]:
         assert outlook.margin / outlook.duration_s < best.margin / best.duration_s
     assert sum(len(o.margins) for o in together.ranking) < 3 * len(plans)
+
+
+def diagnosed(base: Estimate, *dropped: Dropped) -> Diagnosis:
+    """Nothing found, but for what did not pay; two effects could not have been seen."""
+    fitted = SimpleNamespace(base=base)
+    dark = ("friction.viscous.yaw", "drag.quadratic.roll")
+    return Diagnosis(
+        ("r",), (), "nothing_found", (), fitted, dropped=dropped, not_identifiable=dark
+    )  # type: ignore[arg-type]
+
+
+def test_what_did_not_pay_is_looked_for_at_its_own_size(
+    base: Estimate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[list[Cause]] = []
+
+    def recommend(base: Estimate, causes: list[Cause], **options: Any) -> NextExperiment:
+        asked.append(causes)
+        return NextExperiment("rich", tuple(c.term.name for c in causes), "", 0.9)
+
+    monkeypatch.setattr(module, "recommend", recommend)
+    lag = term("motor.lag")
+    structure = Structure(base.structure.profile, (*base.structure.terms, lag))
+    problem = replace(base.problem, structure=structure)
+    theta = problem.coordinates(np.append(base.values, 0.013))
+    contender = Contender(lag, problem, replace(base.optimum, theta=theta), 9.0, 20.0, None)
+    choice = Choice(lag, 9.0, 20.0, 0.9, (), (contender,))
+    next_of(diagnosed(base, Dropped("motor.lag", None, choice=choice)))  # type: ignore[arg-type]
+    next_of(diagnosed(base, Dropped("motor.lag", None)))  # type: ignore[arg-type]
+    next_of(diagnosed(base))
+    told, typical, dark = (causes[0] for causes in asked)
+    assert told.values == pytest.approx((0.013,))
+    assert typical == Cause.typical("motor.lag")
+    assert dark == Cause.typical("friction.viscous.yaw")
+    assert all(len(causes) == 1 for causes in asked)
 
 
 def test_where_no_plan_can_be_flown_it_is_said(base: Estimate) -> None:

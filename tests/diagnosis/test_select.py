@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis import select
 from heli3dof.diagnosis.corrected import Corrected, Informed
 from heli3dof.diagnosis.measured import forwards
-from heli3dof.diagnosis.select import WEAK, Choice, this_one
+from heli3dof.diagnosis.select import TIE, WEAK, Choice, Contender, this_one
 from heli3dof.diagnosis.steps import (
     Bench,
     Step,
@@ -28,6 +29,8 @@ from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.effects import term
 from heli3dof.model.filtering import data_of
 from heli3dof.model.rig_model import Structure
+
+NONE = cast(Any, None)
 
 
 def step_of(plan: Plan, hide: str, seed: int) -> tuple[Bench, Step]:
@@ -106,6 +109,25 @@ def test_in_a_plain_step_a_delay_is_named_or_tied_never_excluded() -> None:
     _, step = step_of(step_plan((10.0, None, None)), "motor.delay:0.015", 1016)
     assert step.choice is not None
     assert "motor.delay" in {step.choice.term.name, *step.choice.tied_with}
+
+
+@pytest.mark.parametrize(("own", "named"), [(29.0, True), (14.3, False)])
+def test_what_the_screen_did_not_see_is_not_named_for_another_s_sake(
+    monkeypatch: pytest.MonkeyPatch, own: float, named: bool
+) -> None:
+    seen, likeliest = term("motor.saturation"), term("motor.thrust_curve")
+    fits = [
+        Contender(likeliest, NONE, NONE, 60.0, own, 0),
+        Contender(seen, NONE, NONE, 8.0, 34.7, 1),
+    ]
+    monkeypatch.setattr(select, "unidentifiable", lambda screen, nulls: ())
+    monkeypatch.setattr(select, "suspects", lambda seen_, nulls: [(seen, 34.7, 1)])
+    monkeypatch.setattr(select, "contend", lambda *a: fits)
+    monkeypatch.setattr(select, "surest_first", lambda screen, nulls, fits: fits)
+    monkeypatch.setattr(select, "slack", lambda *a: TIE)
+    nulls = cast(Any, SimpleNamespace(threshold=28.2, confidence=lambda Z2: 1.0))
+    choice = select.choose(NONE, NONE, NONE, nulls, np.zeros(4), None)
+    assert (choice is not None) is named
 
 
 def test_the_chance_of_a_name_follows_from_its_margin() -> None:

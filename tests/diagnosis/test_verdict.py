@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from heli3dof.diagnosis.calibration import Off
 from heli3dof.diagnosis.diagnose import _verdict
 from heli3dof.diagnosis.document import document
-from heli3dof.diagnosis.result import Diagnosis
+from heli3dof.diagnosis.result import Diagnosis, Finding, in_order
+from heli3dof.diagnosis.select import Choice
 from heli3dof.model.effects import terms
 
 
@@ -19,7 +22,9 @@ def off(*tied: str) -> Off:
 
 
 def finding(*tied: str) -> Any:
-    return SimpleNamespace(choice=SimpleNamespace(tied_with=tied))
+    cause = terms(["motor.lag"])[0]
+    choice = Choice(cause, 50.0, 60.0, 1.0, tied, ())
+    return Finding(choice, {}, cast(Any, None), np.zeros(4))
 
 
 @pytest.mark.parametrize(
@@ -35,7 +40,14 @@ def finding(*tied: str) -> Any:
     ],
 )
 def test_the_first_finding_s_ties_decide(findings: Any, offs: Any, left: Any, verdict: str) -> None:
-    assert _verdict(findings, [], offs, left) == verdict
+    assert _verdict([*findings, *offs], left) == verdict
+
+
+def test_the_strongest_stands_first_and_causes_keep_the_order_in_which_they_were_found() -> None:
+    lag, inertia = finding(), off()
+    late = replace(lag, choice=replace(lag.choice, score=70.0))
+    assert in_order([], [lag, late], [inertia]) == (inertia, lag, late)
+    assert in_order([], [late, lag], [inertia]) == (late, inertia, lag)
 
 
 def test_a_base_number_that_is_tied_asks_for_the_plan_that_parts_it() -> None:

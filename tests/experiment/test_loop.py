@@ -255,18 +255,23 @@ def test_samples_lost_on_the_line_are_skipped_so_that_the_references_keep_wall_t
     np.testing.assert_allclose([r.reference[0] for r in rows], t / DT * 1e-4, atol=1e-12)
 
 
-def test_an_axis_that_turns_steadily_turns_no_faster_after_skipped_periods() -> None:
+@pytest.mark.parametrize(("skipped", "bridged"), [(15, 500), (40, 30)])
+def test_an_axis_that_turns_steadily_turns_no_faster_after_skipped_periods(
+    skipped: int, bridged: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # Yaw turns at 40°/s; after 15 periods without a sample it has come 15 steps further.
+    monkeypatch.setattr("heli3dof.experiment.loop.BRIDGED", bridged)
+
     def turning(k: int, s: Sample) -> Sample:
         yaw = round(np.radians(40.0) * s.device_time_s / abs(PROFILE.encoder.rad_per_count[2]))
         return replace(s, counts=(s.counts[0], s.counts[1], yaw))
 
-    rig = ScriptedRig(turning, late=lambda k: 15 * DT if k == 60 else 0.0)
+    rig = ScriptedRig(turning, late=lambda k: skipped * DT if k == 50 else 0.0)
     seen: list[float] = []
     loose = PROFILE.limits.model_copy(update={"slew_max_V_per_s": 1e6})
     loose = PROFILE.model_copy(update={"limits": loose})
     flown(rig, profile=loose, watches=[lambda now: seen.append(now.rate[2])])
-    after = np.degrees(np.abs(seen[60:70]))
+    after = np.degrees(np.abs(seen[50:60]))
     assert abs(after - 40.0).max() < 8.0  # counts are 0.044° apart, 22°/s in one period
 
 

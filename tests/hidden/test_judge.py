@@ -62,6 +62,14 @@ def test_a_name_that_only_resembles_is_not_asserted() -> None:
     assert judge(document(finding("friction.viscous-like", "yaw")), COULOMB).wrong == ()
 
 
+def test_a_tie_with_a_count_that_no_flight_can_check_is_no_way_out() -> None:
+    assert judge(document(finding("inertia", "yaw", "encoder.scale.yaw")), COULOMB).wrong == (
+        "inertia.yaw",
+    )
+    hidden = truth(encoder__scale__yaw=1.25)
+    assert judge(document(finding("inertia", "yaw", "encoder.scale.yaw")), hidden).wrong == ()
+
+
 def test_a_false_third_spoils_the_set_and_is_wrong() -> None:
     both = truth(friction__coulomb__yaw=0.02, bias__torque__pitch=0.01)
     found = document(

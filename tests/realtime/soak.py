@@ -20,8 +20,11 @@ from tests.realtime.flight import LANDING_S, PATIENT, FlightProcess, write_profi
 EVERY_S = 0.25
 WARM_UP = 0.4
 """Share of the flight at its beginning that is left out: the first of everything takes room, and
-the live view's library keeps the last 4096 texts that it measured, ten new ones a second."""
+the live view's library keeps the last 4096 texts that it measured, ten new ones a second and more,
+in a table that it builds anew, beside the old one, whenever that is full of what was dropped."""
 BLOCKS = 12
+LANDS = b"ramping down"
+"""What the live view says once the flight is over: then the recording is read back"""
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,9 @@ class Soak:
     """What a long flight took."""
 
     minutes: float
-    """Of readings"""
+    """Of readings, without the warm-up"""
+    flown_min: float
+    """Of readings in all"""
     first_MiB: float
     last_MiB: float
     slope_KiB_per_min: float
@@ -41,7 +46,10 @@ class Soak:
 
 
 def soak(device: str, folder: Path, seconds: float) -> Soak:
-    """Fly for ``seconds`` with recorder and live view, and read the memory meanwhile."""
+    """Fly for ``seconds`` with recorder and live view, and read the memory meanwhile.
+
+    A flight that is cut short is told for as long as it was: its document says why.
+    """
     profile = write_profile(folder / "soak.toml", duration_max_s=seconds + 60, **PATIENT)
     t: list[float] = []
     resident: list[float] = []
@@ -49,11 +57,13 @@ def soak(device: str, folder: Path, seconds: float) -> Soak:
         while b"flying" not in flight.shown and flight.process.poll() is None:
             time.sleep(0.05)
         start = time.monotonic()
-        while (now := time.monotonic() - start) < seconds - 1 and flight.process.poll() is None:
+        while (now := time.monotonic() - start) < seconds - 1 and LANDS not in flight.shown:
+            if flight.process.poll() is not None:
+                break
             t.append(now)
             resident.append(resident_KiB(flight.process.pid))
             time.sleep(EVERY_S)
-        document = flight.result(seconds + LANDING_S + 120)
+        document = flight.ended(seconds + LANDING_S + 120)
     return found(np.array(t), np.array(resident), document)
 
 
@@ -66,7 +76,8 @@ def found(t_s: np.ndarray, resident_KiB: np.ndarray, document: dict[str, Any]) -
     half = float(stats.t.ppf(0.975, BLOCKS - 2)) * float(line.stderr)
     slope = float(line.slope)
     return Soak(
-        float(minutes[-1] - minutes[0]), float(kept[0]) / 1024, float(kept[-1]) / 1024,
+        float(minutes[-1] - minutes[0]), float(t_s[-1]) / 60,
+        float(kept[0]) / 1024, float(kept[-1]) / 1024,
         slope, slope - half, slope + half, document,
     )  # fmt: skip
 

@@ -21,7 +21,7 @@ from tests.drivers.emulator.still import StillDevice
 from tests.drivers.link.lines import DirectLine
 from tests.realtime.growth import read_in_flight
 
-N = 5000
+N = 4000
 BYTES_A_ROW = 0.1
 """A recorder that kept 56 bytes for each chunk had 0.6; a number kept of each row has 8."""
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from heli3dof.errors import NoSpace, OutputExists, UsageError
-from heli3dof.recording.output import new_file, stem
+from heli3dof.recording.output import new_file, stem, unused
 
 
 @pytest.mark.parametrize(
@@ -76,3 +76,12 @@ def test_a_link_stays_a_link_and_a_pipe_stays_a_pipe(tmp_path: Path) -> None:
     reader.join(10)
     assert pipe.is_fifo()
     assert got == [b"rows"]
+
+
+def test_a_name_of_our_own_making_makes_way_for_what_is_there(tmp_path: Path) -> None:
+    ours = tmp_path / "a-extended.json"
+    assert unused(ours) == ours
+    ours.touch()
+    assert unused(ours).name == "a-extended-2.json"
+    unused(ours).touch()
+    assert unused(ours).name == "a-extended-3.json"

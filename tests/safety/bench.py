@@ -107,6 +107,9 @@ class Bench:
         """See `Endpoint.tick`."""
         return self._kept(self._endpoint.tick(self._own(now_us)))
 
+    def held_up(self, now_us: int) -> None:
+        """A busy machine holds up this thread, not the device that it stands for."""
+
     def next_us(self) -> int | None:
         """See `Endpoint.next_us`; on the clock of whoever asks."""
         due = self._endpoint.next_us()

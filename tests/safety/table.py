@@ -108,7 +108,7 @@ ROWS = [
         "tripped", "the controller asked for nan V", 4),
     Row("encoder_jump", "an encoder jumps", "the loop (`Jump`)", RAMPED, ramp("the jump"),
         "tripped", "encoder jumped by", 4, "which encoder jumped, by how many counts"),
-    Row("frozen_encoder", "an encoder freezes", "the loop (`Frozen`)", RAMPED,
+    Row("frozen_encoder", "an encoder freezes", "the loop (`Frozen`, `Dead`)", RAMPED,
         ramp("it is noticed"), "tripped", "encoder is frozen", 4,
         "which encoder is frozen, and what drove its axis"),
     Row("envelope_trip", "an angle, rate, voltage or time beyond the envelope", LOOP, RAMPED,

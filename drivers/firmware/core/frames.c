@@ -56,7 +56,9 @@ enum verdict frame_read(uint8_t *piece, size_t n, struct request *request)
     const size_t length = n <= FRAME_LONGEST ? cobs_decode(piece, n, piece) : COBS_BAD;
     if (length == COBS_BAD || length < FRAME_HEADER + FRAME_CHECK)
         return FRAME_DAMAGED;
-    if (piece[0] != FRAME_VERSION || !check_right(piece, length))
+    if (piece[0] != FRAME_VERSION && piece[1] != HELLO)
+        return FRAME_DAMAGED;
+    if (!check_right(piece, length))
         return FRAME_DAMAGED;
 
     const uint8_t *body = piece + FRAME_HEADER;

@@ -15,7 +15,8 @@ uint64_t hal_now_us(void);
 size_t hal_read(uint8_t *bytes, size_t room);
 size_t hal_write(const uint8_t *bytes, size_t n);
 
-/* Counts, currents, fault, stall, button, latched together. */
+/* Counts, currents, fault, stall, button, latched together, at the time that hal_now_us told last:
+ * a sample says that these are the counts of then. */
 void hal_inputs(struct device_inputs *inputs);
 
 /* The amplifier: its enable line, and microvolts at the front and back motor. Disabled comes with

@@ -39,11 +39,14 @@ static double monotonic_s(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
+static uint64_t now_us; /* what the core was told last */
+
 uint64_t hal_now_us(void)
 {
     struct timespec t;
     clock_gettime(CLOCK_MONOTONIC, &t);
-    return (uint64_t)t.tv_sec * 1000000u + (uint64_t)t.tv_nsec / 1000u;
+    now_us = (uint64_t)t.tv_sec * 1000000u + (uint64_t)t.tv_nsec / 1000u;
+    return now_us;
 }
 
 static uint32_t noise = 1;
@@ -93,7 +96,8 @@ size_t hal_write(const uint8_t *bytes, size_t n)
 
 void hal_inputs(struct device_inputs *inputs)
 {
-    bench_advance(&bench, monotonic_s());
+    /* To the time that the sample will carry: this process may have been held up since. */
+    bench_advance(&bench, 1e-6 * (double)now_us);
     bench_inputs(&bench, inputs);
 }
 
@@ -163,9 +167,9 @@ static void real_time(void)
 static void wait_for_host_or_time(void)
 {
     const uint8_t *at;
-    const uint64_t now_us = hal_now_us(), next_us = device_next_us(&device);
-    const uint64_t until_us = next_us < now_us + TURN_US ? next_us : now_us + TURN_US;
-    const uint64_t left_us = until_us > now_us ? until_us - now_us : 0;
+    const uint64_t at_us = hal_now_us(), next_us = device_next_us(&device);
+    const uint64_t until_us = next_us < at_us + TURN_US ? next_us : at_us + TURN_US;
+    const uint64_t left_us = until_us > at_us ? until_us - at_us : 0;
     const struct timespec left = {0, (long)left_us * 1000};
     struct pollfd ready = {line >= 0 ? line : listener, POLLIN, 0};
     if (link_out_peek(&device.out, &at) > 0)

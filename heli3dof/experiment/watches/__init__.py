@@ -7,6 +7,7 @@ ends the flight with a ramp to zero. None of them changes a command.
 ===========  =====================================================================================
 `Jump`       an encoder's count changed by more than the rig can turn in a period
 `Frozen`     an encoder's count stood still while what drives its axis changed strongly
+`Dead`       an encoder's count stood still though less turned its axis before in this flight
 `Saturated`  a motor was asked for more than the limit for too long
 `Late`       too many periods of the last second came too late
 `Lost`       samples, or commands, were lost in a row for too long
@@ -22,13 +23,24 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from heli3dof.experiment.period import Watch
+from heli3dof.experiment.watches.dead import Dead
 from heli3dof.experiment.watches.encoders import Frozen, Jump
 from heli3dof.experiment.watches.saturation import Saturated
 from heli3dof.experiment.watches.suspension import Suspended
 from heli3dof.experiment.watches.timing import Late, Lost
 from heli3dof.rig.profile import Profile
 
-__all__ = ["Frozen", "Jump", "Late", "Lost", "Saturated", "Suspended", "Watches", "watches_for"]
+__all__ = [
+    "Dead",
+    "Frozen",
+    "Jump",
+    "Late",
+    "Lost",
+    "Saturated",
+    "Suspended",
+    "Watches",
+    "watches_for",
+]
 
 
 @dataclass(frozen=True)
@@ -45,6 +57,6 @@ def watches_for(profile: Profile) -> Watches:
     suspended = Suspended()
     return Watches(
         (suspended, Jump(profile), Lost(profile), Late(profile), Frozen(profile),
-         Saturated(profile)),
+         Dead(profile), Saturated(profile)),
         suspended.at_once,
     )  # fmt: skip

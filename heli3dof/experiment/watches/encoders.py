@@ -23,7 +23,8 @@ yaw    0.25 s  16 q J_yaw / (T² 2 L_a K_f V_o)     10°
 and a whole block later the count is still the same. Differences, not values: a wrong hover
 voltage, a lopsided body or a cable may ask for any steady drive. On the table the encoders stand
 still by right; there only roll is judged, by a sum of more than 3.2 V_o over T, which lifts a rig
-of 0.6 times its thrust. In a calm hover a frozen encoder is found when the drive next changes.
+of 0.6 times its thrust. In a calm hover a frozen encoder is found when the drive next changes, or
+by `Dead`.
 """
 
 from __future__ import annotations
@@ -41,6 +42,27 @@ LIFTS = 3.2
 """times V_o, both motors together: no rig stays on the table"""
 COUNTS = 8
 """A motion that no encoder misses"""
+
+
+def inertia_per_drive(profile: Profile) -> tuple[float, float, float]:
+    """J / k of each axis: its drive (V, V, rad) for an acceleration of 1 rad/s²."""
+    g, m, motor = profile.geometry, profile.mass, profile.motor
+    arm = m.m_w * g.L_w**2 + (m.m_f + m.m_b) * g.L_a**2
+    per_V = g.L_a * motor.K_f
+    return (
+        arm / per_V,
+        (m.m_f + m.m_b) * g.L_h / motor.K_f,
+        arm / (2 * per_V * _hover(profile)),
+    )
+
+
+def friction(profile: Profile) -> tuple[float, float, float]:
+    """The drive (V, V, rad) that dry friction could hold on each axis."""
+    return _hover(profile), _hover(profile), radians(10.0)
+
+
+def _hover(profile: Profile) -> float:
+    return max(profile.motor.V_o, profile.motor.v_max / 8)
 
 
 class Jump:
@@ -78,20 +100,12 @@ class Frozen:
     """A count that stands still while its axis is driven."""
 
     def __init__(self, profile: Profile) -> None:
-        g, m, motor = profile.geometry, profile.mass, profile.motor
         q = abs(profile.encoder.rad_per_count).tolist()
-        hover = max(motor.V_o, motor.v_max / 8)
-        arm = m.m_w * g.L_w**2 + (m.m_f + m.m_b) * g.L_a**2
-        per_V = g.L_a * motor.K_f
-        dt = profile.dt
+        hover, dt = _hover(profile), profile.dt
         blocks = (0.25, 0.1, 0.25)
-        inertia = (arm, (m.m_f + m.m_b) * g.L_h**2, arm)
-        torque = (per_V, g.L_h * motor.K_f, 2 * per_V * hover)
-        friction = (hover, hover, radians(10.0))
-        spread = (
-            max(2 * COUNTS * q[i] * inertia[i] / (blocks[i] ** 2 * torque[i]), friction[i])
-            for i in range(3)
-        )
+        per_drive = inertia_per_drive(profile)
+        held = friction(profile)
+        spread = (max(2 * COUNTS * q[i] * per_drive[i] / blocks[i] ** 2, held[i]) for i in range(3))
         self._axes = tuple(
             _Stillness(i, max(2, round(blocks[i] / dt)), d) for i, d in enumerate(spread)
         )

@@ -13,7 +13,7 @@ import shutil
 import socket
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +50,8 @@ class Board:
 
     def __init__(self, image: str, debugger: str) -> None:
         self.image, self.debugger = image, debugger
+        self.asked: Callable[[], object] = lambda: None
+        """A question that the board has answered when this returns: it has looked at its lines"""
         self.process = subprocess.Popen(
             [QEMU, "-M", "lm3s6965evb", "-kernel", image, "-display", "none", "-serial", "pty",
              "-qmp", "stdio", "-gdb", f"unix:{debugger},server=on,wait=off"],
@@ -76,6 +78,8 @@ class Board:
         what = {"down": down, "key": {"type": "qcode", "data": name}}
         self.tell("input-send-event", events=[{"type": "key", "data": what}])
         time.sleep(SEEN_S)
+        for _ in range(2):  # on a busy machine the board may have stood still meanwhile
+            self.asked()
 
     def hang(self) -> None:
         """A debugger sends the processor into an endless loop, and lets it run on."""
@@ -112,6 +116,8 @@ def host(board: Board) -> Iterator[Host]:
     while not host.port.in_waiting:  # QEMU looks once a second whether its PTY is open
         host.port.write(wire(Hello(6)))
         time.sleep(0.1)
+    host.port.reset_input_buffer()
+    board.asked = host.identity
     for key in (FAULT, STALL, STOP, ENCODER_A, ENCODER_B):
         board.press(key)
     host.port.reset_input_buffer()
