@@ -15,6 +15,7 @@ import numpy as np
 from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.descent import follow_on
 from heli3dof.identification.greybox.multistep import SETTLED, Fitted, MultiStep, valley
+from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.model.effects import terms
 from heli3dof.model.greybox_windows import Flight
 from heli3dof.model.rig_model import Structure
@@ -23,6 +24,8 @@ STAGE_S = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 BLOCK_S = 6.0
 WINDOW_S = 3.0
 FOLDS = 2
+ASTRAY = 3.0
+"""Times the cost: a refit that is worse may have lost its way."""
 
 
 def refit(found: Fitted, name: str, instead: str | None = None, threads: int = 1) -> Fitted:
@@ -32,7 +35,12 @@ def refit(found: Fitted, name: str, instead: str | None = None, threads: int = 1
         names.append(instead)
     new = restructured(found.problem, names)
     z, D = moved(found, new)
-    return warm(found, new, z, D, threads)
+    fit = warm(found, new, z, D, threads)
+    if fit.cost < ASTRAY * found.cost:
+        return fit
+    # Flights that run away have no slope to follow; the weak form lets none fly.
+    other = warm(found, new, weak_start(new, z), None, threads)
+    return min(fit, other, key=lambda f: f.cost)
 
 
 def refits(found: Sequence[Fitted], name: str) -> list[Fitted]:
@@ -40,7 +48,9 @@ def refits(found: Sequence[Fitted], name: str) -> list[Fitted]:
     return in_threads(lambda i: refit(found[i], name), len(found))
 
 
-def warm(found: Fitted, new: MultiStep, z: np.ndarray, D: np.ndarray, threads: int = 1) -> Fitted:
+def warm(
+    found: Fitted, new: MultiStep, z: np.ndarray, D: np.ndarray | None, threads: int = 1
+) -> Fitted:
     """The minimum of ``new`` next to ``z`` (dim,), whose tangents are about D (dim, R)."""
     v = valley(new, found.noise, STAGE_S, found.scale, threads)
     r = follow_on(v, z, D, settled=SETTLED)
