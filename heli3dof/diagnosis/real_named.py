@@ -65,8 +65,14 @@ def certainty(found: Backward, r: Removal) -> float:
 
 def within(found: Backward, only_kept: list[Removal]) -> list[dict[str, Any]]:
     """JSON-able: each such term, its size beside what was known of it, and why it is no cause."""
+    varying = {v.rsplit(".", 1)[0] for v in found.fit.problem.varying}
+    as_what = "as what differs by recording: "
     return [
-        {"term": r.term, "parameters": sizes(found.fit, r.term), "why": _why(found, r)}
+        {
+            "term": r.term,
+            "parameters": sizes(found.fit, r.term),
+            "why": as_what * (r.term in varying) + _why(found, r),
+        }
         for r in only_kept
     ]
 

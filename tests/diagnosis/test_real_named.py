@@ -102,6 +102,13 @@ def test_what_blocks_do_not_need_is_no_cause_but_stays_with_its_reason(flat: Fit
     assert "not told from none" in said[PITCH]
 
 
+def test_a_weight_that_is_kept_is_kept_as_what_differs_by_recording(flat: Fitted) -> None:
+    found = backward_of(flat, {}, {"mass.imbalance": NOT_NEEDED, YAW: NOT_NEEDED})
+    weight, friction = within(found, list(found.gone))
+    assert weight["why"].startswith("as what differs by recording")
+    assert not friction["why"].startswith("as")
+
+
 def test_certainty_is_the_lesser_of_size_and_need_and_what_is_known_needs_no_blocks(
     flat: Fitted,
 ) -> None:
