@@ -39,7 +39,7 @@ from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.nulls import DRIFT, Nulls
 from heli3dof.diagnosis.screen import Screen, Seen, with_term
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
-from heli3dof.diagnosis.trials import Trial, beginning, widened
+from heli3dof.diagnosis.trials import Trial, beginning, rings, widened
 from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.fit import Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -222,11 +222,11 @@ def contend(
     rows = max(len(o.at.row), 2)
     played = {t.name for t in problem.structure.terms if t.effect.starts}
 
-    def scored(term: Term, fit: Optimum) -> float | None:
+    def scored(term: Term, fit: Optimum, kappa: float = nulls.inflation) -> float | None:
         """None for a fit that diverged or ran into a bound."""
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
-        won = 2 * (fit.loglik - level.loglik) / nulls.inflation
+        won = 2 * (fit.loglik - level.loglik) / kappa
         # What a simpler base leaves out has no number to be bought: its share is believed to be 1.
         bought = 0 if term.effect.within else len(fit.theta) - len(o.theta)
         return float(won - bought * np.log(rows))
@@ -274,7 +274,8 @@ def contend(
         no_slope = np.append(bias, np.zeros(len(new)))
         tilt = Tilt(no_slope, none, np.append(o.theta, start[len(o.theta) :]), o.noise)
         fit = maximise_tilted(ext, start, noise, tilt)
-        score = scored(term, fit)
+        # Where noise hides a ringing loop the nulls' slopes say nothing of how likelihoods scatter.
+        score = scored(term, fit, max(found.inflation, 1.0) if rings(term) else nulls.inflation)
         return None if score is None else Contender(term, ext, fit, score, score, None)
 
     fits = [f for f in in_threads(trial, len(tried), what="fits") if f is not None]

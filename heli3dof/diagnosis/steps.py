@@ -27,7 +27,7 @@ from heli3dof.diagnosis.rivals import told_apart
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
-from heli3dof.diagnosis.trials import standing_out, trials
+from heli3dof.diagnosis.trials import Trial, ringing, standing_out, trials, tried_terms
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.fit import Optimum, _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -94,19 +94,32 @@ class Step:
         """The three terms that stand out most, with their Z²."""
         return [(t.name, z) for t, z, _ in suspects(self.seen, self.nulls)[:3]]
 
+    def tried(self, bench: Bench, asked: Sequence[Term]) -> list[Trial]:
+        """Those that are worth a fit, and more so than in flights of the estimate."""
+        o, problem = self.found.optimum, self.found.problem
+        tried = trials(problem, o.theta, o.noise, asked)
+        if not tried or self.found.scatter is None:
+            return tried
+        model = model_at(problem, o.theta, o.noise)
+        flown = [
+            fly_again(model, bench.recordings, problem.data, (bench.seed, 3, b))
+            for b in range(TRIAL_FLIGHTS)
+        ]
+        return [t for t in tried if standing_out(t, problem, o.theta, o.noise, flown)]
+
     def chosen(self, bench: Bench, first_score: float | None) -> Step:
         """The same with its choice made."""
-        o = self.found.optimum
-        problem = self.found.problem
-        tried = trials(problem, o.theta, o.noise, bench.axes)
-        if tried and self.found.scatter is not None:
-            model = model_at(problem, o.theta, o.noise)
-            flown = [
-                fly_again(model, bench.recordings, problem.data, (bench.seed, 3, b))
-                for b in range(TRIAL_FLIGHTS)
-            ]
-            tried = [t for t in tried if standing_out(t, problem, o.theta, o.noise, flown)]
-        made = choose(self.found, self.screen, self.seen, self.nulls, self.bias, first_score, tried)
+        present = [t.name for t in self.found.problem.structure.terms]
+
+        def made_of(asked: Sequence[Term]) -> Choice | None:
+            tried = self.tried(bench, asked)
+            return choose(
+                self.found, self.screen, self.seen, self.nulls, self.bias, first_score, tried
+            )
+
+        made = made_of(tried_terms(present, bench.axes))
+        if made is None and bench.loop_is_known:
+            made = made_of(ringing(present))
         if made is not None and bench.loop_is_known:
             made = told_apart(
                 made, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots,

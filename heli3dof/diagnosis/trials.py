@@ -13,6 +13,9 @@ out from the largest that it is in flights of the estimate itself, where there i
 
     Δℓ > max Δℓ_null + `WORTH`
 
+Likewise where nothing else was found: a base that knows of no lag can put a loop that rings with it
+down to noise, so much that no slope is left to be seen. Then `RINGS` are tried.
+
 Such a term is fitted in full, from the likeliest of its ``starts`` with the noise settled
 at each of two rounds, and compared with the others by the same score.
 """
@@ -28,12 +31,14 @@ from heli3dof.diagnosis.screen import with_term
 from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.fit import _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.model.effects import Term, effects
+from heli3dof.model.effects import Term, effects, terms
 from heli3dof.model.filtering import Data
 
 WORTH = 40.0
 """Δℓ of the first of the ``starts`` from which on a term is fitted: play scores hundreds there,
 flights without it lose as much."""
+RINGS = {"motor.lag": (0.02, 0.035, 0.06, 0.1, 0.17), "motor.delay": (0.01, 0.02, 0.04)}
+"""Terms that a slope points at as a rule, and values at which they are tried where none does; s."""
 SETTLING = 4
 SETTLED = 0.1
 NEIGHBOURS = 3
@@ -51,6 +56,21 @@ class Trial:
     """Δℓ"""
 
 
+def starts(term: Term) -> tuple[float, ...]:
+    """The values of its first parameter at which it is tried, rising."""
+    return term.effect.starts or RINGS[term.name]
+
+
+def ringing(without: Sequence[str]) -> list[Term]:
+    """`RINGS` but those named ``without``."""
+    return [t for t in terms(list(RINGS)) if t.name not in without]
+
+
+def rings(term: Term) -> bool:
+    """Whether it is one of `RINGS`, tried as a last resort."""
+    return term.name in RINGS
+
+
 def tried_terms(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
     """Every term that has to be tried, but those named ``without``; on the ``axes`` measured."""
     return [
@@ -63,19 +83,18 @@ def tried_terms(without: Sequence[str], axes: Sequence[str]) -> list[Term]:
 
 
 def trials(
-    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, axes: Sequence[str]
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray, asked: Sequence[Term]
 ) -> list[Trial]:
-    """Those terms that are worth a fit, beside the point ``theta`` (n,), ``noise`` (4,)."""
-    terms = tried_terms([t.name for t in problem.structure.terms], axes)
+    """Those of the terms that are worth a fit, beside the point ``theta`` (n,), ``noise`` (4,)."""
     none = float(problem.run(theta, noise, keep=0).loglik.sum())
 
     def one(k: int) -> Trial:
-        value = terms[k].effect.starts[0]
-        ext = widened(problem, theta, terms[k])
+        value = starts(asked[k])[0]
+        ext = widened(problem, theta, asked[k])
         at = np.append(theta, ext.structure.free[-1].inward(value))
-        return Trial(terms[k], value, float(ext.run(at, noise, keep=0).loglik.sum()) - none)
+        return Trial(asked[k], value, float(ext.run(at, noise, keep=0).loglik.sum()) - none)
 
-    return [t for t in in_threads(one, len(terms), what="plays") if t.gain > WORTH]
+    return [t for t in in_threads(one, len(asked), what="trials") if t.gain > WORTH]
 
 
 def standing_out(
@@ -110,7 +129,7 @@ def beginning(
     new = ext.structure.free[len(theta) :]
     full = np.concatenate([theta, [f.inward(f.start) for f in new]])
     j, a = len(theta), noise.copy()
-    values = [new[0].inward(v) for v in term.effect.starts]
+    values = [new[0].inward(v) for v in starts(term)]
     best, near = 0, range(0, len(values), 2)
     for _ in range(2):
         worth = {}

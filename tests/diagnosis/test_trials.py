@@ -7,9 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from heli3dof.axes import AXES
 from heli3dof.diagnosis.corrected import Informed
+from heli3dof.diagnosis.steps import Bench, base_of, extended, looked_at
 from heli3dof.diagnosis.tilted import maximise_tilted
-from heli3dof.diagnosis.trials import beginning, trials, tried_terms, widened
+from heli3dof.diagnosis.trials import beginning, ringing, trials, tried_terms, widened
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate, estimate
@@ -28,7 +30,7 @@ def base(hide: str, seed: int) -> Estimate:
 
 def suspected(found: Estimate) -> list[str]:
     o = found.optimum
-    return [t.term.name for t in trials(found.problem, o.theta, o.noise, ("roll", "pitch", "yaw"))]
+    return [t.term.name for t in trials(found.problem, o.theta, o.noise, tried_terms((), AXES))]
 
 
 def test_what_has_to_be_tried_is_what_no_screen_sees() -> None:
@@ -55,3 +57,22 @@ def test_a_fit_that_begins_there_finds_its_width() -> None:
     fit = maximise_tilted(ext, start, noise, None)
     assert ext.values(fit.theta)[-1] == pytest.approx(0.4, abs=0.03)
     assert np.isfinite(fit.loglik)
+
+
+def test_a_loop_that_rings_with_a_lag_is_not_put_down_to_noise() -> None:
+    """With a torque beside it no slope is left: J_pitch doubles and the noise is four times that of
+    the rig, which shows the lag once it is tried."""
+    device = "mock:?speed=max&seed=1043&hide=motor.lag:0.08,bias.torque.pitch:0.025"
+    flight = fly_plan(load_plan("rich"), device=device, seed=1043).recording.between(0.0, 40.0)
+    bench = Bench((flight,), 0, 4)
+    step = looked_at(bench, base_of(bench), 10).chosen(bench, None)
+    assert step.choice is not None
+    assert step.choice.term.name == "motor.lag"
+    found = extended(bench, step.choice)
+    assert found.values[-1] == pytest.approx(0.08, rel=0.1)
+
+
+def test_without_a_lag_none_wins_by_being_tried() -> None:
+    found = base("", 1151)
+    o = found.optimum
+    assert trials(found.problem, o.theta, o.noise, ringing(())) == []
