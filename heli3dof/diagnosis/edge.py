@@ -10,9 +10,10 @@ edge, everything else (o) estimated beside it, and that rig flown b = 1 … B ti
 
 is Lagrange's multiplier: how surely the recordings want j to move from there (+: on, to the
 estimate). The edge is refuted where z is beyond Student's quantile for what is found from the
-estimate's own noise on the axis of j, and for what is found from much less. And where the
-estimate's flights do not chatter there as the recordings do (`heli3dof.diagnosis.alike`), those
-of the edge must not come nearer.
+estimate's own noise on the axis of j, and for what is found from much less. And the estimate must
+fly as the recordings do (`heli3dof.diagnosis.alike`): where its flights chatter faster on that axis
+it is the wrong end of the ridge, and accuses nobody; where they chatter slower, those of the edge
+must not come nearer.
 """
 
 from __future__ import annotations
@@ -67,15 +68,17 @@ def refuted(bench: Bench, found: Corrected, j: int, value: float) -> bool:
     that is still on its way is asked all the same."""
 
     def apart(rig: Corrected) -> float:
-        return abs(float(rates_apart(rig, bench.recordings, seed=bench.seed)[j - 1]))
+        return float(rates_apart(rig, bench.recordings, seed=bench.seed)[j - 1])
 
-    unlike = apart(found)
+    slower = apart(found)
+    if slower < -widest():
+        return False
     for share in SHARES:
         there = on_the_edge(bench, found, j, value, share)
         settled = there.optimum.converged or share != SHARES[0]
         if there.scatter is None or not settled:
             return False
-        if unlike > widest() and apart(there) < unlike - NEARER:
+        if slower > widest() and abs(apart(there)) < slower - NEARER:
             return False
         if multiplier(bench, found, there, j) < quantile(FLIGHTS - 1):
             return False

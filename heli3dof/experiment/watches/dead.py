@@ -41,7 +41,8 @@ TURN = 2
 """counts, each way"""
 SWINGS = 8
 REMEMBERED_S = 40.0
-TIMES = 2.0
+TIMES = 4.0
+"""An encoder with play misses small turns, and takes larger swings to show them."""
 SILENT_S = 6.0
 LONGER = 6.0
 LITTLE = 0.2

@@ -37,10 +37,10 @@ def pitching(t: float, k: int, volts: float, count: int) -> Period:
     return period(k, counts=counts, v_applied=(HOVER + volts / 2, HOVER - volts / 2))
 
 
-def test_what_turned_an_axis_and_turns_it_no_more_is_told_by_twice_the_drive() -> None:
+def test_what_turned_an_axis_and_turns_it_no_more_is_told_by_four_times_the_drive() -> None:
     def dies(t: float, k: int) -> Period:
         alive = t < LIVED_S
-        volts = (0.1 if alive else 0.4) * sin(2 * pi * t / PERIOD_S)
+        volts = (0.1 if alive else 0.8) * sin(2 * pi * t / PERIOD_S)
         return pitching(t, k, volts, breathing(t) if alive else 0)
 
     found = first(dies, 20)
@@ -48,6 +48,15 @@ def test_what_turned_an_axis_and_turns_it_no_more_is_told_by_twice_the_drive() -
     assert 0.3 < found[0] < 2.0
     assert "the pitch encoder is frozen: its count stood at 0" in found[1]
     assert "times what turned it before" in found[1]
+
+
+def test_twice_the_drive_may_be_lost_in_play() -> None:
+    def lost(t: float, k: int) -> Period:
+        alive = t < LIVED_S
+        volts = (0.1 if alive else 0.2) * sin(2 * pi * t / PERIOD_S)
+        return pitching(t, k, volts, breathing(t) if alive else 0)
+
+    assert first(lost, 5) is None
 
 
 def test_a_drive_that_turned_it_before_is_no_evidence() -> None:
