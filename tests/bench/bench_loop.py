@@ -1,7 +1,7 @@
-"""The loop in real time: punctuality, kill -9, power cuts.
+"""The loop in real time: punctuality.
 
-To be run on a quiet machine. FLIGHT_SECONDS and KILLS in the environment shorten it; the half hour
-without growth of memory is `bench_soak`, which any machine may run.
+To be run on a quiet machine. FLIGHT_SECONDS in the environment shortens it; kill -9 and power cuts
+are `bench_kill`, the half hour without growth of memory is `bench_soak`.
 """
 
 from __future__ import annotations
@@ -17,8 +17,6 @@ from heli3dof.rig.profile import load_profile
 from tests.bench import Figure, Table, at_most
 from tests.drivers.firmware.building import rig_program
 from tests.realtime.flight import LANDING_S, PATIENT, FlightProcess, firmware, write_profile
-from tests.realtime.kill import EARLIEST_S, LATEST_S, Killed, kill_flights
-from tests.realtime.power import lost_to_a_power_cut
 from tests.realtime.standstill import Lateness, lateness, watched, written_late
 
 TITLE = "The loop"
@@ -37,11 +35,6 @@ INTRO = (
     "is not always given its processors."
 )
 SECONDS = float(os.environ.get("FLIGHT_SECONDS", "60"))
-KILLS = int(os.environ.get("KILLS", "100"))
-SEED = 5
-POWER_S = 30.0
-WATCHDOG_S, RAMP_S, TURN_S = 0.1, 0.2, 2e-3
-"""The firmware's own; its watchdog may take 1 ms longer, and its output is set every 1 ms"""
 
 
 class Kind(NamedTuple):
@@ -68,16 +61,7 @@ def measure() -> list[Figure | Table]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         flights = {kind: fly(program, folder, kind) for kind in KINDS}
-        log = folder / "device.log"
-        with firmware(program, "--log", str(log)) as device:
-            killed = list(kill_flights(device, log, folder, KILLS, seed=SEED))
-        power = lost_to_a_power_cut(folder / "power.mcap", POWER_S)
-        # Half an hour is about memory: one standstill of the machine must not end it.
-    cut = at_most(
-        "power cut: flight lost at the worst moment", power, 0.5, "s",
-        how=f"what fdatasync had returned for, {POWER_S:g} s at 500 Hz on this machine's disk",
-    )  # fmt: skip
-    return [*punctual(flights), *survived(killed), cut, side_by_side(flights)]
+    return [*punctual(flights), side_by_side(flights)]
 
 
 def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
@@ -183,24 +167,6 @@ def side_by_side(flights: dict[Kind, dict[str, Any]]) -> Table:
         ),
         tuple(rows),
     )  # fmt: skip
-
-
-def survived(killed: list[Killed]) -> list[Figure]:
-    """kill -9: zero volts in time, little lost, every file recovered."""
-    how = f"{len(killed)} flights, killed {EARLIEST_S:g} to {LATEST_S:g} s after take-off, seed"
-    how = f"{how} {SEED}"
-    worst = max(k.zero_s for k in killed)
-    return [
-        at_most(
-            "kill -9: from the last command to zero volts, worst", worst,
-            WATCHDOG_S + RAMP_S + TURN_S, "s", how=how,
-        ),
-        at_most("kill -9: flight lost, worst", max(k.lost_s for k in killed), 0.5, "s", how=how),
-        Figure(
-            "kill -9: files recovered", f"{sum(k.rows > 0 for k in killed)} of {len(killed)}",
-            "all", all(k.rows > 0 for k in killed), how,
-        ),
-    ]  # fmt: skip
 
 
 def _us(seconds: float) -> str:

@@ -1,0 +1,61 @@
+"""kill -9 and power cuts: how soon the motors stand, and how much of the flight is lost.
+
+KILLS in the environment shortens it.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from tests.bench import Figure, at_most
+from tests.drivers.firmware.building import rig_program
+from tests.realtime.flight import firmware
+from tests.realtime.kill import EARLIEST_S, LATEST_S, Killed, kill_flights
+from tests.realtime.power import lost_to_a_power_cut
+
+TITLE = "kill -9 and power cuts"
+INTRO = (
+    "`heli3dof run-step` on the C firmware behind a pseudo-terminal, killed at random moments of "
+    "its flight: what the firmware then puts out, what is in the file, and what `recover` makes of "
+    "it. A power cut takes what the disk had not yet promised."
+)
+KILLS = int(os.environ.get("KILLS", "100"))
+SEED = 5
+POWER_S = 30.0
+WATCHDOG_S, RAMP_S, TURN_S = 0.1, 0.2, 2e-3
+"""The firmware's own; its watchdog may take 1 ms longer, and its output is set every 1 ms"""
+
+
+def measure() -> list[Figure]:
+    program = rig_program()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        log = folder / "device.log"
+        with firmware(program, "--log", str(log)) as device:
+            killed = list(kill_flights(device, log, folder, KILLS, seed=SEED))
+        power = lost_to_a_power_cut(folder / "power.mcap", POWER_S)
+    cut = at_most(
+        "power cut: flight lost at the worst moment", power, 0.5, "s",
+        how=f"what fdatasync had returned for, {POWER_S:g} s at 500 Hz on this machine's disk",
+    )  # fmt: skip
+    return [*survived(killed), cut]
+
+
+def survived(killed: list[Killed]) -> list[Figure]:
+    """kill -9: zero volts in time, little lost, every file recovered."""
+    how = f"{len(killed)} flights, killed {EARLIEST_S:g} to {LATEST_S:g} s after take-off, seed"
+    how = f"{how} {SEED}"
+    worst = max(k.zero_s for k in killed)
+    return [
+        at_most(
+            "kill -9: from the last command to zero volts, worst", worst,
+            WATCHDOG_S + RAMP_S + TURN_S, "s", how=how,
+        ),
+        at_most("kill -9: flight lost, worst", max(k.lost_s for k in killed), 0.5, "s", how=how),
+        Figure(
+            "kill -9: files recovered", f"{sum(k.rows > 0 for k in killed)} of {len(killed)}",
+            "all", all(k.rows > 0 for k in killed), how,
+        ),
+    ]  # fmt: skip
