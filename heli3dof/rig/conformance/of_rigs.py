@@ -15,6 +15,8 @@ from .bench import Bench, Case, cases, owed, owed_rest, owed_volts
 
 ECHOES = 40
 """Commands that are sent one after another"""
+STEP, HOST_STEP = 0.05, 0.25
+"""Of a period: how far the quarter of steps that come nearest may be from whole ones"""
 BUSY_S = 0.03
 """s by which a busy machine may be late at both ends of a measurement"""
 
@@ -120,7 +122,9 @@ def the_devices_clock_advances_by_the_control_period(bench: Bench) -> None:
         skipping = {"host": host.due - due, "device": round(step / dt) * dt, "virtual": dt}
         away.append(abs(step - max(dt, skipping[timebase])))
     usual = sorted(away)[len(away) // 4]
-    owed(usual <= 0.05 * dt, f"steps of whole periods of {dt:g} s", f"{usual:g} s away from it")
+    # Where the host keeps the time, its own lateness on a busy computer is in every step.
+    within = HOST_STEP if timebase == "host" else STEP
+    owed(usual <= within * dt, f"steps of whole periods of {dt:g} s", f"{usual:g} s away from it")
     if timebase != "virtual":
         device = last.device_time_s - first.device_time_s
         here = last.host_time_s - first.host_time_s
