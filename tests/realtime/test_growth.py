@@ -22,6 +22,8 @@ from tests.drivers.link.lines import DirectLine
 from tests.realtime.growth import read_in_flight
 
 N = 4000
+FULL = 24000
+"""Rows, 48 s, after which the watches' memory of the last 40 s holds all that it ever does"""
 BYTES_A_ROW = 0.1
 """A recorder that kept 56 bytes for each chunk had 0.6; a number kept of each row has 8."""
 
@@ -42,7 +44,7 @@ def traced() -> Iterator[Callable[[], float]]:
 
 def bytes_a_row(path: Path, traced: Callable[[], float], *watches: Watch) -> float:
     (before, after), outcome = read_in_flight(
-        path, 3 * N + 1, (N, 3 * N), traced, begin=traced, watches=watches
+        path, FULL + 2 * N + 1, (FULL, FULL + 2 * N), traced, begin=traced, watches=watches
     )
     assert outcome.ending == "completed"
     return (after - before) / (2 * N)
@@ -51,15 +53,14 @@ def bytes_a_row(path: Path, traced: Callable[[], float], *watches: Watch) -> flo
 def _flown(path: Path, traced: Callable[[], float]) -> float:
     left = bytes_a_row(path, traced)
     tracemalloc.stop()
-    assert len(read_recording(path)) > 3 * N, "and all of them are in the file"
+    assert len(read_recording(path)) > FULL + 2 * N, "and all of them are in the file"
     return left
 
 
 def test_rows_that_are_flown_and_recorded_leave_nothing(
     tmp_path: Path, traced: Callable[[], float]
 ) -> None:
-    # What is kept of rows is kept in every flight; what a busy machine's threads hold is not.
-    assert min(_flown(tmp_path / f"{k}.mcap", traced) for k in range(3)) < BYTES_A_ROW
+    assert _flown(tmp_path / "a.mcap", traced) < BYTES_A_ROW
 
 
 def test_a_watch_that_keeps_a_number_of_every_row_is_seen(

@@ -22,6 +22,7 @@ without friction does so by swings that die away.
 
 from __future__ import annotations
 
+from array import array
 from collections import deque
 from math import inf
 
@@ -109,6 +110,8 @@ class _Life:
         self._horizon = round(REMEMBERED_S / block_s)
         self._moves_s2 = moves_s2
         """D(h) h²"""
+        self._sums = array("d", bytes(8 * (LONGEST + 2)))
+        """of the drive's means since the count stands still, in room that is taken once"""
         self.begin(0)
 
     def begin(self, count: int) -> None:
@@ -127,15 +130,15 @@ class _Life:
         self._stand()
 
     def _stand(self) -> None:
-        self._sums = [0.0]
-        """of the drive's means since the count stands still"""
+        self._still = 0
+        """blocks that the count stands still"""
         self._least, self._most = inf, -inf
         self.movable = False
         """Without friction it would have moved"""
 
     @property
     def still_s(self) -> float:
-        return (len(self._sums) - 1) * self._block_s
+        return self._still * self._block_s
 
     @property
     def spread(self) -> float:
@@ -168,7 +171,7 @@ class _Life:
         self._n, self._sum = 0, 0.0
         self._blocks += 1
         self._low, self._high = min(self._low, mean), max(self._high, mean)
-        n = len(self._sums)
+        n = self._still + 1
         if self._moved:
             self._moved = False
             while self._stood and self._stood[-1][1] <= n:
@@ -179,7 +182,8 @@ class _Life:
         if n > LONGEST:
             self.begin(self._count)
             return False
-        self._sums.append(self._sums[-1] + mean)
+        self._sums[n] = self._sums[self._still] + mean
+        self._still = n
         self._least, self._most = min(self._least, mean), max(self._most, mean)
         if not self.movable:
             self.movable = self._would_move(n)
@@ -197,7 +201,7 @@ class _Life:
 
     def known(self) -> tuple[float, float, bool] | None:
         """(R, L in s, do its swings die away); None where it has not turned often enough."""
-        first = self._blocks - (len(self._sums) - 1) - self._horizon
+        first = self._blocks - self._still - self._horizon
         while self._stood and self._stood[0][0] < first:
             self._stood.popleft()
         swings = self._swings
