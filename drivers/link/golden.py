@@ -105,12 +105,15 @@ HELLO = (
     device(700, Ack(12, Type.HELLO, Code.VERSION, 0, 0, 1)),
     host(800, of_version(2, Poll(13)), "any other frame of version 2 is none"),
 )
-STREAM = (
+_FLYING = (
     host(1000, Arm(0, 1, 2000, 0)),
     device(1000, Ack(0, Type.ARM, Code.OK, ENABLED, 0, 2)),
     device(1000, sample(0, 0, 1000, 0, ENABLED)),
     host(1300, volts(1, V5)),
     device(3000, sample(1, 1, 3000, V5, ENABLED, delay_us=300)),
+)
+STREAM = (
+    *_FLYING,
     host(3100, volts(1, V5), "repeated: refused"),
     host(3200, volts(3, 30_000_000), "beyond the limit, and one was lost: 24 V"),
     host(3300, volts(2, V5), "overtaken: refused"),
@@ -165,11 +168,7 @@ NOISE = (
     device(700, Report(16, 3, 4, 0, 0, 0, 0, 0, ESTOP, Cause.HOST_ESTOP, 2)),
 )
 LATE = (
-    host(1000, Arm(0, 1, 2000, 0)),
-    device(1000, Ack(0, Type.ARM, Code.OK, ENABLED, 0, 2)),
-    device(1000, sample(0, 0, 1000, 0, ENABLED)),
-    host(1300, volts(1, V5)),
-    device(3000, sample(1, 1, 3000, V5, ENABLED, delay_us=300)),
+    *_FLYING,
     host(3400, volts(2, V5)),
     held_up(9000, "samples of 5000 and 7000 are left out, without numbers"),
     device(9000, sample(2, 2, 9000, V5, ENABLED, delay_us=400)),

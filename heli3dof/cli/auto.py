@@ -39,7 +39,7 @@ def run_auto(
 
     The first plan is flown whatever the budget says: a budget below it is refused before.
     """
-    from heli3dof.cli.diagnose import saying
+    from heli3dof.cli.diagnose import saying, show
     from heli3dof.diagnosis.diagnose import diagnose
     from heli3dof.diagnosis.document import document as to_document
     from heli3dof.diagnosis.next_experiment import next_of
@@ -47,8 +47,6 @@ def run_auto(
     from heli3dof.experiment.plan import load_plan
     from heli3dof.model.modelfile import save_model
     from heli3dof.report.diagnosis_page import diagnosis_page
-    from heli3dof.report.diagnosis_tables import diagnosis_tables
-    from heli3dof.report.grid import Grid, to_rich
     from heli3dof.report.html import write_page
 
     if first.duration_s > 60 * budget_min:
@@ -81,7 +79,7 @@ def run_auto(
         model = str(save_model(found.fitted.model, folder / "extended.json"))
     document = to_document(found, model, upcoming)
     talk.show(f"Ended: {ended}.")
-    talk.show(*(to_rich(g) if isinstance(g, Grid) else g for g in diagnosis_tables(document)))
+    show(talk, document)
     text = diagnosis_page(found, document, flights, title=f"Diagnosis: {folder.name}")
     report = write_page(text, folder / "report.html")
     return {

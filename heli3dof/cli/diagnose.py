@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -60,15 +60,13 @@ def diagnose(
     from heli3dof.diagnosis.next_experiment import next_of
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.model.modelfile import save_model
-    from heli3dof.recording.output import check_output, stem, unused
+    from heli3dof.recording.output import check_output, ours, stem
     from heli3dof.report.diagnosis_page import diagnosis_page
-    from heli3dof.report.diagnosis_tables import diagnosis_tables
-    from heli3dof.report.grid import Grid, to_rich
     from heli3dof.report.html import write_page
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    ours = Path(f"{stem(recordings[0])}-extended.json")
-    check_output(output or unused(ours), force=force)
+    name = Path(f"{stem(recordings[0])}-extended.json")
+    check_output(output or ours(name, force=force), force=force)
     if report is not None:
         check_output(report, force=force)
     train, at_fault = read(talk, recordings, profile)
@@ -77,8 +75,7 @@ def diagnose(
         names = [[stem(p) for p in side] for side in (recordings, holdout or [])]
         refused = Diagnosis((*names[0],), (*names[1],), "bad_data", (*at_fault, *also))
         document = to_document(refused)
-        for each in diagnosis_tables(document):
-            talk.show(to_rich(each) if isinstance(each, Grid) else each)
+        show(talk, document)
         talk.emit(document)
         raise typer.Exit(BAD_DATA)
     distinct(train, test)
@@ -86,15 +83,14 @@ def diagnose(
         found = find(train, test or None, quick=quick, seed=seed, says=says, base=base.value)
         written = None
         if found.fitted is not None:
-            path = output or (ours if force else unused(ours))
+            path = output or ours(name, force=force)
             written = str(save_model(found.fitted.model, path, force=force))
         upcoming = None
         if found.fitted is not None and not quick:
             says("Simulating what to fly next …")
             upcoming = next_of(found, seed=seed)
     document = to_document(found, written, upcoming)
-    for each in diagnosis_tables(document):
-        talk.show(to_rich(each) if isinstance(each, Grid) else each)
+    show(talk, document)
     if written is not None:
         talk.note(f"Model: {written}")
     if report is not None:
@@ -106,6 +102,15 @@ def diagnose(
     talk.emit(document)
     if found.verdict == "bad_data":
         raise typer.Exit(BAD_DATA)
+
+
+def show(talk: Talk, document: Mapping[str, Any]) -> None:
+    """The document's tables and sentences."""
+    from heli3dof.report.diagnosis_tables import diagnosis_tables
+    from heli3dof.report.grid import Grid, to_rich
+
+    for each in diagnosis_tables(document):
+        talk.show(to_rich(each) if isinstance(each, Grid) else each)
 
 
 def read(

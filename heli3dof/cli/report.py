@@ -33,14 +33,13 @@ def report(
     from heli3dof.comparison.compare import compare
     from heli3dof.comparison.reproduce import reproduce
     from heli3dof.model.hover import hover_model
-    from heli3dof.recording.output import check_output, stem, unused
+    from heli3dof.recording.output import check_output, ours, stem
     from heli3dof.report.flight_report import flight_report
     from heli3dof.report.html import write_page
     from heli3dof.rig.profile import default_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    ours = Path(f"{stem(recordings[0])}-report.html")
-    path = output or (ours if force else unused(ours))
+    path = output or ours(Path(f"{stem(recordings[0])}-report.html"), force=force)
     check_output(path, force=force)
     loaded = load_all(talk, recordings, profile)
     names = models or ["hover"]

@@ -22,13 +22,12 @@ from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.counts import with_counts
 from heli3dof.diagnosis.edge import refuted
 from heli3dof.diagnosis.imitated import with_imitators
-from heli3dof.diagnosis.integrity import Fault, Kind, integrity
-from heli3dof.diagnosis.leftover import Leftover
+from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import base_beside
 from heli3dof.diagnosis.real_doubts import doubted
 from heli3dof.diagnosis.real_log import diagnose_real, no_likelihood
-from heli3dof.diagnosis.result import Diagnosis, Finding, in_order
+from heli3dof.diagnosis.result import Diagnosis, Finding, in_order, verdict_of
 from heli3dof.diagnosis.select import MOST
 from heli3dof.diagnosis.steps import (
     BASES,
@@ -132,10 +131,11 @@ def _diagnosed(
         "gain_measured_on": whole.gain.on, "base": base, "seconds": clock.seconds,
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
-    unknown = not bench.loop_is_known
-    verdict = _verdict(in_order(sized, findings, off), last.left, unknown=unknown)
+    each = in_order(sized, findings, off)
+    like = bool(each) and isinstance(each[0], Finding) and each[0].like
+    unsure = like and not bench.loop_is_known
     return Diagnosis(
-        *names, verdict, faults, whole,
+        *names, verdict_of(each, last.left, unsure=unsure), faults, whole,
         findings, off, last.dropped, last.left, first.unseen, about,
     )  # fmt: skip
 
@@ -206,19 +206,3 @@ class Clock:
             before = self.seconds.get(self._stage, 0.0)
             self.seconds[self._stage] = round(before + now - self._since, 2)
         self._stage, self._since = "", now
-
-
-def _verdict(
-    findings: Sequence[Fault | Finding | Off], left: Sequence[Leftover], *, unknown: bool = False
-) -> str:
-    """``findings`` as the document has them, the first one first; ``unknown``: the loop."""
-    if left:
-        return "unexplained"
-    if not findings:
-        return "nothing_found"
-    first = findings[0]
-    if isinstance(first, Fault):
-        return "explained"
-    tied = first.choice.tied_with if isinstance(first, Finding) else first.tied_with
-    unsure = unknown and isinstance(first, Finding) and first.like
-    return "ambiguous" if tied or unsure else "explained"

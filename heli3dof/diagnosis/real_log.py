@@ -44,7 +44,7 @@ from heli3dof.diagnosis.real_hidden import still_hidden
 from heli3dof.diagnosis.real_leftover import leftovers
 from heli3dof.diagnosis.real_named import certainty, named, sizes, unseen, within
 from heli3dof.diagnosis.refits import folds_of, halves, refit
-from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted, in_order
+from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted, in_order, verdict_of
 from heli3dof.diagnosis.select import Choice
 from heli3dof.diagnosis.steps import BASES
 from heli3dof.diagnosis.workers import in_threads
@@ -168,11 +168,8 @@ def diagnose_real(
         "still_hidden": still_hidden(found.fit, flights, runs),
         "seed": seed,
     }  # fmt: skip
-    ties = [x.choice if isinstance(x, Finding) else x for x in in_order((), findings, off)]
-    tied = quick or bool(ties and ties[0].tied_with)  # type: ignore[union-attr]
-    verdict = "unexplained" if left else "ambiguous" if tied else "explained"
-    if not (findings or off):
-        verdict = "nothing_found"
+    each = in_order((), findings, off)
+    verdict = verdict_of(each, left, unsure=quick) if each else "nothing_found"
     return Diagnosis(
         tuple(r.name for r in train), tuple(r.name for r in held), verdict, faults, fitted,
         findings, off, dropped, left,

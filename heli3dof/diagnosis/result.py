@@ -108,5 +108,20 @@ def in_order(
     return (*faults, *out)
 
 
+def verdict_of(
+    findings: Sequence[Fault | Finding | Off], left: Sequence[Leftover], *, unsure: bool = False
+) -> str:
+    """``findings`` as `in_order` has them; ``unsure``: the first one may be another cause."""
+    if left:
+        return "unexplained"
+    if not findings:
+        return "nothing_found"
+    first = findings[0]
+    if isinstance(first, Fault):
+        return "explained"
+    tied = first.choice.tied_with if isinstance(first, Finding) else first.tied_with
+    return "ambiguous" if tied or unsure else "explained"
+
+
 def _score(found: Finding | Off) -> float:
     return found.score if isinstance(found, Off) else found.choice.score

@@ -111,15 +111,14 @@ class Step:
         """The same with its choice made."""
         present = [t.name for t in self.found.problem.structure.terms]
 
-        def made_of(asked: Sequence[Term]) -> Choice | None:
-            tried = self.tried(bench, asked)
+        def made_of(tried: Sequence[Trial]) -> Choice | None:
             return choose(
                 self.found, self.screen, self.seen, self.nulls, self.bias, first_score, tried
             )
 
-        made = made_of(tried_terms(present, bench.axes))
-        if made is None and bench.loop_is_known:
-            made = made_of(ringing(present))
+        made = made_of(self.tried(bench, tried_terms(present, bench.axes)))
+        if made is None and bench.loop_is_known and (rings := self.tried(bench, ringing(present))):
+            made = made_of(rings)
         if made is not None and bench.loop_is_known:
             made = told_apart(
                 made, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots,

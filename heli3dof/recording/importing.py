@@ -7,18 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from heli3dof.errors import RecordingError, UsageError
+from heli3dof.recording.output import LOGS, stem
 from heli3dof.recording.provenance import provenance
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.scan import missing, read_bytes, what_is
 from heli3dof.recording.table import recording_from_table
 from heli3dof.rig.profile import Profile
 
-ENDINGS = (".csv.gz", ".csv", ".mat")
-
 
 def is_log(path: str | Path) -> bool:
     """Whether a file's name says that it is a log to import."""
-    return str(path).lower().endswith(ENDINGS)
+    return str(path).lower().endswith(LOGS)
 
 
 def import_log(
@@ -37,7 +36,7 @@ def import_log(
     if not is_log(path):
         raise RecordingError(
             f"{path} is not a log that can be imported; it is {what_is(read_bytes(path))}.",
-            cause=f"its name does not end in {', '.join(ENDINGS)}.",
+            cause=f"its name does not end in {', '.join(LOGS)}.",
             fix="rename it by what it is, or export the log as CSV",
         )
     if lower.endswith(".mat"):
@@ -55,10 +54,9 @@ def import_log(
 
         table = read_csv(path)
     data = path.read_bytes()
-    name = path.name[: -len(next(e for e in ENDINGS if lower.endswith(e)))]
     meta = provenance(
         source="import",
-        name=name,
+        name=stem(path),
         log={"file": path.name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()},
     )
     del meta["started_utc"]  # when it was imported is not when it was flown

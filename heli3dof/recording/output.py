@@ -15,7 +15,9 @@ FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 """What the system answers when nothing more fits: disk, quota, largest file."""
 
 
-LOGS = (".csv.gz", ".csv", ".mat", ".mcap", ".parquet")
+LOGS = (".csv.gz", ".csv", ".mat")
+"""What a log of another program may end in."""
+ENDINGS = (*LOGS, ".mcap", ".parquet")
 
 
 def stem(path: Path) -> str:
@@ -25,7 +27,7 @@ def stem(path: Path) -> str:
     ('cable.yaw:0.1', 'log')
     """
     name = path.name
-    return next((name[: -len(e)] for e in LOGS if name.lower().endswith(e)), path.stem)
+    return next((name[: -len(e)] for e in ENDINGS if name.lower().endswith(e)), path.stem)
 
 
 def check_output(path: Path, *, force: bool) -> None:
@@ -48,6 +50,11 @@ def check_output(path: Path, *, force: bool) -> None:
             cause="a typing error in the output's path, or a folder not made yet.",
             fix=f"mkdir -p {path.parent}",
         )
+
+
+def ours(path: Path, *, force: bool) -> Path:
+    """Where to write what nobody named: ``path``, and beside what is there without ``force``."""
+    return path if force else unused(path)
 
 
 def unused(path: Path) -> Path:

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.calibration import Off
-from heli3dof.diagnosis.diagnose import _verdict
 from heli3dof.diagnosis.document import document
-from heli3dof.diagnosis.result import Diagnosis, Finding, in_order
+from heli3dof.diagnosis.result import Diagnosis, Finding, in_order, verdict_of
 from heli3dof.diagnosis.select import Choice
 from heli3dof.model.effects import terms
 
@@ -40,7 +39,7 @@ def finding(*tied: str) -> Any:
     ],
 )
 def test_the_first_finding_s_ties_decide(findings: Any, offs: Any, left: Any, verdict: str) -> None:
-    assert _verdict([*findings, *offs], left) == verdict
+    assert verdict_of([*findings, *offs], left) == verdict
 
 
 def test_the_strongest_stands_first_and_causes_keep_the_order_in_which_they_were_found() -> None:
