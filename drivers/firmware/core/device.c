@@ -85,19 +85,6 @@ void device_stop(struct device *device, uint8_t cause)
     stop(device, cause, FLAG_STOPPED);
 }
 
-void device_sense(struct device *device, uint64_t now_us, const struct device_inputs *inputs)
-{
-    const struct device_inputs before = device->inputs;
-    device_tick(device, now_us);
-    device->inputs = *inputs;
-    if (inputs->button && !before.button)
-        stop(device, CAUSE_BUTTON, FLAG_STOPPED);
-    if (inputs->stall && !before.stall)
-        stop(device, CAUSE_STALL, FLAG_STALL);
-    if (inputs->fault && !before.fault)
-        stop(device, inputs->fault, FLAG_FAULT);
-}
-
 /* ---- answers --------------------------------------------------------------------------- */
 
 static void send_ack(struct device *device, const struct request *request, enum code code)
@@ -193,7 +180,7 @@ static void stream(struct device *device, uint64_t now_us)
         device->period_us = 0;
 }
 
-void device_tick(struct device *device, uint64_t now_us)
+static void expire(struct device *device, uint64_t now_us)
 {
     if (device->state == ARMED && now_us > expiry_us(device)) {
         device->state = LATCHED;
@@ -201,8 +188,27 @@ void device_tick(struct device *device, uint64_t now_us)
         device->ticket++;
         device->expiries++;
     }
+}
+
+void device_tick(struct device *device, uint64_t now_us)
+{
+    expire(device, now_us);
     if (device->period_us)
         stream(device, now_us);
+}
+
+void device_sense(struct device *device, uint64_t now_us, const struct device_inputs *inputs)
+{
+    const struct device_inputs before = device->inputs;
+    expire(device, now_us);
+    device->inputs = *inputs; /* before the tick: a sample carries the counts of its own time */
+    if (inputs->button && !before.button)
+        stop(device, CAUSE_BUTTON, FLAG_STOPPED);
+    if (inputs->stall && !before.stall)
+        stop(device, CAUSE_STALL, FLAG_STALL);
+    if (inputs->fault && !before.fault)
+        stop(device, inputs->fault, FLAG_FAULT);
+    device_tick(device, now_us);
 }
 
 uint64_t device_next_us(const struct device *device)

@@ -203,6 +203,21 @@ static void a_device_held_up_leaves_samples_out_and_never_sends_a_burst(void)
     assert(device.out.head - head == 48 && device.samples == 3);
 }
 
+/* The turn before may have been long ago. */
+static void a_sample_carries_the_counts_and_lines_of_its_own_time(void)
+{
+    const struct device_inputs moved = {.counts = {77, 0, 0}, .fault = CAUSE_OVERCURRENT};
+    uint8_t sample[64];
+    const uint8_t *at;
+    armed_at_one_volt(2000);
+    device.out.tail = device.out.head = 0;
+    device_sense(&device, 43000, &moved);
+    assert(cobs_decode(device.out.ring, link_out_peek(&device.out, &at) - 1, sample) == 46);
+    const uint32_t time_us = sample[FRAME_HEADER + 4] | (uint32_t)sample[FRAME_HEADER + 5] << 8;
+    assert(time_us == 43000 && sample[FRAME_HEADER + 8] == 77);
+    assert(sample[FRAME_HEADER + 34] == FLAG_FAULT);
+}
+
 static void a_stream_that_nobody_answers_ends_after_two_seconds(void)
 {
     armed_at_one_volt(10000);
@@ -293,6 +308,7 @@ int main(void)
     HOLDS(the_ramp_begins_at_the_expiry_however_late_the_tick_is);
     HOLDS(disarming_on_the_ramp_disables_the_amplifier);
     HOLDS(a_device_held_up_leaves_samples_out_and_never_sends_a_burst);
+    HOLDS(a_sample_carries_the_counts_and_lines_of_its_own_time);
     HOLDS(a_stream_that_nobody_answers_ends_after_two_seconds);
     HOLDS(a_host_that_does_not_read_loses_whole_frames);
     HOLDS(the_devices_own_frames_coming_back_are_not_answered);
