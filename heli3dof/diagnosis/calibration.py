@@ -14,22 +14,20 @@ flights' own standard deviation of x and σ_k the scale's,
 
 σ_k is what the profile is believed to, the same in every flight of a rig; σ is what noise does, and
 q its quantile at which one of `FAMILY` parameters is falsely named in a share `FALSE_ALARMS` of
-recordings. Where encoders chatter σ is up to `DOUBTED` times what the noise model says, and the
-estimate may be another rig's altogether. An inertia that owes more to such a σ than to σ_k is off
-only if the recordings refute every rig that stands on the edge (`heli3dof.diagnosis.edge`); where
-no such rig can be flown, if `DOUBTED` σ makes it sure.
+recordings. Where encoders chatter, an estimate by the filter's scores alone scatters up to
+`DOUBTED` times what is told of it, and that is taken for σ; a weighed one
+(`heli3dof.diagnosis.weighed`) scatters as it says.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.nulls import FALSE_ALARMS
-from heli3dof.diagnosis.thrust_scale import TORQUE_UNITS, ThrustScale, thrust_scale
+from heli3dof.diagnosis.thrust_scale import ThrustScale, thrust_scale
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects import Term, term
 
@@ -37,8 +35,6 @@ SURE = 2.0
 FAMILY = 5
 """K_f, T_g and three inertias"""
 DOUBTED = 3.0
-Refuted = Callable[[int, float], bool]
-"""(which of `Estimate.free`, its value on the edge) → whether the recordings refute a rig there"""
 
 
 @dataclass(frozen=True)
@@ -79,16 +75,15 @@ def edge(x: float, tolerance: float) -> float:
     return float(np.log1p(tolerance) if x > 0 else np.log1p(-tolerance))
 
 
-def quantile(freedom: float = np.inf) -> float:
-    """One-sided, at `FALSE_ALARMS` in `FAMILY` parameters: Student's, or a normal's.
+def quantile() -> float:
+    """A normal's, one-sided, at `FALSE_ALARMS` in `FAMILY` parameters.
 
-    >>> round(quantile(), 2), round(quantile(9), 2)
-    (3.24, 4.6)
+    >>> round(quantile(), 2)
+    3.24
     """
-    from scipy.stats import norm, t
+    from scipy.stats import norm
 
-    p = FALSE_ALARMS / FAMILY
-    return float(norm.isf(p) if np.isinf(freedom) else t.isf(p, freedom))
+    return float(norm.isf(FALSE_ALARMS / FAMILY))
 
 
 def calibrated(found: Estimate) -> tuple[Calibrated, ...]:
@@ -120,20 +115,19 @@ class Off:
 def off_nominal(
     found: Estimate,
     *,
-    refuted: Refuted | None = None,
+    doubted: float = DOUBTED,
     beside: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[Off, ...]:
     """What is surely off by more than the profile's tolerance, the surest first.
 
-    ``refuted`` asks the recordings whether a rig on the edge explains them. ``beside``: (4,), (4,)
-    what T_g and the inertias are, as a logarithm over ``found``'s, beside a leftover, and its
-    standard deviation; a parameter that is within the tolerance there is off by what has no name.
+    ``doubted``: how many times what is told of it σ may be. ``beside``: (4,), (4,) what T_g and the
+    inertias are, as a logarithm over ``found``'s, beside a leftover, and its standard deviation; a
+    parameter that is within the tolerance there is off by what has no name.
     """
     tolerance = found.structure.profile.tolerance
-    scale = thrust_scale(found)
     out = []
     for j, c in enumerate(calibrated(found), start=-1):
-        if not _surely_off(c, tolerance, j, refuted, scale):
+        if not c.surely(c.beyond(tolerance), quantile(), doubted * c.told):
             continue
         if beside is not None and j >= 0:
             moved = c.x + float(beside[0][j])
@@ -142,19 +136,6 @@ def off_nominal(
                 continue
         out.append(_off(c))
     return tuple(sorted(out, key=lambda o: -o.score))
-
-
-def _surely_off(
-    c: Calibrated, tolerance: float, j: int, refuted: Refuted | None, scale: ThrustScale
-) -> bool:
-    beyond = c.beyond(tolerance)
-    if not c.surely(beyond, quantile(), c.told):
-        return False
-    doubtful = quantile() * DOUBTED * c.told > SURE * c.scale
-    if np.isinf(c.x) or refuted is None or j < 1 or not doubtful:
-        return c.surely(beyond, quantile(), DOUBTED * c.told)
-    on = c.nominal * float(np.exp(edge(c.x, tolerance)))
-    return refuted(j, on / scale.k if any(u in c.unit for u in TORQUE_UNITS) else on)
 
 
 def _off(c: Calibrated) -> Off:

@@ -156,12 +156,17 @@ class Corrected(Estimate):
     noise_bias: np.ndarray | None = None
     """(3,) s̄, of the slopes along the log noise intensities"""
     flights: int = 0
+    spread: np.ndarray | None = None
+    """(n, n) the covariance of the coordinates where more moments than scores made the estimate
+    (`heli3dof.diagnosis.weighed`); ``bias`` is then the score that is left at it"""
 
     @cached_property
     def covariance(self) -> np.ndarray:
         """(n, n) of the values, in their units"""
         if self.scatter is None:
             return np.asarray(Estimate.covariance.func(self))  # type: ignore[attr-defined]
+        if self.spread is not None:
+            return np.asarray(self.spread * np.outer(self.slopes, self.slopes))
         L = np.diag(self.problem.prior_precision)
         inverse = np.linalg.inv(self.optimum.information + L)
         middle = (1 + 1 / self.flights) * self.scatter + L
@@ -242,7 +247,7 @@ def correct(
         log(f"{count} {problem.values(theta)} {noise[:3]} step {step / sd} move {move}")
         length = float(np.abs(step / sd).max())
         if not np.isfinite(length) or (count >= LOST_AFTER and length > LOST):
-            return Corrected(problem, _optimum(problem, *begin, count, settled))
+            return Corrected(problem, optimum_at(problem, *begin, count, settled))
         if length < NEAR and np.abs(move).max() < NOISE_NEAR:
             # The last step is taken too: where all start from one side, stopping short is a bias.
             theta = np.clip(theta + step, low, high)
@@ -261,14 +266,14 @@ def correct(
         noise[:3] = np.clip(
             noise[:3] * np.exp(np.clip(move_on[n:], -1.0, 1.0)), NOISE_LOW, NOISE_HIGH
         )
-    optimum = _optimum(problem, theta, noise, count, settled)
+    optimum = optimum_at(problem, theta, noise, count, settled)
     scores = np.array([f.g for f in flown])
-    C = _scatter(scores, optimum.information)
+    C = scatter_of(scores, optimum.information)
     noise_bias = np.mean([f.slope for f in flown], axis=0)
     return Corrected(problem, optimum, C, scores.mean(axis=0), noise_bias, pilots)
 
 
-def _optimum(
+def optimum_at(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray, count: int, settled: bool
 ) -> Optimum:
     low, high = problem.bounds
@@ -303,7 +308,7 @@ class Secant:
         return np.asarray(go * min(1.0, self.LONGEST / max(float(np.abs(go).max()), 1e-12)))
 
 
-def _scatter(g: np.ndarray, H: np.ndarray) -> np.ndarray:
+def scatter_of(g: np.ndarray, H: np.ndarray) -> np.ndarray:
     """(n, n) from few flights: the information's correlations with the flights' own sizes."""
     size = np.sqrt(g.var(axis=0, ddof=1) / np.maximum(np.diag(H), 1e-300))
     # Few flights say little of each: half way to what they say of all.

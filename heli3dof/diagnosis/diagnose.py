@@ -15,12 +15,10 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 
-from heli3dof.diagnosis.calibration import Off, calibrated, off_nominal
+from heli3dof.diagnosis.calibration import DOUBTED, Off, calibrated, off_nominal
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.counts import with_counts
-from heli3dof.diagnosis.edge import refuted
 from heli3dof.diagnosis.imitated import with_imitators
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.measured import adopted, fitted
@@ -117,7 +115,7 @@ def _diagnosed(
     clock.start("gain", "Measuring the gain on what was not seen …")
     whole = fitted(least, last.found, last.after, train, held, seed=seed)
     clock.start("off", "Asking whether the rig itself is off its profile …")
-    off = base_off(bench, last) if last.sure else ()
+    off = base_off(last) if last.sure else ()
     off = tuple(with_imitators(o, steps[-1]) for o in off)
     profile = train[0].profile
     findings, off = with_counts(
@@ -140,12 +138,16 @@ def _diagnosed(
     )  # fmt: skip
 
 
-def base_off(bench: Bench, last: Settled) -> tuple[Off, ...]:
-    """The base's numbers that are off nominal: on the edge refuted, where flights can be simulated,
-    and beside what is left."""
-    ask = partial(refuted, bench, last.found) if bench.loop_is_known else None
+def base_off(last: Settled) -> tuple[Off, ...]:
+    """The base's numbers that are off nominal, beside what is left."""
     beside = None if last.held is None or not last.left else base_beside(last.found, last.held)
-    return off_nominal(last.found, refuted=ask, beside=beside)
+    return off_nominal(last.found, doubted=doubt(last.found), beside=beside)
+
+
+def doubt(found: Corrected) -> float:
+    """How many times what is told of its numbers their spread may be; a weighed estimate's is
+    measured."""
+    return DOUBTED if found.spread is None else 1.0
 
 
 def causes(
@@ -154,7 +156,8 @@ def causes(
     """Forward: every step that was made (the last one found nothing, or is the last allowed)."""
     found, steps = base, list[Step]()
     # An inertia far off is a first cause too, whose formula (where its mass sits) is a guess.
-    inertias = [o.flight_score for o in off_nominal(base) if o.term.effect.name == "inertia"]
+    off = off_nominal(base, doubted=doubt(base))
+    inertias = [o.flight_score for o in off if o.term.effect.name == "inertia"]
     score, left = max(inertias, default=None), MOST
     while left:
         n = flights if not steps else max(8, round(FURTHER * flights))

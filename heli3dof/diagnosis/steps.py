@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.alike import rates_apart, widest
 from heli3dof.diagnosis.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.corrected import (
     NOISE_NEAR,
@@ -28,6 +27,7 @@ from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.diagnosis.trials import Trial, ringing, standing_out, trials, tried_terms
+from heli3dof.diagnosis.weighed import weighed
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.fit import Optimum, _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -44,7 +44,9 @@ CHATTERS = 1.2
 """Inflation of a fit from which its bias is too large to start from."""
 QUIETER = np.array([0.5, 0.7, 1.0, 1.0])
 """What the filter makes of a chattering flight's noise, roughly; roll and pitch chatter most."""
-MUCH_QUIETER = 0.25
+VAGUE = 0.2
+"""Of the profile's tolerance: how uncertain an inertia is, by the noise model, where chatter's part
+in it matters."""
 
 FAR, ROUGHER = 30.0, 1.0
 """Standard deviations of a parameter, and steps of a log noise intensity, beyond which false slopes
@@ -84,7 +86,7 @@ class Step:
     seen: Seen
     nulls: Nulls
     bias: np.ndarray
-    """(n,) mean scores of the nulls"""
+    """(n,) mean scores of the nulls; of a weighed estimate what the recordings' score is at it"""
     unseen: tuple[str, ...]
     """Terms of which these recordings could not tell even a large size"""
     choice: Choice | None = None
@@ -141,30 +143,15 @@ def base_of(bench: Bench) -> Corrected:
     )
     if freed.scatter is None:
         return Corrected(problem, found.optimum)
-    return quieter(bench, freed) if found.inflation >= CHATTERS else freed
+    if found.inflation < CHATTERS or told_of_inertias(freed) < VAGUE * structure.profile.tolerance:
+        return freed
+    return weighed(problem, freed, bench.recordings, seed=bench.seed)
 
 
-def quieter(bench: Bench, found: Corrected) -> Corrected:
-    """The estimate; another where its flights chatter faster than the recordings on some axis.
-
-    Such a one is the wrong end of the ridge of which `beginning` speaks. The other is found from
-    the profile's inertias and a quarter of the noise there, and taken if it has settled and its
-    flights chatter no faster.
-    """
-    limit = widest()
-    fast = rates_apart(found, bench.recordings, seed=bench.seed) < -limit
-    if not fast.any():
-        return found
-    theta, noise = found.theta.copy(), found.optimum.noise.copy()
-    theta[1:4][fast] = found.problem.prior_mean[1:4][fast]
-    noise[:3][fast] *= MUCH_QUIETER
-    other = correct(
-        found.problem, theta, noise, bench.recordings, seed=bench.seed, pilots=bench.pilots
-    )
-    if other.scatter is None or not other.optimum.converged:
-        return found
-    apart = rates_apart(other, bench.recordings, seed=bench.seed)
-    return found if (apart[fast] < -limit).any() else other
+def told_of_inertias(found: Estimate) -> float:
+    """The largest standard deviation of their logarithms, by the noise model."""
+    A = found.optimum.information + np.diag(found.problem.prior_precision)
+    return float(np.sqrt(np.diag(np.linalg.inv(A))[1:4].max()))
 
 
 def beginning(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
@@ -200,7 +187,7 @@ def looked_at(bench: Bench, found: Corrected, flights: int) -> Step:
         nulls, scores = simulated_nulls(
             found, bench.recordings, screen, flights=flights, seed=bench.seed
         )
-        bias = scores.mean(axis=0)
+        bias = scores.mean(axis=0) if found.spread is None else np.asarray(found.bias)
     else:
         nulls = formula_nulls(found, screen)
     return Step(found, screen, seen, nulls, bias, unidentifiable(screen, nulls))

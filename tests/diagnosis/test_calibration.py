@@ -36,7 +36,6 @@ def test_the_quantile_makes_five_parameters_falsely_named_in_three_of_a_thousand
     from scipy.stats import norm
 
     assert 5 * norm.sf(quantile()) == pytest.approx(0.003)
-    assert quantile(11) > quantile(40) > quantile()
 
 
 def test_well_told_and_far_off_is_a_finding_and_within_the_tolerance_is_none() -> None:
@@ -58,36 +57,11 @@ def test_two_standard_deviations_of_a_flight_s_noise_are_not_enough() -> None:
     assert names(off_nominal(fit)) == []
 
 
-def test_an_inertia_told_by_the_noise_model_alone_is_off_if_the_edge_is_refuted() -> None:
+def test_what_the_scores_alone_tell_of_a_chattering_loop_is_believed_a_third_as_much() -> None:
+    # ln 1.8 = 0.588 is 0.448 beyond the edge: 2.3 times 3.24 · 0.06.
     fit = rig((1, 1, 1.8, 1), told=0.06)
-    asked = []
-
-    def recordings(refute: bool) -> Any:
-        def ask(j: int, value: float) -> bool:
-            asked.append((j, value / fit.free[j].start))
-            return refute
-
-        return ask
-
     assert names(off_nominal(fit)) == []
-    assert names(off_nominal(fit, refuted=recordings(True))) == ["inertia.pitch"]
-    assert names(off_nominal(fit, refuted=recordings(False))) == []
-    # They were asked about a rig on the edge of the tolerance, in units of K_f.
-    j, ratio = asked[0]
-    k = calibrated(fit)[0].value / calibrated(fit)[0].nominal
-    assert (j, ratio * k) == (2, pytest.approx(1.15))
-
-
-def test_however_far_off_it_seems_an_inertia_of_a_chattering_loop_is_asked_about() -> None:
-    # ln 0.3 is 1.04 beyond the edge: six times 3.24 · 0.05, twice as much as `DOUBTED` asks.
-    fit = rig((1, 1, 0.3, 1), told=0.05)
-    assert names(off_nominal(fit)) == ["inertia.pitch"]
-    assert names(off_nominal(fit, refuted=lambda j, value: False)) == []
-
-
-def test_where_the_scale_is_what_matters_the_recordings_are_not_asked() -> None:
-    fit = rig((1, 1, 1.4, 1), told=0.003)
-    assert names(off_nominal(fit, refuted=lambda j, value: False)) == ["inertia.pitch"]
+    assert names(off_nominal(fit, doubted=1.0)) == ["inertia.pitch"]
 
 
 def test_what_is_off_only_for_want_of_a_leftover_s_name_is_not_off() -> None:

@@ -1,0 +1,109 @@
+"""Where encoders chatter, rates beside the scores find the rig that flew, and say how surely."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.corrected import Corrected, look
+from heli3dof.diagnosis.steps import Bench, base_of
+from heli3dof.diagnosis.weighed import edge_rates, jacobian, three, weighed, weights
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan, step_plan
+from heli3dof.model.filtering import Stretch, data_of
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.profile import default_profile
+
+DEVICE = "mock:?speed=max&spread=0.07&seed=1022"
+
+
+@pytest.fixture(scope="module")
+def fitted() -> tuple[Bench, Corrected]:
+    flown = fly_plan(step_plan((10.0, None, None)), device=DEVICE, seed=1022).recording
+    bench = Bench((flown,), seed=0, pilots=6)
+    return bench, base_of(bench)
+
+
+def test_the_rate_is_the_share_of_samples_at_which_a_count_changes(
+    fitted: tuple[Bench, Corrected],
+) -> None:
+    flown = fitted[0].recordings[0]
+    step = np.abs(flown.profile.encoder.rad_per_count)
+    counts = np.array([[0, 0, 5], [0, 1, 5], [1, 0, 5], [1, 1, 5], [1, 1, 6]])
+    part = replace(flown.rows(slice(0, 5)), angle=counts * step)
+    # Four intervals: roll changes in one, pitch in three, yaw in one.
+    assert edge_rates(data_of([part], [Stretch(0, 0, 5)])) == pytest.approx([0.25, 0.75, 0.25])
+
+
+def test_the_inertias_lie_within_what_is_said_of_them(fitted: tuple[Bench, Corrected]) -> None:
+    _, found = fitted
+    assert found.spread is not None
+    rig = open_rig(DEVICE, default_profile())
+    body = rig.truth.body  # type: ignore[attr-defined]
+    rig.close()
+    truth = (np.array(body.J) + np.array(body.dJ)) * default_profile().motor.K_f / body.K_f
+    told = found.std[1:4] / found.values[1:4]
+    assert np.all(np.abs(np.log(found.values[1:4] / truth)) < 2.5 * told)
+    # Roll is stepped and told well, pitch and yaw are only held.
+    assert told[0] < 0.03 < told[1] < 0.15
+
+
+def test_the_wrong_end_of_the_ridge_is_left(fitted: tuple[Bench, Corrected]) -> None:
+    bench, found = fitted
+    theta, a = found.theta.copy(), found.optimum.noise.copy()
+    theta[2] += np.log(0.5)
+    a[1] *= 4
+    wrong = replace(found, optimum=replace(found.optimum, theta=theta, noise=a))
+    back = weighed(found.problem, wrong, bench.recordings, seed=0, rounds=8)
+    told = found.std[2] / found.values[2]
+    assert abs(np.log(back.values[2] / found.values[2])) < 2 * told
+    assert back.optimum.noise[1] / found.optimum.noise[1] == pytest.approx(1, rel=0.4)
+
+
+def test_its_own_score_is_taken_off_so_that_the_tilted_likelihood_is_flat_there(
+    fitted: tuple[Bench, Corrected],
+) -> None:
+    _, found = fitted
+    here = look(found.problem, found.theta, found.optimum.noise)
+    prior = found.problem.prior_precision * (found.theta - found.problem.prior_mean)
+    assert found.bias is not None
+    assert found.noise_bias is not None
+    np.testing.assert_allclose(found.bias, here.g - prior, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(found.noise_bias, here.slope, rtol=1e-6, atol=1e-6)
+
+
+def test_flights_that_cannot_be_flown_leave_the_estimate_as_it_was(
+    fitted: tuple[Bench, Corrected],
+) -> None:
+    bench, found = fitted
+    theta = found.theta.copy()
+    theta[0] = np.nan
+    lost = replace(found, optimum=replace(found.optimum, theta=theta))
+    with np.errstate(all="ignore"):
+        assert weighed(found.problem, lost, bench.recordings, seed=0, flights=8) is lost
+
+
+def test_a_flight_that_tells_the_inertias_well_is_not_weighed() -> None:
+    flown = fly_plan(load_plan("rich"), device=DEVICE, seed=1022).recording.between(6.0, 22.0)
+    assert base_of(Bench((flown,), seed=0, pilots=4)).spread is None
+
+
+def test_each_axis_three_moments_are_weighed_by_their_own_covariance() -> None:
+    C = np.diag(np.arange(1.0, 11.0))
+    C[4, 7] = C[7, 4] = 5.0  # the slope along roll's noise, and roll's rate
+    W = weights(C)
+    block = np.ix_(three(0, 4), three(0, 4))
+    ridge = 0.1 * np.diag(np.diag(C)[three(0, 4)])
+    np.testing.assert_allclose(W[block] @ (C[block] + ridge), np.eye(3), atol=1e-12)
+    assert W[0, 0] == pytest.approx(1 / 1.1)
+
+
+def test_what_flights_showed_stands_in_their_axis_and_the_filter_s_own_elsewhere() -> None:
+    effects = np.arange(60.0).reshape(6, 10)
+    G = jacobian(np.full((4, 4), -1.0), effects)
+    assert G[1, 1] == effects[0, 1]  # roll's score along roll's inertia
+    assert G[8, 5] == effects[4, 8]  # pitch's rate along pitch's noise
+    assert G[1, 2] == -1.0
+    assert G[8, 1] == 0.0
