@@ -22,6 +22,7 @@ from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.counts import with_counts
 from heli3dof.diagnosis.edge import refuted
 from heli3dof.diagnosis.imitated import with_imitators
+from heli3dof.diagnosis.in_turn import flown, in_turn
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import base_beside
@@ -35,7 +36,6 @@ from heli3dof.diagnosis.steps import (
     Step,
     base_of,
     eliminated,
-    extended,
     looked_at,
 )
 from heli3dof.diagnosis.unnamed import Settled, unnamed
@@ -107,7 +107,9 @@ def _diagnosed(
     found, steps = eliminated(bench, found, steps)
     clock.start("gain", "Measuring the gain on what was not seen …")
     taken = [s.choice for s in steps if s.choice is not None]
-    found, findings, dropped, after = adopted(found, taken, held, seed=seed)
+    found, findings, dropped, after = adopted(
+        found, taken, held, seed=seed, instead=partial(in_turn, bench)
+    )
     clock.start("left", "Looking for what has no name …")
     many = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
     last = unnamed(bench, Settled(found, findings, dropped, after), held, flights=many)
@@ -166,16 +168,16 @@ def causes(
         steps.append(step)
         if step.choice is None:
             break
-        wider = extended(bench, step.choice)
-        if wider.scatter is None and found.scatter is not None:  # a rig that cannot be flown
-            steps[-1] = replace(step, choice=None)
+        choice, wider = flown(bench, step, score)
+        steps[-1] = replace(step, choice=choice)
+        if choice is None or wider is None:
             break
-        clock.says(f"Found {step.choice.term.name}.")
+        clock.says(f"Found {choice.term.name}.")
         found = wider
-        if not step.choice.term.effect.within:  # what a simpler base lacks is no cause in the rig
+        if not choice.term.effect.within:  # what a simpler base lacks is no cause in the rig
             left -= 1
-            if step.choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing
-                score = step.choice.score if score is None else max(score, step.choice.score)
+            if choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing
+                score = choice.score if score is None else max(score, choice.score)
     return steps, found
 
 

@@ -7,8 +7,9 @@ nulls' inflation and n a term's parameters
     score = 2 Δℓ_c / κ − n ln N
 
 (BIC; N the encoders' events). Nothing at all scores 0, so what scores less than `TIE` is tied with
-it and not named; nor is the likeliest where its own Z² is not beyond the nulls' threshold: what the
-screen saw was then another term's, which its full fit does not bear out.
+it and not named; nor is a term whose own Z² is not beyond the nulls' threshold: what the screen saw
+was then another term's. Of those tied with the likeliest the likeliest that passes is taken; where
+none does, the full fits do not bear out what the screen saw.
 
 No formula is quite right, and what is wrong with the first cause's looks like a further one: that
 must exceed `SHARE` of the first one's score, or `WEAK` where that is less. A term whose trace is
@@ -135,19 +136,30 @@ def choose(
         ranked = []
     ranked = [r for r in ranked[:FITTED] if r[1] >= HOPELESS * ranked[0][1]]
     fits = contend(found, screen, seen, nulls, bias, ranked, tried)
-    if not fits:
+    return likeliest(found, screen, nulls, fits, first_score)
+
+
+def likeliest(
+    found: Corrected, screen: Screen, nulls: Nulls, fits: Sequence[Contender],
+    first_score: float | None,
+) -> Choice | None:  # fmt: skip
+    """Of contenders beside those of ``found`` the one to be named; None where none is."""
+    fits = surest_first(screen, nulls, sorted(fits, key=lambda f: -f.score))
+    if not fits or fits[0].score < TIE:
         return None
-    fits = surest_first(screen, nulls, fits)
-    best = fits[0]
-    if best.score < TIE or nulls.threshold > best.Z2:
+    near = [f for f in fits if fits[0].score - f.score < slack(screen, nulls, fits[0], f)]
+    best = next((f for f in near if nulls.threshold <= f.Z2), None)
+    if best is None:
         return None
+    fits = [best, *(f for f in fits if f is not best)]
     weak = first_score is not None and best.score < min(SHARE * first_score, WEAK)
     if weak and not alike(found, screen, best):
         return None
     tied = tuple(
         f.term.name for f in fits[1:] if best.score - f.score < slack(screen, nulls, best, f)
     )
-    sure = min(nulls.confidence(best.Z2), this_one([*(f.score for f in fits[:2]), 0.0]))
+    rest = max((f.score for f in fits[1:]), default=0.0)
+    sure = min(nulls.confidence(best.Z2), this_one([best.score, rest]))
     if weak:
         sure = min(sure, EVEN)
     return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits), weak)
