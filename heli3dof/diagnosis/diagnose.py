@@ -21,7 +21,7 @@ from heli3dof.diagnosis.calibration import Off, calibrated, off_nominal
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.counts import with_counts
 from heli3dof.diagnosis.edge import refuted
-from heli3dof.diagnosis.imitated import with_imitators
+from heli3dof.diagnosis.imitated import look_beside, with_imitators
 from heli3dof.diagnosis.in_turn import flown, in_turn
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.measured import adopted, fitted
@@ -120,7 +120,7 @@ def _diagnosed(
     whole = fitted(least, last.found, last.after, train, held, seed=seed)
     clock.start("off", "Asking whether the rig itself is off its profile …")
     off = base_off(bench, last) if last.sure else ()
-    off = tuple(with_imitators(o, steps[-1]) for o in off)
+    off = tuple(with_imitators(o, look_beside(steps, last.found)) for o in off)
     profile = train[0].profile
     findings, off = with_counts(
         last.findings, off, calibrated(last.found),
