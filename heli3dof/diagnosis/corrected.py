@@ -312,5 +312,5 @@ def scatter_of(g: np.ndarray, H: np.ndarray) -> np.ndarray:
     """(n, n) from few flights: the information's correlations with the flights' own sizes."""
     size = np.sqrt(g.var(axis=0, ddof=1) / np.maximum(np.diag(H), 1e-300))
     # Few flights say little of each: half way to what they say of all.
-    size = np.sqrt(0.5 * size**2 + 0.5 * np.mean(size**2))
+    size = np.maximum(np.sqrt(0.5 * size**2 + 0.5 * np.mean(size**2)), 1.0)  # exact ones: 1
     return np.asarray(np.outer(size, size) * H)

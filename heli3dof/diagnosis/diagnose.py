@@ -15,11 +15,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from heli3dof.diagnosis.calibration import DOUBTED, Off, calibrated, off_nominal
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.counts import with_counts
-from heli3dof.diagnosis.imitated import with_imitators
+from heli3dof.diagnosis.imitated import look_beside, with_imitators
+from heli3dof.diagnosis.in_turn import flown, in_turn
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import base_beside
@@ -33,7 +35,6 @@ from heli3dof.diagnosis.steps import (
     Step,
     base_of,
     eliminated,
-    extended,
     looked_at,
 )
 from heli3dof.diagnosis.unnamed import Settled, unnamed
@@ -105,7 +106,9 @@ def _diagnosed(
     found, steps = eliminated(bench, found, steps)
     clock.start("gain", "Measuring the gain on what was not seen …")
     taken = [s.choice for s in steps if s.choice is not None]
-    found, findings, dropped, after = adopted(found, taken, held, seed=seed)
+    found, findings, dropped, after = adopted(
+        found, taken, held, seed=seed, instead=partial(in_turn, bench)
+    )
     clock.start("left", "Looking for what has no name …")
     many = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
     last = unnamed(bench, Settled(found, findings, dropped, after), held, flights=many)
@@ -116,7 +119,7 @@ def _diagnosed(
     whole = fitted(least, last.found, last.after, train, held, seed=seed)
     clock.start("off", "Asking whether the rig itself is off its profile …")
     off = base_off(last) if last.sure else ()
-    off = tuple(with_imitators(o, steps[-1]) for o in off)
+    off = tuple(with_imitators(o, look_beside(steps, last.found)) for o in off)
     profile = train[0].profile
     findings, off = with_counts(
         last.findings, off, calibrated(last.found),
@@ -169,16 +172,16 @@ def causes(
         steps.append(step)
         if step.choice is None:
             break
-        wider = extended(bench, step.choice)
-        if wider.scatter is None and found.scatter is not None:  # a rig that cannot be flown
-            steps[-1] = replace(step, choice=None)
+        choice, wider = flown(bench, step, score)
+        steps[-1] = replace(step, choice=choice)
+        if choice is None or wider is None:
             break
-        clock.says(f"Found {step.choice.term.name}.")
+        clock.says(f"Found {choice.term.name}.")
         found = wider
-        if not step.choice.term.effect.within:  # what a simpler base lacks is no cause in the rig
+        if not choice.term.effect.within:  # what a simpler base lacks is no cause in the rig
             left -= 1
-            if step.choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing
-                score = step.choice.score if score is None else max(score, step.choice.score)
+            if choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing
+                score = choice.score if score is None else max(score, choice.score)
     return steps, found
 
 

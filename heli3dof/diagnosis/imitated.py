@@ -9,30 +9,47 @@ that has α of it and not the base's parameter off has
 
 So term i is tied with the parameter where it can have that size (up to `LARGE` typical ones, and
 the right sign) and the screen's own Z_i is within `TOLD` of what it would show.
+
+K_f is off where all of them are, by one factor (`heli3dof.diagnosis.thrust_scale`). That is the
+slope of the thrust at hover too: beside a curved thrust a dead zone is nearly another K_f. There α
+is the least with which x_j(α) = θ_j − α b_ji puts K_f within the tolerance.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.diagnosis.calibration import Off, edge
+from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.select import LARGE, one_way
 from heli3dof.diagnosis.steps import Step
-from heli3dof.diagnosis.thrust_scale import thrust_scale
+from heli3dof.diagnosis.thrust_scale import of_ratios, thrust_scale
 
 TOLD = 3.0
 """Standard deviations"""
+AMOUNTS = 21
+"""Sizes that are tried, from none to the largest"""
 PARAMETERS = ("mass.imbalance", "inertia.roll", "inertia.pitch", "inertia.yaw")
 """Findings, in the order of the base's free parameters"""
 
 
 def with_imitators(off: Off, step: Step) -> Off:
-    """The finding, tied with what may be there in its place; K_f's has no place to be taken."""
+    """The finding, tied with what may be there in its place."""
+    if off.term.name == "motor.thrust_gain":
+        return replace(off, tied_with=gain_imitators(step))
     if off.term.name not in PARAMETERS:
         return off
     return replace(off, tied_with=imitators(step, PARAMETERS.index(off.term.name)))
+
+
+def look_beside(steps: Sequence[Step], found: Corrected) -> Step:
+    """The last look that was beside the same causes as ``found``; the last of all where none is."""
+    names = {t.name for t in found.structure.terms}
+    same = (s for s in reversed(steps) if {t.name for t in s.found.structure.terms} == names)
+    return next(same, steps[-1])
 
 
 def imitators(step: Step, j: int) -> tuple[str, ...]:
@@ -44,16 +61,42 @@ def imitators(step: Step, j: int) -> tuple[str, ...]:
     x = float(np.log(value / f.start))
     on = float(np.exp(edge(x, found.structure.profile.tolerance)))
     need = f.inward(float(found.values[j])) - f.inward(float(found.values[j]) * on / np.exp(x))
-    Z = step.nulls.judged(step.seen)
-    names: list[str] = []
-    for i, p in enumerate(screen.plain):
-        b = float(screen.solved[j, i])
-        if not p.grows or not np.isfinite(screen.v[i]) or b == 0.0:
-            continue
-        alpha = need / b
-        size = abs(alpha * p.size)
-        possible = size <= LARGE * p.term.effect.parameters[0].typical
-        shown = alpha * float(np.sqrt(screen.v[i])) / float(step.nulls.std[i])
-        if possible and (alpha > 0 or not one_way(p)) and abs(float(Z[i]) - shown) < TOLD:
-            names.append(p.name)
+    amounts = ((i, need / b) for i, b in enumerate(screen.solved[j, : len(screen.plain)]) if b)
+    return tuple(dict.fromkeys(screen.plain[i].name for i, a in amounts if possible(step, i, a)))
+
+
+def gain_imitators(step: Step) -> tuple[str, ...]:
+    """Terms that may be there instead of K_f being off."""
+    found, screen = step.found, step.screen
+    base, half = found.free[:4], 0.5 * found.structure.profile.tolerance
+    nominal = np.array([f.start for f in base])
+    told = found.std[:4] / np.abs(nominal)
+    at = np.array([f.inward(float(v)) for f, v in zip(base, found.values, strict=False)])
+
+    def log_k(amount: float, b: np.ndarray) -> float:
+        x = np.array([f.outward(float(c)) for f, c in zip(base, at - amount * b, strict=True)])
+        return float(np.log(of_ratios(x / nominal, told, half).k))
+
+    on = abs(edge(log_k(0.0, np.zeros(4)), found.structure.profile.tolerance))
+
+    def enough(i: int) -> float | None:
+        p, b = screen.plain[i], screen.solved[:4, i]
+        most = LARGE * p.term.effect.parameters[0].typical / abs(p.size)
+        amounts = (s * a for a in np.linspace(0.0, most, AMOUNTS)[1:] for s in (1.0, -1.0))
+        return next((a for a in amounts if abs(log_k(a, b)) < on), None)
+
+    tried = [(i, enough(i)) for i, p in enumerate(screen.plain) if p.grows]
+    names = (screen.plain[i].name for i, a in tried if a is not None and possible(step, i, a))
     return tuple(dict.fromkeys(names))
+
+
+def possible(step: Step, i: int, amount: float) -> bool:
+    """Whether that much of probe i may be there: of a size and sign that a rig can have, and seen
+    as it would be."""
+    screen, p = step.screen, step.screen.plain[i]
+    if not p.grows or not np.isfinite(screen.v[i]) or (amount < 0 and one_way(p)):
+        return False
+    if abs(amount * p.size) > LARGE * p.term.effect.parameters[0].typical * (1 + 1e-9):
+        return False
+    shown = amount * float(np.sqrt(screen.v[i])) / float(step.nulls.std[i])
+    return abs(float(step.nulls.judged(step.seen)[i]) - shown) < TOLD

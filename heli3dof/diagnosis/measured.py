@@ -11,6 +11,9 @@ what a wrong formula leaves (`select.WEAK`). One that moves the rig nearly as an
 is told as "…-like" only (`heli3dof.diagnosis.select`), cannot gain much beside it: it is taken as
 a first one is, since without it the other one's size would surely be wrong.
 
+Where one does not pay, those that it was tied with are asked in its place before it is dropped
+(`heli3dof.diagnosis.in_turn`): the margin by which it was taken may have been chance.
+
 Two causes that were tied when the first of them was taken, and are both here in the end, are tied
 no more: each has paid beside the other, so neither stands in the other's place.
 """
@@ -18,7 +21,7 @@ no more: each has paid beside the other, so neither stands in the other's place.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 
 from heli3dof.axes import AXES
@@ -35,15 +38,23 @@ from heli3dof.identification.greybox.method import model_of
 from heli3dof.model.greybox import nominal
 from heli3dof.recording.recording import Recording
 
+Instead = Callable[[Corrected, Choice, Set[str]], Iterable[tuple[Choice, Corrected]]]
+"""Of a fit without a cause, that cause and all names asked so far: what else the cause may be, and
+the fit with that."""
 LEAST = 3.0
 """Held-out log-likelihood that a first, a strong or a weak cause has to gain: odds of 20 to one."""
 
 
 def adopted(
-    found: Corrected, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int
-) -> tuple[Corrected, tuple[Finding, ...], tuple[Dropped, ...], HeldOut]:
-    """The causes that pay, the fit that holds them alone, what was dropped, and how it does."""
+    found: Corrected, choices: Sequence[Choice], holdout: Sequence[Recording], *, seed: int,
+    instead: Instead | None = None,
+) -> tuple[Corrected, tuple[Finding, ...], tuple[Dropped, ...], HeldOut]:  # fmt: skip
+    """The causes that pay, the fit that holds them alone, what was dropped, and how it does.
+
+    ``instead`` says what a cause that does not pay may be replaced by; what pays stands then.
+    """
     kept, dropped = list(choices), list[Dropped]()
+    asked = {c.term.name for c in choices}
     while True:
         after = held_out(found, holdout)
         less = [without(found, c.term) for c in kept]
@@ -53,9 +64,16 @@ def adopted(
             return found, _findings(found, kept, less, gains), tuple(dropped), after
         worst = min(poor, key=lambda i: won(gains[i]))
         gone = kept[worst]
-        dropped.append(Dropped(gone.term.name, gains[worst], choice=gone))
-        found = less[worst]
-        del kept[worst]
+        for other, wider in instead(less[worst], gone, asked) if instead else ():
+            asked.add(other.term.name)
+            g = gain(held_out(less[worst], holdout), held_out(wider, holdout), seed=seed)
+            if is_worth(other, g, first=worst == 0):
+                found, kept[worst] = wider, other
+                break
+        else:
+            dropped.append(Dropped(gone.term.name, gains[worst], choice=gone))
+            found = less[worst]
+            del kept[worst]
 
 
 def is_worth(choice: Choice, g: Gain, *, first: bool) -> bool:

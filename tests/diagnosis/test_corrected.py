@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from heli3dof.diagnosis.corrected import Informed
+from heli3dof.diagnosis.corrected import Informed, _scatter
 from heli3dof.diagnosis.perturbation import path
 from heli3dof.diagnosis.steps import Bench, base_of
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
@@ -86,3 +87,13 @@ def test_a_path_has_one_chunk_for_a_hundredth_of_a_second() -> None:
     p = path(problem.structure, problem.values(problem.prior_mean), problem.data, at)
     assert len(p.chunk) == 200
     assert np.diff(p.t).max() < 0.011
+
+
+@pytest.mark.parametrize(("size", "expected"), [(0.5, 1.0), (1.0, 1.0), (2.0, 4.0)])
+def test_scores_of_few_flights_are_never_less_than_what_exact_ones_are(
+    size: float, expected: float
+) -> None:
+    H = np.array([[4.0, 1.0], [1.0, 9.0]])
+    # Two flights, ± size of an exact score's standard deviation over √2: their variance is size².
+    flights = np.array([[1.0], [-1.0]]) * size / np.sqrt(2) * np.sqrt(np.diag(H))
+    assert _scatter(flights, H) == pytest.approx(expected * H)

@@ -143,3 +143,24 @@ def test_a_periodic_torque_points_forwards() -> None:
     assert out["torque_Nm"] == (0.02, 0.001)
     assert out["phase_rad"][0] == pytest.approx(0.5 - np.pi)
     assert forwards({"torque_Nm": (-0.02, 0.001)}) == {"torque_Nm": (-0.02, 0.001)}
+
+
+@pytest.mark.parametrize(("score", "named"), [(29.0, True), (27.0, False)])
+def test_what_the_screen_saw_stands_beside_a_likelier_one_that_nulls_show_too(
+    monkeypatch: pytest.MonkeyPatch, score: float, named: bool
+) -> None:
+    # Doublets with `aero.inflow` 0.11: a periodic torque, fitted at the frequency that suits it
+    # best, scores 68 with a Z² of 7.5; the true cause 56, with 44.
+    fits = [
+        Contender(term("disturbance.periodic.roll"), NONE, NONE, 60.0, 7.5, 0),
+        Contender(term("aero.inflow"), NONE, NONE, score, 44.0, 1),
+        Contender(term("friction.viscous.roll"), NONE, NONE, score - 1.0, 39.0, 2),
+    ]
+    monkeypatch.setattr(select, "slack", lambda *a: TIE)
+    nulls = cast(Any, SimpleNamespace(threshold=28.2, confidence=lambda Z2: 1.0))
+    choice = select.likeliest(NONE, NONE, nulls, fits, None)
+    assert (choice is not None) is named
+    if choice is not None:
+        assert choice.term.name == "aero.inflow"
+        assert choice.tied_with == ("disturbance.periodic.roll", "friction.viscous.roll")
+        assert choice.confidence <= 0.5

@@ -1,0 +1,77 @@
+"""The causes that one which fails was chosen over, tried in its place.
+
+One cause is taken first, by a margin that chance or a formula may have made. It can fail
+afterwards. The rig with it, freed of its bias, may be one that the controller cannot fly, though
+the recording was flown: then it is refuted, and the likeliest of the others is chosen as if it had
+never stood there (`heli3dof.diagnosis.select.likeliest`). Or it does not pay on data that it has
+not seen: that refutes none of those that it is tied with, which are asked by the same data, each
+settled beside all else that was found. What stands is tied with what it replaces, which those data
+need not have told from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Set
+from dataclasses import replace
+
+import numpy as np
+
+from heli3dof.diagnosis.corrected import Corrected
+from heli3dof.diagnosis.select import Choice, Contender, likeliest, this_one
+from heli3dof.diagnosis.steps import Bench, Step, extended, settled
+from heli3dof.diagnosis.tilted import maximise_tilted
+from heli3dof.diagnosis.trials import widened
+
+TURNS = 3
+"""Causes that are asked in the place of one, at most; each is flown or measured anew, seconds."""
+
+
+def flown(
+    bench: Bench, step: Step, first_score: float | None
+) -> tuple[Choice | None, Corrected | None]:
+    """The cause of a step that made a choice, and the fit with it; where that rig could not have
+    been flown, the likeliest of the other contenders, and nothing where that holds of `TURNS`."""
+    choice = step.choice
+    fits: tuple[Contender, ...] = () if choice is None else choice.contenders
+    for _ in range(TURNS):
+        if choice is None:
+            break
+        wider = extended(bench, choice)
+        if wider.scatter is not None or step.found.scatter is None:
+            return choice, wider
+        fits = tuple(f for f in fits if f.term.name != choice.term.name)
+        choice = likeliest(step.found, step.screen, step.nulls, fits, first_score)
+    return None, None
+
+
+def instead(choice: Choice, other: Contender) -> Choice:
+    """The same step with another of its contenders taken: tied as before, and no surer than odds
+    of its score against the one that it replaces."""
+    rest = tuple(c for c in choice.contenders if c is not other)
+    names = [n for n in (choice.term.name, *choice.tied_with) if n != other.term.name]
+    sure = min(choice.confidence, this_one([other.score, rest[0].score if rest else 0.0]))
+    return replace(
+        choice, term=other.term, score=other.score, Z2=other.Z2, confidence=sure,
+        tied_with=tuple(names), contenders=(other, *rest),
+    )  # fmt: skip
+
+
+def in_turn(
+    bench: Bench, less: Corrected, gone: Choice, asked: Set[str]
+) -> Iterator[tuple[Choice, Corrected]]:
+    """What ``gone`` was tied with and was not asked yet, each beside ``less``, the fit of all other
+    causes; what could not have been flown is passed over."""
+    near = [c for c in gone.contenders if c.term.name in gone.tied_with]
+    for other in [c for c in near if c.term.name not in asked][:TURNS]:
+        wider = replaced(bench, less, other)
+        if wider.scatter is not None or not bench.loop_is_known:
+            yield instead(gone, other), wider
+
+
+def replaced(bench: Bench, less: Corrected, other: Contender) -> Corrected:
+    """The fit with one term more, which begins where it was found; settled."""
+    o = less.optimum
+    ext = widened(less.problem, o.theta, other.term)
+    new = other.optimum.theta[-len(other.term.effect.parameters) :]
+    fit = maximise_tilted(ext, np.append(o.theta, new), o.noise, None)
+    return settled(bench, ext, fit)

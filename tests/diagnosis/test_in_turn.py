@@ -1,0 +1,142 @@
+"""What is tried in the place of a cause that fails: no cause is lost with its rival."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis import in_turn, measured, select
+from heli3dof.diagnosis.gain import Interval
+from heli3dof.diagnosis.in_turn import TURNS, flown, instead
+from heli3dof.diagnosis.measured import adopted
+from heli3dof.diagnosis.select import TIE, Choice, Contender
+from heli3dof.model.effects import terms
+
+NONE = cast(Any, None)
+NAMES = ("aero.inflow", "friction.viscous.roll", "drag.quadratic.roll", "motor.supply_sag")
+THRESHOLD = 20.0
+
+
+def contender(name: str, score: float, Z2: float = 50.0) -> Contender:
+    return Contender(terms([name])[0], NONE, NONE, score, Z2, 0)
+
+
+def choice(*fits: Contender, tied: int = 0) -> Choice:
+    """Of the first, tied with that many of the others."""
+    best = fits[0]
+    names = tuple(f.term.name for f in fits[1 : 1 + tied])
+    return Choice(best.term, best.score, best.Z2, 0.9, names, fits)
+
+
+def step_with(made: Choice) -> Any:
+    nulls = SimpleNamespace(threshold=THRESHOLD, confidence=lambda Z2: 1.0)
+    return SimpleNamespace(
+        choice=made, screen=NONE, nulls=nulls, found=SimpleNamespace(scatter=np.eye(1))
+    )
+
+
+@pytest.fixture
+def unflyable(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of causes with which the rig could not have been flown; fill it."""
+    names: list[str] = []
+
+    def extended(bench: object, made: Choice) -> Any:
+        return SimpleNamespace(scatter=None if made.term.name in names else np.eye(1))
+
+    monkeypatch.setattr(in_turn, "extended", extended)
+    monkeypatch.setattr(select, "slack", lambda *a: TIE)
+    return names
+
+
+FITS = tuple(contender(n, s) for n, s in zip(NAMES, (500.0, 300.0, 297.0, 90.0), strict=True))
+
+
+def test_a_cause_that_flies_is_taken_as_it_was_chosen(unflyable: list[str]) -> None:
+    made = choice(*FITS)
+    taken, fit = flown(NONE, step_with(made), None)
+    assert taken is made
+    assert fit is not None
+
+
+def test_where_it_cannot_have_been_flown_the_next_likeliest_is_and_not_tied_with_it(
+    unflyable: list[str],
+) -> None:
+    unflyable += NAMES[:1]
+    taken, _ = flown(NONE, step_with(choice(*FITS)), None)
+    assert taken is not None
+    assert taken.term.name == NAMES[1]
+    assert taken.tied_with == NAMES[2:3]  # 3 less, within TIE
+    assert NAMES[0] not in [c.term.name for c in taken.contenders]
+
+
+def test_none_is_taken_where_none_of_them_flies_or_the_rest_is_not_seen(
+    unflyable: list[str],
+) -> None:
+    unflyable += NAMES[:TURNS]
+    assert flown(NONE, step_with(choice(*FITS)), None) == (None, None)
+    unseen = contender(NAMES[3], 90.0, Z2=THRESHOLD - 1)
+    assert flown(NONE, step_with(choice(FITS[0], unseen)), None) == (None, None)
+
+
+def test_without_a_loop_there_is_nothing_to_fly_and_the_first_stands(unflyable: list[str]) -> None:
+    unflyable += NAMES
+    step = step_with(choice(*FITS))
+    step.found.scatter = None
+    taken, _ = flown(NONE, step, None)
+    assert taken is step.choice
+
+
+def test_what_stands_in_its_place_is_tied_with_it_and_half_as_sure() -> None:
+    close = [contender(n, 50.0) for n in NAMES[:3]]
+    new = instead(choice(*close, tied=2), close[1])
+    assert (new.term.name, new.tied_with) == (NAMES[1], (NAMES[0], NAMES[2]))
+    assert new.confidence == 0.5
+    assert new.contenders[0] is close[1]
+
+
+@pytest.fixture
+def gains(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
+    """Held-out log-likelihood that each name wins; a fit is the set of its names."""
+    worth: dict[str, float] = {}
+
+    def gain(before: frozenset[str], after: frozenset[str], *, seed: int) -> Any:
+        value = sum(worth[n] for n in after - before)
+        return SimpleNamespace(log_likelihood=Interval(value, value - 1, value + 1))
+
+    monkeypatch.setattr(measured, "held_out", lambda fit, holdout: fit)
+    monkeypatch.setattr(measured, "without", lambda fit, term: fit - {term.name})
+    monkeypatch.setattr(measured, "gain", gain)
+    monkeypatch.setattr(measured, "_findings", lambda found, kept, less, gains: tuple(kept))
+    monkeypatch.setattr(measured, "pays", lambda g: g.log_likelihood.low > 0)
+    return worth
+
+
+def each_in_turn(less: Any, gone: Choice, asked: Any) -> Any:
+    for c in gone.contenders:
+        if c.term.name in gone.tied_with and c.term.name not in asked:
+            yield instead(gone, c), less | {c.term.name}
+
+
+@pytest.mark.parametrize(
+    ("pays", "named", "dropped"),
+    [
+        (NAMES[0], NAMES[0], []),
+        (NAMES[1], NAMES[1], []),
+        (NAMES[2], NAMES[2], []),
+        (NAMES[3], None, [NAMES[0]]),  # not tied with what failed: never asked
+    ],
+)
+def test_a_tied_cause_that_pays_where_the_first_does_not_is_adopted(
+    gains: dict[str, float], pays: str, named: str | None, dropped: list[str]
+) -> None:
+    gains.update({n: 20.0 if n == pays else -20.0 for n in NAMES})
+    made = choice(*(contender(n, 50.0) for n in NAMES), tied=2)
+    found, kept, gone, _ = adopted(
+        cast(Any, frozenset(NAMES[:1])), [made], [], seed=0, instead=each_in_turn
+    )
+    assert found == ({named} if named else set())
+    assert [c.term.name for c in cast(Any, kept)] == ([named] if named else [])
+    assert [d.name for d in gone] == dropped
