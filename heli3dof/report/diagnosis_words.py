@@ -67,9 +67,39 @@ def summary_of(name: str) -> str:
 def verdict(document: Document) -> str:
     """The one sentence to take away."""
     word = str(document["verdict"])
-    if word == "nothing_found" and document.get("dropped"):
-        return f"Verdict: nothing found. {UNCONFIRMED}"
-    return f"Verdict: {word.replace('_', ' ')}. {VERDICTS[word]}"
+    said = f"Verdict: {word.replace('_', ' ')}. {VERDICTS[word]}"
+    if word != "nothing_found":
+        return said
+    if document.get("dropped"):
+        said = f"Verdict: nothing found. {UNCONFIRMED}"
+    doubtful = [str(c["parameter"]) for c in not_surely(document)]
+    if doubtful:
+        said += f" But {listed(doubtful)} may be off: see the calibration."
+    return said
+
+
+def not_surely(document: Document) -> list[Document]:
+    """The base's numbers that are estimated beyond the profile's tolerance, and not surely."""
+    return [c for c in document["calibration"] if c.get("beyond_tolerance") == "not_surely"]
+
+
+def perhaps_off(document: Document) -> Iterator[str]:
+    """What is far from the profile's and no finding, why it is none, and what would tell."""
+    doubtful = not_surely(document)
+    for c in doubtful:
+        off = number(c["value"]) / c["nominal"] - 1
+        spread = fixed(100 * number(c["std"]) / abs(c["nominal"]), 1, " %")
+        yield (
+            f"{c['parameter']} is estimated {fixed(100 * abs(off), 1, ' %')} "
+            f"{'above' if off > 0 else 'below'} the profile's (± {spread}); that is not surely "
+            f"beyond the {100 * c['tolerance']:g} % to which it is believed, so it is no finding."
+        )
+    if doubtful:
+        yield (
+            f"To settle {listed([str(c['parameter']) for c in doubtful])}: weigh and measure the "
+            "rig, correct the profile and its tolerance; or diagnose a larger flight together with "
+            "these (heli3dof run large)."
+        )
 
 
 def faults(document: Document) -> Iterator[str]:
