@@ -28,6 +28,7 @@ LISTED = 6
 """Names in a sentence before the rest are counted."""
 MUCH = 1.5
 """How much larger than the simulation's error a noise floor is no floor any more."""
+COUNTED = "encoder.scale."
 NEVER = frozenset({"encoder.offset.yaw"})
 """What no flight can show: nothing but a cable knows yaw's zero. Not worth a sentence."""
 
@@ -172,18 +173,29 @@ def causes(document: Document) -> Iterator[str]:
 
 def _others(tied: Sequence[str]) -> str:
     """What a finding is tied with, and what would tell them apart where no flight does."""
-    counted = [n for n in tied if n.startswith("encoder.scale.")]
+    counted = [n for n in tied if n.startswith(COUNTED)]
     said = []
     if flown := [n for n in tied if n not in counted]:
         said.append(f"{listed(flown, 'or')} by these recordings: any of them fits about as well.")
     if counted:
-        axes = listed([n.removeprefix("encoder.scale.") for n in counted], "and")
         said.append(
-            f"{'Nor from ' if flown else ''}{listed(counted, 'or')} by any flight: turn {axes} by "
-            "hand through an angle that you know, and see with `heli3dof monitor` whether the "
-            "encoder counts as much."
+            f"{'Nor from ' if flown else ''}{listed(counted, 'or')} by any flight: "
+            f"{turned(counted)}."
         )
     return " ".join(said)
+
+
+def turned(counted: Sequence[str]) -> str:
+    """What tells a wrong count per revolution.
+
+    >>> turned(["encoder.scale.yaw"])[:45]
+    'turn yaw by hand through an angle that you kn'
+    """
+    axes = listed([n.removeprefix(COUNTED) for n in counted], "and")
+    return (
+        f"turn {axes} by hand through an angle that you know, and see with `heli3dof monitor` "
+        "whether the encoder counts as much"
+    )
 
 
 def adopted(document: Document) -> bool:
@@ -227,11 +239,18 @@ def unadopted(document: Document) -> Iterator[str]:
         told = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"
         yield f"Not adopted: {x['effect']} fits these recordings better, but {why} ({told})."
     dark = [str(x) for x in document["not_identifiable"] if x not in NEVER]
+    counted = [x for x in dark if x.startswith(COUNTED)]
+    dark = [x for x in dark if x not in counted]
     if dark:
         more = f" and {len(dark) - LISTED} more" if len(dark) > LISTED else ""
         yield (
             f"These recordings could not show even a large {', '.join(dark[:LISTED])}{more}: "
             "of that nothing is said."
+        )
+    if counted:
+        yield (
+            f"Within the profile's tolerance {listed(counted, 'or')} may be there, and no flight "
+            f"like these would say so: {turned(counted)}."
         )
 
 
