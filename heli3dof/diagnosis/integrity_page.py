@@ -12,7 +12,12 @@ from heli3dof.diagnosis.integrity import Stage, checks
 
 BEGIN = "<!-- integrity: made by python -m heli3dof.diagnosis.integrity_page -->"
 END = "<!-- end of integrity -->"
-LOOKS_AT = {Stage.CLOCK: "the clock", Stage.VALUES: "the values", Stage.MOTION: "the motion"}
+LOOKS_AT = {
+    Stage.CLOCK: "the clock",
+    Stage.COLUMNS: "the columns",
+    Stage.VALUES: "the values",
+    Stage.MOTION: "the motion",
+}
 
 
 def checks_table() -> str:
