@@ -54,7 +54,7 @@ def diagnose(
     quiet: Quiet = False,
 ) -> None:
     """What the simulation gets wrong, and why: heli3dof diagnose rec.mcap -o model.json."""
-    from heli3dof.cli.loading import distinct
+    from heli3dof.cli.loading import distinct, one_rig
     from heli3dof.diagnosis.diagnose import diagnose as find
     from heli3dof.diagnosis.document import document as to_document
     from heli3dof.diagnosis.next_experiment import next_of
@@ -79,6 +79,7 @@ def diagnose(
         talk.emit(document)
         raise typer.Exit(BAD_DATA)
     distinct(train, test)
+    one_rig([*train, *test])
     with saying(talk) as says:
         found = find(train, test or None, quick=quick, seed=seed, says=says, base=base.value)
         written = None

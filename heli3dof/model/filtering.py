@@ -100,7 +100,7 @@ def data_of(
         raise RecordingError(
             "There are no usable rows to fit.",
             cause="the rig never left its table, or the flight was too short.",
-            fix="heli3dof info on the recording",
+            fix="heli3dof info on the recording; then fly longer: heli3dof run rich",
         )
     parts: list[tuple[np.ndarray, ...]] = []
     blocks, free, grid = [], [], []

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from heli3dof.errors import RecordingError, UsageError
+from heli3dof.recording.container import MAGIC
 from heli3dof.recording.output import LOGS, stem
 from heli3dof.recording.provenance import provenance
 from heli3dof.recording.recording import Recording
@@ -34,6 +35,12 @@ def import_log(
         raise missing(path)
     lower = path.name.lower()
     if not is_log(path):
+        if read_bytes(path).startswith(MAGIC[:5]):
+            raise RecordingError(
+                f"{path} is a recording already: there is nothing to import.",
+                cause="it was imported before, or heli3dof recorded it itself.",
+                fix=f"heli3dof info {path}; with --profile the other verbs take another profile",
+            )
         raise RecordingError(
             f"{path} is not a log that can be imported; it is {what_is(read_bytes(path))}.",
             cause=f"its name does not end in {', '.join(LOGS)}.",
