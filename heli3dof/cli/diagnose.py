@@ -137,8 +137,25 @@ def read(
             if not path.is_file() or not is_log(path):
                 raise
             name = stem(path)
-            faults.append(Fault("log.refused", Kind.BAD_DATA, name, e.what, e.cause, e.fix))
+            refused = Fault("log.refused", Kind.BAD_DATA, name, e.what, e.cause, e.fix)
+            faults += exchanged(path, profile) or [refused]
     return loaded, faults
+
+
+def exchanged(path: Path, profile: Path | None) -> list[Fault]:
+    """Two columns named for each other in a log that was refused: angles in volts are no degrees
+    either."""
+    from heli3dof.diagnosis.integrity import integrity
+    from heli3dof.errors import RecordingError
+    from heli3dof.recording.importing import import_log
+    from heli3dof.rig.profile import default_profile, load_profile
+
+    chosen = load_profile(profile) if profile else default_profile()
+    try:
+        found = integrity(import_log(path, chosen, believed=False))
+    except RecordingError:
+        return []
+    return [f for f in found if f.check == "columns.swapped"]
 
 
 @contextmanager

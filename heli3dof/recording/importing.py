@@ -22,13 +22,15 @@ def is_log(path: str | Path) -> bool:
 
 
 def import_log(
-    path: str | Path, profile: Profile, columns: str | Sequence[str] | None = None
-) -> Recording:
+    path: str | Path, profile: Profile, columns: str | Sequence[str] | None = None, *,
+    believed: bool = True,
+) -> Recording:  # fmt: skip
     """Read a CSV, gzipped CSV or MAT log as the contract describes it.
 
     A profile without ``[controller]`` says that the loop is unknown. ``columns`` names the rows
     or columns of a MAT matrix (see `heli3dof.recording.mat_log.read_mat`). What is odd but
-    usable is listed in ``meta["warnings"]``. Raises RecordingError, UsageError.
+    usable is listed in ``meta["warnings"]``. Raises RecordingError, UsageError. Without
+    ``believed`` no value is held against its column's name.
     """
     path = Path(path)
     if not path.exists():
@@ -67,4 +69,4 @@ def import_log(
         log={"file": path.name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()},
     )
     del meta["started_utc"]  # when it was imported is not when it was flown
-    return recording_from_table(table, profile, meta)
+    return recording_from_table(table, profile, meta, believed=believed)
