@@ -75,10 +75,12 @@ def compare(
 
 def write_figures(found: Comparison, folder: Path, *, force: bool) -> list[Path]:
     """Figures 7–9 of every recording, SVG and PNG; returns their paths."""
+    from heli3dof.recording.output import explained
     from heli3dof.report.figures import comparison_figures
     from heli3dof.report.style import save
 
-    folder.mkdir(parents=True, exist_ok=True)
+    with explained(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     written = []
     for flight in found.flights:
         for name, figure in comparison_figures(flight).items():

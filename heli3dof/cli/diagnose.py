@@ -54,7 +54,7 @@ def diagnose(
     quiet: Quiet = False,
 ) -> None:
     """What the simulation gets wrong, and why: heli3dof diagnose rec.mcap -o model.json."""
-    from heli3dof.cli.loading import distinct
+    from heli3dof.cli.loading import distinct, one_rig
     from heli3dof.diagnosis.diagnose import diagnose as find
     from heli3dof.diagnosis.document import document as to_document
     from heli3dof.diagnosis.next_experiment import next_of
@@ -79,6 +79,7 @@ def diagnose(
         talk.emit(document)
         raise typer.Exit(BAD_DATA)
     distinct(train, test)
+    one_rig([*train, *test])
     with saying(talk) as says:
         found = find(train, test or None, quick=quick, seed=seed, says=says, base=base.value)
         written = None
@@ -136,8 +137,25 @@ def read(
             if not path.is_file() or not is_log(path):
                 raise
             name = stem(path)
-            faults.append(Fault("log.refused", Kind.BAD_DATA, name, e.what, e.cause, e.fix))
+            refused = Fault("log.refused", Kind.BAD_DATA, name, e.what, e.cause, e.fix)
+            faults += exchanged(path, profile) or [refused]
     return loaded, faults
+
+
+def exchanged(path: Path, profile: Path | None) -> list[Fault]:
+    """Two columns named for each other in a log that was refused: angles in volts are no degrees
+    either."""
+    from heli3dof.diagnosis.integrity import integrity
+    from heli3dof.errors import RecordingError
+    from heli3dof.recording.importing import import_log
+    from heli3dof.rig.profile import default_profile, load_profile
+
+    chosen = load_profile(profile) if profile else default_profile()
+    try:
+        found = integrity(import_log(path, chosen, believed=False))
+    except RecordingError:
+        return []
+    return [f for f in found if f.check == "columns.swapped"]
 
 
 @contextmanager

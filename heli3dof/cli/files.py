@@ -36,20 +36,20 @@ def import_(
 ) -> None:
     """Make a recording of a log: heli3dof import LOG --profile P -o REC."""
     from heli3dof.errors import UsageError
-    from heli3dof.recording.importing import import_log
+    from heli3dof.recording.importing import import_log, is_log
     from heli3dof.recording.info import summary
     from heli3dof.recording.output import stem
     from heli3dof.recording.store import write_recording
-    from heli3dof.rig.profile import load_profile
+    from heli3dof.rig.profile import default_profile, load_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    if profile is None:
+    if profile is None and is_log(log) and log.exists():
         raise UsageError(
             f"{log} is a log, and a log does not say which rig it is from.",
             cause="no profile was named.",
             fix=f"heli3dof import {log} --profile PROFILE.toml -o REC.mcap",
         )
-    recording = import_log(log, load_profile(profile), columns)
+    recording = import_log(log, load_profile(profile) if profile else default_profile(), columns)
     if output is None:
         output = Path(f"{stem(log)}.mcap")
     write_recording(recording, output, force=force)

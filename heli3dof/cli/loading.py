@@ -64,6 +64,37 @@ def distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> None:
         )
 
 
+def one_rig(recordings: Sequence[Recording]) -> None:
+    """Raise UsageError for recordings whose profiles are of different rigs: none is of both.
+
+    Body, thrust gain and encoders make a rig; loop, limits and rest angles may change in between.
+    """
+    from heli3dof.errors import UsageError
+
+    rigs = [_body(r) for r in recordings]
+    for r, rig in zip(recordings, rigs, strict=True):
+        other = [k for k, v in rig.items() if v != rigs[0][k]]
+        if other:
+            key = other[0]
+            raise UsageError(
+                f"{r.name} is of another rig than {recordings[0].name}: {key} = {rig[key]:g} and "
+                f"{rigs[0][key]:g} in their profiles"
+                + (f" (and {len(other) - 1} more)." if other[1:] else "."),
+                cause="flights of two rigs were given together, or a profile was corrected in "
+                "between.",
+                fix="give those of one rig; or --profile FILE.toml, if it was one and the same",
+            )
+
+
+def _body(r: Recording) -> dict[str, float]:
+    """The profile's numbers that belong to the rig and no other."""
+    p = r.profile
+    parts = {"geometry": p.geometry, "mass": p.mass}
+    out = {f"{k}.{n}": float(v) for k, part in parts.items() for n, v in part}
+    out["motor.K_f"] = p.motor.K_f
+    return out | {f"encoder.{a}": float(getattr(p.encoder, a)) for a in ("roll", "pitch", "yaw")}
+
+
 def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
     """Recordings, and models by name or file, among the arguments of a verb."""
     from heli3dof.errors import UsageError

@@ -62,7 +62,7 @@ def identify(
     quiet: Quiet = False,
 ) -> None:
     """Models from recordings: heli3dof identify rec.mcap -o model.json."""
-    from heli3dof.cli.loading import load_all
+    from heli3dof.cli.loading import distinct, load_all, one_rig
     from heli3dof.identification.api import identify as fit
     from heli3dof.identification.greybox.method import chosen_terms
     from heli3dof.model.modelfile import save_model
@@ -77,6 +77,8 @@ def identify(
         check_output(report, force=force)
     train = load_all(talk, recordings, profile)
     test = load_all(talk, holdout or [], profile)
+    distinct(train, test)
+    one_rig([*train, *test])
     with talk.working(f"Identifying ({method.value}) from {len(train)} recording(s) …"):
         found = fit(
             train,

@@ -34,7 +34,9 @@ Output = Annotated[
 Force = Annotated[bool, typer.Option("--force", help="Overwrite the output file if it exists.")]
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Say only what went wrong.")]
-Seed = Annotated[int, typer.Option("--seed", help="Seed of everything drawn at random.")]
+Seed = Annotated[
+    int, typer.Option("--seed", min=0, help="Seed of everything drawn at random, from 0.")
+]
 DryRun = Annotated[
     bool, typer.Option("--dry-run", help="Check everything and say what would be flown.")
 ]

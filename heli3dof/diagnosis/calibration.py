@@ -25,7 +25,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.axes import AXES
 from heli3dof.diagnosis.nulls import FALSE_ALARMS
 from heli3dof.diagnosis.thrust_scale import ThrustScale, thrust_scale
 from heli3dof.identification.greybox.estimate import Estimate
@@ -138,17 +137,24 @@ def off_nominal(
     return tuple(sorted(out, key=lambda o: -o.score))
 
 
+def finding_of(number: str) -> str:
+    """The finding that says a base number is off.
+
+    >>> [finding_of(n) for n in ("K_f", "T_g", "J_yaw")]
+    ['motor.thrust_gain', 'mass.imbalance', 'inertia.yaw']
+    """
+    named = {"K_f": "motor.thrust_gain", "T_g": "mass.imbalance"}
+    return named.get(number, f"inertia.{number.removeprefix('J_')}")
+
+
 def _off(c: Calibrated) -> Off:
     share, spread = c.value / c.nominal, c.std / abs(c.nominal)
     score = ((c.value - c.nominal) / c.std) ** 2
     alone = float((c.x / c.told) ** 2) if c.told > 0 else 0.0
-    if c.name == "K_f":
-        return Off(term("motor.thrust_gain"), share, spread, score, alone)
+    cause = term(finding_of(c.name))
     if c.name == "T_g":
-        return Off(term("mass.imbalance"), c.value - c.nominal, c.std, score, alone)
-    axis = c.name.removeprefix("J_")
-    assert axis in AXES
-    return Off(term(f"inertia.{axis}"), share, spread, score, alone)
+        return Off(cause, c.value - c.nominal, c.std, score, alone)
+    return Off(cause, share, spread, score, alone)
 
 
 def in_SI(found: Estimate, scale: ThrustScale, name: str) -> dict[str, tuple[float, float]]:

@@ -17,6 +17,10 @@ where some ln k explains every inertia that it moves,
     roll    1/k = 1 + δ/rest   and   |x_r + ln k| ≤ e         δ the offset, or asin(torque/T_g)
 
 each within `SURE` standard deviations. Which of them it is, is seen by turning the axis by hand.
+
+The same holds where nothing was found: a k of yaw or pitch that leaves the inertias within the
+tolerance leaves nothing to find. So does one of roll where a level of rest (1 − 1/(1 + ε)) is not
+seen.
 """
 
 from __future__ import annotations
@@ -34,6 +38,8 @@ from heli3dof.model.effects import term
 SURE = 2.0
 EFFECT = "encoder.scale"
 """What no flight separates from its equals"""
+LEVEL = "encoder.offset.roll"
+"""What a wrong count of roll looks like"""
 
 
 def with_counts(
@@ -60,6 +66,19 @@ def with_counts(
             replace(o, tied_with=_joined(o.tied_with, equal.get(o.term.name, ()))) for o in off
         ),
     )  # fmt: skip
+
+
+def untold(
+    tied: Sequence[str], axes: Sequence[str], *, rest_rad: float, tolerance: float,
+    level_deg: float = math.inf,
+) -> tuple[str, ...]:  # fmt: skip
+    """The wrong counts that may be there and nothing says so, of the ``axes`` that were measured.
+
+    ``tied``: what is told already, in a tie; ``level_deg``: the least `LEVEL` that is found.
+    """
+    seen = abs(math.degrees(rest_rad)) * (1 - 1 / (1 + tolerance)) > level_deg
+    names = (f"{EFFECT}.{axis}" for axis in axes if axis != "roll" or not seen)
+    return tuple(name for name in names if name not in tied)
 
 
 def flyable(tied_with: Sequence[str]) -> tuple[str, ...]:

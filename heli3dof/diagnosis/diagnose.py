@@ -19,7 +19,7 @@ from functools import partial
 
 from heli3dof.diagnosis.calibration import DOUBTED, Off, calibrated, off_nominal
 from heli3dof.diagnosis.corrected import Corrected
-from heli3dof.diagnosis.counts import with_counts
+from heli3dof.diagnosis.counts import LEVEL, untold, with_counts
 from heli3dof.diagnosis.imitated import look_beside, with_imitators
 from heli3dof.diagnosis.in_turn import flown, in_turn
 from heli3dof.diagnosis.integrity import Kind, integrity
@@ -27,8 +27,8 @@ from heli3dof.diagnosis.measured import adopted, fitted
 from heli3dof.diagnosis.proxies import base_beside
 from heli3dof.diagnosis.real_doubts import doubted
 from heli3dof.diagnosis.real_log import diagnose_real, no_likelihood
-from heli3dof.diagnosis.result import Diagnosis, Finding, in_order, verdict_of
-from heli3dof.diagnosis.select import MOST
+from heli3dof.diagnosis.result import Diagnosis, Finding, in_order, tied_in, verdict_of
+from heli3dof.diagnosis.select import MOST, least_found
 from heli3dof.diagnosis.steps import (
     BASES,
     Bench,
@@ -133,11 +133,16 @@ def _diagnosed(
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
     each = in_order(sized, findings, off)
+    dark = untold(
+        tied_in(each), bench.axes, rest_rad=float(profile.encoder.rest_rad[0]),
+        tolerance=profile.tolerance, level_deg=least_found(first.screen, first.nulls, LEVEL),
+    )  # fmt: skip
     like = bool(each) and isinstance(each[0], Finding) and each[0].like
     unsure = like and not bench.loop_is_known
     return Diagnosis(
         *names, verdict_of(each, last.left, unsure=unsure), faults, whole,
-        findings, off, last.dropped, last.left, first.unseen, about,
+        findings, off, last.dropped, last.left,
+        (*first.unseen, *dark), about,
     )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.calibration import Off, calibrated
+from heli3dof.diagnosis.calibration import Calibrated, Off, calibrated, finding_of
 from heli3dof.diagnosis.counts import flyable
 from heli3dof.diagnosis.gain import HORIZON_S, Gain
 from heli3dof.diagnosis.integrity import Fault
@@ -22,7 +22,8 @@ def document(
 
     ``upcoming`` is what `heli3dof.diagnosis.next_experiment.next_of` says; without it the
     catalogue's own recommendation for the first tie stands there. Beside the contract's keys:
-    ``integrity`` (every fault), ``dropped`` (causes that do not pay), ``about``.
+    ``integrity`` (every fault), ``dropped`` (causes that do not pay), ``about``, and what
+    `_calibration` says of the tolerance.
     """
     f = d.fitted
     return {
@@ -31,7 +32,7 @@ def document(
         "holdout": list(d.holdout),
         "verdict": d.verdict,
         "simulation_error": {a: _wrong(f, a) for a in AXES},
-        "calibration": [] if f is None else _calibration(f),
+        "calibration": [] if f is None else _calibration(d, f),
         "findings": [_found(x) for x in d.in_order],
         "not_identifiable": list(d.not_identifiable),
         "leftover": [_leftover(x) for x in d.leftovers],
@@ -74,7 +75,21 @@ def _wrong(f: Fitted | None, axis: str) -> dict[str, Any]:
     }
 
 
-def _calibration(f: Fitted) -> list[dict[str, Any]]:
+def _calibration(d: Diagnosis, f: Fitted) -> list[dict[str, Any]]:
+    """Each number of the base beside what the profile says, and to what share that is believed.
+
+    ``beyond_tolerance``: "no"; "surely", it is a finding; or "not_surely", the estimate is beyond
+    and its deviation, or what is left without a name, may be why.
+    """
+    tolerance = f.model.profile.tolerance
+    found = {x.term.name for x in d.calibration_findings}
+    found |= {x.choice.term.name for x in d.findings}
+
+    def beyond(c: Calibrated) -> str:
+        if finding_of(c.name) in found:
+            return "surely"
+        return "not_surely" if c.beyond(tolerance) > 0 else "no"
+
     return [
         {
             "parameter": c.name,
@@ -82,6 +97,8 @@ def _calibration(f: Fitted) -> list[dict[str, Any]]:
             "value": c.value,
             "std": c.std,
             "unit": c.unit,
+            "tolerance": tolerance,
+            "beyond_tolerance": beyond(c),
         }
         for c in (f.calibration if f.final is None else calibrated(f.final))
     ]

@@ -8,7 +8,12 @@ from __future__ import annotations
 from heli3dof.diagnosis.integrity import Stage, checks
 from heli3dof.pages import Page, table
 
-LOOKS_AT = {Stage.CLOCK: "the clock", Stage.VALUES: "the values", Stage.MOTION: "the motion"}
+LOOKS_AT = {
+    Stage.CLOCK: "the clock",
+    Stage.COLUMNS: "the columns",
+    Stage.VALUES: "the values",
+    Stage.MOTION: "the motion",
+}
 
 
 def checks_table() -> str:

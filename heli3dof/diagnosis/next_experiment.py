@@ -159,7 +159,7 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
                 return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
         open_ = [_dropped(x) for x in found.dropped if x.why == DOES_NOT_PAY]
-        open_ = open_ or [Cause.typical(name) for name in found.not_identifiable[:1]]
+        open_ = open_ or [Cause.typical(name) for name in flyable(found.not_identifiable)[:1]]
         if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
         asked = recommend(base, open_[:1], seed=seed)

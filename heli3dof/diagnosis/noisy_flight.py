@@ -7,7 +7,8 @@ intensity a (rad/s²/√Hz), over a step h
     Δq̇ = a √h ξ,     Δq = h/2 Δq̇,     ξ ~ N(0, 1)
 
 (the exact pair less a part of a√(h³/12), a thousandth of an encoder step). Effects take part as in
-the filter. It starts at rest at the recording's first angles, on the table where those say so.
+the filter. It starts at rest at the recording's first angles, on the table where those say so. Of a
+log that is thinner than its loop the loop is flown, and logged as thinly.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from heli3dof.model.greybox_linear import balance
 from heli3dof.model.rotor import aim
 from heli3dof.model.slots import FLANK
 from heli3dof.model.stepping import readings, setup, step
+from heli3dof.model.thinned import filled
 from heli3dof.recording.recording import Recording
 
 ON_TABLE_BELOW = math.radians(-15.0)
@@ -84,7 +86,9 @@ def noisy_flight(
     if profile.controller is None or len(recording.axes) < 3:
         raise ValueError("the loop of this recording is unknown")
     n = len(recording) if rows is None else min(rows, len(recording))
-    part = recording.rows(slice(0, n))
+    logged = recording.rows(slice(0, n))
+    part, at = filled(logged)
+    n = len(part)
     t = part.t - part.t[0]
     h = np.append(np.diff(t), profile.dt)
     read0 = np.array(part.angle[0])
@@ -109,4 +113,4 @@ def noisy_flight(
         np.ascontiguousarray(np.nan_to_num(part.voltage_extra, nan=0.0)),
         read0, grid, t, h, kick, angle, voltage,
     )  # fmt: skip
-    return replace(part, angle=angle, voltage=voltage)
+    return replace(logged, angle=angle[at], voltage=voltage[at])

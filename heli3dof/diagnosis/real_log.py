@@ -34,6 +34,7 @@ from heli3dof.diagnosis.backward import (
     swapped,
 )
 from heli3dof.diagnosis.calibration import Calibrated
+from heli3dof.diagnosis.counts import untold
 from heli3dof.diagnosis.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
 from heli3dof.diagnosis.how_wrong import HowWrong
 from heli3dof.diagnosis.integrity import Fault
@@ -44,7 +45,15 @@ from heli3dof.diagnosis.real_hidden import still_hidden
 from heli3dof.diagnosis.real_leftover import leftovers
 from heli3dof.diagnosis.real_named import certainty, named, sizes, unseen, within
 from heli3dof.diagnosis.refits import folds_of, halves, refit
-from heli3dof.diagnosis.result import Diagnosis, Dropped, Finding, Fitted, in_order, verdict_of
+from heli3dof.diagnosis.result import (
+    Diagnosis,
+    Dropped,
+    Finding,
+    Fitted,
+    in_order,
+    tied_in,
+    verdict_of,
+)
 from heli3dof.diagnosis.select import Choice
 from heli3dof.diagnosis.steps import BASES
 from heli3dof.diagnosis.workers import in_threads
@@ -170,10 +179,12 @@ def diagnose_real(
     }  # fmt: skip
     each = in_order((), findings, off)
     verdict = verdict_of(each, left, unsure=quick) if each else "nothing_found"
+    rest_rad = float(whole[0].profile.encoder.rest_rad[0])
+    dark = untold(tied_in(each), AXES, rest_rad=rest_rad, tolerance=tolerance)
     return Diagnosis(
         tuple(r.name for r in train), tuple(r.name for r in held), verdict, faults, fitted,
         findings, off, dropped, left,
-        tuple(unseen(found.fit, causes)), about,
+        (*unseen(found.fit, causes), *dark), about,
     )  # fmt: skip
 
 

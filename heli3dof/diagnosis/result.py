@@ -123,5 +123,16 @@ def verdict_of(
     return "ambiguous" if tied or unsure else "explained"
 
 
+def tied_in(found: Sequence[Fault | Finding | Off]) -> tuple[str, ...]:
+    """Every name that one of them is tied with, or is."""
+    out: list[str] = []
+    for f in found:
+        if isinstance(f, Fault):
+            out.append(f"{f.effect}.{f.axis}")
+        else:
+            out += f.choice.tied_with if isinstance(f, Finding) else f.tied_with
+    return tuple(out)
+
+
 def _score(found: Finding | Off) -> float:
     return found.score if isinstance(found, Off) else found.choice.score

@@ -216,7 +216,7 @@ def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
     A number that is found for one of them is one that a rig cannot have. The nearest to being told
     stands first: another flight tells of it soonest.
     """
-    sigma = nulls.std[: len(screen.plain)] / np.sqrt(np.maximum(screen.information(), 1e-300))
+    sigma = _sigma(screen, nulls)
     best: dict[str, float] = {}
     for p, s, v in zip(screen.plain, sigma, screen.v, strict=True):
         share = 3 * float(s) / (LARGE * p.term.effect.parameters[0].typical)
@@ -224,6 +224,19 @@ def unidentifiable(screen: Screen, nulls: Nulls) -> tuple[str, ...]:
             share = 0.0 if np.isfinite(v) else np.inf
         best[p.name] = min(best.get(p.name, np.inf), share)
     return tuple(sorted((n for n, share in best.items() if share > 1), key=lambda n: best[n]))
+
+
+def _sigma(screen: Screen, nulls: Nulls) -> np.ndarray:
+    """(plain probes,) standard deviations of the first parameters, in their units."""
+    v = np.maximum(screen.information(), 1e-300)
+    return np.asarray(nulls.std[: len(screen.plain)] / np.sqrt(v))
+
+
+def least_found(screen: Screen, nulls: Nulls, name: str) -> float:
+    """The size of a term's first parameter, in its unit, at which its Z² reaches the threshold."""
+    sigma = _sigma(screen, nulls)
+    named = [float(s) for p, s in zip(screen.plain, sigma, strict=True) if p.name == name]
+    return float(np.sqrt(nulls.threshold)) * min(named, default=np.inf)
 
 
 def contend(

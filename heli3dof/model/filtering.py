@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from heli3dof.errors import RecordingError
+from heli3dof.model.thinned import mean_voltage
 from heli3dof.recording.recording import Recording
 
 GAP = 1.5
@@ -99,7 +100,7 @@ def data_of(
         raise RecordingError(
             "There are no usable rows to fit.",
             cause="the rig never left its table, or the flight was too short.",
-            fix="heli3dof info on the recording",
+            fix="heli3dof info on the recording; then fly longer: heli3dof run rich",
         )
     parts: list[tuple[np.ndarray, ...]] = []
     blocks, free, grid = [], [], []
@@ -116,7 +117,7 @@ def data_of(
         y[: run.start - start] = np.nan
         if (every := round(read_every_s / rec.dt)) > 1:
             y[(np.arange(len(y)) - (run.start - start)) % every != 0] = np.nan
-        v, t = rec.voltage[rows], t - rec.t[0]
+        v, t = mean_voltage(rec)[rows], t - rec.t[0]
         if start == 0 and starts_on_table(rec):
             # One row before the first, without voltage: the rotors stood still.
             t, h = np.append(t[0] - h[0], t), np.append(h[0], h)

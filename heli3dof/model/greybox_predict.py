@@ -32,6 +32,7 @@ from heli3dof.model.kalman import filter_blocks
 from heli3dof.model.rig_model import Structure
 from heli3dof.model.rotor import thrusts
 from heli3dof.model.stepping import coast, readings, setup
+from heli3dof.model.thinned import mean_voltage
 from heli3dof.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -122,7 +123,8 @@ def filtered(
     B numbers of the model's differ from recording to recording and are re-estimated.
     """
     N = len(recording)
-    y, V = recording.angle, held(recording.voltage)
+    y, recording = recording.angle, replace(recording, voltage=held(recording.voltage))
+    V = np.ascontiguousarray(mean_voltage(recording))
     t = recording.t - recording.t[0]
     h = np.append(np.diff(t), recording.dt)
     low, table = table_of(recording)
@@ -149,7 +151,7 @@ def filtered(
         readings(s, X[k], hooks.first, hooks.address, par, model.structure.memory, m, slope)
         X[k, :3] -= (m - X[k, :3]) / slope
     if runs:
-        d = data_of([replace(recording, voltage=V)], runs)
+        d = data_of([recording], runs)
         a = np.where(model.noise > 0, model.noise, NOISE)
         if model.varying:
             found = follow(model.structure, model.values, d, a, model.jitter_s, model.varying)

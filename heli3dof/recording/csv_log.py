@@ -72,8 +72,15 @@ def _text(path: Path) -> str:
                 cause="the copy was cut short, or the log was still being written.",
                 fix=f"gzip -t {path}; copy it again",
             ) from error
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return data.decode("utf-16")
+    if encoding := _two_bytes(data):
+        try:
+            return data[: len(data) // 2 * 2].decode(encoding)  # a copy may be cut in a character
+        except UnicodeDecodeError as error:
+            raise RecordingError(
+                f"{path} begins as UTF-16 text and does not go on so at byte {error.start}.",
+                cause="the file was changed on the way, or two logs were joined.",
+                fix="export the log again as CSV in UTF-8",
+            ) from error
     if b"\0" in data[:4096]:
         raise RecordingError(
             f"{path} is not a CSV log; it is {what_is(data)}.",
@@ -84,6 +91,17 @@ def _text(path: Path) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("latin-1")  # a ° or µ in a heading; names of ours are plain ASCII
+
+
+def _two_bytes(data: bytes) -> str | None:
+    """The name of UTF-16, with its mark or without: every other byte of plain text is zero."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    first = data[:512]
+    for k, name in ((1, "utf-16-le"), (0, "utf-16-be")):
+        if len(first) > 7 and not any(first[k::2]) and all(first[1 - k :: 2]):
+            return name
+    return None
 
 
 def _header(path: Path, line: str) -> tuple[str, list[str]]:
@@ -190,7 +208,7 @@ def _ragged(
             f"{SEPARATORS[separator]}."
         )
         fix = "write the same separator in every line"
-    elif separator == "," and len(row) >= 2 * len(names) - 1:
+    elif separator == "," and len(row) > len(names) and not any("." in cell for cell in row):
         cause = "decimal commas in a table separated by commas."
         fix = "export with decimal points, or with semicolons between the columns"
     else:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from heli3dof.errors import RecordingError, UsageError
+from heli3dof.recording.container import MAGIC
 from heli3dof.recording.output import LOGS, stem
 from heli3dof.recording.provenance import provenance
 from heli3dof.recording.recording import Recording
@@ -21,19 +22,27 @@ def is_log(path: str | Path) -> bool:
 
 
 def import_log(
-    path: str | Path, profile: Profile, columns: str | Sequence[str] | None = None
-) -> Recording:
+    path: str | Path, profile: Profile, columns: str | Sequence[str] | None = None, *,
+    believed: bool = True,
+) -> Recording:  # fmt: skip
     """Read a CSV, gzipped CSV or MAT log as the contract describes it.
 
     A profile without ``[controller]`` says that the loop is unknown. ``columns`` names the rows
     or columns of a MAT matrix (see `heli3dof.recording.mat_log.read_mat`). What is odd but
-    usable is listed in ``meta["warnings"]``. Raises RecordingError, UsageError.
+    usable is listed in ``meta["warnings"]``. Raises RecordingError, UsageError. Without
+    ``believed`` no value is held against its column's name.
     """
     path = Path(path)
     if not path.exists():
         raise missing(path)
     lower = path.name.lower()
     if not is_log(path):
+        if read_bytes(path).startswith(MAGIC[:5]):
+            raise RecordingError(
+                f"{path} is a recording already: there is nothing to import.",
+                cause="it was imported before, or heli3dof recorded it itself.",
+                fix=f"heli3dof info {path}; with --profile the other verbs take another profile",
+            )
         raise RecordingError(
             f"{path} is not a log that can be imported; it is {what_is(read_bytes(path))}.",
             cause=f"its name does not end in {', '.join(LOGS)}.",
@@ -60,4 +69,4 @@ def import_log(
         log={"file": path.name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()},
     )
     del meta["started_utc"]  # when it was imported is not when it was flown
-    return recording_from_table(table, profile, meta)
+    return recording_from_table(table, profile, meta, believed=believed)

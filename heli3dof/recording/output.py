@@ -15,6 +15,12 @@ FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 """What the system answers when nothing more fits: disk, quota, largest file."""
 
 
+NO_PLACE = {
+    errno.ENOENT, errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP, errno.ENXIO,
+    errno.EINVAL, errno.EIO, errno.ESTALE,
+}  # fmt: skip
+"""What it answers where a file cannot be at all."""
+
 LOGS = (".csv.gz", ".csv", ".mat")
 """What a log of another program may end in."""
 ENDINGS = (*LOGS, ".mcap", ".parquet")
@@ -32,13 +38,15 @@ def stem(path: Path) -> str:
 
 def check_output(path: Path, *, force: bool) -> None:
     """Raise OutputExists or UsageError where ``path`` cannot be created."""
-    if path.is_dir():
+    with explained(path):
+        there, folder = path.exists(), path.is_dir()
+    if folder:
         raise UsageError(
             f"{path} is a folder, not a file.",
             cause="the file's name is missing after the folder.",
             fix=f"-o {path / 'recording.mcap'}",
         )
-    if path.exists() and not force:
+    if there and not force:
         raise OutputExists(
             f"{path} exists and was left as it is.",
             cause="an earlier run wrote it; heli3dof never overwrites unasked.",
@@ -133,6 +141,13 @@ def explained(path: Path) -> Iterator[None]:
             raise UsageError(
                 f"{path} may not be written: {error.strerror}.",
                 cause="the folder belongs to someone else or is read-only.",
+                fix="another place with -o",
+            ) from error
+        if error.errno in NO_PLACE:
+            raise UsageError(
+                f"{path} cannot be written: {error.strerror}.",
+                cause="the folder takes no new files, as /proc does and a network drive that has "
+                "gone; or the name is too long, or a part of the path is no folder.",
                 fix="another place with -o",
             ) from error
         raise

@@ -47,12 +47,15 @@ class Table:
     warnings: list[str] = field(default_factory=list)
 
 
-def recording_from_table(table: Table, profile: Profile, meta: Mapping[str, Any]) -> Recording:
+def recording_from_table(
+    table: Table, profile: Profile, meta: Mapping[str, Any], *, believed: bool = True
+) -> Recording:
     """Check a table and make a `Recording` of it; what is odd but usable is in
     ``meta["warnings"]``.
 
     Raises RecordingError for what would make every later answer wrong: a missing or doubled
-    column, a number that is none, time that does not increase, angles in another unit.
+    column, a number that is none, time that does not increase, angles in another unit. Without
+    ``believed`` whatever the values say against their names is left to who asks.
     """
     check_names(table)
     checks.long_enough(table.source, len(table.columns["t_s"]))
@@ -73,10 +76,11 @@ def recording_from_table(table: Table, profile: Profile, meta: Mapping[str, Any]
         checks.finite(table.source, name, columns[name], table.where)
     t = columns["t_s"]
     warnings += checks.time_increases(table.source, t, profile.dt, table.where)
-    warnings += checks.voltages(
-        table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max
-    )
-    warnings += units.check_angles(table.source, columns, profile)
+    if believed:
+        warnings += checks.voltages(
+            table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max
+        )
+        warnings += units.check_angles(table.source, columns, profile)
     if profile.loop_is_known and not any("_ref_" in name for name in columns.keys() & KNOWN):
         warnings.append(
             "The profile knows the loop ([controller]), but the log has no reference: "

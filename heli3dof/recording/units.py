@@ -30,6 +30,7 @@ OFF_GRID = 0.2
 digits; of values with no grid, 40 % do."""
 COMMON_COUNTS = (500, 512, 1000, 1024, 2000, 2048, 2500, 4000, 4096, 5000, 8000, 8192, 10000,
                  16384, 20000)  # fmt: skip
+OR_EXCHANGED = "; or two columns are named for each other: heli3dof diagnose tells."
 NEWTON_WINDOW_S = 0.25
 NEWTON_FACTOR = float(np.sqrt(180 / np.pi))
 """Halfway (as a ratio) between the right unit and the wrong one."""
@@ -188,7 +189,7 @@ def _check_reference(
         raise RecordingError(
             f"{source}: {name} follows {ref}, but {slope:.3g} times as far.",
             cause=f"one of the two is in {'radians' if name.endswith('deg') else 'degrees'} "
-            f"in spite of its name (the factor would be {180 / np.pi:.3g}).",
+            f"in spite of its name (the factor would be {180 / np.pi:.3g}){OR_EXCHANGED}",
             fix=f"rename the column that is wrong, {name} or {ref}, to its true unit",
         )
 
@@ -233,6 +234,6 @@ def wrong_unit(source: str, name: str, unit: str, evidence: str) -> RecordingErr
     true_name = name.removesuffix(unit) + OTHER[unit]
     return RecordingError(
         f"{source}: {name} does not look like {FULL_NAME[unit]}: {evidence}.",
-        cause=f"the values are in {FULL_NAME[OTHER[unit]]}.",
+        cause=f"the values are in {FULL_NAME[OTHER[unit]]}{OR_EXCHANGED}",
         fix=f"rename the column to {true_name} in the header line",
     )

@@ -35,6 +35,7 @@ def diagnosis_section(
     blocks += [*_next(document), *_wrong(p), *_causes(document, p), *_gain(p), *_left(document, p)]
     if document["calibration"]:
         blocks.append(table(calibration(document)))
+        blocks += map(paragraph, words.perhaps_off(document))
     return Section(title, blocks)
 
 

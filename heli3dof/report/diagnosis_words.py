@@ -28,6 +28,7 @@ LISTED = 6
 """Names in a sentence before the rest are counted."""
 MUCH = 1.5
 """How much larger than the simulation's error a noise floor is no floor any more."""
+COUNTED = "encoder.scale."
 NEVER = frozenset({"encoder.offset.yaw"})
 """What no flight can show: nothing but a cable knows yaw's zero. Not worth a sentence."""
 
@@ -67,9 +68,39 @@ def summary_of(name: str) -> str:
 def verdict(document: Document) -> str:
     """The one sentence to take away."""
     word = str(document["verdict"])
-    if word == "nothing_found" and document.get("dropped"):
-        return f"Verdict: nothing found. {UNCONFIRMED}"
-    return f"Verdict: {word.replace('_', ' ')}. {VERDICTS[word]}"
+    said = f"Verdict: {word.replace('_', ' ')}. {VERDICTS[word]}"
+    if word != "nothing_found":
+        return said
+    if document.get("dropped"):
+        said = f"Verdict: nothing found. {UNCONFIRMED}"
+    doubtful = [str(c["parameter"]) for c in not_surely(document)]
+    if doubtful:
+        said += f" But {listed(doubtful)} may be off: see the calibration."
+    return said
+
+
+def not_surely(document: Document) -> list[Document]:
+    """The base's numbers that are estimated beyond the profile's tolerance, and not surely."""
+    return [c for c in document["calibration"] if c.get("beyond_tolerance") == "not_surely"]
+
+
+def perhaps_off(document: Document) -> Iterator[str]:
+    """What is far from the profile's and no finding, why it is none, and what would tell."""
+    doubtful = not_surely(document)
+    for c in doubtful:
+        off = number(c["value"]) / c["nominal"] - 1
+        spread = fixed(100 * number(c["std"]) / abs(c["nominal"]), 1, " %")
+        yield (
+            f"{c['parameter']} is estimated {fixed(100 * abs(off), 1, ' %')} "
+            f"{'above' if off > 0 else 'below'} the profile's (± {spread}); that is not surely "
+            f"beyond the {100 * c['tolerance']:g} % to which it is believed, so it is no finding."
+        )
+    if doubtful:
+        yield (
+            f"To settle {listed([str(c['parameter']) for c in doubtful])}: weigh and measure the "
+            "rig, correct the profile and its tolerance; or diagnose a larger flight together with "
+            "these (heli3dof run large)."
+        )
 
 
 def faults(document: Document) -> Iterator[str]:
@@ -142,18 +173,29 @@ def causes(document: Document) -> Iterator[str]:
 
 def _others(tied: Sequence[str]) -> str:
     """What a finding is tied with, and what would tell them apart where no flight does."""
-    counted = [n for n in tied if n.startswith("encoder.scale.")]
+    counted = [n for n in tied if n.startswith(COUNTED)]
     said = []
     if flown := [n for n in tied if n not in counted]:
         said.append(f"{listed(flown, 'or')} by these recordings: any of them fits about as well.")
     if counted:
-        axes = listed([n.removeprefix("encoder.scale.") for n in counted], "and")
         said.append(
-            f"{'Nor from ' if flown else ''}{listed(counted, 'or')} by any flight: turn {axes} by "
-            "hand through an angle that you know, and see with `heli3dof monitor` whether the "
-            "encoder counts as much."
+            f"{'Nor from ' if flown else ''}{listed(counted, 'or')} by any flight: "
+            f"{turned(counted)}."
         )
     return " ".join(said)
+
+
+def turned(counted: Sequence[str]) -> str:
+    """What tells a wrong count per revolution.
+
+    >>> turned(["encoder.scale.yaw"])[:45]
+    'turn yaw by hand through an angle that you kn'
+    """
+    axes = listed([n.removeprefix(COUNTED) for n in counted], "and")
+    return (
+        f"turn {axes} by hand through an angle that you know, and see with `heli3dof monitor` "
+        "whether the encoder counts as much"
+    )
 
 
 def adopted(document: Document) -> bool:
@@ -197,11 +239,18 @@ def unadopted(document: Document) -> Iterator[str]:
         told = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"
         yield f"Not adopted: {x['effect']} fits these recordings better, but {why} ({told})."
     dark = [str(x) for x in document["not_identifiable"] if x not in NEVER]
+    counted = [x for x in dark if x.startswith(COUNTED)]
+    dark = [x for x in dark if x not in counted]
     if dark:
         more = f" and {len(dark) - LISTED} more" if len(dark) > LISTED else ""
         yield (
             f"These recordings could not show even a large {', '.join(dark[:LISTED])}{more}: "
             "of that nothing is said."
+        )
+    if counted:
+        yield (
+            f"Within the profile's tolerance {listed(counted, 'or')} may be there, and no flight "
+            f"like these would say so: {turned(counted)}."
         )
 
 

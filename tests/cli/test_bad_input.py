@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.writer import Writer
 
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
+from heli3dof.recording.store import write_recording
 from tests.cli.running import heli3dof
 
 RIG = Path(__file__).parents[2] / "recordings" / "rig.toml"
@@ -165,3 +169,97 @@ def test_a_model_file_that_is_none_is_exit_5(tmp_path: Path) -> None:
         said = heli3dof("compare", rec, model, "-o", tmp_path / "out")
         assert said.code == 5, said.err
         assert hint in said.err
+
+
+def recording(path: Path, **geometry: float) -> Path:
+    """A short flight of the mock rig on file, its profile's geometry changed."""
+    flown = fly_plan(step_plan((5.0, None, None)), device="mock:?speed=max", seed=1300).recording
+    body = flown.profile.geometry.model_copy(update=geometry)
+    other = flown.profile.model_copy(update={"geometry": body})
+    part = flown.between(0.0, 12.0 + len(geometry))
+    write_recording(replace(part, profile=other, meta={"name": path.stem}), path)
+    return path
+
+
+def test_flights_of_two_rigs_are_not_taken_for_one(tmp_path: Path) -> None:
+    one = recording(tmp_path / "one.mcap")
+    two = recording(tmp_path / "two.mcap", L_a=0.5)
+    for verb in ("diagnose", "identify"):
+        for words in ((one, two), (one, "--holdout", two)):
+            said = heli3dof(verb, *words, "-o", tmp_path / "m.json")
+            assert said.code == 2, said.err
+            assert "two is of another rig than one: geometry.L_a = 0.5 and 0.66" in said.err
+            assert "--profile FILE.toml" in said.err
+    same = heli3dof("identify", one, "--holdout", one, "-o", tmp_path / "m.json")
+    assert same.code == 2
+    assert "it is no hold-out" in same.err
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("cut", [0, 1])
+def test_a_log_in_utf_16_is_read_with_its_mark_or_without_and_cut_short(
+    encoding: str, cut: int, tmp_path: Path
+) -> None:
+    path = tmp_path / "log.csv"
+    data = log(n=200).encode(encoding)
+    path.write_bytes(data[: len(data) - cut])
+    said = heli3dof("info", path, "--profile", RIG, "--json")
+    assert said.code == 0, said.err
+    assert said.document["samples"] >= 199
+
+
+def test_decimal_commas_between_commas_are_named_whatever_numbers_are_whole(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    header, *rows = log(n=200).splitlines()
+    path.write_text("\n".join([header, *(r.replace(".", ",") for r in rows)]))
+    said = heli3dof("info", path, "--profile", RIG)
+    assert said.code == 5
+    assert "decimal commas" in said.err
+
+
+def test_a_recording_is_no_log_to_import(tmp_path: Path) -> None:
+    one = recording(tmp_path / "one.mcap")
+    for profile in ((), ("--profile", RIG)):
+        said = heli3dof("import", one, *profile, "-o", tmp_path / "two.mcap")
+        assert said.code == 5
+        assert "is a recording already" in said.err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("export", "REC", "-o", "/proc/x.csv"),
+        ("report", "REC", "-o", "/proc/x.html"),
+        ("compare", "REC", "-o", "/dev/full"),
+        ("compare", "REC", "-o", "/proc/figures"),
+        ("simulate", "steps", "--model", "hover", "-o", "/proc/x.mcap"),
+        ("simulate", "steps", "--model", "hover", "-o", f"{'x' * 300}.mcap"),
+    ],
+)
+def test_a_place_where_no_file_can_be_is_the_user_s_to_change(
+    words: tuple[str, ...], tmp_path: Path
+) -> None:
+    rec = recording(tmp_path / "one.mcap") if "REC" in words else ""
+    said = heli3dof(*(rec if w == "REC" else w for w in words))
+    assert said.code == 2, said.err
+    assert "cannot be written" in said.err
+    assert "another place with -o" in said.err
+
+
+@pytest.mark.parametrize("verb", ["export", "report", "simulate"])
+def test_a_full_disk_is_said_to_be_full(verb: str, tmp_path: Path) -> None:
+    what = (
+        ("steps", "--model", "hover") if verb == "simulate" else (recording(tmp_path / "r.mcap"),)
+    )
+    link = tmp_path / {"export": "x.csv", "report": "x.html", "simulate": "x.mcap"}[verb]
+    link.symlink_to("/dev/full")
+    said = heli3dof(verb, *what, "-o", link, "--force")
+    assert said.code == 5, said.err
+    assert "no space left" in said.err
+    assert "df -h" in said.err
+
+
+def test_a_seed_below_zero_is_a_wrong_word(tmp_path: Path) -> None:
+    said = heli3dof("simulate", "steps", "--model", "hover", "--seed", "-1")
+    assert said.code == 2
+    assert "--seed" in said.err

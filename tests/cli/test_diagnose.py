@@ -12,7 +12,7 @@ import pytest
 
 from heli3dof.diagnosis import diagnose as module
 from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
+from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.model.modelfile import load_model
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.store import write_recording
@@ -177,6 +177,25 @@ def test_a_log_in_the_wrong_unit_is_bad_data_and_not_an_error(flight: Path, tmp_
     assert "radians" in fault["cause"]
     assert "roll_rad" in fault["fix"]
     assert "Verdict: bad data" in bad.err
+
+
+def test_columns_whose_exchange_looks_like_another_unit_are_named_all_the_same(
+    tmp_path: Path,
+) -> None:
+    r = fly_plan(step_plan((10.0, None, None)), device="mock:?speed=max", seed=1202).recording
+    roll, pitch, yaw = np.degrees(r.angle).T
+    log = tmp_path / "log.csv"
+    # Roll and yaw: what then is called roll moves 1/20 as far as its voltages explain.
+    columns = np.column_stack([r.t, r.voltage, yaw, pitch, roll])
+    names = "t_s,v_front_V,v_back_V,roll_deg,pitch_deg,yaw_deg"
+    np.savetxt(log, columns, delimiter=",", fmt="%.9g", header=names, comments="")
+    bad = heli3dof("diagnose", log, "--profile", RIG, "-o", tmp_path / "m.json", "--json")
+    assert bad.code == 5
+    (fault,) = bad.document["integrity"]
+    assert fault["check"] == "columns.swapped"
+    assert "roll_deg and yaw_deg" in fault["fix"]
+    said = heli3dof("info", log, "--profile", RIG)
+    assert "heli3dof diagnose tells" in said.err
 
 
 def test_what_is_no_recording_and_a_log_without_a_profile_are_refused(tmp_path: Path) -> None:

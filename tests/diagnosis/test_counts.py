@@ -9,7 +9,7 @@ from typing import Any, cast
 import pytest
 
 from heli3dof.diagnosis.calibration import Calibrated, Off
-from heli3dof.diagnosis.counts import flyable, with_counts
+from heli3dof.diagnosis.counts import flyable, untold, with_counts
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.select import Choice
 from heli3dof.model.effects import term
@@ -78,6 +78,20 @@ def test_a_roll_offset_may_be_a_roll_encoder_whose_level_is_off_by_27_5_degrees_
 def test_so_may_a_pendulum_as_weak_as_a_tilted_arm(torque: float, is_tied: bool) -> None:
     (names,), _ = tied([finding("stiffness.pendulum.roll", torque)], [], numbers())
     assert ("encoder.scale.roll" in names) is is_tied
+
+
+def test_a_wrong_count_within_the_tolerance_is_among_what_no_flight_tells() -> None:
+    def dark(*axes: str, tied: tuple[str, ...] = (), level_deg: float = 2.0) -> list[str]:
+        names = untold(tied, axes, rest_rad=REST, tolerance=E, level_deg=level_deg)
+        return [n.removeprefix("encoder.scale.") for n in names]
+
+    axes = ("roll", "pitch", "yaw")
+    assert dark(*axes) == ["pitch", "yaw"]
+    assert dark("yaw") == ["yaw"]
+    assert dark(*axes, tied=("encoder.scale.yaw",)) == ["pitch"]  # it is told there
+    # 27.5° (1 − 1/1.15) = 3.59°: level is off by that where roll counts 15 % too much.
+    assert dark(*axes, level_deg=3.5) == ["pitch", "yaw"]
+    assert dark(*axes, level_deg=3.7) == ["roll", "pitch", "yaw"]
 
 
 def test_no_plan_is_asked_to_separate_what_no_flight_can() -> None:

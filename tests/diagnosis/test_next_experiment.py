@@ -87,7 +87,7 @@ def test_leaving_out_what_cannot_win_changes_neither_the_plan_nor_its_forecast(
 def diagnosed(base: Estimate, *dropped: Dropped) -> Diagnosis:
     """Nothing found, but for what did not pay; two effects could not have been seen."""
     fitted = SimpleNamespace(base=base)
-    dark = ("friction.viscous.yaw", "drag.quadratic.roll")
+    dark = ("encoder.scale.yaw", "friction.viscous.yaw", "drag.quadratic.roll")
     return Diagnosis(
         ("r",), (), "nothing_found", (), fitted, dropped=dropped, not_identifiable=dark
     )  # type: ignore[arg-type]

@@ -9,11 +9,12 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.calibration import Off
+from heli3dof.diagnosis.calibration import Calibrated, Off
 from heli3dof.diagnosis.document import document
 from heli3dof.diagnosis.result import Diagnosis, Finding, in_order, verdict_of
 from heli3dof.diagnosis.select import Choice
 from heli3dof.model.effects import terms
+from heli3dof.rig.profile import default_profile
 
 
 def off(*tied: str) -> Off:
@@ -54,3 +55,21 @@ def test_a_base_number_that_is_tied_asks_for_the_plan_that_parts_it() -> None:
     plan = document(tied)["next_experiment"]
     assert plan["plan"] == terms(["inertia.roll"])[0].effect.separated_by
     assert plan["separates"] == ["inertia.roll", "motor.thrust_curve"]
+
+
+def test_a_base_number_is_beyond_its_tolerance_surely_not_surely_or_not_at_all() -> None:
+    numbers = tuple(
+        Calibrated(name, 1.0, value, 0.03, "kg·m²", 0.03)
+        for name, value in (("T_g", 0.79), ("J_roll", 1.4), ("J_pitch", 1.12), ("J_yaw", 0.83))
+    )
+    model = SimpleNamespace(profile=default_profile())
+    gain = SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on="holdout")
+    fitted = SimpleNamespace(
+        final=None, model=model, calibration=numbers, gain=gain, noise_floor={},
+        wrong=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),
+    )  # fmt: skip
+    d = Diagnosis(("a",), (), "explained", (), cast(Any, fitted), calibration_findings=(off(),))
+    said = {c["parameter"]: c["beyond_tolerance"] for c in document(d)["calibration"]}
+    # ln 0.85 = -0.163 is the edge below, ln 1.15 = 0.140 the one above.
+    assert said == {"T_g": "not_surely", "J_roll": "surely", "J_pitch": "no", "J_yaw": "not_surely"}
+    assert {c["tolerance"] for c in document(d)["calibration"]} == {0.15}

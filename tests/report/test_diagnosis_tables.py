@@ -192,6 +192,31 @@ def test_a_cause_that_is_not_confirmed_is_told_as_such() -> None:
     assert "(ln L −24 … 110)" in text
 
 
+def test_what_no_flight_can_tell_is_not_said_to_want_a_larger_one() -> None:
+    dark = ["motor.delay", "encoder.scale.pitch", "encoder.scale.yaw"]
+    text = told({**DOCUMENT, "not_identifiable": dark})
+    assert "could not show even a large motor.delay: of" in text
+    assert "tolerance encoder.scale.pitch or encoder.scale.yaw may be there, and no flight" in text
+    assert "turn pitch and yaw by hand through an angle" in text
+
+
+def test_a_base_number_that_is_far_off_and_not_surely_so_is_said_to_be() -> None:
+    plain = copy.deepcopy(DOCUMENT)
+    plain.update(verdict="nothing_found", findings=[], leftover=[], next_experiment=None)
+    row = {**plain["calibration"][0], "value": 0.79, "std": 0.031, "tolerance": 0.15}
+    plain["calibration"] = [{**row, "beyond_tolerance": "not_surely"}]
+    text = told(plain)
+    assert (
+        "T_g is estimated 21.0 % below the profile's (± 3.1 %); that is not surely beyond the "
+        "15 % to which it is believed, so it is no finding." in text
+    )
+    assert "But T_g may be off" in text
+    assert "To settle T_g: weigh" in text
+    for sure in ("no", "surely"):
+        plain["calibration"] = [{**row, "beyond_tolerance": sure}]
+        assert "not surely" not in told(plain)
+
+
 def test_the_readme_quotes_what_is_said() -> None:
     text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").replace("> ", "").split())
     name = "stiffness.cable.yaw"

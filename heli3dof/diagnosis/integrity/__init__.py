@@ -1,8 +1,9 @@
 """Integrity: is the recording what it says, before any physics is blamed?
 
-Checks run in three stages, one small file each, found by being in this package (a module with
-`CHECKS`): the *clock*, then the *values*, then the *motion*. A stage that finds the recording
-unusable (`bad_data`) ends it: nothing that a broken clock says of the motion is worth hearing.
+Checks run in four stages, one small file each, found by being in this package (a module with
+`CHECKS`): the *clock*, the *columns*' names, the *values*, the *motion*. A stage that finds the
+recording unusable (`bad_data`) ends it: nothing that a broken clock says of the motion is worth
+hearing.
 
 Each `Fault` is of one kind:
 

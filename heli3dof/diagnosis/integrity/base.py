@@ -27,8 +27,9 @@ class Stage(enum.IntEnum):
     """A later stage runs only where the earlier ones found no bad data."""
 
     CLOCK = 0
-    VALUES = 1
-    MOTION = 2
+    COLUMNS = 1
+    VALUES = 2
+    MOTION = 3
 
 
 @dataclass(frozen=True)

@@ -75,9 +75,11 @@ def rate(view: View) -> Iterable[Fault]:
     else:
         yield Fault(
             "clock.rate", Kind.NOTE, r.name,
-            f"{says}: what the voltages did in between is not known.",
+            f"{says}: what the voltages did in between is not known"
+            + (", and taken to lie on the line between." if m > 1 else "."),
             "only some of the samples were logged, or each one several times.",
-            "log every sample of the loop",
+            "log every sample of the loop; if the loop itself is that slow, set loop.rate_hz = "
+            f"{1 / view.ticks.period_s:.5g} in the profile",
         )  # fmt: skip
 
 
