@@ -6,7 +6,7 @@ u_r ∝ S, u_p ∝ D, u_ψ ∝ −sin p S:
     roll's sign wrong        g_r < 0
     pitch's sign wrong       g_p < 0 and g_ψ < 0     (sin p is read with the wrong sign too)
     front and back swapped   g_p < 0 and g_ψ > 0     (D changes its sign, the thrust's tilt not)
-    yaw's sign wrong         g_p > 0 and g_ψ < 0
+    yaw's sign wrong         g_p > 0 and g_ψ < 0     (or front and back, and pitch's sign: a mirror)
     voltages' sign wrong     the rig hovers on negative voltage (h < 0); all three turn round
     V_o's sign wrong         h < 0, and nothing turns round
 
@@ -91,7 +91,9 @@ def directions(view: View) -> Iterable[Fault]:
             view, "encoder.sign", "yaw",
             f"{r.name}: yaw turns against the tilt of the thrust ({about['yaw']} times the "
             "profile's).",
-            "the encoder's sign is wrong" + (", or pitch's is." if both else "."),
+            "the encoder's sign is wrong" + (", or pitch's is." if both else
+            "; or pitch's is and front and back are swapped too, which is the same rig in a "
+            "mirror."),
             _turn("yaw", r.profile.encoder.yaw), 0.5 if both else 0.99,
         )  # fmt: skip
 

@@ -74,6 +74,12 @@ def test_swapped_motors_are_not_a_turned_encoder(plan: str) -> None:
     assert only(swapped(flight(plan))).check == "motors.swapped"
 
 
+def test_a_rig_in_a_mirror_is_told_by_yaw_and_both_its_causes_are_named() -> None:
+    fault = only(turned(1)(swapped(flight("rich"))))
+    assert (fault.check, fault.axis) == ("encoder.sign", "yaw")
+    assert "front and back are swapped too" in fault.cause
+
+
 def test_where_yaw_moves_too_little_both_causes_are_named() -> None:
     for change in (swapped, turned(1)):
         fault = only(change(flight("run-step")))
