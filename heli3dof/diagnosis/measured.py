@@ -34,6 +34,7 @@ from heli3dof.diagnosis.result import Dropped, Finding, Fitted
 from heli3dof.diagnosis.select import WEAK, Choice, this_one
 from heli3dof.diagnosis.steps import without
 from heli3dof.diagnosis.thrust_scale import thrust_scale
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.method import model_of
 from heli3dof.model.greybox import nominal
 from heli3dof.recording.recording import Recording
@@ -57,7 +58,7 @@ def adopted(
     asked = {c.term.name for c in choices}
     while True:
         after = held_out(found, holdout)
-        less = [without(found, c.term) for c in kept]
+        less = in_threads(lambda i, f=found: without(f, kept[i].term), len(kept))  # type: ignore[misc]
         gains = [gain(held_out(w, holdout), after, seed=seed) for w in less]
         poor = [i for i, g in enumerate(gains) if not is_worth(kept[i], g, first=i == 0)]
         if not poor:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.diagnosis.trials import Trial, ringing, standing_out, trials, tried_terms
 from heli3dof.diagnosis.weighed import weighed
+from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.fit import Optimum, _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -220,14 +222,19 @@ def settled_again(bench: Bench, found: Corrected) -> Corrected:
 
 
 def without(found: Corrected, term: Term) -> Corrected:
-    """The same fit without one of its terms: for backward elimination and for gains.
+    """The same fit without one of its terms: for backward elimination and for gains; made once.
 
     Freed of the same false slopes where it lies near; by likelihood alone, its ``bias`` zero, where
     it has `strayed` and they, taken off along a line, would be worth more than the cause itself.
     """
-    keep = np.array([f.term != term.name for f in found.free])
+    return _without(found, term.name)
+
+
+@lru_cache(maxsize=8)
+def _without(found: Corrected, name: str) -> Corrected:
+    keep = np.array([f.term != name for f in found.free])
     structure = Structure(
-        found.structure.profile, tuple(t for t in found.structure.terms if t.name != term.name)
+        found.structure.profile, tuple(t for t in found.structure.terms if t.name != name)
     )
     problem = replace(found.problem, structure=structure)
     theta = found.optimum.theta[keep]
@@ -253,24 +260,35 @@ def strayed(found: Corrected, keep: np.ndarray, fit: Optimum) -> bool:
     return bool(moved.max() > FAR or rougher.max(initial=0.0) > ROUGHER)
 
 
+@lru_cache(maxsize=2)
+def full(found: Corrected, freed: bool) -> Optimum:
+    """The same fit by likelihood, ``freed`` of its false slopes or not."""
+    o, tilt = found.optimum, None
+    if freed and found.bias is not None and found.noise_bias is not None:
+        tilt = Tilt(found.bias, found.noise_bias, o.theta, o.noise)
+    return maximise_tilted(found.problem, o.theta, o.noise, tilt)
+
+
 def eliminated(
     bench: Bench, found: Corrected, steps: Sequence[Step]
 ) -> tuple[Corrected, list[Step]]:
     """Backward: a cause that later ones made superfluous goes."""
     kept = list(steps)
     taken = [s for s in steps if s.choice is not None]
+    if len(taken) > 1:  # beside each other; what is without each is asked for again (`measured`)
+        terms = [s.choice.term for s in taken if s.choice is not None]
+        in_threads(
+            lambda i: without(found, terms[i]) if i < len(terms) else full(found, True),
+            len(terms) + 1,
+        )
     for s in taken[:-1]:
         assert s.choice is not None
         term = s.choice.term
         less = without(found, term)
         o = found.optimum
         # Both on the same likelihood: freed of false slopes, or neither.
-        freed = less.bias is not None and less.bias.any()
-        tilt = None
-        if freed and found.bias is not None and found.noise_bias is not None:
-            tilt = Tilt(found.bias, found.noise_bias, o.theta, o.noise)
-        full = maximise_tilted(found.problem, o.theta, o.noise, tilt)
-        won = 2 * (full.loglik - less.optimum.loglik) / s.nulls.inflation
+        whole = full(found, less.bias is not None and bool(less.bias.any()))
+        won = 2 * (whole.loglik - less.optimum.loglik) / s.nulls.inflation
         if won < len(term.effect.parameters) * np.log(max(len(o.at.row), 2)):
             found = settled(bench, less.problem, less.optimum)
             kept = [k for k in kept if k is not s]
