@@ -3,10 +3,11 @@
 One cause is taken first, by a margin that chance or a formula may have made. It can fail
 afterwards. The rig with it, freed of its bias, may be one that the controller cannot fly, though
 the recording was flown: then it is refuted, and the likeliest of the others is chosen as if it had
-never stood there (`heli3dof.diagnosis.select.likeliest`). Or it does not pay on data that it has
-not seen: that refutes none of those that it is tied with, which are asked by the same data, each
-settled beside all else that was found. What stands is tied with what it replaces, which those data
-need not have told from it.
+never stood there (`heli3dof.diagnosis.select.likeliest`). Where a stop held the arm, of which those
+flights know nothing, they refute nothing, and it is taken by its likelihood alone. Or it does not
+pay on data that it has not seen: that refutes none of those that it is tied with, which are asked
+by the same data, each settled beside all else that was found. What stands is tied with what it
+replaces, which those data need not have told from it.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def flown(
         if choice is None:
             break
         wider = extended(bench, choice)
-        if wider.scatter is not None or step.found.scatter is None:
+        if wider.scatter is not None or step.found.scatter is None or bench.touches_stops:
             return choice, wider
         fits = tuple(f for f in fits if f.term.name != choice.term.name)
         choice = likeliest(step.found, step.screen, step.nulls, fits, first_score)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.fit import Optimum, _better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.method import compile_first, usable_runs
+from heli3dof.identification.usable import unusable
 from heli3dof.model.effects import Term
 from heli3dof.model.effects import terms as named
 from heli3dof.model.filtering import data_of
@@ -73,6 +74,11 @@ class Bench:
     @property
     def loop_is_known(self) -> bool:
         return loop_is_known(self.recordings)
+
+    @cached_property
+    def touches_stops(self) -> bool:
+        """Whether a stop held the arm: flights of a fit know of none, and need not stay near."""
+        return any(unusable(r)["stop"].any() for r in self.recordings)
 
     @property
     def axes(self) -> list[str]:
@@ -198,7 +204,32 @@ def looked_at(bench: Bench, found: Corrected, flights: int) -> Step:
 def extended(bench: Bench, choice: Choice) -> Corrected:
     """The base with the term taken, freed of its bias in its turn."""
     best = choice.contenders[0]
-    return settled(bench, best.problem, best.optimum)
+    found = settled(bench, best.problem, best.optimum)
+    if found.scatter is None and bench.loop_is_known:
+        return from_quiet(bench, found)
+    return found
+
+
+def from_quiet(bench: Bench, found: Corrected) -> Corrected:
+    """The likeliest fit from much less noise and the profile's inertias, settled; ``found`` where
+    that is no likelier, or could not have been flown either and no stop is to blame.
+
+    Noise that the base needed to cover a cause is a summit of its own: the climb that takes the
+    cause in starts on it and does not come down, and a rig so rough does not stay in the air.
+    """
+    problem, o = found.problem, found.optimum
+    theta = o.theta.copy()
+    theta[1:4] = problem.prior_mean[1:4]
+    axes = np.append(problem.data.axes, False)
+    fits = [
+        maximise_tilted(problem, theta, np.where(axes, o.noise * share, o.noise), None)
+        for share in (MUCH_QUIETER, MUCH_QUIETER**2)
+    ]
+    best = max(fits, key=lambda f: f.loglik)
+    if not best.loglik > o.loglik:
+        return found
+    quiet = settled(bench, problem, best)
+    return found if quiet.scatter is None and not bench.touches_stops else quiet
 
 
 def settled(bench: Bench, problem: Likelihood, at: Optimum) -> Corrected:

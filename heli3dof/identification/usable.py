@@ -7,11 +7,19 @@ free fall. Those rows are left out, and each one's reason is counted:
 ``table``         on the table or within 1° of it, from the first row to lift-off and after landing
 ``take_off``      from lift-off until roll is half-way to level, the voltages have been off their
                   limit for 0.25 s, and 3 s have passed
-``stop``          roll or pitch resting for 0.3 s within 0.2° of its extreme, beyond 25°; yaw has
-                  no stop
+``stop``          roll or pitch within 0.2° of its extreme, beyond 25°, resting there for 0.3 s or
+                  thrown against it; yaw has no stop
 ``motors_off``    both voltages zero for 0.1 s and more, and from there to the next lift-off
 ``falling``       the end of a flight, from where roll last was half-way to level
 ``ramp_down``     the flight loop's own landing (channel ``phase``)
+
+An arm that turns by itself, at acceleration a, stands on its last count, of width q, for the time
+T = 2 √(2q/a) and came there at v = √(2qa): v T = 4q. One that a stop has brought to rest stands
+there longer,
+
+    v T > `HIT` q
+
+and what a filter without stops would make of the blow is noise, enough to hide everything else.
 
 Clipped voltages elsewhere are kept: what reached the motor was recorded, so the model's input is
 still right. Their share is reported.
@@ -33,6 +41,9 @@ TAKE_OFF_S = 3.0
 STILL_S = 0.1
 AT_STOP_S = 0.3
 AT_EXTREME = np.deg2rad(0.2)
+HIT = 8.0
+BEFORE_S = 0.01
+"""Over which the rate before a blow is taken"""
 
 
 def clipped(recording: Recording) -> np.ndarray:
@@ -120,11 +131,16 @@ def _falling(roll: np.ndarray) -> np.ndarray:
 
 
 def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
-    """Rows where the angle rests, on one and the same count, at its extreme."""
+    """Rows where the angle rests, on one and the same count, at its extreme; see the module."""
     out = np.zeros(len(angle), dtype=bool)
-    changes = np.flatnonzero(np.diff(angle) != 0) + 1
-    edges = np.concatenate([[0], changes, [len(angle)]])
-    for k in np.flatnonzero(np.diff(edges) >= AT_STOP_S / dt):
+    moves = np.abs(np.diff(angle))
+    edges = np.concatenate([[0], np.flatnonzero(moves != 0) + 1, [len(angle)]])
+    first, rest_s = edges[:-1], np.diff(edges) * dt
+    counts = moves[moves > 0]
+    width = float(counts.min()) if len(counts) else np.inf
+    back = max(1, round(BEFORE_S / dt))
+    fast = np.abs(angle[first] - angle[np.maximum(first - back, 0)]) / (back * dt)
+    for k in np.flatnonzero((rest_s >= AT_STOP_S) | (fast * rest_s > HIT * width)):
         out[edges[k] : edges[k + 1]] = True
     with np.errstate(invalid="ignore"):
         extremes = [x for x in (np.nanmax(angle), np.nanmin(angle)) if abs(x) > STOP_BEYOND]

@@ -16,6 +16,8 @@ from heli3dof.diagnosis.select import TIE, Choice, Contender
 from heli3dof.model.effects import terms
 
 NONE = cast(Any, None)
+FREE = cast(Any, SimpleNamespace(touches_stops=False))
+HELD = cast(Any, SimpleNamespace(touches_stops=True))
 NAMES = ("aero.inflow", "friction.viscous.roll", "drag.quadratic.roll", "motor.supply_sag")
 THRESHOLD = 20.0
 
@@ -56,7 +58,7 @@ FITS = tuple(contender(n, s) for n, s in zip(NAMES, (500.0, 300.0, 297.0, 90.0),
 
 def test_a_cause_that_flies_is_taken_as_it_was_chosen(unflyable: list[str]) -> None:
     made = choice(*FITS)
-    taken, fit = flown(NONE, step_with(made), None)
+    taken, fit = flown(FREE, step_with(made), None)
     assert taken is made
     assert fit is not None
 
@@ -65,7 +67,7 @@ def test_where_it_cannot_have_been_flown_the_next_likeliest_is_and_not_tied_with
     unflyable: list[str],
 ) -> None:
     unflyable += NAMES[:1]
-    taken, _ = flown(NONE, step_with(choice(*FITS)), None)
+    taken, _ = flown(FREE, step_with(choice(*FITS)), None)
     assert taken is not None
     assert taken.term.name == NAMES[1]
     assert taken.tied_with == NAMES[2:3]  # 3 less, within TIE
@@ -76,17 +78,25 @@ def test_none_is_taken_where_none_of_them_flies_or_the_rest_is_not_seen(
     unflyable: list[str],
 ) -> None:
     unflyable += NAMES[:TURNS]
-    assert flown(NONE, step_with(choice(*FITS)), None) == (None, None)
+    assert flown(FREE, step_with(choice(*FITS)), None) == (None, None)
     unseen = contender(NAMES[3], 90.0, Z2=THRESHOLD - 1)
-    assert flown(NONE, step_with(choice(FITS[0], unseen)), None) == (None, None)
+    assert flown(FREE, step_with(choice(FITS[0], unseen)), None) == (None, None)
 
 
 def test_without_a_loop_there_is_nothing_to_fly_and_the_first_stands(unflyable: list[str]) -> None:
     unflyable += NAMES
     step = step_with(choice(*FITS))
     step.found.scatter = None
-    taken, _ = flown(NONE, step, None)
+    taken, _ = flown(FREE, step, None)
     assert taken is step.choice
+
+
+def test_where_a_stop_held_the_arm_not_to_fly_without_one_refutes_nothing(
+    unflyable: list[str],
+) -> None:
+    unflyable += NAMES[:1]
+    step = step_with(choice(*FITS))
+    assert flown(HELD, step, None)[0] is step.choice
 
 
 def test_what_stands_in_its_place_is_tied_with_it_and_half_as_sure() -> None:

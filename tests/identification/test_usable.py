@@ -85,6 +85,22 @@ def test_an_angle_on_its_stop_is_left_out_and_a_turning_point_is_not() -> None:
     assert rows["stop"].sum() < 450
 
 
+def test_an_angle_thrown_against_its_stop_is_left_out_however_short_it_rests_there() -> None:
+    """Roll at 60°/s, held at 32° for 50 ms: v T = 3°, where turning by itself gives 4 counts."""
+    n = 5000
+    turning = 28 * np.sin(np.arange(n) * DT * 2)
+    blow = turning.copy()
+    at = 2000
+    blow[at - 100 : at] = np.linspace(20, 32, 100, endpoint=False)
+    blow[at : at + 25] = 32.0
+    blow[at + 25 : at + 100] = np.linspace(32, 20, 75)
+    grid = 360 / 4096
+    rows = unusable(flight(np.round(blow / grid) * grid))
+    assert rows["stop"][at : at + 25].all()
+    assert rows["stop"].sum() < 35
+    assert not unusable(flight(np.round(turning / grid) * grid))["stop"].any()
+
+
 def test_yaw_has_no_stop_and_may_rest_anywhere() -> None:
     """Dry friction holds yaw on one count at 90° while roll and pitch fly on."""
     level = flight(np.full(3000, 5.0))
