@@ -15,6 +15,8 @@ the method of moments with simulated moments (Gallant and Tauchen 1996; Gouriér
 Renault 1993), with the filter as the auxiliary model. How far θ scatters follows from how g_b do:
 
     cov θ = (H + Λ)⁻¹ ((1 + 1/B) C + Λ) (H + Λ)⁻¹,      C = cov g_b
+
+times √ρ_i ρ_j where the recording's own noise is not white (`heli3dof.diagnosis.colour`).
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from functools import cached_property
 
 import numpy as np
 
+from heli3dof.diagnosis.colour import colour
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.perturbation import Path, forcing, forward, path
 from heli3dof.diagnosis.workers import in_threads
@@ -158,6 +161,13 @@ class Corrected(Estimate):
     flights: int = 0
 
     @cached_property
+    def colour(self) -> np.ndarray:
+        """(n,) ρ of `heli3dof.diagnosis.colour`; ones where there are no flights to compare with"""
+        if self.scatter is None:
+            return np.ones(len(self.optimum.theta))
+        return colour(self, self.scatter)
+
+    @cached_property
     def covariance(self) -> np.ndarray:
         """(n, n) of the values, in their units"""
         if self.scatter is None:
@@ -165,7 +175,8 @@ class Corrected(Estimate):
         L = np.diag(self.problem.prior_precision)
         inverse = np.linalg.inv(self.optimum.information + L)
         middle = (1 + 1 / self.flights) * self.scatter + L
-        return np.asarray(inverse @ middle @ inverse * np.outer(self.slopes, self.slopes))
+        scale = self.slopes * np.sqrt(self.colour)
+        return np.asarray(inverse @ middle @ inverse * np.outer(scale, scale))
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:

@@ -11,6 +11,9 @@ what a wrong formula leaves (`select.WEAK`). One that moves the rig nearly as an
 is told as "…-like" only (`heli3dof.diagnosis.select`), cannot gain much beside it: it is taken as
 a first one is, since without it the other one's size would surely be wrong.
 
+A cause has stood up to nulls of white noise. Where the recordings' own noise is slower
+(`heli3dof.diagnosis.colour`) it has to stand up to that as well.
+
 Two causes that were tied when the first of them was taken, and are both here in the end, are tied
 no more: each has paid beside the other, so neither stands in the other's place.
 """
@@ -27,7 +30,7 @@ from heli3dof.diagnosis.corrected import Corrected, model_at
 from heli3dof.diagnosis.gain import Gain, HeldOut, gain, pays
 from heli3dof.diagnosis.gain_folds import held_out
 from heli3dof.diagnosis.how_wrong import how_wrong
-from heli3dof.diagnosis.result import Dropped, Finding, Fitted
+from heli3dof.diagnosis.result import COLOURED, DOES_NOT_PAY, Dropped, Finding, Fitted
 from heli3dof.diagnosis.select import WEAK, Choice, this_one
 from heli3dof.diagnosis.steps import without
 from heli3dof.diagnosis.thrust_scale import thrust_scale
@@ -48,14 +51,28 @@ def adopted(
         after = held_out(found, holdout)
         less = [without(found, c.term) for c in kept]
         gains = [gain(held_out(w, holdout), after, seed=seed) for w in less]
+        stands = [stands_out(found, c) for c in kept]
         poor = [i for i, g in enumerate(gains) if not is_worth(kept[i], g, first=i == 0)]
+        poor = [i for i, s in enumerate(stands) if s < 1] or poor
         if not poor:
             return found, _findings(found, kept, less, gains), tuple(dropped), after
-        worst = min(poor, key=lambda i: won(gains[i]))
-        gone = kept[worst]
-        dropped.append(Dropped(gone.term.name, gains[worst], choice=gone))
+        worst = min(poor, key=lambda i: (min(stands[i], 1.0), won(gains[i])))
+        gone, why = kept[worst], DOES_NOT_PAY if stands[worst] >= 1 else COLOURED
+        dropped.append(Dropped(gone.term.name, gains[worst], why, choice=gone))
         found = less[worst]
         del kept[worst]
+
+
+def stands_out(found: Corrected, choice: Choice) -> float:
+    """Z² over the nulls' threshold where the recordings' noise is as it is, not white.
+
+    That of a cause which no probe sees, or which the base lacks and every rig has, is infinite.
+    """
+    j = next((i for i, f in enumerate(found.free) if f.term == choice.term.name), None)
+    if j is None or choice.threshold <= 0 or choice.term.effect.within:
+        return math.inf
+    rho = float(found.colour[j])
+    return math.inf if rho <= 1 else choice.Z2 / rho / choice.threshold
 
 
 def is_worth(choice: Choice, g: Gain, *, first: bool) -> bool:

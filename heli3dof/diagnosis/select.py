@@ -95,6 +95,8 @@ class Choice:
     """Best first; the term's own fit is the first one's."""
     weak: bool = False
     """It may as well be what is wrong with an earlier cause's formula."""
+    threshold: float = 0.0
+    """Of Z², the nulls'"""
 
 
 def suspects(seen: Seen, nulls: Nulls) -> list[tuple[Term, float, int]]:
@@ -150,7 +152,7 @@ def choose(
     sure = min(nulls.confidence(best.Z2), this_one([*(f.score for f in fits[:2]), 0.0]))
     if weak:
         sure = min(sure, EVEN)
-    return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits), weak)
+    return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits), weak, nulls.threshold)
 
 
 def alike(found: Corrected, screen: Screen, new: Contender) -> bool:
