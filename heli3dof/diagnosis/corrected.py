@@ -73,12 +73,15 @@ class Informed(Likelihood):
     allows a factor of two: what a step alone does not tell must not run away.
     """
 
+    doubt: float = 1.0
+    """By which the tolerance is multiplied"""
+
     @cached_property
     def prior_precision(self) -> np.ndarray:
         """(n,) 1/variance in coordinates"""
         free = self.structure.free
         std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
-        std[1:4] = self.structure.profile.tolerance
+        std[1:4] = self.doubt * self.structure.profile.tolerance
         return np.asarray(1.0 / std**2)
 
 
