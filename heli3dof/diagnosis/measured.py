@@ -12,7 +12,8 @@ is told as "…-like" only (`heli3dof.diagnosis.select`), cannot gain much besid
 a first one is, since without it the other one's size would surely be wrong.
 
 A cause has stood up to nulls of white noise. Where the recordings' own noise is slower
-(`heli3dof.diagnosis.colour`) it has to stand up to that as well.
+(`heli3dof.diagnosis.colour`) it has to stand up to that as well. And what an encoder's zero within
+one count does as well is no cause: every rig has that.
 
 Two causes that were tied when the first of them was taken, and are both here in the end, are tied
 no more: each has paid beside the other, so neither stands in the other's place.
@@ -30,7 +31,14 @@ from heli3dof.diagnosis.corrected import Corrected, model_at
 from heli3dof.diagnosis.gain import Gain, HeldOut, gain, pays
 from heli3dof.diagnosis.gain_folds import held_out
 from heli3dof.diagnosis.how_wrong import how_wrong
-from heli3dof.diagnosis.result import COLOURED, DOES_NOT_PAY, Dropped, Finding, Fitted
+from heli3dof.diagnosis.result import (
+    COLOURED,
+    DOES_NOT_PAY,
+    WITHIN_A_COUNT,
+    Dropped,
+    Finding,
+    Fitted,
+)
 from heli3dof.diagnosis.select import WEAK, Choice, this_one
 from heli3dof.diagnosis.steps import without
 from heli3dof.diagnosis.thrust_scale import thrust_scale
@@ -38,6 +46,7 @@ from heli3dof.identification.greybox.method import model_of
 from heli3dof.model.greybox import nominal
 from heli3dof.recording.recording import Recording
 
+OFFSET = "encoder.offset"
 LEAST = 3.0
 """Held-out log-likelihood that a first, a strong or a weak cause has to gain: odds of 20 to one."""
 
@@ -51,13 +60,15 @@ def adopted(
         after = held_out(found, holdout)
         less = [without(found, c.term) for c in kept]
         gains = [gain(held_out(w, holdout), after, seed=seed) for w in less]
-        stands = [stands_out(found, c) for c in kept]
+        stands = [0.0 if within_a_count(c) else stands_out(found, c) for c in kept]
         poor = [i for i, g in enumerate(gains) if not is_worth(kept[i], g, first=i == 0)]
         poor = [i for i, s in enumerate(stands) if s < 1] or poor
         if not poor:
             return found, _findings(found, kept, less, gains), tuple(dropped), after
         worst = min(poor, key=lambda i: (min(stands[i], 1.0), won(gains[i])))
-        gone, why = kept[worst], DOES_NOT_PAY if stands[worst] >= 1 else COLOURED
+        gone = kept[worst]
+        why = WITHIN_A_COUNT if within_a_count(gone) else COLOURED
+        why = DOES_NOT_PAY if stands[worst] >= 1 else why
         dropped.append(Dropped(gone.term.name, gains[worst], why, choice=gone))
         found = less[worst]
         del kept[worst]
@@ -73,6 +84,22 @@ def stands_out(found: Corrected, choice: Choice) -> float:
         return math.inf
     rho = float(found.colour[j])
     return math.inf if rho <= 1 else choice.Z2 / rho / choice.threshold
+
+
+def within_a_count(choice: Choice) -> bool:
+    """Whether it is, or is tied with, an encoder's zero that is off by no more than one count.
+
+    Where within a count the zero lies is nobody's doing: counts begin at power-up, and a card that
+    rounds down reads half a count less than one that rounds. On pitch that is a torque on yaw.
+    """
+    return any(
+        abs(c.problem.values(c.optimum.theta)[-1]) <= 360.0 / abs(getattr(encoder, c.term.axis))
+        for c in choice.contenders
+        for encoder in (c.problem.structure.profile.encoder,)
+        if c.term.effect.name == OFFSET
+        and c.term.axis is not None
+        and c.term.name in (choice.term.name, *choice.tied_with)
+    )
 
 
 def is_worth(choice: Choice, g: Gain, *, first: bool) -> bool:
