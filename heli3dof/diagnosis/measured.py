@@ -92,14 +92,16 @@ def within_a_count(choice: Choice) -> bool:
     Where within a count the zero lies is nobody's doing: counts begin at power-up, and a card that
     rounds down reads half a count less than one that rounds. On pitch that is a torque on yaw.
     """
-    return any(
-        abs(c.problem.values(c.optimum.theta)[-1]) <= 360.0 / abs(getattr(encoder, c.term.axis))
-        for c in choice.contenders
-        for encoder in (c.problem.structure.profile.encoder,)
-        if c.term.effect.name == OFFSET
-        and c.term.axis is not None
-        and c.term.name in (choice.term.name, *choice.tied_with)
-    )
+    for c in choice.contenders:
+        axis = c.term.axis
+        if c.term.effect.name != OFFSET or axis is None:
+            continue
+        if c.term.name not in (choice.term.name, *choice.tied_with):
+            continue
+        count_deg = 360.0 / abs(getattr(c.problem.structure.profile.encoder, axis))
+        if abs(c.problem.values(c.optimum.theta)[-1]) <= count_deg:
+            return True
+    return False
 
 
 def is_worth(choice: Choice, g: Gain, *, first: bool) -> bool:
