@@ -15,6 +15,8 @@ the method of moments with simulated moments (Gallant and Tauchen 1996; Gouriér
 Renault 1993), with the filter as the auxiliary model. How far θ scatters follows from how g_b do:
 
     cov θ = (H + Λ)⁻¹ ((1 + 1/B) C + Λ) (H + Λ)⁻¹,      C = cov g_b
+
+times √ρ_i ρ_j where the recording's own noise is not white (`heli3dof.diagnosis.colour`).
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from functools import cached_property
 
 import numpy as np
 
+from heli3dof.diagnosis.colour import colour
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.perturbation import Path, forcing, forward, path
 from heli3dof.diagnosis.workers import in_threads
@@ -70,12 +73,15 @@ class Informed(Likelihood):
     allows a factor of two: what a step alone does not tell must not run away.
     """
 
+    doubt: float = 1.0
+    """By which the tolerance is multiplied"""
+
     @cached_property
     def prior_precision(self) -> np.ndarray:
         """(n,) 1/variance in coordinates"""
         free = self.structure.free
         std = np.array([f.prior_std if f.log else f.prior_std / f.typical for f in free])
-        std[1:4] = self.structure.profile.tolerance
+        std[1:4] = self.doubt * self.structure.profile.tolerance
         return np.asarray(1.0 / std**2)
 
 
@@ -161,16 +167,24 @@ class Corrected(Estimate):
     (`heli3dof.diagnosis.weighed`); ``bias`` is then the score that is left at it"""
 
     @cached_property
+    def colour(self) -> np.ndarray:
+        """(n,) ρ of `heli3dof.diagnosis.colour`; ones where there are no flights to compare with"""
+        if self.scatter is None:
+            return np.ones(len(self.optimum.theta))
+        return colour(self, self.scatter)
+
+    @cached_property
     def covariance(self) -> np.ndarray:
         """(n, n) of the values, in their units"""
         if self.scatter is None:
             return np.asarray(Estimate.covariance.func(self))  # type: ignore[attr-defined]
+        scale = self.slopes * np.sqrt(self.colour)
         if self.spread is not None:
-            return np.asarray(self.spread * np.outer(self.slopes, self.slopes))
+            return np.asarray(self.spread * np.outer(scale, scale))
         L = np.diag(self.problem.prior_precision)
         inverse = np.linalg.inv(self.optimum.information + L)
         middle = (1 + 1 / self.flights) * self.scatter + L
-        return np.asarray(inverse @ middle @ inverse * np.outer(self.slopes, self.slopes))
+        return np.asarray(inverse @ middle @ inverse * np.outer(scale, scale))
 
 
 def model_at(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> GreyBoxModel:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
+from heli3dof.diagnosis.base_fit import BASES, base_of
 from heli3dof.diagnosis.calibration import DOUBTED, Off, calibrated, off_nominal
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.counts import LEVEL, untold, with_counts
@@ -29,14 +30,7 @@ from heli3dof.diagnosis.real_doubts import doubted
 from heli3dof.diagnosis.real_log import diagnose_real, no_likelihood
 from heli3dof.diagnosis.result import Diagnosis, Finding, in_order, tied_in, verdict_of
 from heli3dof.diagnosis.select import MOST, least_found
-from heli3dof.diagnosis.steps import (
-    BASES,
-    Bench,
-    Step,
-    base_of,
-    eliminated,
-    looked_at,
-)
+from heli3dof.diagnosis.steps import Bench, Step, eliminated, looked_at
 from heli3dof.diagnosis.unnamed import Settled, unnamed
 from heli3dof.diagnosis.workers import watched
 from heli3dof.errors import UsageError, did_you_mean

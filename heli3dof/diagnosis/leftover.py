@@ -13,6 +13,8 @@ exceeds one; by no less than the fit's own scores scatter in flights of it (wher
 of the filter's bias: where they scatter `DISTRUSTED` times as they should). All groups are put on
 one scale, x = −2 ln P(χ² > S/κ); the largest x of a null follows a Gumbel law, which gives the
 threshold. The group with the largest x is taken, projected out too, and the rest looked at again.
+Where what it leaves is noise slower than the nulls' (`heli3dof.diagnosis.colour`), it is taken only
+if x is as far with that ρ in κ's place.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.leftover_evidence import RANK, Evidence, Held, evidence, told
+from heli3dof.diagnosis.leftover_evidence import RANK, Evidence, Held, coloured, evidence, told
 from heli3dof.diagnosis.leftover_like import LIKE, likeness, named_traces
 from heli3dof.diagnosis.leftover_nulls import Scored, blockwise
 from heli3dof.diagnosis.nulls import EULER
@@ -116,11 +118,18 @@ def taken(seen: Evidence) -> tuple[tuple[Leftover, ...], Held]:
         judged = judge(found, flight, library, sums, held, null)
         sure = [int(q) for q in np.argsort(-judged.x) if judged.x[q] > judged.threshold]
         described = ((q, _describe(flight, library, judged, q)) for q in sure)
-        best, new = next(((q, d) for q, d in described if d.share > LEAST_SHARE), (-1, None))
+        seen_in = ((q, d) for q, d in described if d.share > LEAST_SHARE)
+        best, new, D = next(
+            (
+                t
+                for t in (_traced(seen, held, *s) for s in seen_in)
+                if _stands(seen, held, judged, *t)
+            ),
+            (-1, None, np.zeros(0)),
+        )
         if new is None:
             break
         columns = np.arange(len(sums.u))[library.columns(best)]
-        D = forward(library, flight, held.tangents, columns).traces
         trace = np.array([torque for _, torque in new.table]) @ D
         if named is None:
             named = named_traces(found)
@@ -129,6 +138,24 @@ def taken(seen: Evidence) -> tuple[tuple[Leftover, ...], Held]:
         out.append(replace(new, like=like, nearest=name, cosine=cos))
         held = held.wider(flight, D, judged.directions[best], columns, null)
     return tuple(out), held
+
+
+def _traced(seen: Evidence, held: Held, q: int, new: Leftover) -> tuple[int, Leftover, np.ndarray]:
+    """With the group's traces (KNOTS, E)."""
+    columns = np.arange(len(seen.sums.u))[seen.library.columns(q)]
+    return q, new, forward(seen.library, seen.flight, held.tangents, columns).traces
+
+
+def _stands(
+    seen: Evidence, held: Held, judged: Judged, q: int, new: Leftover, D: np.ndarray
+) -> bool:
+    """Whether x is beyond the threshold where the noise is as it is beside this very torque."""
+    P = judged.directions[q]
+    torque = np.array([f for _, f in new.table])
+    rho = coloured(seen.flight, held, D, P, torque, float(judged.white[q]))
+    S = float(_statistic(judged.u[q] @ P, P.T @ judged.V[q] @ P)[0])
+    x = float(scaled(np.array(S / judged.kappa[q] / rho), P.shape[1]))
+    return x > judged.threshold
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +174,8 @@ class Judged:
     """(groups, KNOTS, KNOTS)"""
     kappa: np.ndarray
     """(groups,)"""
+    white: np.ndarray
+    """(groups,) how much the nulls' scores scatter of what V says, however little"""
     directions: tuple[np.ndarray, ...]
     """(KNOTS, rank) each: what the flight tells of"""
 
@@ -170,7 +199,7 @@ def judge(
         ub = (blocks.u - blocks.g @ X).reshape(-1, groups, KNOTS)
         others = ub - ub.mean(axis=0)
     V = np.empty((groups, KNOTS, KNOTS))
-    x, kappa = np.zeros(groups), np.ones(groups)
+    x, kappa, white = np.zeros(groups), np.ones(groups), np.ones(groups)
     x_null = np.zeros((len(others), groups))
     directions = []
     biased = getattr(found, "bias", None) is None
@@ -189,7 +218,8 @@ def judge(
         S = _statistic(u[q] @ E, V_E)
         Sn = _statistic(others[:, q] @ E, V_E)
         if null is not None:
-            kappa[q] = max(float(Sn.mean()) / rank, 1.0)
+            white[q] = float(Sn.mean()) / rank
+            kappa[q] = max(white[q], 1.0)
             x_null[:, q] = scaled(Sn / kappa[q], rank)
             kappa[q] = max(kappa[q], distrust)
         else:
@@ -204,7 +234,7 @@ def judge(
     else:
         location, scale = 4 * float(np.log(max(groups, 1))), 4.0
         threshold = -4 * float(np.log(FALSE_ALARMS / max(groups, 1)))
-    return Judged(x, threshold, location, scale, u, V, kappa, tuple(directions))
+    return Judged(x, threshold, location, scale, u, V, kappa, white, tuple(directions))
 
 
 def _without_constant(V: np.ndarray, whole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

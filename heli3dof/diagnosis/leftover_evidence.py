@@ -16,8 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from heli3dof.diagnosis.colour import BLOCK_S, MEMORY_S, freedom, long_run, surely
 from heli3dof.diagnosis.corrected import Corrected
-from heli3dof.diagnosis.leftover_nulls import Scored, simulated
+from heli3dof.diagnosis.leftover_nulls import Scored, block_numbers, simulated
 from heli3dof.diagnosis.nulls import loop_is_known
 from heli3dof.diagnosis.torque import Trail, trail
 from heli3dof.diagnosis.torque_hats import Hats, Sums, forward, hats
@@ -28,6 +29,7 @@ from heli3dof.recording.recording import Recording
 RANK = 1e-4
 """Directions with less information than this share of the largest say nothing."""
 LEAST_FLIGHTS = 6
+BRIEF_S = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +103,34 @@ def evidence(
         null = simulated(found, recordings, library, flights=flights, seed=seed)
     held = Held.base(found, flight, null)
     return Evidence(found, flight, library, null, held, forward(library, flight, held.tangents))
+
+
+def coloured(
+    flight: Trail, held: Held, D: np.ndarray, P: np.ndarray, torque: np.ndarray, white: float
+) -> float:
+    """ρ (`heli3dof.diagnosis.colour`) of what a torque leaves beside it, at least one.
+
+    D (K, E) are its functions' traces, of which the flight tells of the directions P (K, k);
+    ``torque`` (K,) is what is taken. With what is ``held`` projected out of D, the scores of the
+    events are g − w Dᵀ τ. They are summed in blocks twice: along P, and along a constant torque
+    (the functions' sum), over `BRIEF_S`: functions of time take out of what is left all that is
+    slower than they are themselves, not what is nearly so slow. What flights of white noise scatter
+    of what V says is ``white``.
+    """
+    at = flight.at
+    which = block_numbers(flight.data, BLOCK_S)[at.row]
+    blocks = int(which.max()) + 1
+    beside = D - np.linalg.solve(held.A, (held.tangents * at.w) @ D.T).T @ held.tangents
+    left = at.g - at.w * (torque @ beside)
+    ratio = [1.0]
+    for along, memory_s in ((P.T @ beside, MEMORY_S), (D.sum(axis=0)[None], BRIEF_S)):
+        scores = np.column_stack([np.bincount(which, row * left, blocks) for row in along])
+        memory = round(memory_s / BLOCK_S)
+        V = (along * at.w) @ along.T
+        if blocks >= 2 * (memory + 1):
+            S = np.linalg.pinv(V, hermitian=True) @ long_run(scores, memory)
+            ratio.append(float(surely(np.trace(S) / len(V) / white, freedom(blocks, memory))))
+    return max(ratio)
 
 
 def told(V: np.ndarray, whole: np.ndarray) -> np.ndarray:

@@ -14,6 +14,10 @@ a first one is, since without it the other one's size would surely be wrong.
 Where one does not pay, those that it was tied with are asked in its place before it is dropped
 (`heli3dof.diagnosis.in_turn`): the margin by which it was taken may have been chance.
 
+A cause has stood up to nulls of white noise. Where the recordings' own noise is slower
+(`heli3dof.diagnosis.colour`) it has to stand up to that as well. And what an encoder's zero within
+one count does as well is no cause: every rig has that.
+
 Two causes that were tied when the first of them was taken, and are both here in the end, are tied
 no more: each has paid beside the other, so neither stands in the other's place.
 """
@@ -30,7 +34,14 @@ from heli3dof.diagnosis.corrected import Corrected, model_at
 from heli3dof.diagnosis.gain import Gain, HeldOut, gain, pays
 from heli3dof.diagnosis.gain_folds import held_out
 from heli3dof.diagnosis.how_wrong import how_wrong
-from heli3dof.diagnosis.result import Dropped, Finding, Fitted
+from heli3dof.diagnosis.result import (
+    COLOURED,
+    DOES_NOT_PAY,
+    WITHIN_A_COUNT,
+    Dropped,
+    Finding,
+    Fitted,
+)
 from heli3dof.diagnosis.select import WEAK, Choice, this_one
 from heli3dof.diagnosis.steps import without
 from heli3dof.diagnosis.thrust_scale import thrust_scale
@@ -42,6 +53,7 @@ from heli3dof.recording.recording import Recording
 Instead = Callable[[Corrected, Choice, Set[str]], Iterable[tuple[Choice, Corrected]]]
 """Of a fit without a cause, that cause and all names asked so far: what else the cause may be, and
 the fit with that."""
+OFFSET = "encoder.offset"
 LEAST = 3.0
 """Held-out log-likelihood that a first, a strong or a weak cause has to gain: odds of 20 to one."""
 
@@ -60,21 +72,58 @@ def adopted(
         after = held_out(found, holdout)
         less = in_threads(lambda i, f=found: without(f, kept[i].term), len(kept))  # type: ignore[misc]
         gains = [gain(held_out(w, holdout), after, seed=seed) for w in less]
+        stands = [0.0 if within_a_count(c) else stands_out(found, c) for c in kept]
         poor = [i for i, g in enumerate(gains) if not is_worth(kept[i], g, first=i == 0)]
+        poor = [i for i, s in enumerate(stands) if s < 1] or poor
         if not poor:
             return found, _findings(found, kept, less, gains), tuple(dropped), after
-        worst = min(poor, key=lambda i: won(gains[i]))
+        worst = min(poor, key=lambda i: (min(stands[i], 1.0), won(gains[i])))
         gone = kept[worst]
-        for other, wider in instead(less[worst], gone, asked) if instead else ():
+        if stands[worst] < 1:
+            why = WITHIN_A_COUNT if within_a_count(gone) else COLOURED
+            others: Iterable[tuple[Choice, Corrected]] = ()
+        else:
+            why, others = DOES_NOT_PAY, instead(less[worst], gone, asked) if instead else ()
+        for other, wider in others:
             asked.add(other.term.name)
             g = gain(held_out(less[worst], holdout), held_out(wider, holdout), seed=seed)
             if is_worth(other, g, first=worst == 0):
                 found, kept[worst] = wider, other
                 break
         else:
-            dropped.append(Dropped(gone.term.name, gains[worst], choice=gone))
+            dropped.append(Dropped(gone.term.name, gains[worst], why, choice=gone))
             found = less[worst]
             del kept[worst]
+
+
+def stands_out(found: Corrected, choice: Choice) -> float:
+    """Z² over the nulls' threshold where the recordings' noise is as it is, not white.
+
+    That of a cause which no probe sees, or which the base lacks and every rig has, is infinite.
+    """
+    j = next((i for i, f in enumerate(found.free) if f.term == choice.term.name), None)
+    if j is None or choice.threshold <= 0 or choice.term.effect.within:
+        return math.inf
+    rho = float(found.colour[j])
+    return math.inf if rho <= 1 else choice.Z2 / rho / choice.threshold
+
+
+def within_a_count(choice: Choice) -> bool:
+    """Whether it is, or is tied with, an encoder's zero that is off by no more than one count.
+
+    Where within a count the zero lies is nobody's doing: counts begin at power-up, and a card that
+    rounds down reads half a count less than one that rounds. On pitch that is a torque on yaw.
+    """
+    for c in choice.contenders:
+        axis = c.term.axis
+        if c.term.effect.name != OFFSET or axis is None:
+            continue
+        if c.term.name not in (choice.term.name, *choice.tied_with):
+            continue
+        count_deg = 360.0 / abs(getattr(c.problem.structure.profile.encoder, axis))
+        if abs(c.problem.values(c.optimum.theta)[-1]) <= count_deg:
+            return True
+    return False
 
 
 def is_worth(choice: Choice, g: Gain, *, first: bool) -> bool:

@@ -33,6 +33,7 @@ from heli3dof.diagnosis.backward import (
     known_beforehand,
     swapped,
 )
+from heli3dof.diagnosis.base_fit import BASES
 from heli3dof.diagnosis.calibration import Calibrated
 from heli3dof.diagnosis.counts import untold
 from heli3dof.diagnosis.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
@@ -55,7 +56,6 @@ from heli3dof.diagnosis.result import (
     verdict_of,
 )
 from heli3dof.diagnosis.select import Choice
-from heli3dof.diagnosis.steps import BASES
 from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.freeflight import (
     LEAST_STARTS,

@@ -102,7 +102,9 @@ def told_apart(
     others = [c for c in choice.contenders if c.term.name != best.term.name]
     sure = min(nulls.confidence(best.Z2), sure, 1.0 if decides else choice.confidence)
     tied = tuple(n for n in dict.fromkeys(open_) if n != best.term.name)
-    return Choice(best.term, best.score, best.Z2, sure, tied, (best, *others), choice.weak)
+    return Choice(
+        best.term, best.score, best.Z2, sure, tied, (best, *others), choice.weak, choice.threshold
+    )
 
 
 def likelihoods(

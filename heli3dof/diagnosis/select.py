@@ -97,6 +97,8 @@ class Choice:
     """Best first; the term's own fit is the first one's."""
     weak: bool = False
     """It may as well be what is wrong with an earlier cause's formula."""
+    threshold: float = 0.0
+    """Of Z², the nulls'"""
 
 
 def suspects(seen: Seen, nulls: Nulls) -> list[tuple[Term, float, int]]:
@@ -168,7 +170,7 @@ def likeliest(
     )
     if weak or above:
         sure = min(sure, EVEN)
-    return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits), weak)
+    return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits), weak, nulls.threshold)
 
 
 def alike(found: Corrected, screen: Screen, new: Contender) -> bool:

@@ -14,7 +14,6 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.corrected import (
-    NOISE_NEAR,
     Corrected,
     Informed,
     correct,
@@ -28,35 +27,21 @@ from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.diagnosis.trials import Trial, ringing, standing_out, trials, tried_terms
-from heli3dof.diagnosis.weighed import weighed
 from heli3dof.diagnosis.workers import in_threads
-from heli3dof.identification.greybox.estimate import Estimate, estimate
-from heli3dof.identification.greybox.fit import Optimum, _better_noise
+from heli3dof.identification.greybox.fit import Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.method import compile_first, usable_runs
 from heli3dof.identification.usable import unusable
 from heli3dof.model.effects import Term
-from heli3dof.model.effects import terms as named
-from heli3dof.model.filtering import data_of
 from heli3dof.model.rig_model import Structure
 from heli3dof.recording.recording import Recording
 
 TRIAL_FLIGHTS = 12
 """With which what can only be tried is compared."""
-CHATTERS = 1.2
-"""Inflation of a fit from which its bias is too large to start from."""
-QUIETER = np.array([0.5, 0.7, 1.0, 1.0])
-"""What the filter makes of a chattering flight's noise, roughly; roll and pitch chatter most."""
-VAGUE = 0.2
-"""Of the profile's tolerance: how uncertain an inertia is, by the noise model, where chatter's part
-in it matters."""
-
 FAR, ROUGHER = 30.0, 1.0
 """Standard deviations of a parameter, and steps of a log noise intensity, beyond which false slopes
 are no longer those that were seen: play that is left out is swollen noise, of another slope."""
-
-BASES: dict[str, tuple[str, ...]] = {"rigid": (), "hover": ("base.hover",)}
-"""What each base simulation is made of beside the rigid body."""
+MUCH_QUIETER = 0.25
+"""What an extension that does not fly is fitted again from, twice, of its noise"""
 
 
 @dataclass(frozen=True)
@@ -67,7 +52,7 @@ class Bench:
     seed: int
     pilots: int
     base: str = "rigid"
-    """One of `BASES`"""
+    """One of `heli3dof.diagnosis.base_fit.BASES`"""
     opinions: bool = True
     """Whether modest scores ask a second one (`heli3dof.diagnosis.rivals`), some seconds each"""
 
@@ -137,51 +122,6 @@ class Step:
         return replace(self, choice=made)
 
 
-def base_of(bench: Bench) -> Corrected:
-    """The base simulation, fitted. Raises RecordingError where there is nothing to fit."""
-    runs = [run for i, r in enumerate(bench.recordings) for run in usable_runs(r, i)]
-    structure = Structure(bench.recordings[0].profile, named(BASES[bench.base]))
-    problem = Informed(data_of(bench.recordings, runs), structure)
-    compile_first(problem)
-    found = estimate(problem)
-    if not bench.loop_is_known:
-        return Corrected(problem, found.optimum)
-    freed = correct(
-        problem, *beginning(found), bench.recordings, seed=bench.seed, pilots=bench.pilots
-    )
-    if freed.scatter is None:
-        return Corrected(problem, found.optimum)
-    if found.inflation < CHATTERS or told_of_inertias(freed) < VAGUE * structure.profile.tolerance:
-        return freed
-    return weighed(problem, freed, bench.recordings, seed=bench.seed)
-
-
-def told_of_inertias(found: Estimate) -> float:
-    """The largest standard deviation of their logarithms, by the noise model."""
-    A = found.optimum.information + np.diag(found.problem.prior_precision)
-    return float(np.sqrt(np.diag(np.linalg.inv(A))[1:4].max()))
-
-
-def beginning(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """Where to start correcting from: a fit; one at less noise where the encoders chatter.
-
-    Where they do, noise and inertia rise and fall together along a ridge of the filter's
-    likelihood, and the solution is reached from its quiet end only.
-    """
-    problem, o = found.problem, found.optimum
-    if found.inflation < CHATTERS:
-        return o.theta.copy(), o.noise.copy()
-    theta, noise = o.theta.copy(), o.noise.copy()
-    theta[1:4] = problem.prior_mean[1:4]
-    for _ in range(5):
-        noise, moved = _better_noise(problem, theta, noise, problem.data.axes)
-        if moved < NOISE_NEAR:
-            break
-    quiet = noise * QUIETER
-    at = maximise_tilted(problem, theta, quiet, None, rounds=6, hold_noise=True)
-    return at.theta, quiet
-
-
 def looked_at(bench: Bench, found: Corrected, flights: int) -> Step:
     """The screen of every candidate beside ``found``, and its nulls."""
     problem, o = found.problem, found.optimum
@@ -204,7 +144,10 @@ def looked_at(bench: Bench, found: Corrected, flights: int) -> Step:
 def extended(bench: Bench, choice: Choice) -> Corrected:
     """The base with the term taken, freed of its bias in its turn."""
     best = choice.contenders[0]
-    found = settled(bench, best.problem, best.optimum)
+    problem = best.problem
+    if isinstance(problem, Informed):
+        problem = replace(problem, doubt=1.0)
+    found = settled(bench, problem, best.optimum)
     if found.scatter is None and bench.loop_is_known:
         return from_quiet(bench, found)
     return found

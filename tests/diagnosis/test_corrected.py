@@ -5,18 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.corrected import Informed, _scatter
+from heli3dof.diagnosis.base_fit import base_at, base_of, runaway
+from heli3dof.diagnosis.corrected import Informed, scatter_of
 from heli3dof.diagnosis.perturbation import path
-from heli3dof.diagnosis.steps import Bench, base_of
+from heli3dof.diagnosis.steps import Bench, extended, looked_at
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.experiment.fly import fly_plan
-from heli3dof.experiment.plan import load_plan
+from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.identification.greybox.method import fit_greybox, usable_runs
 from heli3dof.model.filtering import data_of
 from heli3dof.model.rig_model import Structure
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.profile import default_profile
+from heli3dof.rig.profile import default_profile, profile_from_dict
 
 DEVICE = "mock:?speed=max&spread=0.07&seed=1002"
 
@@ -96,4 +97,33 @@ def test_scores_of_few_flights_are_never_less_than_what_exact_ones_are(
     H = np.array([[4.0, 1.0], [1.0, 9.0]])
     # Two flights, ± size of an exact score's standard deviation over √2: their variance is size².
     flights = np.array([[1.0], [-1.0]]) * size / np.sqrt(2) * np.sqrt(np.diag(H))
-    assert _scatter(flights, H) == pytest.approx(expected * H)
+    assert scatter_of(flights, H) == pytest.approx(expected * H)
+
+
+SLUGGISH = (
+    (14.47, 6.7, -4.47, 12.06, 2.96, -7.1, 2.236, -0.354),
+    (14.47, -6.7, 4.47, 12.06, -2.96, 7.1, 2.236, 0.354),
+)
+
+
+def test_a_volt_of_trim_is_no_body_too_heavy_to_answer() -> None:
+    """Nothing tips the rig on a step in roll; 0.03 N·m on pitch are 1.4 V between the motors."""
+    table = default_profile().to_dict()
+    table["controller"] = {"K": SLUGGISH}
+    profile = profile_from_dict(table)
+    device = "mock:?speed=max&start=level&seed=1421&hide=bias.torque.pitch:0.03"
+    plan = step_plan((10.0, None, None), settle_s=5.0, duration_s=10.0)
+    recording = fly_plan(plan, device=device, profile=profile, seed=1421).recording
+    problem = Informed(data_of([recording], usable_runs(recording, 0)), Structure(profile, ()))
+    bench = Bench((recording,), seed=0, pilots=6, opinions=False)
+    assert runaway(base_at(bench, problem))
+    held = base_of(bench)
+    np.testing.assert_allclose(held.theta[1:4], held.problem.prior_mean[1:4], atol=0.1)
+    step = looked_at(bench, held, 12).chosen(bench, None)
+    assert step.choice is not None
+    names = {step.choice.term.name, *step.choice.tied_with}
+    assert "bias.torque.pitch" in names
+    found = extended(bench, step.choice)
+    assert not runaway(found)
+    assert isinstance(found.problem, Informed)
+    assert found.problem.doubt == 1.0

@@ -9,7 +9,12 @@ from typing import Any, cast
 import pytest
 
 from heli3dof.diagnosis.gain import Interval
-from heli3dof.diagnosis.measured import beside_each_other, is_worth
+from heli3dof.diagnosis.measured import (
+    beside_each_other,
+    is_worth,
+    stands_out,
+    within_a_count,
+)
 from heli3dof.diagnosis.select import WEAK, Choice, Contender
 from heli3dof.model.effects import terms
 
@@ -79,3 +84,41 @@ def test_so_is_one_of_a_score_that_no_wrong_formula_leaves(score: float, adopted
     gain = cast(Any, SimpleNamespace(log_likelihood=Interval(20.0, -1.0, 40.0)))
     choice = cast(Any, SimpleNamespace(weak=False, score=score))
     assert is_worth(choice, gain, first=False) is adopted
+
+
+def found_with(rho: float) -> Any:
+    free = [SimpleNamespace(term=None), SimpleNamespace(term=DRAG)]
+    return SimpleNamespace(free=free, colour=[9.0, rho])
+
+
+def test_a_cause_stands_out_of_slow_noise_by_as_much_as_that_scatters_more() -> None:
+    drag = replace(choice(176.0, (), drag__quadratic__yaw=176.0), Z2=60.0, threshold=20.0)
+    assert stands_out(found_with(1.5), drag) == pytest.approx(2.0)
+    assert stands_out(found_with(6.0), drag) == pytest.approx(0.5)
+    assert stands_out(found_with(1.0), drag) == float("inf")
+
+
+def offset_of(angle_deg: float, tied: tuple[str, ...], first: str) -> Choice:
+    """``first`` and an encoder's zero on pitch that is so far off, both fitted."""
+    encoder = SimpleNamespace(roll=4096, pitch=-4096, yaw=8192)
+    problem = SimpleNamespace(
+        values=lambda theta: theta,
+        structure=SimpleNamespace(profile=SimpleNamespace(encoder=encoder)),
+    )
+    optimum = SimpleNamespace(theta=[1.17, angle_deg])
+    offset = Contender(
+        terms(["encoder.offset.pitch"])[0], cast(Any, problem), cast(Any, optimum), 90.0, 90.0, 0
+    )
+    other = Contender(terms([first])[0], NONE, NONE, 95.0, 95.0, 0)
+    fits = (offset,) if first == "encoder.offset.pitch" else (other, offset)
+    return Choice(fits[0].term, 95.0, 95.0, 1.0, tied, fits)
+
+
+def test_what_a_zero_within_one_count_does_as_well_is_no_cause() -> None:
+    # A count on pitch is 360°/4096 = 0.088°.
+    offset = "encoder.offset.pitch"
+    assert within_a_count(offset_of(-0.05, (), offset))
+    assert not within_a_count(offset_of(-0.1, (), offset))
+    assert within_a_count(offset_of(0.05, (offset,), "aero.reaction_torque"))
+    # Where the flight tells the two apart, what is found is not the encoder's.
+    assert not within_a_count(offset_of(0.05, (), "aero.reaction_torque"))

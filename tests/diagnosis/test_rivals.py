@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
+from heli3dof.diagnosis.base_fit import base_of
 from heli3dof.diagnosis.rivals import least, odds, rivals
 from heli3dof.diagnosis.select import Choice
-from heli3dof.diagnosis.steps import Bench, base_of, looked_at
+from heli3dof.diagnosis.steps import Bench, looked_at
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.base_fit import base_of
 from heli3dof.diagnosis.corrected import Informed
-from heli3dof.diagnosis.steps import Bench, base_of, extended, looked_at
+from heli3dof.diagnosis.steps import Bench, extended, looked_at
 from heli3dof.diagnosis.tilted import maximise_tilted
 from heli3dof.diagnosis.trials import beginning, ringing, trials, tried_terms, widened
 from heli3dof.experiment.fly import fly_plan

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from heli3dof.diagnosis.base_fit import base_at, base_of, runaway
+from heli3dof.diagnosis.corrected import Informed
 from heli3dof.diagnosis.diagnose import diagnose
-from heli3dof.diagnosis.steps import Bench, base_of, looked_at
+from heli3dof.diagnosis.steps import Bench, looked_at
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
+from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.model.filtering import data_of
+from heli3dof.model.rig_model import Structure
 from heli3dof.recording.recording import Recording
 
 
@@ -29,11 +34,16 @@ def test_no_name_is_asserted_for_what_has_none() -> None:
 def test_a_base_that_cannot_be_flown_is_judged_without_flights() -> None:
     """On steps alone the torque drives the pitch inertia up until no controller holds that rig."""
     bench = Bench((product("steps", 1304),), seed=0, pilots=6)
-    base = base_of(bench)
+    runs = usable_runs(bench.recordings[0], 0)
+    structure = Structure(bench.recordings[0].profile, ())
+    base = base_at(bench, Informed(data_of(bench.recordings, runs), structure))
     assert base.scatter is None
+    assert runaway(base)
     assert np.isfinite(base.values).all()
     step = looked_at(bench, base, flights=8)
     assert step.nulls.flights == 0
     assert np.isfinite(step.seen.z).all()
     # Something is seen all the same.
     assert step.largest[0][1] > step.nulls.threshold
+    # A diagnosis begins with inertias held to the profile instead: that rig flies.
+    assert base_of(bench).scatter is not None

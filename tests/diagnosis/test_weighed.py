@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.base_fit import base_of
 from heli3dof.diagnosis.corrected import Corrected, look
-from heli3dof.diagnosis.steps import Bench, base_of
+from heli3dof.diagnosis.steps import Bench
 from heli3dof.diagnosis.weighed import edge_rates, jacobian, three, weighed, weights
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
