@@ -32,7 +32,7 @@ from math import erf, sqrt
 
 import numpy as np
 
-from heli3dof.diagnosis.refits import STAGE_S, folds_of, only, own, refit, refits
+from heli3dof.diagnosis.refits import STAGE_S, Stand, own, refit
 from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.multistep import FAR, Fitted, MultiStep, robust, search
 from heli3dof.model.filtering import Data
@@ -89,45 +89,54 @@ class Backward:
     """In the order in which they went"""
     halves: tuple[Fitted, ...] = ()
     """With every term, each fitted to the blocks of one fold alone"""
+    first: Stand | None = None
+    last: Stand | None = None
+    """``begun`` with its folds, and where nothing more could go; None where none were left out"""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What it costs to do without a term, and each fold's fit without it (none where whole
+    recordings were left out instead)."""
+
+    worse: Worse
+    fits: tuple[Fitted, ...] = ()
 
 
 def backward(
     problem: MultiStep, found: Fitted, *, seed: int = 0, says: Says = lambda s: None
 ) -> Backward:
     """Which terms held-out windows need. ``found`` is the fit of ``problem``."""
-    whole = found
-    found = begun = search(problem, whole.z, whole.noise, stages_s=(STAGE_S,))
+    begun = search(problem, found.z, found.noise, stages_s=(STAGE_S,))
+    says("Fitting the blocks of each half …")
+    first = stand = Stand.of(begun)
     gone: list[tuple[str, Worse, list[str]]] = []
     proven: dict[str, Worse] = {}
-    folds = folds_of(found)
-    alone = tuple(fit for fit, _ in folds)
     known = known_beforehand(problem)
     while True:
-        order = by_need(found)
+        order = by_need(stand.fit)
         doubtful = [t for t, z2 in order if t not in proven and z2 < CLEAR]
         rest = [t for t, z2 in order if t not in proven and z2 >= CLEAR]
         out = None
         for name in [*doubtful, *rest]:
             says(f"Without {name} …")
-            worse = removed(found, folds, name, seed=seed)
-            if not worse.kept and name not in known:
+            trial = removed(stand, name, seed=seed)
+            if not trial.worse.kept and name not in known:
                 out = name
                 break
-            proven[name] = worse
+            proven[name] = trial.worse
         if out is None:
             break
         # What needs the neighbour that went must be asked again.
-        near = traded(found, out)
+        near = traded(stand.fit, out)
         proven = {k: v for k, v in proven.items() if k not in near}
-        gone.append((out, worse, near))
-        found, *less = refits([found, *(fit for fit, _ in folds)], out)
-        folds = [(fit, test) for fit, (_, test) in zip(less, folds, strict=True)]
-    says("Looking for ties …")
-    tied = {t: ties(found, folds, t, gone, seed) for t in proven}
-    kept = [Removal(t, w, tied[t]) for t, w in proven.items()]
-    kept.sort(key=lambda r: -r.worse.value)
+        gone.append((out, trial.worse, near))
+        says(f"Without {out} … everything else once more")
+        stand = stand.without(out, trial.fits)
+    kept = sorted((Removal(t, w) for t, w in proven.items()), key=lambda r: -r.worse.value)
     went = [Removal(t, w, tuple(near)) for t, w, near in gone]
-    return Backward(whole, begun, tuple(kept), tuple(went), alone)
+    alone = tuple(fit for fit, _ in first.folds)
+    return Backward(found, begun, tuple(kept), tuple(went), alone, first, stand)
 
 
 def glance(found: Fitted) -> Backward:
@@ -161,8 +170,20 @@ def by_need(found: Fitted) -> list[tuple[str, float]]:
 
 def swapped(found: Backward, instead: str, name: str, *, seed: int) -> Removal:
     """What it costs the whole model to take in a term that takes away what ``name`` names."""
-    worse = removed(found.begun, folds_of(found.begun), "", seed=seed, instead=instead)
-    return Removal(name, worse)
+    stand = found.first or Stand.of(found.begun)
+    return Removal(name, removed(stand, "", seed=seed, instead=instead).worse)
+
+
+def tied(
+    found: Backward, causes: Sequence[Removal], *, seed: int, says: Says = lambda s: None
+) -> list[Removal]:
+    """The same with what went and serves as well in their place."""
+    out = []
+    for r in causes:
+        says(f"Looking for ties of {r.term} …")
+        others = () if found.last is None else ties(found.last, r.term, found.gone, seed)
+        out.append(replace(r, tied_with=others))
+    return out
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
@@ -189,26 +210,27 @@ def traded(found: Fitted, name: str) -> list[str]:
     return [t for t, c in near.items() if c > TRADED and t is not None]
 
 
-def removed(found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], name: str, *, seed: int,
-            instead: str | None = None) -> Worse:  # fmt: skip
+def removed(stand: Stand, name: str, *, seed: int, instead: str | None = None) -> Trial:
     """Without that term, or with ``instead`` in its place, everything refitted."""
-    p = found.problem
+    p = stand.fit.problem
     if any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1:
 
         def one(i: int) -> np.ndarray:
-            full = only([j for j in range(len(p.flights)) if j != i], found)
+            full = stand.but(i)
             less = refit(full, name, instead)
-            loss = [foreign(f, p, i, found.scale) for f in (less, full)]
+            loss = [foreign(f, p, i, stand.fit.scale) for f in (less, full)]
             return np.asarray(loss[0] - loss[1])
 
-        return interval(np.concatenate(in_threads(one, len(p.flights))), seed)
+        return Trial(interval(np.concatenate(in_threads(one, len(p.flights))), seed))
 
-    def each(i: int) -> np.ndarray:
-        fit, test = folds[i]
+    def each(i: int) -> tuple[Fitted, np.ndarray]:
+        fit, test = stand.folds[i]
         less = refit(fit, name, instead)
-        return np.asarray(cells(less, test, fit.scale) - cells(fit, test, fit.scale))
+        return less, np.asarray(cells(less, test, fit.scale) - cells(fit, test, fit.scale))
 
-    return interval(np.concatenate(in_threads(each, len(folds))), seed)
+    tried = in_threads(each, len(stand.folds))
+    worse = interval(np.concatenate([lost for _, lost in tried]), seed)
+    return Trial(worse, tuple(fit for fit, _ in tried))
 
 
 def cells(found: Fitted, test: MultiStep, scale: np.ndarray) -> np.ndarray:
@@ -262,13 +284,9 @@ def interval(lost: np.ndarray, seed: int) -> Worse:
     )
 
 
-def ties(
-    found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], name: str,
-    gone: Sequence[tuple[str, Worse, list[str]]], seed: int,
-) -> tuple[str, ...]:  # fmt: skip
+def ties(stand: Stand, name: str, gone: Sequence[Removal], seed: int) -> tuple[str, ...]:
     """What went and serves as well in the place of that term."""
+    near = [r.term for r in gone if name in r.tied_with]
     return tuple(
-        other
-        for other, _, near in gone
-        if name in near and removed(found, folds, name, seed=seed, instead=other).low <= 0
+        other for other in near if removed(stand, name, seed=seed, instead=other).worse.low <= 0
     )

@@ -32,6 +32,7 @@ from heli3dof.diagnosis.backward import (
     glance,
     known_beforehand,
     swapped,
+    tied,
 )
 from heli3dof.diagnosis.calibration import Calibrated
 from heli3dof.diagnosis.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
@@ -79,6 +80,7 @@ QUICK = (
     "noise floor."
 )
 FITTING = "Fitting the full physical model to free flights …"
+EACH = "Each cause once more without it …"
 BLOCKS = "blocks left out of the fit"
 Says = Callable[[str], None]
 
@@ -130,18 +132,20 @@ def diagnose_real(
         folds = folds_of(least)
         before = left_out([model_of(f, whole, "") for f, _ in folds], whole)
     causes, only_kept = named(found)
+    causes = tied(found, causes, seed=seed, says=says)
     if base == "hover" and not quick:
         r = swapped(found, "base.hover", "geometry", seed=seed)
         causes += [r] * r.worse.kept
         causes.sort(key=lambda r: -r.worse.value)
-    alone = _without(found, causes, whole, seen)
+    alone = _without(found, causes, whole, seen, says)
     findings = tuple(_finding(found, r, gain(alone[r.term], own, on, seed)) for r in causes)
     poor = not pays(before, after)
+    adopted = least if poor else found.fit
     dropped = tuple(Dropped(f.choice.term.name, f.gain) for f in findings) if poor else ()
     fitted = Fitted(
         None, None, simple if poor else model,
         gain(before, before if poor else after, against, seed), None, None,
-        _wrong(seen, simpler), dict.fromkeys(AXES), _calibrated(least if poor else found.fit),
+        _wrong(seen, simpler), dict.fromkeys(AXES), _calibrated(adopted),
     )  # fmt: skip
     findings = () if poor else findings
     tolerance = whole[0].profile.tolerance
@@ -149,7 +153,7 @@ def diagnose_real(
     findings, off = merged(findings, off)
     if quick:
         findings = tuple(unsure(f) for f in findings)
-    left = leftovers(found.fit)
+    left = leftovers(adopted)
     about = {
         "method": "free flights of the full physical model, and backwards from it",
         "why": (QUICK if quick else WHY).format(why),
@@ -164,22 +168,23 @@ def diagnose_real(
         },
         "known_beforehand": sorted(known_beforehand(found.fit.problem)),
         "kept_within_what_is_known": within(found, only_kept),
-        "explains": explains(found.fit, flights, {r.term for r in causes}),
-        "still_hidden": still_hidden(found.fit, flights, runs),
+        "explains": explains(adopted, flights, {f.choice.term.name for f in findings}),
+        "still_hidden": still_hidden(adopted, flights, runs),
         "seed": seed,
     }  # fmt: skip
     each = in_order((), findings, off)
-    verdict = verdict_of(each, left, unsure=quick) if each else "nothing_found"
     return Diagnosis(
-        tuple(r.name for r in train), tuple(r.name for r in held), verdict, faults, fitted,
+        tuple(r.name for r in train), tuple(r.name for r in held),
+        verdict_of(each, left, unsure=quick), faults, fitted,
         findings, off, dropped, left,
         tuple(unseen(found.fit, causes)), about,
     )  # fmt: skip
 
 
 def _without(
-    found: Backward, causes: Sequence[Removal], whole: Sequence[Recording], seen: list[Recording]
-) -> dict[str, Flown]:
+    found: Backward, causes: Sequence[Removal], whole: Sequence[Recording], seen: list[Recording],
+    says: Says,
+) -> dict[str, Flown]:  # fmt: skip
     """By term: everything but that cause, refitted, flown along what is seen."""
     swap = {"geometry": ("", "base.hover")}
 
@@ -187,7 +192,9 @@ def _without(
         fit = refit(found.begun, *swap.get(causes[i].term, (causes[i].term,)))
         return Flown.of(model_of(fit, whole, ""), seen)
 
-    return dict(zip([r.term for r in causes], in_threads(one, len(causes)), strict=True))
+    says(EACH)
+    flown = in_threads(one, len(causes), lambda n: says(f"{EACH} {n} of {len(causes)}"))
+    return dict(zip([r.term for r in causes], flown, strict=True))
 
 
 def _whole(recordings: Sequence[Recording]) -> list[Recording]:

@@ -8,11 +8,11 @@ goes. All are weighed by the whole's own scales, so that costs compare.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.workers import in_threads
+from heli3dof.diagnosis.workers import WORKERS, in_threads
 from heli3dof.identification.greybox.descent import follow_on
 from heli3dof.identification.greybox.multistep import SETTLED, Fitted, MultiStep, valley
 from heli3dof.identification.greybox.weak_form import weak_start
@@ -28,6 +28,34 @@ ASTRAY = 3.0
 """Times the cost: a refit that is worse may have lost its way."""
 
 
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """A fit, the same to each fold's blocks beside that fold's own windows, and (made when asked
+    for) the same to all recordings but one."""
+
+    fit: Fitted
+    folds: tuple[tuple[Fitted, MultiStep], ...]
+    _others: dict[int, Fitted] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, fit: Fitted) -> Stand:
+        return cls(fit, tuple(folds_of(fit)))
+
+    def but(self, i: int) -> Fitted:
+        """To all recordings but that one."""
+        if i not in self._others:
+            kept = [j for j in range(len(self.fit.problem.flights)) if j != i]
+            self._others[i] = only(kept, self.fit)
+        return self._others[i]
+
+    def without(self, name: str, fits: Sequence[Fitted] = ()) -> Stand:
+        """All of it without that term; ``fits``: the folds' own, where they were made before."""
+        each = list(fits) or in_threads(lambda k: refit(self.folds[k][0], name), len(self.folds))
+        tests = [test for _, test in self.folds]
+        whole = refit(self.fit, name, threads=WORKERS)
+        return Stand(whole, tuple(zip(each, tests, strict=True)))
+
+
 def refit(found: Fitted, name: str, instead: str | None = None, threads: int = 1) -> Fitted:
     """The fit with that term left out, ``instead`` in its place."""
     names = [t.name for t in found.structure.terms if t.name != name]
@@ -41,11 +69,6 @@ def refit(found: Fitted, name: str, instead: str | None = None, threads: int = 1
     # Flights that run away have no slope to follow; the weak form lets none fly.
     other = warm(found, new, weak_start(new, z), None, threads)
     return min(fit, other, key=lambda f: f.cost)
-
-
-def refits(found: Sequence[Fitted], name: str) -> list[Fitted]:
-    """Each without that term."""
-    return in_threads(lambda i: refit(found[i], name), len(found))
 
 
 def warm(

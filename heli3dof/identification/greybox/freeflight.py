@@ -126,7 +126,7 @@ def fit_freeflight(
     Raises RecordingError where no free flight of 3 s fits between take-off, table and stops.
     """
     problem = problem_of(recordings, names, threads=threads)
-    return search(problem, weak_start(problem), say=say)
+    return search(problem, weak_start(problem, say=say), say=say)
 
 
 def problem_of(
