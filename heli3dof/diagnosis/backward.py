@@ -9,9 +9,12 @@ windows of blocks that the fit has not seen, with and without term t, both refit
 
 Windows overlap and share their noise within `CELL_S`, so cells are drawn, not windows: t is needed
 where the 95 % bootstrap interval of Δ lies above zero. The one that is needed least goes first,
-and the rest is looked at again. What was left out, but serves as well in the place of one that was
-kept, is tied with it. A term that is known beforehand to be there (its absence lies `KNOWN` prior
-deviations away) is not asked to go; how far the recordings themselves need it is told.
+and the rest is looked at again. But a term without which the fits to the folds' own blocks are
+worse by `STAYS` in Q does not go, though these blocks do not show it: what is asked of the others
+would be asked of a model that is wrong, whose errors are any term's. What was left out, but serves
+as well in the place of one that was kept, is tied with it. A term that is known beforehand to be
+there (its absence lies `KNOWN` prior deviations away) is not asked to go; how far the recordings
+themselves need it is told.
 
 That names causes; it does not choose the model. A term that these blocks do not need is not shown
 to be zero: a rig of this kind has friction of some size, and another flight may need it. The model
@@ -43,6 +46,8 @@ CELL_S = 3.0
 DRAWS = 2000
 LEVEL = 0.95
 KNOWN = 3.0
+STAYS = 9.0
+"""Of Q, three deviations squared"""
 CLEAR = 30.0
 """(θ/σ)²: a term above it is not tried before all others have been."""
 TRADED = 0.5
@@ -67,12 +72,24 @@ class Worse:
 
 
 @dataclass(frozen=True, eq=False)
+class Trial:
+    """What it costs to do without a term."""
+
+    worse: Worse
+    fits: tuple[Fitted, ...] = ()
+    """Each fold's without it; none where whole recordings were left out instead"""
+    beside: tuple[Fitted, ...] = ()
+    """The same with it"""
+
+
+@dataclass(frozen=True, eq=False)
 class Removal:
     """A term, and what it costs blocks left out to do without it."""
 
     term: str
     worse: Worse
     tied_with: tuple[str, ...] = ()
+    trial: Trial | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,21 +103,12 @@ class Backward:
     kept: tuple[Removal, ...]
     """Most needed first"""
     gone: tuple[Removal, ...]
-    """In the order in which they went"""
+    """In the order in which they went; last, what stayed though these blocks do not show it"""
     halves: tuple[Fitted, ...] = ()
     """With every term, each fitted to the blocks of one fold alone"""
     first: Stand | None = None
     last: Stand | None = None
     """``begun`` with its folds, and where nothing more could go; None where none were left out"""
-
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """What it costs to do without a term, and each fold's fit without it (none where whole
-    recordings were left out instead)."""
-
-    worse: Worse
-    fits: tuple[Fitted, ...] = ()
 
 
 def backward(
@@ -111,7 +119,7 @@ def backward(
     says("Fitting the blocks of each half …")
     first = stand = Stand.of(begun)
     gone: list[tuple[str, Worse, list[str]]] = []
-    proven: dict[str, Worse] = {}
+    proven: dict[str, Trial] = {}
     known = known_beforehand(problem)
     while True:
         order = by_need(stand.fit)
@@ -121,10 +129,10 @@ def backward(
         for name in [*doubtful, *rest]:
             says(f"Without {name} …")
             trial = removed(stand, name, seed=seed)
-            if not trial.worse.kept and name not in known:
+            if not trial.worse.kept and name not in known and costs(stand, trial) < STAYS:
                 out = name
                 break
-            proven[name] = trial.worse
+            proven[name] = trial
         if out is None:
             break
         # What needs the neighbour that went must be asked again.
@@ -133,8 +141,11 @@ def backward(
         gone.append((out, trial.worse, near))
         says(f"Without {out} … everything else once more")
         stand = stand.without(out, trial.fits)
-    kept = sorted((Removal(t, w) for t, w in proven.items()), key=lambda r: -r.worse.value)
+    stays = [Removal(t, tried.worse, (), tried) for t, tried in proven.items()]
+    kept = [r for r in stays if r.worse.kept or r.term in known]
+    kept.sort(key=lambda r: -r.worse.value)
     went = [Removal(t, w, tuple(near)) for t, w, near in gone]
+    went += [r for r in stays if r not in kept]
     alone = tuple(fit for fit, _ in first.folds)
     return Backward(found, begun, tuple(kept), tuple(went), alone, first, stand)
 
@@ -171,7 +182,8 @@ def by_need(found: Fitted) -> list[tuple[str, float]]:
 def swapped(found: Backward, instead: str, name: str, *, seed: int) -> Removal:
     """What it costs the whole model to take in a term that takes away what ``name`` names."""
     stand = found.first or Stand.of(found.begun)
-    return Removal(name, removed(stand, "", seed=seed, instead=instead).worse)
+    trial = removed(stand, "", seed=seed, instead=instead)
+    return Removal(name, trial.worse, (), trial)
 
 
 def tied(
@@ -230,7 +242,13 @@ def removed(stand: Stand, name: str, *, seed: int, instead: str | None = None) -
 
     tried = in_threads(each, len(stand.folds))
     worse = interval(np.concatenate([lost for _, lost in tried]), seed)
-    return Trial(worse, tuple(fit for fit, _ in tried))
+    return Trial(worse, tuple(fit for fit, _ in tried), tuple(fit for fit, _ in stand.folds))
+
+
+def costs(stand: Stand, trial: Trial) -> float:
+    """By how much the folds' fits to their own blocks are worse without the term, all together."""
+    each = zip(trial.fits, stand.folds, strict=False)
+    return sum(less.cost - fit.cost for less, (fit, _) in each)
 
 
 def cells(found: Fitted, test: MultiStep, scale: np.ndarray) -> np.ndarray:

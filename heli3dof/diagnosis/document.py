@@ -11,7 +11,7 @@ from heli3dof.diagnosis.counts import flyable
 from heli3dof.diagnosis.gain import HORIZON_S, Gain
 from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.leftover import Leftover
-from heli3dof.diagnosis.next_experiment import NextExperiment
+from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted
 
 
