@@ -33,7 +33,8 @@ from heli3dof.model.effects import term
 
 SURE = 2.0
 EFFECT = "encoder.scale"
-"""What no flight separates from its equals"""
+SCALE = "motor.thrust_gain"
+"""What no flight separates from its equals: a wrong count, and a scale of all that has a mass"""
 
 
 def with_counts(
@@ -64,7 +65,7 @@ def with_counts(
 
 def flyable(tied_with: Sequence[str]) -> tuple[str, ...]:
     """Those of the names that some flight can separate."""
-    return tuple(n for n in tied_with if not n.startswith(EFFECT))
+    return tuple(n for n in tied_with if not n.startswith(EFFECT) and n != SCALE)
 
 
 def _inertias(x: dict[str, tuple[float, float]], tolerance: float) -> dict[str, tuple[str, ...]]:

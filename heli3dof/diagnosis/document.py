@@ -12,6 +12,7 @@ from heli3dof.diagnosis.gain import HORIZON_S, Gain
 from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.outlook import NextExperiment
+from heli3dof.diagnosis.real_next import why_none
 from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted
 
 
@@ -25,6 +26,9 @@ def document(
     ``integrity`` (every fault), ``dropped`` (causes that do not pay), ``about``.
     """
     f = d.fitted
+    about, following = dict(d.about), _next(d) if upcoming is None else _upcoming(upcoming)
+    if following is None and f is not None and f.final is None:
+        about["no_next_experiment"] = why_none(f.open)
     return {
         "schema": "heli3dof.diagnosis/1",
         "recordings": list(d.recordings),
@@ -35,12 +39,12 @@ def document(
         "findings": [_found(x) for x in d.in_order],
         "not_identifiable": list(d.not_identifiable),
         "leftover": [_leftover(x) for x in d.leftovers],
-        "next_experiment": _next(d) if upcoming is None else _upcoming(upcoming),
+        "next_experiment": following,
         "gain": {"horizon_s": HORIZON_S, **_gain(None if f is None else f.gain, f)},
         "model": model,
         "integrity": [x.to_dict() for x in d.integrity],
         "dropped": [{"effect": x.name, "why": x.why, "gain": _gain(x.gain)} for x in d.dropped],
-        "about": dict(d.about),
+        "about": about,
     }
 
 

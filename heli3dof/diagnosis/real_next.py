@@ -118,6 +118,15 @@ def next_free_flight(
     )  # fmt: skip
 
 
+def why_none(open_: Open | None) -> str:
+    """Where `next_free_flight` has nothing to recommend, or was not asked."""
+    if open_ is None:
+        return "the extension does not pay, so there is no rig to simulate plans on"
+    if not wanted(open_):
+        return "no term is open whose size a plan would tell"
+    return "no plan was simulated, or none can be flown on the fitted rig by the default controller"
+
+
 def chance(u: float) -> float:
     """That a number u deviations from its absence is told from it.
 

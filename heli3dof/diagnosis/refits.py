@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from heli3dof.diagnosis.workers import WORKERS, in_threads
-from heli3dof.identification.greybox.descent import follow_on
+from heli3dof.identification.greybox.descent import FRESH, follow_on
 from heli3dof.identification.greybox.multistep import SETTLED, Fitted, MultiStep, valley
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.model.effects import terms
@@ -24,6 +24,8 @@ STAGE_S = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 BLOCK_S = 6.0
 WINDOW_S = 3.0
 FOLDS = 2
+ANEW = 1
+"""How often a refit without a term may take its tangents anew: a tenth of Q is nothing there."""
 ASTRAY = 3.0
 """Times the cost: a refit that is worse may have lost its way."""
 
@@ -63,7 +65,7 @@ def refit(found: Fitted, name: str, instead: str | None = None, threads: int = 1
         names.append(instead)
     new = restructured(found.problem, names)
     z, D = moved(found, new)
-    fit = warm(found, new, z, D, threads)
+    fit = warm(found, new, z, D, threads, ANEW)
     if fit.cost < ASTRAY * found.cost:
         return fit
     # Flights that run away have no slope to follow; the weak form lets none fly.
@@ -72,11 +74,12 @@ def refit(found: Fitted, name: str, instead: str | None = None, threads: int = 1
 
 
 def warm(
-    found: Fitted, new: MultiStep, z: np.ndarray, D: np.ndarray | None, threads: int = 1
-) -> Fitted:
+    found: Fitted, new: MultiStep, z: np.ndarray, D: np.ndarray | None, threads: int = 1,
+    fresh: int = FRESH,
+) -> Fitted:  # fmt: skip
     """The minimum of ``new`` next to ``z`` (dim,), whose tangents are about D (dim, R)."""
     v = valley(new, found.noise, STAGE_S, found.scale, threads)
-    r = follow_on(v, z, D, settled=SETTLED)
+    r = follow_on(v, z, D, settled=SETTLED, fresh=fresh)
     return Fitted(new, r.z, found.noise, found.scale, r.cost, r.tangents, r.rounds, r.settled)
 
 

@@ -143,8 +143,9 @@ def causes(document: Document) -> Iterator[str]:
 def _others(tied: Sequence[str]) -> str:
     """What a finding is tied with, and what would tell them apart where no flight does."""
     counted = [n for n in tied if n.startswith("encoder.scale.")]
+    weighed = [n for n in tied if n == "motor.thrust_gain"]
     said = []
-    if flown := [n for n in tied if n not in counted]:
+    if flown := [n for n in tied if n not in counted + weighed]:
         said.append(f"{listed(flown, 'or')} by these recordings: any of them fits about as well.")
     if counted:
         axes = listed([n.removeprefix("encoder.scale.") for n in counted], "and")
@@ -152,6 +153,11 @@ def _others(tied: Sequence[str]) -> str:
             f"{'Nor from ' if flown else ''}{listed(counted, 'or')} by any flight: turn {axes} by "
             "hand through an angle that you know, and see with `heli3dof monitor` whether the "
             "encoder counts as much."
+        )
+    if weighed:
+        said.append(
+            f"{'Nor from ' if said else ''}motor.thrust_gain by any flight: thrust and weight "
+            "scale together; a scale under the arm, or masses that are known, decide."
         )
     return " ".join(said)
 
@@ -237,6 +243,8 @@ def next_steps(document: Document) -> Iterator[str]:
     upcoming = document["next_experiment"]
     if upcoming is not None:
         yield f"Fly next: heli3dof run {upcoming['plan']}. Why: {upcoming['why']}."
+    elif why := document.get("about", {}).get("no_next_experiment"):
+        yield f"No plan is recommended: {why}."
     elif document["verdict"] == "nothing_found":
         yield (
             "What is small shows in a larger flight: heli3dof run large, and diagnose it together "

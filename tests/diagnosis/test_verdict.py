@@ -36,6 +36,7 @@ def finding(*tied: str) -> Any:
         ([], [off("motor.thrust_curve")], [], "ambiguous"),
         ([finding()], [off("motor.thrust_curve")], [], "explained"),
         ([finding("motor.delay")], [], [SimpleNamespace()], "unexplained"),
+        ([], [], [SimpleNamespace()], "unexplained"),
     ],
 )
 def test_the_first_finding_s_ties_decide(findings: Any, offs: Any, left: Any, verdict: str) -> None:
@@ -54,3 +55,8 @@ def test_a_base_number_that_is_tied_asks_for_the_plan_that_parts_it() -> None:
     plan = document(tied)["next_experiment"]
     assert plan["plan"] == terms(["inertia.roll"])[0].effect.separated_by
     assert plan["separates"] == ["inertia.roll", "motor.thrust_curve"]
+
+
+def test_no_flight_parts_inertias_that_are_one_factor_from_a_thrust_gain() -> None:
+    tied = Diagnosis(("a",), (), "ambiguous", (), calibration_findings=(off("motor.thrust_gain"),))
+    assert document(tied)["next_experiment"] is None

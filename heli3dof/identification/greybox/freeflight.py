@@ -7,9 +7,10 @@ to it by itself where it finds either and no terms were asked for.
 
 `REAL_TERMS` are what identified rigs were found to need beside the defaults: thrust as a power of
 the rotor's speed, a spin-up limit, dry friction, inflow, the propellers' momentum, flapping, what a
-body that hangs below its axis does where the rig spins, and an offset of the pitch encoder that is another in every recording (it is zeroed wherever the body
-happened to hang), and a weight that is (what it lifts, or how well its motors pull when warm:
-`mass.imbalance` stands for both). `PRIORS` are what is known of their sizes before any flight.
+body that hangs below its axis does where the rig spins, and an offset of the pitch encoder that is
+another in every recording (it is zeroed wherever the body happened to hang), and a weight that is
+(what it lifts, or how well its motors pull when warm: `mass.imbalance` stands for both). `PRIORS`
+are what is known of their sizes before any flight.
 """
 
 from __future__ import annotations
