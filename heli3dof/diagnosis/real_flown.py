@@ -52,12 +52,6 @@ class Flown:
             last = int(cell.max(initial=last)) + 1
         return cls(np.concatenate(every), np.concatenate(cells))
 
-    @classmethod
-    def all_of(cls, models: Sequence[GreyBoxModel], recordings: Sequence[Recording]) -> Flown:
-        """Of several models, along the same recordings."""
-        parts = [cls.of(m, recordings) for m in models]
-        return cls(np.concatenate([p.e for p in parts]), np.concatenate([p.cell for p in parts]))
-
     def only(self, rows: np.ndarray) -> Flown:
         """(S,) bool"""
         return Flown(self.e[rows], self.cell[rows])

@@ -3,7 +3,7 @@ lies or for its motion one step ahead is no noise (`identification.greybox.noise
 
 So nothing here rests on a likelihood: models are compared by free flights from re-estimated states
 (`heli3dof.diagnosis.real_flown`) on the hold-out recordings, or on blocks left out where none is
-given. What a single cause gains is measured there too, by the folds' fits with and without it. An
+given. What a single cause gains is measured there too, everything else refitted. An
 extension that does not pay is not adopted, and the model is the base. The base is the rigid body
 (or the hover model) refitted in the same way. There is no noise floor. The extended model is the
 full one; which of its terms are causes, `heli3dof.diagnosis.real_named` says, and what is still
@@ -102,9 +102,8 @@ def diagnose_real(
     """
     whole, runs = _whole(train), _rest([*train, *held])
     flights = [r for r in whole if len(flight_of(r).starts) >= LEAST_STARTS]
-    seen, on = _whole(held), "holdout"
-    if not seen:
-        seen, on = whole, "the recordings themselves"
+    kept_back = _whole(held)
+    seen, on = (kept_back, "holdout") if kept_back else (whole, "the recordings themselves")
     says(FITTING)
     full = fit_freeflight(whole, say=lambda round_: says(f"{FITTING} {round_}"))
     found = glance(full) if quick else backward(full.problem, full, seed=seed, says=says)
@@ -116,7 +115,7 @@ def diagnose_real(
     simple = model_of(least, whole, "base")
     after, before = Flown.of(model, seen), Flown.of(simple, seen)
     against = on
-    if not held and not quick:
+    if not kept_back and not quick:
         against = BLOCKS
         after = left_out([model_of(f, whole, "") for f in found.halves], whole)
         folds = folds_of(least)
@@ -128,7 +127,7 @@ def diagnose_real(
         causes += [r] * r.worse.kept
         causes.sort(key=lambda r: -r.worse.value)
     says(EACH)
-    alone = _without(found, causes, whole, _whole(held))
+    alone = _without(found, causes, whole, kept_back)
     findings = tuple(_finding(found, r, gain(*alone[r.term], against, seed)) for r in causes)
     poor = not pays(before, after)
     adopted = least if poor else found.fit
@@ -177,24 +176,28 @@ def _without(
     found: Backward, causes: Sequence[Removal], whole: Sequence[Recording],
     held: Sequence[Recording],
 ) -> dict[str, tuple[Flown, Flown]]:  # fmt: skip
-    """By term: without that cause, and with it, flown along what was not seen."""
+    """By term: everything but that cause, refitted, and everything, flown along what was not seen:
+    recordings held out, or blocks left out (by the folds' own fits)."""
+
+    swap = {"geometry": ("", "base.hover")}
+    more = None if found.last is not None and not held else _flown(found.fit, whole, held)
 
     def one(i: int) -> tuple[Flown, Flown]:
         r = causes[i]
-        if found.last is None:  # quickly: no folds
-            fits = [[refit(found.begun, r.term)], [found.begun]]
-        else:
-            at = r.trial or Trial(r.worse)
-            beside = at.beside or tuple(fit for fit, _ in found.last.folds)
-            fits = [list(at.fits) or [refit(f, r.term) for f in beside], list(beside)]
-        models = [[model_of(f, whole, "") for f in side] for side in fits]
-        if held or found.last is None:
-            less, more = (Flown.all_of(m, held or whole) for m in models)
-        else:
-            less, more = (left_out(m, whole) for m in models)
-        return less, more
+        if more is not None:
+            return _flown(refit(found.begun, *swap.get(r.term, (r.term,))), whole, held), more
+        assert found.last is not None
+        at = r.trial or Trial(r.worse)
+        beside = at.beside or tuple(fit for fit, _ in found.last.folds)
+        less = at.fits or [refit(f, r.term) for f in beside]
+        a, b = (left_out([model_of(f, whole, "") for f in fits], whole) for fits in (less, beside))
+        return a, b
 
     return dict(zip([r.term for r in causes], in_threads(one, len(causes)), strict=True))
+
+
+def _flown(fit: Fit, whole: Sequence[Recording], held: Sequence[Recording]) -> Flown:
+    return Flown.of(model_of(fit, whole, ""), held or whole)
 
 
 def _whole(recordings: Sequence[Recording]) -> list[Recording]:
