@@ -14,14 +14,16 @@ MAY_IMPORT = {
     "errors": set(),
     "axes": set(),
     "toml_file": {"errors"},
+    "pages": set(),
     "rig": {"errors", "axes", "toml_file"},
     "recording": {"errors", "axes", "rig"},
-    "model": {"errors", "axes", "rig", "recording"},
+    "model": {"errors", "axes", "pages", "rig", "recording"},
     "experiment": {"errors", "axes", "toml_file", "rig", "recording", "model"},
     "identification": {"errors", "axes", "rig", "recording", "model"},
     "comparison": {"errors", "axes", "rig", "recording", "model"},
     "diagnosis": {
-        "errors", "axes", "rig", "recording", "model", "experiment", "identification", "comparison",
+        "errors", "axes", "pages", "rig", "recording", "model", "experiment", "identification",
+        "comparison",
     },
     "report": {
         "errors", "axes", "rig", "recording", "model", "identification", "comparison", "diagnosis",

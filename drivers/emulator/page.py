@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
+from heli3dof.pages import Page, table
 
 from .door_usb import KINDS as BUS
 from .effects import Effect, Parameter, catalogue
@@ -15,24 +14,18 @@ from .faults import KINDS
 
 def effects_table() -> str:
     """A Markdown table: every effect with its axes, parameters, units, ranges and an example."""
-    rows = [
-        "| effect | axes | what it does | parameters | example |",
-        "|---|---|---|---|---|",
-    ]
-    rows += [_row(e) for e in catalogue().values()]
-    return "\n".join(rows)
+    head = ["effect", "axes", "what it does", "parameters", "example"]
+    return table(head, [_row(e) for e in catalogue().values()])
 
 
-def _row(effect: Effect) -> str:
-    parameters = "<br>".join(_parameter(p) for p in effect.parameters)
-    cells = [
+def _row(effect: Effect) -> list[str]:
+    return [
         f"`{effect.name}`",
         ", ".join(effect.axes) or "–",
         effect.summary,
-        parameters,
+        "<br>".join(_parameter(p) for p in effect.parameters),
         f"`{effect.example}`",
     ]
-    return "| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |"
 
 
 def _parameter(p: Parameter) -> str:
@@ -43,30 +36,18 @@ def _parameter(p: Parameter) -> str:
 
 def faults_table() -> str:
     """A Markdown table: every fault with an example."""
-    rows = ["| fault | what breaks |", "|---|---|"]
-    return "\n".join([*rows, *(f"| `{example}` | {what} |" for example, what in KINDS.values())])
+    return table(["fault", "what breaks"], [[f"`{e}`", what] for e, what in KINDS.values()])
 
 
 def bus_table() -> str:
     """A Markdown table: everything that may befall a USB rig, with an example."""
-    rows = ["| bus | what befalls the rig |", "|---|---|"]
-    return "\n".join([*rows, *(f"| `{example}` | {what} |" for example, what in BUS.values())])
+    return table(["bus", "what befalls the rig"], [[f"`{e}`", what] for e, what in BUS.values()])
 
 
-TABLES = {"effects": effects_table, "faults": faults_table, "bus": bus_table}
-
-
-def with_tables(page: str) -> str:
-    """The page with the tables between their markers made anew."""
-    for name, table in TABLES.items():
-        begin = f"<!-- {name}: made by python -m heli3dof_drivers.emulator.page -->"
-        end = f"<!-- end of {name} -->"
-        before, _, rest = page.partition(begin)
-        _, _, after = rest.partition(end)
-        page = f"{before}{begin}\n{table()}\n{end}{after}"
-    return page
-
+PAGE = Page(
+    "heli3dof_drivers.emulator.page",
+    {"effects": effects_table, "faults": faults_table, "bus": bus_table},
+)
 
 if __name__ == "__main__":
-    path = Path(sys.argv[1])
-    path.write_text(with_tables(path.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.main()

@@ -5,28 +5,22 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 from heli3dof.model.effects import effects
 from heli3dof.model.effects.base import Effect, Parameter
-
-BEGIN = "<!-- effects: made by python -m heli3dof.diagnosis.catalogue_page -->"
-END = "<!-- end of effects -->"
+from heli3dof.pages import Page, table
 
 
 def effects_table() -> str:
     """Markdown: a row for every effect that comes with heli3dof."""
-    rows = [
-        "| effect | axes | what it does | parameters | what shows it | confused with "
-        "| separated by | drawn against |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    return "\n".join(rows + [_row(e) for e in effects().values()])
+    head = [
+        "effect", "axes", "what it does", "parameters", "what shows it", "confused with",
+        "separated by", "drawn against",
+    ]  # fmt: skip
+    return table(head, [_row(e) for e in effects().values()])
 
 
-def _row(effect: Effect) -> str:
-    cells = [
+def _row(effect: Effect) -> list[str]:
+    return [
         f"`{effect.name}`",
         ", ".join(effect.axes) or "–",
         effect.summary,
@@ -37,7 +31,6 @@ def _row(effect: Effect) -> str:
         effect.evidence.format(axis="the axis").replace("the axis_rate", "the axis' rate")
         .replace("_", " "),
     ]  # fmt: skip
-    return "| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |"
 
 
 def _parameter(p: Parameter) -> str:
@@ -45,13 +38,7 @@ def _parameter(p: Parameter) -> str:
     return f"`{p.name}`: {p.meaning}; {p.low:g} … {p.high:g}{unit}"
 
 
-def with_table(page: str) -> str:
-    """The page with the table between its markers made anew."""
-    before, _, rest = page.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n{effects_table()}\n{END}{after}"
-
+PAGE = Page("heli3dof.diagnosis.catalogue_page", {"effects": effects_table})
 
 if __name__ == "__main__":
-    path = Path(sys.argv[1])
-    path.write_text(with_table(path.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.main()

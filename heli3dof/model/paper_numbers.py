@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,7 @@ from heli3dof.model.ideal_loop import (
 )
 from heli3dof.model.loops import rightmost_first
 from heli3dof.model.paper17 import dc_gains_deg, poles
+from heli3dof.pages import table
 from heli3dof.rig.profile import K_G, Profile, default_profile
 
 REST_DEG = -27.5
@@ -49,14 +50,6 @@ def with_V_o_by_eq_6(profile: Profile) -> Profile:
     """The profile with V_o to every digit of (6), where Table I's rig has 7.456 V."""
     motor = profile.motor.model_copy(update={"V_o": quiescent_voltage(profile)})
     return profile.model_copy(update={"motor": motor})
-
-
-def table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """A Markdown table."""
-    lines = [list(head), *(list(r) for r in rows)]
-    text = ["| " + " | ".join(line) + " |" for line in lines]
-    text.insert(1, "|" + "---|" * len(lines[0]))
-    return "\n".join(text)
 
 
 def minus(text: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from heli3dof.diagnosis.catalogue_page import with_table
+from heli3dof.diagnosis.catalogue_page import PAGE as MADE
 from heli3dof.experiment.plan import load_plan
 from heli3dof.model.effects import effects, term
 from heli3dof.model.effects.base import ABSCISSAE
@@ -15,7 +15,7 @@ PAGE = (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
 
 def test_the_table_is_the_catalogues() -> None:
     fix = "run: python -m heli3dof.diagnosis.catalogue_page docs/effects.md"
-    assert with_table(PAGE) == PAGE, fix
+    assert MADE.renewed(PAGE) == PAGE, fix
 
 
 @pytest.mark.parametrize("name", effects())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from heli3dof_drivers.emulator.noise import CORRELATION_S, SIGMA_NM
-from heli3dof_drivers.emulator.page import with_tables
+from heli3dof_drivers.emulator.page import PAGE as MADE
 from heli3dof_drivers.mock import OPTIONS
 
 from tests.paths import ROOT
@@ -12,7 +12,7 @@ PAGE = (ROOT / "docs" / "mock.md").read_text(encoding="utf-8")
 
 
 def test_the_tables_are_those_of_what_there_is():
-    assert with_tables(PAGE) == PAGE, "run: python -m heli3dof_drivers.emulator.page docs/mock.md"
+    assert MADE.renewed(PAGE) == PAGE, "run: python -m heli3dof_drivers.emulator.page docs/mock.md"
 
 
 def test_every_option_has_its_row():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import time
 from pathlib import Path
@@ -10,27 +9,27 @@ from typing import Any
 
 from heli3dof_drivers.serial_port import SerialDriver
 
-from heli3dof.rig.port import Command, Flags
+from heli3dof.rig.port import Flags
 from heli3dof.rig.url import parse_url
 
 from .gadget import FIRMWARE
-from .guest import (
-    PROFILE,
-    RATE_HZ,
-    Hand,
-    case,
-    failure,
-    fly,
-    flying_process,
-    in_another_process,
-    until,
+from .guest import PROFILE, Hand, case, failure, fly, in_another_process, until
+from .same_flights import (
+    LATCHED,
+    OPENING,
+    WATCHDOG,
+    flies,
+    held,
+    killed,
+    polled,
+    pulled,
+    stopped_by_another,
+    streamed,
 )
 
 PORT = Path("/dev/ttyACM0")
 URL = f"serial://{PORT}"
 DRIVER = SerialDriver()
-LATCHED, WATCHDOG = 8, 1
-STOPPED, HOST_ESTOP = 16, 2
 ELSEWHERE = f"""
 from heli3dof_drivers.serial_port import SerialDriver
 driver, url = SerialDriver(), parse_url({URL!r})
@@ -67,119 +66,53 @@ def serial_the_kernel_makes_a_port_and_it_is_found() -> dict[str, Any]:
 
 @case
 def serial_a_polled_flight_of_200_round_trips() -> dict[str, Any]:
-    r = rig("?stream=0")
-    try:
-        samples = fly(r, 200)
-        # A POLL that is answered late is asked again, and its second sample may come after the
-        # next command: a sample may be one command behind, never ahead, and never go back.
-        behind = [k - sample.sequence for k, sample in enumerate(samples)]
-        assert set(behind) <= {0, 1}, behind
-        assert len(samples) == 201
-        assert samples[-1].flags == Flags.ENABLED
-        s = r.statistics
-        assert s.damaged == 0
-        return {
-            "round_trip_median_us": 1e6 * s.round_trip.quantile_s(0.5),
-            "repeats": s.repeats,
-            "one_behind": sum(behind),
-        }
-    finally:
-        r.close()
+    return polled(rig("?stream=0"), 200)
 
 
 @case
 def serial_a_streamed_flight() -> dict[str, Any]:
-    r = rig()
-    try:
-        assert fly(r, 200)[-1].flags == Flags.ENABLED
-        s = r.statistics
-        assert s.damaged == 0
-        return {"lost": s.lost, "passed_over": s.passed_over, "unheard": s.unheard}
-    finally:
-        r.close()
+    _, lost = streamed(rig(), 200)
+    return lost
 
 
 @case
 def serial_a_second_process_stops_what_the_first_flies() -> dict[str, Any]:
-    r = rig()
-    try:
-        assert fly(r, 10)[-1].flags == Flags.ENABLED
-        said = in_another_process(ELSEWHERE + "print(driver.estop(url))")
-        assert hand().state() == (STOPPED, HOST_ESTOP, 0, 0)
-        assert r.read().flags & Flags.ESTOP
-    finally:
-        r.close()
-    return {"said": said}
+    return {"said": stopped_by_another(rig(), hand(), ELSEWHERE)}
 
 
 @case
 def serial_a_second_process_is_told_that_the_first_holds_the_port() -> dict[str, Any]:
-    r = rig()
-    try:
-        said = in_another_process(
-            ELSEWHERE + "try: driver.open(url, profile)\nexcept DeviceError as error: print(error)"
-        )
-        assert str(os.getpid()) in said, said
-    finally:
-        r.close()
-    return {"said": said.splitlines()[0]}
+    return {"said": held(rig(), ELSEWHERE)}
 
 
 @case
 def serial_a_user_without_permission_is_told_what_to_do() -> dict[str, Any]:
     hand()
-    said = in_another_process(
-        ELSEWHERE + "try: driver.open(url, profile)\nexcept DeviceError as error: print(error)",
-        user=1000,
-    )
+    said = in_another_process(ELSEWHERE + OPENING, user=1000)
     assert "Try:" in said, said
     return {"said": said.splitlines()[0]}
 
 
 @case
 def serial_a_pulled_cable_ends_the_flight_and_the_rig_stops() -> dict[str, Any]:
-    import threading
-
     r = rig()
-    fly(r, 5)
-    threading.Timer(0.2, hand(), ["pull"]).start()
-
-    def on() -> None:
-        for k in range(500):
-            r.exchange(Command(6 + k, 5.0, 5.0), time.monotonic() + 1 / RATE_HZ)
-
-    start = time.monotonic()
-    error = failure(on)
-    took = time.monotonic() - start
-    until(lambda: not PORT.exists(), f"{PORT} is gone")
+    _, found = pulled(r, hand(), lambda: not PORT.exists())
     r.close()
     until(lambda: _hand[0].state()[2:] == (0, 0), "zero volts")
     assert _hand[0].state()[:2] == (LATCHED, WATCHDOG)
-    return {"said": error.what, "noticed_s": took - 0.2}
+    return found
 
 
 @case
 def serial_a_rig_that_is_plugged_in_again_flies_again() -> None:
-    r = rig()
-    try:
-        assert fly(r, 20)[-1].flags == Flags.ENABLED
-    finally:
-        r.close()
+    flies(rig())
 
 
 @case
 def serial_a_process_that_is_killed_leaves_a_rig_that_stops_itself() -> dict[str, Any]:
-    hand()
-    process = flying_process(ELSEWHERE)
-    until(lambda: hand().state()[2] == 5_000_000, "five volts are out")
-    process.kill()
-    process.wait()
-    start = time.monotonic()
-    until(lambda: hand().state()[2:] == (0, 0), "zero volts")
-    took = time.monotonic() - start
-    assert hand().state()[:2] == (LATCHED, WATCHDOG)
+    found = killed(hand(), ELSEWHERE)
     rig().close()
-    return {"zero_after_s": took}
+    return found
 
 
 @case

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import statistics
 import subprocess
 import time
@@ -15,21 +14,23 @@ from heli3dof_drivers.usb_bulk import UsbDriver
 from heli3dof.rig.port import Flags
 from heli3dof.rig.url import parse_url
 
-from .guest import (
-    PROFILE,
-    RATE_HZ,
-    Hand,
-    case,
-    failure,
-    fly,
-    flying_process,
-    in_another_process,
-    until,
+from .guest import PROFILE, RATE_HZ, Hand, case, failure, fly, in_another_process, until
+from .same_flights import (
+    HOST_ESTOP,
+    OPENING,
+    STOPPED,
+    flies,
+    held,
+    killed,
+    polled,
+    pulled,
+    stopped_by_another,
+    streamed,
 )
 
 URL = "usb://1209:0001/K1"
 DRIVER = UsbDriver()
-STOPPED, SUPPLY, HOST_ESTOP = 16, 8, 2
+SUPPLY = 8
 _hand: list[Hand] = []
 ELSEWHERE = f"""
 from heli3dof_drivers.usb_bulk import UsbDriver
@@ -85,42 +86,15 @@ def udev_gives_the_rig_to_whoever_sits_there() -> dict[str, Any]:
 
 @case
 def a_polled_flight_of_400_round_trips() -> dict[str, Any]:
-    r = rig("?stream=0")
-    try:
-        samples = fly(r, 400)
-        # A POLL that is answered late is asked again, and its second sample may come after the
-        # next command: a sample may be one command behind, never ahead, and never go back.
-        behind = [k - sample.sequence for k, sample in enumerate(samples)]
-        assert set(behind) <= {0, 1}, behind
-        assert len(samples) == 401
-        assert samples[-1].flags == Flags.ENABLED
-        assert samples[-1].v_applied == (5.0, 5.0)
-        s = r.statistics
-        trips = s.round_trip
-        return {
-            "round_trip_median_us": 1e6 * trips.quantile_s(0.5),
-            "round_trip_99_us": 1e6 * trips.quantile_s(0.99),
-            "repeats": s.repeats,
-            "damaged": s.damaged,
-            "one_behind": sum(behind),
-        }
-    finally:
-        r.close()
+    return polled(rig("?stream=0"), 400)
 
 
 @case
 def a_streamed_flight() -> dict[str, Any]:
-    r = rig()
-    try:
-        samples = fly(r, 200)
-        assert samples[-1].flags == Flags.ENABLED
-        steps = [b.device_time_s - a.device_time_s for a, b in pairwise(samples)]
-        s = r.statistics
-        assert s.damaged == 0
-        assert abs(statistics.median(steps) - PROFILE.dt) < 1e-6
-        return {"lost": s.lost, "passed_over": s.passed_over, "unheard": s.unheard}
-    finally:
-        r.close()
+    samples, lost = streamed(rig(), 200)
+    steps = [b.device_time_s - a.device_time_s for a, b in pairwise(samples)]
+    assert abs(statistics.median(steps) - PROFILE.dt) < 1e-6
+    return lost
 
 
 def round_trips(ask: Any, hear: Any) -> dict[str, Any]:
@@ -174,16 +148,8 @@ def transport_round_trips() -> dict[str, Any]:
 
 @case
 def a_second_process_stops_what_the_first_flies() -> dict[str, Any]:
-    r = rig()
-    try:
-        assert fly(r, 10)[-1].flags == Flags.ENABLED
-        said = in_another_process(ELSEWHERE + "print(driver.estop(url))")
-        assert "confirmed" in said
-        flags, cause, *volts = hand().state()
-        assert (flags, cause, volts) == (STOPPED, HOST_ESTOP, [0, 0])
-        assert r.read().flags & Flags.ESTOP
-    finally:
-        r.close()
+    said = stopped_by_another(rig(), hand(), ELSEWHERE)
+    assert "confirmed" in said
     return {"said": said}
 
 
@@ -203,16 +169,7 @@ def a_stop_goes_past_stalled_pipes() -> None:
 
 @case
 def a_second_process_is_told_that_the_first_holds_the_rig() -> dict[str, Any]:
-    r = rig()
-    try:
-        said = in_another_process(
-            ELSEWHERE + "try: driver.open(url, profile)\nexcept DeviceError as error: print(error)"
-        )
-        assert "is in use by" in said
-        assert f"(process {os.getpid()})" in said
-    finally:
-        r.close()
-    return {"said": said.splitlines()[0]}
+    return {"said": held(rig(), ELSEWHERE)}
 
 
 @case
@@ -220,8 +177,7 @@ def a_user_without_permission_is_told_the_rule() -> dict[str, Any]:
     hand()
     said = in_another_process(
         ELSEWHERE + "print(list(driver.find()))\n"
-        "print({c.what: c.good for c in driver.examine(url)})\n"
-        "try: driver.open(url, profile)\nexcept DeviceError as error: print(error)",
+        "print({c.what: c.good for c in driver.examine(url)})\n" + OPENING,
         user=1000,
     )
     assert URL in said.splitlines()[0]  # found all the same, with its serial number
@@ -284,52 +240,23 @@ def a_rig_that_takes_nothing_is_a_timeout() -> dict[str, Any]:
 
 @case
 def a_pulled_cable_ends_the_flight_and_the_rig_stops() -> dict[str, Any]:
-    import threading
-
-    from heli3dof.rig.port import Command
-
     r = rig()
-    fly(r, 5)
-    threading.Timer(0.2, hand(), ["pull"]).start()
-
-    def on() -> None:
-        for k in range(500):
-            r.exchange(Command(6 + k, 5.0, 5.0), time.monotonic() + 1 / RATE_HZ)
-
-    start = time.monotonic()
-    error = failure(on)
-    took = time.monotonic() - start
+    error, found = pulled(r, hand(), lambda: not DRIVER.find())
     assert "was unplugged" in str(error), error
-    until(lambda: not DRIVER.find(), "the rig is gone from the list")
-    flags, cause, *volts = _hand[0].state()
-    assert (flags, cause, volts) == (STOPPED, SUPPLY, [0, 0])
+    assert _hand[0].state() == (STOPPED, SUPPLY, 0, 0)
     r.close()
-    return {"said": error.what, "errno": error.__cause__.errno, "noticed_s": took - 0.2}
+    return {**found, "errno": error.__cause__.errno}
 
 
 @case
 def a_rig_that_is_plugged_in_again_flies_again() -> None:
     r = rig()
-    try:
-        assert r.read().flags & Flags.ESTOP
-        assert fly(r, 20)[-1].flags == Flags.ENABLED
-    finally:
-        r.close()
+    assert r.read().flags & Flags.ESTOP
+    flies(r)
 
 
 @case
 def a_process_that_is_killed_leaves_a_rig_that_stops_itself() -> dict[str, Any]:
-    """kill -9 in flight: the kernel releases the claim, the watchdog does the rest."""
-    hand()
-    process = flying_process(ELSEWHERE)
-    until(lambda: hand().state()[2] == 5_000_000, "five volts are out")
-    process.kill()
-    process.wait()
-    start = time.monotonic()
-    until(lambda: hand().state()[2:] == (0, 0), "zero volts")
-    took = time.monotonic() - start
-    flags, cause, *_ = hand().state()
-    assert (flags, cause) == (8, 1), (flags, cause)
-    r = rig()
-    r.close()
-    return {"zero_after_s": took}
+    found = killed(hand(), ELSEWHERE)
+    rig().close()
+    return found

@@ -7,11 +7,10 @@ writes the page's tables anew.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
+from heli3dof import pages
 from heli3dof.rig.profile import Limits, Profile, default_profile
 
 WATCHDOG_S = 0.1
@@ -152,31 +151,17 @@ LIMITS = {
 
 def table() -> str:
     """The table in Markdown."""
-    lines = [HEAD, ["---"] * len(HEAD), *(row.cells() for row in ROWS)]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+    return pages.table(HEAD, [row.cells() for row in ROWS])
 
 
 def limits() -> str:
     """What a profile may set of the watches' numbers."""
     given = Limits()
-    lines = [f"| `{key}` | {getattr(given, key):g} | {LIMITS[key]} |" for key in LIMITS]
-    return "\n".join(["| key | default | meaning |", "|---|---|---|", *lines])
+    rows = [[f"`{key}`", f"{getattr(given, key):g}", LIMITS[key]] for key in LIMITS]
+    return pages.table(["key", "default", "meaning"], rows)
 
 
-TABLES = {"table": table, "limits": limits}
-
-
-def renewed(page: str) -> str:
-    """The page with the tables between their markers made anew."""
-    for name, made in TABLES.items():
-        begin = f"<!-- {name}: made by python -m tests.safety.table -->"
-        end = f"<!-- end of {name} -->"
-        before, _, rest = page.partition(begin)
-        _, _, after = rest.partition(end)
-        page = f"{before}{begin}\n{made()}\n{end}{after}"
-    return page
-
+PAGE = pages.Page("tests.safety.table", {"table": table, "limits": limits})
 
 if __name__ == "__main__":
-    path = Path(sys.argv[1])
-    path.write_text(renewed(path.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.main()

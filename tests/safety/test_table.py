@@ -6,7 +6,7 @@ import ast
 from pathlib import Path
 
 from tests.paths import ROOT
-from tests.safety.table import ROWS, renewed
+from tests.safety.table import PAGE, ROWS
 
 
 def shown_here() -> set[str]:
@@ -29,4 +29,4 @@ def test_no_row_stands_twice() -> None:
 
 def test_the_page_is_made_of_the_rows() -> None:
     page = (ROOT / "docs" / "safety.md").read_text(encoding="utf-8")
-    assert renewed(page) == page, "run: python -m tests.safety.table docs/safety.md"
+    assert PAGE.renewed(page) == page, "run: python -m tests.safety.table docs/safety.md"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from heli3dof.diagnosis.integrity import checks
-from heli3dof.diagnosis.integrity_page import with_table
+from heli3dof.diagnosis.integrity_page import PAGE as MADE
 from tests.paths import ROOT
 
 PAGE = (ROOT / "docs" / "diagnosis.md").read_text(encoding="utf-8")
@@ -11,7 +11,7 @@ PAGE = (ROOT / "docs" / "diagnosis.md").read_text(encoding="utf-8")
 
 def test_the_table_is_that_of_the_checks() -> None:
     fix = "run: python -m heli3dof.diagnosis.integrity_page docs/diagnosis.md"
-    assert with_table(PAGE) == PAGE, fix
+    assert MADE.renewed(PAGE) == PAGE, fix
 
 
 def test_every_check_is_named_once() -> None:

@@ -7,7 +7,7 @@ import statistics
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
 
@@ -53,16 +53,18 @@ class Host:
     def say(self, frame: Frame) -> None:
         self.port.write(wire(frame))
 
-    def hear(self, kind: type[Frame], number: int | None = None) -> Frame:
+    def hear(
+        self, kind: type[Frame], number: int | None = None, within_s: float = PATIENCE_S
+    ) -> Frame:
         """The next of this kind; everything before it is kept in ``heard``."""
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + within_s
         while time.monotonic() < end:
             while self.heard:
                 frame = self.heard.pop(0)
                 if isinstance(frame, kind) and number in (None, frame.number):
                     return frame
             self.heard += self.splitter.feed(self.port.read(max(1, self.port.in_waiting)))
-        raise AssertionError(f"no {kind.__name__} within {PATIENCE_S} s")
+        raise AssertionError(f"no {kind.__name__} within {within_s} s")
 
     def ask(self, frame: Frame, kind: type[Frame]) -> Frame:
         self.say(frame)
@@ -72,6 +74,17 @@ class Host:
         answer = self.ask(Hello(7), IdentityFrame)
         assert isinstance(answer, IdentityFrame)
         return answer
+
+    def found_again(self) -> IdentityFrame:
+        """Asked until it answers, as the driver asks: a board that is starting hears nothing."""
+        for number in range(100, 100 + 10 * round(PATIENCE_S)):
+            self.port.reset_input_buffer()
+            self.say(Hello(number))
+            with suppress(AssertionError):
+                answer = self.hear(IdentityFrame, number, within_s=0.1)
+                assert isinstance(answer, IdentityFrame)
+                return answer
+        raise AssertionError(f"no answer to a HELLO within {PATIENCE_S} s")
 
     def poll(self) -> SampleFrame:
         answer = self.ask(Poll(8), SampleFrame)

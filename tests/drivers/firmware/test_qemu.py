@@ -26,7 +26,6 @@ from heli3dof_drivers.link.frames import (
     Disarm,
     Estop,
     Hello,
-    IdentityFrame,
     Report,
     SampleFrame,
     Status,
@@ -199,9 +198,7 @@ def test_after_a_reset_it_is_idle_under_another_boot_and_an_old_ticket_arms_noth
     host.command()
     board.tell("system_reset")
     time.sleep(0.3)
-    host.port.reset_input_buffer()
-    after = host.ask(Hello(9), IdentityFrame)
-    assert isinstance(after, IdentityFrame)
+    after = host.found_again()
     assert after.boot != before.boot
     assert not after.flags & 1
     answer = host.ask(Arm(4, before.ticket, 0, 0), Ack)
@@ -214,9 +211,7 @@ def test_a_processor_that_hangs_starts_again_at_zero_volts(board: Board, host: H
     host.command()
     board.hang()
     time.sleep(0.3)
-    host.port.reset_input_buffer()
-    after = host.ask(Hello(9), IdentityFrame)
-    assert isinstance(after, IdentityFrame)
+    after = host.found_again()
     assert after.boot != before.boot
     sample = host.poll()
     assert (sample.front_uV, sample.flags & 1) == (0, 0)
