@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from heli3dof.cli.console import Talk
 
 if TYPE_CHECKING:
-    from heli3dof.diagnosis.next_experiment import NextExperiment
+    from heli3dof.diagnosis.outlook import NextExperiment
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.experiment.plan import Plan
     from heli3dof.recording.recording import Recording

@@ -9,9 +9,12 @@ windows of blocks that the fit has not seen, with and without term t, both refit
 
 Windows overlap and share their noise within `CELL_S`, so cells are drawn, not windows: t is needed
 where the 95 % bootstrap interval of Δ lies above zero. The one that is needed least goes first,
-and the rest is looked at again. What was left out, but serves as well in the place of one that was
-kept, is tied with it. A term that is known beforehand to be there (its absence lies `KNOWN` prior
-deviations away) is not asked to go; how far the recordings themselves need it is told.
+and the rest is looked at again. But a term without which the fits to the folds' own blocks are
+worse by `STAYS` in Q does not go, though these blocks do not show it: what is asked of the others
+would be asked of a model that is wrong, whose errors are any term's. What was left out, but serves
+as well in the place of one that was kept, is tied with it. A term that is known beforehand to be
+there (its absence lies `KNOWN` prior deviations away) is not asked to go; how far the recordings
+themselves need it is told.
 
 That names causes; it does not choose the model. A term that these blocks do not need is not shown
 to be zero: a rig of this kind has friction of some size, and another flight may need it. The model
@@ -32,7 +35,7 @@ from math import erf, sqrt
 
 import numpy as np
 
-from heli3dof.diagnosis.refits import STAGE_S, folds_of, only, own, refit, refits
+from heli3dof.diagnosis.refits import STAGE_S, Stand, own, refit
 from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.multistep import FAR, Fitted, MultiStep, robust, search
 from heli3dof.model.filtering import Data
@@ -43,6 +46,8 @@ CELL_S = 3.0
 DRAWS = 2000
 LEVEL = 0.95
 KNOWN = 3.0
+STAYS = 9.0
+"""Of Q, three deviations squared"""
 CLEAR = 30.0
 """(θ/σ)²: a term above it is not tried before all others have been."""
 TRADED = 0.5
@@ -67,12 +72,24 @@ class Worse:
 
 
 @dataclass(frozen=True, eq=False)
+class Trial:
+    """What it costs to do without a term."""
+
+    worse: Worse
+    fits: tuple[Fitted, ...] = ()
+    """Each fold's without it; none where whole recordings were left out instead"""
+    beside: tuple[Fitted, ...] = ()
+    """The same with it"""
+
+
+@dataclass(frozen=True, eq=False)
 class Removal:
     """A term, and what it costs blocks left out to do without it."""
 
     term: str
     worse: Worse
     tied_with: tuple[str, ...] = ()
+    trial: Trial | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,48 +103,51 @@ class Backward:
     kept: tuple[Removal, ...]
     """Most needed first"""
     gone: tuple[Removal, ...]
-    """In the order in which they went"""
+    """In the order in which they went; last, what stayed though these blocks do not show it"""
     halves: tuple[Fitted, ...] = ()
     """With every term, each fitted to the blocks of one fold alone"""
+    first: Stand | None = None
+    last: Stand | None = None
+    """``begun`` with its folds, and where nothing more could go; None where none were left out"""
 
 
 def backward(
     problem: MultiStep, found: Fitted, *, seed: int = 0, says: Says = lambda s: None
 ) -> Backward:
     """Which terms held-out windows need. ``found`` is the fit of ``problem``."""
-    whole = found
-    found = begun = search(problem, whole.z, whole.noise, stages_s=(STAGE_S,))
+    begun = search(problem, found.z, found.noise, stages_s=(STAGE_S,))
+    says("Fitting the blocks of each half …")
+    first = stand = Stand.of(begun)
     gone: list[tuple[str, Worse, list[str]]] = []
-    proven: dict[str, Worse] = {}
-    folds = folds_of(found)
-    alone = tuple(fit for fit, _ in folds)
+    proven: dict[str, Trial] = {}
     known = known_beforehand(problem)
     while True:
-        order = by_need(found)
+        order = by_need(stand.fit)
         doubtful = [t for t, z2 in order if t not in proven and z2 < CLEAR]
         rest = [t for t, z2 in order if t not in proven and z2 >= CLEAR]
         out = None
         for name in [*doubtful, *rest]:
             says(f"Without {name} …")
-            worse = removed(found, folds, name, seed=seed)
-            if not worse.kept and name not in known:
+            trial = removed(stand, name, seed=seed)
+            if not trial.worse.kept and name not in known and costs(stand, trial) < STAYS:
                 out = name
                 break
-            proven[name] = worse
+            proven[name] = trial
         if out is None:
             break
         # What needs the neighbour that went must be asked again.
-        near = traded(found, out)
+        near = traded(stand.fit, out)
         proven = {k: v for k, v in proven.items() if k not in near}
-        gone.append((out, worse, near))
-        found, *less = refits([found, *(fit for fit, _ in folds)], out)
-        folds = [(fit, test) for fit, (_, test) in zip(less, folds, strict=True)]
-    says("Looking for ties …")
-    tied = {t: ties(found, folds, t, gone, seed) for t in proven}
-    kept = [Removal(t, w, tied[t]) for t, w in proven.items()]
+        gone.append((out, trial.worse, near))
+        says(f"Without {out} … everything else once more")
+        stand = stand.without(out, trial.fits)
+    stays = [Removal(t, tried.worse, (), tried) for t, tried in proven.items()]
+    kept = [r for r in stays if r.worse.kept or r.term in known]
     kept.sort(key=lambda r: -r.worse.value)
     went = [Removal(t, w, tuple(near)) for t, w, near in gone]
-    return Backward(whole, begun, tuple(kept), tuple(went), alone)
+    went += [r for r in stays if r not in kept]
+    alone = tuple(fit for fit, _ in first.folds)
+    return Backward(found, begun, tuple(kept), tuple(went), alone, first, stand)
 
 
 def glance(found: Fitted) -> Backward:
@@ -161,8 +181,21 @@ def by_need(found: Fitted) -> list[tuple[str, float]]:
 
 def swapped(found: Backward, instead: str, name: str, *, seed: int) -> Removal:
     """What it costs the whole model to take in a term that takes away what ``name`` names."""
-    worse = removed(found.begun, folds_of(found.begun), "", seed=seed, instead=instead)
-    return Removal(name, worse)
+    stand = found.first or Stand.of(found.begun)
+    trial = removed(stand, "", seed=seed, instead=instead)
+    return Removal(name, trial.worse, (), trial)
+
+
+def tied(
+    found: Backward, causes: Sequence[Removal], *, seed: int, says: Says = lambda s: None
+) -> list[Removal]:
+    """The same with what went and serves as well in their place."""
+    out = []
+    for r in causes:
+        says(f"Looking for ties of {r.term} …")
+        others = () if found.last is None else ties(found.last, r.term, found.gone, seed)
+        out.append(replace(r, tied_with=others))
+    return out
 
 
 def known_beforehand(problem: MultiStep) -> set[str]:
@@ -189,26 +222,33 @@ def traded(found: Fitted, name: str) -> list[str]:
     return [t for t, c in near.items() if c > TRADED and t is not None]
 
 
-def removed(found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], name: str, *, seed: int,
-            instead: str | None = None) -> Worse:  # fmt: skip
+def removed(stand: Stand, name: str, *, seed: int, instead: str | None = None) -> Trial:
     """Without that term, or with ``instead`` in its place, everything refitted."""
-    p = found.problem
+    p = stand.fit.problem
     if any(v.startswith(f"{name}.") for v in p.varying) and len(p.flights) > 1:
 
         def one(i: int) -> np.ndarray:
-            full = only([j for j in range(len(p.flights)) if j != i], found)
+            full = stand.but(i)
             less = refit(full, name, instead)
-            loss = [foreign(f, p, i, found.scale) for f in (less, full)]
+            loss = [foreign(f, p, i, stand.fit.scale) for f in (less, full)]
             return np.asarray(loss[0] - loss[1])
 
-        return interval(np.concatenate(in_threads(one, len(p.flights))), seed)
+        return Trial(interval(np.concatenate(in_threads(one, len(p.flights))), seed))
 
-    def each(i: int) -> np.ndarray:
-        fit, test = folds[i]
+    def each(i: int) -> tuple[Fitted, np.ndarray]:
+        fit, test = stand.folds[i]
         less = refit(fit, name, instead)
-        return np.asarray(cells(less, test, fit.scale) - cells(fit, test, fit.scale))
+        return less, np.asarray(cells(less, test, fit.scale) - cells(fit, test, fit.scale))
 
-    return interval(np.concatenate(in_threads(each, len(folds))), seed)
+    tried = in_threads(each, len(stand.folds))
+    worse = interval(np.concatenate([lost for _, lost in tried]), seed)
+    return Trial(worse, tuple(fit for fit, _ in tried), tuple(fit for fit, _ in stand.folds))
+
+
+def costs(stand: Stand, trial: Trial) -> float:
+    """By how much the folds' fits to their own blocks are worse without the term, all together."""
+    each = zip(trial.fits, stand.folds, strict=False)
+    return sum(less.cost - fit.cost for less, (fit, _) in each)
 
 
 def cells(found: Fitted, test: MultiStep, scale: np.ndarray) -> np.ndarray:
@@ -262,13 +302,9 @@ def interval(lost: np.ndarray, seed: int) -> Worse:
     )
 
 
-def ties(
-    found: Fitted, folds: Sequence[tuple[Fitted, MultiStep]], name: str,
-    gone: Sequence[tuple[str, Worse, list[str]]], seed: int,
-) -> tuple[str, ...]:  # fmt: skip
+def ties(stand: Stand, name: str, gone: Sequence[Removal], seed: int) -> tuple[str, ...]:
     """What went and serves as well in the place of that term."""
+    near = [r.term for r in gone if name in r.tied_with]
     return tuple(
-        other
-        for other, _, near in gone
-        if name in near and removed(found, folds, name, seed=seed, instead=other).low <= 0
+        other for other in near if removed(stand, name, seed=seed, instead=other).worse.low <= 0
     )

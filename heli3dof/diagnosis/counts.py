@@ -37,7 +37,8 @@ from heli3dof.model.effects import term
 
 SURE = 2.0
 EFFECT = "encoder.scale"
-"""What no flight separates from its equals"""
+SCALE, WITH_MASS = "motor.thrust_gain", ("inertia.", "mass.imbalance")
+"""What no flight separates from its equals: a wrong count; a scale, and all that has a mass"""
 LEVEL = "encoder.offset.roll"
 """What a wrong count of roll looks like"""
 
@@ -81,9 +82,14 @@ def untold(
     return tuple(name for name in names if name not in tied)
 
 
-def flyable(tied_with: Sequence[str]) -> tuple[str, ...]:
-    """Those of the names that some flight can separate."""
-    return tuple(n for n in tied_with if not n.startswith(EFFECT))
+def flyable(of: str, tied_with: Sequence[str]) -> tuple[str, ...]:
+    """Those of the names ``of`` is tied with that some flight can separate.
+
+    >>> flyable("inertia.roll", [SCALE, "encoder.scale.yaw"]), flyable("motor.dead_zone", [SCALE])
+    ((), ('motor.thrust_gain',))
+    """
+    weighed = of.startswith(WITH_MASS)
+    return tuple(n for n in tied_with if not n.startswith(EFFECT) and not (weighed and n == SCALE))
 
 
 def _inertias(x: dict[str, tuple[float, float]], tolerance: float) -> dict[str, tuple[str, ...]]:

@@ -11,7 +11,8 @@ from heli3dof.diagnosis.counts import flyable
 from heli3dof.diagnosis.gain import HORIZON_S, Gain
 from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.leftover import Leftover
-from heli3dof.diagnosis.next_experiment import NextExperiment
+from heli3dof.diagnosis.outlook import NextExperiment
+from heli3dof.diagnosis.real_next import why_none
 from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted
 
 
@@ -26,6 +27,9 @@ def document(
     `_calibration` says of the tolerance.
     """
     f = d.fitted
+    about, following = dict(d.about), _next(d) if upcoming is None else _upcoming(upcoming)
+    if following is None and f is not None and f.final is None:
+        about["no_next_experiment"] = why_none(f.open)
     return {
         "schema": "heli3dof.diagnosis/1",
         "recordings": list(d.recordings),
@@ -36,12 +40,12 @@ def document(
         "findings": [_found(x) for x in d.in_order],
         "not_identifiable": list(d.not_identifiable),
         "leftover": [_leftover(x) for x in d.leftovers],
-        "next_experiment": _next(d) if upcoming is None else _upcoming(upcoming),
+        "next_experiment": following,
         "gain": {"horizon_s": HORIZON_S, **_gain(None if f is None else f.gain, f)},
         "model": model,
         "integrity": [x.to_dict() for x in d.integrity],
         "dropped": [{"effect": x.name, "why": x.why, "gain": _gain(x.gain)} for x in d.dropped],
-        "about": dict(d.about),
+        "about": about,
     }
 
 
@@ -218,7 +222,7 @@ def _next(d: Diagnosis) -> dict[str, Any] | None:
         if not isinstance(x, Fault)
     )
     for term, tied_with in ties:
-        if others := flyable(tied_with):
+        if others := flyable(term.name, tied_with):
             return {
                 "plan": term.effect.separated_by or "rich",
                 "separates": [term.name, *others],

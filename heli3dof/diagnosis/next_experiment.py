@@ -21,14 +21,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from heli3dof.diagnosis.catalogue import Probe, probes
 from heli3dof.diagnosis.corrected import look
 from heli3dof.diagnosis.counts import flyable
+from heli3dof.diagnosis.outlook import HOPELESS, NextExperiment, Outlook, percent
 from heli3dof.diagnosis.plan_flights import Task, fly_task, stable, task_of
+from heli3dof.diagnosis.real_next import next_free_flight
 from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis, Dropped
 from heli3dof.diagnosis.screen import Screen
 from heli3dof.diagnosis.select import TIE, Contender
@@ -44,8 +46,6 @@ from heli3dof.model.rig_model import Structure
 
 MOST = 4
 """Tied causes that are simulated; a tie of more is told by its first ones."""
-HOPELESS = 0.5
-"""Certainty below which no plan is promised to settle it."""
 
 
 @dataclass(frozen=True)
@@ -77,33 +77,6 @@ class Cause:
         """Where it is, beside where a search would look for it."""
         first = self.term.effect.parameters[0]
         return Probe(self.term, self.values, self.values[0] - first.null)
-
-
-@dataclass(frozen=True)
-class Outlook:
-    """What one plan would show: margins of the truths it was flown on (the unit of 2 ln L), and
-    the chance. Of the best plan that is all of them; of one that it beats, perhaps the first."""
-
-    plan: str
-    duration_s: float
-    margins: tuple[float, ...]
-    certainty: float
-
-    @property
-    def margin(self) -> float:
-        return min(self.margins)
-
-
-@dataclass(frozen=True)
-class NextExperiment:
-    """The plan to fly, what it separates, the chance that it does, and all plans, best first (those
-    below the best by what they promise at most)."""
-
-    plan: str
-    separates: tuple[str, ...]
-    why: str
-    certainty: float | None
-    ranking: tuple[Outlook, ...] = field(default=())
 
 
 def recommend(
@@ -148,18 +121,20 @@ def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
     None where nothing is open, where the data are at fault, where no plan can be flown, or where
     none would show it.
     """
+    if found.fitted is not None and found.fitted.open is not None:
+        return next_free_flight(found.fitted.open, seed=seed)
     if found.fitted is None or found.fitted.base is None:
         return None
     base: Estimate = found.fitted.base
     try:
         for finding in found.findings:
             best, *others = finding.choice.contenders
-            if names := flyable(finding.choice.tied_with):
+            if names := flyable(finding.choice.term.name, finding.choice.tied_with):
                 tied = [c for c in others if c.term.name in names]
                 return recommend(base, [Cause.fitted(c) for c in (best, *tied)], seed=seed)
             base = Estimate(best.problem, best.optimum)
         open_ = [_dropped(x) for x in found.dropped if x.why == DOES_NOT_PAY]
-        open_ = open_ or [Cause.typical(name) for name in flyable(found.not_identifiable)[:1]]
+        open_ = open_ or [Cause.typical(name) for name in flyable("", found.not_identifiable)[:1]]
         if found.findings or any(o.tied_with for o in found.calibration_findings) or not open_:
             return None
         asked = recommend(base, open_[:1], seed=seed)
@@ -178,18 +153,13 @@ def _why(best: Outlook, names: Sequence[str]) -> str:
     if len(names) == 1:
         return (
             f"simulated, {seconds} of it show {names[0]} with a score of {best.margin:.0f} "
-            f"({_percent(best.certainty)} certain to be enough)"
+            f"({percent(best.certainty)} certain to be enough)"
         )
     what = " and ".join(names) if len(names) == 2 else ", ".join(names)
     said = f"simulated, {seconds} of it part {what} by a margin of {best.margin:.0f}"
     if best.certainty < HOPELESS:
         return f"{said}: more than any other plan, but hardly enough; fly it several times"
-    return f"{said}, {_percent(best.certainty)} certain to be enough"
-
-
-def _percent(chance: float) -> str:
-    """Never 100 %: it is a forecast."""
-    return "> 99 %" if chance > 0.99 else f"{chance * 100:.0f} %"
+    return f"{said}, {percent(best.certainty)} certain to be enough"
 
 
 def _chance(margin: float) -> float:

@@ -22,6 +22,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.calibration import Calibrated, Off
+from heli3dof.diagnosis.counts import SCALE
 from heli3dof.diagnosis.real_halves import APART, SEEN
 from heli3dof.diagnosis.result import Finding
 from heli3dof.identification.greybox.freeflight import WEIGHT
@@ -31,7 +32,6 @@ from heli3dof.model.effects import term
 SURE = 1.96
 BASE = 4
 """T_g and the inertias come first among a structure's numbers."""
-SCALE = "motor.thrust_gain"
 
 
 def numbers(fit: Fitted) -> tuple[Calibrated, ...]:

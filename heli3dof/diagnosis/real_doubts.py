@@ -9,7 +9,8 @@ the part of its variance in a line at f (8/π²k² for the k-th harmonic of a sq
 torque is not told from the model's own error where share(f) is `LINE` or more on some axis.
 
 A mass change has one time after a recording's first sample. Recordings of different flights that
-share it share a drift (of motors that get warm), or its formula.
+share it share a drift (of motors that get warm), or its formula. And at one constant voltage a
+weight and a thrust are one and the same torque, whenever it changes.
 
 And what no recording shows by itself, but only their comparison
 (`heli3dof.diagnosis.real_alone`).
@@ -25,6 +26,7 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.diagnosis.real_alone import only_compared
+from heli3dof.diagnosis.real_hidden import constant_voltage
 from heli3dof.diagnosis.result import Finding
 from heli3dof.recording.recording import Recording
 
@@ -50,7 +52,7 @@ def unsure(f: Finding) -> Finding:
 def _unborne(f: Finding, recordings: Sequence[Recording]) -> bool:
     name = f.choice.term.effect.name
     if name == "mass.change":
-        return len(recordings) > 1
+        return len(recordings) > 1 or any(constant_voltage(r) for r in recordings)
     if name == "disturbance.periodic":
         return any(in_the_motion(r, f.values["frequency_Hz"][0]) for r in recordings)
     return False

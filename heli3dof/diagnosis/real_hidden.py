@@ -13,18 +13,19 @@ A constant voltage V on both motors, read on roll alone: where the arm stands ea
 
     L_a F(V) = (T_g + τ) cos r + k_r sin r = Γ(r),       F_late/F_early = Γ(r_late)/Γ(r_early)
 
-Thrust that grows by that factor, at one voltage, would do the same.
+Thrust that grows by that factor, at one voltage, would do the same; or as much more voltage as
+the thrust curve asks for it. Whether one such number is what several runs show, is told too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from heli3dof.diagnosis.real_explains import arm_torque, settles_at
+from heli3dof.diagnosis.real_explains import arm_torque, hover_voltage, settles_at
 from heli3dof.identification.greybox.multistep import Fitted
 from heli3dof.identification.greybox.weak_form import DIFFERENCE, SPANS_S, log_of, residuals
 from heli3dof.model.filtering import climb_rows
@@ -45,6 +46,8 @@ ON_TABLE_DEG = 2.0
 CREPT_DEG = 1.0
 OFF_DEG = 2.0
 """Less than that is not told."""
+ONE_SIZE = 2.0
+"""Growths that differ by more are not one and the same."""
 
 
 def still_hidden(
@@ -52,7 +55,8 @@ def still_hidden(
 ) -> list[dict[str, Any]]:
     """JSON-able, each with its ``sentence``; ``flights`` are the fit's, ``runs`` are not."""
     out = [x for i, r in enumerate(flights) for x in take_off(fit, i, r)]
-    return out + [x for r in runs for x in creep(fit, r)]
+    out += [x for r in runs for x in creep(fit, r)]
+    return out + list(together([c for r in runs if (c := crept(fit, r)) is not None]))
 
 
 def take_off(fit: Fitted, i: int, recording: Recording) -> Iterator[dict[str, Any]]:
@@ -128,40 +132,95 @@ def _at_rest(structure: Any, values: np.ndarray, reading: np.ndarray) -> np.ndar
     return np.asarray(x)
 
 
-def creep(fit: Fitted, recording: Recording) -> Iterator[dict[str, Any]]:
-    """Whether the arm keeps moving at a constant voltage, and where the model says it stands."""
-    r = recording
-    V, roll = r.voltage, np.degrees(r.angle[:, 0])
+@dataclass(frozen=True)
+class Crept:
+    """Where the arm stands at one constant voltage, early and late, and where the model says."""
+
+    recording: str
+    voltage_V: float
+    early_deg: float
+    late_deg: float
+    model_deg: float
+    thrust_late_over_early: float
+    as_if_V: float
+    """By how much more voltage would give as much more thrust"""
+    seconds: float
+
+    @property
+    def creeps(self) -> bool:
+        return abs(self.late_deg - self.early_deg) > CREPT_DEG
+
+
+def constant_voltage(recording: Recording) -> tuple[int, int] | None:
+    """First and last row of the one voltage that both motors had throughout; None where not so."""
+    V = recording.voltage
     on = np.flatnonzero((V > 0).all(axis=1))
     if not len(on) or np.ptp(V[on]) > 1e-9 or on[-1] - on[0] + 1 != len(on):
-        return
-    t = r.t - r.t[on[0]]
-    if np.isnan(roll).any() or t[on[-1]] < LEAST_S:
-        return
+        return None
+    return int(on[0]), int(on[-1])
+
+
+def crept(fit: Fitted, recording: Recording) -> Crept | None:
+    """None where no constant voltage held the arm off the table long enough."""
+    r, on = recording, constant_voltage(recording)
+    if on is None:
+        return None
+    t, roll = r.t - r.t[on[0]], np.degrees(r.angle[:, 0])
+    end = float(t[on[1]])
+    if np.isnan(roll).any() or end < LEAST_S:
+        return None
     early = float(roll[(t >= EARLY_S[0]) & (t < EARLY_S[1])].mean())
-    late = float(roll[(t > t[on[-1]] - LATE_S) & (t <= t[on[-1]])].mean())
+    late = float(roll[(t > end - LATE_S) & (t <= end)].mean())
     if early < np.degrees(table_of(r)[0]) + ON_TABLE_DEG:
-        return
-    volts = float(V[on[0], 0])
-    model = settles_at(fit, volts)
+        return None
+    volts = float(r.voltage[on[0], 0])
     factor = arm_torque(fit, late) / arm_torque(fit, early)
-    crept = abs(late - early) > CREPT_DEG
-    if not crept and abs(model - early) < OFF_DEG:
+    more = hover_voltage(fit, late) / hover_voltage(fit, early)
+    return Crept(
+        r.name, volts, early, late, settles_at(fit, volts), factor, volts * (more - 1), end
+    )
+
+
+def creep(fit: Fitted, recording: Recording) -> Iterator[dict[str, Any]]:
+    """Whether the arm keeps moving at a constant voltage, and where the model says it stands."""
+    c = crept(fit, recording)
+    if c is None or (not c.creeps and abs(c.model_deg - c.early_deg) < OFF_DEG):
         return
     sentence = (
-        f"At {volts:g} V on both motors ({r.name}, not fitted) the arm stands at {_deg(early)} "
-        f"after {EARLY_S[0]:.0f} to {EARLY_S[1]:.0f} s; the model says {_deg(model)}."
+        f"At {c.voltage_V:g} V on both motors ({c.recording}, not fitted) the arm stands at "
+        f"{_deg(c.early_deg)} after {EARLY_S[0]:.0f} to {EARLY_S[1]:.0f} s; the model says "
+        f"{_deg(c.model_deg)}."
     )
-    if crept:
+    if c.creeps:
         sentence += (
-            f" Then it creeps to {_deg(late)} by {t[on[-1]]:.0f} s, as if thrust at that voltage "
-            f"grew by {100 * (factor - 1):.0f} %: nothing in the model is slower than its rotors. "
-            "Warm motors, a bearing, a tilt that was not read? These runs do not tell."
+            f" Then it creeps to {_deg(c.late_deg)} by {c.seconds:.0f} s, as if thrust at that "
+            f"voltage grew by {100 * (c.thrust_late_over_early - 1):.0f} %: nothing in the model "
+            "is slower than its rotors. Warm motors, a bearing, a tilt that was not read? These "
+            "runs do not tell."
         )
+    yield {"what": "creep", **asdict(c), "sentence": sentence}
+
+
+def together(runs: Sequence[Crept]) -> Iterator[dict[str, Any]]:
+    """Whether one growth of thrust, or one of voltage, is what all of the runs show."""
+    if len({c.voltage_V for c in runs}) < 2 or not any(c.creeps for c in runs):
+        return
+    each = {
+        "thrust": [c.thrust_late_over_early - 1 for c in runs],
+        "voltage": [c.as_if_V for c in runs],
+    }
+    one = {k: min(v) > 0 and max(v) < ONE_SIZE * min(v) for k, v in each.items()}
+    told = "; ".join(
+        f"{c.voltage_V:g} V: {100 * (c.thrust_late_over_early - 1):.0f} % of thrust, or "
+        f"{c.as_if_V:.2f} V".replace("-", "−")
+        for c in runs
+    )
+    fits = [k for k, v in one.items() if v]
     yield {
-        "what": "creep", "recording": r.name, "voltage_V": volts, "early_deg": early,
-        "late_deg": late, "model_deg": model, "thrust_late_over_early": factor,
-        "sentence": sentence,
+        "what": "creep_together", "runs": [c.recording for c in runs], "one_size": one,
+        "sentence": f"What creeps, run by run: {told}. "
+        + (f"One growth of {' or of '.join(fits)} would do for all of them."
+           if fits else "No one growth of thrust, nor one of voltage, does for all of them."),
     }  # fmt: skip
 
 

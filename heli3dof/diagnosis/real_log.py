@@ -1,19 +1,14 @@
 """The diagnosis of a log whose loop is unknown and which bears no likelihood, either for its clock
 lies or for its motion one step ahead is no noise (`identification.greybox.noise_check`).
 
-So nothing here rests on a likelihood: models are compared by free flights from re-estimated states.
-With e_k(h) the error of flight k after h s,
-
-    RMSE_i(h) = √(mean_k e_k,i(h)²),      over 3 s: √(1/3 ∫₀³ RMSE_i(h)² dh)
-
-on the hold-out recordings, or on blocks left out where none is given: each half of the blocks by
-the model fitted to the other. What a single cause gains is then measured on the recordings
-themselves (said there). An extension pays where Σ_i (RMSE_i,after/RMSE_i,before)² over 3 s is below
-the number of axes; one that does not is not adopted, and the model is the base. The base is the
-rigid body (or the hover model) refitted in the same way. There is no noise floor. The
-extended model is the full one; which of its terms are causes, `heli3dof.diagnosis.real_named` says,
-and what is still hidden `heli3dof.diagnosis.real_hidden`. Recordings in which not all three angles
-were read are not fitted, for what the others did then is unknown, but held beside it.
+So nothing here rests on a likelihood: models are compared by free flights from re-estimated states
+(`heli3dof.diagnosis.real_flown`) on the hold-out recordings, or on blocks left out where none is
+given. What a single cause gains is measured there too, everything else refitted. An
+extension that does not pay is not adopted, and the model is the base. The base is the rigid body
+(or the hover model) refitted in the same way. There is no noise floor. The extended model is the
+full one; which of its terms are causes, `heli3dof.diagnosis.real_named` says, and what is still
+hidden `heli3dof.diagnosis.real_hidden`. Recordings in which not all three angles were read are not
+fitted, for what the others did then is unknown, but held beside it.
 """
 
 from __future__ import annotations
@@ -25,27 +20,29 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.ahead import HORIZONS_S
 from heli3dof.diagnosis.backward import (
-    CELL_S,
     Backward,
     Removal,
+    Trial,
     backward,
     glance,
     known_beforehand,
     swapped,
+    tied,
 )
 from heli3dof.diagnosis.base_fit import BASES
 from heli3dof.diagnosis.calibration import Calibrated
 from heli3dof.diagnosis.counts import untold
-from heli3dof.diagnosis.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
+from heli3dof.diagnosis.gain import Gain
 from heli3dof.diagnosis.how_wrong import HowWrong
 from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.real_base import merged, off_profile
 from heli3dof.diagnosis.real_doubts import unsure
 from heli3dof.diagnosis.real_explains import explains
+from heli3dof.diagnosis.real_flown import Flown, fly, gain, left_out, pays
 from heli3dof.diagnosis.real_hidden import still_hidden
 from heli3dof.diagnosis.real_leftover import leftovers
-from heli3dof.diagnosis.real_named import certainty, named, sizes, unseen, within
-from heli3dof.diagnosis.refits import folds_of, halves, refit
+from heli3dof.diagnosis.real_named import certainty, left_open, named, sizes, unseen, within
+from heli3dof.diagnosis.refits import folds_of, refit
 from heli3dof.diagnosis.result import (
     Diagnosis,
     Dropped,
@@ -66,15 +63,9 @@ from heli3dof.identification.greybox.freeflight import (
 from heli3dof.identification.greybox.multistep import Fitted as Fit
 from heli3dof.identification.greybox.noise_check import why_freeflight
 from heli3dof.model.effects import terms
-from heli3dof.model.greybox import GreyBoxModel, nominal
-from heli3dof.model.greybox_predict import filtered
-from heli3dof.model.greybox_windows import errors
+from heli3dof.model.greybox import nominal
 from heli3dof.recording.recording import Recording
 
-OVER_S = 3.0
-STEP_S = 0.25
-FAR = 10 * np.pi
-"""rad: no flight is further off than that."""
 WHY = (
     "The loop is unknown, so no nulls can be flown, and no likelihood can be trusted: {} So the "
     "full physical model was fitted to free flights of 3 s. What blocks left out need, and "
@@ -88,6 +79,7 @@ QUICK = (
     "noise floor."
 )
 FITTING = "Fitting the full physical model to free flights …"
+EACH = "Each cause once more without it …"
 BLOCKS = "blocks left out of the fit"
 Says = Callable[[str], None]
 
@@ -119,9 +111,8 @@ def diagnose_real(
     """
     whole, runs = _whole(train), _rest([*train, *held])
     flights = [r for r in whole if len(flight_of(r).starts) >= LEAST_STARTS]
-    seen, on = _whole(held), "holdout"
-    if not seen:
-        seen, on = whole, "the recordings themselves"
+    kept_back = _whole(held)
+    seen, on = (kept_back, "holdout") if kept_back else (whole, "the recordings themselves")
     says(FITTING)
     full = fit_freeflight(whole, say=lambda round_: says(f"{FITTING} {round_}"))
     found = glance(full) if quick else backward(full.problem, full, seed=seed, says=says)
@@ -132,25 +123,29 @@ def diagnose_real(
     model = model_of(found.fit, whole, "extended")
     simple = model_of(least, whole, "base")
     after, before = Flown.of(model, seen), Flown.of(simple, seen)
-    own, against = after, on  # what single causes are measured by
-    if not held and not quick:
+    against = on
+    if not kept_back and not quick:
         against = BLOCKS
         after = left_out([model_of(f, whole, "") for f in found.halves], whole)
         folds = folds_of(least)
         before = left_out([model_of(f, whole, "") for f, _ in folds], whole)
     causes, only_kept = named(found)
+    causes = tied(found, causes, seed=seed, says=says)
     if base == "hover" and not quick:
         r = swapped(found, "base.hover", "geometry", seed=seed)
         causes += [r] * r.worse.kept
         causes.sort(key=lambda r: -r.worse.value)
-    alone = _without(found, causes, whole, seen)
-    findings = tuple(_finding(found, r, gain(alone[r.term], own, on, seed)) for r in causes)
+    says(EACH)
+    alone = _without(found, causes, whole, kept_back)
+    findings = tuple(_finding(found, r, gain(*alone[r.term], against, seed)) for r in causes)
     poor = not pays(before, after)
+    adopted = least if poor else found.fit
     dropped = tuple(Dropped(f.choice.term.name, f.gain) for f in findings) if poor else ()
     fitted = Fitted(
         None, None, simple if poor else model,
         gain(before, before if poor else after, against, seed), None, None,
-        _wrong(seen, simpler), dict.fromkeys(AXES), _calibrated(least if poor else found.fit),
+        _wrong(seen, simpler), dict.fromkeys(AXES), _calibrated(adopted),
+        None if poor else left_open(found, model, causes, only_kept),
     )  # fmt: skip
     findings = () if poor else findings
     tolerance = whole[0].profile.tolerance
@@ -158,7 +153,7 @@ def diagnose_real(
     findings, off = merged(findings, off)
     if quick:
         findings = tuple(unsure(f) for f in findings)
-    left = leftovers(found.fit)
+    left = leftovers(adopted)
     about = {
         "method": "free flights of the full physical model, and backwards from it",
         "why": (QUICK if quick else WHY).format(why),
@@ -166,39 +161,54 @@ def diagnose_real(
         "adopted": not poor,
         "not_fitted": [r.name for r in runs],
         "over_3_s": {"before": before.over_deg(), "after": after.over_deg()},
-        "without": {name: flown.over_deg() for name, flown in alone.items()},
+        "without": {name: less.over_deg() for name, (less, _) in alone.items()},
         "by_recording": {
             name: dict(zip([r.name for r in flights], values.tolist(), strict=True))
             for name, values in found.fit.by_recording.items()
         },
         "known_beforehand": sorted(known_beforehand(found.fit.problem)),
         "kept_within_what_is_known": within(found, only_kept),
-        "explains": explains(found.fit, flights, {r.term for r in causes}),
-        "still_hidden": still_hidden(found.fit, flights, runs),
+        "explains": explains(adopted, flights, {f.choice.term.name for f in findings}),
+        "still_hidden": still_hidden(adopted, flights, runs),
         "seed": seed,
     }  # fmt: skip
     each = in_order((), findings, off)
-    verdict = verdict_of(each, left, unsure=quick) if each else "nothing_found"
     rest_rad = float(whole[0].profile.encoder.rest_rad[0])
     dark = untold(tied_in(each), AXES, rest_rad=rest_rad, tolerance=tolerance)
     return Diagnosis(
-        tuple(r.name for r in train), tuple(r.name for r in held), verdict, faults, fitted,
+        tuple(r.name for r in train), tuple(r.name for r in held),
+        verdict_of(each, left, unsure=quick), faults, fitted,
         findings, off, dropped, left,
         (*unseen(found.fit, causes), *dark), about,
     )  # fmt: skip
 
 
 def _without(
-    found: Backward, causes: Sequence[Removal], whole: Sequence[Recording], seen: list[Recording]
-) -> dict[str, Flown]:
-    """By term: everything but that cause, refitted, flown along what is seen."""
-    swap = {"geometry": ("", "base.hover")}
+    found: Backward, causes: Sequence[Removal], whole: Sequence[Recording],
+    held: Sequence[Recording],
+) -> dict[str, tuple[Flown, Flown]]:  # fmt: skip
+    """By term: everything but that cause, refitted, and everything, flown along what was not seen:
+    recordings held out, or blocks left out (by the folds' own fits)."""
 
-    def one(i: int) -> Flown:
-        fit = refit(found.begun, *swap.get(causes[i].term, (causes[i].term,)))
-        return Flown.of(model_of(fit, whole, ""), seen)
+    swap = {"geometry": ("", "base.hover")}
+    more = None if found.last is not None and not held else _flown(found.fit, whole, held)
+
+    def one(i: int) -> tuple[Flown, Flown]:
+        r = causes[i]
+        if more is not None:
+            return _flown(refit(found.begun, *swap.get(r.term, (r.term,))), whole, held), more
+        assert found.last is not None
+        at = r.trial or Trial(r.worse)
+        beside = at.beside or tuple(fit for fit, _ in found.last.folds)
+        less = at.fits or [refit(f, r.term) for f in beside]
+        a, b = (left_out([model_of(f, whole, "") for f in fits], whole) for fits in (less, beside))
+        return a, b
 
     return dict(zip([r.term for r in causes], in_threads(one, len(causes)), strict=True))
+
+
+def _flown(fit: Fit, whole: Sequence[Recording], held: Sequence[Recording]) -> Flown:
+    return Flown.of(model_of(fit, whole, ""), held or whole)
 
 
 def _whole(recordings: Sequence[Recording]) -> list[Recording]:
@@ -207,94 +217,6 @@ def _whole(recordings: Sequence[Recording]) -> list[Recording]:
 
 def _rest(recordings: Sequence[Recording]) -> list[Recording]:
     return [r for r in recordings if len(r.axes) < len(AXES)]
-
-
-class Flown:
-    """Free flights of a model along recordings: errors, and the cell that each belongs to."""
-
-    def __init__(self, e: np.ndarray, cell: np.ndarray) -> None:
-        self.e = e
-        """(S, M, 3) rad, every `STEP_S` to `OVER_S`"""
-        self.cell = cell
-        """(S,)"""
-
-    @classmethod
-    def of(cls, model: GreyBoxModel, recordings: Sequence[Recording]) -> Flown:
-        every, cells, last = [], [], 0
-        for r in recordings:
-            flight = flight_of(r)
-            ahead = np.array([round(h / r.dt) for h in np.arange(1, 13) * STEP_S])
-            every.append(fly(model, r, ahead))
-            cell = np.floor(flight.t[flight.starts] / CELL_S).astype(int) + last
-            cells.append(cell)
-            last = int(cell.max(initial=last)) + 1
-        return cls(np.concatenate(every), np.concatenate(cells))
-
-    def only(self, rows: np.ndarray) -> Flown:
-        """(S,) bool"""
-        return Flown(self.e[rows], self.cell[rows])
-
-    def rmse_deg(self, horizon_s: float, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """(3,) degrees at that horizon"""
-        e = self.e[rows, round(horizon_s / STEP_S) - 1]
-        return np.asarray(np.degrees(np.sqrt(np.nanmean(e**2, axis=0))))
-
-    def over_deg(self) -> dict[str, float]:
-        """By axis over `OVER_S`."""
-        squares = np.vstack([np.zeros((1, 3)), np.nanmean(self.e**2, axis=0)])
-        mean = np.trapezoid(squares, dx=STEP_S, axis=0) / OVER_S
-        return dict(zip(AXES, np.degrees(np.sqrt(mean)).tolist(), strict=True))
-
-
-def left_out(models: Sequence[GreyBoxModel], recordings: Sequence[Recording]) -> Flown:
-    """Each fold's test windows, flown by the model that was fitted to the other folds."""
-    parts = []
-    for fold, model in enumerate(models):
-        flights = [flight_of(r) for r in recordings]
-        test = [np.isin(f.starts, halves(f, fold)[1].starts) for f in flights]
-        parts.append(Flown.of(model, recordings).only(np.concatenate(test)))
-    return Flown(np.concatenate([p.e for p in parts]), np.concatenate([p.cell for p in parts]))
-
-
-def pays(before: Flown, after: Flown) -> bool:
-    """Whether the extension predicts better over 3 s, every axis counting alike."""
-    b, a = (np.array(list(x.over_deg().values())) for x in (before, after))
-    return bool(np.nansum((a / b) ** 2) < np.isfinite(a / b).sum())
-
-
-def fly(model: GreyBoxModel, recording: Recording, ahead: np.ndarray) -> np.ndarray:
-    """(S, M, 3) rad: errors ``ahead`` (M,) rows after each start of `flight_of`."""
-    flight = flight_of(recording)
-    states = filtered(model, recording)[3]
-    with np.errstate(all="ignore"):
-        e = errors(model.structure, model.values, flight, states, ahead, tuple(model.varying))
-    e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
-    e[..., ~flight.free] = np.nan
-    return np.asarray(e)
-
-
-def gain(before: Flown, after: Flown, on: str, seed: int) -> Gain:
-    """On the same flights, 1 s ahead; cells are drawn for the intervals."""
-    two = [dict(zip(AXES, x.rmse_deg(HORIZON_S).tolist(), strict=True)) for x in (before, after)]
-    rng = np.random.default_rng([seed, 5])
-    k = round(HORIZON_S / STEP_S) - 1
-    names = np.unique(before.cell)
-    there = np.isfinite(before.e[:, k])
-    count = np.array([there[before.cell == c].sum(axis=0) for c in names])
-    sums = [
-        np.array([np.nansum(x.e[before.cell == c, k] ** 2, axis=0) for c in names])
-        for x in (before, after)
-    ]
-    drawn = rng.integers(0, len(names), (DRAWS, len(names)))
-    n = np.maximum(count[drawn].sum(axis=1), 1)
-    falls = np.subtract(*[np.degrees(np.sqrt(s[drawn].sum(axis=1) / n)) for s in sums])
-    tail = 50 * (1 - LEVEL)
-    low, high = np.percentile(falls, [tail, 100 - tail], axis=0)
-    won = {
-        a: Interval(two[0][a] - two[1][a], float(low[i]), float(high[i]))
-        for i, a in enumerate(AXES)
-    }
-    return Gain(on, two[0], two[1], won, None, None)
 
 
 def _finding(found: Backward, r: Removal, won: Gain) -> Finding:

@@ -21,7 +21,9 @@ from typing import Any
 
 from heli3dof.diagnosis.backward import Backward, Removal, known_beforehand, traded
 from heli3dof.diagnosis.real_halves import deviations, seen
+from heli3dof.diagnosis.real_next import Open
 from heli3dof.identification.greybox.multistep import Fitted
+from heli3dof.model.greybox import GreyBoxModel
 
 SURE = 0.95
 LITTLE = 0.7
@@ -61,6 +63,18 @@ def certainty(found: Backward, r: Removal) -> float:
     """
     size = apart(found.fit, r.term)
     return size if r.term in known_beforehand(found.fit.problem) else min(r.worse.positive, size)
+
+
+def left_open(
+    found: Backward, model: GreyBoxModel, causes: list[Removal], only_kept: list[Removal]
+) -> Open:
+    """What a further flight should settle: the first tie; else what blocks need whose size, or
+    whose place in both halves, is not sure; else what was not seen at all."""
+    for r in causes:
+        if r.tied_with:
+            return Open(found.fit, model, (r.term, *r.tied_with), tied=True)
+    needed = [r.term for r in only_kept if r not in found.gone]
+    return Open(found.fit, model, tuple(needed or unseen(found.fit, causes)))
 
 
 def within(found: Backward, only_kept: list[Removal]) -> list[dict[str, Any]]:

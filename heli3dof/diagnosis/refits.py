@@ -8,12 +8,12 @@ goes. All are weighed by the whole's own scales, so that costs compare.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.workers import in_threads
-from heli3dof.identification.greybox.descent import follow_on
+from heli3dof.diagnosis.workers import WORKERS, in_threads
+from heli3dof.identification.greybox.descent import FRESH, follow_on
 from heli3dof.identification.greybox.multistep import SETTLED, Fitted, MultiStep, valley
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.model.effects import terms
@@ -24,8 +24,38 @@ STAGE_S = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 BLOCK_S = 6.0
 WINDOW_S = 3.0
 FOLDS = 2
+ANEW = 1
+"""How often a refit without a term may take its tangents anew: a tenth of Q is nothing there."""
 ASTRAY = 3.0
 """Times the cost: a refit that is worse may have lost its way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """A fit, the same to each fold's blocks beside that fold's own windows, and (made when asked
+    for) the same to all recordings but one."""
+
+    fit: Fitted
+    folds: tuple[tuple[Fitted, MultiStep], ...]
+    _others: dict[int, Fitted] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, fit: Fitted) -> Stand:
+        return cls(fit, tuple(folds_of(fit)))
+
+    def but(self, i: int) -> Fitted:
+        """To all recordings but that one."""
+        if i not in self._others:
+            kept = [j for j in range(len(self.fit.problem.flights)) if j != i]
+            self._others[i] = only(kept, self.fit)
+        return self._others[i]
+
+    def without(self, name: str, fits: Sequence[Fitted] = ()) -> Stand:
+        """All of it without that term; ``fits``: the folds' own, where they were made before."""
+        each = list(fits) or in_threads(lambda k: refit(self.folds[k][0], name), len(self.folds))
+        tests = [test for _, test in self.folds]
+        whole = refit(self.fit, name, threads=WORKERS)
+        return Stand(whole, tuple(zip(each, tests, strict=True)))
 
 
 def refit(found: Fitted, name: str, instead: str | None = None, threads: int = 1) -> Fitted:
@@ -35,7 +65,7 @@ def refit(found: Fitted, name: str, instead: str | None = None, threads: int = 1
         names.append(instead)
     new = restructured(found.problem, names)
     z, D = moved(found, new)
-    fit = warm(found, new, z, D, threads)
+    fit = warm(found, new, z, D, threads, ANEW)
     if fit.cost < ASTRAY * found.cost:
         return fit
     # Flights that run away have no slope to follow; the weak form lets none fly.
@@ -43,17 +73,13 @@ def refit(found: Fitted, name: str, instead: str | None = None, threads: int = 1
     return min(fit, other, key=lambda f: f.cost)
 
 
-def refits(found: Sequence[Fitted], name: str) -> list[Fitted]:
-    """Each without that term."""
-    return in_threads(lambda i: refit(found[i], name), len(found))
-
-
 def warm(
-    found: Fitted, new: MultiStep, z: np.ndarray, D: np.ndarray | None, threads: int = 1
-) -> Fitted:
+    found: Fitted, new: MultiStep, z: np.ndarray, D: np.ndarray | None, threads: int = 1,
+    fresh: int = FRESH,
+) -> Fitted:  # fmt: skip
     """The minimum of ``new`` next to ``z`` (dim,), whose tangents are about D (dim, R)."""
     v = valley(new, found.noise, STAGE_S, found.scale, threads)
-    r = follow_on(v, z, D, settled=SETTLED)
+    r = follow_on(v, z, D, settled=SETTLED, fresh=fresh)
     return Fitted(new, r.z, found.noise, found.scale, r.cost, r.tangents, r.rounds, r.settled)
 
 

@@ -14,6 +14,7 @@ from heli3dof.diagnosis.gain import Gain, HeldOut
 from heli3dof.diagnosis.how_wrong import HowWrong
 from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.leftover import Leftover
+from heli3dof.diagnosis.real_next import Open
 from heli3dof.diagnosis.select import Choice
 from heli3dof.model.greybox import GreyBoxModel
 
@@ -67,6 +68,8 @@ class Fitted:
     noise_floor: Mapping[str, float | None]
     calibration: tuple[Calibrated, ...] = ()
     """Where there is no ``final`` to read it from"""
+    open: Open | None = None
+    """What a fit to free flights left open; None where a likelihood was fitted"""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,8 @@ for which instants are off axis by axis, is sharper where the clock is true.)
 b: numbers of the effects that are constant in a recording and differ from one to the next (the
 angle at which an encoder was switched on). They stand in the state, x = (q, q̇, b), with ḃ = 0 and
 b ~ N(b_0, σ_b²) at the start of each run, and are re-estimated from what has been read so far.
-P grows as in `heli3dof.model.kalman`, with ∂q̈/∂(q, q̇, b).
+P grows as in `heli3dof.model.kalman`, with ∂q̈/∂(q, q̇, b); x by the midpoint rule, whose error
+over the few milliseconds of one sample (h³ q⃛/24) is a thousandth of an encoder's step.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.model import kalman, rigid_body, rotor, stepping
+from heli3dof.model import dry_friction, kalman, rigid_body, rotor, stepping
 from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
 from heli3dof.model.filtering import Data
 from heli3dof.model.rig_model import Structure
 from heli3dof.model.rigid_body import accelerations
 from heli3dof.model.rotor import thrusts
-from heli3dof.model.stepping import readings, setup, step
+from heli3dof.model.stepping import glide, readings, setup
 
 R, T, F_FRONT, F_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK
 RELINEARISE_S, RATE_0 = kalman.RELINEARISE_S, kalman.RATE_0
@@ -52,9 +53,9 @@ def _filter(  # type: ignore[no-untyped-def]
     L = n  # the place of δ
     target, F = np.empty((N, 2)), np.empty((N, 2))
     x, P = np.empty(n + 1), np.zeros((n + 1, n + 1))
-    A, Phi, W = np.empty((3, n)), np.zeros((n, n)), np.empty((n, n))
+    A, AP, W = np.empty((3, n)), np.empty((n, n)), np.empty((n, n))
     m, slope, w = np.empty(3), np.empty(3), np.zeros((8, 3))
-    m_b, H, PH, ignored = np.empty((B, 3)), np.zeros(n + 1), np.empty(n + 1), np.empty(3)
+    m_b, PH, ignored = np.empty((B, 3)), np.empty(n + 1), np.empty(3)
     decay = np.full(3, -1.0)
     for block in range(blocks.shape[0]):
         s, mem, par = s0.copy(), mem0.copy(), par0.copy()
@@ -119,30 +120,31 @@ def _filter(  # type: ignore[no-untyped-def]
             for i in range(3):
                 if y[k, i] != y[k, i] or not axes[i]:
                     continue
-                H[:] = 0.0
-                H[i] = slope[i]
-                H[L] = v_0 if i == 0 else (v_1 if i == 1 else v_2)
-                at = m[i] + slope[i] * (x[i] - (x_0 if i == 0 else (x_1 if i == 1 else x_2)))
-                at += H[L] * x[L]
+                # What is read follows from the angle, δ and b alone: the rest of H is zero.
+                H_q = slope[i]
+                H_L = v_0 if i == 0 else (v_1 if i == 1 else v_2)
+                at = m[i] + H_q * (x[i] - (x_0 if i == 0 else (x_1 if i == 1 else x_2)))
+                at += H_L * x[L]
                 for q in range(B):
-                    H[6 + q] = m_b[q, i]
                     for z in range(where.shape[0]):
                         if where[z, 2] == q:
                             at += m_b[q, i] * (x[6 + q] - par[where[z, 0], where[z, 1]])
                             break
-                S = R2[i]
                 for j in range(n + 1):
-                    acc = 0.0
-                    for z in range(n + 1):
-                        acc += P[j, z] * H[z]
+                    acc = P[j, i] * H_q + P[j, L] * H_L
+                    for q in range(B):
+                        acc += P[j, 6 + q] * m_b[q, i]
                     PH[j] = acc
-                    S += H[j] * acc
+                S = R2[i] + H_q * PH[i] + H_L * PH[L]
+                for q in range(B):
+                    S += m_b[q, i] * PH[6 + q]
                 e = y[k, i] - at
                 loglik[i] -= 0.5 * (e * e / S + math.log(2.0 * math.pi * S))
                 for j in range(n + 1):
-                    x[j] += PH[j] * e / S
+                    gain = PH[j] / S
+                    x[j] += gain * e
                     for z in range(j + 1):
-                        P[j, z] -= PH[j] * PH[z] / S
+                        P[j, z] -= gain * PH[z]
                         P[z, j] = P[j, z]
             for j in range(n):
                 X[k, j] = x[j]
@@ -155,8 +157,8 @@ def _filter(  # type: ignore[no-untyped-def]
                 s[T] = t[k]
                 _slopes(s, x, F[k], first, address, par, mem, axes, where, w, A)
             since += h[k]
-            step(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
-            _grown(P, A, h[k], driven, Phi, W, n)
+            glide(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
+            _grown(P, A, h[k], driven, AP, W, n)
 
 
 def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: ignore[no-untyped-def]
@@ -186,30 +188,38 @@ def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: i
 _slopes = compiled(_slopes_py, calls=(rigid_body._accelerations,), error_model="numpy")
 
 
-def _grown_py(P, A, h, a2, Phi, W, n):  # type: ignore[no-untyped-def]
-    """P's first n rows and columns one step on; `heli3dof.model.kalman` has the equation."""
+def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
+    """P's first n rows and columns one step on; `heli3dof.model.kalman` has the equation.
+
+    Φ = 1 + h·(q ← q̇) + (½h², h)·A in the rows of (q, q̇): only A's three rows are multiplied out.
+    ``AP`` and ``W`` (n, n) are room.
+    """
+    half = 0.5 * h * h
     for i in range(3):
         for j in range(n):
-            Phi[i, j] = 0.5 * h * h * A[i, j]
-            Phi[3 + i, j] = h * A[i, j]
-        Phi[i, i] += 1.0
-        Phi[i, 3 + i] += h
-        Phi[3 + i, 3 + i] += 1.0
-    for i in range(6, n):
-        Phi[i, i] = 1.0
-    for i in range(n):
-        for j in range(n):
             acc = 0.0
             for z in range(n):
-                acc += Phi[i, z] * P[z, j]
-            W[i, j] = acc
+                acc += A[i, z] * P[z, j]
+            AP[i, j] = acc
+    for j in range(n):
+        for i in range(3):
+            W[i, j] = P[i, j] + h * P[3 + i, j] + half * AP[i, j]
+            W[3 + i, j] = P[3 + i, j] + h * AP[i, j]
+        for i in range(6, n):
+            W[i, j] = P[i, j]
     for i in range(n):
-        for j in range(i + 1):
+        for j in range(min(i + 1, 3)):
             acc = 0.0
             for z in range(n):
-                acc += W[i, z] * Phi[j, z]
-            P[i, j] = acc
-            P[j, i] = acc
+                acc += W[i, z] * A[j, z]
+            P[i, j] = W[i, j] + h * W[i, 3 + j] + half * acc
+            P[j, i] = P[i, j]
+            if 3 + j <= i:
+                P[i, 3 + j] = W[i, 3 + j] + h * acc
+                P[3 + j, i] = P[i, 3 + j]
+        for j in range(6, i + 1):
+            P[i, j] = W[i, j]
+            P[j, i] = P[i, j]
     for i in range(3):
         P[i, i] += a2[i] * h * h * h / 3.0
         P[i, 3 + i] += a2[i] * h * h / 2.0
@@ -221,8 +231,9 @@ _grown = compiled(_grown_py, error_model="numpy")
 _filter_compiled = compiled(
     _filter,
     calls=(
-        rigid_body._advance, rigid_body._accelerations, rigid_body._body_accelerations,
-        rotor._lagged, rotor._aim, rotor._thrusts, stepping._setup, stepping._step,
+        rigid_body._accelerations, rigid_body._body_accelerations,
+        rotor._lagged, rotor._aim, rotor._thrusts, stepping._setup, stepping._glide,
+        dry_friction._settle,
         stepping._readings, _slopes_py, _grown_py,
     ),
     error_model="numpy",

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from heli3dof.diagnosis.counts import flyable
 from heli3dof.errors import UsageError
 from heli3dof.model.effects import term
 from heli3dof.report.grid import NONE, fixed
@@ -153,7 +154,7 @@ def causes(document: Document) -> Iterator[str]:
         sure = f["confidence"]
         if f["tied_with"]:
             said += f" Something is there ({certainty(sure)}), but it cannot be told from "
-            said += _others([str(x) for x in f["tied_with"]])
+            said += _others(name, [str(x) for x in f["tied_with"]])
         elif sure is not None:
             said += f" Certainty that it is there: {certainty(sure)}."
         named = f["gain"]["holdout_log_likelihood"] is not None
@@ -171,16 +172,23 @@ def causes(document: Document) -> Iterator[str]:
         yield said
 
 
-def _others(tied: Sequence[str]) -> str:
+def _others(name: str, tied: Sequence[str]) -> str:
     """What a finding is tied with, and what would tell them apart where no flight does."""
     counted = [n for n in tied if n.startswith(COUNTED)]
+    flown = flyable(name, tied)
+    weighed = [n for n in tied if n not in flown and n not in counted]
     said = []
-    if flown := [n for n in tied if n not in counted]:
+    if flown:
         said.append(f"{listed(flown, 'or')} by these recordings: any of them fits about as well.")
     if counted:
         said.append(
             f"{'Nor from ' if flown else ''}{listed(counted, 'or')} by any flight: "
             f"{turned(counted)}."
+        )
+    if weighed:
+        said.append(
+            f"{'Nor from ' if said else ''}motor.thrust_gain by any flight: thrust and weight "
+            "scale together; a scale under the arm, or masses that are known, decide."
         )
     return " ".join(said)
 
@@ -286,6 +294,8 @@ def next_steps(document: Document) -> Iterator[str]:
     upcoming = document["next_experiment"]
     if upcoming is not None:
         yield f"Fly next: heli3dof run {upcoming['plan']}. Why: {upcoming['why']}."
+    elif why := document.get("about", {}).get("no_next_experiment"):
+        yield f"No plan is recommended: {why}."
     elif document["verdict"] == "nothing_found":
         yield (
             "What is small shows in a larger flight: heli3dof run large, and diagnose it together "

@@ -13,7 +13,7 @@ import pytest
 
 from heli3dof.diagnosis import diagnose as diagnosing
 from heli3dof.diagnosis import next_experiment as asking
-from heli3dof.diagnosis.next_experiment import NextExperiment
+from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.recording.reader import read_recording

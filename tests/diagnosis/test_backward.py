@@ -76,7 +76,9 @@ def test_blocks_name_causes_and_the_model_keeps_what_they_do_not_need(
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=1)
     said = {n: interval(np.full(9, 1.0), 1) for n in names}
     said["bias.torque.yaw"] = interval(np.linspace(-1, 1, 9), 1)
-    monkeypatch.setattr(module, "removed", lambda f, b, name, *, seed, instead=None: said[name])
+    monkeypatch.setattr(
+        module, "removed", lambda stand, name, *, seed, instead=None: module.Trial(said[name])
+    )
     found = module.backward(problem, full)
     assert found.fit is full
     assert {r.term for r in found.kept} == {"stiffness.pendulum.roll", "motor.lag"}

@@ -95,4 +95,4 @@ def test_a_wrong_count_within_the_tolerance_is_among_what_no_flight_tells() -> N
 
 
 def test_no_plan_is_asked_to_separate_what_no_flight_can() -> None:
-    assert flyable(("motor.delay", "encoder.scale.yaw")) == ("motor.delay",)
+    assert flyable("inertia.yaw", ("motor.delay", "encoder.scale.yaw")) == ("motor.delay",)

@@ -13,7 +13,8 @@ import pytest
 
 from heli3dof.diagnosis import next_experiment as module
 from heli3dof.diagnosis.base_fit import base_of
-from heli3dof.diagnosis.next_experiment import Cause, NextExperiment, next_of, recommend
+from heli3dof.diagnosis.next_experiment import Cause, next_of, recommend
+from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.result import Diagnosis, Dropped
 from heli3dof.diagnosis.select import Choice, Contender
 from heli3dof.diagnosis.steps import Bench
@@ -87,7 +88,7 @@ def test_leaving_out_what_cannot_win_changes_neither_the_plan_nor_its_forecast(
 
 def diagnosed(base: Estimate, *dropped: Dropped) -> Diagnosis:
     """Nothing found, but for what did not pay; two effects could not have been seen."""
-    fitted = SimpleNamespace(base=base)
+    fitted = SimpleNamespace(base=base, open=None)
     dark = ("encoder.scale.yaw", "friction.viscous.yaw", "drag.quadratic.roll")
     return Diagnosis(
         ("r",), (), "nothing_found", (), fitted, dropped=dropped, not_identifiable=dark

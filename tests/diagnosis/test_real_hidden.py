@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.real_explains import arm_torque, hover_voltage, settles_at
-from heli3dof.diagnosis.real_hidden import creep, take_off
+from heli3dof.diagnosis.real_hidden import Crept, constant_voltage, creep, take_off, together
 from tests.diagnosis.rig_a import quick, recording
 
 
@@ -64,3 +64,26 @@ def test_an_arm_that_stands_where_the_model_says_is_not_told_of() -> None:
 
 def test_a_flight_under_control_is_no_constant_voltage() -> None:
     assert not list(creep(quick(), recording("closed-1a")))
+
+
+def run_of(voltage: float, factor: float, as_if: float) -> Crept:
+    return Crept(f"open-{voltage:g}V", voltage, -20.0, -15.0, -20.0, factor, as_if, 90.0)
+
+
+def test_runs_that_creep_by_one_voltage_and_not_by_one_thrust_say_so() -> None:
+    """5 and 7 V, 0.9 V more each: 36 % and 15 % of thrust differ by more than twice."""
+    (told,) = together([run_of(5, 1.36, 0.9), run_of(7, 1.15, 0.9)])
+    assert told["one_size"] == {"thrust": False, "voltage": True}
+    assert "One growth of voltage would do" in told["sentence"]
+
+
+def test_a_run_that_does_not_creep_contradicts_both() -> None:
+    (told,) = together([run_of(5, 1.36, 0.9), run_of(9, 1.01, 0.05)])
+    assert not any(told["one_size"].values())
+    assert not list(together([run_of(5, 1.36, 0.9)]))
+
+
+def test_a_flight_under_control_has_no_one_voltage_and_an_open_run_has() -> None:
+    assert constant_voltage(recording("closed-1a")) is None
+    first, last = constant_voltage(recording("open-roll-5V-1")) or (0, 0)
+    assert last - first > 90 / 0.005 * 0.9

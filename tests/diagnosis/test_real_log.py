@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.real_explains import explains, hover_voltage, steady
+from heli3dof.diagnosis.real_flown import Flown, gain, pays
 from heli3dof.diagnosis.real_leftover import _judged
-from heli3dof.diagnosis.real_log import Flown, gain, no_likelihood, pays
+from heli3dof.diagnosis.real_log import no_likelihood
 from heli3dof.identification.greybox.multistep import Fitted
 from heli3dof.recording.recording import Recording
 from tests.diagnosis import rig_a

@@ -37,6 +37,7 @@ def finding(*tied: str) -> Any:
         ([], [off("motor.thrust_curve")], [], "ambiguous"),
         ([finding()], [off("motor.thrust_curve")], [], "explained"),
         ([finding("motor.delay")], [], [SimpleNamespace()], "unexplained"),
+        ([], [], [SimpleNamespace()], "unexplained"),
     ],
 )
 def test_the_first_finding_s_ties_decide(findings: Any, offs: Any, left: Any, verdict: str) -> None:
@@ -73,3 +74,8 @@ def test_a_base_number_is_beyond_its_tolerance_surely_not_surely_or_not_at_all()
     # ln 0.85 = -0.163 is the edge below, ln 1.15 = 0.140 the one above.
     assert said == {"T_g": "not_surely", "J_roll": "surely", "J_pitch": "no", "J_yaw": "not_surely"}
     assert {c["tolerance"] for c in document(d)["calibration"]} == {0.15}
+
+
+def test_no_flight_parts_inertias_that_are_one_factor_from_a_thrust_gain() -> None:
+    tied = Diagnosis(("a",), (), "ambiguous", (), calibration_findings=(off("motor.thrust_gain"),))
+    assert document(tied)["next_experiment"] is None

@@ -133,3 +133,14 @@ def test_a_plugin_that_cannot_be_loaded_is_left_out_with_a_warning(monkeypatch, 
         assert "nowhere:EFFECT" in caplog.text
     finally:
         package.effects.cache_clear()
+
+
+def test_a_mass_below_the_axis_is_thrown_out_where_the_arm_spins() -> None:
+    """P = 0.1 kg·m² level, ψ̇ = 2 rad/s: 0.1·2² = 0.4 N·m on roll; rising at 1 rad/s, −2·0.1·1·2
+    on yaw; none at 45°."""
+    torque = effects()["inertia.product"].hooks[slots.Stage.TORQUE]
+    for roll, expected in ((0.0, [0.4, 0.0, -0.4]), (np.pi / 4, [0.0, 0.0, 0.0])):
+        s, par, out = np.zeros(slots.SIZE), np.zeros(slots.PARAMETERS), np.zeros(3)
+        s[slots.R], s[slots.R_DOT], s[slots.PSI_DOT], par[slots.A] = roll, 1.0, 2.0, 0.1
+        torque(s, par, np.zeros(slots.MEMORY), out)
+        assert out == pytest.approx(expected, abs=1e-12)

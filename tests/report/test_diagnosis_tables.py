@@ -140,6 +140,20 @@ def test_where_nothing_was_found_no_gain_is_claimed() -> None:
     assert "Fly next" not in text
 
 
+def test_inertias_that_are_one_factor_are_not_to_be_flown_but_weighed() -> None:
+    scaled = copy.deepcopy(DOCUMENT)
+    scaled["findings"][0]["tied_with"] = ["motor.thrust_gain"]
+    assert "motor.thrust_gain by any flight: thrust and weight scale together" in told(scaled)
+
+
+def test_where_no_plan_is_recommended_it_is_said_why() -> None:
+    plain = copy.deepcopy(DOCUMENT)
+    plain.update(next_experiment=None, about={"no_next_experiment": "nothing is open"})
+    text = told(plain)
+    assert "No plan is recommended: nothing is open." in text
+    assert "Fly next" not in text
+
+
 def test_a_fault_of_the_recording_is_said_with_its_cause_and_a_remedy() -> None:
     bad = copy.deepcopy(DOCUMENT)
     fault = {

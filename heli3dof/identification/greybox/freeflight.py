@@ -6,10 +6,11 @@ is minimised, and why, stands in `heli3dof.identification.greybox.multistep`. ``
 to it by itself where it finds either and no terms were asked for.
 
 `REAL_TERMS` are what identified rigs were found to need beside the defaults: thrust as a power of
-the rotor's speed, a spin-up limit, dry friction, inflow, the propellers' momentum, flapping, and an
-offset of the pitch encoder that is another in every recording (it is zeroed wherever the body
-happened to hang), and a weight that is (what it lifts, or how well its motors pull when warm:
-`mass.imbalance` stands for both). `PRIORS` are what is known of their sizes before any flight.
+the rotor's speed, a spin-up limit, dry friction, inflow, the propellers' momentum, flapping, what a
+body that hangs below its axis does where the rig spins, and an offset of the pitch encoder that is
+another in every recording (it is zeroed wherever the body happened to hang), and a weight that is
+(what it lifts, or how well its motors pull when warm: `mass.imbalance` stands for both). `PRIORS`
+are what is known of their sizes before any flight.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ REAL_TERMS = (
     "aero.inflow",
     "aero.gyroscopic",
     "aero.flapping",
+    "inertia.product",
     "friction.coulomb.roll",
     "friction.coulomb.pitch",
     "friction.coulomb.yaw",
@@ -69,6 +71,7 @@ PRIORS: dict[str, tuple[float, float]] = {
     "friction.coulomb.pitch.torque_Nm": (0.0, 0.01),
     "friction.coulomb.yaw.torque_Nm": (0.0, 0.05),
     "aero.flapping.moment_Nms_per_rad": (0.0, 0.15),
+    "inertia.product.product_kgm2": (0.0, 0.1),
     "aero.gyroscopic.momentum_Nms_per_V": (0.0, 0.005),
     "aero.inflow.loss_s_per_m": (0.3, 0.3),
     "bias.torque.pitch.torque_Nm": (0.0, 0.02),
@@ -126,7 +129,7 @@ def fit_freeflight(
     Raises RecordingError where no free flight of 3 s fits between take-off, table and stops.
     """
     problem = problem_of(recordings, names, threads=threads)
-    return search(problem, weak_start(problem), say=say)
+    return search(problem, weak_start(problem, say=say), say=say)
 
 
 def problem_of(

@@ -19,7 +19,7 @@ errors in q and q̇ on the right-hand side pull the estimates a little: it is a 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -96,11 +96,13 @@ class Span:
 
     def integrals(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
         """(n, 3) rad/s²: ∫ φ″ q dt − ∫ φ a dt from (N, 3) each."""
-        out = [
-            np.correlate(q[:, i], self.phi_2, "valid") - np.correlate(a[:, i], self.phi, "valid")
-            for i in range(3)
-        ]
-        return np.asarray(np.stack(out, axis=1)[self.rows])
+        each = np.lib.stride_tricks.sliding_window_view
+        L = len(self.phi)
+        if len(q) < L:
+            return np.empty((0, q.shape[1]))
+        return np.asarray(
+            each(q, L, axis=0)[self.rows] @ self.phi_2 - each(a, L, axis=0)[self.rows] @ self.phi
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,12 +178,15 @@ def scales(e: np.ndarray) -> np.ndarray:
 
 
 def weak_start(
-    problem: MultiStep, start: np.ndarray | None = None, rounds: int = ROUNDS
-) -> np.ndarray:
+    problem: MultiStep, start: np.ndarray | None = None, rounds: int = ROUNDS, *,
+    say: Callable[[str], None] | None = None,
+) -> np.ndarray:  # fmt: skip
     """(dim,) coordinates from which the fit to free flights may start."""
     logs = [log_of(f) for f in problem.flights]
     z = np.clip(problem.start if start is None else start, *problem.bounds)
-    for _ in range(rounds):
+    for n in range(rounds):
+        if say is not None:
+            say(f"a start from the weak form, round {n + 1} of {rounds}")
         scale = [scales(e) for e in residuals(problem, logs, z)]
         z = _minimum(problem, logs, scale, z)
     return np.asarray(z)

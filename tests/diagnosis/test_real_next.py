@@ -1,0 +1,76 @@
+"""Which plan sizes what a fit to free flights left open; a mock flight of seed 1022."""
+
+from __future__ import annotations
+
+import doctest
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis import outlook
+from heli3dof.diagnosis import real_next as module
+from heli3dof.diagnosis.real_next import Open, Wanted, link, next_free_flight, wanted
+from heli3dof.diagnosis.refits import STAGE_S
+from heli3dof.identification.greybox.freeflight import model_of, problem_of
+from heli3dof.identification.greybox.multistep import search
+from heli3dof.identification.greybox.weak_form import weak_start
+from tests.identification.known_flights import fly
+
+NAMES = ("friction.viscous.yaw", "motor.lag", "encoder.offset.pitch")
+
+
+@pytest.fixture(scope="module")
+def open_() -> Open:
+    """A flight that hardly turns, and a rig of which yaw's friction is asked."""
+    recording = fly(1022).recording.between(0, 25)
+    problem = problem_of([recording], NAMES)
+    fit = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=2)
+    return Open(fit, model_of(fit, [recording], "rig"), ("friction.viscous.yaw",))
+
+
+def test_the_doctests() -> None:
+    assert doctest.testmod(module, extraglobs={"np": np}).failed == 0
+    assert doctest.testmod(outlook).failed == 0
+
+
+def test_yaw_s_friction_is_shown_by_a_flight_that_turns(open_: Open) -> None:
+    found = next_free_flight(open_, plans=["ring-down", "coast-down"])
+    assert found is not None
+    assert found.plan == "coast-down"
+    assert found.separates == ("friction.viscous.yaw",)
+    margin = {o.plan: o.margin for o in found.ranking}
+    assert margin["coast-down"] > 10 * margin["ring-down"]
+    assert "friction.viscous.yaw" in found.why
+
+
+def test_where_nothing_is_open_or_only_what_differs_by_recording_nothing_is_asked(
+    open_: Open,
+) -> None:
+    for names in ((), ("encoder.offset.pitch",)):
+        assert next_free_flight(Open(open_.fit, open_.model, names), plans=["steps"]) is None
+
+
+def test_a_tie_is_asked_whole_by_its_terms_that_have_an_absence(open_: Open) -> None:
+    tie = Open(open_.fit, open_.model, ("friction.viscous.yaw", "motor.lag"), tied=True)
+    assert [w.name for w in wanted(tie)] == ["friction.viscous.yaw"]
+    found = next_free_flight(tie, plans=["coast-down"])
+    assert found is not None
+    assert found.separates == ("friction.viscous.yaw", "motor.lag")
+    assert "in one another's place" in found.why
+
+
+def test_half_the_deviation_is_three_times_the_information_once_more() -> None:
+    """u² = θ² (4/σ² − 1/σ²): with θ = σ, u = √3; what teaches nothing shows nothing."""
+    w = Wanted("friction.viscous.yaw", 0, 0.1, 0.1, 1.0, "N·m·s/rad")
+    assert w.shown(0.05) == pytest.approx(np.sqrt(3))
+    assert w.shown(0.1) == 0.0
+
+
+def test_what_ties_a_recording_s_own_numbers_says_nothing_of_their_common_mean(open_: Open) -> None:
+    """However wide the mean, a shift of mean and own number together costs nothing."""
+    p = open_.fit.problem
+    L = link(p)
+    shift = np.zeros(p.dim)
+    shift[[p.own[0], p.n]] = 1.0
+    assert shift @ L @ shift == pytest.approx(0.0, abs=1e-9)
+    assert L[p.n, p.n] > 0
