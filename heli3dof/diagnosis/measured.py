@@ -101,8 +101,10 @@ def stands_out(found: Corrected, choice: Choice) -> float:
 
     That of a cause which no probe sees, or which the base lacks and every rig has, is infinite.
     """
+    if choice.threshold <= 0 or choice.term.effect.within:
+        return math.inf
     j = next((i for i, f in enumerate(found.free) if f.term == choice.term.name), None)
-    if j is None or choice.threshold <= 0 or choice.term.effect.within:
+    if j is None:
         return math.inf
     rho = float(found.colour[j])
     return math.inf if rho <= 1 else choice.Z2 / rho / choice.threshold

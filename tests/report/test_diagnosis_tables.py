@@ -142,7 +142,7 @@ def test_where_nothing_was_found_no_gain_is_claimed() -> None:
 
 def test_inertias_that_are_one_factor_are_not_to_be_flown_but_weighed() -> None:
     scaled = copy.deepcopy(DOCUMENT)
-    scaled["findings"][0]["tied_with"] = ["motor.thrust_gain"]
+    scaled["findings"][0].update(effect="inertia", axis="roll", tied_with=["motor.thrust_gain"])
     assert "motor.thrust_gain by any flight: thrust and weight scale together" in told(scaled)
 
 
