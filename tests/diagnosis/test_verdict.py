@@ -66,7 +66,7 @@ def test_a_base_number_is_beyond_its_tolerance_surely_not_surely_or_not_at_all()
     model = SimpleNamespace(profile=default_profile())
     gain = SimpleNamespace(before={}, after={}, log_likelihood=None, rmse_deg={}, on="holdout")
     fitted = SimpleNamespace(
-        final=None, model=model, calibration=numbers, gain=gain, noise_floor={},
+        final=None, open=None, model=model, calibration=numbers, gain=gain, noise_floor={},
         wrong=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),
     )  # fmt: skip
     d = Diagnosis(("a",), (), "explained", (), cast(Any, fitted), calibration_findings=(off(),))
