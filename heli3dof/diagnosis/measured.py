@@ -53,7 +53,7 @@ from heli3dof.recording.recording import Recording
 Instead = Callable[[Corrected, Choice, Set[str]], Iterable[tuple[Choice, Corrected]]]
 """Of a fit without a cause, that cause and all names asked so far: what else the cause may be, and
 the fit with that."""
-OFFSET = "encoder.offset"
+OFFSET, PLAY = "encoder.offset", "encoder.backlash"
 LEAST = 3.0
 """Held-out log-likelihood that a first, a strong or a weak cause has to gain: odds of 20 to one."""
 
@@ -111,16 +111,19 @@ def stands_out(found: Corrected, choice: Choice) -> float:
 
 
 def within_a_count(choice: Choice) -> bool:
-    """Whether it is, or is tied with, an encoder's zero that is off by no more than one count.
+    """Whether it is play, or is or is tied with an encoder's zero that is off, of at most one count.
 
     Where within a count the zero lies is nobody's doing: counts begin at power-up, and a card that
-    rounds down reads half a count less than one that rounds. On pitch that is a torque on yaw.
+    rounds down reads half a count less than one that rounds. On pitch that is a torque on yaw. And
+    play that an encoder cannot show by one count is none that it has shown.
     """
     for c in choice.contenders:
-        axis = c.term.axis
-        if c.term.effect.name != OFFSET or axis is None:
+        axis, own = c.term.axis, c.term.name == choice.term.name
+        if axis is None or not (
+            c.term.effect.name == OFFSET or (own and c.term.effect.name == PLAY)
+        ):
             continue
-        if c.term.name not in (choice.term.name, *choice.tied_with):
+        if not own and c.term.name not in choice.tied_with:
             continue
         count_deg = 360.0 / abs(getattr(c.problem.structure.profile.encoder, axis))
         if abs(c.problem.values(c.optimum.theta)[-1]) <= count_deg:

@@ -20,7 +20,7 @@ from heli3dof.model.greybox import GreyBoxModel
 
 DOES_NOT_PAY = "it does not pay on data that it has not seen"
 COLOURED = "this recording's own noise is slow, and does as much"
-WITHIN_A_COUNT = "an encoder's zero within one count does as much"
+WITHIN_A_COUNT = "an encoder does as much within one count"
 STANDS_IN = "it stood in for a torque that has no name"
 
 

@@ -98,19 +98,19 @@ def test_a_cause_stands_out_of_slow_noise_by_as_much_as_that_scatters_more() -> 
     assert stands_out(found_with(1.0), drag) == float("inf")
 
 
-def offset_of(angle_deg: float, tied: tuple[str, ...], first: str) -> Choice:
-    """``first`` and an encoder's zero on pitch that is so far off, both fitted."""
+def offset_of(
+    angle_deg: float, tied: tuple[str, ...], first: str, of: str = "encoder.offset.pitch"
+) -> Choice:
+    """``first`` and what is wrong with pitch's encoder by so much, both fitted."""
     encoder = SimpleNamespace(roll=4096, pitch=-4096, yaw=8192)
     problem = SimpleNamespace(
         values=lambda theta: theta,
         structure=SimpleNamespace(profile=SimpleNamespace(encoder=encoder)),
     )
     optimum = SimpleNamespace(theta=[1.17, angle_deg])
-    offset = Contender(
-        terms(["encoder.offset.pitch"])[0], cast(Any, problem), cast(Any, optimum), 90.0, 90.0, 0
-    )
+    offset = Contender(terms([of])[0], cast(Any, problem), cast(Any, optimum), 90.0, 90.0, 0)
     other = Contender(terms([first])[0], NONE, NONE, 95.0, 95.0, 0)
-    fits = (offset,) if first == "encoder.offset.pitch" else (other, offset)
+    fits = (offset,) if first == of else (other, offset)
     return Choice(fits[0].term, 95.0, 95.0, 1.0, tied, fits)
 
 
@@ -120,5 +120,10 @@ def test_what_a_zero_within_one_count_does_as_well_is_no_cause() -> None:
     assert within_a_count(offset_of(-0.05, (), offset))
     assert not within_a_count(offset_of(-0.1, (), offset))
     assert within_a_count(offset_of(0.05, (offset,), "aero.reaction_torque"))
+    play = "encoder.backlash.pitch"
+    assert within_a_count(offset_of(0.05, (), play, play))
+    assert not within_a_count(offset_of(0.1, (), play, play))
+    # A torque that is tied with so little play may still be a torque.
+    assert not within_a_count(offset_of(0.05, (play,), "aero.reaction_torque", play))
     # Where the flight tells the two apart, what is found is not the encoder's.
     assert not within_a_count(offset_of(0.05, (), "aero.reaction_torque"))
