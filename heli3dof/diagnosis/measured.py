@@ -111,7 +111,7 @@ def stands_out(found: Corrected, choice: Choice) -> float:
 
 
 def within_a_count(choice: Choice) -> bool:
-    """Whether it is play, or is or is tied with an encoder's zero that is off, of at most one count.
+    """Whether it is play of at most one count, or is (or is tied with) a zero off by no more.
 
     Where within a count the zero lies is nobody's doing: counts begin at power-up, and a card that
     rounds down reads half a count less than one that rounds. On pitch that is a torque on yaw. And
