@@ -164,7 +164,7 @@ class Corrected(Estimate):
     flights: int = 0
     spread: np.ndarray | None = None
     """(n, n) the covariance of the coordinates where more moments than scores made the estimate
-    (`heli3dof.diagnosis.weighed`); ``bias`` is then the score that is left at it"""
+    (`heli3dof.diagnosis.weighed`)"""
 
     @cached_property
     def colour(self) -> np.ndarray:

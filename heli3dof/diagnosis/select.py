@@ -26,9 +26,7 @@ where their scores differ by less than
 `TIE` is what chance does to nested neighbours, `FORM` how right any formula of friction, lag or
 drag is. The last term is what is left of the false slopes z̄ (the nulls' mean z): they were seen
 without the cause and are a little different with it; how much that matters to the choice depends on
-how much the two traces differ, ρ being their correlation beside the base. Where the base is weighed
-(`heli3dof.diagnosis.weighed`) it is far from the likelihood's summit, and a full fit wins much more
-than its term is worth: the first term is then taken score/Z² times.
+how much the two traces differ, ρ being their correlation beside the base.
 """
 
 from __future__ import annotations
@@ -149,12 +147,12 @@ def likeliest(
     first_score: float | None,
 ) -> Choice | None:  # fmt: skip
     """Of contenders beside those of ``found`` the one to be named; None where none is."""
-    fits = surest_first(found, screen, nulls, sorted(fits, key=lambda f: -f.score))
+    fits = surest_first(screen, nulls, sorted(fits, key=lambda f: -f.score))
     if not fits or fits[0].score < TIE:
         return None
 
     def stands(f: Contender) -> bool:
-        near = fits[0].score - f.score < slack(found, screen, nulls, fits[0], f)
+        near = fits[0].score - f.score < slack(screen, nulls, fits[0], f)
         return nulls.threshold <= f.Z2 and (near or nulls.threshold <= f.score)
 
     k = next((k for k, f in enumerate(fits) if stands(f)), None)
@@ -165,7 +163,7 @@ def likeliest(
     weak = first_score is not None and best.score < min(SHARE * first_score, WEAK)
     if weak and not alike(found, screen, best):
         return None
-    close = (f for f in below if best.score - f.score < slack(found, screen, nulls, best, f))
+    close = (f for f in below if best.score - f.score < slack(screen, nulls, best, f))
     tied = tuple(f.term.name for f in (*above, *close))
     sure = min(
         nulls.confidence(best.Z2), this_one([best.score, *(f.score for f in below[:1]), 0.0])
@@ -194,24 +192,18 @@ def this_one(scores: Sequence[float]) -> float:
     return float(1 / (1 + np.exp(-min(scores[0] - scores[1], 200.0) / 2)))
 
 
-def surest_first(
-    found: Corrected, screen: Screen, nulls: Nulls, fits: Sequence[Contender]
-) -> list[Contender]:
+def surest_first(screen: Screen, nulls: Nulls, fits: Sequence[Contender]) -> list[Contender]:
     """Best first; but of those tied with the best, what every rig has goes before what some have.
 
     That is what a simpler base leaves out: a body has its geometry, it need not have a pendulum.
     """
-    near = [f for f in fits if fits[0].score - f.score < slack(found, screen, nulls, fits[0], f)]
+    near = [f for f in fits if fits[0].score - f.score < slack(screen, nulls, fits[0], f)]
     return sorted(fits, key=lambda f: not (f in near and f.term.effect.within))
 
 
-def slack(
-    found: Corrected, screen: Screen, nulls: Nulls, best: Contender, other: Contender
-) -> float:
+def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> float:
     """Within how much of the best one's score another is tied with it; see the module."""
     plain = max(TIE, FORM * best.score)
-    if found.spread is not None:  # far from the likelihood's summit, its differences exaggerate
-        plain *= max(best.score / max(best.Z2, 1.0), 1.0)
     a, b = best.probe, other.probe
     if a is None or b is None or max(a, b) >= len(screen.plain):
         return plain

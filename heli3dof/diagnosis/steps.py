@@ -79,7 +79,7 @@ class Step:
     seen: Seen
     nulls: Nulls
     bias: np.ndarray
-    """(n,) mean scores of the nulls; of a weighed estimate what the recordings' score is at it"""
+    """(n,) mean scores of the nulls"""
     unseen: tuple[str, ...]
     """Terms of which these recordings could not tell even a large size"""
     choice: Choice | None = None
@@ -135,7 +135,7 @@ def looked_at(bench: Bench, found: Corrected, flights: int) -> Step:
         nulls, scores = simulated_nulls(
             found, bench.recordings, screen, flights=flights, seed=bench.seed
         )
-        bias = scores.mean(axis=0) if found.spread is None else np.asarray(found.bias)
+        bias = scores.mean(axis=0)
     else:
         nulls = formula_nulls(found, screen)
     return Step(found, screen, seen, nulls, bias, unidentifiable(screen, nulls))

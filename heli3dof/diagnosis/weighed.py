@@ -78,6 +78,8 @@ class Round:
     """(6, n + 6) ∂ mean m_b by the inertias' and the noises' logarithms; None: not moved"""
     scores: np.ndarray
     """(B, n)"""
+    slopes: np.ndarray
+    """(3,) mean ∂ℓ/∂ln a of the flights"""
 
 
 def edge_rates(data: Data) -> np.ndarray:
@@ -123,10 +125,8 @@ def weighed(
         count += 1
     theta, noise = y[:n], np.append(np.exp(y[n:]), rest)
     optimum = optimum_at(problem, theta, noise, near.optimum.rounds + count, settled)
-    here = look(problem, theta, noise)
-    left = here.g - precision[:n] * (theta - prior[:n])
     C = scatter_of(at.scores, optimum.information)
-    return Corrected(problem, optimum, C, left, here.slope, flights, V[:n, :n])
+    return Corrected(problem, optimum, C, at.scores.mean(axis=0), at.slopes, flights, V[:n, :n])
 
 
 def flown(
@@ -158,7 +158,7 @@ def flown(
     C = left.T @ left / (flights - (7 if moved else 1))
     H = 0.5 * (here.H + np.mean([h for _, h in out], axis=0))
     apart = np.concatenate([here.g, here.slope, edge_rates(problem.data)]) - mean
-    return Round(apart, C, H, effects / size[:, None] if moved else None, m[:, :n])
+    return Round(apart, C, H, effects / size[:, None] if moved else None, m[:, :n], mean[n : n + 3])
 
 
 def design(flights: int) -> np.ndarray:
