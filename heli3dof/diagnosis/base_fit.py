@@ -31,7 +31,7 @@ CHATTERS = 1.2
 """Inflation of a fit from which its bias is too large to start from."""
 QUIETER = np.array([0.5, 0.7, 1.0, 1.0])
 """What the filter makes of a chattering flight's noise, roughly; roll and pitch chatter most."""
-VAGUE = 0.2
+VAGUE = 0.4
 """Of the profile's tolerance: how uncertain an inertia is, by the noise model, where chatter's part
 in it matters."""
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis import base_fit
 from heli3dof.diagnosis.base_fit import base_of
 from heli3dof.diagnosis.corrected import Informed
 from heli3dof.diagnosis.steps import Bench, extended, looked_at
@@ -62,15 +61,9 @@ def test_a_fit_that_begins_there_finds_its_width() -> None:
     assert np.isfinite(fit.loglik)
 
 
-def test_a_loop_that_rings_with_a_lag_is_not_put_down_to_noise(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_loop_that_rings_with_a_lag_is_not_put_down_to_noise() -> None:
     """With a torque beside it the base doubles J_pitch under four times the noise, and slopes may
-    point at nothing; here a threshold above them all stands for that. The lag shows once tried.
-
-    So it is where scores alone make the base; weighed with the encoders' rates its slopes show it.
-    """
-    monkeypatch.setattr(base_fit, "told_of_inertias", lambda found: 0.0)
+    point at nothing; here a threshold above them all stands for that. The lag shows once tried."""
     device = "mock:?speed=max&seed=1043&hide=motor.lag:0.08,bias.torque.pitch:0.025"
     flight = fly_plan(load_plan("rich"), device=device, seed=1043).recording.between(0.0, 40.0)
     bench = Bench((flight,), 0, 4)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.base_fit import base_of
-from heli3dof.diagnosis.corrected import Corrected, look
+from heli3dof.diagnosis.corrected import Corrected, fly_again, look, model_at
 from heli3dof.diagnosis.steps import Bench
 from heli3dof.diagnosis.weighed import edge_rates, jacobian, three, weighed, weights
 from heli3dof.experiment.fly import fly_plan
@@ -63,16 +63,24 @@ def test_the_wrong_end_of_the_ridge_is_left(fitted: tuple[Bench, Corrected]) -> 
     assert back.optimum.noise[1] / found.optimum.noise[1] == pytest.approx(1, rel=0.4)
 
 
-def test_its_own_score_is_taken_off_so_that_the_tilted_likelihood_is_flat_there(
+def test_what_its_flights_score_is_taken_off_not_what_the_recordings_leave(
     fitted: tuple[Bench, Corrected],
 ) -> None:
-    _, found = fitted
-    here = look(found.problem, found.theta, found.optimum.noise)
-    prior = found.problem.prior_precision * (found.theta - found.problem.prior_mean)
+    """Where a cause is hidden, the recordings' scores are its trace, and hold the base astray."""
+    bench, found = fitted
+    o, problem = found.optimum, found.problem
+    model = model_at(problem, o.theta, o.noise)
+    flown = [
+        look(replace(problem, data=fly_again(model, bench.recordings, problem.data, (5, b))),
+             o.theta, o.noise)
+        for b in range(8)
+    ]  # fmt: skip
+    g, slope = np.array([f.g for f in flown]), np.array([f.slope for f in flown])
     assert found.bias is not None
     assert found.noise_bias is not None
-    np.testing.assert_allclose(found.bias, here.g - prior, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(found.noise_bias, here.slope, rtol=1e-6, atol=1e-6)
+    several = 4 * np.sqrt(1 / 8 + 1 / found.flights)
+    assert (abs(g.mean(axis=0) - found.bias) < several * g.std(axis=0, ddof=1)).all()
+    assert (abs(slope.mean(axis=0) - found.noise_bias) < several * slope.std(axis=0, ddof=1)).all()
 
 
 def test_flights_that_cannot_be_flown_leave_the_estimate_as_it_was(
