@@ -7,12 +7,12 @@ import pytest
 from tests.paths import ROOT
 from tests.test_dependencies import imports_of
 
-ALLOWED = {"errors", "axes", "rig"}
+ALLOWED = {"errors", "axes", "rig", "pages"}
 
 
 @pytest.mark.parametrize(
     "path", sorted((ROOT / "drivers").rglob("*.py")), ids=lambda p: str(p.relative_to(ROOT))
 )
-def test_a_driver_knows_only_the_port_the_profile_and_the_errors(path):
+def test_a_driver_knows_only_the_port_the_profile_the_errors_and_how_a_page_is_written(path):
     ours = {n.split(".")[1] for n in imports_of(path) if n.startswith("heli3dof.")}
     assert ours <= ALLOWED
