@@ -17,7 +17,7 @@ from heli3dof.diagnosis.steps import Bench
 from heli3dof.diagnosis.tilted import maximise_tilted
 from heli3dof.diagnosis.weighed import weighed
 from heli3dof.identification.greybox.estimate import Estimate, estimate
-from heli3dof.identification.greybox.fit import _better_noise
+from heli3dof.identification.greybox.fit import better_noise
 from heli3dof.identification.greybox.method import compile_first, usable_runs
 from heli3dof.model.effects import terms as named
 from heli3dof.model.filtering import data_of
@@ -95,7 +95,7 @@ def beginning(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
     theta, noise = o.theta.copy(), o.noise.copy()
     theta[1:4] = problem.prior_mean[1:4]
     for _ in range(5):
-        noise, moved = _better_noise(problem, theta, noise, problem.data.axes)
+        noise, moved = better_noise(problem, theta, noise, problem.data.axes)
         if moved < NOISE_NEAR:
             break
     quiet = noise * QUIETER

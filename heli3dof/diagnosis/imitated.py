@@ -17,7 +17,7 @@ is the least with which x_j(α) = θ_j − α b_ji puts K_f within the tolerance
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -62,7 +62,7 @@ def imitators(step: Step, j: int) -> tuple[str, ...]:
     on = float(np.exp(edge(x, found.structure.profile.tolerance)))
     need = f.inward(float(found.values[j])) - f.inward(float(found.values[j]) * on / np.exp(x))
     amounts = ((i, need / b) for i, b in enumerate(screen.solved[j, : len(screen.plain)]) if b)
-    return tuple(dict.fromkeys(screen.plain[i].name for i, a in amounts if possible(step, i, a)))
+    return possible(step, amounts)
 
 
 def gain_imitators(step: Step) -> tuple[str, ...]:
@@ -86,17 +86,21 @@ def gain_imitators(step: Step) -> tuple[str, ...]:
         return next((a for a in amounts if abs(log_k(a, b)) < on), None)
 
     tried = [(i, enough(i)) for i, p in enumerate(screen.plain) if p.grows]
-    names = (screen.plain[i].name for i, a in tried if a is not None and possible(step, i, a))
-    return tuple(dict.fromkeys(names))
+    return possible(step, ((i, a) for i, a in tried if a is not None))
 
 
-def possible(step: Step, i: int, amount: float) -> bool:
-    """Whether that much of probe i may be there: of a size and sign that a rig can have, and seen
-    as it would be."""
-    screen, p = step.screen, step.screen.plain[i]
-    if not p.grows or not np.isfinite(screen.v[i]) or (amount < 0 and one_way(p)):
-        return False
-    if abs(amount * p.size) > LARGE * p.term.effect.parameters[0].typical * (1 + 1e-9):
-        return False
-    shown = amount * float(np.sqrt(screen.v[i])) / float(step.nulls.std[i])
-    return abs(float(step.nulls.judged(step.seen)[i]) - shown) < TOLD
+def possible(step: Step, amounts: Iterable[tuple[int, float]]) -> tuple[str, ...]:
+    """The terms of which that much, of probe i, may be there: of a size and sign that a rig can
+    have, and seen as it would be."""
+    screen, Z = step.screen, step.nulls.judged(step.seen)
+
+    def may_be(i: int, amount: float) -> bool:
+        p = screen.plain[i]
+        if not p.grows or not np.isfinite(screen.v[i]) or (amount < 0 and one_way(p)):
+            return False
+        if abs(amount * p.size) > LARGE * p.term.effect.parameters[0].typical * (1 + 1e-9):
+            return False
+        shown = amount * float(np.sqrt(screen.v[i])) / float(step.nulls.std[i])
+        return abs(float(Z[i]) - shown) < TOLD
+
+    return tuple(dict.fromkeys(screen.plain[i].name for i, a in amounts if may_be(i, a)))

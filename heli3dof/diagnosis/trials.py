@@ -29,7 +29,7 @@ import numpy as np
 
 from heli3dof.diagnosis.screen import with_term
 from heli3dof.diagnosis.workers import in_threads
-from heli3dof.identification.greybox.fit import _better_noise
+from heli3dof.identification.greybox.fit import better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.effects import Term, effects, terms
 from heli3dof.model.filtering import Data
@@ -140,7 +140,7 @@ def beginning(
         near = range(max(best - NEIGHBOURS, 0), min(best + NEIGHBOURS + 1, len(values)))
         full[j] = values[best]
         for _ in range(SETTLING):
-            a, moved = _better_noise(ext, full, a, ext.data.axes)
+            a, moved = better_noise(ext, full, a, ext.data.axes)
             if moved < SETTLED:
                 break
     return full, a

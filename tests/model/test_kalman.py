@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy import integrate
 from scipy.stats import norm
 
-from heli3dof.identification.greybox.fit import _better_noise
+from heli3dof.identification.greybox.fit import better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.encoder_events import flux, interval
 from heli3dof.model.filtering import Data
@@ -97,7 +97,7 @@ def test_the_noise_is_found_whether_the_encoder_moves_or_all_but_rests(amplitude
     theta = problem.coordinates(np.array([1e-9, 0.9145, 0.03635, 0.9508]))
     a = np.array([0.03, 0.03, 0.03, 0.0])
     for _ in range(8):
-        a, _moved = _better_noise(problem, theta, a, np.array([True, False, False]))
+        a, _moved = better_noise(problem, theta, a, np.array([True, False, False]))
     assert 0.7 < a[0] / 0.006 < 1.5
 
 

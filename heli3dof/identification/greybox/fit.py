@@ -85,7 +85,7 @@ def maximise(
     moved = np.inf
     for count in range(1, rounds + 1):
         if moved > NOISE_SETTLED or count % 4 == 0:
-            a, moved = _better_noise(problem, theta, a, axes)
+            a, moved = better_noise(problem, theta, a, axes)
         if count in JITTER_ROUNDS:
             a = _better_jitter(problem, theta, a)
         at = problem.run(theta, a)
@@ -125,7 +125,7 @@ def maximise(
     return Optimum(theta, a, here, H, at, D, (theta <= low) | (theta >= high), count, settled)
 
 
-def _better_noise(
+def better_noise(
     problem: Likelihood, theta: np.ndarray, a: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """One Newton step of the log intensities; the largest move made.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from heli3dof.identification.greybox.fit import NOISE_START, _better_noise
+from heli3dof.identification.greybox.fit import NOISE_START, better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
 
 SETTLING = 3
@@ -45,5 +45,5 @@ def likeliest_start(
 
 def _at(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> tuple[float, np.ndarray]:
     for _ in range(SETTLING):
-        a, _ = _better_noise(problem, theta, a, problem.data.axes)
+        a, _ = better_noise(problem, theta, a, problem.data.axes)
     return float(problem.run(theta, a, keep=0).loglik.sum()) + problem.log_prior(theta), a
