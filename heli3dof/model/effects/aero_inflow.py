@@ -35,7 +35,7 @@ EFFECT = Effect(
     summary="Less thrust when a rotor moves along its axis: F − k F_h |F/F_h|ⁿ v_n.",
     parameters=(
         Parameter("loss_s_per_m", "s/m", 0.0, -1.0, 3.0, 0.2, "k"),
-        Parameter("exponent", "–", 1.0, -0.5, 1.5, 0.3, "n", prior_std=0.5),
+        Parameter("exponent", "–", 1.0, -1.5, 3.5, 0.3, "n", prior_std=0.5),
     ),
     hooks={Stage.THRUST: thrust},
     order=3,
