@@ -59,7 +59,7 @@ FORM = 0.03
 SHARE = 0.1
 WEAK = 100.0
 """Of a score: what a wrong formula leaves for others stays below it."""
-ALIKE = 0.75
+ALIKE = 0.5
 EVEN = 0.5
 """Certainty of one that may as well be what is wrong with another's formula"""
 ONE_WAY = 0.25
