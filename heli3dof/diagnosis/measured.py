@@ -9,7 +9,7 @@ held-out data are likelier with it. Later ones are only as good as the first one
 pay where the gain's interval lies above zero, or as a first one does where their score is beyond
 what a wrong formula leaves (`select.WEAK`). What acts for moments only (a dead zone, a limit) has
 its gain in so few cells that their bootstrap bounds nothing: it pays too where held-out data are
-likelier by `MUCH` and the error in degrees of an axis is surely less. One that moves the rig nearly
+likelier by `MUCH` and the error in degrees of an axis is surely less. One that moves the rig mostly
 as another does, and is told as "…-like" only (`heli3dof.diagnosis.select`), cannot gain much beside
 it: it is taken as a first one is, since without it the other one's size would surely be wrong.
 
