@@ -56,7 +56,7 @@ def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[
     for effect in effects().values():
         if effect.name in IN_BASE + NOT_RANKED or not (effect.screened and effect.parameters):
             continue
-        if effect.within and effect.within not in without:
+        if any(n and n not in without for n in (effect.within, effect.beside)):
             continue
         where: list[str | None] = [a for a in AXES if a in effect.axes and a in axes]
         if not effect.axes:

@@ -13,12 +13,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 from heli3dof.diagnosis.base_fit import BASES, base_of
 from heli3dof.diagnosis.calibration import DOUBTED, Off, calibrated, off_nominal
+from heli3dof.diagnosis.companions import explained
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.counts import LEVEL, untold, with_counts
 from heli3dof.diagnosis.imitated import look_beside, with_imitators
@@ -171,7 +172,11 @@ def causes(
         steps.append(step)
         if step.choice is None:
             break
-        choice, wider = flown(bench, step, score)
+        made: Mapping[str, Corrected] = {}
+        if bench.opinions and bench.loop_is_known:
+            likelier, made = explained(bench, step)
+            step = replace(step, choice=likelier)
+        choice, wider = flown(bench, step, score, made)
         steps[-1] = replace(step, choice=choice)
         if choice is None or wider is None:
             break

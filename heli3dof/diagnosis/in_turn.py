@@ -12,7 +12,7 @@ replaces, which those data need not have told from it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import replace
 
 import numpy as np
@@ -28,16 +28,17 @@ TURNS = 3
 
 
 def flown(
-    bench: Bench, step: Step, first_score: float | None
+    bench: Bench, step: Step, first_score: float | None, made: Mapping[str, Corrected] | None = None
 ) -> tuple[Choice | None, Corrected | None]:
     """The cause of a step that made a choice, and the fit with it; where that rig could not have
-    been flown, the likeliest of the other contenders, and nothing where that holds of `TURNS`."""
+    been flown, the likeliest of the other contenders, and nothing where that holds of `TURNS`.
+    ``made``: fits with a contender, by its name, that are there already."""
     choice = step.choice
     fits: tuple[Contender, ...] = () if choice is None else choice.contenders
     for _ in range(TURNS):
         if choice is None:
             break
-        wider = extended(bench, choice)
+        wider = (made or {}).get(choice.term.name) or extended(bench, choice)
         if wider.scatter is not None or step.found.scatter is None or bench.touches_stops:
             return choice, wider
         fits = tuple(f for f in fits if f.term.name != choice.term.name)

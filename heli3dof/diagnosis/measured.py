@@ -7,9 +7,11 @@ pays least first, and the rest are measured again.
 The first cause stood up to the nulls, and a short flight's few cells bound no gain: it pays where
 held-out data are likelier with it. Later ones are only as good as the first one's formula; they
 pay where the gain's interval lies above zero, or as a first one does where their score is beyond
-what a wrong formula leaves (`select.WEAK`). One that moves the rig nearly as another does, and
-is told as "…-like" only (`heli3dof.diagnosis.select`), cannot gain much beside it: it is taken as
-a first one is, since without it the other one's size would surely be wrong.
+what a wrong formula leaves (`select.WEAK`). What acts for moments only (a dead zone, a limit) has
+its gain in so few cells that their bootstrap bounds nothing: it pays too where held-out data are
+likelier by `MUCH` and the error in degrees of an axis is surely less. One that moves the rig mostly
+as another does, and is told as "…-like" only (`heli3dof.diagnosis.select`), cannot gain much beside
+it: it is taken as a first one is, since without it the other one's size would surely be wrong.
 
 Where one does not pay, those that it was tied with are asked in its place before it is dropped
 (`heli3dof.diagnosis.in_turn`): the margin by which it was taken may have been chance.
@@ -56,6 +58,10 @@ the fit with that."""
 OFFSET, PLAY = "encoder.offset", "encoder.backlash"
 LEAST = 3.0
 """Held-out log-likelihood that a first, a strong or a weak cause has to gain: odds of 20 to one."""
+MUCH = 12.0
+"""The same of a later one whose interval holds zero: under the smaller model exp Δℓ on data that
+were not seen is 1 on average at most, so it exceeds e¹² once in that (Markov), whatever the cells.
+"""
 
 
 def adopted(
@@ -134,7 +140,8 @@ def within_a_count(choice: Choice) -> bool:
 def is_worth(choice: Choice, g: Gain, *, first: bool) -> bool:
     """Whether a cause is adopted for that gain."""
     strong = first or choice.weak or choice.score >= WEAK
-    return pays(g) or (strong and won(g) > LEAST)
+    less = any(i is not None and i.low > 0 for i in g.rmse_deg.values())
+    return pays(g) or (strong and won(g) > LEAST) or (less and won(g) > MUCH)
 
 
 def fitted(

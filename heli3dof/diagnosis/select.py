@@ -16,7 +16,7 @@ tied with all above.
 
 No formula is quite right, and what is wrong with the first cause's looks like a further one: that
 must exceed `SHARE` of the first one's score, or `WEAK` where that is less. A term whose trace is
-nearly that of the causes found (ρ² > `ALIKE` of what the base leaves of it) has little score of its
+mostly that of the causes found (ρ² > `ALIKE` of what the base leaves of it) has little score of its
 own however large it is, and without it the first one's size takes its place: below that floor it is
 taken as well, but weakly, "…-like", the formula being as likely wrong. An
 inertia that is off (`heli3dof.diagnosis.calibration`) is such a first cause: where the mass that
@@ -62,7 +62,8 @@ FORM = 0.03
 SHARE = 0.1
 WEAK = 100.0
 """Of a score: what a wrong formula leaves for others stays below it."""
-ALIKE = 0.75
+ALIKE = 0.5
+"""More of what a term does than not is what they do."""
 EVEN = 0.5
 """Certainty of one that may as well be what is wrong with another's formula"""
 ONE_WAY = 0.25
@@ -177,7 +178,7 @@ def likeliest(
 
 
 def alike(found: Corrected, screen: Screen, new: Contender) -> bool:
-    """Whether the causes found move the rig nearly as the new one does."""
+    """Whether the causes found move the rig mostly as the new one does."""
     causes = np.array([f.term is not None for f in found.free])
     return new.probe is not None and screen.shared(new.probe, causes) > ALIKE
 

@@ -20,6 +20,7 @@ there longer,
     v T > `HIT` q
 
 and what a filter without stops would make of the blow is noise, enough to hide everything else.
+Where an arm has rested so, whatever reaches that count touches the stop, however softly.
 
 Clipped voltages elsewhere are kept: what reached the motor was recorded, so the model's input is
 still right. Their share is reported.
@@ -145,7 +146,10 @@ def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
     with np.errstate(invalid="ignore"):
         extremes = [x for x in (np.nanmax(angle), np.nanmin(angle)) if abs(x) > STOP_BEYOND]
         near = [np.abs(angle - x) <= AT_EXTREME for x in extremes]
-    return np.asarray(out & np.logical_or.reduce(near) if near else np.zeros_like(out))
+    if not near:
+        return np.zeros_like(out)
+    hit = out & np.logical_or.reduce(near)
+    return np.asarray(hit | np.isin(angle, np.unique(angle[hit])))
 
 
 def _runs(mask: np.ndarray) -> list[tuple[int, int]]:

@@ -99,6 +99,12 @@ def test_where_a_stop_held_the_arm_not_to_fly_without_one_refutes_nothing(
     assert flown(HELD, step, None)[0] is step.choice
 
 
+def test_a_fit_that_is_there_already_is_not_made_again(unflyable: list[str]) -> None:
+    fit = cast(Any, SimpleNamespace(scatter=np.eye(2)))
+    taken = flown(FREE, step_with(choice(*FITS)), None, {NAMES[0]: fit})
+    assert taken[1] is fit
+
+
 def test_what_stands_in_its_place_is_tied_with_it_and_half_as_sure() -> None:
     close = [contender(n, 50.0) for n in NAMES[:3]]
     new = instead(choice(*close, tied=2), close[1])
@@ -114,7 +120,9 @@ def gains(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
 
     def gain(before: frozenset[str], after: frozenset[str], *, seed: int) -> Any:
         value = sum(worth[n] for n in after - before)
-        return SimpleNamespace(log_likelihood=Interval(value, value - 1, value + 1))
+        return SimpleNamespace(
+            log_likelihood=Interval(value, value - 1, value + 1), rmse_deg={"roll": None}
+        )
 
     monkeypatch.setattr(measured, "held_out", lambda fit, holdout: fit)
     monkeypatch.setattr(measured, "without", lambda fit, term: fit - {term.name})

@@ -29,6 +29,12 @@ def choice(score: float, tied: tuple[str, ...], **others: float) -> Choice:
     return Choice(fits[0].term, score, score, 0.5, tied, fits)
 
 
+def gained(value: float, low: float, less_deg: float = -0.001) -> Any:
+    """In log-likelihood, and in degrees on roll by at least ``less_deg``."""
+    rmse = {"roll": Interval(0.03, less_deg, 0.05), "pitch": None}
+    return SimpleNamespace(log_likelihood=Interval(value, low, 2 * value), rmse_deg=rmse)
+
+
 YAW = "disturbance.periodic.yaw"
 ROLL = "disturbance.periodic.roll"
 DRAG = "drag.quadratic.yaw"
@@ -74,16 +80,30 @@ def test_a_tie_with_what_is_only_weakly_there_stays() -> None:
 def test_a_cause_is_adopted_where_data_not_seen_confirm_it(
     low: float, value: float, first: bool, weak: bool, adopted: bool
 ) -> None:
-    gain = cast(Any, SimpleNamespace(log_likelihood=Interval(value, low, 2 * value)))
+    gain = gained(value, low)
     choice = cast(Any, SimpleNamespace(weak=weak, score=WEAK - 1))
     assert is_worth(choice, gain, first=first) is adopted
 
 
 @pytest.mark.parametrize(("score", "adopted"), [(WEAK - 1, False), (WEAK, True)])
 def test_so_is_one_of_a_score_that_no_wrong_formula_leaves(score: float, adopted: bool) -> None:
-    gain = cast(Any, SimpleNamespace(log_likelihood=Interval(20.0, -1.0, 40.0)))
     choice = cast(Any, SimpleNamespace(weak=False, score=score))
-    assert is_worth(choice, gain, first=False) is adopted
+    assert is_worth(choice, gained(20.0, -1.0), first=False) is adopted
+
+
+@pytest.mark.parametrize(
+    ("value", "less_deg", "adopted"),
+    [
+        (24.6, 0.011, True),  # a dead zone's 25 in the few cells where the voltage came near it
+        (24.6, -0.002, False),  # no axis is surely better foretold
+        (11.0, 0.011, False),  # odds of 6·10⁴ to one only
+    ],
+)
+def test_what_acts_for_moments_pays_by_its_odds_and_an_axis_better_foretold(
+    value: float, less_deg: float, adopted: bool
+) -> None:
+    choice = cast(Any, SimpleNamespace(weak=False, score=40.0))
+    assert is_worth(choice, gained(value, -7.0, less_deg), first=False) is adopted
 
 
 def found_with(rho: float) -> Any:

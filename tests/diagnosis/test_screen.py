@@ -86,6 +86,11 @@ def test_a_periodic_torque_is_seen_at_its_frequency() -> None:
     assert probe.values[0] == pytest.approx(0.03, rel=0.2)
 
 
+def test_a_curve_of_the_rotors_is_a_candidate_only_behind_their_lag() -> None:
+    assert "motor.rotor_curve" not in {t.name for t in candidates()}
+    assert "motor.rotor_curve" in {t.name for t in candidates(["motor.lag"])}
+
+
 def test_the_base_s_own_parameters_are_no_candidates() -> None:
     names = {t.effect.name for t in candidates()}
     assert not names & {"inertia", "mass.imbalance", "motor.thrust_gain"}

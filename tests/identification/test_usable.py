@@ -101,6 +101,24 @@ def test_an_angle_thrown_against_its_stop_is_left_out_however_short_it_rests_the
     assert not unusable(flight(np.round(turning / grid) * grid))["stop"].any()
 
 
+def test_where_it_has_rested_on_a_stop_a_soft_touch_is_left_out_too() -> None:
+    """15°/s and 20 ms on the count where later it rests for 0.5 s: v T = 0.3°, 3.4 counts, which
+    alone is a turning point."""
+    n, at, grid = 5000, 2000, 360 / 4096
+    touch = 28 * np.sin(np.arange(n) * DT * 2)
+    touch[at - 150 : at] = 32 - 15 * DT * np.arange(150, 0, -1)
+    touch[at : at + 10] = 32.0
+    touch[at + 10 : at + 200] = 32 - 15 * DT * np.arange(190)
+    alone = np.round(touch / grid) * grid
+    assert not unusable(flight(alone))["stop"].any()
+    rests = alone.copy()
+    rests[4000:4250] = alone.max()
+    rows = unusable(flight(rests))["stop"]
+    assert rows[at : at + 10].all()
+    assert rows[4001:4250].all()
+    assert rows.sum() < 280
+
+
 def test_yaw_has_no_stop_and_may_rest_anywhere() -> None:
     """Dry friction holds yaw on one count at 90° while roll and pitch fly on."""
     level = flight(np.full(3000, 5.0))

@@ -70,7 +70,8 @@ class Effect:
     are values of its first parameter, rising, from the likeliest of which a fit starts: for an
     effect whose likelihood has no slope where it is absent. ``identifiable`` says what motion
     shows it, ``evidence`` against which variable it is drawn, one of `ABSCISSAE`. ``within`` names
-    the term without which it means nothing. One without parameters is a switch, no cause.
+    the term without which it means nothing; ``beside`` one without which it says no more than
+    another effect does. One without parameters is a switch, no cause.
     """
 
     name: str
@@ -85,6 +86,7 @@ class Effect:
     identifiable: str = ""
     evidence: str = ""
     within: str = ""
+    beside: str = ""
     extra: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -2,7 +2,9 @@
 
 Unlike `motor.thrust_curve`, which bends the voltage *before* the rotor's lag, this bends the speed
 behind it. Backwards the propeller gives next to nothing, and is taken to give nothing. The
-thrust at the profile's V_o is the straight line's, whatever n.
+thrust at the profile's V_o is the straight line's, whatever n. Rotors without a lag turn as the
+voltage says: their curve is that of the thrust, whose name it then has (a dead zone and a quadratic
+share together make a power so well that no flight of a minute tells them apart).
 """
 
 from __future__ import annotations
@@ -32,4 +34,5 @@ EFFECT = Effect(
     separated_by="large",
     identifiable="several levels of thrust with quick changes between",
     evidence="voltage_sum",
+    beside="motor.lag",
 )

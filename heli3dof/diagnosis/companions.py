@@ -1,0 +1,110 @@
+"""Which of causes that are tied: the one that explains most with one more beside it.
+
+Alone a curve of the rotors explains a curved thrust as well as that itself does, and which of the
+two wins is chance. But with the supply's sag beside it one explains the flight, and the other takes
+the sag's place and leaves nothing of it: chosen first, it hides the second cause. So each of the
+tied j, freed of its bias in its turn, is asked what else is then there. With S_j its score and
+S_u|j that of the likeliest further term beside it (both BIC's, `heli3dof.diagnosis.select`)
+
+    J_j = S_j + max(0, max_u S_u|j)
+
+and another than the one chosen is taken where its J is larger by more than `TIE`. Both are asked
+alike, so what is wrong with a formula counts for each. A term u counts that the screen beside j
+sees beyond the nulls' threshold; those nulls were seen beside neither, and are little changed by
+one cause more. Where they are large (`heli3dof.diagnosis.rivals`) scores compare nothing, and the
+choice stands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from heli3dof.diagnosis.catalogue import candidates, probes, scans
+from heli3dof.diagnosis.corrected import Corrected, look
+from heli3dof.diagnosis.in_turn import TURNS, instead
+from heli3dof.diagnosis.nulls import Nulls
+from heli3dof.diagnosis.rivals import FALSE
+from heli3dof.diagnosis.screen import Screen
+from heli3dof.diagnosis.select import (
+    HOPELESS,
+    TIE,
+    Choice,
+    Contender,
+    contend,
+    suspects,
+    unidentifiable,
+)
+from heli3dof.diagnosis.steps import Bench, Step, extended
+
+ASKED = 4
+"""Further terms that are fitted beside each"""
+
+
+def tied(step: Step) -> list[Contender]:
+    """The contenders of a step that may be it: the one chosen, and those tied with it; just that
+    one where their scores do not compare."""
+    choice = step.choice
+    assert choice is not None
+    best = choice.contenders[0]
+    near = [c for c in choice.contenders[1:] if c.term.name in choice.tied_with][: TURNS - 1]
+    each = [best, *near]
+    slopes = [
+        abs(step.nulls.mean[c.probe]) / np.sqrt(step.nulls.inflation)
+        for c in each
+        if c.probe is not None
+    ]
+    plain = len(slopes) == len(each) and not best.term.effect.within
+    return each if plain and max(slopes) <= FALSE else each[:1]
+
+
+def companion(step: Step, bench: Bench, found: Corrected) -> Contender | None:
+    """The likeliest further term beside a fit of the step's base and one more; None where none is
+    seen."""
+    o, problem = found.optimum, found.problem
+    here = look(problem, o.theta, o.noise, whole=False)
+    terms = candidates([t.name for t in problem.structure.terms], bench.axes)
+    plain = [p for t in terms for p in probes(t, problem.data.V)]
+    screen = Screen(problem, o.theta, here, plain, scans(terms))
+    seen = screen.see(here, prior=True)
+    nulls = nulls_of(step, screen)
+    hidden = unidentifiable(screen, nulls)
+    ranked = [r for r in suspects(seen, nulls) if r[0].name not in hidden]
+    if not ranked or ranked[0][1] < nulls.threshold:
+        return None
+    ranked = [r for r in ranked[:ASKED] if r[1] >= HOPELESS * ranked[0][1]]
+    bias = np.zeros(len(o.theta)) if found.bias is None else found.bias
+    fits = contend(found, screen, seen, nulls, bias, ranked)
+    return next((f for f in fits if nulls.threshold <= f.Z2), None)
+
+
+def nulls_of(step: Step, screen: Screen) -> Nulls:
+    """The step's nulls, in the order of another screen's probes."""
+    own = {(p.name, p.values): i for i, p in enumerate(step.screen.plain)}
+    first = len(step.screen.plain)
+    own |= {(s.term.name, ()): first + k for k, s in enumerate(step.screen.scans)}
+    asked = [(p.name, p.values) for p in screen.plain] + [(s.term.name, ()) for s in screen.scans]
+    at = [own.get(k) for k in asked]
+    n = step.nulls
+    root = float(np.sqrt(n.inflation))
+    mean = np.array([0.0 if i is None else n.mean[i] for i in at])
+    std = np.array([root if i is None else n.std[i] for i in at])
+    return replace(n, mean=mean, std=std)
+
+
+def explained(bench: Bench, step: Step) -> tuple[Choice, dict[str, Corrected]]:
+    """The step's choice, or the one of those tied with it that explains more with a companion; and
+    the fits with each of them that were made, by name."""
+    choice = step.choice
+    assert choice is not None
+    each, made = tied(step), dict[str, Corrected]()
+    if len(each) < 2:
+        return choice, made
+    J = []
+    for one in each:
+        found = made[one.term.name] = extended(bench, replace(choice, contenders=(one,)))
+        other = None if found.scatter is None else companion(step, bench, found)
+        J.append(one.score + (0.0 if other is None else max(0.0, other.score)))
+    k = int(np.argmax(J))
+    return (choice if J[k] <= J[0] + TIE else instead(choice, each[k])), made

@@ -1,0 +1,98 @@
+"""Of causes that are tied, the one that explains more with another beside it is taken."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis import companions
+from heli3dof.diagnosis.base_fit import base_of
+from heli3dof.diagnosis.companions import explained, nulls_of, tied
+from heli3dof.diagnosis.rivals import FALSE
+from heli3dof.diagnosis.select import TIE, Choice, Contender
+from heli3dof.diagnosis.steps import Bench, extended, looked_at
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.model.effects import terms
+
+NONE = cast(Any, None)
+NAMES = ("motor.supply_sag", "motor.thrust_curve", "motor.saturation")
+
+
+def step_with(tied_with: tuple[str, ...], false: float = 0.0) -> Any:
+    fits = tuple(
+        Contender(t, NONE, NONE, s, 50.0, i)
+        for i, (t, s) in enumerate(zip(terms(NAMES), (120.0, 118.0, 20.0), strict=True))
+    )
+    nulls = SimpleNamespace(mean=np.array([false, 0.0, 0.0]), inflation=1.0)
+    made = Choice(fits[0].term, 120.0, 50.0, 0.7, tied_with, fits)
+    return SimpleNamespace(choice=made, nulls=nulls)
+
+
+@pytest.fixture
+def beside(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
+    """The score of the likeliest further term beside each name; fill it. No flights, no fit."""
+    scores: dict[str, float] = {}
+
+    def widened(bench: object, choice: Choice) -> Any:
+        return SimpleNamespace(scatter=np.eye(1), name=choice.contenders[0].term.name)
+
+    def companion(step: object, bench: object, found: Any) -> Any:
+        score = scores.get(found.name)
+        return None if score is None else SimpleNamespace(score=score)
+
+    monkeypatch.setattr(companions, "extended", widened)
+    monkeypatch.setattr(companions, "companion", companion)
+    return scores
+
+
+@pytest.mark.parametrize(
+    ("sag", "curve", "taken"),
+    [
+        (None, None, NAMES[0]),
+        (None, 2.0 + TIE + 1, NAMES[1]),  # 118 + 9 > 120 + TIE
+        (None, 2.0 + TIE - 1, NAMES[0]),
+        (40.0, 45.0, NAMES[0]),  # 160 against 163
+        (None, -8.0, NAMES[0]),  # no companion is worth its number
+    ],
+)
+def test_what_each_leaves_to_others_decides_between_tied_causes(
+    beside: dict[str, float], sag: float | None, curve: float | None, taken: str
+) -> None:
+    beside |= {n: s for n, s in zip(NAMES[:2], (sag, curve), strict=True) if s is not None}
+    chosen, made = explained(NONE, step_with(NAMES[1:2]))
+    assert chosen.term.name == taken
+    assert {chosen.term.name, *chosen.tied_with} == set(NAMES[:2])
+    assert set(made) == set(NAMES[:2])
+
+
+def test_one_that_is_tied_with_nothing_costs_nothing(beside: dict[str, float]) -> None:
+    step = step_with(())
+    chosen, made = explained(NONE, step)
+    assert chosen is step.choice
+    assert not made
+
+
+def test_where_slopes_are_false_scores_do_not_compare() -> None:
+    assert len(tied(step_with(NAMES[1:2], false=FALSE - 0.1))) == 2
+    assert len(tied(step_with(NAMES[1:2], false=FALSE + 0.1))) == 1
+
+
+def test_a_dead_zone_is_seen_beside_the_sag_that_is_there() -> None:
+    """1.5 V of it takes a fifth of the thrust at hover's 7.5 V, the sag 9 % there."""
+    device = "mock:?speed=max&seed=1203&hide=motor.dead_zone:1.5,motor.supply_sag:0.006"
+    flown = fly_plan(load_plan("rich"), device=device, seed=1203).recording
+    bench = Bench((flown,), 0, 4)
+    step = looked_at(bench, base_of(bench), 10)
+    assert nulls_of(step, step.screen).mean == pytest.approx(step.nulls.mean)
+    step = step.chosen(Bench((flown,), 0, 4, "rigid", False), None)
+    assert step.choice is not None
+    one = next(c for c in step.choice.contenders if c.term.name == "motor.supply_sag")
+    alone = extended(bench, Choice(one.term, 0.0, 0.0, 0.0, (), (one,)))
+    other = companions.companion(step, bench, alone)
+    assert other is not None
+    assert other.term.name == "motor.dead_zone"
+    assert other.score > 20
