@@ -101,7 +101,7 @@ def stands_out(found: Corrected, choice: Choice) -> float:
 
     That of a cause which no probe sees, or which the base lacks and every rig has, is infinite.
     """
-    if choice.threshold <= 0 or choice.term.effect.within:
+    if choice.threshold <= 0 or choice.term.effect.of_base:
         return math.inf
     j = next((i for i, f in enumerate(found.free) if f.term == choice.term.name), None)
     if j is None:

@@ -158,11 +158,16 @@ def likeliest(
     k = next((k for k, f in enumerate(fits) if stands(f)), None)
     if k is None:
         return None
+    floor = -np.inf if first_score is None else min(SHARE * first_score, WEAK)
+    weak = fits[k].score < floor and not fits[k].term.effect.formal
+    if weak and not alike(found, screen, fits[k]):
+        # Nothing that a cause's formula could leave; but how the body is written is no cause.
+        k = next((k for k, f in enumerate(fits) if f.term.effect.formal and stands(f)), None)
+        if k is None:
+            return None
+        weak = False
     above, best, below = fits[:k], fits[k], fits[k + 1 :]
     fits = [best, *above, *below]
-    weak = first_score is not None and best.score < min(SHARE * first_score, WEAK)
-    if weak and not alike(found, screen, best):
-        return None
     close = (f for f in below if best.score - f.score < slack(screen, nulls, best, f))
     tied = tuple(f.term.name for f in (*above, *close))
     sure = min(
@@ -261,7 +266,7 @@ def contend(
             return None
         won = 2 * (fit.loglik - level.loglik) / kappa
         # What a simpler base leaves out has no number to be bought: its share is believed to be 1.
-        bought = 0 if term.effect.within else len(fit.theta) - len(o.theta)
+        bought = 0 if term.effect.of_base else len(fit.theta) - len(o.theta)
         return float(won - bought * np.log(rows))
 
     def one(k: int) -> Contender | None:

@@ -70,7 +70,8 @@ class Effect:
     are values of its first parameter, rising, from the likeliest of which a fit starts: for an
     effect whose likelihood has no slope where it is absent. ``identifiable`` says what motion
     shows it, ``evidence`` against which variable it is drawn, one of `ABSCISSAE`. ``within`` names
-    the term without which it means nothing. One without parameters is a switch, no cause.
+    the term without which it means nothing. One without parameters is a switch, no cause. One that
+    is ``formal`` is a way of writing the body's equations: the base's own, and never a finding.
     """
 
     name: str
@@ -85,7 +86,16 @@ class Effect:
     identifiable: str = ""
     evidence: str = ""
     within: str = ""
+    formal: bool = False
     extra: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def of_base(self) -> bool:
+        """Whether it is what a simpler base lacks or may be written without: no cause in the rig.
+
+        Its share is believed beforehand, so it has no number that a fit could buy.
+        """
+        return self.formal or bool(self.within)
 
     @property
     def screened(self) -> bool:
