@@ -134,10 +134,13 @@ def choose(
     that no probe sees, and that are worth a fit (`heli3dof.diagnosis.trials`).
     """
     hidden = unidentifiable(screen, nulls)
-    ranked = [r for r in suspects(seen, nulls) if r[0].name not in hidden]
+    every = suspects(seen, nulls)
+    ranked = [r for r in every if r[0].name not in hidden]
     if not ranked or ranked[0][1] < nulls.threshold:
         ranked = []
     ranked = [r for r in ranked[:FITTED] if r[1] >= HOPELESS * ranked[0][1]]
+    formal = [r for r in every if r[0].effect.formal and nulls.least(r[0]) <= r[1]]
+    ranked += [r for r in formal if r not in ranked]
     fits = contend(found, screen, seen, nulls, bias, ranked, tried)
     return likeliest(found, screen, nulls, fits, first_score)
 
@@ -153,7 +156,8 @@ def likeliest(
 
     def stands(f: Contender) -> bool:
         near = fits[0].score - f.score < slack(screen, nulls, fits[0], f)
-        return nulls.threshold <= f.Z2 and (near or nulls.threshold <= f.score)
+        least = nulls.least(f.term)
+        return least <= f.Z2 and (near or least <= f.score)
 
     k = next((k for k, f in enumerate(fits) if stands(f)), None)
     if k is None:
