@@ -41,7 +41,7 @@ FALSE_ALARMS = 0.003
 """The share of recordings with nothing to find in which something is found."""
 DRIFT = 0.25
 WAYS = 2
-"""What is ``formal`` in the catalogue"""
+"""What is ``formal`` in the catalogue, at one look"""
 COMMON = 8
 """Flights that the probes' common standard deviation is worth."""
 GUMBEL_FROM = 30

@@ -207,7 +207,7 @@ def surest_first(screen: Screen, nulls: Nulls, fits: Sequence[Contender]) -> lis
     That is what a simpler base leaves out: a body has its geometry, it need not have a pendulum.
     """
     near = [f for f in fits if fits[0].score - f.score < slack(screen, nulls, fits[0], f)]
-    return sorted(fits, key=lambda f: not (f in near and f.term.effect.within))
+    return sorted(fits, key=lambda f: not (f in near and f.term.effect.missing))
 
 
 def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> float:

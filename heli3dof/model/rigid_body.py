@@ -48,17 +48,19 @@ both motors for equal). With s[LINEAR] = λ the body accelerates (1 − λ) time
 Equations of such rigs are often written one axis by itself, as rig.md's are. With s[UNCOUPLED] = κ
 and s[CONSTANT] = ν the body accelerates, a straight line in each, as
 
-    q̈ = (1 − κ) q̈_rigid + κ q̈_alone + ν (0, 0, (τ_y/J_ψ − ψ̈_alone))
+    q̈ = (1 − κ) q̈_rigid + κ q̈_alone + ν (0, 0, τ_y/J_ψ − ψ̈_alone)
 
-    J_r r̈ = L_a cos p F − T_g cos r + G_p sin r sin p + τ_r − J_r sin r cos r ψ̇²
-    J_p p̈ = L_h D − G_p cos r cos p + τ_p + J_p sin p cos p (ṙ² − cos² r ψ̇²)           (q̈_alone)
-    ((J_ψ − J_p) cos² r + J_p) ψ̈ = τ_y + 2 (J_ψ − J_p) sin r cos r ṙ ψ̇
-    τ_y = −L_a cos r sin p F + τ_ψ
+where, μ = s[UNTHROWN] and η = s[SIDEWAYS], q̈_alone is
 
-κ leaves out M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates; ν what the
-arm's tilt does to J_ψ. What that is worth: M_pψ ψ̈ = −T_g sin r p about level, up to 0.01 N·m on
-pitch at r = p = 15°. Both are zero unless `heli3dof.model.effects.simplified_couplings` or
-`simplified_yaw_inertia` is on. λ then counts from there.
+    J_r r̈ = L_a cos p F − T_g cos r + G_p sin r sin p + τ_r − (1 − μ) J_r sin r cos r ψ̇²
+    J_p p̈ = L_h D − G_p cos r cos p + τ_p + (1 − μ) J_p sin p cos p (ṙ² − cos² r ψ̇²)
+    ((J_ψ − J_p) cos² r + J_p) ψ̈ = τ_y + (1 − μ) 2 (J_ψ − J_p) sin r cos r ṙ ψ̇
+    τ_y = −L_a cos r sin p F + η L_h sin r D + τ_ψ
+
+κ leaves out M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates (what is
+missed most is M_pψ ψ̈, up to 0.01 N·m on pitch); ν, what the arm's tilt does to J_ψ; μ, all products
+of rates; and η puts L_h sin r D back. All are zero unless one of the effects `simplified.*` is on
+(`heli3dof.model.effects.simplified_couplings` and its neighbours). λ counts from there.
 
 What no flight can tell: all torques and inertias multiplied by one factor move the same way. So
 K_f stays at the profile's value as the unit, and T_g, J_r, J_p, J_ψ and every effect's torque are
@@ -77,7 +79,7 @@ from heli3dof.model.hooks import caller
 
 R, P, R_DOT, P_DOT, PSI_DOT = _s.R, _s.P, _s.R_DOT, _s.P_DOT, _s.PSI_DOT
 L_A, L_H, T_G, G_P, LINEAR = _s.L_A, _s.L_H, _s.T_G, _s.G_P, _s.LINEAR
-UNCOUPLED, CONSTANT = _s.UNCOUPLED, _s.CONSTANT
+UNCOUPLED, CONSTANT, UNTHROWN, SIDEWAYS = _s.UNCOUPLED, _s.CONSTANT, _s.UNTHROWN, _s.SIDEWAYS
 J_R, J_P, J_PSI = _s.J_R, _s.J_P, _s.J_PSI
 BODY_P, BODY_PSI = _s.BODY_P, _s.BODY_PSI
 F_FRONT, F_BACK = _s.F_FRONT, _s.F_BACK
@@ -96,11 +98,12 @@ def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
     F, D = force[0] + force[1], force[0] - force[1]
     J_a = s[J_PSI] - s[J_P]
     roll = (s[L_A] * cp * F - s[T_G] * cr + s[G_P] * sr * sp + torque[0]) / s[J_R]
-    roll -= sr * cr * yd * yd
+    thrown = 1.0 - s[UNTHROWN]
+    roll -= thrown * sr * cr * yd * yd
     pitch = (s[L_H] * D - s[G_P] * cr * cp + torque[1]) / s[J_P]
-    pitch += sp * cp * (rd * rd - cr * cr * yd * yd)
-    t_y = -s[L_A] * cr * sp * F + torque[2]
-    yaw = (t_y + 2.0 * J_a * sr * cr * rd * yd) / (J_a * cr * cr + s[J_P])
+    pitch += thrown * sp * cp * (rd * rd - cr * cr * yd * yd)
+    t_y = -s[L_A] * cr * sp * F + s[SIDEWAYS] * s[L_H] * sr * D + torque[2]
+    yaw = (t_y + thrown * 2.0 * J_a * sr * cr * rd * yd) / (J_a * cr * cr + s[J_P])
     if free[0]:
         a[0] += s[UNCOUPLED] * (roll - a[0])
     if free[1]:

@@ -9,6 +9,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from heli3dof.diagnosis.catalogue import candidates
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import document
 from heli3dof.diagnosis.noisy_flight import noisy_flight
@@ -80,6 +81,13 @@ def test_a_whole_body_is_not_said_to_be_simplified() -> None:
     found = diagnose(flown(seed=1813), quick=True)
     assert found.verdict == "nothing_found"
     assert found.about["written"] == []
+
+
+def test_simpler_still_is_asked_for_only_where_couplings_are_left_out() -> None:
+    own = {t.name for t in candidates() if t.effect.formal}
+    assert own == set(WRITTEN)
+    beside = {t.name for t in candidates(["simplified.couplings"]) if t.effect.formal}
+    assert beside == {"simplified.yaw_inertia", "simplified.rates", "simplified.side_thrust"}
 
 
 def contender(name: str, score: float, Z2: float) -> Contender:

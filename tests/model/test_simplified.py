@@ -28,10 +28,12 @@ thrusts = st.tuples(st.floats(-1, 3), st.floats(-1, 3))
 shares = st.floats(-0.3, 1.3)
 
 
-def acceleration(x, force, uncoupled=0.0, constant=0.0, torque=(0, 0, 0), free=ALL):  # type: ignore[no-untyped-def]
+def acceleration(x, force, uncoupled=0.0, constant=0.0, torque=(0, 0, 0), free=ALL, **more):  # type: ignore[no-untyped-def]
     s = context(PROFILE)
     s[s_.R : s_.R + 6] = x
     s[s_.UNCOUPLED], s[s_.CONSTANT] = uncoupled, constant
+    for name, value in more.items():
+        s[getattr(s_, name)] = value
     a = np.empty(3)
     body_accelerations(s, np.array(force, float), np.array(torque, float), free, a)
     return a
@@ -51,6 +53,26 @@ def test_with_both_left_out_the_body_is_the_equations_as_they_are_printed(x, for
         -L_A * cos(r) * sin(p) * F / J_PSI,
     ]
     np.testing.assert_allclose(acceleration(x, force, 1.0, 1.0), printed, rtol=1e-4, atol=1e-5)
+
+
+@given(states, thrusts)
+def test_simpler_still_there_are_thrust_and_gravity_alone(x, force) -> None:  # type: ignore[no-untyped-def]
+    r, p = x[:2]
+    F, D = force[0] + force[1], force[0] - force[1]
+    simplest = [
+        (L_A * cos(p) * F - T_G * cos(r)) / J_R,
+        L_H * D / J_P,
+        (-L_A * cos(r) * sin(p) * F + L_H * sin(r) * D) / J_PSI,
+    ]
+    found = acceleration(x, force, 1.0, 1.0, UNTHROWN=1.0, SIDEWAYS=1.0)
+    np.testing.assert_allclose(found, simplest, rtol=1e-4, atol=1e-5)
+
+
+def test_rates_and_side_thrust_mean_nothing_without_the_couplings_left_out() -> None:
+    x, force = (0.2, 0.1, 0, 0.3, 0.4, 0.5), (1.2, 0.7)
+    np.testing.assert_array_equal(
+        acceleration(x, force, UNTHROWN=1.0, SIDEWAYS=1.0), acceleration(x, force)
+    )
 
 
 def test_tilted_both_ways_the_whole_body_pushes_its_pitch_as_the_simple_one_does_not() -> None:

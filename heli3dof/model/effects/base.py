@@ -95,7 +95,12 @@ class Effect:
 
         Its share is believed beforehand, so it has no number that a fit could buy.
         """
-        return self.formal or bool(self.within)
+        return self.formal or self.missing
+
+    @property
+    def missing(self) -> bool:
+        """Whether every rig has it and only a simpler base lacks it."""
+        return bool(self.within) and not self.formal
 
     @property
     def screened(self) -> bool:
