@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.diagnosis.corrected import NOISE_NEAR, Corrected, Informed, correct
-from heli3dof.diagnosis.steps import Bench
+from heli3dof.diagnosis.steps import Bench, without
 from heli3dof.diagnosis.tilted import maximise_tilted
 from heli3dof.diagnosis.weighed import weighed
 from heli3dof.identification.greybox.estimate import Estimate, estimate
@@ -47,6 +47,17 @@ def base_of(bench: Bench) -> Corrected:
     compile_first(problem)
     found = base_at(bench, problem)
     return base_at(bench, replace(problem, doubt=HELD_BY)) if runaway(found) else found
+
+
+def as_written(base: Corrected, found: Corrected) -> Corrected:
+    """The base simulation with its body's equations written as ``found`` has them: refitted."""
+    if not any(t.effect.formal for t in found.structure.terms):
+        return base
+    own = {t.name for t in base.structure.terms}
+    for t in found.structure.terms:
+        if t.name not in own and not t.effect.formal:
+            found = without(found, t)
+    return found
 
 
 def runaway(found: Estimate) -> bool:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from heli3dof.diagnosis.base_fit import BASES, base_of
+from heli3dof.diagnosis.base_fit import BASES, as_written, base_of
 from heli3dof.diagnosis.calibration import DOUBTED, Off, calibrated, off_nominal
 from heli3dof.diagnosis.companions import explained
 from heli3dof.diagnosis.corrected import Corrected
@@ -35,6 +35,7 @@ from heli3dof.diagnosis.steps import Bench, Step, eliminated, looked_at
 from heli3dof.diagnosis.unnamed import Settled, unnamed
 from heli3dof.diagnosis.workers import watched
 from heli3dof.errors import UsageError, did_you_mean
+from heli3dof.model.effects import term
 from heli3dof.recording.recording import Recording
 
 FLIGHTS, QUICK_FLIGHTS = 64, 16
@@ -100,7 +101,7 @@ def _diagnosed(
     clock.start("backward", "Each cause once more without it …")
     found, steps = eliminated(bench, found, steps)
     clock.start("gain", "Measuring the gain on what was not seen …")
-    taken = [s.choice for s in steps if s.choice is not None]
+    taken = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
     found, findings, dropped, after = adopted(
         found, taken, held, seed=seed, instead=partial(in_turn, bench)
     )
@@ -111,6 +112,7 @@ def _diagnosed(
         clock.says("Asking each recording by itself …")
         last = replace(last, findings=doubted(last.findings, train))
     clock.start("gain", "Measuring the gain on what was not seen …")
+    least = as_written(least, last.found)
     whole = fitted(least, last.found, last.after, train, held, seed=seed)
     clock.start("off", "Asking whether the rig itself is off its profile …")
     off = base_off(last) if last.sure else ()
@@ -125,6 +127,7 @@ def _diagnosed(
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
         "threshold": first.nulls.threshold, "largest": first.largest,
         "gain_measured_on": whole.gain.on, "base": base, "seconds": clock.seconds,
+        "written": [t.effect.summary for t in last.found.structure.terms if t.effect.formal],
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
     each = in_order(sized, findings, off)
@@ -137,7 +140,7 @@ def _diagnosed(
     return Diagnosis(
         *names, verdict_of(each, last.left, unsure=unsure), faults, whole,
         findings, off, last.dropped, last.left,
-        (*first.unseen, *dark), about,
+        (*(n for n in first.unseen if not term(n).effect.formal), *dark), about,
     )  # fmt: skip
 
 
@@ -182,7 +185,7 @@ def causes(
             break
         clock.says(f"Found {choice.term.name}.")
         found = wider
-        if not choice.term.effect.within:  # what a simpler base lacks is no cause in the rig
+        if not choice.term.effect.of_base:  # what a simpler base lacks is no cause in the rig
             left -= 1
             if choice.contenders[0].probe is not None:  # a tried term's formula leaves nothing
                 score = choice.score if score is None else max(score, choice.score)

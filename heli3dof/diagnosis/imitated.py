@@ -96,7 +96,12 @@ def possible(step: Step, amounts: Iterable[tuple[int, float]]) -> tuple[str, ...
 
     def may_be(i: int, amount: float) -> bool:
         p = screen.plain[i]
-        if not p.grows or not np.isfinite(screen.v[i]) or (amount < 0 and one_way(p)):
+        if (
+            p.term.effect.formal
+            or not p.grows
+            or not np.isfinite(screen.v[i])
+            or (amount < 0 and one_way(p))
+        ):
             return False
         if abs(amount * p.size) > LARGE * p.term.effect.parameters[0].typical * (1 + 1e-9):
             return False

@@ -28,7 +28,9 @@ def named_traces(found: Estimate) -> tuple[list[str], np.ndarray]:
     problem, o = found.problem, found.optimum
     axes = [a for a, there in zip(AXES, problem.data.axes, strict=True) if there]
     taken = [t.name for t in found.structure.terms]
-    named = [p for t in candidates(taken, axes) for p in probes(t, problem.data.V)]
+    named = [
+        p for t in candidates(taken, axes) if not t.effect.formal for p in probes(t, problem.data.V)
+    ]
     here = look(problem, o.theta, o.noise, whole=False)
     return [p.name for p in named], Screen(problem, o.theta, here, named).D
 

@@ -107,7 +107,7 @@ def stands_out(found: Corrected, choice: Choice) -> float:
 
     That of a cause which no probe sees, or which the base lacks and every rig has, is infinite.
     """
-    if choice.threshold <= 0 or choice.term.effect.within:
+    if choice.threshold <= 0 or choice.term.effect.of_base:
         return math.inf
     j = next((i for i, f in enumerate(found.free) if f.term == choice.term.name), None)
     if j is None:
@@ -162,19 +162,21 @@ def _findings(
     found: Corrected, choices: Sequence[Choice], less: Sequence[Corrected], gains: Sequence[Gain]
 ) -> tuple[Finding, ...]:
     scale = thrust_scale(found)
-    choices = beside_each_other(choices)
+    written = [t.name for t in found.structure.terms if t.effect.formal]
+    choices = beside_each_other(choices, written)
     return tuple(
         Finding(c, forwards(in_SI(found, scale, c.term.name)), g, w.optimum.noise)
         for c, w, g in zip(choices, less, gains, strict=True)
     )
 
 
-def beside_each_other(choices: Sequence[Choice]) -> list[Choice]:
-    """The choices without ties among themselves; the certainty is against what else there was.
+def beside_each_other(choices: Sequence[Choice], written: Sequence[str] = ()) -> list[Choice]:
+    """The choices without ties among themselves, or with how the fit's equations are ``written``;
+    the certainty is against what else there was.
 
     A weak one has not surely paid: what was tied with it still is.
     """
-    named = {c.term.name for c in choices if not c.weak}
+    named = {c.term.name for c in choices if not c.weak} | set(written)
     out = []
     for c in choices:
         tied = tuple(n for n in c.tied_with if n not in named)

@@ -34,11 +34,14 @@ import numpy as np
 from heli3dof.diagnosis.corrected import Corrected, fly_again, look, model_at
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.workers import in_threads
+from heli3dof.model.effects import Term
 from heli3dof.recording.recording import Recording
 
 FALSE_ALARMS = 0.003
 """The share of recordings with nothing to find in which something is found."""
 DRIFT = 0.25
+WAYS = 2
+"""What is ``formal`` in the catalogue, at one look"""
 COMMON = 8
 """Flights that the probes' common standard deviation is worth."""
 GUMBEL_FROM = 30
@@ -67,6 +70,16 @@ class Nulls:
     def judged(self, seen: Seen) -> np.ndarray:
         """(P,) Z."""
         return np.asarray((seen.z - self.mean) / self.std)
+
+    def least(self, term: Term) -> float:
+        """The Z² from which a term is there: the threshold; of the `WAYS` to write the body's
+        equations, which accuse nobody, what the largest of so few exceeds by chance."""
+        from scipy.stats import t
+
+        if not term.effect.formal:
+            return self.threshold
+        spread = 1 + 1 / self.flights if self.flights else 2.0
+        return float(spread * t.isf(FALSE_ALARMS / (2 * WAYS), self.freedom) ** 2)
 
     def confidence(self, Z2: float) -> float:
         """One less the chance that nothing gives as much."""

@@ -95,7 +95,7 @@ def stand_ins(
     """The findings whose place the leftovers take; none where nothing is left."""
     if not left:
         return ()
-    named = {f.choice.term.name for f in findings if not f.choice.term.effect.within}
+    named = {f.choice.term.name for f in findings if not f.choice.term.effect.of_base}
     return tuple(b.name for b in beside(found, held) if b.stands_in and b.name in named)
 
 

@@ -138,10 +138,13 @@ def choose(
     that no probe sees, and that are worth a fit (`heli3dof.diagnosis.trials`).
     """
     hidden = unidentifiable(screen, nulls)
-    ranked = [r for r in suspects(seen, nulls) if r[0].name not in hidden]
+    every = suspects(seen, nulls)
+    ranked = [r for r in every if r[0].name not in hidden]
     if not ranked or ranked[0][1] < nulls.threshold:
         ranked = []
     ranked = [r for r in ranked[:FITTED] if r[1] >= HOPELESS * ranked[0][1]]
+    formal = [r for r in every if r[0].effect.formal and nulls.least(r[0]) <= r[1]]
+    ranked += [r for r in formal if r not in ranked]
     fits = contend(found, screen, seen, nulls, bias, ranked, tried)
     return likeliest(found, screen, nulls, fits, first_score)
 
@@ -157,16 +160,22 @@ def likeliest(
 
     def stands(f: Contender) -> bool:
         near = fits[0].score - f.score < slack(screen, nulls, fits[0], f)
-        return nulls.threshold <= f.Z2 and (near or nulls.threshold <= f.score)
+        least = nulls.least(f.term)
+        return least <= f.Z2 and (near or least <= f.score)
 
     k = next((k for k, f in enumerate(fits) if stands(f)), None)
     if k is None:
         return None
+    floor = -np.inf if first_score is None else min(SHARE * first_score, WEAK)
+    weak = fits[k].score < floor and not fits[k].term.effect.formal
+    if weak and not alike(found, screen, fits[k]):
+        # Nothing that a cause's formula could leave; but how the body is written is no cause.
+        k = next((k for k, f in enumerate(fits) if f.term.effect.formal and stands(f)), None)
+        if k is None:
+            return None
+        weak = False
     above, best, below = fits[:k], fits[k], fits[k + 1 :]
     fits = [best, *above, *below]
-    weak = first_score is not None and best.score < min(SHARE * first_score, WEAK)
-    if weak and not alike(found, screen, best):
-        return None
     close = (f for f in below if best.score - f.score < slack(screen, nulls, best, f))
     tied = tuple(f.term.name for f in (*above, *close))
     sure = min(
@@ -202,7 +211,7 @@ def surest_first(screen: Screen, nulls: Nulls, fits: Sequence[Contender]) -> lis
     That is what a simpler base leaves out: a body has its geometry, it need not have a pendulum.
     """
     near = [f for f in fits if fits[0].score - f.score < slack(screen, nulls, fits[0], f)]
-    return sorted(fits, key=lambda f: not (f in near and f.term.effect.within))
+    return sorted(fits, key=lambda f: not (f in near and f.term.effect.missing))
 
 
 def slack(screen: Screen, nulls: Nulls, best: Contender, other: Contender) -> float:
@@ -266,7 +275,7 @@ def contend(
             return None
         won = 2 * (fit.loglik - level.loglik) / kappa
         # What a simpler base leaves out has no number to be bought: its share is believed to be 1.
-        return float(won - (0.0 if term.effect.within else price(ext, fit, term.name, kappa)))
+        return float(won - (0.0 if term.effect.of_base else price(ext, fit, term.name, kappa)))
 
     def one(k: int) -> Contender | None:
         term, Z2, i = ranked[k]

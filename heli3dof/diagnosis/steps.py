@@ -25,9 +25,9 @@ from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simula
 from heli3dof.diagnosis.occam import price
 from heli3dof.diagnosis.rivals import told_apart
 from heli3dof.diagnosis.screen import Screen, Seen
-from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
+from heli3dof.diagnosis.select import Choice, Contender, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
-from heli3dof.diagnosis.trials import Trial, ringing, standing_out, trials, tried_terms
+from heli3dof.diagnosis.trials import Trial, ringing, standing_out, trials, tried_terms, widened
 from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.fit import Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -118,7 +118,7 @@ class Step:
         if made is not None and bench.loop_is_known:
             made = told_apart(
                 made, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots,
-                opinions=bench.opinions,
+                opinions=bench.opinions and not made.term.effect.formal,  # its ties are not told
             )  # fmt: skip
         return replace(self, choice=made)
 
@@ -145,13 +145,32 @@ def looked_at(bench: Bench, found: Corrected, flights: int) -> Step:
 def extended(bench: Bench, choice: Choice) -> Corrected:
     """The base with the term taken, freed of its bias in its turn."""
     best = choice.contenders[0]
-    problem = best.problem
+    problem, at = best.problem, best.optimum
     if isinstance(problem, Informed):
         problem = replace(problem, doubt=1.0)
-    found = settled(bench, problem, best.optimum)
+    if best.term.effect.formal:
+        also = [c for c in choice.contenders[1:] if surely(c, choice)]
+        problem, at = as_well(problem, at, also)
+    found = settled(bench, problem, at)
     if found.scatter is None and bench.loop_is_known:
         return from_quiet(bench, found)
     return found
+
+
+def surely(other: Contender, choice: Choice) -> bool:
+    """Whether another way of writing the body's equations was seen as plainly as the one taken."""
+    return other.term.effect.formal and min(other.Z2, other.score) >= choice.threshold
+
+
+def as_well(
+    problem: Likelihood, at: Optimum, others: Sequence[Contender]
+) -> tuple[Likelihood, Optimum]:
+    """With those taken too, which stands for steps of their own: they hardly share a trace."""
+    theta = at.theta
+    for c in others:
+        problem = widened(problem, theta, c.term)
+        theta = np.append(theta, c.optimum.theta[-1])
+    return problem, maximise_tilted(problem, theta, at.noise, None) if others else at
 
 
 def from_quiet(bench: Bench, found: Corrected) -> Corrected:

@@ -65,7 +65,7 @@ def unnamed(bench: Bench, start: Settled, holdout: Sequence[Recording], *, fligh
 
 def named(findings: Sequence[Finding]) -> list[str]:
     """The names that may be stand-ins: not what a simpler base leaves out."""
-    return [f.choice.term.name for f in findings if not f.choice.term.effect.within]
+    return [f.choice.term.name for f in findings if not f.choice.term.effect.of_base]
 
 
 def _uncertain(

@@ -9,7 +9,8 @@ which in the joint itself is the soft threshold S(v) = sgn(v) max(|v| − b, 0),
 joint that rests under less than τ_c stays where it is, to the last digit, and a reversal cannot
 overshoot. Joints that share W are gone through until nothing changes.
 
-As far as the body is the hover model (`slots.LINEAR`), W is diag(1/J).
+As far as the body is the hover model (`slots.LINEAR`), W is diag(1/J); as far as each of its axes
+moves by itself (`slots.UNCOUPLED`, `CONSTANT`), W is diagonal too (`heli3dof.model.rigid_body`).
 
 In the filter a rate is N(v, σ²), and what friction does to it is S averaged over that: with
 α = (b − v)/σ, β = (b + v)/σ, φ and Q the normal density and its upper tail, u(α) = φ(α) − αQ(α)
@@ -31,6 +32,7 @@ from heli3dof.model.hooks import caller
 
 R, P, J_R, J_P, J_PSI, LINEAR = _s.R, _s.P, _s.J_R, _s.J_P, _s.J_PSI, _s.LINEAR
 BODY_P, BODY_PSI = _s.BODY_P, _s.BODY_PSI
+UNCOUPLED, CONSTANT = _s.UNCOUPLED, _s.CONSTANT
 DRY = int(_s.Stage.DRY)
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 SURE = 6.0
@@ -90,13 +92,20 @@ def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-unty
     w[5, 0], w[5, 1], w[5, 2] = u * v * yy / pp if pp > 0.0 else 0.0, 1.0, 0.0
     w[5, 2] = -v * yy / pp if pp > 0.0 else 0.0
     w[6, 0], w[6, 1], w[6, 2] = -u, -v, 1.0
-    if s[LINEAR] != 0.0:
+    if s[LINEAR] != 0.0 or s[UNCOUPLED] != 0.0 or s[CONSTANT] != 0.0:
+        shared = (1.0 - s[LINEAR]) * (1.0 - s[UNCOUPLED])
         for i in range(3):
             was = rr if i == 0 else (pp if i == 1 else yy)
-            now = was + s[LINEAR] * (1.0 / s[J_R + i] - was) if free[i] else 0.0
+            level = 1.0 / s[J_R + i]
+            by_itself, body = level, was
+            if i == 2:
+                by_itself = 1.0 / ((s[J_PSI] - s[J_P]) * cr * cr + s[J_P])
+                body += s[CONSTANT] * (level - by_itself)
+            body += s[UNCOUPLED] * (by_itself - was)
+            now = body + s[LINEAR] * (level - body) if free[i] else 0.0
             for j in range(3):
                 if j != i and now > 0.0:
-                    w[4 + i, j] *= (1.0 - s[LINEAR]) * was / now
+                    w[4 + i, j] *= shared * was / now
             if i == 0:
                 rr = now
             elif i == 1:

@@ -56,6 +56,13 @@ LINEAR = 41
 """0 the rigid body … 1 the paper's hover model, which is the rigid body linearised level."""
 BODY_P, BODY_PSI = 42, 43
 """kg·m², what the profile's masses give of J_P and J_PSI; the rest is rotary, on the joints"""
+UNCOUPLED = 44
+"""0 the rigid body … 1 without the bar's part in how roll, pitch and yaw push each other."""
+CONSTANT = 45
+"""0 the rigid body … 1 with the arm's inertia about the vertical held at its level value."""
+UNTHROWN, SIDEWAYS = 46, 47
+"""As far as `UNCOUPLED`: 1 without products of rates; 1 with the thrusts' part about the vertical
+all the same."""
 SIZE = 48
 
 AXIS, A, B, C, D = 0, 1, 2, 3, 4

@@ -79,7 +79,7 @@ def _gain(p: Pictured) -> list[str]:
 
 
 def _left(document: Document, p: Pictured) -> list[str]:
-    blocks = [paragraph(s) for s in words.kept_within(document)]
+    blocks = [paragraph(s) for s in (*words.written(document), *words.kept_within(document))]
     blocks += [paragraph(s) for s in words.unadopted(document)]
     if p.leftovers:
         blocks += [subheading("What is left"), *(map(paragraph, words.leftovers(document)))]

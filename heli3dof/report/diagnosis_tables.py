@@ -72,6 +72,7 @@ def diagnosis_tables(document: Document) -> list[Grid | str]:
             out += dict.fromkeys(words.causes(document))  # two recordings may have one fault
     out += words.perhaps_off(document)
     out += document.get("about", {}).get("explains", ())
+    out += words.written(document)
     said_of = (words.kept_within, words.leftovers, words.still_hidden, words.unadopted)
     for said in (*said_of, words.next_steps):
         out += said(document)

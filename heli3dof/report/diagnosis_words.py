@@ -262,6 +262,11 @@ def unadopted(document: Document) -> Iterator[str]:
         )
 
 
+def written(document: Document) -> Iterator[str]:
+    """How the recordings ask the body's equations to be written, where not in full; no cause."""
+    yield from map(str, document.get("about", {}).get("written", ()))
+
+
 def kept_within(document: Document) -> Iterator[str]:
     """Terms of the extended model that are not named: within what is known of such rigs."""
     for x in document.get("about", {}).get("kept_within_what_is_known", ()):

@@ -60,6 +60,13 @@ def test_a_tie_with_what_is_not_there_stays() -> None:
     assert a.confidence == pytest.approx(0.5)
 
 
+def test_a_tie_with_how_the_equations_turn_out_to_be_written_is_settled() -> None:
+    name = "simplified.yaw_inertia"
+    first = choice(176.0, (name,), drag__quadratic__yaw=176.0, simplified__yaw_inertia=175.5)
+    assert beside_each_other([first])[0].tied_with == (name,)
+    assert beside_each_other([first], [name])[0].tied_with == ()
+
+
 def test_a_tie_with_what_is_only_weakly_there_stays() -> None:
     first = choice(176.0, (ROLL,), disturbance__periodic__yaw=176.0,
                    disturbance__periodic__roll=175.5)  # fmt: skip

@@ -19,6 +19,7 @@ from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.fit import NOISE_START
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.multistep import Fitted
+from heli3dof.identification.greybox.written import as_written
 from heli3dof.identification.prepare import Prepared, Run
 from heli3dof.identification.statistics import Pole
 from heli3dof.identification.transfer import TransferFunctions
@@ -65,6 +66,8 @@ def fit(prepared: Prepared, request: Request) -> Found:
     problem = Likelihood(data_of(several, runs), Structure(first.profile, terms(chosen)))
     compile_first(problem)
     found = estimate(problem)
+    if request.terms is None:
+        found = as_written(found)
     sources = sorted({r.source for r in runs})
     model = model_of(found, [several[i] for i in sources], request.name)
     linear = model.linear(prepared.dt)
@@ -220,6 +223,7 @@ def parameters(found: Estimate) -> dict[str, Parameter]:
 def warnings(found: Estimate) -> tuple[str, ...]:
     """What to be told of besides the numbers."""
     said = [v.sentence for v in found.verdicts if v.sentence]
+    said += [t.effect.summary for t in found.structure.terms if t.effect.formal]
     o = found.optimum
     if not o.converged:
         said.append(

@@ -71,7 +71,8 @@ class Effect:
     effect whose likelihood has no slope where it is absent. ``identifiable`` says what motion
     shows it, ``evidence`` against which variable it is drawn, one of `ABSCISSAE`. ``within`` names
     the term without which it means nothing; ``beside`` one without which it says no more than
-    another effect does. One without parameters is a switch, no cause.
+    another effect does. One without parameters is a switch, no cause. One that is ``formal`` is a
+    way of writing the body's equations: the base's own, and never a finding.
     """
 
     name: str
@@ -87,7 +88,21 @@ class Effect:
     evidence: str = ""
     within: str = ""
     beside: str = ""
+    formal: bool = False
     extra: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def of_base(self) -> bool:
+        """Whether it is what a simpler base lacks or may be written without: no cause in the rig.
+
+        Its share is believed beforehand, so it has no number that a fit could buy.
+        """
+        return self.formal or self.missing
+
+    @property
+    def missing(self) -> bool:
+        """Whether every rig has it and only a simpler base lacks it."""
+        return bool(self.within) and not self.formal
 
     @property
     def screened(self) -> bool:

@@ -1,0 +1,45 @@
+"""Products of rates are left out where the couplings are: no centrifugal and no Coriolis torques.
+
+What an arm that turns does to roll, −J_r sin r cos r ψ̇², and to pitch, J_p sin p cos p (ṙ² −
+cos² r ψ̇²), the simplest equations do not have (`heli3dof.model.rigid_body`). Like
+`simplified_couplings`, without which it means nothing, this belongs to the base and is never told
+as a cause.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.effects.simplified_couplings import SPREAD
+from heli3dof.model.slots import UNTHROWN, A, Stage
+
+
+def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[UNTHROWN] = par[A]
+
+
+EFFECT = Effect(
+    name="simplified.rates",
+    summary="Products of rates are left out, as in the simplest equations.",
+    parameters=(
+        Parameter(
+            "share",
+            "–",
+            0.0,
+            -0.3,
+            2.0,
+            0.2,
+            "μ; 1 all of it",
+            prior_std=SPREAD,
+            start=1.0,
+        ),
+    ),
+    hooks={Stage.SETUP: setup},
+    confused_with=("inertia.product",),
+    separated_by="large",
+    identifiable="fast yaw with roll off level",
+    evidence="yaw_rate",
+    within="simplified.couplings",
+    formal=True,
+)

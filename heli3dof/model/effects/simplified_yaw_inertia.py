@@ -1,0 +1,43 @@
+"""The arm's inertia about the vertical is taken as constant: J_ψ ψ̈ in place of a J_ψ(r) that turns.
+
+Tilted, the arm has (J_ψ − J_p) cos² r + J_p, 7 % less at 15°, and speeds up as it draws in,
+2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.rigid_body`). Simplified equations often leave out
+both. Like `simplified_couplings` this belongs to the base and is never told as a cause.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.effects.simplified_couplings import SPREAD
+from heli3dof.model.slots import CONSTANT, A, Stage
+
+
+def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
+    out[CONSTANT] = par[A]
+
+
+EFFECT = Effect(
+    name="simplified.yaw_inertia",
+    summary="The inertia about the vertical is constant, as in the simplified equations.",
+    parameters=(
+        Parameter(
+            "share",
+            "–",
+            0.0,
+            -0.3,
+            2.0,
+            0.2,
+            "ν, of what is left out; 1 all of it",
+            prior_std=SPREAD,
+            start=1.0,
+        ),
+    ),
+    hooks={Stage.SETUP: setup},
+    confused_with=("inertia",),
+    separated_by="large",
+    identifiable="yaw at several roll angles, 10° apart or more",
+    evidence="roll",
+    formal=True,
+)
