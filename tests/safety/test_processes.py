@@ -31,7 +31,7 @@ from tests.safety.table import BY_NAME
 
 pytestmark = pytest.mark.realtime
 PROFILE = default_profile()
-BUSY_S = 0.25
+BUSY_S = STANDSTILL_S + 0.1
 """s by which a busy machine may delay the emulated device's thread, and the look at it"""
 
 
