@@ -22,8 +22,17 @@ atexit.register(shutil.rmtree, OWN, ignore_errors=True)
 for name in ("XDG_RUNTIME_DIR", "XDG_STATE_HOME"):
     os.environ[name] = OWN
 
+import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
+
+from tests.clock import Clock, installed  # noqa: E402
 
 # A first call may import or compile for seconds; pytest-timeout guards against hanging.
 settings.register_profile("heli3dof", deadline=None)
 settings.load_profile("heli3dof")
+
+
+@pytest.fixture
+def own_clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    """See `tests.clock.installed`."""
+    return installed(monkeypatch)

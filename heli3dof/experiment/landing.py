@@ -2,10 +2,11 @@
 
     V[i] = V_last · (1 − i/n),  i = 1 … n,  n = ramp time / dt
 
-Periods that are missed or lost are skipped here too: the ramp takes its time, no longer. Where it
-cannot be flown (the device does not answer, or a second signal asks for it) the device is stopped
-at once. A device that stops by itself on the way is left alone, and what it says is kept: samples
-are recorded for as long as the ramp would have taken.
+Periods that are missed or lost on the way are skipped here too: the ramp takes its time, no longer.
+Those before it are not of it: it begins at V_last, however long that stood. Where it cannot be
+flown (the device does not answer, or a second signal asks for it) the device is stopped at once. A
+device that stops by itself on the way is left alone, and what it says is kept: samples are recorded
+for as long as the ramp would have taken.
 """
 
 from __future__ import annotations
@@ -55,17 +56,18 @@ def land(
     # A device that stands stopped needs no ramp; its rows show that it stays so.
     start = (0.0, 0.0) if sample.flags & Flags.ESTOP else pacer.sent
     told = int(sample.flags)
-    i = 0
+    i = skipped = 0
     try:
         while i < steps:
             now = at_once()
             if now is not None:
                 pacer.stop(now)
                 return Landing(False, now, stopped=True)
-            i = min(steps, i + 1 + pacer.skipped)
+            i = min(steps, i + 1 + skipped)
             voltage = (start[0] * (1 - i / steps), start[1] * (1 - i / steps))
             before, lateness = sample, pacer.lateness
             sample = pacer.exchange(before, voltage)
+            skipped = pacer.skipped
             told |= int(sample.flags)
             keep(before, voltage, lateness, sample)
     except BaseException as problem:

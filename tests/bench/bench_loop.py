@@ -16,7 +16,8 @@ from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.profile import load_profile
 from tests.bench import Figure, Table, at_most
 from tests.drivers.firmware.building import rig_program
-from tests.realtime.flight import LANDING_S, PATIENT, FlightProcess, firmware, write_profile
+from tests.profiles import PATIENT, write_profile
+from tests.realtime.flight import LANDING_S, FlightProcess, firmware
 from tests.realtime.standstill import Lateness, lateness, watched, written_late
 
 TITLE = "The loop"

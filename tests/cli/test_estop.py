@@ -20,6 +20,7 @@ from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session import Session
 from heli3dof.rig.url import DeviceUrl
 from tests.cli.running import heli3dof
+from tests.profiles import PATIENT, write_profile
 from tests.rig.fakes import FakeDriver, only_drivers
 
 MOCK = "mock:?watchdog_s=5&start=level"
@@ -42,7 +43,9 @@ def test_a_flight_is_stopped_from_another_terminal(
 ) -> None:
     monkeypatch.setattr("heli3dof.rig.stop.PATIENCE_S", 10.0)  # the machine may be busy
     path = tmp_path / "flight.mcap"
+    profile = write_profile(tmp_path / "rig.toml", **PATIENT)
     words = ["run-step", "--roll", "5", "--device", MOCK, "-o", str(path)]
+    words += ["--profile", str(profile)]
     run = [sys.executable, "-m", "heli3dof", *words]
     with subprocess.Popen(run, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as flight:
         wait_for_flight(flight.pid)

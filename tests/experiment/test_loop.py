@@ -286,6 +286,16 @@ def test_a_ramp_through_lost_samples_takes_no_longer() -> None:
     assert len(ramp) == round(PROFILE.limits.ramp_down_s / DT) - 20
 
 
+def test_a_ramp_after_lost_samples_begins_at_the_last_voltage() -> None:
+    # What ends the flight is seen in the first sample that comes after 200 lost ones.
+    rig = ScriptedRig(late=lambda k: 200 * DT if k == 60 else 0.0)
+    _, sink = flown(rig, periods=500, watches=[lambda now: "lost" if now.missed else None])
+    ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
+    n = round(PROFILE.limits.ramp_down_s / DT)
+    front = [r.voltage[0] for r in sink.rows if r.phase == CLOSED_LOOP][-1]
+    np.testing.assert_allclose([r.voltage[0] for r in ramp], front * (1 - np.arange(1, n + 1) / n))
+
+
 def test_a_landing_that_fails_is_how_the_flight_ended() -> None:
     def gone(k: int, sample: Sample) -> Sample:
         if k == 150:

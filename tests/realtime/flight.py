@@ -14,8 +14,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from heli3dof.rig.profile import default_profile
-
 SETTLE_S = 5.0
 LANDING_S = 3.0
 """The profile's: what a flight takes beyond its plan"""
@@ -29,23 +27,6 @@ from heli3dof.experiment import realtime
 realtime._may_lock_everything = lambda: False
 """
 """A system that grants nothing which needs a permission, whoever runs this."""
-
-
-PATIENT = {"late_max_s": 0.3, "late_max_share": 1.0, "lost_max_s": 0.4}
-"""Limits for what is not about time, on a machine that has other work and may stand still."""
-
-
-def write_profile(path: Path, *, rate_hz: float = 500.0, **limits: float) -> Path:
-    """The paper's rig at a rate, with these ``limits``, as a TOML file."""
-    data = default_profile().to_dict()
-    data["loop"]["rate_hz"] = rate_hz
-    data["limits"] |= limits
-    lines = [f"{k} = {json.dumps(v)}" for k, v in data.items() if not isinstance(v, dict)]
-    for section, keys in data.items():
-        if isinstance(keys, dict):
-            lines += [f"[{section}]", *(f"{k} = {json.dumps(v)}" for k, v in keys.items())]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return path
 
 
 class FlightProcess:

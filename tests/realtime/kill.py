@@ -19,7 +19,8 @@ from pathlib import Path
 
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recover import recover
-from tests.realtime.flight import PATIENT, FlightProcess, write_profile
+from tests.profiles import PATIENT, write_profile
+from tests.realtime.flight import FlightProcess
 
 EARLIEST_S, LATEST_S = 0.5, 4.0
 """s of flight between which the moments lie; before, there is not half a second to be lost."""

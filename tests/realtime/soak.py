@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from tests.realtime.flight import LANDING_S, PATIENT, FlightProcess, write_profile
+from tests.profiles import PATIENT, write_profile
+from tests.realtime.flight import LANDING_S, FlightProcess
 
 EVERY_S = 0.25
 WARM_UP = 0.4

@@ -11,7 +11,8 @@ import pytest
 
 from heli3dof.recording.reader import read_recording
 from tests.drivers.firmware.building import rig_program
-from tests.realtime.flight import LANDING_S, PATIENT, FlightProcess, firmware, write_profile
+from tests.profiles import PATIENT, write_profile
+from tests.realtime.flight import LANDING_S, FlightProcess, firmware
 from tests.realtime.kill import kill_flights
 from tests.realtime.power import lost_to_a_power_cut
 from tests.realtime.soak import found, soak

@@ -16,6 +16,7 @@ from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.port import Flags
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
+from tests.profiles import PATIENT, write_profile
 from tests.rig.processes import suspend
 
 DOOR = [sys.executable, "-m", "heli3dof_drivers.emulator.door_pty", "--with-parent"]
@@ -34,7 +35,9 @@ def device() -> Iterator[str]:
 
 @pytest.fixture
 def flight(device: str, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    profile = write_profile(tmp_path / "rig.toml", **PATIENT)
     words = ["run-step", "--roll", "3", "--device", device, "-o", str(tmp_path / "flight.mcap")]
+    words += ["--profile", str(profile)]
     run = [sys.executable, "-m", "heli3dof", *words, "--json"]
     with subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as flying:
         deadline = time.monotonic() + 60
@@ -87,5 +90,7 @@ def test_a_second_flight_is_refused_and_the_first_goes_on(device, flight, tmp_pa
 def test_a_stopped_rig_flies_again(device, tmp_path):
     assert heli3dof("estop", "--device", device).code == 0
     assert is_stopped(device)
+    profile = write_profile(tmp_path / "rig.toml", **PATIENT)
     short = ("--settle", "0.2", "--duration", "0.3", "-o", tmp_path / "again.mcap")
+    short += ("--profile", profile)
     assert heli3dof("run-step", "--roll", "1", "--device", device, *short).code == 0

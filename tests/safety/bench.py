@@ -17,6 +17,8 @@ from heli3dof_drivers.emulator.door import emulated, serve
 from heli3dof_drivers.emulator.endpoint import Endpoint
 
 IDLE_S = 5e-3
+LOOKED_S = 0.03
+"""s between two looks of a thread that nothing holds up, at most: it sleeps for 20 ms"""
 
 
 class Output(NamedTuple):
@@ -38,6 +40,9 @@ class Bench:
         """What the host says does not arrive; what the device says does not"""
         self.last_command_s = 0.0
         """When one last arrived, and volts followed from it"""
+        self._looked_s = time.monotonic()
+        self._away: list[tuple[float, float]] = []
+        """From when until when the machine kept this thread from running"""
         self._mock = f"mock:?start=level&watchdog_s={watchdog_s}"
         self._endpoint = emulated(self._mock)
         self._fresh: Endpoint | None = None
@@ -84,6 +89,12 @@ class Bench:
             time.sleep(0.01)
         raise AssertionError("no flight began within a minute")
 
+    def wait_until_zero(self, for_s: float = 0.1) -> None:
+        """Until it has put out nothing for so long, or ten seconds."""
+        deadline = time.monotonic() + 10
+        while time.monotonic() < min(deadline, self.zero_s + for_s):
+            time.sleep(0.01)
+
     @property
     def zero_s(self) -> float:
         """Since when the output is zero; infinite while it is not."""
@@ -93,6 +104,10 @@ class Bench:
                 break
             since = output.t
         return since
+
+    def away_s(self, since_s: float) -> float:
+        """For how long since then the machine kept this thread from running, in s."""
+        return sum(b - max(a, since_s) for a, b in self._away if b > since_s)
 
     def receive(self, now_us: int, data: bytes) -> bytes:
         """See `Endpoint.receive`."""
@@ -135,6 +150,9 @@ class Bench:
 
     def _kept(self, said: bytes) -> bytes:
         now = time.monotonic()
+        if now - self._looked_s > LOOKED_S:
+            self._away.append((self._looked_s, now))
+        self._looked_s = now
         amplifier = self._endpoint.amplifier
         front, back = amplifier.output_uV(round((now - self._start) * 1e6))
         last = self.log[-1] if self.log else None

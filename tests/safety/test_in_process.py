@@ -18,8 +18,8 @@ from heli3dof.recording.container import McapFile
 from heli3dof.recording.row import Row
 from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.profile import default_profile
+from tests.profiles import write_profile
 from tests.safety.aboard import Aboard
-from tests.safety.profiles import profile_file
 
 MOCK = "mock:?speed=max&seed=1&start=level"
 EVENT_S = 1.0
@@ -102,12 +102,12 @@ def test_frozen_encoder(aboard: Aboard, axis: str, plan: str) -> None:
 
 
 def test_envelope_trip(aboard: Aboard, tmp_path: Path) -> None:
-    said = aboard.flown(MOCK, "--profile", profile_file(tmp_path, roll_max_deg=3.2))
+    said = aboard.flown(MOCK, "--profile", write_profile(tmp_path / "rig.toml", roll_max_deg=3.2))
     aboard.shows("envelope_trip", said, aboard.noticed_s)
 
 
 def test_saturated_for_too_long(aboard: Aboard, tmp_path: Path) -> None:
-    weak = profile_file(tmp_path, v_max=7.6, saturated_max_s=0.2)
+    weak = write_profile(tmp_path / "rig.toml", v_max=7.6, saturated_max_s=0.2)
     said = aboard.flown(MOCK, "--profile", weak)
     aboard.shows("saturated_for_too_long", said, aboard.noticed_s)
 

@@ -25,13 +25,13 @@ from heli3dof.recording.recording import Recording
 from heli3dof.rig.port import Flags
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
+from tests.profiles import PATIENT, STANDSTILL_S, profile, write_profile
 from tests.safety.bench import Bench
-from tests.safety.profiles import PATIENT, profile, profile_file
 from tests.safety.table import BY_NAME
 
 pytestmark = pytest.mark.realtime
 PROFILE = default_profile()
-BUSY_S = 0.25
+BUSY_S = STANDSTILL_S + 0.1
 """s by which a busy machine may delay the emulated device's thread, and the look at it"""
 
 
@@ -60,13 +60,15 @@ class Flight:
 
 
 @contextmanager
-def flying(bench: Opened, folder: Path, *, duration_s: float = 20) -> Iterator[Flight]:
+def flying(
+    bench: Opened, folder: Path, *, duration_s: float = 20, **limits: float
+) -> Iterator[Flight]:
     """``heli3dof run-step`` in a process of its own, well on its way."""
     path = folder / "flight.mcap"
     command = [
         sys.executable, "-m", "heli3dof", "run-step", "--roll", "3", "--settle", "1",
         "--duration", str(duration_s), "--device", bench.url, "-o", str(path),
-        "--profile", str(profile_file(folder, **PATIENT)),
+        "--profile", str(write_profile(folder / "rig.toml", **(PATIENT | limits))),
     ]  # fmt: skip
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         try:
@@ -91,8 +93,10 @@ def starts_clean(bench: Opened) -> None:
     assert outcome.ending == "completed", outcome.detail
 
 
-def within(name: str, bench: Bench) -> float:
-    return BY_NAME[name].zero.seconds(PROFILE, bench.watchdog_s) + BUSY_S
+def within(name: str, bench: Bench, since_s: float) -> float:
+    """s from then on until zero volts: the row's, and what the machine took of them."""
+    allowed_s = BY_NAME[name].zero.seconds(PROFILE, bench.watchdog_s) + BUSY_S
+    return allowed_s + bench.away_s(since_s)
 
 
 def ended(name: str, flight: Flight) -> None:
@@ -112,10 +116,10 @@ def test_kill_9(bench: Bench, tmp_path: Path) -> None:
         flight.process.kill()
         killed_s = time.monotonic()
         code, _ = flight.end()
-        time.sleep(within("kill_9", bench))
+        bench.wait_until_zero()
     assert code == BY_NAME["kill_9"].exit_code
     assert bench.last_command_s < killed_s + BUSY_S
-    assert killed_s < bench.zero_s <= killed_s + within("kill_9", bench)
+    assert killed_s < bench.zero_s <= killed_s + within("kill_9", bench, killed_s)
     assert heli3dof("recover", flight.path).code == 0
     saved = read_recording(flight.path.with_name("flight.recovered.mcap"))
     assert saved.meta["outcome"] == "recovered"
@@ -126,11 +130,11 @@ def test_stopped_process(bench: Bench, tmp_path: Path) -> None:
     with flying(bench, tmp_path) as flight:
         flight.process.send_signal(signal.SIGSTOP)
         stopped_s = time.monotonic()
-        time.sleep(within("stopped_process", bench) + 0.1)
-        assert stopped_s < bench.zero_s <= stopped_s + within("stopped_process", bench)
+        bench.wait_until_zero()
+        assert stopped_s < bench.zero_s <= stopped_s + within("stopped_process", bench, stopped_s)
         flight.process.send_signal(signal.SIGCONT)
         ended("stopped_process", flight)
-    assert stopped_s < bench.zero_s <= stopped_s + within("stopped_process", bench)
+    assert stopped_s < bench.zero_s <= stopped_s + within("stopped_process", bench, stopped_s)
     starts_clean(bench)
 
 
@@ -139,7 +143,8 @@ def test_estop_from_a_second_terminal(bench: Bench, tmp_path: Path) -> None:
         asked_s = time.monotonic()
         assert heli3dof("estop", "--device", bench.url).code == 0
         ended("estop_from_a_second_terminal", flight)
-    assert asked_s < bench.zero_s <= asked_s + within("estop_from_a_second_terminal", bench)
+    late_s = within("estop_from_a_second_terminal", bench, asked_s)
+    assert asked_s < bench.zero_s <= asked_s + late_s
     assert [o for o in bench.log if o.flags & Flags.ESTOP], "stopped, not merely at zero volts"
     starts_clean(bench)
 
@@ -148,8 +153,8 @@ def test_cable_out(bench: Bench, tmp_path: Path) -> None:
     with flying(bench, tmp_path) as flight:
         pulled_s = bench.pull()
         ended("cable_out", flight)
-        time.sleep(within("cable_out", bench))
-    assert pulled_s < bench.zero_s <= pulled_s + within("cable_out", bench)
+        bench.wait_until_zero()
+    assert pulled_s < bench.zero_s <= pulled_s + within("cable_out", bench, pulled_s)
     bench.plug()
     starts_clean(bench)
 
@@ -163,8 +168,8 @@ def test_cable_out_at_the_rigs_end(bench: Bench, tmp_path: Path) -> None:
         assert code == BY_NAME["cable_out"].exit_code
         assert "gone silent" in err
         assert flight.recording.meta["outcome"] == "device"
-        time.sleep(within("cable_out", bench))
-    assert cut_s < bench.zero_s <= cut_s + within("cable_out", bench)
+        bench.wait_until_zero()
+    assert cut_s < bench.zero_s <= cut_s + within("cable_out", bench, cut_s)
     bench.deaf = bench.mute = False
     starts_clean(bench)
 
@@ -173,21 +178,22 @@ def test_device_reset(bench: Bench, tmp_path: Path) -> None:
     with flying(bench, tmp_path) as flight:
         reset_s = bench.reset()
         ended("device_reset", flight)
-    assert reset_s < bench.zero_s <= reset_s + within("device_reset", bench)
+    assert reset_s < bench.zero_s <= reset_s + within("device_reset", bench, reset_s)
     starts_clean(bench)
 
 
 @pytest.mark.parametrize("lost", ["commands", "samples"])
 def test_lost_frames(lost: str, tmp_path: Path) -> None:
-    # The device would fall out by itself after its watchdog; the host lands before.
+    # The device would fall out by itself after its watchdog; the host lands before. What a machine
+    # that stands still meanwhile loses is no loss of the line's: some is left without it.
     with Bench(watchdog_s=0.9) as bench:
-        with flying(bench, tmp_path) as flight:
+        with flying(bench, tmp_path, lost_max_s=STANDSTILL_S + 0.05) as flight:
             setattr(bench, {"commands": "deaf", "samples": "mute"}[lost], True)
-            time.sleep(0.3)
+            time.sleep(2 * STANDSTILL_S + 0.1)
             bench.deaf = bench.mute = False
             heard_s = time.monotonic()
             ended("lost_frames", flight)
-        assert heard_s < bench.zero_s <= heard_s + within("lost_frames", bench)
+        assert heard_s < bench.zero_s <= heard_s + within("lost_frames", bench, heard_s)
         starts_clean(bench)
 
 

@@ -1,4 +1,4 @@
-"""Lines without hardware: an emulated device in the same process, in real time."""
+"""Lines without hardware: an emulated device in the same process, on its clock."""
 
 from __future__ import annotations
 

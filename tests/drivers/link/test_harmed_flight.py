@@ -16,6 +16,7 @@ from tests.drivers.emulator.still import still_endpoint
 from tests.drivers.link.faults import HarmfulLine, Tally
 from tests.drivers.link.lines import DirectLine
 
+pytestmark = pytest.mark.usefixtures("own_clock")
 PROFILE = default_profile()
 SHARE = 0.1
 

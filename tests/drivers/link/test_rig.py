@@ -27,6 +27,7 @@ from heli3dof.rig.profile import default_profile
 from tests.drivers.emulator.still import still_endpoint
 from tests.drivers.link.lines import DirectLine
 
+pytestmark = pytest.mark.usefixtures("own_clock")
 PROFILE = default_profile()
 MODES = pytest.mark.parametrize("stream", [True, False], ids=["stream", "poll"])
 

@@ -8,16 +8,18 @@ from heli3dof_drivers.quanser_hil.rig import QuanserRig
 
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.url import parse_url
+from tests.clock import Clock
 
 from .board import PROFILE
 from .stand_in import Laboratory
 
 SLOW = PROFILE.model_copy(update={"loop": PROFILE.loop.model_copy(update={"rate_hz": 20.0})})
-"""Periods of 50 ms: a busy test machine meets every one of them"""
+"""Periods of 50 ms"""
 
 
 @pytest.fixture
-def lab() -> Laboratory:
+def lab(own_clock: Clock) -> Laboratory:
+    """On a clock of its own: what waits in a board's buffer, and its watchdog, depend on time."""
     return Laboratory()
 
 

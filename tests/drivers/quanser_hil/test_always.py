@@ -10,7 +10,7 @@ from contextlib import suppress
 from typing import Any
 
 import pytest
-from heli3dof_drivers.quanser_hil import QuanserDriver, rig, stream
+from heli3dof_drivers.quanser_hil import QuanserDriver
 from heli3dof_drivers.quanser_hil.rig import QuanserRig
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -18,8 +18,9 @@ from hypothesis import strategies as st
 from heli3dof.errors import DeviceError
 from heli3dof.rig.port import Command, Flags
 from heli3dof.rig.url import parse_url
+from tests.clock import Clock, installed
 
-from . import board, stand_in
+from . import board
 from .board import PROFILE
 from .stand_in import Laboratory
 
@@ -31,19 +32,6 @@ CALLS = (
 
 HELPLESS = {"write_analog", "write_digital", "watchdog_start"}
 """With all of them failing nothing can stop a board that was cleared"""
-
-
-class Clock:
-    """Time that passes only when somebody sleeps, or a little when it is looked at."""
-
-    now = 1000.0
-
-    def monotonic(self) -> float:
-        self.now += 1e-6
-        return self.now
-
-    def sleep(self, seconds: float) -> None:
-        self.now += max(0.0, seconds)
 
 
 class Hands:
@@ -138,10 +126,8 @@ NO_WRITES = [("fail", "write_analog"), ("fail", "write_digital")]
 def test_volts_are_watched_over_and_a_silent_host_ends_them(
     kind: str, actions: list[tuple[str, Any]]
 ):
-    clock = Clock()
     with pytest.MonkeyPatch.context() as patch:
-        for module in (board, stand_in, stream, rig):
-            patch.setattr(module, "time", clock)
+        clock = installed(patch)
         hands = Hands(clock, kind)
         for what, how in [("open", None), ("arm", None), ("send", 5.0), *actions]:
             hands.do(what, how)

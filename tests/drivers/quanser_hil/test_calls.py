@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
-
 from heli3dof.rig.port import Command, Flags
+from tests.clock import Clock
 
 from .conftest import Open
 from .stand_in import Laboratory
@@ -162,23 +161,27 @@ def test_a_board_that_does_not_take_the_zero_volts_keeps_its_watchdog_when_it_is
     assert lab.names[-1] == "close"
 
 
-def test_a_latched_board_is_zeroed_at_once_when_it_is_cleared(lab: Laboratory, open_board: Open):
+def test_a_latched_board_is_zeroed_at_once_when_it_is_cleared(
+    lab: Laboratory, open_board: Open, own_clock: Clock
+):
     """Clearing brings the outputs back as they were: enabled, at the last volts."""
     rig = open_board("quanser://q8_usb/0?watchdog_s=0.2")
     rig.arm()
     rig.exchange(Command(1, 6.0, 6.0), 0.0)
-    time.sleep(0.4)
+    own_clock.sleep(0.4)
     assert rig.exchange(Command(2, 6.0, 6.0), 0.0).flags == Flags.LATCHED
     since(lab)
     assert rig.arm().flags == Flags.ENABLED
     assert since(lab)[:4] == [("watchdog_stop",), ("watchdog_clear",), ZERO, DISABLE]
 
 
-def test_a_latched_board_is_left_latched_when_it_is_closed(lab: Laboratory, open_board: Open):
+def test_a_latched_board_is_left_latched_when_it_is_closed(
+    lab: Laboratory, open_board: Open, own_clock: Clock
+):
     rig = open_board("quanser://q8_usb/0?watchdog_s=0.2")
     rig.arm()
     rig.exchange(Command(1, 6.0, 6.0), 0.0)
-    time.sleep(0.4)
+    own_clock.sleep(0.4)
     rig.exchange(Command(2, 6.0, 6.0), 0.0)
     since(lab)
     rig.close()
@@ -187,12 +190,12 @@ def test_a_latched_board_is_left_latched_when_it_is_closed(lab: Laboratory, open
 
 
 def test_a_board_left_latched_is_cleared_and_zeroed_by_whoever_opens_it(
-    lab: Laboratory, open_board: Open
+    lab: Laboratory, open_board: Open, own_clock: Clock
 ):
     board = lab.boards["q8_usb", "0"]
     board.analog, board.digital = {0: 2.0, 1: 2.0}, {0: 1, 1: 1}
     board.watch(0.001)
-    time.sleep(0.01)
+    own_clock.sleep(0.01)
     board.advance()
     assert board.expired
     open_board()

@@ -7,19 +7,18 @@ import pytest
 
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
+from tests.profiles import PATIENT, profile
 
-from .board import PROFILE
 from .stand_in import install
 
 
 @pytest.mark.realtime
 def test_a_step_of_ten_degrees_flies(monkeypatch: pytest.MonkeyPatch):
     lab = install(monkeypatch)
-    limits = PROFILE.limits.model_copy(update={"landing_s": 0.5})
-    profile = PROFILE.model_copy(update={"limits": limits})
+    patient = profile(**PATIENT, landing_s=0.5)
     plan = step_plan((10.0, None, None), settle_s=2.0, duration_s=2.5)
     url = "quanser://q8_usb/0?watchdog_s=1&current=0,1"
-    flight = fly_plan(plan, device=url, profile=profile)
+    flight = fly_plan(plan, device=url, profile=patient)
     flight.raise_if_cut_short()
     t, roll = flight.recording.t, np.degrees(flight.recording.angle[:, 0])
     assert roll[0] == pytest.approx(-27.5, abs=0.5)  # on the table
