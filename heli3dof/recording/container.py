@@ -59,7 +59,7 @@ class McapFile:
     ) -> None:
         self._stream = stream
         self._rows = rows
-        self._compress = zstandard.ZstdCompressor(level=3).compress
+        self._compressor = zstandard.ZstdCompressor(level=3)
         self._metadata: list[MetadataIndex] = []
         self._first = 0
         """Where the first chunk may stand"""
@@ -78,6 +78,11 @@ class McapFile:
             names = (channel_names or {}).get(layout.name)
             about = {} if names is None else {"columns": json.dumps(names)}
             self._channels.append(Channel(number, layout.topic, "protobuf", about, number))
+
+    def reserve(self, size: int) -> None:
+        """Take the room for compressing chunks of up to ``size`` bytes now: zstd takes it when the
+        first one of a size comes, which in a flight is whenever the machine has stood still."""
+        self._compressor.compress(bytes(size))
 
     def start(self, metadata: Mapping[str, Mapping[str, Any]]) -> None:
         """Magic, header and the metadata that stand first, then schemas and channels."""
@@ -108,7 +113,7 @@ class McapFile:
         builder = RecordBuilder()
         Chunk(
             compression=CODEC,
-            data=self._compress(data),
+            data=self._compressor.compress(data),
             message_start_time=start,
             message_end_time=end,
             uncompressed_crc=zlib.crc32(data),

@@ -77,6 +77,7 @@ class RecordingWriter:
                 mode(self.path, force=force), buffering=0
             )
             self._file = McapFile(self._stream, self._format)
+            self._file.reserve(CHUNK_BYTES)
             try:
                 self._file.start({PROFILE: profile_record(profile), PROVENANCE: about})
             except BaseException:
