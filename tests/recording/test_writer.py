@@ -20,8 +20,7 @@ from heli3dof.recording.container import McapFile
 from heli3dof.recording.provenance import provenance
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recover import recover
-from heli3dof.recording.schema import RowFormat
-from heli3dof.recording.writer import CHUNK_BYTES, RecordingWriter
+from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.port import Identity
 from heli3dof.rig.profile import default_profile
 from tests.recording.bench import append_seconds
@@ -125,19 +124,6 @@ def test_rows_reach_the_system_while_the_flight_goes_on(tmp_path: Path) -> None:
         assert path.stat().st_size > start
 
 
-def test_a_standstill_s_full_chunk_takes_no_room_that_the_first_rows_had_not(
-    tmp_path: Path,
-) -> None:
-    """zstd takes what a size needs when it first comes, and gives it back after 128 small ones."""
-    row = bytes(RowFormat().stride)
-    with RecordingWriter(tmp_path / "a.mcap", default_profile()) as writer:
-        file = writer._file
-        taken = file._compressor.memory_size()
-        for rows in (75, CHUNK_BYTES // len(row), 75, 1, *[75] * 200):
-            file.write_chunk(row * rows)
-            assert file._compressor.memory_size() == taken
-
-
 def test_the_recorders_own_fault_is_not_lost(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -153,8 +139,7 @@ def test_the_recorders_own_fault_is_not_lost(
 
 FLY = """
 import sys, time
-from heli3dof.recording.schema import RowFormat
-from heli3dof.recording.writer import CHUNK_BYTES, RecordingWriter
+from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.profile import default_profile
 from tests.recording.make import tick
 writer = RecordingWriter(sys.argv[1], default_profile(), {"plan": {"name": "killed"}})
