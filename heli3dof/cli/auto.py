@@ -117,7 +117,7 @@ def _in_a_sentence(found: Diagnosis, upcoming: NextExperiment | None) -> str:
 def _flown(
     talk: Talk, plan: Plan, device: str, profile: Profile, path: Path, seed: int
 ) -> Recording:
-    from heli3dof.cli.fly import progress
+    from heli3dof.cli.progress import progress
     from heli3dof.experiment.fly import fly_plan
     from heli3dof.experiment.loop import Live
 

@@ -107,7 +107,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
 
 
 def _flown(talk: Talk, plan: Plan, path: Path, seed: int, start: str = "rest") -> Recording:
-    from heli3dof.cli.fly import progress
+    from heli3dof.cli.progress import progress
     from heli3dof.experiment.fly import fly_plan
     from heli3dof.experiment.loop import Live
 

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from heli3dof.cli.console import INTERRUPTED, Talk, live_allowed, report, verb
+from heli3dof.cli.console import INTERRUPTED, Talk, report, verb
 from heli3dof.cli.options import AsJson, Device, DryRun, Force, Output, ProfileFile, Quiet, Seed
+from heli3dof.cli.progress import progress
 from heli3dof.errors import Heli3dofError
 
 if TYPE_CHECKING:
     from heli3dof.experiment.fly import Flight
-    from heli3dof.experiment.loop import Live
     from heli3dof.experiment.plan import Plan
     from heli3dof.rig.profile import Profile
 
 MOCK = "mock:"
-REFRESH_S = 0.1
 FIRST = "rich"
 """What `run --auto` flies first where it is not told"""
 
@@ -237,43 +233,3 @@ def _say_flight(talk: Talk, flight: Flight) -> None:
         talk.note(advice)
     talk.note(f"Recording: {flight.path}")
     talk.emit(flight_document(flight))
-
-
-@contextmanager
-def progress(talk: Talk, live: Live, name: str) -> Iterator[None]:
-    """A progress bar that looks at the loop ten times a second; the loop never looks at it."""
-    if talk.quiet or not live_allowed():
-        yield
-        return
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[state]}"),
-        TimeRemainingColumn(),
-        console=talk.err,
-        auto_refresh=False,
-        transient=True,
-    )
-    done = threading.Event()
-
-    def watch(task: Any) -> None:
-        while not done.wait(REFRESH_S):
-            r, p, y = (a * 57.29577951308232 for a in live.angle)
-            state = (
-                f"{live.phase}  roll {r:+6.1f}°  pitch {p:+6.1f}°  yaw {y:+7.1f}°  late {live.late}"
-            )
-            bar.update(task, completed=live.done, total=live.total, state=state)
-            bar.refresh()
-
-    with bar:
-        watcher = threading.Thread(
-            target=watch, args=(bar.add_task(name, total=live.total, state="arming"),), daemon=True
-        )
-        watcher.start()
-        try:
-            yield
-        finally:
-            done.set()
-            watcher.join()

@@ -22,8 +22,10 @@ from mcap.records import ChunkIndex
 from heli3dof.recording.schema import RowFormat
 
 CODEC = "zstd"
-_HEAD = struct.Struct(f"<BQQQQII{len(CODEC)}sQ")
+HEAD = struct.Struct(f"<BQQQQII{len(CODEC)}sQ")
 """opcode, length; start, end, uncompressed size, checksum, codec, compressed size"""
+INDEX_HEAD = struct.Struct("<BQHI")
+"""Of a message index: opcode, length, channel, length of the entries"""
 BATCH = 256
 """Chunks that are looked up before the first of them is written: a seek back for them all"""
 
@@ -53,18 +55,18 @@ def chunk_indexes(
 def _at(stream: BinaryIO, at: int, rows: RowFormat) -> tuple[ChunkIndex | None, int]:
     """The chunk that stands here, if it is one, and where the next record begins."""
     stream.seek(at)
-    head = stream.read(_HEAD.size)
+    head = stream.read(HEAD.size)
     if len(head) < 9 or not head[0]:
         raise _gone()
     opcode, content = struct.unpack_from("<BQ", head)
     length = 9 + content
     if opcode != Opcode.CHUNK:
         return None, at + length
-    if len(head) < _HEAD.size:
+    if len(head) < HEAD.size:
         raise _gone()
-    _, _, start, stop, size, _, _, _, packed = _HEAD.unpack(head)
+    _, _, start, stop, size, _, _, _, packed = HEAD.unpack(head)
     channels = len(rows.layouts)
-    each = 15 + 16 * (size // rows.stride)
+    each = INDEX_HEAD.size + 16 * (size // rows.stride)
     index = ChunkIndex(
         message_start_time=start,
         message_end_time=stop,

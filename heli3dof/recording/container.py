@@ -1,9 +1,9 @@
 """The MCAP file around the rows: header, metadata, schemas, chunks of whole rows, summary.
 
-The records are the ``mcap`` library's; only the messages inside a chunk are ours, because they
-come as whole packed rows. A chunk with its message indexes is one write, so that a process that
-is killed leaves whole chunks behind, and the bulk of the work (compression, checksum, disk) runs
-without the interpreter's lock: the control loop in the same process keeps its deadlines.
+The records are the ``mcap`` library's; only chunks are ours (`heli3dof.recording.chunk`), because
+their messages come as whole packed rows. A chunk with its message indexes is one write, so that a
+process that is killed leaves whole chunks behind, and the bulk of the work (compression, checksum,
+disk) runs without the interpreter's lock: the control loop in the same process keeps its deadlines.
 """
 
 from __future__ import annotations
@@ -14,12 +14,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, BinaryIO
 
 import numpy as np
-import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Channel,
-    Chunk,
     DataEnd,
     Footer,
     Header,
@@ -30,7 +28,8 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from heli3dof.recording.chunk_index import CODEC, chunk_indexes
+from heli3dof.recording.chunk import ChunkMaker
+from heli3dof.recording.chunk_index import chunk_indexes
 from heli3dof.recording.schema import RowFormat
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -59,7 +58,7 @@ class McapFile:
     ) -> None:
         self._stream = stream
         self._rows = rows
-        self._compress = zstandard.ZstdCompressor(level=3).compress
+        self._chunks = ChunkMaker(rows)
         self._metadata: list[MetadataIndex] = []
         self._first = 0
         """Where the first chunk may stand"""
@@ -100,34 +99,14 @@ class McapFile:
         self._put(builder)
         self._metadata.append(MetadataIndex(offset, length, name))
 
-    def write_chunk(self, data: bytes) -> None:
+    def write_chunk(self, data: bytes | memoryview) -> None:
         """One chunk of whole rows, with its message indexes, in one write."""
-        rows = np.frombuffer(data, self._rows.dtype)
-        times = rows[self._rows.layouts[0].name]["log_time"]
-        start, end = int(times.min()), int(times.max())
-        builder = RecordBuilder()
-        Chunk(
-            compression=CODEC,
-            data=self._compress(data),
-            message_start_time=start,
-            message_end_time=end,
-            uncompressed_crc=zlib.crc32(data),
-            uncompressed_size=len(data),
-        ).write(builder)
-        for channel, offset in enumerate(self._rows.offsets, 1):
-            entries = np.empty((len(rows), 2), "<u8")
-            entries[:, 0] = times
-            entries[:, 1] = np.arange(len(rows)) * self._rows.stride + offset
-            builder.start_record(Opcode.MESSAGE_INDEX)
-            builder.write2(channel)
-            builder.write4(entries.nbytes)
-            builder.write(entries.tobytes())
-            builder.finish_record()  # type: ignore[no-untyped-call]
-        self._put(builder)
+        chunk, rows, (start, end) = self._chunks.make(data)
+        self._write(chunk)
         before = self._times or (start, end)
         self._times = min(before[0], start), max(before[1], end)
         self.chunk_count += 1
-        self.row_count += len(rows)
+        self.row_count += rows
 
     def finish(self) -> None:
         """The summary and the closing magic."""
@@ -193,8 +172,10 @@ class McapFile:
         )
 
     def _put(self, builder: RecordBuilder) -> None:
-        data = builder.end()  # type: ignore[no-untyped-call]
-        left = memoryview(data)
+        self._write(memoryview(builder.end()))  # type: ignore[no-untyped-call]
+
+    def _write(self, data: memoryview) -> None:
+        left = data
         while left:
             left = left[self._stream.write(left) :]
         self.good += len(data)

@@ -16,12 +16,12 @@ import numpy as np
 from mcap.opcode import Opcode
 
 from heli3dof.errors import RecordingError
+from heli3dof.recording.chunk import CHUNK_BYTES
 from heli3dof.recording.container import OUTCOME, McapFile
 from heli3dof.recording.output import new_file
 from heli3dof.recording.reader import chunk_rows, found_names, open_mcap, our_layouts
 from heli3dof.recording.scan import Damaged, Scan, decode_chunk
 from heli3dof.recording.schema import SAMPLE, RowFormat
-from heli3dof.recording.writer import CHUNK_BYTES
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.errors import UsageError
+from heli3dof.recording.chunk import CHUNK_BYTES
 from heli3dof.recording.container import OUTCOME, PROFILE, PROVENANCE, McapFile
 from heli3dof.recording.output import new_file
 from heli3dof.recording.recording import Recording
@@ -24,7 +25,7 @@ from heli3dof.recording.schema import (
     RowFormat,
     channels_layout,
 )
-from heli3dof.recording.writer import CHUNK_BYTES, profile_record
+from heli3dof.recording.writer import profile_record
 
 COLUMNS = "heli3dof.columns"
 ARRAYS: dict[str, tuple[str, ...]] = {

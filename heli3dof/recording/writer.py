@@ -1,6 +1,6 @@
 """`RecordingWriter`: keeps a flight while it is flown, and loses little whatever happens.
 
-The loop's side of a row is one ``struct.pack`` and one list append; a thread gathers the rows
+The loop's side of a row is one ``struct.pack`` and one append; a thread gathers the rows
 of ``CHUNK_S`` into chunks, another sees them onto the disk. A process that is killed loses the
 rows of the chunk in progress, a power cut those of the last half second; a disk that is full, or
 too slow for `BEHIND_MOST` rows, is reported to the loop at its next `append`, with all earlier
@@ -12,12 +12,14 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
 
 from heli3dof.errors import Heli3dofError, NoSpace, RecordingError
+from heli3dof.recording.chunk import CHUNK_BYTES
 from heli3dof.recording.container import OUTCOME, PROFILE, PROVENANCE, McapFile
 from heli3dof.recording.output import FULL, check_output, explained, mode
 from heli3dof.recording.row import Row
@@ -27,8 +29,6 @@ from heli3dof.rig.profile import Profile
 
 CHUNK_S = 0.15
 """s of wall-clock time after which a chunk is closed and handed to the system."""
-CHUNK_BYTES = 32 * 1024
-"""Larger chunks would hold up the loop: 1 MiB by 3–6 ms, this by less than 0.5 ms."""
 BEHIND_MOST = 60_000
 """Rows that may wait for the disk: two minutes at 500 Hz, some 25 MB."""
 
@@ -62,7 +62,7 @@ class RecordingWriter:
         self.path = Path(path)
         self.start_ns = time.time_ns() if start_ns is None else start_ns
         check_output(self.path, force=force)
-        self._rows: list[bytes] = []
+        self._rows: deque[bytes] = deque()
         self._pack = RowPacker()
         self._count = 0
         self._outcome: dict[str, Any] = {}
@@ -70,6 +70,9 @@ class RecordingWriter:
         self._closed = False
         self._closing = threading.Event()
         self._format = RowFormat()
+        most = CHUNK_BYTES // self._format.stride * self._format.stride
+        self._room = memoryview(bytearray(most))
+        """The rows of a chunk in progress"""
         about = {"name": self.path.stem, **(meta or {}), "start_ns": self.start_ns}
         ours_to_remove = not self.path.exists()
         with explained(self.path):
@@ -170,12 +173,14 @@ class RecordingWriter:
             self._failure = error
 
     def _drain(self) -> None:
-        n = len(self._rows)
-        batch = self._rows[:n]
-        del self._rows[:n]  # appends meanwhile stay behind; both statements are atomic
-        per_chunk = max(1, CHUNK_BYTES // self._format.stride)
-        for i in range(0, n, per_chunk):
-            self._file.write_chunk(b"".join(batch[i : i + per_chunk]))
+        stride, room, next_row = self._format.stride, self._room, self._rows.popleft
+        n = left = len(self._rows)  # appends meanwhile stay behind
+        while left:
+            size = min(left * stride, len(room))
+            for at in range(0, size, stride):
+                room[at : at + stride] = next_row()
+            self._file.write_chunk(room[:size])
+            left -= size // stride
         if n:
             self._syncer.written()
         if self._syncer.failure is not None:

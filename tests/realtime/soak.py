@@ -1,29 +1,39 @@
 """A long flight, and whether the program's memory grows in it.
 
-The resident set is read from /proc every `EVERY_S`. Its slope is that of a straight line through
-the means of `BLOCKS` stretches (single readings hang together), 95 % interval by Student's t.
+Read from /proc every `EVERY_S`: the pages that the program has to itself (*anonymous*: every heap,
+stack and buffer), counted one by one by the kernel. Pages once touched are mostly kept, so the
+readings x are rather a walk than noise about a line, and what is judged is the walk's mean step.
+With x_i the mean of the i-th of `BLOCKS` stretches, each of length T, and d_i = x_i − x_(i−1):
+
+    growth = mean(d) / T        95 %: ± c · s / (√n T)
+
+    s² = γ_0 + 2 Σ_(j=1..L) (1 − j/(L+1)) γ_j        γ_j: autocovariance of d (Newey and West 1987)
+    c  = 1.96 + 2.9694 b + 0.416 b² − 0.5324 b³      b = (L+1)/n (Kiefer and Vogelsang 2005)
+
+so that what comes and goes (γ_1 < 0) narrows the interval, and what comes in runs widens it. That
+memory does not grow is shown by the interval's *upper* end, which noise only raises.
 """
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from tests.profiles import PATIENT, write_profile
 from tests.realtime.flight import LANDING_S, FlightProcess
 
 EVERY_S = 0.25
-WARM_UP = 0.4
-"""Share of the flight at its beginning that is left out: the first of everything takes room, and
-the live view's library keeps the last 4096 texts that it measured, ten new ones a second and more,
-in a table that it builds anew, beside the old one, whenever that is full of what was dropped."""
-BLOCKS = 12
+WARM_UP = 0.2
+"""Share of the flight at its beginning that is left out: the first of everything takes room"""
+BLOCKS = 24
+LAGS = 3
+"""L: 4 (n/100)^(2/9), upwards"""
+CRITICAL = (-0.5324, 0.4160, 2.9694, 1.9600)
+"""c's polynomial in b: Newey and West's s² is itself an estimate, of few steps"""
 LANDS = b"ramping down"
 """What the live view says once the flight is over: then the recording is read back"""
 
@@ -38,10 +48,12 @@ class Soak:
     """Of readings in all"""
     first_MiB: float
     last_MiB: float
-    slope_KiB_per_min: float
+    growth_KiB_per_min: float
     low: float
-    """of the slope's 95 % interval"""
+    """of the growth's 95 % interval"""
     high: float
+    files_MiB: tuple[float, float]
+    """Of files and libraries that were in memory besides, first and last"""
     flight: dict[str, Any]
     """The flight's own JSON document"""
 
@@ -53,7 +65,7 @@ def soak(device: str, folder: Path, seconds: float) -> Soak:
     """
     profile = write_profile(folder / "soak.toml", duration_max_s=seconds + 60, **PATIENT)
     t: list[float] = []
-    resident: list[float] = []
+    held: list[tuple[float, float]] = []
     with FlightProcess(device, folder / "soak.mcap", seconds, profile=profile) as flight:
         while b"flying" not in flight.shown and flight.process.poll() is None:
             time.sleep(0.05)
@@ -62,28 +74,41 @@ def soak(device: str, folder: Path, seconds: float) -> Soak:
             if flight.process.poll() is not None:
                 break
             t.append(now)
-            resident.append(resident_KiB(flight.process.pid))
+            held.append(memory_KiB(flight.process.pid))
             time.sleep(EVERY_S)
         document = flight.ended(seconds + LANDING_S + 120)
-    return found(np.array(t), np.array(resident), document)
+    return found(np.array(t), np.array(held), document)
 
 
-def found(t_s: np.ndarray, resident_KiB: np.ndarray, document: dict[str, Any]) -> Soak:
-    """The slope of readings (N,), KiB at s, without the warm-up."""
+def found(t_s: np.ndarray, held_KiB: np.ndarray, document: dict[str, Any]) -> Soak:
+    """The growth of readings (N, 2), KiB at s, without the warm-up."""
     keep = t_s >= WARM_UP * t_s[-1]
-    minutes, kept = t_s[keep] / 60, resident_KiB[keep]
-    blocks = np.array_split(np.arange(len(kept)), BLOCKS)
-    line = stats.linregress([minutes[b].mean() for b in blocks], [kept[b].mean() for b in blocks])
-    half = float(stats.t.ppf(0.975, BLOCKS - 2)) * float(line.stderr)
-    slope = float(line.slope)
+    minutes, kept = t_s[keep] / 60, held_KiB[keep] / 1024
+    growth, half = mean_step(minutes, kept[:, 0] * 1024)
     return Soak(
-        float(minutes[-1] - minutes[0]), float(t_s[-1]) / 60,
-        float(kept[0]) / 1024, float(kept[-1]) / 1024,
-        slope, slope - half, slope + half, document,
+        float(minutes[-1] - minutes[0]), float(t_s[-1]) / 60, float(kept[0, 0]),
+        float(kept[-1, 0]), growth, growth - half, growth + half,
+        (float(kept[0, 1]), float(kept[-1, 1])), document,
     )  # fmt: skip
 
 
-def resident_KiB(pid: int) -> float:
-    """A process's resident set."""
-    pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
-    return pages * os.sysconf("SC_PAGESIZE") / 1024
+def mean_step(t: np.ndarray, x: np.ndarray) -> tuple[float, float]:
+    """Growth of x (N,) at t (N,), per unit of t, and half its 95 % interval."""
+    blocks = np.array_split(np.arange(len(x)), BLOCKS)
+    steps = np.diff([x[b].mean() for b in blocks])
+    length = np.diff([t[b].mean() for b in blocks]).mean()
+    n, away = len(steps), steps - steps.mean()
+    s2 = away @ away / n
+    for lag in range(1, LAGS + 1):
+        s2 += 2 * (1 - lag / (LAGS + 1)) * (away[lag:] @ away[:-lag]) / n
+    b = (LAGS + 1) / n
+    critical = np.polyval(CRITICAL, b)
+    half = critical * np.sqrt(max(0.0, s2) / n)
+    return float(steps.mean() / length), float(half / length)
+
+
+def memory_KiB(pid: int) -> tuple[float, float]:
+    """Of a process: what it has to itself, and the pages of files that it has in memory."""
+    lines = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines()[1:]
+    of = {name: float(value.split()[0]) for name, value in (line.split(":") for line in lines)}
+    return of["Anonymous"], of["Rss"] - of["Anonymous"]

@@ -15,7 +15,7 @@ from tests.profiles import PATIENT, write_profile
 from tests.realtime.flight import LANDING_S, FlightProcess, firmware
 from tests.realtime.kill import kill_flights
 from tests.realtime.power import lost_to_a_power_cut
-from tests.realtime.soak import found, soak
+from tests.realtime.soak import soak
 
 pytestmark = [
     pytest.mark.realtime,
@@ -88,15 +88,6 @@ def test_a_soak_of_some_seconds_grows_by_nothing_to_speak_of(tmp_path: Path) -> 
     result = soak("mock:?speed=real&start=level&watchdog_s=0.5", tmp_path, 12)
     assert result.last_MiB - result.first_MiB < 4
     assert result.flight["outcome"] == "completed"
-
-
-def test_a_leak_is_seen_by_its_slope() -> None:
-    t = np.arange(0, 1800, 0.25)
-    noise = np.random.default_rng(0).normal(0, 20, len(t))
-    flat, leak = (found(t, 200_000 + rate * t / 60 + noise, {}) for rate in (0.0, 10.0))
-    assert flat.low < 0 < flat.high
-    assert leak.low < 10 < leak.high
-    assert leak.low > 0
 
 
 def test_a_profile_that_is_written_is_read_as_it_was(tmp_path: Path) -> None:
