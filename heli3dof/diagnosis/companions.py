@@ -22,20 +22,13 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.diagnosis.catalogue import candidates, probes, scans
+from heli3dof.diagnosis.contenders import Contender, contend
 from heli3dof.diagnosis.corrected import Corrected, look
 from heli3dof.diagnosis.in_turn import TURNS, instead
 from heli3dof.diagnosis.nulls import Nulls
 from heli3dof.diagnosis.rivals import FALSE
 from heli3dof.diagnosis.screen import Screen
-from heli3dof.diagnosis.select import (
-    HOPELESS,
-    TIE,
-    Choice,
-    Contender,
-    contend,
-    suspects,
-    unidentifiable,
-)
+from heli3dof.diagnosis.select import HOPELESS, TIE, Choice, suspects, unidentifiable
 from heli3dof.diagnosis.steps import Bench, Step, extended
 
 ASKED = 4

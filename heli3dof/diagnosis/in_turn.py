@@ -17,8 +17,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.corrected import Corrected
-from heli3dof.diagnosis.select import Choice, Contender, likeliest, this_one
+from heli3dof.diagnosis.select import Choice, likeliest, this_one
 from heli3dof.diagnosis.steps import Bench, Step, extended, settled
 from heli3dof.diagnosis.tilted import maximise_tilted
 from heli3dof.diagnosis.trials import widened

@@ -26,6 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.catalogue import Probe, probes
+from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.corrected import look
 from heli3dof.diagnosis.counts import flyable
 from heli3dof.diagnosis.outlook import HOPELESS, NextExperiment, Outlook, percent
@@ -33,7 +34,7 @@ from heli3dof.diagnosis.plan_flights import Task, fly_task, stable, task_of
 from heli3dof.diagnosis.real_next import next_free_flight
 from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis, Dropped
 from heli3dof.diagnosis.screen import Screen
-from heli3dof.diagnosis.select import TIE, Contender
+from heli3dof.diagnosis.select import TIE
 from heli3dof.diagnosis.workers import WORKERS, in_threads
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan, named_plans

@@ -26,10 +26,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.corrected import Corrected, correct, fly_again, model_at
 from heli3dof.diagnosis.nulls import Nulls
 from heli3dof.diagnosis.occam import price
-from heli3dof.diagnosis.select import EVEN, TIE, Choice, Contender, this_one
+from heli3dof.diagnosis.select import EVEN, TIE, Choice, this_one
 from heli3dof.diagnosis.workers import in_threads
 from heli3dof.recording.recording import Recording
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.catalogue import candidates, probes, scans
+from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.corrected import (
     Corrected,
     Informed,
@@ -25,7 +26,7 @@ from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simula
 from heli3dof.diagnosis.occam import price
 from heli3dof.diagnosis.rivals import told_apart
 from heli3dof.diagnosis.screen import Screen, Seen
-from heli3dof.diagnosis.select import Choice, Contender, choose, suspects, unidentifiable
+from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.diagnosis.trials import Trial, ringing, standing_out, trials, tried_terms, widened
 from heli3dof.diagnosis.workers import in_threads

@@ -11,8 +11,9 @@ import pytest
 from heli3dof.diagnosis import companions
 from heli3dof.diagnosis.base_fit import base_of
 from heli3dof.diagnosis.companions import explained, nulls_of, tied
+from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.rivals import FALSE
-from heli3dof.diagnosis.select import TIE, Choice, Contender
+from heli3dof.diagnosis.select import TIE, Choice
 from heli3dof.diagnosis.steps import Bench, extended, looked_at
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan

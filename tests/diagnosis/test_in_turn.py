@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis import in_turn, measured, select
+from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.gain import Interval
 from heli3dof.diagnosis.in_turn import TURNS, flown, instead
 from heli3dof.diagnosis.measured import adopted
-from heli3dof.diagnosis.select import TIE, Choice, Contender
+from heli3dof.diagnosis.select import TIE, Choice
 from heli3dof.model.effects import terms
 
 NONE = cast(Any, None)

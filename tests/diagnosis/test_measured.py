@@ -8,6 +8,7 @@ from typing import Any, cast
 
 import pytest
 
+from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.gain import Interval
 from heli3dof.diagnosis.measured import (
     beside_each_other,
@@ -15,7 +16,7 @@ from heli3dof.diagnosis.measured import (
     stands_out,
     within_a_count,
 )
-from heli3dof.diagnosis.select import WEAK, Choice, Contender
+from heli3dof.diagnosis.select import WEAK, Choice
 from heli3dof.model.effects import terms
 
 NONE = cast(Any, None)

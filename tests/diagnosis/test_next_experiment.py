@@ -13,10 +13,11 @@ import pytest
 
 from heli3dof.diagnosis import next_experiment as module
 from heli3dof.diagnosis.base_fit import base_of
+from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.next_experiment import Cause, next_of, recommend
 from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.result import Diagnosis, Dropped
-from heli3dof.diagnosis.select import Choice, Contender
+from heli3dof.diagnosis.select import Choice
 from heli3dof.diagnosis.steps import Bench
 from heli3dof.errors import UsageError
 from heli3dof.experiment.fly import fly_plan

@@ -11,9 +11,10 @@ import pytest
 
 from heli3dof.diagnosis import select
 from heli3dof.diagnosis.base_fit import base_of
+from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.corrected import Corrected, Informed
 from heli3dof.diagnosis.measured import forwards
-from heli3dof.diagnosis.select import TIE, WEAK, Choice, Contender, this_one
+from heli3dof.diagnosis.select import TIE, WEAK, Choice, this_one
 from heli3dof.diagnosis.steps import Bench, Step, eliminated, extended, looked_at, without
 from heli3dof.diagnosis.tilted import maximise_tilted
 from heli3dof.experiment.fly import fly_plan

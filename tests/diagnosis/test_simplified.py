@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.catalogue import candidates
+from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import document
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.nulls import Nulls
 from heli3dof.diagnosis.result import Diagnosis
-from heli3dof.diagnosis.select import Contender, likeliest
+from heli3dof.diagnosis.select import likeliest
 from heli3dof.diagnosis.steps import surely
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
