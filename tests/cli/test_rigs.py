@@ -22,6 +22,7 @@ from heli3dof.rig.drivers import load_driver
 from heli3dof.rig.port import Check, Flags
 from heli3dof.rig.session import Session
 from tests.cli.running import heli3dof
+from tests.profiles import STANDSTILL_S
 from tests.rig.fakes import IDENTITY, FakeDriver, only_drivers
 
 HEAVY = ("numpy", "scipy", "numba", "mcap", "matplotlib")
@@ -207,10 +208,10 @@ def test_where_no_rig_is_found_the_emulated_one_is_looked_at_and_that_is_said(
 
 def test_monitor_reads_a_free_rig_and_never_arms_it(fake: FakeDriver) -> None:
     fake.counts = (313, 0, 0)
-    said = heli3dof("monitor", "--seconds", "0.35", "--json")
+    said = heli3dof("monitor", "--seconds", "1", "--json")
     assert said.code == 0
     document = said.document
-    assert 3 <= document["readings"] <= 4
+    assert 11 - 10 * STANDSTILL_S - 3 <= document["readings"] <= 11, "10 Hz"
     assert document["last"]["roll_deg"] == pytest.approx(0, abs=0.05)
     assert document["pid"] is None
     assert "not enabled" in said.err
@@ -233,7 +234,7 @@ def test_monitor_watches_a_session_without_opening_its_rig(fake: FakeDriver) -> 
             "phase": "flying",
             "late": 3,
         }
-        said = heli3dof("monitor", "--device", "fake://1", "--seconds", "0.35", "--json")
+        said = heli3dof("monitor", "--device", "fake://1", "--seconds", "1", "--json")
     document = said.document
     assert document["doing"] == "heli3dof run rich"
     assert document["rate_deg_per_s"]["roll"] == pytest.approx(20)

@@ -11,12 +11,18 @@ from itertools import pairwise
 from heli3dof.errors import DeviceError
 from heli3dof.rig.port import Flags, Sample
 
-from .bench import Bench, Case, cases, owed, owed_rest, owed_volts
+from .bench import Bench, Case, Host, cases, owed, owed_rest, owed_volts
 
 ECHOES = 40
 """Commands that are sent one after another"""
+STEPS = 50
+"""Periods in which the clock is looked at"""
+ROUNDS = 5
+"""On a busy machine, until one is as it should be; a driver that errs does so in every one"""
 STEP, HOST_STEP = 0.05, 0.25
 """Of a period: how far the quarter of steps that come nearest may be from whole ones"""
+ENDS = 15
+"""Samples at either end of a measurement"""
 BUSY_S = 0.03
 """s by which a busy machine may be late at both ends of a measurement"""
 
@@ -93,7 +99,19 @@ def arming_enables_at_zero_volts(bench: Bench) -> None:
 def a_sample_echoes_the_commands_sequence_and_its_volts(bench: Bench) -> None:
     host = bench.open_to_move()
     host.arm()
-    sent, at_once = {0: (0.0, 0.0)}, 0
+    sent: dict[int, tuple[float, float]] = {0: (0.0, 0.0)}
+    best = 0
+    for _ in range(ROUNDS):
+        # On a busy machine's line some come late.
+        best = max(best, _echoed_at_once(host, sent))
+        if best >= ECHOES / 2:
+            return
+    owed(False, f"half of {ECHOES} commands echoed at once", f"{best}, at best")
+
+
+def _echoed_at_once(host: Host, sent: dict[int, tuple[float, float]]) -> int:
+    """Of `ECHOES` commands, so many; ``sent``: every command's volts, by its sequence."""
+    at_once = 0
     for k in range(ECHOES):
         volts = (3.0 + 0.1 * k, -2.0)
         sent[host.sequence + 1] = volts
@@ -102,8 +120,7 @@ def a_sample_echoes_the_commands_sequence_and_its_volts(bench: Bench) -> None:
         owed_volts(sample, *sent[sample.sequence], "in the period of the command that is echoed")
         owed(sample.flags == Flags.ENABLED, "ENABLED and no other flag", sample.flags)
         at_once += sample.sequence == host.sequence
-    # On a busy machine's line some come late.
-    owed(at_once >= ECHOES / 2, f"half of {ECHOES} commands echoed at once", at_once)
+    return at_once
 
 
 def the_devices_clock_advances_by_the_control_period(bench: Bench) -> None:
@@ -112,24 +129,31 @@ def the_devices_clock_advances_by_the_control_period(bench: Bench) -> None:
     armed = host.arm().device_time_s
     first = last = host.send(0.0, 0.0)
     owed(first.device_time_s > armed, "device time that advances", (armed, first.device_time_s))
-    away = []
-    for _ in range(50):
-        due, before = host.due, last.device_time_s
-        last = host.send(0.0, 0.0)
-        step = last.device_time_s - before
-        owed(step > 0, "device time that advances", f"a step of {step:g} s")
-        # A busy host skips periods, and the clock must step over as many.
-        skipping = {"host": host.due - due, "device": round(step / dt) * dt, "virtual": dt}
-        away.append(abs(step - max(dt, skipping[timebase])))
-    usual = sorted(away)[len(away) // 4]
     # Where the host keeps the time, its own lateness on a busy computer is in every step.
-    within = HOST_STEP if timebase == "host" else STEP
-    owed(usual <= within * dt, f"steps of whole periods of {dt:g} s", f"{usual:g} s away from it")
+    within = (HOST_STEP if timebase == "host" else STEP) * dt
+    usual = math.inf
+    ahead = [first.host_time_s - first.device_time_s]
+    for _ in range(ROUNDS):
+        away = []
+        for _ in range(STEPS):
+            due, before = host.due, last.device_time_s
+            last = host.send(0.0, 0.0)
+            step = last.device_time_s - before
+            owed(step > 0, "device time that advances", f"a step of {step:g} s")
+            # A busy host skips periods, and the clock must step over as many.
+            skipping = {"host": host.due - due, "device": round(step / dt) * dt, "virtual": dt}
+            away.append(abs(step - max(dt, skipping[timebase])))
+            ahead.append(last.host_time_s - last.device_time_s)
+        usual = min(usual, sorted(away)[STEPS // 4])
+        if usual <= within:
+            break
+    owed(usual <= within, f"steps of whole periods of {dt:g} s", f"{usual:g} s away from it")
     if timebase != "virtual":
-        device = last.device_time_s - first.device_time_s
+        # Of some at either end the one that came soonest: any other was held up on its way.
         here = last.host_time_s - first.host_time_s
-        same = abs(device - here) <= 0.05 * here + BUSY_S
-        owed(same, f"a clock that goes as ours: {here:.3f} s", f"{device:.3f} s")
+        gains = min(ahead[-ENDS:]) - min(ahead[:ENDS])
+        same = abs(gains) <= 0.05 * here + BUSY_S
+        owed(same, f"a clock that goes as ours: {here:.3f} s", f"{here - gains:.3f} s")
 
 
 def volts_stay_within_the_limit_and_the_sample_owns_up_to_it(bench: Bench) -> None:

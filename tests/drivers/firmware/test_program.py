@@ -34,9 +34,12 @@ from heli3dof_drivers.link.frames import (
 
 from tests.drivers.doors import Door, firmware_door
 from tests.drivers.firmware.building import rig_program
+from tests.profiles import STANDSTILL_S
 
 PATIENCE_S = 5.0
 WATCHDOG_S, RAMP_S = 0.3, 0.2
+BUSY_S = 2 * (STANDSTILL_S + 0.05)
+"""s by which a busy machine may hold up the firmware's process, here and there; half of it once"""
 VOLTS = 9_000_000
 
 
@@ -165,13 +168,14 @@ def test_after_silence_the_motors_are_at_zero_within_watchdog_and_ramp(tmp_path:
     with rig("--log", str(tmp_path / "log")) as (_, host):
         host.arm()
         host.fly(0.2)
+        before = time.monotonic()
         host.command()
         last = time.monotonic()
-        time.sleep(WATCHDOG_S + RAMP_S + 0.5)
+        time.sleep(WATCHDOG_S + RAMP_S + BUSY_S + 0.1)
         rows = motors(tmp_path / "log")
         at, enabled, front, back = rows[-1]
         assert (enabled, front, back) == (False, 0.0, 0.0)
-        assert WATCHDOG_S + RAMP_S - 0.05 < at - last < WATCHDOG_S + RAMP_S + 0.4
+        assert before + WATCHDOG_S + RAMP_S - 0.05 < at < last + WATCHDOG_S + RAMP_S + BUSY_S
         ramp = [front for t, _, front, _ in rows if t > last + WATCHDOG_S]
         assert len(ramp) > 5
         assert ramp == sorted(ramp, reverse=True)
@@ -182,7 +186,7 @@ def test_a_host_that_does_not_read_stops_neither_the_clock_nor_the_watchdog(tmp_
     with rig("--log", str(tmp_path / "log")) as (_, host):
         host.arm(period_us=500)
         host.command()
-        time.sleep(WATCHDOG_S + RAMP_S + 0.5)  # 2000 samples of 48 bytes: no PTY holds them
+        time.sleep(WATCHDOG_S + RAMP_S + BUSY_S)  # 2000 samples of 48 bytes: no PTY holds them
         assert motors(tmp_path / "log")[-1][1:] == (False, 0.0, 0.0)
         report = host.ask(Status(11), Report)
         assert isinstance(report, Report)
@@ -209,7 +213,7 @@ def test_an_estop_is_read_after_anything_and_stops_at_once(tmp_path: Path):
         assert (answer.code, answer.cause) == (Code.OK, Cause.HOST_ESTOP)  # type: ignore[union-attr]
         at, *out = motors(tmp_path / "log")[-1]
         assert out == [False, 0.0, 0.0]
-        assert at - sent < 0.2
+        assert at - sent < BUSY_S / 2
 
 
 def test_a_flood_of_noise_keeps_neither_the_watchdog_nor_an_estop_from_working(tmp_path: Path):
