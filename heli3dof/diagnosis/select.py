@@ -137,28 +137,27 @@ def likeliest(
         return None
 
     def stands(f: Contender) -> bool:
-        near = fits[0].score - f.score < slack(screen, nulls, fits[0], f)
         least = nulls.least(f.term)
+        near = fits[0].score - f.score < slack(screen, nulls, fits[0], f)
         return least <= f.Z2 and (near or least <= f.score)
 
-    k = next((k for k, f in enumerate(fits) if stands(f)), None)
-    if k is None:
+    stand = [i for i, f in enumerate(fits) if stands(f)]
+    if not stand:
         return None
+    k = stand[0]
     floor = -np.inf if first_score is None else min(SHARE * first_score, WEAK)
     weak = fits[k].score < floor and not fits[k].term.effect.formal
     if weak and not alike(found, screen, fits[k]):
-        # Nothing that a cause's formula could leave; but how the body is written is no cause.
-        k = next((k for k, f in enumerate(fits) if f.term.effect.formal and stands(f)), None)
-        if k is None:
+        # No cause; but how the body's equations are written is none anyway.
+        k, weak = next((i for i in stand if fits[i].term.effect.formal), -1), False
+        if k < 0:
             return None
-        weak = False
     above, best, below = fits[:k], fits[k], fits[k + 1 :]
     fits = [best, *above, *below]
     close = (f for f in below if best.score - f.score < slack(screen, nulls, best, f))
     tied = tuple(f.term.name for f in (*above, *close))
-    sure = min(
-        nulls.confidence(best.Z2), this_one([best.score, *(f.score for f in below[:1]), 0.0])
-    )
+    second = [f.score for f in below[:1]]
+    sure = min(nulls.confidence(best.Z2), this_one([best.score, *second, 0.0]))
     if weak or above:
         sure = min(sure, EVEN)
     return Choice(best.term, best.score, best.Z2, sure, tied, tuple(fits), weak, nulls.threshold)
@@ -184,10 +183,7 @@ def this_one(scores: Sequence[float]) -> float:
 
 
 def surest_first(screen: Screen, nulls: Nulls, fits: Sequence[Contender]) -> list[Contender]:
-    """Best first; but of those tied with the best, what every rig has goes before what some have.
-
-    That is what a simpler base leaves out: a body has its geometry, it need not have a pendulum.
-    """
+    """Best first; of those tied with the best, what every rig has and a simpler base lacks is."""
     near = [f for f in fits if fits[0].score - f.score < slack(screen, nulls, fits[0], f)]
     return sorted(fits, key=lambda f: not (f in near and f.term.effect.missing))
 
