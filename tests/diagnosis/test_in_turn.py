@@ -35,7 +35,9 @@ def choice(*fits: Contender, tied: int = 0) -> Choice:
 
 
 def step_with(made: Choice) -> Any:
-    nulls = SimpleNamespace(threshold=THRESHOLD, confidence=lambda Z2: 1.0)
+    nulls = SimpleNamespace(
+        threshold=THRESHOLD, confidence=lambda Z2: 1.0, least=lambda _: THRESHOLD
+    )
     return SimpleNamespace(
         choice=made, screen=NONE, nulls=nulls, found=SimpleNamespace(scatter=np.eye(1))
     )
