@@ -34,7 +34,9 @@ def choice(*fits: Contender, tied: int = 0) -> Choice:
 
 
 def step_with(made: Choice) -> Any:
-    nulls = SimpleNamespace(threshold=THRESHOLD, confidence=lambda Z2: 1.0)
+    nulls = SimpleNamespace(
+        threshold=THRESHOLD, least=lambda t: THRESHOLD, confidence=lambda Z2: 1.0
+    )
     return SimpleNamespace(
         choice=made, screen=NONE, nulls=nulls, found=SimpleNamespace(scatter=np.eye(1))
     )
