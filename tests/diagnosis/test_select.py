@@ -119,7 +119,9 @@ def test_what_the_screen_did_not_see_is_not_named_for_another_s_sake(
     monkeypatch.setattr(select, "contend", lambda *a: fits)
     monkeypatch.setattr(select, "surest_first", lambda screen, nulls, fits: fits)
     monkeypatch.setattr(select, "slack", lambda *a: TIE)
-    nulls = cast(Any, SimpleNamespace(threshold=28.2, confidence=lambda Z2: 1.0))
+    nulls = cast(
+        Any, SimpleNamespace(threshold=28.2, least=lambda t: 28.2, confidence=lambda z: 1.0)
+    )
     choice = select.choose(NONE, NONE, NONE, nulls, np.zeros(4), None)
     assert (choice is not None) is named
 
@@ -151,7 +153,9 @@ def test_what_the_screen_saw_stands_beside_a_likelier_one_that_nulls_show_too(
         Contender(term("friction.viscous.roll"), NONE, NONE, score - 1.0, 39.0, 2),
     ]
     monkeypatch.setattr(select, "slack", lambda *a: TIE)
-    nulls = cast(Any, SimpleNamespace(threshold=28.2, confidence=lambda Z2: 1.0))
+    nulls = cast(
+        Any, SimpleNamespace(threshold=28.2, least=lambda t: 28.2, confidence=lambda z: 1.0)
+    )
     choice = select.likeliest(NONE, NONE, nulls, fits, None)
     assert (choice is not None) is named
     if choice is not None:
