@@ -32,9 +32,9 @@ The thrusts act along the normal at the bar's ends; with F = F_f + F_b, D = F_f 
     Q_p = L_h D − G_p cos r cos p + effects
     Q_ψ = −L_a cos r sin p F + L_h sin r D + effects
 
-For small pitch and slow yaw these are the equations of rig.md, J_roll r̈ = L_a cos p F − T_g cos r
-and so on. The motors' difference in mass acts through its weight only; its product of inertia,
-(m_f − m_b) L_a L_h, is left out. Rotors: τ_m Ḟ_i = K_f g_i f(V_i) − F_i, solved exactly.
+For small pitch and slow yaw these are the equations that most texts print, J_roll r̈ = L_a cos p F
+− T_g cos r and so on. The motors' difference in mass acts through its weight only; its product of
+inertia, (m_f − m_b) L_a L_h, is left out. Rotors: τ_m Ḟ_i = K_f g_i f(V_i) − F_i, solved exactly.
 
 The paper's hover model is the same body to first order about level hover, F = T_g/L_a and
 D = G_p/L_h; with what effects exert (τ) it reads
@@ -45,7 +45,7 @@ D = G_p/L_h; with what effects exert (τ) it reads
 both motors for equal). With s[LINEAR] = λ the body accelerates (1 − λ) times as the rigid body and
 λ times as this; λ is zero unless `heli3dof.model.effects.base_hover` is on.
 
-Equations of such rigs are often written one axis by itself, as rig.md's are. With s[UNCOUPLED] = κ
+Equations of such rigs are often written one axis by itself. With s[UNCOUPLED] = κ
 and s[CONSTANT] = ν the body accelerates, a straight line in each, as
 
     q̈ = (1 − κ) q̈_rigid + κ q̈_alone + ν (0, 0, τ_y/J_ψ − ψ̈_alone)

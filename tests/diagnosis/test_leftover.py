@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.leftover import leftover
+from heli3dof.diagnosis.leftover import EULER, FALSE_ALARMS, FAR, leftover, wider
 from heli3dof.diagnosis.torque import trail
 from heli3dof.diagnosis.torque_hats import KNOTS, forward, hats
 from heli3dof.experiment.fly import fly_plan
@@ -95,3 +95,18 @@ def test_hats_add_up_to_one_everywhere(coupled: tuple[Recording, Estimate]) -> N
     constant = seen.gradients[0][seen.flown].sum(axis=0)
     sums = library.scores(seen).reshape(3, -1, KNOTS).sum(axis=2)
     assert sums == pytest.approx(np.tile(constant[:, None], (1, sums.shape[1])), rel=1e-6)
+
+
+@pytest.mark.parametrize("n", [8, 24])
+def test_one_flight_more_exceeds_what_few_flights_tell_as_seldom_as_is_said(n: int) -> None:
+    """Of laws told from n flights each, location x̄ − γσ, scale σ = √6 s/π, as `wider` stretches it;
+    P(x > a) = 1 − exp(−exp(−a)) of the law itself."""
+    x = np.random.default_rng(0).gumbel(size=(100_000, n))
+    scale = np.sqrt(6) * x.std(axis=1, ddof=1) / np.pi
+    location = x.mean(axis=1) - EULER * scale
+
+    def share(stretched: float) -> float:
+        return float(-np.expm1(-np.exp(-(location + FAR * stretched * scale))).mean())
+
+    assert share(wider(n)) == pytest.approx(FALSE_ALARMS, rel=0.25)
+    assert share(1.0) > 2.5 * FALSE_ALARMS

@@ -79,7 +79,7 @@ PRIORS: dict[str, tuple[float, float]] = {
     OFFSET: (0.0, 8.0),
     WEIGHT: (0.0, 0.1),
 }
-"""Mean and standard deviation: what identified rigs and propellers are like (rig.md). Flights about
+"""Mean and standard deviation: what identified rigs and propellers are like. Flights about
 one trim would let terms cancel one another: pitch damping and flapping act alike until yaw moves.
 """
 POSITIVE = ("friction.", "aero.flapping", "stiffness.pendulum")
