@@ -11,6 +11,9 @@ from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
 STANDSTILL_S = 0.15
 """s for which a machine that runs tests may stand still, all its processors at once: a virtual one
 is not always given them."""
+START_S = 240.0
+"""s in which a flight in a process of its own begins: the first one compiles, on two cores that
+others use for more than a minute"""
 PATIENT = {
     "late_max_s": 2 * STANDSTILL_S,
     "late_max_share": 1.0,

@@ -20,21 +20,24 @@ from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session import Session
 from heli3dof.rig.url import DeviceUrl
 from tests.cli.running import heli3dof
-from tests.profiles import PATIENT, write_profile
+from tests.profiles import PATIENT, START_S, write_profile
 from tests.rig.fakes import FakeDriver, only_drivers
 
 MOCK = "mock:?watchdog_s=5&start=level"
 """In real time, with a watchdog that bears a busy machine."""
 
 
-def wait_for_flight(pid: int) -> Running:
-    deadline = time.monotonic() + 60
+def wait_for_flight(flight: subprocess.Popen[str]) -> Running:
+    deadline = time.monotonic() + START_S
+    said: dict[int, object] = {}
     while time.monotonic() < deadline:
+        assert flight.poll() is None, flight.communicate()
         for session in running():
-            if session.pid == pid and (state(session, 5) or {}).get("phase") == "flying":
+            said[session.pid] = now = state(session, 5) or {}
+            if session.pid == flight.pid and now.get("phase") == "flying":
                 return session
         time.sleep(0.02)
-    raise AssertionError("no flight began within a minute")
+    raise AssertionError(f"no flight began: {said}")
 
 
 @pytest.mark.realtime
@@ -48,7 +51,7 @@ def test_a_flight_is_stopped_from_another_terminal(
     words += ["--profile", str(profile)]
     run = [sys.executable, "-m", "heli3dof", *words]
     with subprocess.Popen(run, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as flight:
-        wait_for_flight(flight.pid)
+        wait_for_flight(flight)
         time.sleep(0.3)
         said = heli3dof("estop", "--reason", "it smells", "--json")
         _, err = flight.communicate(timeout=60)

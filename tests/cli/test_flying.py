@@ -16,7 +16,7 @@ from heli3dof.recording.reader import read_recording
 from heli3dof.recording.row import RAMP_DOWN
 from tests.cli.running import heli3dof
 from tests.profiles import PATIENT as LIMITS
-from tests.profiles import STANDSTILL_S, write_profile
+from tests.profiles import STANDSTILL_S, START_S, write_profile
 
 LEVEL = "mock:?speed=max&seed=1&start=level"
 HELI3DOF = [sys.executable, "-m", "heli3dof"]
@@ -195,7 +195,7 @@ class RealTime:
             stderr=subprocess.PIPE,
             text=True,
         )
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + START_S
         while not (path.exists() and path.stat().st_size > 20_000):
             assert time.monotonic() < deadline, "the flight did not start"
             assert self.process.poll() is None, self.process.communicate()

@@ -19,13 +19,11 @@ from pathlib import Path
 
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recover import recover
-from tests.profiles import PATIENT, write_profile
+from tests.profiles import PATIENT, START_S, write_profile
 from tests.realtime.flight import FlightProcess
 
 EARLIEST_S, LATEST_S = 0.5, 4.0
 """s of flight between which the moments lie; before, there is not half a second to be lost."""
-START_S = 60.0
-"""s that a flight may take to begin, on a busy machine"""
 TRIES = 5
 """For a flight that ends by itself, as on a machine too busy to keep the watchdog fed"""
 AT_REST_S = 1.5

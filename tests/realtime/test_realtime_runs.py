@@ -11,7 +11,7 @@ import pytest
 
 from heli3dof.recording.reader import read_recording
 from tests.drivers.firmware.building import rig_program
-from tests.profiles import PATIENT, STANDSTILL_S, write_profile
+from tests.profiles import PATIENT, STANDSTILL_S, START_S, write_profile
 from tests.realtime.flight import LANDING_S, FlightProcess, firmware
 from tests.realtime.kill import kill_flights
 from tests.realtime.power import lost_to_a_power_cut
@@ -32,7 +32,7 @@ def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_pa
         firmware(rig_program(), *SLACK) as device,
         FlightProcess(device, tmp_path / "a.mcap", 4, profile=profile) as flight,
     ):
-        document = flight.result(120)
+        document = flight.result(START_S)
     assert b"flying" in flight.shown, "the live view was on"
     assert (document["outcome"], document["landed"]) == ("completed", True)
     recording = read_recording(tmp_path / "a.mcap")
@@ -55,7 +55,7 @@ def test_a_system_that_refuses_everything_is_told_and_flown_on(tmp_path: Path) -
     device = "mock:?speed=real&start=level&watchdog_s=0.5"
     profile = write_profile(tmp_path / "patient.toml", **PATIENT)
     with FlightProcess(device, tmp_path / "a.mcap", 1, profile=profile, realtime=False) as flight:
-        document = flight.result(120)
+        document = flight.result(START_S)
     assert document["realtime"]["scheduled"] is False
     assert {r["what"] for r in document["realtime"]["refused"]} == {
         "real-time scheduling", "locked memory",

@@ -16,6 +16,8 @@ from typing import NamedTuple
 from heli3dof_drivers.emulator.door import emulated, serve
 from heli3dof_drivers.emulator.endpoint import Endpoint
 
+from tests.profiles import START_S
+
 IDLE_S = 5e-3
 LOOKED_S = 0.03
 """s between two looks of a thread that nothing holds up, at most: it sleeps for 20 ms"""
@@ -79,7 +81,7 @@ class Bench:
 
     def wait_until_flying(self, seconds: float = 0.5) -> None:
         """Until it has been flown for so long."""
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + START_S
         since: float | None = None
         while time.monotonic() < deadline:
             flying = bool(self.log) and self.log[-1].front_uV != 0
@@ -87,7 +89,7 @@ class Bench:
             if since is not None and time.monotonic() - since > seconds:
                 return
             time.sleep(0.01)
-        raise AssertionError("no flight began within a minute")
+        raise AssertionError("no flight began")
 
     def wait_until_zero(self, for_s: float = 0.1) -> None:
         """Until it has put out nothing for so long, or ten seconds."""
