@@ -28,6 +28,7 @@ import numpy as np
 
 from heli3dof.diagnosis.corrected import Corrected, correct, fly_again, model_at
 from heli3dof.diagnosis.nulls import Nulls
+from heli3dof.diagnosis.occam import price
 from heli3dof.diagnosis.select import EVEN, TIE, Choice, Contender, this_one
 from heli3dof.diagnosis.workers import in_threads
 from heli3dof.recording.recording import Recording
@@ -94,8 +95,7 @@ def told_apart(
     best = replace(near[k], optimum=fits[k].optimum)
     sure = this_one([float(least(W)[k]), 0.0])
     if decides:
-        rows = max(len(best.optimum.at.row), 2)
-        bought = len(best.term.effect.parameters) * float(np.log(rows))
+        bought = price(best.problem, best.optimum, best.term.name, nulls.inflation)
         best = replace(best, score=best.Z2 - bought)
     elif k:
         best, sure = near[0], EVEN

@@ -2,15 +2,17 @@
 
 The screen's Z² (calibrated by the nulls) says whether there is anything; full fits of the
 likeliest terms say which, on the likelihood freed of its false slopes (`tilted`). With κ the
-nulls' inflation and n a term's parameters
+nulls' inflation
 
-    score = 2 Δℓ_c / κ − n ln N
+    score = 2 Δℓ_c / κ − price
 
-(BIC; N the encoders' events). Nothing at all scores 0, so what scores less than `TIE` is tied with
-it and not named; nor is a term whose own Z² is not beyond the nulls' threshold: what the screen saw
-was then another term's. A likelier one that the nulls show as much of does not refute those that
-they do not: the likeliest is taken of which the screen saw enough and its full fit bears that out,
-by its tie with the likeliest of all or a score beyond the threshold too. It is tied with all above.
+with ln N for a term's size (BIC; N the encoders' events), and for its other numbers no more than is
+told of them (`heli3dof.diagnosis.occam`). Nothing at all scores 0, so what scores less than `TIE`
+is tied with it and not named; nor is a term whose own Z² is not beyond the nulls' threshold: what
+the screen saw was then another term's. A likelier one that the nulls show as much of does not
+refute those that they do not: the likeliest is taken of which the screen saw enough and its full
+fit bears that out, by its tie with the likeliest of all or a score beyond the threshold too. It is
+tied with all above.
 
 No formula is quite right, and what is wrong with the first cause's looks like a further one: that
 must exceed `SHARE` of the first one's score, or `WEAK` where that is less. A term whose trace is
@@ -39,6 +41,7 @@ import numpy as np
 from heli3dof.diagnosis.catalogue import SCANNED, Probe
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.nulls import DRIFT, Nulls
+from heli3dof.diagnosis.occam import price
 from heli3dof.diagnosis.screen import Screen, Seen, with_term
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.diagnosis.trials import Trial, beginning, rings, widened
@@ -78,7 +81,7 @@ class Contender:
     problem: Likelihood
     optimum: Optimum
     score: float
-    """2 Δℓ_c/κ less ln N for each parameter"""
+    """2 Δℓ_c/κ less the price of its numbers (`heli3dof.diagnosis.occam`)"""
     Z2: float
     probe: int | None
     """The screen's that saw it best; None for a term that no probe sees"""
@@ -252,17 +255,17 @@ def contend(
     o, problem = found.optimum, found.problem
     none = np.zeros(3) if found.noise_bias is None else found.noise_bias
     level = maximise_tilted(problem, o.theta, o.noise, Tilt(bias, none, o.theta, o.noise))
-    rows = max(len(o.at.row), 2)
     played = {t.name for t in problem.structure.terms if t.effect.starts}
 
-    def scored(term: Term, fit: Optimum, kappa: float = nulls.inflation) -> float | None:
+    def scored(
+        term: Term, ext: Likelihood, fit: Optimum, kappa: float = nulls.inflation
+    ) -> float | None:
         """None for a fit that diverged or ran into a bound."""
         if fit.at_bound[len(o.theta) :].any() or not np.isfinite(fit.loglik):
             return None
         won = 2 * (fit.loglik - level.loglik) / kappa
         # What a simpler base leaves out has no number to be bought: its share is believed to be 1.
-        bought = 0 if term.effect.within else len(fit.theta) - len(o.theta)
-        return float(won - bought * np.log(rows))
+        return float(won - (0.0 if term.effect.within else price(ext, fit, term.name, kappa)))
 
     def one(k: int) -> Contender | None:
         term, Z2, i = ranked[k]
@@ -296,7 +299,7 @@ def contend(
             fit = maximise_tilted(
                 ext, np.append(level.theta, near), level.noise, tilt, rounds=28, hold=jagged
             )
-        score = scored(term, fit)
+        score = scored(term, ext, fit)
         return None if score is None else Contender(term, ext, fit, score, Z2, i)
 
     def trial(k: int) -> Contender | None:
@@ -308,7 +311,9 @@ def contend(
         tilt = Tilt(no_slope, none, np.append(o.theta, start[len(o.theta) :]), o.noise)
         fit = maximise_tilted(ext, start, noise, tilt)
         # Where noise hides a ringing loop the nulls' slopes say nothing of how likelihoods scatter.
-        score = scored(term, fit, max(found.inflation, 1.0) if rings(term) else nulls.inflation)
+        score = scored(
+            term, ext, fit, max(found.inflation, 1.0) if rings(term) else nulls.inflation
+        )
         return None if score is None else Contender(term, ext, fit, score, score, None)
 
     fits = [f for f in in_threads(trial, len(tried), what="fits") if f is not None]

@@ -22,6 +22,7 @@ from heli3dof.diagnosis.corrected import (
     model_at,
 )
 from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simulated_nulls
+from heli3dof.diagnosis.occam import price
 from heli3dof.diagnosis.rivals import told_apart
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
@@ -259,11 +260,10 @@ def eliminated(
         assert s.choice is not None
         term = s.choice.term
         less = without(found, term)
-        o = found.optimum
         # Both on the same likelihood: freed of false slopes, or neither.
         whole = full(found, less.bias is not None and bool(less.bias.any()))
         won = 2 * (whole.loglik - less.optimum.loglik) / s.nulls.inflation
-        if won < len(term.effect.parameters) * np.log(max(len(o.at.row), 2)):
+        if won < price(found.problem, found.optimum, term.name, s.nulls.inflation):
             found = settled(bench, less.problem, less.optimum)
             kept = [k for k in kept if k is not s]
     return found, kept

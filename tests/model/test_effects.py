@@ -144,3 +144,20 @@ def test_a_mass_below_the_axis_is_thrown_out_where_the_arm_spins() -> None:
         s[slots.R], s[slots.R_DOT], s[slots.PSI_DOT], par[slots.A] = roll, 1.0, 2.0, 0.1
         torque(s, par, np.zeros(slots.MEMORY), out)
         assert out == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("n", "lost"), [(1.0, 0.6), (0.5, 0.3 * np.sqrt(2)), (0.0, 0.3)])
+def test_a_rotor_that_rises_at_twice_the_hover_thrust_loses_as_its_exponent_says(
+    n: float, lost: float
+) -> None:
+    """k = 0.3 s/m at 1 m/s, F = 2 F_h: 0.3 · 2ⁿ F_h. Rising at ṙ = 1/L_a: both rotors at 1 m/s."""
+    profile = default_profile()
+    inflow = effects()["aero.inflow"].hooks[slots.Stage.THRUST]
+    s, par = context(profile), np.zeros(slots.PARAMETERS)
+    F_h = profile.motor.K_f * profile.motor.V_o
+    s[slots.R : slots.R + 6] = 0.0
+    s[slots.R_DOT] = 1 / profile.geometry.L_a
+    par[slots.A], par[slots.B] = 0.3, n
+    out = np.array([2 * F_h, 2 * F_h, 0.0])
+    inflow(s, par, np.zeros(slots.MEMORY), out)
+    assert out[:2] == pytest.approx((2 - lost) * F_h, rel=1e-12)

@@ -74,6 +74,7 @@ PRIORS: dict[str, tuple[float, float]] = {
     "inertia.product.product_kgm2": (0.0, 0.1),
     "aero.gyroscopic.momentum_Nms_per_V": (0.0, 0.005),
     "aero.inflow.loss_s_per_m": (0.3, 0.3),
+    "aero.inflow.exponent": (1.0, 0.05),
     "bias.torque.pitch.torque_Nm": (0.0, 0.02),
     OFFSET: (0.0, 8.0),
     WEIGHT: (0.0, 0.1),

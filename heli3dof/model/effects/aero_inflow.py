@@ -1,7 +1,11 @@
-"""A rotor that moves along its axis thrusts less: F → F (1 − k v_n), k in s/m.
+"""A rotor that moves along its axis thrusts less: F → F − k F_h |F/F_h|ⁿ v_n, k in s/m.
 
 v_n is the rotor's speed along the body's normal: with q̇ small angles aside,
-v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇), + in front.
+v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇), + in front. F_h = K_f V_o is the thrust
+at hover, where the loss is k F_h v_n whatever n. A loss in proportion to the thrust, F (1 − k v_n),
+has n = 1; a propeller's grows as its speed Ω, which with F ∝ Ω² is n = 1/2; one that does not
+depend on the thrust, n = 0, is viscous friction of roll and pitch in the ratio (L_a/L_h)² and what
+turns with the body between them.
 """
 
 from __future__ import annotations
@@ -10,20 +14,29 @@ import math
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import L_A, L_H, P_DOT, PSI_DOT, R_DOT, A, P, R, Stage
+from heli3dof.model.slots import K_F, L_A, L_H, P_DOT, PSI_DOT, R_DOT, V_O, A, B, P, R, Stage
+
+LEAST = 1e-3
+"""of F_h: below it the loss stays, for |F|ⁿ has no slope at zero"""
 
 
 def thrust(s: Any, par: Any, mem: Any, out: Any) -> None:
     heave = s[L_A] * (math.cos(s[P]) * s[R_DOT] - math.cos(s[R]) * math.sin(s[P]) * s[PSI_DOT])
     tip = s[L_H] * (s[P_DOT] + math.sin(s[R]) * s[PSI_DOT])
-    out[0] *= 1.0 - par[A] * (heave + tip)
-    out[1] *= 1.0 - par[A] * (heave - tip)
+    hover = s[K_F] * abs(s[V_O])
+    for i in range(2):
+        share = max(abs(out[i]) / hover, LEAST)
+        v_n = heave + tip if i == 0 else heave - tip
+        out[i] -= par[A] * hover * share ** par[B] * v_n
 
 
 EFFECT = Effect(
     name="aero.inflow",
-    summary="Less thrust when a rotor moves along its axis: F (1 − k v_n).",
-    parameters=(Parameter("loss_s_per_m", "s/m", 0.0, -1.0, 3.0, 0.2, "k"),),
+    summary="Less thrust when a rotor moves along its axis: F − k F_h |F/F_h|ⁿ v_n.",
+    parameters=(
+        Parameter("loss_s_per_m", "s/m", 0.0, -1.0, 3.0, 0.2, "k"),
+        Parameter("exponent", "–", 1.0, -1.5, 3.5, 0.3, "n", prior_std=0.5),
+    ),
     hooks={Stage.THRUST: thrust},
     order=3,
     confused_with=("friction.viscous",),
