@@ -133,8 +133,8 @@ class Frozen:
         return Trip(
             f"the {name} encoder is frozen: its count stood at {axis.count} for {seconds:.2g} s "
             f"while {why}",
-            "its cable is out, its supply is gone, or its disc slips on the shaft; or something "
-            "holds the axis.",
+            "its cable is out, its supply is gone, or its disc slips on the shaft; or a stop, or "
+            "something else, holds the axis.",
             f"heli3dof monitor and turn {name} by hand: does its angle follow?",
         )
 
