@@ -51,7 +51,7 @@ def base_of(bench: Bench) -> Corrected:
 
 def as_written(base: Corrected, found: Corrected) -> Corrected:
     """The base simulation with its body's equations written as ``found`` has them: refitted."""
-    if not any(t.effect.formal for t in found.structure.terms):
+    if not found.structure.formal:
         return base
     own = {t.name for t in base.structure.terms}
     for t in found.structure.terms:

@@ -21,15 +21,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.diagnosis.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.contenders import Contender, contend
-from heli3dof.diagnosis.corrected import Corrected, look
+from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.in_turn import TURNS, instead
 from heli3dof.diagnosis.nulls import Nulls
-from heli3dof.diagnosis.rivals import FALSE
+from heli3dof.diagnosis.rivals import FALSE, false_slopes
 from heli3dof.diagnosis.screen import Screen
-from heli3dof.diagnosis.select import HOPELESS, TIE, Choice, suspects, unidentifiable
-from heli3dof.diagnosis.steps import Bench, Step, extended
+from heli3dof.diagnosis.select import TIE, Choice, suspects, worth_a_fit
+from heli3dof.diagnosis.steps import Bench, Step, extended, screened
 
 ASKED = 4
 """Further terms that are fitted beside each"""
@@ -43,11 +42,7 @@ def tied(step: Step) -> list[Contender]:
     best = choice.contenders[0]
     near = [c for c in choice.contenders[1:] if c.term.name in choice.tied_with][: TURNS - 1]
     each = [best, *near]
-    slopes = [
-        abs(step.nulls.mean[c.probe]) / np.sqrt(step.nulls.inflation)
-        for c in each
-        if c.probe is not None
-    ]
+    slopes = false_slopes(step.nulls, each)
     plain = len(slopes) == len(each) and not best.term.effect.within
     return each if plain and max(slopes) <= FALSE else each[:1]
 
@@ -55,19 +50,10 @@ def tied(step: Step) -> list[Contender]:
 def companion(step: Step, bench: Bench, found: Corrected) -> Contender | None:
     """The likeliest further term beside a fit of the step's base and one more; None where none is
     seen."""
-    o, problem = found.optimum, found.problem
-    here = look(problem, o.theta, o.noise, whole=False)
-    terms = candidates([t.name for t in problem.structure.terms], bench.axes)
-    plain = [p for t in terms for p in probes(t, problem.data.V)]
-    screen = Screen(problem, o.theta, here, plain, scans(terms))
-    seen = screen.see(here, prior=True)
+    screen, seen = screened(bench, found)
     nulls = nulls_of(step, screen)
-    hidden = unidentifiable(screen, nulls)
-    ranked = [r for r in suspects(seen, nulls) if r[0].name not in hidden]
-    if not ranked or ranked[0][1] < nulls.threshold:
-        return None
-    ranked = [r for r in ranked[:ASKED] if r[1] >= HOPELESS * ranked[0][1]]
-    bias = np.zeros(len(o.theta)) if found.bias is None else found.bias
+    ranked = worth_a_fit(suspects(seen, nulls), screen, nulls, ASKED)
+    bias = np.zeros(len(found.theta)) if found.bias is None else found.bias
     fits = contend(found, screen, seen, nulls, bias, ranked)
     return next((f for f in fits if nulls.threshold <= f.Z2), None)
 

@@ -127,7 +127,7 @@ def _diagnosed(
         "nulls": first.nulls.method, "null_flights": first.nulls.flights, "seed": seed,
         "threshold": first.nulls.threshold, "largest": first.largest,
         "gain_measured_on": whole.gain.on, "base": base, "seconds": clock.seconds,
-        "written": [t.effect.summary for t in last.found.structure.terms if t.effect.formal],
+        "written": [t.effect.summary for t in last.found.structure.formal],
     }  # fmt: skip
     sized = [f for f in faults if f.kind == Kind.FINDING]
     each = in_order(sized, findings, off)

@@ -19,7 +19,6 @@ if x is as far with that ρ in κ's place.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -27,10 +26,10 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.diagnosis.gumbel import beyond, gumbel
 from heli3dof.diagnosis.leftover_evidence import RANK, Evidence, Held, coloured, evidence, told
 from heli3dof.diagnosis.leftover_like import LIKE, likeness, named_traces
 from heli3dof.diagnosis.leftover_nulls import Scored, blockwise
-from heli3dof.diagnosis.nulls import EULER
 from heli3dof.diagnosis.torque import SI_UNITS, UNITS, Trail
 from heli3dof.diagnosis.torque_hats import KNOTS, Hats, Sums, forward
 from heli3dof.identification.greybox.estimate import Estimate
@@ -45,7 +44,7 @@ LEAST_SHARE = 0.05
 FALSE_ALARMS = 0.0005
 """Of recordings where nothing is left. A quantile that few flights extrapolate is no better known
 than they are, and what a lab should believe without a name for it stands far above: hundreds."""
-FAR = -math.log(-math.log(1 - FALSE_ALARMS))
+FAR = beyond(FALSE_ALARMS)
 """Scales beyond the location of a Gumbel law that is known"""
 DISTRUSTED = 2.0
 """Inflation above which flights of a fit that was not freed of its bias are no measure of it."""
@@ -231,8 +230,7 @@ def judge(
         x[q] = scaled(S / kappa[q], rank)[0]
     if null is not None:
         largest = x_null.max(axis=1)
-        scale = max(float(np.sqrt(6) * largest.std(ddof=1) / np.pi), 2.0)
-        location = float(largest.mean()) - EULER * scale
+        location, scale = gumbel(largest, least=2.0)
         scale *= wider(len(largest))
         threshold = location + scale * FAR
     else:

@@ -162,7 +162,7 @@ def _findings(
     found: Corrected, choices: Sequence[Choice], less: Sequence[Corrected], gains: Sequence[Gain]
 ) -> tuple[Finding, ...]:
     scale = thrust_scale(found)
-    written = [t.name for t in found.structure.terms if t.effect.formal]
+    written = [t.name for t in found.structure.formal]
     choices = beside_each_other(choices, written)
     return tuple(
         Finding(c, forwards(in_SI(found, scale, c.term.name)), g, w.optimum.noise)

@@ -32,6 +32,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from heli3dof.diagnosis.corrected import Corrected, fly_again, look, model_at
+from heli3dof.diagnosis.gumbel import beyond, gumbel
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.workers import in_threads
 from heli3dof.model.effects import Term
@@ -46,7 +47,6 @@ COMMON = 8
 """Flights that the probes' common standard deviation is worth."""
 GUMBEL_FROM = 30
 """Flights from which on the nulls' own extremes are asked."""
-EULER = 0.5772156649
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +129,8 @@ def judged_by(z: np.ndarray, signed: int | None = None) -> Nulls:
     rest = (z.sum(axis=0) - z) / (B - 1)
     largest = (((z - rest) / std) ** 2).max(axis=1)
     if B >= GUMBEL_FROM:
-        beta = float(np.sqrt(6) * largest.std(ddof=1) / np.pi)
-        mu = float(largest.mean() - EULER * beta)
-        threshold = max(threshold, mu - beta * float(np.log(-np.log(1 - FALSE_ALARMS))))
+        mu, beta = gumbel(largest)
+        threshold = max(threshold, mu + beta * beyond(FALSE_ALARMS))
     return Nulls(mean, std, inflation, threshold, nu, B, "simulated", largest)
 
 

@@ -60,15 +60,16 @@ def rivals(choice: Choice, nulls: Nulls) -> tuple[list[Contender], bool]:
         return [], False
     top = max(c.Z2 for c in [best, *seen])
     near = sorted((c for c in seen if NEAR * top < c.Z2), key=lambda c: -c.Z2)[: MOST - 1]
-    false = [
-        abs(nulls.mean[c.probe]) / np.sqrt(nulls.inflation)
-        for c in [best, *near]
-        if c.probe is not None
-    ]
-    if near and max(false) > FALSE:
+    if near and max(false_slopes(nulls, [best, *near])) > FALSE:
         return [best, *near], True
     close = [c for c in seen if c.score > CLOSE * best.score][: MOST - 1]
     return ([best, *close] if close and best.score < MODEST else []), False
+
+
+def false_slopes(nulls: Nulls, contenders: Sequence[Contender]) -> list[float]:
+    """|z̄|, in the nulls' own scatter, of each that the screen sees."""
+    at = [c.probe for c in contenders if c.probe is not None]
+    return [float(abs(nulls.mean[i]) / np.sqrt(nulls.inflation)) for i in at]
 
 
 def told_apart(

@@ -98,6 +98,18 @@ def suspects(seen: Seen, nulls: Nulls) -> list[tuple[Term, float, int]]:
     return sorted(best.values(), key=lambda b: -b[1])
 
 
+def worth_a_fit(
+    suspected: Sequence[tuple[Term, float, int]], screen: Screen, nulls: Nulls, most: int
+) -> list[tuple[Term, float, int]]:
+    """The first ``most`` of the suspects that recordings tell of, less the hopeless; none where the
+    first is not beyond the nulls' threshold."""
+    hidden = unidentifiable(screen, nulls)
+    ranked = [r for r in suspected if r[0].name not in hidden]
+    if not ranked or ranked[0][1] < nulls.threshold:
+        return []
+    return [r for r in ranked[:most] if r[1] >= HOPELESS * ranked[0][1]]
+
+
 def one_way(probe: Probe) -> bool:
     """Whether the term is one that only grows from nothing in the probe's direction."""
     if probe.term.effect.name in SCANNED or not probe.grows:
@@ -115,12 +127,8 @@ def choose(
     ``bias`` (n,): the mean scores of the nulls along the parameters of ``found``; ``tried``: terms
     that no probe sees, and that are worth a fit (`heli3dof.diagnosis.trials`).
     """
-    hidden = unidentifiable(screen, nulls)
     every = suspects(seen, nulls)
-    ranked = [r for r in every if r[0].name not in hidden]
-    if not ranked or ranked[0][1] < nulls.threshold:
-        ranked = []
-    ranked = [r for r in ranked[:FITTED] if r[1] >= HOPELESS * ranked[0][1]]
+    ranked = worth_a_fit(every, screen, nulls, FITTED)
     formal = [r for r in every if r[0].effect.formal and nulls.least(r[0]) <= r[1]]
     ranked += [r for r in formal if r not in ranked]
     fits = contend(found, screen, seen, nulls, bias, ranked, tried)

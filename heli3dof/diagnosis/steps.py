@@ -124,15 +124,20 @@ class Step:
         return replace(self, choice=made)
 
 
-def looked_at(bench: Bench, found: Corrected, flights: int) -> Step:
-    """The screen of every candidate beside ``found``, and its nulls."""
+def screened(bench: Bench, found: Corrected) -> tuple[Screen, Seen]:
+    """Every candidate beside ``found``, and what the recordings show of each."""
     problem, o = found.problem, found.optimum
     here = look(problem, o.theta, o.noise, whole=False)
-    terms = candidates([t.name for t in found.structure.terms], bench.axes)
+    terms = candidates([t.name for t in problem.structure.terms], bench.axes)
     plain = [p for t in terms for p in probes(t, problem.data.V)]
     screen = Screen(problem, o.theta, here, plain, scans(terms))
-    seen = screen.see(here, prior=True)
-    bias = np.zeros(len(o.theta))
+    return screen, screen.see(here, prior=True)
+
+
+def looked_at(bench: Bench, found: Corrected, flights: int) -> Step:
+    """The screen of every candidate beside ``found``, and its nulls."""
+    screen, seen = screened(bench, found)
+    bias = np.zeros(len(found.theta))
     if found.scatter is not None:
         nulls, scores = simulated_nulls(
             found, bench.recordings, screen, flights=flights, seed=bench.seed

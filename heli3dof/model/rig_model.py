@@ -107,6 +107,11 @@ class Structure:
         return tuple(f.name for f in self.free)
 
     @property
+    def formal(self) -> tuple[Term, ...]:
+        """The terms that say how the body's equations are written."""
+        return tuple(t for t in self.terms if t.effect.formal)
+
+    @property
     def start(self) -> np.ndarray:
         """(n,) the values at which a fit starts."""
         return np.array([f.start for f in self.free])

@@ -27,6 +27,11 @@ BEFORE_LENGTH = 9
 """Bytes of a record, opcode and length, which its length does not count"""
 
 
+def rows_of_chunk(rows: RowFormat) -> int:
+    """Whole rows that fit into `CHUNK_BYTES`, at least one."""
+    return max(1, CHUNK_BYTES // rows.stride)
+
+
 class ChunkMaker:
     """Makes the chunks of one file, one at a time."""
 
@@ -37,7 +42,7 @@ class ChunkMaker:
                 LEVEL, source_size=CHUNK_BYTES
             )
         )
-        self._take(max(1, CHUNK_BYTES // rows.stride))
+        self._take(rows_of_chunk(rows))
 
     def make(self, data: bytes | memoryview) -> tuple[memoryview, int, tuple[int, int]]:
         """Chunk and message indexes, good until the next call; rows; first and last time, ns."""

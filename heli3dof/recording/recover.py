@@ -16,7 +16,7 @@ import numpy as np
 from mcap.opcode import Opcode
 
 from heli3dof.errors import RecordingError
-from heli3dof.recording.chunk import CHUNK_BYTES
+from heli3dof.recording.chunk import rows_of_chunk
 from heli3dof.recording.container import OUTCOME, McapFile
 from heli3dof.recording.output import new_file
 from heli3dof.recording.reader import chunk_rows, found_names, open_mcap, our_layouts
@@ -92,7 +92,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
         names = found_names(found)
         file = McapFile(stream, saved.form, {"Channels": names} if names else None)
         file.start({name: data for name, data in found.metadata.items() if name != OUTCOME})
-        step = max(1, CHUNK_BYTES // saved.form.stride)
+        step = rows_of_chunk(saved.form)
         for i in range(0, len(saved.rows), step):
             file.write_chunk(saved.rows[i : i + step].tobytes())
         file.add_metadata(OUTCOME, outcome)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.errors import UsageError
-from heli3dof.recording.chunk import CHUNK_BYTES
+from heli3dof.recording.chunk import rows_of_chunk
 from heli3dof.recording.container import OUTCOME, PROFILE, PROVENANCE, McapFile
 from heli3dof.recording.output import new_file
 from heli3dof.recording.recording import Recording
@@ -64,7 +64,7 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
                 COLUMNS: {"absent": absent},
             }
         )
-        step = max(1, CHUNK_BYTES // form.stride)
+        step = rows_of_chunk(form)
         for i in range(0, len(rows), step):
             file.write_chunk(rows[i : i + step].tobytes())
         file.add_metadata(OUTCOME, outcome)

@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Any, BinaryIO
 
 from heli3dof.errors import Heli3dofError, NoSpace, RecordingError
-from heli3dof.recording.chunk import CHUNK_BYTES
+from heli3dof.recording.chunk import rows_of_chunk
 from heli3dof.recording.container import OUTCOME, PROFILE, PROVENANCE, McapFile
 from heli3dof.recording.output import FULL, check_output, explained, mode
 from heli3dof.recording.row import Row
@@ -70,8 +70,8 @@ class RecordingWriter:
         self._closed = False
         self._closing = threading.Event()
         self._format = RowFormat()
-        most = CHUNK_BYTES // self._format.stride * self._format.stride
-        self._room = memoryview(bytearray(most))
+        most = rows_of_chunk(self._format)
+        self._room = memoryview(bytearray(most * self._format.stride))
         """The rows of a chunk in progress"""
         about = {"name": self.path.stem, **(meta or {}), "start_ns": self.start_ns}
         ours_to_remove = not self.path.exists()

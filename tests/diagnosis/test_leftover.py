@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.diagnosis.leftover import EULER, FALSE_ALARMS, FAR, leftover, wider
+from heli3dof.diagnosis.gumbel import EULER
+from heli3dof.diagnosis.leftover import FALSE_ALARMS, FAR, leftover, wider
 from heli3dof.diagnosis.torque import trail
 from heli3dof.diagnosis.torque_hats import KNOTS, forward, hats
 from heli3dof.experiment.fly import fly_plan

@@ -223,7 +223,7 @@ def parameters(found: Estimate) -> dict[str, Parameter]:
 def warnings(found: Estimate) -> tuple[str, ...]:
     """What to be told of besides the numbers."""
     said = [v.sentence for v in found.verdicts if v.sentence]
-    said += [t.effect.summary for t in found.structure.terms if t.effect.formal]
+    said += [t.effect.summary for t in found.structure.formal]
     o = found.optimum
     if not o.converged:
         said.append(

@@ -61,6 +61,20 @@ class Parameter:
         return 1.5 if self.log else 10 * self.typical
 
 
+BELIEVED = 0.2
+"""Standard deviation of a share that is all or nothing, about 1, once recordings ask for it."""
+
+
+def share(meaning: str) -> Parameter:
+    """Of what a simpler base lacks, or the body's equations leave out: 0 absent, 1 all of it.
+
+    It is there whole or not at all, so it starts at 1 and is believed to be that, give or take
+    `BELIEVED`: a flight at few heights says little of it by itself, and would foretell other
+    heights with what its noise made of it. An estimate may come out a little beyond 0 and 1.
+    """
+    return Parameter("share", "–", 0.0, -0.3, 2.0, 0.2, meaning, prior_std=BELIEVED, start=1.0)
+
+
 @dataclass(frozen=True)
 class Effect:
     """One physical effect of the contract's table.

@@ -7,18 +7,15 @@ Both accelerations are those of the same state, thrusts and parameters, so a is 
 and q̈ is a straight line in it. An estimate may come out a little beyond 0 and 1.
 
 Whether it is there the recordings say, at a = 0. But a rig has its geometry whole or not at all, so
-once it is there a is believed to be 1, give or take `SPREAD`: a flight at few heights says little
-of a by itself, and would foretell other heights with what its noise made of it.
+once it is there a is believed to be 1 (`heli3dof.model.effects.base.share`).
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.effects.base import Effect, share
 from heli3dof.model.slots import LINEAR, A, Stage
-
-SPREAD = 0.2
 
 
 def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
@@ -28,19 +25,7 @@ def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
 EFFECT = Effect(
     name="geometry",
     summary="The rigid body in place of the paper's hover model (with `--base hover`).",
-    parameters=(
-        Parameter(
-            "share",
-            "–",
-            0.0,
-            -0.3,
-            2.0,
-            0.2,
-            "a, of the rigid body; 1 all of it",
-            prior_std=SPREAD,
-            start=1.0,
-        ),
-    ),
+    parameters=(share("a, of the rigid body; 1 all of it"),),
     hooks={Stage.SETUP: setup},
     order=1,
     confused_with=("stiffness.pendulum", "aero.ground_effect"),

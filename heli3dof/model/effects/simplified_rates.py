@@ -10,8 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.effects.simplified_couplings import SPREAD
+from heli3dof.model.effects.base import Effect, share
 from heli3dof.model.slots import UNTHROWN, A, Stage
 
 
@@ -22,19 +21,7 @@ def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
 EFFECT = Effect(
     name="simplified.rates",
     summary="Products of rates are left out, as in the simplest equations.",
-    parameters=(
-        Parameter(
-            "share",
-            "–",
-            0.0,
-            -0.3,
-            2.0,
-            0.2,
-            "μ; 1 all of it",
-            prior_std=SPREAD,
-            start=1.0,
-        ),
-    ),
+    parameters=(share("μ; 1 all of it"),),
     hooks={Stage.SETUP: setup},
     confused_with=("inertia.product",),
     separated_by="large",

@@ -9,8 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.effects.simplified_couplings import SPREAD
+from heli3dof.model.effects.base import Effect, share
 from heli3dof.model.slots import SIDEWAYS, A, Stage
 
 
@@ -21,19 +20,7 @@ def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
 EFFECT = Effect(
     name="simplified.side_thrust",
     summary="The thrusts' difference turns a tilted rig, whose couplings are left out.",
-    parameters=(
-        Parameter(
-            "share",
-            "–",
-            0.0,
-            -0.3,
-            2.0,
-            0.2,
-            "η; 1 all of it",
-            prior_std=SPREAD,
-            start=1.0,
-        ),
-    ),
+    parameters=(share("η; 1 all of it"),),
     hooks={Stage.SETUP: setup},
     confused_with=("aero.reaction_torque",),
     separated_by="large",
