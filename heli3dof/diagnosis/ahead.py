@@ -25,6 +25,7 @@ from heli3dof.model.greybox import GreyBoxModel
 from heli3dof.model.greybox_predict import NOISE
 from heli3dof.model.kalman import RATE_0
 from heli3dof.recording.recording import Recording
+from heli3dof.threads import in_threads
 
 HORIZONS_S = (0.1, 0.3, 1.0, 3.0)
 EVERY_S = 0.05
@@ -129,15 +130,16 @@ def floor_deg(
     by_formula = "the filter's covariance"
     if not loop_is_known(recordings):
         return covariance_floor_deg(model, recordings, horizons_s), by_formula
-    squares = []
-    for b in range(flights):
+
+    def one(b: int) -> np.ndarray:
         rng = np.random.default_rng([seed, 77, b])
         flown = [noisy_flight(model, r, rng) for r in recordings]
-        try:
-            e = model_ahead(model, flown, horizons_s)[1]
-        except RecordingError:
-            return covariance_floor_deg(model, recordings, horizons_s), by_formula
-        squares.append(mean_square(e.errors))
+        return mean_square(model_ahead(model, flown, horizons_s)[1].errors)
+
+    try:
+        squares = in_threads(one, flights)
+    except RecordingError:
+        return covariance_floor_deg(model, recordings, horizons_s), by_formula
     return np.degrees(np.sqrt(np.mean(squares, axis=0))), f"{flights} flights of the model's own"
 
 

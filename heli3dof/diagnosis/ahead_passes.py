@@ -91,7 +91,7 @@ roll_on = compiled(
 )  # fmt: skip
 
 
-def _grow_stably(P, A, d, a2, Phi, work):  # type: ignore[no-untyped-def]
+def _grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
     """`grow` by d in as many parts as the fastest decay in A (dry friction near rest) asks for."""
     fastest = 0.0
     for i in range(3):
@@ -99,7 +99,7 @@ def _grow_stably(P, A, d, a2, Phi, work):  # type: ignore[no-untyped-def]
             fastest = max(fastest, abs(A[i, 3 + j]))
     parts = 1 + int(min(d * fastest / DECAY, PARTS))
     for _ in range(parts):
-        grow(P, A, d / parts, a2, Phi, work)
+        grow(P, A, d / parts, a2, work)
 
 
 grow_stably = compiled(_grow_stably, calls=(kalman._grow,), error_model="numpy", nogil=True)
@@ -110,7 +110,7 @@ def _scatter(  # type: ignore[no-untyped-def]
 ):
     """out (S, H, 3) rad²: the variances of the same predictions; P0 (B, 6) at each run's start."""
     P, Q, column = np.empty((6, 6)), np.empty((6, 6)), np.empty(6)
-    Phi, work = np.zeros((6, 6)), np.empty((6, 6))
+    work = np.empty((3, 6))
     n, at = 0, 0
     for b in range(blocks.shape[0]):
         start, stop = blocks[b, 1], blocks[b, 2]
@@ -148,13 +148,13 @@ def _scatter(  # type: ignore[no-untyped-def]
                         c = a + 1
                         while c < end and t[c + 1] - t[a] <= STEP_S:
                             c += 1
-                        grow_stably(Q, A[a], t[c] - t[a], driven, Phi, work)
+                        grow_stably(Q, A[a], t[c] - t[a], driven, work)
                         a = c
                     for i in range(3):
                         out[at, m, i] = Q[i, i]
                 at += 1
             if k + 1 < stop:
-                grow_stably(P, A[k], h[k], driven, Phi, work)
+                grow_stably(P, A[k], h[k], driven, work)
 
 
 scatter = compiled(_scatter, calls=(_grow_stably, kalman._grow), error_model="numpy", nogil=True)

@@ -36,11 +36,11 @@ from math import erf, sqrt
 import numpy as np
 
 from heli3dof.diagnosis.refits import STAGE_S, Stand, own, refit
-from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.multistep import FAR, Fitted, MultiStep, robust, search
 from heli3dof.model.filtering import Data
 from heli3dof.model.greybox_windows import Flight, errors
 from heli3dof.model.instants import follow
+from heli3dof.threads import in_threads
 
 CELL_S = 3.0
 DRAWS = 2000

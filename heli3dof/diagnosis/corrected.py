@@ -24,13 +24,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from heli3dof.diagnosis.colour import colour
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.perturbation import Path, forcing, forward, path
-from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.fit import (
     NOISE_HIGH,
@@ -47,6 +47,7 @@ from heli3dof.model.filtering import Data, data_of
 from heli3dof.model.greybox import GreyBoxModel
 from heli3dof.model.slots import Stage
 from heli3dof.recording.recording import Recording
+from heli3dof.threads import in_threads
 
 PILOTS = 8
 """Flights of each estimate on the way; the same random numbers every time."""
@@ -54,6 +55,9 @@ ROUNDS = 10
 NEAR = 0.35
 """Standard deviations: a step smaller than this is the last; what `PILOTS` flights leave open."""
 NOISE_NEAR = 0.1
+UNMOVED = 0.3, 3.0
+"""Steps of a log noise intensity, and standard deviations of a parameter: within them the false
+slope along the noise is still the one that was seen. It costs two passes a flight to see."""
 LOST = 30.0
 """Standard deviations: a step that is still so long after `LOST_AFTER` rounds leads nowhere. A rig
 that is fitted without what holds it may be one that its controller cannot fly."""
@@ -103,17 +107,26 @@ class Look:
 
 def look(problem: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bool = True) -> Look:
     """Score and information there; without ``whole`` nothing about the noise."""
-    at = problem.run(theta, noise, keep=2)
-    p = path(problem.structure, problem.values(theta), problem.data, at)
-    T = tangents(problem, theta, p)
-    g, H = score_and_information(at, T)
-    if not whole:
-        return Look(at, p, T, g, H, np.zeros(3), np.full(3, -1.0))
     factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
-    up = problem.run(theta, noise * factor, keep=0).loglik
-    down = problem.run(theta, noise / factor, keep=0).loglik
+
+    def centre() -> Look:
+        at = problem.run(theta, noise, keep=2)
+        p = path(problem.structure, problem.values(theta), problem.data, at)
+        T = tangents(problem, theta, p)
+        g, H = score_and_information(at, T)
+        return Look(at, p, T, g, H, np.zeros(3), np.full(3, -1.0))
+
+    def part(i: int) -> Any:
+        if i == 0:
+            return centre()
+        return problem.run(theta, noise * factor if i == 1 else noise / factor, keep=0).loglik
+
+    if not whole:
+        return centre()
+    here: Look
+    here, up, down = in_threads(part, 3)
     slope = (up - down) / (2 * _PROBE)
-    return Look(at, p, T, g, H, slope, (up - 2 * at.loglik + down) / _PROBE**2)
+    return replace(here, slope=slope, bend=(up - 2 * here.at.loglik + down) / _PROBE**2)
 
 
 def held(problem: Likelihood) -> np.ndarray:
@@ -234,16 +247,19 @@ def correct(
     settled = False
     n = len(theta)
     secant = Secant()
+    slopes: FalseSlopes | None = None
     for count in range(1, rounds + 1):
         here = look(problem, theta, noise)
         model = model_at(problem, theta, noise)
+        anew = slopes is None or slopes.moved(theta, noise)
         flown = in_threads(
-            lambda b, m=model, th=theta, a=noise: look(  # type: ignore[misc]
-                replace(problem, data=fly_again(m, recordings, problem.data, (seed, 7, b))), th, a
+            lambda b, m=model, th=theta, a=noise, w=anew: look(  # type: ignore[misc]
+                replace(problem, data=fly_again(m, recordings, problem.data, (seed, 7, b))), th, a,
+                whole=w,
             ),
             pilots,
             what=f"flights, round {count}",
-        )
+        )  # fmt: skip
         g = (
             here.g
             - np.mean([f.g for f in flown], axis=0)
@@ -255,8 +271,13 @@ def correct(
         go = ~held(problem)
         step[go] = np.linalg.solve(A[np.ix_(go, go)], g[go])
         sd = np.sqrt(np.diag(np.linalg.inv(A)))
-        slope = here.slope - np.mean([f.slope for f in flown], axis=0)
-        bend = np.minimum(np.minimum(here.bend, np.mean([f.bend for f in flown], axis=0)), -1.0)
+        if slopes is None or anew:
+            slopes = FalseSlopes(
+                np.mean([f.slope for f in flown], axis=0),
+                np.mean([f.bend for f in flown], axis=0), theta, noise, sd,
+            )  # fmt: skip
+        slope = here.slope - slopes.slope
+        bend = np.minimum(np.minimum(here.bend, slopes.bend), -1.0)
         move = np.where(axes, np.clip(-slope / bend, -0.7, 0.7), 0.0)
         log(f"{count} {problem.values(theta)} {noise[:3]} step {step / sd} move {move}")
         length = float(np.abs(step / sd).max())
@@ -283,8 +304,27 @@ def correct(
     optimum = optimum_at(problem, theta, noise, count, settled)
     scores = np.array([f.g for f in flown])
     C = scatter_of(scores, optimum.information)
-    noise_bias = np.mean([f.slope for f in flown], axis=0)
-    return Corrected(problem, optimum, C, scores.mean(axis=0), noise_bias, pilots)
+    assert slopes is not None
+    return Corrected(problem, optimum, C, scores.mean(axis=0), slopes.slope, pilots)
+
+
+@dataclass(frozen=True, eq=False)
+class FalseSlopes:
+    """Along the log noise intensities, as flights of one estimate have them."""
+
+    slope: np.ndarray
+    bend: np.ndarray
+    """(3,) means over the flights"""
+    theta: np.ndarray
+    noise: np.ndarray
+    """Where they were seen"""
+    sd: np.ndarray
+    """(n,) standard deviations there"""
+
+    def moved(self, theta: np.ndarray, noise: np.ndarray) -> bool:
+        """Whether the estimate is too far from there by now."""
+        steps = np.abs(np.log(noise[:3] / self.noise[:3])).max()
+        return bool(steps > UNMOVED[0] or np.abs((theta - self.theta) / self.sd).max() > UNMOVED[1])
 
 
 def optimum_at(

@@ -33,10 +33,10 @@ from heli3dof.diagnosis.result import Diagnosis, Finding, in_order, tied_in, ver
 from heli3dof.diagnosis.select import MOST, least_found
 from heli3dof.diagnosis.steps import Bench, Step, eliminated, looked_at
 from heli3dof.diagnosis.unnamed import Settled, unnamed
-from heli3dof.diagnosis.workers import watched
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects import term
 from heli3dof.recording.recording import Recording
+from heli3dof.threads import watched
 
 FLIGHTS, QUICK_FLIGHTS = 64, 16
 FURTHER = 0.5

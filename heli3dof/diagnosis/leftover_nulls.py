@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.corrected import model_at
-from heli3dof.diagnosis.noisy_flight import noisy_flight
+from heli3dof.diagnosis.corrected import fly_again, model_at
 from heli3dof.diagnosis.torque import Trail, trail_at
 from heli3dof.diagnosis.torque_hats import Hats
-from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate
-from heli3dof.model.filtering import Data, data_of
+from heli3dof.model.filtering import Data
 from heli3dof.recording.recording import Recording
+from heli3dof.threads import in_threads
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,17 +36,10 @@ def simulated(
     found: Estimate, recordings: Sequence[Recording], library: Hats, *, flights: int, seed: int
 ) -> Scored:
     """Flights of the fitted rig where the recordings' loop is known."""
-    runs = found.problem.data.runs
-    last = [max((r.stop for r in runs if r.source == i), default=0) for i in range(len(recordings))]
     model = model_at(found.problem, found.optimum.theta, found.optimum.noise)
 
     def one(b: int) -> tuple[np.ndarray, np.ndarray]:
-        rng = np.random.default_rng([seed, 31, b])
-        flown = [
-            noisy_flight(model, r, rng, rows=n) if n else r
-            for r, n in zip(recordings, last, strict=True)
-        ]
-        data = data_of(flown, runs)
+        data = fly_again(model, recordings, found.problem.data, (seed, 31, b))
         problem = replace(found.problem, data=data)
         o = found.optimum
         flight = trail_at(problem, o.theta, o.noise)

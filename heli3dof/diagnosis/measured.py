@@ -29,6 +29,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from dataclasses import replace
+from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.calibration import in_SI
@@ -47,10 +48,10 @@ from heli3dof.diagnosis.result import (
 from heli3dof.diagnosis.select import WEAK, Choice, this_one
 from heli3dof.diagnosis.steps import without
 from heli3dof.diagnosis.thrust_scale import thrust_scale
-from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.method import model_of
 from heli3dof.model.greybox import nominal
 from heli3dof.recording.recording import Recording
+from heli3dof.threads import in_threads
 
 Instead = Callable[[Corrected, Choice, Set[str]], Iterable[tuple[Choice, Corrected]]]
 """Of a fit without a cause, that cause and all names asked so far: what else the cause may be, and
@@ -75,9 +76,9 @@ def adopted(
     kept, dropped = list(choices), list[Dropped]()
     asked = {c.term.name for c in choices}
     while True:
-        after = held_out(found, holdout)
         less = in_threads(lambda i, f=found: without(f, kept[i].term), len(kept))  # type: ignore[misc]
-        gains = [gain(held_out(w, holdout), after, seed=seed) for w in less]
+        after, *afters = each_held_out((found, *less), holdout)
+        gains = [gain(o, after, seed=seed) for o in afters]
         stands = [0.0 if within_a_count(c) else stands_out(found, c) for c in kept]
         poor = [i for i, g in enumerate(gains) if not is_worth(kept[i], g, first=i == 0)]
         poor = [i for i, s in enumerate(stands) if s < 1] or poor
@@ -100,6 +101,11 @@ def adopted(
             dropped.append(Dropped(gone.term.name, gains[worst], why, choice=gone))
             found = less[worst]
             del kept[worst]
+
+
+def each_held_out(fits: Sequence[Corrected], holdout: Sequence[Recording]) -> list[HeldOut]:
+    """Every fit on what it has not seen."""
+    return in_threads(lambda i: held_out(fits[i], holdout), len(fits), what="fits")
 
 
 def stands_out(found: Corrected, choice: Choice) -> float:
@@ -150,10 +156,15 @@ def fitted(
 ) -> Fitted:  # fmt: skip
     """The base simulation and the extended one, side by side."""
     model = model_of(found, train, "extended")
-    before = after if found is base else held_out(base, holdout)
     at = model_at(found.problem, found.optimum.theta, found.optimum.noise)
     profiles = nominal(train[0].profile, tuple(t.name for t in base.structure.terms))
-    wrong = how_wrong(profiles, holdout or train, truth=at, seed=seed)
+
+    def both(i: int) -> Any:
+        if i:
+            return how_wrong(profiles, holdout or train, truth=at, seed=seed)
+        return after if found is base else held_out(base, holdout)
+
+    before, wrong = in_threads(both, 2)
     floor = {a: _number(wrong.at(1.0, a)[1]) for a in AXES}
     return Fitted(base, found, model, gain(before, after, seed=seed), before, after, wrong, floor)
 

@@ -35,7 +35,6 @@ from heli3dof.diagnosis.real_next import next_free_flight
 from heli3dof.diagnosis.result import DOES_NOT_PAY, Diagnosis, Dropped
 from heli3dof.diagnosis.screen import Screen
 from heli3dof.diagnosis.select import TIE
-from heli3dof.diagnosis.workers import WORKERS, in_threads
 from heli3dof.errors import UsageError
 from heli3dof.experiment.plan import load_plan, named_plans
 from heli3dof.identification.greybox.estimate import Estimate
@@ -44,7 +43,10 @@ from heli3dof.model.effects import Term, term
 from heli3dof.model.filtering import data_of
 from heli3dof.model.greybox import GreyBoxModel
 from heli3dof.model.rig_model import Structure
+from heli3dof.threads import in_threads
 
+AT_ONCE = 2
+"""Plans that are asked further before the best is sought again"""
 MOST = 4
 """Tied causes that are simulated; a tie of more is told by its first ones."""
 
@@ -222,7 +224,7 @@ def _outlooks(
         going = [t for t in going if len(margins[t]) < len(truths) and promises(t) > best]
         if not going:
             break
-        fly([(t, i) for t in going[:WORKERS] for i in truths if i not in margins[t]])
+        fly([(t, i) for t in going[:AT_ONCE] for i in truths if i not in margins[t]])
     return [
         Outlook(
             task.plan.name,

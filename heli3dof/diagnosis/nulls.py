@@ -26,7 +26,7 @@ z is divided by the root of the inflation, and the threshold is twice Bonferroni
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -34,9 +34,9 @@ import numpy as np
 from heli3dof.diagnosis.corrected import Corrected, fly_again, look, model_at
 from heli3dof.diagnosis.gumbel import beyond, gumbel
 from heli3dof.diagnosis.screen import Screen, Seen
-from heli3dof.diagnosis.workers import in_threads
 from heli3dof.model.effects import Term
 from heli3dof.recording.recording import Recording
+from heli3dof.threads import in_threads
 
 FALSE_ALARMS = 0.003
 """The share of recordings with nothing to find in which something is found."""
@@ -97,7 +97,6 @@ def simulated_nulls(
     *,
     flights: int,
     seed: int,
-    progress: Callable[[int], None] = lambda done: None,
 ) -> tuple[Nulls, np.ndarray]:
     """Nulls of recordings whose loop is known, and the scores (B, n) of the flights."""
     problem, o = found.problem, found.optimum
@@ -108,7 +107,7 @@ def simulated_nulls(
         at = look(replace(problem, data=data), o.theta, o.noise, whole=False)
         return screen.see(at, prior=False).z, at.g
 
-    out = in_threads(one, flights, progress, what="flights")
+    out = in_threads(one, flights, what="flights")
     z = np.array([z for z, _ in out])
     return judged_by(z, len(screen.plain)), np.array([g for _, g in out])
 

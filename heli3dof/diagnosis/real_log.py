@@ -53,7 +53,6 @@ from heli3dof.diagnosis.result import (
     verdict_of,
 )
 from heli3dof.diagnosis.select import Choice
-from heli3dof.diagnosis.workers import in_threads
 from heli3dof.identification.greybox.freeflight import (
     LEAST_STARTS,
     fit_freeflight,
@@ -65,6 +64,7 @@ from heli3dof.identification.greybox.noise_check import why_freeflight
 from heli3dof.model.effects import terms
 from heli3dof.model.greybox import nominal
 from heli3dof.recording.recording import Recording
+from heli3dof.threads import in_threads
 
 WHY = (
     "The loop is unknown, so no nulls can be flown, and no likelihood can be trusted: {} So the "

@@ -28,12 +28,12 @@ import numpy as np
 from heli3dof.diagnosis.outlook import HOPELESS, NextExperiment, Outlook, percent
 from heli3dof.diagnosis.plan_flights import fly_task, stable, task_of
 from heli3dof.diagnosis.refits import STAGE_S
-from heli3dof.diagnosis.workers import in_threads
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.identification.greybox.freeflight import problem_of
 from heli3dof.identification.greybox.multistep import Fitted, MultiStep, valley
 from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.threads import in_threads
 
 SURE = 1.96
 MOST = 3

@@ -12,13 +12,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.workers import WORKERS, in_threads
 from heli3dof.identification.greybox.descent import FRESH, follow_on
 from heli3dof.identification.greybox.multistep import SETTLED, Fitted, MultiStep, valley
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.model.effects import terms
 from heli3dof.model.greybox_windows import Flight
 from heli3dof.model.rig_model import Structure
+from heli3dof.threads import hands, in_threads
 
 STAGE_S = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 BLOCK_S = 6.0
@@ -54,7 +54,7 @@ class Stand:
         """All of it without that term; ``fits``: the folds' own, where they were made before."""
         each = list(fits) or in_threads(lambda k: refit(self.folds[k][0], name), len(self.folds))
         tests = [test for _, test in self.folds]
-        whole = refit(self.fit, name, threads=WORKERS)
+        whole = refit(self.fit, name, threads=hands())
         return Stand(whole, tuple(zip(each, tests, strict=True)))
 
 

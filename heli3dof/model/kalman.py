@@ -4,11 +4,12 @@ State x = (r, p, ψ, ṙ, ṗ, ψ̇); the rotors' thrusts are known from the vol
 no noise), so they are computed beforehand, exactly. White angular acceleration of intensity a_i²
 ((rad/s²)²/Hz) drives each axis, so over a step h the covariance P grows by
 
-    P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ from ∂q̈/∂(q, q̇) every 20 ms
+    P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ]
 
-and dry friction then stops what it can (`heli3dof.model.dry_friction`). An encoder that reads k
-times its angle counts a² in its own units, a²/k² of the angle's: so what it says of k is in the
-motion alone, not in how noisy the rig would have to be.
+(its derivatives anew every 20 ms), and dry friction then stops what it can
+(`heli3dof.model.dry_friction`). An encoder that reads k times its angle counts a² in its own units,
+a²/k² of the angle's: so what it says of k is in the motion alone, not in how noisy the rig would
+have to be.
 
 What the encoders say acts on x and P as events (`heli3dof.model.encoder_events`), each on one
 number c of the state, with a score g = ∂ ln Z/∂c and an information w = −∂² ln Z/∂c²:
@@ -37,7 +38,7 @@ from heli3dof.model.stepping import flanks, glide, leap, readings, setup
 
 R, T, F_FRONT, F_BACK, FLANK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.FLANK
 STEPPED = _s.STEPPED
-MEASURE = int(_s.Stage.MEASURE)
+MEASURE, DRY = int(_s.Stage.MEASURE), int(_s.Stage.DRY)
 RELINEARISE_S = 0.02
 RATE_0 = 1.0
 """rad/s, how uncertain the rates are where a run starts."""
@@ -45,28 +46,34 @@ STILL = 1e-5
 """rad, a smaller change of a reading than any encoder's step."""
 
 
-def _grow(P, A, h, a2, Phi, W):  # type: ignore[no-untyped-def]
-    """P (6, 6) one step on; A (3, 6) = ∂q̈/∂(q, q̇); Phi and W (6, 6) are work space."""
+def _grow(P, A, h, a2, W):  # type: ignore[no-untyped-def]
+    """P (6, 6) one step on; A (3, 6) = ∂q̈/∂(q, q̇); W (3, 6) is work space.
+
+    Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ], to first order in h.
+    """
     for i in range(3):
-        for j in range(6):
-            Phi[i, j] = 0.5 * h * h * A[i, j]
-            Phi[3 + i, j] = h * A[i, j]
-        Phi[i, i] += 1.0
-        Phi[i, 3 + i] += h
-        Phi[3 + i, 3 + i] += 1.0
-    for i in range(6):
         for j in range(6):
             acc = 0.0
             for n in range(6):
-                acc += Phi[i, n] * P[n, j]
-            W[i, j] = acc
-    for i in range(6):
+                acc += A[i, n] * P[n, j]
+            W[i, j] = P[3 + i, j] + h * acc
+    for i in range(3):
+        for j in range(6):
+            P[i, j] += h * P[3 + i, j]
+    for i in range(3):
+        for j in range(i + 1):
+            P[i, j] += h * P[i, 3 + j]
+            P[j, i] = P[i, j]
+    for i in range(3):
+        for j in range(3):
+            P[3 + i, j] = W[i, j] + h * W[i, 3 + j]
+            P[j, 3 + i] = P[3 + i, j]
         for j in range(i + 1):
             acc = 0.0
             for n in range(6):
-                acc += W[i, n] * Phi[j, n]
-            P[i, j] = acc
-            P[j, i] = acc
+                acc += W[i, n] * A[j, n]
+            P[3 + i, 3 + j] = W[i, 3 + j] + h * acc
+            P[3 + j, 3 + i] = P[3 + i, 3 + j]
     for i in range(3):
         P[i, i] += a2[i] * h * h * h / 3.0
         P[i, 3 + i] += a2[i] * h * h / 2.0
@@ -109,11 +116,11 @@ def _filter(  # type: ignore[no-untyped-def]
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
     x, P, A = np.empty(6), np.empty((6, 6)), np.empty((3, 6))
-    Phi, work = np.zeros((6, 6)), np.empty((6, 6))
+    work = np.empty((3, 6))
     m, slope, w = np.empty(3), np.empty(3), np.zeros((8, 3))
     column, decay = np.empty(6), np.full(3, -1.0)
     last, logZ0 = np.empty(3), np.zeros(3)
-    seen = first[MEASURE + 1] > first[MEASURE]
+    seen, dry = first[MEASURE + 1] > first[MEASURE], first[DRY + 1] > first[DRY]
     E = 0
     for b in range(blocks.shape[0]):
         s = s0.copy()
@@ -228,11 +235,12 @@ def _filter(  # type: ignore[no-untyped-def]
                     linearise(s, x, F[k], first, address, par, mem, axes, w, A)
                 since += h[k]
                 leap(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
-                grow(P, A, h[k], driven, Phi, work)
-                for i in range(3):
-                    w[3, i] = math.sqrt(P[3 + i, 3 + i])
-                if settle(s, x, h[k], first, address, par, mem, axes, w):
-                    shrink(P, h[k], w, column)
+                grow(P, A, h[k], driven, work)
+                if dry:
+                    for i in range(3):
+                        w[3, i] = math.sqrt(P[3 + i, 3 + i])
+                    if settle(s, x, h[k], first, address, par, mem, axes, w):
+                        shrink(P, h[k], w, column)
     return E
 
 

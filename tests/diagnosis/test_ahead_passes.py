@@ -12,7 +12,7 @@ def grown(c: float, d: float) -> np.ndarray:
     """P (6, 6) after d seconds of v̇ = −c v + noise of intensity 1 on roll, from rest."""
     A, P = np.zeros((3, 6)), np.zeros((6, 6))
     A[0, 3] = -c
-    grow_stably(P, A, d, np.array([1.0, 0.0, 0.0]), np.zeros((6, 6)), np.empty((6, 6)))
+    grow_stably(P, A, d, np.array([1.0, 0.0, 0.0]), np.empty((3, 6)))
     return P
 
 

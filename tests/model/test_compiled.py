@@ -71,9 +71,14 @@ def test_what_the_filter_is_made_of_is_the_same_as_in_python() -> None:
     A, a2 = rng.standard_normal((3, 6)), np.array([0.1, 0.2, 0.3])
     half = rng.standard_normal((6, 6))
     one, other = half @ half.T, half @ half.T
-    kalman._grow(one, A, 0.002, a2, np.zeros((6, 6)), np.zeros((6, 6)))
-    kalman.grow(other, A, 0.002, a2, np.zeros((6, 6)), np.zeros((6, 6)))
+    h, eye = 0.002, np.eye(3)
+    Phi = np.block([[eye, h * eye], [h * A[:, :3], eye + h * A[:, 3:]]])
+    drive = np.kron([[h**3 / 3, h**2 / 2], [h**2 / 2, h]], np.diag(a2))
+    whole = Phi @ one @ Phi.T + drive
+    kalman._grow(one, A, h, a2, np.zeros((3, 6)))
+    kalman.grow(other, A, h, a2, np.zeros((3, 6)))
     np.testing.assert_allclose(one, other, rtol=1e-12)
+    np.testing.assert_allclose(one, whole, rtol=1e-12)
     for lo, hi, S in ((-0.2, 0.3, 0.04), (1.4, 1.9, 0.09)):
         np.testing.assert_allclose(
             encoder_events._interval(lo, hi, S), encoder_events.interval(lo, hi, S), rtol=1e-10

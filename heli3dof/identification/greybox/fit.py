@@ -20,6 +20,7 @@ from heli3dof.identification.greybox.likelihood import (
     Pass,
     score_and_information,
 )
+from heli3dof.threads import in_threads
 
 TOLERANCE = 2e-3
 """Of the log-likelihood: a step of 0.06 standard deviations."""
@@ -133,10 +134,9 @@ def better_noise(
     The likelihood is a little rough (the filter decides when to look), so its slope and bend are
     taken over a factor of e^`_PROBE` either way.
     """
-    mid = problem.run(theta, a, keep=0).loglik
     factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
-    up = problem.run(theta, a * factor, keep=0).loglik
-    down = problem.run(theta, a / factor, keep=0).loglik
+    at = (a, a * factor, a / factor)
+    mid, up, down = in_threads(lambda i: problem.run(theta, at[i], keep=0).loglik, 3)
     slope = (up - down) / (2 * _PROBE)
     bend = -(up - 2 * mid + down) / _PROBE**2
     with np.errstate(divide="ignore", invalid="ignore"):
