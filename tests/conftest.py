@@ -23,13 +23,20 @@ for name in ("XDG_RUNTIME_DIR", "XDG_STATE_HOME"):
     os.environ[name] = OWN
 
 import pytest  # noqa: E402
-from hypothesis import settings  # noqa: E402
+from hypothesis import HealthCheck, settings  # noqa: E402
+from hypothesis.internal.conjecture import providers  # noqa: E402
 
 from tests.clock import Clock, installed  # noqa: E402
 
-# A first call may import or compile for seconds; pytest-timeout guards against hanging.
-settings.register_profile("heli3dof", deadline=None)
+# Same code, same examples: a change is not to fail by what another draw finds in another's work.
+# Nor by the clock: a first call may import or compile; pytest-timeout guards against hanging.
+# To look for more: pytest --hypothesis-profile=search.
+settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("heli3dof", settings.get_profile("search"), derandomize=True)
 settings.load_profile("heli3dof")
+# Hypothesis would mix in the constants of whichever of our modules are loaded by then: what else
+# this worker has tested would decide.
+providers._get_local_constants = lambda: providers._local_constants
 
 
 @pytest.fixture

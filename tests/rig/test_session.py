@@ -219,7 +219,10 @@ def test_of_many_that_want_the_rig_at_once_one_gets_it():
     won[0].close()
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+    max_examples=50,
+)
 @given(noise=st.binary(max_size=6000))
 def test_no_bytes_stop_a_session_from_answering(session, noise):
     (found,) = running(DEVICE)
