@@ -5,6 +5,9 @@ identification's small factorisations forty times slower than one thread does.
 
 A test that stops every rig must not reach one that flies outside the tests, or in another worker;
 and calibrations of real rigs are not the tests' to read or write.
+
+Whoever starts the tests in the background (``make test &``) may have them ignore Ctrl-C, and every
+process of theirs with them; a flight that was started so is right to fly on.
 """
 
 from __future__ import annotations
@@ -12,10 +15,18 @@ from __future__ import annotations
 import atexit
 import os
 import shutil
+import signal
 import tempfile
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+
+for number, handler in (
+    (signal.SIGINT, signal.default_int_handler),
+    (signal.SIGTERM, signal.SIG_DFL),
+):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, handler)
 
 OWN = tempfile.mkdtemp(prefix="h3t-")
 atexit.register(shutil.rmtree, OWN, ignore_errors=True)

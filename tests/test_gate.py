@@ -42,3 +42,15 @@ def test_an_example_may_take_its_time() -> None:
 
 def test_chance_is_there_for_who_asks_for_it() -> None:
     assert not settings.get_profile("search").derandomize
+
+
+def test_who_starts_the_tests_in_the_background_does_not_take_ctrl_c_from_them() -> None:
+    # As a shell does with what it starts by `&`: an ignored signal is ignored by every child.
+    ignoring = (
+        "import signal, subprocess, sys; signal.signal(signal.SIGINT, signal.SIG_IGN);"
+        "import tests.conftest; child = 'import signal; print(signal.getsignal(signal.SIGINT))';"
+        "sys.exit(subprocess.call([sys.executable, '-c', child]))"
+    )
+    command = [sys.executable, "-c", ignoring]
+    said = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert "default_int_handler" in said
