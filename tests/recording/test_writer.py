@@ -24,6 +24,7 @@ from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.port import Identity
 from heli3dof.rig.profile import default_profile
 from tests.pace import counted, slower
+from tests.profiles import END_S
 from tests.recording.bench import append_seconds
 from tests.recording.make import STEP, tick, write_flight
 
@@ -119,7 +120,7 @@ def test_rows_reach_the_system_while_the_flight_goes_on(tmp_path: Path) -> None:
         start = path.stat().st_size
         for k in range(20):
             writer.append(tick(k))
-        deadline = time.monotonic() + 5
+        deadline = time.monotonic() + END_S
         while path.stat().st_size == start and time.monotonic() < deadline:
             time.sleep(0.01)
         assert path.stat().st_size > start
@@ -162,7 +163,7 @@ def test_kill_minus_nine_loses_at_most_half_a_second(tmp_path: Path) -> None:
     told = tmp_path / "told.txt"
     with told.open("w") as out:
         process = subprocess.Popen([sys.executable, "-c", FLY, str(path)], stdout=out)
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + END_S
         while time.monotonic() < deadline and len(told.read_text().split()) < 1200:
             time.sleep(0.01)  # 2.4 s of flight
         os.kill(process.pid, signal.SIGKILL)

@@ -25,7 +25,7 @@ from heli3dof.recording.recording import Recording
 from heli3dof.rig.port import Flags
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
-from tests.profiles import PATIENT, STANDSTILL_S, profile, write_profile
+from tests.profiles import END_S, PATIENT, STANDSTILL_S, profile, write_profile
 from tests.safety.bench import Bench
 from tests.safety.table import BY_NAME
 
@@ -51,7 +51,7 @@ class Flight:
 
     def end(self) -> tuple[int, str]:
         """Its exit code, and what it said on stderr."""
-        _, err = self.process.communicate(timeout=60)
+        _, err = self.process.communicate(timeout=END_S)
         return self.process.returncode, err
 
     @property

@@ -36,7 +36,7 @@ from tests.drivers.doors import Door, firmware_door
 from tests.drivers.firmware.building import rig_program
 from tests.profiles import STANDSTILL_S
 
-PATIENCE_S = 5.0
+PATIENCE_S = 30.0
 WATCHDOG_S, RAMP_S = 0.3, 0.2
 BUSY_S = 2 * (STANDSTILL_S + 0.05)
 """s by which a busy machine may hold up the firmware's process, here and there; half of it once"""
