@@ -247,7 +247,11 @@ def test_monitor_watches_a_session_without_opening_its_rig(fake: FakeDriver) -> 
 def test_monitor_ends_when_the_session_that_it_watches_ends(fake: FakeDriver) -> None:
     code = (
         "import time; from heli3dof.rig.session import Session\n"
-        "with Session('fake://1', doing='x'): print('held', flush=True); time.sleep(1)"
+        "asked = []\n"
+        "with Session('fake://1', doing='x') as session:\n"
+        "    session.state = lambda: asked.append(1) or {}\n"
+        "    print('held', flush=True)\n"
+        "    while not asked: time.sleep(0.01)\n"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as p:
         assert p.stdout is not None

@@ -93,7 +93,7 @@ from heli3dof.rig.profile import default_profile
 rig = open_rig(sys.argv[1], default_profile())
 rig.arm()
 print("armed", flush=True)
-for k in range(1, 5000):
+for k in range(1, 100_000):
     sample = rig.exchange(Command(k, 3.0, 3.0), 0.0)
     if not sample.flags & 1:
         print(int(sample.flags), *sample.v_applied, flush=True)

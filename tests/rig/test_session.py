@@ -31,7 +31,7 @@ from heli3dof.rig.session import Session
 from tests.rig.processes import suspend
 session = Session({DEVICE!r}, doing="heli3dof run rich")
 print("held", flush=True)
-time.sleep(60)
+time.sleep(600)
 """
 
 

@@ -201,8 +201,10 @@ def test_lost_frames(lost: str, tmp_path: Path) -> None:
 
 
 def test_second_process(bench: Bench, tmp_path: Path) -> None:
+    words = ("run-step", "--roll", "5", "--device", bench.url)
+    assert heli3dof(*words, "--dry-run").code == 0, "all is imported while there is time"
     with flying(bench, tmp_path, duration_s=2) as flight:
-        second = heli3dof("run-step", "--roll", "5", "--device", bench.url)
+        second = heli3dof(*words)
         assert second.code == BY_NAME["second_process"].exit_code
         assert f"pid {flight.process.pid}" in second.err
         code, err = flight.end()
