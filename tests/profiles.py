@@ -14,6 +14,9 @@ is not always given them."""
 START_S = 240.0
 """s in which a flight in a process of its own begins: the first one compiles, on two cores that
 others use for more than a minute"""
+END_S = 240.0
+"""s in which a process ends that was told to, or a thread comes to what it was given; nothing is
+measured by it"""
 PATIENT = {
     "late_max_s": 2 * STANDSTILL_S,
     "late_max_share": 1.0,

@@ -20,7 +20,7 @@ from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session import Session
 from heli3dof.rig.url import DeviceUrl
 from tests.cli.running import heli3dof
-from tests.profiles import PATIENT, START_S, write_profile
+from tests.profiles import END_S, PATIENT, START_S, write_profile
 from tests.rig.fakes import FakeDriver, only_drivers
 
 MOCK = "mock:?watchdog_s=5&start=level"
@@ -54,7 +54,7 @@ def test_a_flight_is_stopped_from_another_terminal(
         wait_for_flight(flight)
         time.sleep(0.3)
         said = heli3dof("estop", "--reason", "it smells", "--json")
-        _, err = flight.communicate(timeout=60)
+        _, err = flight.communicate(timeout=END_S)
     assert said.code == 0
     (stopped,) = said.document["stopped"]
     assert f"pid {flight.pid}" in stopped["how"]

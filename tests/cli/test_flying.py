@@ -15,8 +15,8 @@ import pytest
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.row import RAMP_DOWN
 from tests.cli.running import heli3dof
+from tests.profiles import END_S, STANDSTILL_S, START_S, write_profile
 from tests.profiles import PATIENT as LIMITS
-from tests.profiles import STANDSTILL_S, START_S, write_profile
 
 LEVEL = "mock:?speed=max&seed=1&start=level"
 HELI3DOF = [sys.executable, "-m", "heli3dof"]
@@ -203,7 +203,7 @@ class RealTime:
 
     def ends(self, number: int) -> tuple[int, str]:
         os.kill(self.process.pid, number)
-        _, err = self.process.communicate(timeout=30)
+        _, err = self.process.communicate(timeout=END_S)
         return self.process.returncode, err
 
 

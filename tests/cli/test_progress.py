@@ -17,6 +17,7 @@ from heli3dof.cli import progress as module
 from heli3dof.cli.console import Talk
 from heli3dof.cli.progress import FlightLine, progress
 from heli3dof.experiment.loop import Live
+from tests.profiles import END_S
 
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
@@ -113,7 +114,7 @@ def shown(talk: Talk) -> str:
     return file.getvalue()
 
 
-def until(talk: Talk, text: str, patience_s: float = 10.0) -> None:
+def until(talk: Talk, text: str, patience_s: float = END_S) -> None:
     last = time.monotonic() + patience_s
     while text not in shown(talk):
         assert time.monotonic() < last, shown(talk)[-500:]

@@ -14,7 +14,6 @@ import pytest
 
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
-from heli3dof.rig import zero
 from heli3dof.rig.attach import running
 from heli3dof.rig.calibration import load_calibration
 from heli3dof.rig.doctor import folder, host, link
@@ -22,7 +21,7 @@ from heli3dof.rig.drivers import load_driver
 from heli3dof.rig.port import Check, Flags
 from heli3dof.rig.session import Session
 from tests.cli.running import heli3dof
-from tests.profiles import STANDSTILL_S
+from tests.profiles import END_S
 from tests.rig.fakes import IDENTITY, FakeDriver, only_drivers
 
 HEAVY = ("numpy", "scipy", "numba", "mcap", "matplotlib")
@@ -164,9 +163,8 @@ def test_a_dry_run_of_zero_stores_nothing(
     assert load_calibration("F-1") is None
 
 
-def test_zero_refuses_a_rig_that_moves(fake: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("heli3dof.cli.zero.SECONDS", 0.1)
-    monkeypatch.setattr(zero, "EVERY_S", 1e-3)
+@pytest.mark.usefixtures("own_clock")
+def test_zero_refuses_a_rig_that_moves(fake: FakeDriver) -> None:
     fake.script = {3: {"counts": (0, 30, 0)}}
     said = heli3dof("zero")
     assert said.code == 6
@@ -206,12 +204,13 @@ def test_where_no_rig_is_found_the_emulated_one_is_looked_at_and_that_is_said(
     assert "mock:" in said.err
 
 
+@pytest.mark.usefixtures("own_clock")
 def test_monitor_reads_a_free_rig_and_never_arms_it(fake: FakeDriver) -> None:
     fake.counts = (313, 0, 0)
     said = heli3dof("monitor", "--seconds", "1", "--json")
     assert said.code == 0
     document = said.document
-    assert 11 - 10 * STANDSTILL_S - 3 <= document["readings"] <= 11, "10 Hz"
+    assert document["readings"] == 10, "10 Hz, and looking takes time too"
     assert document["last"]["roll_deg"] == pytest.approx(0, abs=0.05)
     assert document["pid"] is None
     assert "not enabled" in said.err
@@ -248,16 +247,20 @@ def test_monitor_watches_a_session_without_opening_its_rig(fake: FakeDriver) -> 
 def test_monitor_ends_when_the_session_that_it_watches_ends(fake: FakeDriver) -> None:
     code = (
         "import time; from heli3dof.rig.session import Session\n"
-        "with Session('fake://1', doing='x'): print('held', flush=True); time.sleep(1)"
+        "asked = []\n"
+        "with Session('fake://1', doing='x') as session:\n"
+        "    session.state = lambda: asked.append(1) or {}\n"
+        "    print('held', flush=True)\n"
+        "    while not asked: time.sleep(0.01)\n"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as p:
         assert p.stdout is not None
         p.stdout.readline()
         start = time.monotonic()
-        said = heli3dof("monitor", "--device", "fake://1", "--seconds", "60")
+        said = heli3dof("monitor", "--device", "fake://1", "--seconds", "600")
     assert said.code == 0
     assert "the session has ended" in said.err
-    assert time.monotonic() - start < 30
+    assert time.monotonic() - start < END_S
     assert running("fake://1") == []
 
 
@@ -277,6 +280,6 @@ def test_monitor_ended_with_ctrl_c_tells_what_it_saw() -> None:
         while "pitch" not in p.stderr.readline():
             pass
         p.send_signal(signal.SIGINT)
-        out, _ = p.communicate(timeout=60)
+        out, _ = p.communicate(timeout=END_S)
     assert p.returncode == 130
     assert json.loads(out)["readings"] >= 1

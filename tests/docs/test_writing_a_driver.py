@@ -17,6 +17,7 @@ from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.port import Command
 from heli3dof.rig.profile import default_profile
 from tests.paths import ROOT
+from tests.profiles import END_S
 
 from .lab_amplifier import LabAmplifier
 
@@ -69,7 +70,7 @@ def test_the_pages_own_test_of_the_driver_passes(package: Path, amplifier: LabAm
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rs", "test_lab.py"],
         cwd=package, env={**os.environ, "PYTHONPATH": str(package)},
-        capture_output=True, text=True, timeout=120,
+        capture_output=True, text=True, timeout=END_S,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
     assert done.stdout.count("SKIPPED") <= 1  # it counts nothing

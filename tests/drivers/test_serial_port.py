@@ -28,6 +28,7 @@ from heli3dof.rig.url import parse_url
 from tests.drivers.doors import Door, python_door
 from tests.drivers.emulator.still import still_endpoint
 from tests.paths import ROOT
+from tests.profiles import END_S
 
 PROFILE = default_profile()
 DRIVER = load_driver("serial")
@@ -92,7 +93,7 @@ from heli3dof.rig.profile import default_profile
 rig = open_rig(sys.argv[1], default_profile())
 rig.arm()
 print("armed", flush=True)
-for k in range(1, 5000):
+for k in range(1, 100_000):
     sample = rig.exchange(Command(k, 3.0, 3.0), 0.0)
     if not sample.flags & 1:
         print(int(sample.flags), *sample.v_applied, flush=True)
@@ -118,7 +119,7 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
     said = DRIVER.estop(parse_url(url))
     assert "stop" in said
     assert flight.stdout.readline() == "16 0.0 0.0\n"
-    flight.wait(timeout=20)
+    flight.wait(timeout=END_S)
     rig = open_rig(url, PROFILE)
     assert rig.read().flags == Flags.ESTOP
     rig.close()
@@ -135,7 +136,7 @@ def test_estop_reaches_a_rig_whose_holder_hangs_with_the_line_full(door: Door):
         assert "the rig says so" in DRIVER.estop(parse_url(url))
     finally:
         flight.kill()
-        flight.wait(timeout=20)
+        flight.wait(timeout=END_S)
 
 
 def test_estop_reaches_a_rig_that_nobody_holds(door: Door):

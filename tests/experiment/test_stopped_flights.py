@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+import threading
 
 import pytest
 
@@ -12,6 +12,7 @@ from heli3dof.experiment.plan import step_plan
 from heli3dof.recording.row import RAMP_DOWN
 from heli3dof.rig.attach import Question, running
 from heli3dof.rig.port import Command, Flags, Identity, Sample
+from heli3dof.rig.session import Session
 from tests.rig.fakes import FakeDriver, FakeRig, only_drivers
 
 PERIODS = 50
@@ -42,8 +43,19 @@ class Watching(FakeDriver):
         return self.rigs[-1]
 
 
+heard = threading.Event()
+
+
 @pytest.fixture
 def driver(monkeypatch: pytest.MonkeyPatch) -> Watching:
+    ask_estop = Session.ask_estop
+
+    def asked(self: Session, reason: str) -> None:
+        ask_estop(self, reason)
+        heard.set()
+
+    heard.clear()
+    monkeypatch.setattr(Session, "ask_estop", asked)
     driver = Watching(counts=LEVEL)
     only_drivers(monkeypatch, fake=driver)
     return driver
@@ -52,7 +64,7 @@ def driver(monkeypatch: pytest.MonkeyPatch) -> Watching:
 def ask(identity: Identity | None = None) -> None:
     (session,) = running("fake://1")
     Question(session, {"do": "estop", "reason": "smoke"})
-    time.sleep(0.2)  # the session's thread has heard it by then
+    assert heard.wait(60), "by the session's thread"
 
 
 def flown(**keys: object) -> Flight:

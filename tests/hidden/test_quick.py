@@ -5,8 +5,6 @@ The whole is `make bench-hidden`. These seeds are development's, not the final t
 
 from __future__ import annotations
 
-import pytest
-
 from tests.hidden.cases import Truth
 from tests.hidden.judge import Verdict, judge
 from tests.hidden.run import one
@@ -18,13 +16,11 @@ def verdict(group: str, seed: int) -> Verdict:
     return judge(line["document"], Truth(**line["truth"]))
 
 
-@pytest.mark.timeout(600)
 def test_large_dry_friction_in_yaw_is_the_first_cause_and_no_wrong_name_is_asserted() -> None:
     v = verdict("rich-large", 1001)
     assert v.first
     assert not v.wrong
 
 
-@pytest.mark.timeout(600)
 def test_a_plain_run_step_in_which_nothing_is_hidden_raises_no_alarm() -> None:
     assert not verdict("run-step-nothing", 1000).said

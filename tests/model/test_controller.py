@@ -22,6 +22,7 @@ from heli3dof.model.controller import (
 )
 from heli3dof.rig.profile import ControllerSpec
 from tests.model.examples import DEG, PROFILE, SPEC
+from tests.pace import slower
 
 V_O = PROFILE.motor.V_o
 LEVEL = (0.0, 0.0, 0.0)
@@ -217,7 +218,7 @@ def test_a_tick_in_flight_costs_under_30_microseconds_and_does_not_import_numba(
         for _ in range(200):
             c.step(angle, angle)
         best = min(best, (time.perf_counter() - start) / 200)
-    assert best < 30e-6
+    assert best < 30e-6 * slower()
     code = (
         "import sys; from heli3dof.model.controller import Controller; "
         "from heli3dof.rig.profile import default_profile; "

@@ -20,6 +20,7 @@ from heli3dof.recording.provenance import provenance
 from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.hold import hold
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
+from tests.profiles import END_S
 
 DEVICE = "mock:?speed=max&start=level"
 SETTLE_S = 5.0
@@ -66,7 +67,7 @@ def read_in_flight(
     return readings, outcome
 
 
-def until_written(file: RecordingWriter, rows: int, patience_s: float = 20.0) -> None:
+def until_written(file: RecordingWriter, rows: int, patience_s: float = END_S) -> None:
     """Wait for the recorder."""
     last = time.monotonic() + patience_s
     while file._file.row_count < rows and time.monotonic() < last:

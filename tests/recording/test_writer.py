@@ -23,6 +23,8 @@ from heli3dof.recording.recover import recover
 from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.port import Identity
 from heli3dof.rig.profile import default_profile
+from tests.pace import counted, slower
+from tests.profiles import END_S
 from tests.recording.bench import append_seconds
 from tests.recording.make import STEP, tick, write_flight
 
@@ -118,7 +120,7 @@ def test_rows_reach_the_system_while_the_flight_goes_on(tmp_path: Path) -> None:
         start = path.stat().st_size
         for k in range(20):
             writer.append(tick(k))
-        deadline = time.monotonic() + 5
+        deadline = time.monotonic() + END_S
         while path.stat().st_size == start and time.monotonic() < deadline:
             time.sleep(0.01)
         assert path.stat().st_size > start
@@ -161,7 +163,7 @@ def test_kill_minus_nine_loses_at_most_half_a_second(tmp_path: Path) -> None:
     told = tmp_path / "told.txt"
     with told.open("w") as out:
         process = subprocess.Popen([sys.executable, "-c", FLY, str(path)], stdout=out)
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + END_S
         while time.monotonic() < deadline and len(told.read_text().split()) < 1200:
             time.sleep(0.01)  # 2.4 s of flight
         os.kill(process.pid, signal.SIGKILL)
@@ -185,10 +187,20 @@ def test_kill_minus_nine_loses_at_most_half_a_second(tmp_path: Path) -> None:
     assert r.profile == default_profile()
 
 
-def test_a_tick_costs_under_ten_microseconds_at_the_median(tmp_path: Path) -> None:
-    # The best of three runs: what the recorder costs, not what else the machine does.
+def test_a_tick_costs_the_loop_a_pack_and_an_append(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "a.mcap", default_profile()) as writer:
+        writer.append(tick(0))
+        row = tick(1)
+        work = counted(lambda: writer.append(row))
+    assert work.calls <= 6, "append, len, the packer's, pack, the deque's"
+    assert work.instructions < 300, "150; a row of 31 values made one by one would be 500 more"
+
+
+def test_a_tick_costs_under_twenty_microseconds_at_the_median(tmp_path: Path) -> None:
+    # The best of three runs: what the recorder costs, not what else the machine does. `make bench`
+    # holds the median of a quiet machine to ten.
     runs = [append_seconds(tmp_path / "a.mcap", 2000) for _ in range(3)]
-    assert min(statistics.median(run) for run in runs) < 10e-6
+    assert min(statistics.median(run) for run in runs) < 20e-6 * slower()
 
 
 def test_provenance_tells_what_is_needed_to_judge_or_repeat(tmp_path: Path) -> None:

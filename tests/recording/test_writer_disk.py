@@ -22,6 +22,7 @@ from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recover import recover
 from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.profile import default_profile
+from tests.profiles import END_S
 from tests.recording.make import tick
 
 
@@ -87,7 +88,7 @@ except NoSpace:  # from an append, or where all were taken first, from close
 def test_when_the_system_itself_says_full_the_file_is_whole_or_recoverable(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     done = subprocess.run(
-        [sys.executable, "-c", FILL, str(path)], capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", FILL, str(path)], capture_output=True, text=True, timeout=END_S
     )
     assert done.stdout.strip() == "NoSpace", done.stderr
     try:
@@ -99,7 +100,7 @@ def test_when_the_system_itself_says_full_the_file_is_whole_or_recoverable(tmp_p
     np.testing.assert_array_equal(r.t, np.arange(len(r)) * 0.002)
 
 
-def until(true: Callable[[], bool], seconds: float = 10.0) -> bool:
+def until(true: Callable[[], bool], seconds: float = END_S) -> bool:
     deadline = time.monotonic() + seconds
     while not true() and time.monotonic() < deadline:
         time.sleep(0.005)
@@ -125,7 +126,7 @@ def test_a_disk_that_is_slow_to_keep_holds_up_neither_loop_nor_recorder(
 ) -> None:
     path = tmp_path / "a.mcap"
     go = threading.Event()
-    monkeypatch.setattr(syncing, "_sync", lambda fd: go.wait(20))
+    monkeypatch.setattr(syncing, "_sync", lambda fd: go.wait(2 * END_S))
     with RecordingWriter(path, default_profile()) as writer:
         for k in range(4):
             size = path.stat().st_size
@@ -167,7 +168,7 @@ def test_a_recorder_that_falls_behind_says_so_before_memory_fills(
     real = McapFile.write_chunk
 
     def stuck(self: McapFile, data: bytes) -> None:
-        go.wait(20)
+        go.wait(END_S)
         real(self, data)
 
     monkeypatch.setattr(McapFile, "write_chunk", stuck)

@@ -73,7 +73,7 @@ def test_a_damaged_file_is_not_used_and_that_is_said(text):
     assert "cannot be read" in rest.note
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(
     serial=st.text(st.characters(codec="utf-8"), min_size=1, max_size=40),
     boot=st.none() | st.integers(0, 2**32 - 1),

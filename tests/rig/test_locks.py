@@ -19,7 +19,7 @@ from pathlib import Path
 from heli3dof.rig.locks import Lock
 lock = Lock(Path(sys.argv[1]), "usb:", passing=True)
 print("held", flush=True)
-time.sleep(60)
+time.sleep(600)
 """
 
 

@@ -16,7 +16,7 @@ from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.port import Flags
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
-from tests.profiles import PATIENT, START_S, write_profile
+from tests.profiles import END_S, PATIENT, START_S, write_profile
 from tests.rig.processes import suspend
 
 DOOR = [sys.executable, "-m", "heli3dof_drivers.emulator.door_pty", "--with-parent"]
@@ -62,7 +62,7 @@ def test_a_flight_is_stopped_through_its_session(device, flight, monkeypatch):
     said = heli3dof("estop", "--device", device, "--json")
     (stopped,) = said.document["stopped"]
     assert f"pid {flight.pid}" in stopped["how"]
-    out, err = flight.communicate(timeout=60)
+    out, err = flight.communicate(timeout=END_S)
     assert flight.returncode == 4, err
     assert json.loads(out)["outcome"] == "tripped"
     assert is_stopped(device)

@@ -25,7 +25,7 @@ from heli3dof.recording.recording import Recording
 from heli3dof.rig.port import Flags
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
-from tests.profiles import PATIENT, STANDSTILL_S, profile, write_profile
+from tests.profiles import END_S, PATIENT, STANDSTILL_S, profile, write_profile
 from tests.safety.bench import Bench
 from tests.safety.table import BY_NAME
 
@@ -51,7 +51,7 @@ class Flight:
 
     def end(self) -> tuple[int, str]:
         """Its exit code, and what it said on stderr."""
-        _, err = self.process.communicate(timeout=60)
+        _, err = self.process.communicate(timeout=END_S)
         return self.process.returncode, err
 
     @property
@@ -201,8 +201,10 @@ def test_lost_frames(lost: str, tmp_path: Path) -> None:
 
 
 def test_second_process(bench: Bench, tmp_path: Path) -> None:
+    words = ("run-step", "--roll", "5", "--device", bench.url)
+    assert heli3dof(*words, "--dry-run").code == 0, "all is imported while there is time"
     with flying(bench, tmp_path, duration_s=2) as flight:
-        second = heli3dof("run-step", "--roll", "5", "--device", bench.url)
+        second = heli3dof(*words)
         assert second.code == BY_NAME["second_process"].exit_code
         assert f"pid {flight.process.pid}" in second.err
         code, err = flight.end()

@@ -36,7 +36,7 @@ from tests.drivers.doors import Door, firmware_door
 from tests.drivers.firmware.building import rig_program
 from tests.profiles import STANDSTILL_S
 
-PATIENCE_S = 5.0
+PATIENCE_S = 30.0
 WATCHDOG_S, RAMP_S = 0.3, 0.2
 BUSY_S = 2 * (STANDSTILL_S + 0.05)
 """s by which a busy machine may hold up the firmware's process, here and there; half of it once"""
@@ -246,11 +246,11 @@ def test_a_drill_stops_the_rig_and_says_why(drill: str, cause: Cause, flag: int,
 
 
 def test_while_the_fault_lasts_nobody_arms():
-    with rig(*PATIENT, "--fault-after", "0.1:0.5") as (_, host):
+    with rig(*PATIENT, "--fault-after", "0.1:1.5") as (_, host):
         host.arm()
         host.fly(3.0)
         assert host.arm().code == Code.FAULT
-        time.sleep(0.8)
+        time.sleep(1.8)
         assert host.arm().code == Code.OK
 
 
@@ -284,13 +284,15 @@ def test_a_jump_comes_between_two_samples():
 
 def test_on_a_lossy_line_what_is_taken_is_right():
     with rig("--drop", "0.002", "--corrupt", "0.002", "--seed", "5") as (_, host):
-        answers = 0
-        for number in range(400):
-            host.say(Status(number))
+        answers, said, end = 0, -1, time.monotonic() + PATIENCE_S
+        while (said < 399 or answers <= 200) and time.monotonic() < end:
+            if said < 399:
+                said += 1
+                host.say(Status(said))
             time.sleep(0.001)
             for frame in host.splitter.feed(host.port.read(host.port.in_waiting)):
                 assert isinstance(frame, Report)
-                assert frame.number <= number
+                assert frame.number <= said
                 assert frame.uptime_ms < 60_000
                 answers += 1
         assert answers > 200
@@ -311,7 +313,8 @@ def test_told_to_end_it_leaves_zero_volts_and_no_link(tmp_path: Path):
 
 def test_with_its_parent_it_ends(tmp_path: Path):
     link = tmp_path / "rig"
-    shell = f"{rig_program()} --with-parent --link {link} & sleep 0.3"
+    rig = f"{rig_program()} --with-parent --link {link}"
+    shell = f"{rig} & until test -L {link}; do sleep 0.05; done"
     subprocess.run(["sh", "-c", shell], stdout=subprocess.DEVNULL, timeout=PATIENCE_S)
     end = time.monotonic() + PATIENCE_S
     while link.is_symlink():  # taken away at its end

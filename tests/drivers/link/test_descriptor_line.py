@@ -13,6 +13,7 @@ from heli3dof_drivers.link import descriptor_line
 from heli3dof_drivers.link.descriptor_line import DescriptorLine
 
 from heli3dof.errors import DeviceError
+from tests.profiles import END_S
 
 
 def terminal() -> tuple[int, int]:
@@ -29,7 +30,7 @@ def test_what_is_written_is_read_and_silence_is_empty():
     device, host = terminal()
     line = DescriptorLine(host, "line", lambda: os.close(host))
     os.write(device, b"abc")
-    assert line.read(1.0) == b"abc"
+    assert line.read(END_S) == b"abc"
     start = time.monotonic()
     assert line.read(0.05) == b""
     assert time.monotonic() - start >= 0.045
@@ -68,10 +69,11 @@ def test_bytes_that_another_reader_took_first_are_not_the_end_of_the_line(
     device, host = terminal()
     line = DescriptorLine(host, "line", lambda: os.close(host))
     # The system said that bytes are there; heli3dof estop, beside us, has read them since.
+    select = descriptor_line.select.select
     monkeypatch.setattr(descriptor_line.select, "select", lambda r, w, x, t: (r, w, x))
     assert line.read(1.0) == b""
     os.write(device, b"still here")
-    time.sleep(0.05)
+    select([host], [], [], END_S)
     assert line.read(1.0) == b"still here"
     os.close(device)
     with pytest.raises(DeviceError, match="is gone"):

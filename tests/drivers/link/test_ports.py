@@ -101,7 +101,7 @@ def test_a_port_that_heli3dof_holds_is_a_rigs_and_anothers_is_not(tmp_path):
     port.touch()
     take = f"import fcntl, time; f = open({str(port)!r}, 'r+'); fcntl.flock(f, 2)"
     for name, known in (("heli3dof", True), ("octoprint", False)):
-        command = [sys.executable, "-c", f"{take}; print(flush=True); time.sleep(60)", name]
+        command = [sys.executable, "-c", f"{take}; print(flush=True); time.sleep(600)", name]
         with subprocess.Popen(command, stdout=subprocess.PIPE) as holder:
             assert holder.stdout is not None
             holder.stdout.readline()
