@@ -15,8 +15,16 @@ of the fit tell how its score scatters, C, the prior counts the more, the less t
 
     Λ_jj ← Λ_jj max(1, C_jj / H_jj),     C and H of what is left
 
+An instant stays where a scan put it (`heli3dof.diagnosis.corrected.HELD`): no other block tells
+when within this one a mass changed, and a step along it would leave a rig whose mass never did.
+
 The noise is no part of a cause: its intensities are found again on the data that judge, for the
 base as for the extension, so that neither wins because a later flight was a rougher one.
+
+The filter that judges starts a while before a block. Beside a play that while is `PLAY_SETTLE_S`:
+where within the play the axis stands only edges of both flanks tell, and a filter that does not
+know it takes the next edges for ones that were hardly possible: a block's first two seconds alone
+may cost more of ln Z than the cause that is judged wins in the whole flight.
 """
 
 from __future__ import annotations
@@ -28,6 +36,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.ahead import ahead, of_rows, starts_of
+from heli3dof.diagnosis.corrected import held
 from heli3dof.diagnosis.gain import CELL_S, HORIZON_S, Course, HeldOut
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.identification.greybox.estimate import Estimate
@@ -44,8 +53,8 @@ PURGE_S = 0.5
 ROUNDS = 4
 FAR = 1.0
 LEAST_PIECE_S = 1.0
-SETTLE_S = 1.0
-"""The filter starts this much before the rows that count."""
+SETTLE_S, PLAY_SETTLE_S = 1.0, 5.0
+"""The filter starts this much before the rows that count; so much where it knows of a play."""
 NOISE_STEPS = 4
 _PROBE = 0.4  # step of the log intensity
 
@@ -123,12 +132,14 @@ def _refitted(found: Estimate, at: Pass, tangents: np.ndarray, rows: tuple[int, 
         precision = precision * np.maximum(1.0, share / np.maximum(np.diag(H), 1e-12))
         problem = _believing(problem, precision)
     A = H + np.diag(precision)
-    step = np.linalg.solve(A, g - tilt - precision * (theta - problem.prior_mean))
+    step, go = np.zeros(len(theta)), ~held(problem)
+    slope = g - tilt - precision * (theta - problem.prior_mean)
+    step[go] = np.linalg.solve(A[np.ix_(go, go)], slope[go])
     there = np.clip(theta + step, *problem.bounds)
     if float(step @ A @ step) < FAR**2:
         return np.asarray(there)
-    slope = Tilt(tilt, np.zeros(3), theta, noise)
-    return maximise_tilted(problem, there, noise, slope, rounds=ROUNDS, hold_noise=True).theta
+    false = Tilt(tilt, np.zeros(3), theta, noise)
+    return maximise_tilted(problem, there, noise, false, rounds=ROUNDS, hold_noise=True).theta
 
 
 def _believing(problem: Likelihood, precision: np.ndarray) -> Likelihood:
@@ -155,7 +166,7 @@ def _evaluate(
 ) -> Seen:
     """What the rig at θ says of rows [a, b), at the noise that suits it best there."""
     whole = problem.data
-    near = replace(problem, data=_near(whole, rows))
+    near = replace(problem, data=_near(whole, rows, settling_s(problem)))
     noise = _noise(near, theta, noise, rows[0])
     X = near.run(theta, noise, keep=3).X
     assert X is not None
@@ -171,10 +182,16 @@ def _evaluate(
     return Seen(loglik, ends, np.where(counts[:, None], e.errors[:, 0], np.nan))
 
 
-def _near(d: Data, rows: tuple[int, int]) -> Data:
-    """The runs' parts in rows [a, b), each with `SETTLE_S` before it where there is as much."""
+def settling_s(problem: Likelihood) -> float:
+    """How long before the rows that count the filter starts."""
+    played = any(t.effect.starts for t in problem.structure.terms)
+    return PLAY_SETTLE_S if played else SETTLE_S
+
+
+def _near(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -> Data:
+    """The runs' parts in rows [a, b), each with ``settle_s`` before it where there is as much."""
     dt = float(np.median(d.h))
-    settle, lead = round(SETTLE_S / dt), round(LEAD_S / dt)
+    settle, lead = round(settle_s / dt), round(LEAD_S / dt)
     kept = []
     for first, start, stop in d.blocks.tolist():
         low, high = max(start, rows[0] - settle), min(stop, rows[1])

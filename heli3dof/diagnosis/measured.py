@@ -79,7 +79,7 @@ def adopted(
         less = in_threads(lambda i, f=found: without(f, kept[i].term), len(kept))  # type: ignore[misc]
         after, *afters = each_held_out((found, *less), holdout)
         gains = [gain(o, after, seed=seed) for o in afters]
-        stands = [0.0 if within_a_count(c) else stands_out(found, c) for c in kept]
+        stands = [0.0 if within_a_count(found, c) else stands_out(found, c) for c in kept]
         poor = [i for i, g in enumerate(gains) if not is_worth(kept[i], g, first=i == 0)]
         poor = [i for i, s in enumerate(stands) if s < 1] or poor
         if not poor:
@@ -87,7 +87,7 @@ def adopted(
         worst = min(poor, key=lambda i: (min(stands[i], 1.0), won(gains[i])))
         gone = kept[worst]
         if stands[worst] < 1:
-            why = WITHIN_A_COUNT if within_a_count(gone) else COLOURED
+            why = WITHIN_A_COUNT if within_a_count(found, gone) else COLOURED
             others: Iterable[tuple[Choice, Corrected]] = ()
         else:
             why, others = DOES_NOT_PAY, instead(less[worst], gone, asked) if instead else ()
@@ -122,12 +122,13 @@ def stands_out(found: Corrected, choice: Choice) -> float:
     return math.inf if rho <= 1 else choice.Z2 / rho / choice.threshold
 
 
-def within_a_count(choice: Choice) -> bool:
+def within_a_count(found: Corrected, choice: Choice) -> bool:
     """Whether it is play of at most one count, or is (or is tied with) a zero off by no more.
 
     Where within a count the zero lies is nobody's doing: counts begin at power-up, and a card that
     rounds down reads half a count less than one that rounds. On pitch that is a torque on yaw. And
-    play that an encoder cannot show by one count is none that it has shown.
+    play that an encoder cannot show by one count is none that it has shown. Its own size is that in
+    ``found``, the last fit: without a cause that went it may be another than when it was taken.
     """
     for c in choice.contenders:
         axis, own = c.term.axis, c.term.name == choice.term.name
@@ -138,9 +139,16 @@ def within_a_count(choice: Choice) -> bool:
         if not own and c.term.name not in choice.tied_with:
             continue
         count_deg = 360.0 / abs(getattr(c.problem.structure.profile.encoder, axis))
-        if abs(c.problem.values(c.optimum.theta)[-1]) <= count_deg:
+        size = _size(found, c.term.name) if own else c.problem.values(c.optimum.theta)[-1]
+        if abs(size) <= count_deg:
             return True
     return False
+
+
+def _size(found: Corrected, name: str) -> float:
+    """A term's first number in a fit, in its unit"""
+    j = next(j for j, f in enumerate(found.free) if f.term == name)
+    return float(found.values[j])
 
 
 def is_worth(choice: Choice, g: Gain, *, first: bool) -> bool:

@@ -40,7 +40,7 @@ class Settled:
 def unnamed(bench: Bench, start: Settled, holdout: Sequence[Recording], *, flights: int) -> Settled:
     """``start`` is what was adopted; ``flights``: simulated nulls of each look."""
     if start.found.scatter is None:  # it may fly now that something was not adopted
-        start = replace(start, found=settled_again(bench, start.found))
+        start = _less(bench, start, (), holdout)
     now, posed = start, list[str]()
     first: tuple[tuple[Leftover, ...], Held] | None = None
     while True:

@@ -11,22 +11,29 @@ from heli3dof.diagnosis.ahead import covariance_floor_deg, floor_deg, model_ahea
 from heli3dof.diagnosis.corrected import Corrected, Informed
 from heli3dof.diagnosis.gain import Course, HeldOut, gain, pays
 from heli3dof.diagnosis.gain_folds import (
+    PLAY_SETTLE_S,
     PURGE_S,
+    SETTLE_S,
     _near,
     _noise,
     _refitted,
+    _row_by_row,
     on_blocks,
     on_holdout,
+    settling_s,
     training,
 )
 from heli3dof.diagnosis.gain_replay import replayed
 from heli3dof.diagnosis.how_wrong import how_wrong
+from heli3dof.diagnosis.tilted import maximise_tilted
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.method import fit_greybox, model_of, usable_runs
-from heli3dof.model.filtering import data_of
+from heli3dof.model.effects import terms
+from heli3dof.model.filtering import Data, data_of
 from heli3dof.model.greybox import nominal
+from heli3dof.model.rig_model import Structure
 from heli3dof.recording.recording import Recording
 
 HIDDEN = "friction.viscous.yaw"
@@ -152,6 +159,58 @@ def test_without_a_flight_s_only_step_an_inertia_stays_near_what_was_believed(
     # Λ C/H ≫ H: within about b/(Λ C/H) of the prior's mean, a fraction of the tolerance.
     tolerance = step.profile.tolerance
     assert abs(o.theta[1] + stays - problem.prior_mean[1]) < tolerance
+
+
+@pytest.fixture(scope="module")
+def changed() -> Estimate:
+    """A flight with play in roll's encoder, in which 20 g are put on at 30 s; fitted."""
+    hide = "encoder.backlash.roll:0.5,mass.change:0.02@30"
+    recording = fly_plan(
+        load_plan("rich"), device=f"mock:?speed=max&hide={hide}", seed=1214
+    ).recording
+    problem = Informed(
+        data_of([recording], usable_runs(recording, 0)),
+        Structure(recording.profile, terms(["encoder.backlash.roll", "mass.change"])),
+    )
+    values = [f.start for f in problem.structure.free[:4]] + [0.5, 0.02, 30.0]
+    noise = np.array([0.004, 0.013, 0.002, 0.0])
+    fit = maximise_tilted(problem, problem.coordinates(np.array(values)), noise, None)
+    return Corrected(problem, fit)
+
+
+def test_an_instant_stays_where_it_is_when_its_own_block_is_left_out(changed: Estimate) -> None:
+    problem, o = changed.problem, changed.optimum
+    at = problem.run(o.theta, o.noise)
+    t = problem.data.t
+    rows = (int(np.searchsorted(t, 25.0)), int(np.searchsorted(t, 37.0)))
+    theta = _refitted(changed, at, problem.tangents(o.theta, at), rows)
+    values = dict(zip(problem.structure.names, problem.values(theta), strict=True))
+    # Let go, it went to half a second: a rig that is heavier from the start.
+    assert values["mass.change.time_s"] == pytest.approx(30.0, abs=1e-9)
+    assert values["mass.change.mass_kg"] == pytest.approx(0.02, rel=0.1)
+    assert values["encoder.backlash.roll.angle_deg"] == pytest.approx(0.5, abs=0.03)
+
+
+def test_beside_a_play_a_filter_settles_as_if_it_had_run_from_the_flight_s_start(
+    changed: Estimate, right: Estimate
+) -> None:
+    assert (settling_s(right.problem), settling_s(changed.problem)) == (SETTLE_S, PLAY_SETTLE_S)
+    problem, o = changed.problem, changed.optimum
+    d = problem.data
+    first, stop = (int(d.blocks[0, k]) for k in (1, 2))
+    before = round(PLAY_SETTLE_S / 0.002)
+
+    def roll(data: Data) -> np.ndarray:
+        """(N,) ln Z of roll's rows"""
+        X = replace(problem, data=data).run(o.theta, o.noise, keep=3).X
+        return np.asarray(_row_by_row(data, X)[:, 0])
+
+    whole = roll(d)
+    for a in range(first + before, stop - 1000, 1000):  # every two seconds a block of as many
+        near = _near(d, (a, a + 1000), PLAY_SETTLE_S)
+        assert int(near.blocks[0, 1]) == a - before
+        apart = roll(near)[a : a + 1000].sum() - whole[a : a + 1000].sum()
+        assert abs(apart) < 1.0
 
 
 def test_on_a_second_flight_the_right_extension_pays_too(base: Estimate, right: Estimate) -> None:

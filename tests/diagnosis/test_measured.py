@@ -8,14 +8,17 @@ from typing import Any, cast
 
 import pytest
 
+from heli3dof.diagnosis import measured
 from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.gain import Interval
 from heli3dof.diagnosis.measured import (
+    adopted,
     beside_each_other,
     is_worth,
     stands_out,
     within_a_count,
 )
+from heli3dof.diagnosis.result import DOES_NOT_PAY, WITHIN_A_COUNT
 from heli3dof.diagnosis.select import WEAK, Choice
 from heli3dof.model.effects import terms
 
@@ -126,32 +129,84 @@ def test_a_cause_stands_out_of_slow_noise_by_as_much_as_that_scatters_more() -> 
     assert stands_out(found_with(1.0), drag) == float("inf")
 
 
-def offset_of(
-    angle_deg: float, tied: tuple[str, ...], first: str, of: str = "encoder.offset.pitch"
-) -> Choice:
-    """``first`` and what is wrong with pitch's encoder by so much, both fitted."""
+OFFSET, PLAY, MASS = "encoder.offset.pitch", "encoder.backlash.pitch", "mass.change"
+
+
+def encoder_of(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFFSET) -> Choice:
+    """``first`` and what is wrong with pitch's encoder by so much, as they were taken."""
     encoder = SimpleNamespace(roll=4096, pitch=-4096, yaw=8192)
     problem = SimpleNamespace(
         values=lambda theta: theta,
         structure=SimpleNamespace(profile=SimpleNamespace(encoder=encoder)),
     )
-    optimum = SimpleNamespace(theta=[1.17, angle_deg])
-    offset = Contender(terms([of])[0], cast(Any, problem), cast(Any, optimum), 90.0, 90.0, 0)
+    optimum = SimpleNamespace(theta=[1.17, size_deg])
+    own = Contender(terms([of])[0], cast(Any, problem), cast(Any, optimum), 90.0, 90.0, 0)
     other = Contender(terms([first])[0], NONE, NONE, 95.0, 95.0, 0)
-    fits = (offset,) if first == of else (other, offset)
+    fits = (own,) if first == of else (other, own)
     return Choice(fits[0].term, 95.0, 95.0, 1.0, tied, fits)
+
+
+def fit_of(**sizes: float) -> Any:
+    """A fit of these terms (``__`` for a dot) and first numbers."""
+    names = [n.replace("__", ".") for n in sizes]
+    return SimpleNamespace(
+        free=[SimpleNamespace(term=n) for n in names], values=[*sizes.values()],
+        colour=[1.0] * len(names),
+    )  # fmt: skip
+
+
+def within(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFFSET) -> bool:
+    """Of the same size in the last fit as when it was taken."""
+    found = fit_of(**{first: size_deg if first == of else 0.02})
+    return within_a_count(found, encoder_of(size_deg, tied, first, of))
 
 
 def test_what_a_zero_within_one_count_does_as_well_is_no_cause() -> None:
     # A count on pitch is 360°/4096 = 0.088°.
-    offset = "encoder.offset.pitch"
-    assert within_a_count(offset_of(-0.05, (), offset))
-    assert not within_a_count(offset_of(-0.1, (), offset))
-    assert within_a_count(offset_of(0.05, (offset,), "aero.reaction_torque"))
-    play = "encoder.backlash.pitch"
-    assert within_a_count(offset_of(0.05, (), play, play))
-    assert not within_a_count(offset_of(0.1, (), play, play))
+    assert within(-0.05, (), OFFSET)
+    assert not within(-0.1, (), OFFSET)
+    assert within(0.05, (OFFSET,), "aero.reaction_torque")
+    assert within(0.05, (), PLAY, PLAY)
+    assert not within(0.1, (), PLAY, PLAY)
     # A torque that is tied with so little play may still be a torque.
-    assert not within_a_count(offset_of(0.05, (play,), "aero.reaction_torque", play))
+    assert not within(0.05, (PLAY,), "aero.reaction_torque", PLAY)
     # Where the flight tells the two apart, what is found is not the encoder's.
-    assert not within_a_count(offset_of(0.05, (), "aero.reaction_torque"))
+    assert not within(0.05, (), "aero.reaction_torque")
+
+
+def test_the_last_fit_says_how_large_it_is() -> None:
+    taken = encoder_of(0.5, (), PLAY, PLAY)
+    assert within_a_count(fit_of(encoder__backlash__pitch=0.017), taken)
+    assert not within_a_count(fit_of(encoder__backlash__pitch=0.5), taken)
+
+
+@pytest.mark.parametrize(
+    ("mass_pays", "named"),
+    [
+        (True, [PLAY, MASS]),
+        (False, []),  # without it the play is 0.017°, a fifth of a count
+    ],
+)
+def test_a_play_that_shrinks_within_a_count_when_another_cause_goes_is_dropped_as_well(
+    monkeypatch: pytest.MonkeyPatch, mass_pays: bool, named: list[str]
+) -> None:
+    def without(fit: Any, term: Any) -> Any:
+        left = {f.term for f in fit.free} - {term.name}
+        beside = 0.5 if MASS in left else 0.017
+        return fit_of(**{n: beside if n == PLAY else 0.015 for n in sorted(left)})
+
+    def gain(before: Any, after: Any, *, seed: int) -> Any:
+        (gone,) = {f.term for f in after.free} - {f.term for f in before.free}
+        return gained(*((40.0, 20.0) if gone == PLAY or mass_pays else (-389.0, -2726.0)))
+
+    monkeypatch.setattr(measured, "held_out", lambda fit, holdout: fit)
+    monkeypatch.setattr(measured, "without", without)
+    monkeypatch.setattr(measured, "gain", gain)
+    monkeypatch.setattr(measured, "_findings", lambda found, kept, less, gains: tuple(kept))
+    play = encoder_of(0.5, (), PLAY, PLAY)
+    both = fit_of(encoder__backlash__pitch=0.5, mass__change=0.015)
+    _, kept, gone, _ = adopted(both, [play, choice(1443.0, (), mass__change=1443.0)], [], seed=0)
+    assert [c.term.name for c in cast(Any, kept)] == named
+    assert [(d.name, d.why) for d in gone] == (
+        [] if named else [(MASS, DOES_NOT_PAY), (PLAY, WITHIN_A_COUNT)]
+    )
