@@ -104,7 +104,10 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Talk:
     monkeypatch.setattr(module, "live_allowed", lambda: True)
     monkeypatch.setattr(module, "REFRESH_S", 0.005)
     talk = Talk()
-    talk.err = Console(file=io.StringIO(), force_terminal=True, width=100, legacy_windows=False)
+    talk.err = Console(
+        file=io.StringIO(), force_terminal=True, width=100, legacy_windows=False,
+        _environ={"TERM": "xterm"},
+    )  # fmt: skip
     return talk
 
 
