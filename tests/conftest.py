@@ -42,7 +42,9 @@ from tests.clock import Clock, installed  # noqa: E402
 # Same code, same examples: a change is not to fail by what another draw finds in another's work.
 # Nor by the clock: a first call may import or compile; pytest-timeout guards against hanging.
 # To look for more: pytest --hypothesis-profile=search.
-settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile(
+    "search", derandomize=False, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
 settings.register_profile("heli3dof", settings.get_profile("search"), derandomize=True)
 settings.load_profile("heli3dof")
 # Hypothesis would mix in the constants of whichever of our modules are loaded by then: what else

@@ -92,7 +92,8 @@ def test_a_line_leaves_nothing_behind_however_many_there_were() -> None:
     tracemalloc.start()
     try:
         before = thousand()
-        assert thousand() - before < 1000, "a kept text would be a hundred bytes a line"
+        # Whatever else this process does meanwhile may keep some bytes, but not so many.
+        assert thousand() - before < 20_000, "a kept text would be a hundred bytes a line"
     finally:
         tracemalloc.stop()
     assert cached_cell_len.cache_info().misses == measured, "rich keeps what it measures"
@@ -104,7 +105,10 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Talk:
     monkeypatch.setattr(module, "live_allowed", lambda: True)
     monkeypatch.setattr(module, "REFRESH_S", 0.005)
     talk = Talk()
-    talk.err = Console(file=io.StringIO(), force_terminal=True, width=100, legacy_windows=False)
+    talk.err = Console(
+        file=io.StringIO(), force_terminal=True, width=100, legacy_windows=False,
+        _environ={"TERM": "xterm"},
+    )  # fmt: skip
     return talk
 
 
