@@ -40,7 +40,8 @@ class Settled:
 def unnamed(bench: Bench, start: Settled, holdout: Sequence[Recording], *, flights: int) -> Settled:
     """``start`` is what was adopted; ``flights``: simulated nulls of each look."""
     if start.found.scatter is None:  # it may fly now that something was not adopted
-        start = _less(bench, start, (), holdout)
+        again = settled_again(bench, start.found)
+        start = start if again.scatter is None else _measured(bench, start, again, (), holdout)
     now, posed = start, list[str]()
     first: tuple[tuple[Leftover, ...], Held] | None = None
     while True:
@@ -81,14 +82,20 @@ def _less(
     bench: Bench, now: Settled, posing: Sequence[str], holdout: Sequence[Recording]
 ) -> Settled:
     """The same without these names: refitted, measured again."""
-    kept = [f.choice for f in now.findings if f.choice.term.name not in posing]
-    gains = {f.choice.term.name: f.gain for f in now.findings}
     found = now.found
     for f in now.findings:
         if f.choice.term.name in posing:
             found = without(found, f.choice.term)
-    found, findings, poor, after = adopted(
-        settled_again(bench, found), kept, holdout, seed=bench.seed
-    )
+    return _measured(bench, now, settled_again(bench, found), posing, holdout)
+
+
+def _measured(
+    bench: Bench, now: Settled, found: Corrected, posing: Sequence[str],
+    holdout: Sequence[Recording],
+) -> Settled:  # fmt: skip
+    """What of the other names still pays, and has a size, in this fit without those ``posing``."""
+    kept = [f.choice for f in now.findings if f.choice.term.name not in posing]
+    gains = {f.choice.term.name: f.gain for f in now.findings}
+    found, findings, poor, after = adopted(found, kept, holdout, seed=bench.seed)
     gone = tuple(Dropped(n, gains[n], STANDS_IN) for n in posing)
     return Settled(found, findings, (*now.dropped, *gone, *poor), after)

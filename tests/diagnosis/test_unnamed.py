@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
+from types import SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis import unnamed
 from heli3dof.diagnosis.base_fit import base_at, base_of, runaway
 from heli3dof.diagnosis.corrected import Informed
 from heli3dof.diagnosis.diagnose import diagnose
@@ -14,6 +19,8 @@ from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.filtering import data_of
 from heli3dof.model.rig_model import Structure
 from heli3dof.recording.recording import Recording
+
+PLAY = "encoder.backlash.roll"
 
 
 def product(plan: str, seed: int) -> Recording:
@@ -49,3 +56,33 @@ def test_a_base_that_cannot_be_flown_is_judged_without_flights() -> None:
     assert step.largest[0][1] > step.nulls.threshold
     # A diagnosis begins with inertias held to the profile instead: that rig flies.
     assert base_of(bench).scatter is not None
+
+
+@pytest.mark.parametrize(("flies", "named"), [(True, ["drag.quadratic.yaw"]), (False, [PLAY])])
+def test_what_flies_once_a_cause_was_dropped_is_measured_again(
+    monkeypatch: pytest.MonkeyPatch, flies: bool, named: list[str]
+) -> None:
+    """Freed of its bias the rest may have another size, or none."""
+
+    def settled_again(bench: Any, fit: Any) -> Any:
+        return SimpleNamespace(scatter=np.eye(4) if flies else None)
+
+    def adopted(fit: Any, kept: Any, holdout: Any, *, seed: int) -> Any:
+        assert [c.term.name for c in kept] == [PLAY]
+        assert fit.scatter is not None
+        return fit, (finding("drag.quadratic.yaw"),), (), None
+
+    def finding(name: str) -> Any:
+        choice = SimpleNamespace(term=SimpleNamespace(name=name, effect=SimpleNamespace(of_base=0)))
+        return SimpleNamespace(choice=choice, gain=None)
+
+    monkeypatch.setattr(unnamed, "settled_again", settled_again)
+    monkeypatch.setattr(unnamed, "adopted", adopted)
+    monkeypatch.setattr(unnamed, "evidence", lambda *a, **k: None)
+    monkeypatch.setattr(unnamed, "rival", lambda *a: None)
+    monkeypatch.setattr(unnamed, "taken", lambda *a: ((), None))
+    monkeypatch.setattr(unnamed, "doubted", lambda findings, *a: findings)
+    fit, bench = SimpleNamespace(scatter=None), SimpleNamespace(recordings=(), seed=0)
+    start = unnamed.Settled(cast(Any, fit), (finding(PLAY),), (), cast(Any, None))
+    last = unnamed.unnamed(cast(Any, bench), start, [], flights=8)
+    assert [f.choice.term.name for f in last.findings] == named
