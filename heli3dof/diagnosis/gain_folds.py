@@ -15,7 +15,7 @@ of the fit tell how its score scatters, C, the prior counts the more, the less t
 
     Λ_jj ← Λ_jj max(1, C_jj / H_jj),     C and H of what is left
 
-An instant stays where a scan put it (`heli3dof.diagnosis.corrected.HELD`): no other block tells
+An instant stays where a scan put it (`heli3dof.diagnosis.looks.HELD`): no other block tells
 when within this one a mass changed, and a step along it would leave a rig whose mass never did.
 
 The noise is no part of a cause: its intensities are found again on the data that judge, for the
@@ -36,8 +36,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.ahead import ahead, of_rows, starts_of
-from heli3dof.diagnosis.corrected import held
 from heli3dof.diagnosis.gain import CELL_S, HORIZON_S, Course, HeldOut
+from heli3dof.diagnosis.looks import held
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.fit import NOISE_SETTLED

@@ -15,7 +15,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.catalogue import candidates, probes
-from heli3dof.diagnosis.corrected import look
+from heli3dof.diagnosis.looks import look
 from heli3dof.diagnosis.screen import Screen
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Pass

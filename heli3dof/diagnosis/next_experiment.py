@@ -27,8 +27,8 @@ import numpy as np
 
 from heli3dof.diagnosis.catalogue import Probe, probes
 from heli3dof.diagnosis.contenders import Contender
-from heli3dof.diagnosis.corrected import look
 from heli3dof.diagnosis.counts import flyable
+from heli3dof.diagnosis.looks import look
 from heli3dof.diagnosis.outlook import HOPELESS, NextExperiment, Outlook, percent
 from heli3dof.diagnosis.plan_flights import Task, fly_task, stable, task_of
 from heli3dof.diagnosis.real_next import next_free_flight

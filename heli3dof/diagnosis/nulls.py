@@ -31,8 +31,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from heli3dof.diagnosis.corrected import Corrected, fly_again, look, model_at
+from heli3dof.diagnosis.corrected import Corrected, fly_again, model_at
 from heli3dof.diagnosis.gumbel import beyond, gumbel
+from heli3dof.diagnosis.looks import look
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.model.effects import Term
 from heli3dof.recording.recording import Recording

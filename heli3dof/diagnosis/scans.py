@@ -16,7 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
-from heli3dof.diagnosis.corrected import Look
+from heli3dof.diagnosis.looks import Look
 from heli3dof.diagnosis.perturbation import forward
 from heli3dof.model.effects import Term
 

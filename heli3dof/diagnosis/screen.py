@@ -29,7 +29,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.catalogue import Probe
-from heli3dof.diagnosis.corrected import Look
+from heli3dof.diagnosis.looks import Look
 from heli3dof.diagnosis.perturbation import MOVES_THRUST, backward, forcing, forward, misreading
 from heli3dof.diagnosis.scans import Scan
 from heli3dof.identification.greybox.estimate import Estimate

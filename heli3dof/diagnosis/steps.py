@@ -14,14 +14,8 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.contenders import Contender
-from heli3dof.diagnosis.corrected import (
-    Corrected,
-    Informed,
-    correct,
-    fly_again,
-    look,
-    model_at,
-)
+from heli3dof.diagnosis.corrected import Corrected, Informed, correct, fly_again, model_at
+from heli3dof.diagnosis.looks import look
 from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simulated_nulls
 from heli3dof.diagnosis.occam import price
 from heli3dof.diagnosis.rivals import told_apart

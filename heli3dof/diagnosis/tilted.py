@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.corrected import Look, held, look
+from heli3dof.diagnosis.looks import Look, held, look
 from heli3dof.identification.greybox.fit import NOISE_HIGH, NOISE_LOW, Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
 

@@ -34,11 +34,11 @@ from heli3dof.diagnosis.corrected import (
     NEAR,
     Corrected,
     fly_again,
-    look,
     model_at,
     optimum_at,
     scatter_of,
 )
+from heli3dof.diagnosis.looks import look
 from heli3dof.identification.greybox.fit import NOISE_HIGH, NOISE_LOW
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.model.filtering import Data

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.catalogue import candidates, probes, scans
-from heli3dof.diagnosis.corrected import Informed, Look, look
+from heli3dof.diagnosis.corrected import Informed
+from heli3dof.diagnosis.looks import Look, look
 from heli3dof.diagnosis.perturbation import backward, forcing, forward
 from heli3dof.diagnosis.screen import Screen, with_term
 from heli3dof.experiment.fly import fly_plan

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.base_fit import base_of
-from heli3dof.diagnosis.corrected import Corrected, fly_again, look, model_at
+from heli3dof.diagnosis.corrected import Corrected, fly_again, model_at
+from heli3dof.diagnosis.looks import look
 from heli3dof.diagnosis.steps import Bench
 from heli3dof.diagnosis.weighed import edge_rates, jacobian, three, weighed, weights
 from heli3dof.experiment.fly import fly_plan

@@ -1,0 +1,51 @@
+"""A look at a short flight: its score is the likelihood's slope, along the noise as along θ."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis.corrected import FalseSlopes, Informed
+from heli3dof.diagnosis.looks import look
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
+from heli3dof.identification.greybox.method import usable_runs
+from heli3dof.model.filtering import data_of
+from heli3dof.model.rig_model import Structure
+
+
+@pytest.fixture(scope="module")
+def problem() -> Informed:
+    flight = fly_plan(
+        step_plan((10, None, 20), settle_s=4, duration_s=3), device="mock:?speed=max", seed=1203
+    ).recording
+    data = data_of([flight], usable_runs(flight, 0))
+    return Informed(data, Structure(flight.profile, ()))
+
+
+def test_the_slope_along_the_noise_is_that_of_likelihoods_half_a_step_to_either_side(
+    problem: Informed,
+) -> None:
+    theta, noise = problem.prior_mean, np.array([0.1, 0.1, 0.05, 0.0])
+    seen = look(problem, theta, noise)
+    step = np.exp([0.5, 0.5, 0.5, 0.0])
+    up, down = (problem.run(theta, a, keep=0).loglik for a in (noise * step, noise / step))
+    np.testing.assert_allclose(seen.slope, up - down)
+    np.testing.assert_allclose(seen.bend, (up - 2 * seen.at.loglik + down) / 0.25)
+
+
+def test_without_the_noise_a_look_is_the_same_for_a_third_of_the_passes(problem: Informed) -> None:
+    theta, noise = problem.prior_mean, np.array([0.1, 0.1, 0.05, 0.0])
+    whole, part = look(problem, theta, noise), look(problem, theta, noise, whole=False)
+    np.testing.assert_array_equal(whole.g, part.g)
+    np.testing.assert_array_equal(whole.H, part.H)
+    assert not part.slope.any()
+
+
+def test_false_slopes_are_seen_anew_where_the_estimate_has_gone_far() -> None:
+    none, at, sd = np.zeros(3), np.zeros(2), np.array([1.0, 0.1])
+    seen = FalseSlopes(none, none, at, np.ones(4), sd)
+    half = np.array([1.0, np.exp(0.29), 1.0, 1.0])
+    assert not seen.moved(np.array([2.9, -0.29]), half)
+    assert seen.moved(np.array([0.0, 0.31]), np.ones(4)), "more than three standard deviations"
+    assert seen.moved(at, np.array([1.0, 1.0, np.exp(-0.31), 1.0]))
