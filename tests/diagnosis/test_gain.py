@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -117,6 +119,21 @@ def test_an_edge_that_chatters_where_the_filter_settles_says_nothing_of_a_blocks
     plain = _noise(quiet, o.theta, o.noise, rows[0])
     # Counted, the chatter would be a fifth more noise here, ten times as much on a resting axis.
     assert _noise(chatter, o.theta, o.noise, rows[0])[0] == pytest.approx(plain[0], rel=0.05)
+
+
+def test_a_blocks_noise_is_the_likeliest_that_was_tried() -> None:
+    """ln Z = −20 u of u = ln a, and −1000 below u = −0.2: Newton from 0.5 steps to −0.5, over the
+    edge, and back, and so on; on the way it asks 0.4 to either side."""
+    data = SimpleNamespace(t=np.zeros(1), blocks=[(0, 0, 1)], axes=np.ones(3, dtype=bool))
+
+    def run(theta: np.ndarray, a: np.ndarray, *, keep: int) -> Any:
+        u = np.log(a[:3])
+        return SimpleNamespace(X=np.r_[np.zeros(6), np.where(u > -0.2, -20 * u, -1000.0)][None])
+
+    problem = cast(Any, SimpleNamespace(data=data, run=run))
+    a = _noise(problem, np.zeros(4), np.append(np.exp([0.5] * 3), 0.0), 0)
+    assert np.log(a[:3]) == pytest.approx(-0.5 + 0.4)
+    assert a[3] == 0.0
 
 
 def test_the_right_extension_pays_and_a_needless_one_does_not(
