@@ -115,7 +115,7 @@ def test_sessions_are_listed_with_what_they_do(session):
     assert running("serial:///dev/zero") == []
 
 
-def test_private_rigs_do_not_lock_each_other_out():
+def test_private_rigs_do_not_lock_each_other_out(runtime):
     with Session("mock:", private=True) as one, Session("mock:?seed=2", private=True) as two:
         assert running("mock:") == []
         one.serve()
