@@ -28,7 +28,7 @@ for number, handler in (
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, handler)
 
-OWN = tempfile.mkdtemp(prefix="h3t-")
+OWN = tempfile.mkdtemp(prefix="h3t-", dir="/tmp")  # short: the address of a socket has to fit
 atexit.register(shutil.rmtree, OWN, ignore_errors=True)
 for name in ("XDG_RUNTIME_DIR", "XDG_STATE_HOME"):
     os.environ[name] = OWN

@@ -1,6 +1,7 @@
 """Where this user's running sessions and stored calibrations live, and what a device is called.
 
-- runtime: ``$XDG_RUNTIME_DIR/heli3dof``, else ``/tmp/heli3dof-UID``: locks and sockets of what
+- runtime: ``$XDG_RUNTIME_DIR/heli3dof``, else ``$TMPDIR/heli3dof-UID``, else
+  ``/tmp/heli3dof-UID``, the first that a socket's address has room for: locks and sockets of what
   runs now. Only its owner may enter (mode 0700): who can write there can stop a motor.
 - state: ``$XDG_STATE_HOME/heli3dof``, else ``~/.local/state/heli3dof``: rest angles by serial
   number.
@@ -31,10 +32,12 @@ def runtime_folder() -> Path:
 
     Raises DeviceError where somebody else owns it: then nothing in it can be trusted.
     """
-    given = os.environ.get("XDG_RUNTIME_DIR")
-    folder = Path(given) / "heli3dof" if given and Path(given).is_dir() else None
-    if folder is None or len(os.fsencode(folder)) + LONGEST_NAME > LONGEST_SOCKET_PATH:
-        folder = Path(os.environ.get("TMPDIR", "/tmp")) / f"heli3dof-{os.getuid()}"
+    given, temporary = os.environ.get("XDG_RUNTIME_DIR"), os.environ.get("TMPDIR")
+    ours = f"heli3dof-{os.getuid()}"
+    places = [Path(given) / "heli3dof"] if given and Path(given).is_dir() else []
+    places += [Path(temporary) / ours] if temporary else []
+    short = LONGEST_SOCKET_PATH - LONGEST_NAME
+    folder = next((p for p in places if len(os.fsencode(p)) <= short), Path("/tmp") / ours)
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
     except OSError as problem:

@@ -61,7 +61,7 @@ def test_options_and_links_do_not_make_another_device(tmp_path):
 @pytest.fixture
 def runtime(monkeypatch) -> Iterator[Path]:
     """Short, unlike tmp_path: a socket's address has to fit."""
-    with tempfile.TemporaryDirectory(prefix="h3t-") as folder:
+    with tempfile.TemporaryDirectory(prefix="h3t-", dir="/tmp") as folder:
         monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
         yield Path(folder)
 
@@ -78,12 +78,14 @@ def test_a_runtime_folder_that_is_a_link_is_not_trusted(runtime, tmp_path):
         runtime_folder()
 
 
-def test_a_path_too_long_for_a_socket_is_not_used(monkeypatch, tmp_path):
-    long = tmp_path / ("x" * 90)
+def test_a_path_too_long_for_a_socket_is_not_used(monkeypatch, runtime, tmp_path):
+    long, ours = tmp_path / ("x" * 90), f"heli3dof-{os.getuid()}"
     long.mkdir()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(long))
-    monkeypatch.setenv("TMPDIR", str(tmp_path))
-    assert runtime_folder() == tmp_path / f"heli3dof-{os.getuid()}"
+    monkeypatch.setenv("TMPDIR", str(runtime))
+    assert runtime_folder() == runtime / ours
+    monkeypatch.setenv("TMPDIR", str(long))
+    assert runtime_folder() == Path("/tmp") / ours
 
 
 def test_a_second_session_is_told_who_holds_the_rig(session):
@@ -115,7 +117,7 @@ def test_sessions_are_listed_with_what_they_do(session):
     assert running("serial:///dev/zero") == []
 
 
-def test_private_rigs_do_not_lock_each_other_out():
+def test_private_rigs_do_not_lock_each_other_out(runtime):
     with Session("mock:", private=True) as one, Session("mock:?seed=2", private=True) as two:
         assert running("mock:") == []
         one.serve()

@@ -10,6 +10,7 @@ import os
 import threading
 import time
 import tty
+from collections.abc import Callable
 from math import inf
 from typing import NamedTuple
 
@@ -19,8 +20,14 @@ from heli3dof_drivers.emulator.endpoint import Endpoint
 from tests.profiles import START_S
 
 IDLE_S = 5e-3
+Over = Callable[[], object]
+"""Whether a flight has ended: not None"""
 LOOKED_S = 0.03
 """s between two looks of a thread that nothing holds up, at most: it sleeps for 20 ms"""
+
+
+def never() -> None:
+    """It has not."""
 
 
 class Output(NamedTuple):
@@ -79,11 +86,11 @@ class Bench:
             time.sleep(1e-4)
         return self._start
 
-    def wait_until_flying(self, seconds: float = 0.5) -> None:
-        """Until it has been flown for so long."""
+    def wait_until_flying(self, over: Over = never, seconds: float = 0.5) -> None:
+        """Until it has been flown for so long. AssertionError where the flight is ``over``."""
         deadline = time.monotonic() + START_S
         since: float | None = None
-        while time.monotonic() < deadline:
+        while time.monotonic() < deadline and over() is None:
             flying = bool(self.log) and self.log[-1].front_uV != 0
             since = (since or time.monotonic()) if flying else None
             if since is not None and time.monotonic() - since > seconds:

@@ -14,6 +14,7 @@ import pytest
 
 from tests.drivers.doors import Door, firmware_door
 from tests.profiles import STANDSTILL_S, START_S
+from tests.safety.bench import Over, never
 from tests.safety.table import BY_NAME, DEVICE_RAMP_S
 from tests.safety.test_processes import PROFILE, ended, flying, starts_clean
 
@@ -46,9 +47,9 @@ class Firmware:
             since = t
         return since
 
-    def wait_until_flying(self, seconds: float = 0.5) -> None:
+    def wait_until_flying(self, over: Over = never, seconds: float = 0.5) -> None:
         deadline = time.monotonic() + START_S
-        while time.monotonic() < deadline:
+        while time.monotonic() < deadline and over() is None:
             begun = [t for t, _, front, _ in self.lines if front != 0]
             if begun and time.monotonic() - begun[0] > seconds:
                 return

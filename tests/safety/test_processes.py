@@ -26,7 +26,7 @@ from heli3dof.rig.port import Flags
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
 from tests.profiles import END_S, PATIENT, STANDSTILL_S, profile, write_profile
-from tests.safety.bench import Bench
+from tests.safety.bench import Bench, Over
 from tests.safety.table import BY_NAME
 
 pytestmark = pytest.mark.realtime
@@ -41,7 +41,7 @@ class Opened(Protocol):
     @property
     def url(self) -> str: ...
 
-    def wait_until_flying(self) -> None: ...
+    def wait_until_flying(self, over: Over) -> None: ...
 
 
 @dataclass
@@ -72,7 +72,11 @@ def flying(
     ]  # fmt: skip
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         try:
-            bench.wait_until_flying()
+            try:
+                bench.wait_until_flying(process.poll)
+            except AssertionError as problem:
+                process.kill()
+                raise AssertionError(process.communicate()[1]) from problem
             yield Flight(process, path)
         finally:
             process.send_signal(signal.SIGCONT)

@@ -335,4 +335,6 @@ def test_a_question_is_answered_without_waiting_for_the_next_turn():
             start = time.monotonic()
             host.poll()
             took.append(time.monotonic() - start)
-        assert statistics.median(took) < 0.9e-3  # a turn is 1 ms
+        # A turn is 1 ms. Where it was waited for, every answer took about one, as each question
+        # follows the answer before it; a busy machine makes most of them late, and none early.
+        assert sorted(took)[len(took) // 10] < 0.45e-3

@@ -19,8 +19,8 @@ PROFILE = default_profile()
 
 
 @pytest.fixture(autouse=True)
-def short(monkeypatch):
-    monkeypatch.setattr(armed, "SECONDS", 0.1)
+def short(monkeypatch, own_clock):
+    monkeypatch.setattr(armed, "SECONDS", 0.05)
     monkeypatch.setattr(armed, "LONGEST_RAMP_S", 0.05)
 
 
@@ -48,7 +48,6 @@ class Commanded(FakeRig):
         return super().exchange(command, due_s)
 
 
-@pytest.mark.realtime
 def test_the_emulated_rig_passes():
     rig = open_rig("mock:?watchdog_s=0.3&noise=0", PROFILE)
     good = {c.what: c.good for c in looked_at(rig).values()}
