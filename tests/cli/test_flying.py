@@ -224,13 +224,13 @@ def test_a_signal_ramps_the_motors_to_zero_and_closes_the_recording(
     ramp = recording.channels["phase"] == RAMP_DOWN
     t, volts = recording.channels["host_time_s"], recording.voltage
     first = int(np.flatnonzero(ramp)[0])
-    gone = 1 + (t[ramp] - t[first]) / recording.dt
+    gone = 1 + (t[ramp] - t[first]) / recording.profile.dt
     share = np.clip(1 - gone / 250, 0, 1)
     # Either of two samples may be late by almost a period that is not missed.
     np.testing.assert_allclose(
         volts[ramp] / volts[first - 1], share[:, None] * [1, 1], atol=2.5 / 250
     )
-    assert gone[-1] < 250 + 5 + STANDSTILL_S / recording.dt
+    assert gone[-1] < 250 + 5 + STANDSTILL_S / recording.profile.dt
 
 
 @pytest.mark.realtime
