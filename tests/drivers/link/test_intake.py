@@ -83,10 +83,10 @@ def test_without_a_stream_no_time_jumps():
 
 
 @given(
-    st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 1950)), max_size=200)
+    st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 1999)), max_size=200)
 )
 def test_whatever_is_lost_and_left_out_is_counted_as_that(steps: list[tuple[int, int, int]]):
-    """Each sample late by up to 1.95 ms of its 2."""
+    """Each sample late by anything less than its 2 ms."""
     statistics = LinkStatistics()
     intake = Intake(statistics)
     armed = intake.arm(2000)
