@@ -7,7 +7,8 @@ A test that stops every rig must not reach one that flies outside the tests, or 
 and calibrations of real rigs are not the tests' to read or write.
 
 Whoever starts the tests in the background (``make test &``) may have them ignore Ctrl-C, and every
-process of theirs with them; a flight that was started so is right to fly on.
+process of theirs with them; a flight that was started so is right to fly on. Where they are started
+may colour, or narrow, what is looked at for its words.
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ import tempfile
 
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+
+for name in ("FORCE_COLOR", "PY_COLORS", "GITHUB_ACTIONS", "NO_COLOR", "COLUMNS", "LINES"):
+    os.environ.pop(name, None)
 
 for number, handler in (
     (signal.SIGINT, signal.default_int_handler),

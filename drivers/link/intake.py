@@ -29,8 +29,9 @@ from .statistics import LinkStatistics
 _MASK = 0xFFFFFFFF
 _HALF = 0x80000000
 _FLAGS = [Flags(value & 63) for value in range(256)]
-BUSY = 0.99
-"""Of a period: by how much a device may take a sample too late; from one on, it leaves it out"""
+BUSY = 0.9999
+"""Of a period: by how much a device may take a sample too late; from one on, it leaves it out. Its
+clock and its period are whole µs, so that nothing lies between."""
 REMEMBERED = 1024
 """Commands whose sequence is known by their number; at least a second's worth"""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 import unittest
 from collections.abc import Sequence
 from dataclasses import replace
@@ -297,24 +296,6 @@ def test_what_a_driver_does_wrong_is_seen_and_named(
         conforms(CASE[SPOILT[driver]], url_of(SPOILT[driver]))
     assert "found:" in caught.value.what
     assert caught.value.fix
-
-
-@pytest.mark.usefixtures("own_clock")
-def test_a_driver_that_is_slow_once_was_held_up_and_one_that_always_is_does_not_conform(
-    monkeypatch: pytest.MonkeyPatch,
-):
-    case = CASE["a_driver_finds_its_rigs_in_no_time_by_urls_of_its_scheme"]
-    waits = [1.5, 0.1]
-
-    class SlowToFind(Driver):
-        def find(self) -> Sequence[str]:
-            time.sleep(waits.pop(0) if waits else 1.5)
-            return ["spoilt:"]
-
-    use(monkeypatch, SlowToFind)
-    conforms(case, "spoilt:?speed=max")
-    with pytest.raises(NotConforming, match=r"1\.5\d s"):
-        conforms(case, "spoilt:?speed=max")
 
 
 def test_an_error_for_a_wrong_option_names_every_option(monkeypatch: pytest.MonkeyPatch):

@@ -17,7 +17,7 @@ ECHOES = 40
 """Commands that are sent one after another"""
 STEPS = 50
 """Periods in which the clock is looked at"""
-ROUNDS = 5
+ROUNDS = 20
 """On a busy machine, until one is as it should be; a driver that errs does so in every one"""
 STEP, HOST_STEP = 0.05, 0.25
 """Of a period: how far the quarter of steps that come nearest may be from whole ones"""

@@ -40,6 +40,8 @@ PATIENCE_S = 30.0
 WATCHDOG_S, RAMP_S = 0.3, 0.2
 BUSY_S = 2 * (STANDSTILL_S + 0.05)
 """s by which a busy machine may hold up the firmware's process, here and there; half of it once"""
+ROUNDS = 20
+"""On a busy machine, until one is as it should be; a device that errs does so in every one"""
 VOLTS = 9_000_000
 
 
@@ -153,15 +155,22 @@ def test_hello_arm_command_sample_disarm():
 
 
 def test_a_stream_comes_on_the_devices_own_clock_and_in_order():
-    with rig() as (_, host):
-        host.arm(period_us=2000)
-        samples = [host.hear(SampleFrame) for _ in range(50)]
+    for _ in range(ROUNDS):
+        with rig() as (_, host):
+            host.arm(period_us=2000)
+            samples = [host.hear(SampleFrame) for _ in range(50)]
+            report = host.ask(Status(12), Report)
         assert [s.number for s in samples] == sorted({s.number for s in samples})
         periods = [
             (b.time_us - a.time_us) / (b.number - a.number)  # type: ignore[union-attr]
             for a, b in pairwise(samples)
         ]
-        assert statistics.median(periods) == pytest.approx(2000, abs=200)
+        usual = statistics.median(periods)
+        if usual == pytest.approx(2000, abs=200):
+            return
+        # Only the device's own word that it was held up is an excuse.
+        assert report.late_us > 1000, usual  # type: ignore[union-attr]
+    pytest.skip(f"a machine so busy that in none of {ROUNDS} streams the device was in time")
 
 
 def test_after_silence_the_motors_are_at_zero_within_watchdog_and_ramp(tmp_path: Path):
