@@ -91,6 +91,14 @@ def contend(
         fit = maximise_tilted(
             ext, np.append(level.theta, start[len(o.theta) :]), level.noise, tilt, hold=jagged
         )
+        open_ = fit.at_bound.copy()
+        open_[: len(o.theta) + 1] = False
+        if open_.any():
+            # What shape it has the recordings do not tell: that stays as it is believed to be.
+            fit = maximise_tilted(
+                ext, np.append(level.theta, start[len(o.theta) :]), level.noise, tilt,
+                hold=jagged | open_,
+            )  # fmt: skip
         if not fit.loglik > level.loglik and not new[0].log:
             # It lost its way: absent it does as well as the level, so from near there it must win.
             near = start[len(o.theta) :].copy()

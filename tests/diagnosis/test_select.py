@@ -99,6 +99,19 @@ def test_play_in_roll_is_not_made_up_for_by_its_false_slopes() -> None:
     assert len(steps) == 2
 
 
+def test_a_ground_effect_whose_height_steps_do_not_tell_competes_with_it_as_believed() -> None:
+    """At 0.3 m and more a low h₀ with a large share is a high h₀ with a small share and another
+    T_g: climbed along that, h₀ came to its bound of 1 m, and the cause was out."""
+    _, step = step_of(load_plan("steps"), "aero.ground_effect:0.2@0.111", 1043)
+    assert step.choice is not None
+    contenders = {c.term.name: c for c in step.choice.contenders}
+    fit = contenders["aero.ground_effect"]
+    share, height_m = fit.problem.values(fit.optimum.theta)[-2:]
+    assert 0.05 < height_m < 0.2
+    assert 0.1 < share < 0.5
+    assert fit.score > contenders["stiffness.pendulum.roll"].score
+
+
 def test_in_a_plain_step_a_delay_is_named_or_tied_never_excluded() -> None:
     _, step = step_of(step_plan((10.0, None, None)), "motor.delay:0.015", 1016)
     assert step.choice is not None
