@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import subprocess
 import sys
 
 import numpy as np
@@ -12,6 +12,7 @@ from tests.bench.bench_soak import GROWTH_KiB_PER_MIN
 from tests.realtime.soak import Soak, found, memory_KiB
 
 MINUTES = np.arange(0, 30, 0.25 / 60)
+MORE_KiB = 32 * 1024
 
 
 def grown(x_KiB: np.ndarray) -> Soak:
@@ -55,10 +56,29 @@ def test_the_interval_holds_the_truth_nine_times_in_ten(per_min: float) -> None:
     assert np.mean([f.low <= 4 * per_min <= f.high for f in flown]) > 0.9
 
 
+TAKES = f"""
+import mmap, sys
+print("before", flush=True); sys.stdin.readline()
+more = mmap.mmap(-1, {MORE_KiB} * 1024, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+for k in range(0, len(more), mmap.PAGESIZE): more[k] = 1
+print("after", flush=True); sys.stdin.readline()
+"""
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_memory_is_read_as_the_kernel_counts_it() -> None:
-    before, files = memory_KiB(os.getpid())
-    more = np.ones(2**22)  # 32 MiB, every page of it written
-    after, _ = memory_KiB(os.getpid())
-    assert after - before == pytest.approx(more.nbytes / 1024, rel=0.1)
+    """Of a process that does nothing else: ours has room given back that it takes again."""
+    with subprocess.Popen(
+        [sys.executable, "-c", TAKES], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as child:
+        assert child.stdin is not None
+        assert child.stdout is not None
+        assert child.stdout.readline() == "before\n"
+        before, files = memory_KiB(child.pid)
+        child.stdin.write("go on\n")
+        child.stdin.flush()
+        assert child.stdout.readline() == "after\n"
+        after, _ = memory_KiB(child.pid)
+        child.stdin.close()
+    assert after - before == pytest.approx(MORE_KiB, rel=0.1)
     assert files > 1000
