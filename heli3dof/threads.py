@@ -1,9 +1,9 @@
 """Work shared between threads, and how far it has come.
 
-The compiled passes let go of Python's lock, so a thread for each core runs beside the others, no
-more than `MOST` and, by those who share their work out here, never more. Work within work is shared
-too: whoever shares out pieces does them itself, and before each asks whether
-a hand is free, as one is where other work ran out of pieces. So no result depends on the hands.
+The compiled passes let go of Python's lock, so threads run side by side: one for each core, `MOST`
+at most. Work within work is shared too: whoever shares out pieces does them itself, and asks before
+each whether a hand is free, as one is where other work ran out of pieces. No result depends on how
+many hands there are.
 
 Whoever wants to tell a person how far a long piece of work has come puts it under `watched`.
 """
