@@ -2,26 +2,39 @@
 
 from __future__ import annotations
 
-import time
-
 import pytest
 
-from tests.pace import Y_S, counted, slower, timed, yardstick
+from tests import pace
+from tests.pace import Y_S, counted, slower, timed
 
 
 class SlowMachine:
-    """A clock on which all work takes so many times as long."""
+    """A machine on which all work takes so many times as long, and nothing else has a part in it:
+    the yardstick takes `Y_S` times that."""
 
     def __init__(self, times: float) -> None:
         self.times = times
 
     def __call__(self) -> float:
-        return self.times * time.process_time()
+        return self.times * worked[0]
+
+
+worked = [0.0]
+
+
+@pytest.fixture(autouse=True)
+def a_machine_of_our_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A real one's pace changes from one second to the next."""
+
+    def yardstick() -> None:
+        worked[0] += Y_S
+
+    monkeypatch.setattr(pace, "yardstick", yardstick)
 
 
 def thrice() -> None:
     for _ in range(3):
-        yardstick()
+        pace.yardstick()
 
 
 @pytest.mark.parametrize("times", [20.0, 80.0])

@@ -88,25 +88,19 @@ def contend(
         tilt = Tilt(np.append(bias, slope), none, np.append(o.theta, theta_0), o.noise)
         # The likelihood along a play that was found is jagged: what is beside it is climbed alone.
         jagged = np.array([f.term in played for f in wide.free])
-        fit = maximise_tilted(
-            ext, np.append(level.theta, start[len(o.theta) :]), level.noise, tilt, hold=jagged
-        )
-        open_ = fit.at_bound.copy()
-        open_[: len(o.theta) + 1] = False
-        if open_.any():
+        begin = np.append(level.theta, start[len(o.theta) :])
+        fit = maximise_tilted(ext, begin, level.noise, tilt, hold=jagged)
+        shape = fit.at_bound.copy()
+        shape[: len(o.theta) + 1] = False
+        if shape.any():
             # What shape it has the recordings do not tell: that stays as it is believed to be.
-            fit = maximise_tilted(
-                ext, np.append(level.theta, start[len(o.theta) :]), level.noise, tilt,
-                hold=jagged | open_,
-            )  # fmt: skip
+            fit = maximise_tilted(ext, begin, level.noise, tilt, hold=jagged | shape)
         if not fit.loglik > level.loglik and not new[0].log:
             # It lost its way: absent it does as well as the level, so from near there it must win.
-            near = start[len(o.theta) :].copy()
+            near, at = begin.copy(), len(o.theta)
             absent = new[0].inward(new[0].null)
-            near[0] = absent + NEARER * (near[0] - absent)
-            fit = maximise_tilted(
-                ext, np.append(level.theta, near), level.noise, tilt, rounds=28, hold=jagged
-            )
+            near[at] = absent + NEARER * (near[at] - absent)
+            fit = maximise_tilted(ext, near, level.noise, tilt, rounds=28, hold=jagged)
         score = scored(term, ext, fit)
         return None if score is None else Contender(term, ext, fit, score, Z2, i)
 

@@ -187,11 +187,12 @@ def correct(
         go = ~held(problem)
         step[go] = np.linalg.solve(A[np.ix_(go, go)], g[go])
         sd = np.sqrt(np.diag(np.linalg.inv(A)))
-        if slopes is None or anew:
+        if anew:
             slopes = FalseSlopes(
                 np.mean([f.slope for f in flown], axis=0),
                 np.mean([f.bend for f in flown], axis=0), theta, noise, sd,
             )  # fmt: skip
+        assert slopes is not None
         slope = here.slope - slopes.slope
         bend = np.minimum(np.minimum(here.bend, slopes.bend), -1.0)
         move = np.where(axes, np.clip(-slope / bend, -0.7, 0.7), 0.0)

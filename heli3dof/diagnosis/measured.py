@@ -115,7 +115,7 @@ def stands_out(found: Corrected, choice: Choice) -> float:
     """
     if choice.threshold <= 0 or choice.term.effect.of_base:
         return math.inf
-    j = next((i for i, f in enumerate(found.free) if f.term == choice.term.name), None)
+    j = _number_of(found, choice.term.name)
     if j is None:
         return math.inf
     rho = float(found.colour[j])
@@ -139,16 +139,16 @@ def within_a_count(found: Corrected, choice: Choice) -> bool:
         if not own and c.term.name not in choice.tied_with:
             continue
         count_deg = 360.0 / abs(getattr(c.problem.structure.profile.encoder, axis))
-        size = _size(found, c.term.name) if own else c.problem.values(c.optimum.theta)[-1]
+        j = _number_of(found, c.term.name) if own else None
+        size = c.problem.values(c.optimum.theta)[-1] if j is None else found.values[j]
         if abs(size) <= count_deg:
             return True
     return False
 
 
-def _size(found: Corrected, name: str) -> float:
-    """A term's first number in a fit, in its unit"""
-    j = next(j for j, f in enumerate(found.free) if f.term == name)
-    return float(found.values[j])
+def _number_of(found: Corrected, name: str) -> int | None:
+    """Where a term's first number stands in a fit; None where the fit has no such term."""
+    return next((j for j, f in enumerate(found.free) if f.term == name), None)
 
 
 def is_worth(choice: Choice, g: Gain, *, first: bool) -> bool:
