@@ -25,6 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.nulls import FALSE_ALARMS
 from heli3dof.diagnosis.thrust_scale import ThrustScale, thrust_scale
 from heli3dof.identification.greybox.estimate import Estimate
@@ -135,6 +136,12 @@ def off_nominal(
                 continue
         out.append(_off(c))
     return tuple(sorted(out, key=lambda o: -o.score))
+
+
+def doubt(found: Corrected) -> float:
+    """How many times what is told of its numbers their spread may be; a weighed estimate's is
+    measured."""
+    return DOUBTED if found.spread is None else 1.0
 
 
 def finding_of(number: str) -> str:

@@ -18,7 +18,7 @@ from dataclasses import replace
 from functools import partial
 
 from heli3dof.diagnosis.base_fit import BASES, as_written, base_of
-from heli3dof.diagnosis.calibration import DOUBTED, Off, calibrated, off_nominal
+from heli3dof.diagnosis.calibration import Off, calibrated, doubt, off_nominal
 from heli3dof.diagnosis.companions import explained
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.counts import LEVEL, untold, with_counts
@@ -148,12 +148,6 @@ def base_off(last: Settled) -> tuple[Off, ...]:
     """The base's numbers that are off nominal, beside what is left."""
     beside = None if last.held is None or not last.left else base_beside(last.found, last.held)
     return off_nominal(last.found, doubted=doubt(last.found), beside=beside)
-
-
-def doubt(found: Corrected) -> float:
-    """How many times what is told of its numbers their spread may be; a weighed estimate's is
-    measured."""
-    return DOUBTED if found.spread is None else 1.0
 
 
 def causes(

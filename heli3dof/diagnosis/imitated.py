@@ -13,6 +13,9 @@ the right sign) and the screen's own Z_i is within `TOLD` of what it would show.
 K_f is off where all of them are, by one factor (`heli3dof.diagnosis.thrust_scale`). That is the
 slope of the thrust at hover too: beside a curved thrust a dead zone is nearly another K_f. There α
 is the least with which x_j(α) = θ_j − α b_ji puts K_f within the tolerance.
+
+An inertia is tied too with what brings it back in a full fit and explains the flight no worse
+(`heli3dof.diagnosis.swallowed`).
 """
 
 from __future__ import annotations
@@ -42,7 +45,10 @@ def with_imitators(off: Off, step: Step) -> Off:
         return replace(off, tied_with=gain_imitators(step))
     if off.term.name not in PARAMETERS:
         return off
-    return replace(off, tied_with=imitators(step, PARAMETERS.index(off.term.name)))
+    tied = imitators(step, PARAMETERS.index(off.term.name))
+    if off.term.effect.name == "inertia":
+        tied = tuple(dict.fromkeys((*tied, *(f.term.name for f in step.instead_of_inertia))))
+    return replace(off, tied_with=tied)
 
 
 def look_beside(steps: Sequence[Step], found: Corrected) -> Step:

@@ -6,7 +6,7 @@ Each takes what the one before made; none knows how many there are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -21,6 +21,7 @@ from heli3dof.diagnosis.occam import price
 from heli3dof.diagnosis.rivals import told_apart
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
+from heli3dof.diagnosis.swallowed import instead_of_inertia, swallowed
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.diagnosis.trials import Trial, ringing, standing_out, trials, tried_terms, widened
 from heli3dof.identification.greybox.fit import Optimum
@@ -79,6 +80,8 @@ class Step:
     unseen: tuple[str, ...]
     """Terms of which these recordings could not tell even a large size"""
     choice: Choice | None = None
+    _fits: dict[str, list[Contender]] = field(default_factory=dict)
+    """Of `heli3dof.diagnosis.swallowed`, made once"""
 
     @property
     def largest(self) -> list[tuple[str, float]]:
@@ -98,6 +101,15 @@ class Step:
         ]
         return [t for t in tried if standing_out(t, problem, o.theta, o.noise, flown)]
 
+    @property
+    def instead_of_inertia(self) -> list[Contender]:
+        """Terms with which the inertias that are surely off are not."""
+        if "inertia" not in self._fits:
+            self._fits["inertia"] = instead_of_inertia(
+                self.found, self.screen, self.seen, self.nulls, self.bias
+            )
+        return self._fits["inertia"]
+
     def chosen(self, bench: Bench, first_score: float | None) -> Step:
         """The same with its choice made."""
         present = [t.name for t in self.found.problem.structure.terms]
@@ -110,6 +122,8 @@ class Step:
         made = made_of(self.tried(bench, tried_terms(present, bench.axes)))
         if made is None and bench.loop_is_known and (rings := self.tried(bench, ringing(present))):
             made = made_of(rings)
+        if made is None and bench.loop_is_known:
+            made = swallowed(self.instead_of_inertia, self.screen, self.nulls)
         if made is not None and bench.loop_is_known:
             made = told_apart(
                 made, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots,

@@ -32,7 +32,10 @@ def step(imitated: float, v: float, Z: float, ratio: float = 1.4) -> Any:
         plain=(probe,), solved=np.array([[0.0], [imitated], [0.0], [0.0]]), v=np.array([v])
     )
     nulls = SimpleNamespace(std=np.ones(1), judged=lambda seen: np.array([Z]))
-    return cast(Any, SimpleNamespace(found=found, screen=screen, nulls=nulls, seen=None))
+    return cast(
+        Any,
+        SimpleNamespace(found=found, screen=screen, nulls=nulls, seen=None, instead_of_inertia=[]),
+    )
 
 
 def test_what_takes_the_inertia_to_its_edge_and_shows_nothing_is_tied_with_it() -> None:

@@ -1,0 +1,72 @@
+"""What an inertia that is off may have swallowed: a full fit where the screen sees too little.
+
+A slow torque drives a short step flight much as another inertia would. The base takes that inertia
+and more noise, and beside both the screen's linear look at the torque shows little: it looks from
+where the base has moved as far as it can. The full fit knows better: with the torque in it, the
+inertia comes back. So where nothing was found, but inertias are surely off
+(`heli3dof.diagnosis.calibration`), every term of which the screen saw
+
+    Z² > `SEEN`
+
+is fitted in full (at most `FITTED`), and one with which each of those inertias is within the
+profile's tolerance ε,
+
+    ln(1 − ε) ≤ ln J_j/J_j,nominal ≤ ln(1 + ε)
+
+is the cause where its score is beyond the nulls' threshold, and tied with the inertia where it is
+no more than `TIE` below nothing: neither explains the flight better then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from heli3dof.diagnosis.calibration import calibrated, doubt, finding_of, off_nominal
+from heli3dof.diagnosis.contenders import Contender, contend
+from heli3dof.diagnosis.corrected import Corrected
+from heli3dof.diagnosis.nulls import Nulls
+from heli3dof.diagnosis.screen import Screen, Seen
+from heli3dof.diagnosis.select import TIE, Choice, slack, suspects, this_one, unidentifiable
+from heli3dof.identification.greybox.estimate import Estimate
+
+SEEN = 4.0
+FITTED = 6
+
+
+def instead_of_inertia(
+    found: Corrected, screen: Screen, seen: Seen, nulls: Nulls, bias: np.ndarray
+) -> list[Contender]:
+    """The terms with which the inertias that are surely off in ``found`` are not, best first."""
+    off = [o.term.name for o in off_nominal(found, doubted=doubt(found))]
+    inertias = {n for n in off if n.startswith("inertia")}
+    if not inertias:
+        return []
+    hidden = unidentifiable(screen, nulls)
+    every = [r for r in suspects(seen, nulls) if r[1] > SEEN and r[0].name not in hidden]
+    plain = [r for r in every if not r[0].effect.formal][:FITTED]
+    fits = contend(found, screen, seen, nulls, bias, plain)
+    back = [f for f in fits if within(Estimate(f.problem, f.optimum), inertias)]
+    # What the screen saw of it is too little: the full fit is what was seen.
+    return [replace(f, Z2=f.score) for f in back if f.score > -TIE]
+
+
+def within(found: Estimate, names: set[str]) -> bool:
+    """Whether each of the base's numbers with one of these findings' names is within tolerance."""
+    tolerance = found.structure.profile.tolerance
+    asked = [c for c in calibrated(found) if finding_of(c.name) in names]
+    return all(c.beyond(tolerance) <= 0 for c in asked)
+
+
+def swallowed(fits: Sequence[Contender], screen: Screen, nulls: Nulls) -> Choice | None:
+    """Of `instead_of_inertia` the cause, where its full fit is beyond the nulls' threshold."""
+    if not fits or fits[0].score < nulls.threshold:
+        return None
+    best, *rest = fits
+    tied = tuple(f.term.name for f in rest if best.score - f.score < slack(screen, nulls, best, f))
+    sure = this_one([best.score, *[f.score for f in rest[:1]], 0.0])
+    return Choice(
+        best.term, best.score, best.Z2, sure, tied, tuple(fits), threshold=nulls.threshold
+    )

@@ -1,0 +1,68 @@
+"""An inertia that swallowed a slow torque gives it back in a full fit; a true one stays."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+
+from heli3dof.diagnosis.base_fit import base_of
+from heli3dof.diagnosis.calibration import doubt, off_nominal
+from heli3dof.diagnosis.imitated import with_imitators
+from heli3dof.diagnosis.steps import Bench, Step, looked_at
+from heli3dof.diagnosis.swallowed import swallowed, within
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
+
+SLOW = "disturbance.periodic.roll:0.12@0.366"
+HEAVY = "inertia.roll:1.6"
+
+
+@cache
+def look(hide: str, seed: int) -> tuple[Bench, Step]:
+    """The first look at one step of ten degrees in roll."""
+    device = f"mock:?speed=max&seed={seed}&hide={hide}"
+    flown = fly_plan(step_plan((10.0, None, None)), device=device, seed=seed).recording
+    bench = Bench((flown,), seed, 6, opinions=False)
+    return bench, looked_at(bench, base_of(bench), 16)
+
+
+@pytest.mark.parametrize("hide", [SLOW, HEAVY])
+def test_both_look_like_an_inertia_that_is_off(hide: str) -> None:
+    _, step = look(hide, 1202)
+    off = off_nominal(step.found, doubted=doubt(step.found))
+    assert [o.term.name for o in off] == ["inertia.roll"]
+
+
+def test_a_slow_torque_that_the_screen_hardly_sees_is_the_cause() -> None:
+    bench, step = look(SLOW, 1202)
+    assert step.largest[0][1] < step.nulls.threshold
+    choice = step.chosen(bench, None).choice
+    assert choice is not None
+    assert choice.term.name == "disturbance.periodic.roll"
+    best = choice.contenders[0]
+    torque, frequency = best.problem.values(best.optimum.theta)[-3:-1]
+    assert torque == pytest.approx(0.12, abs=0.012)
+    assert frequency == pytest.approx(0.366, abs=0.003)
+
+
+def test_nothing_brings_back_an_inertia_that_is_off() -> None:
+    _, step = look(HEAVY, 1202)
+    assert step.instead_of_inertia == []
+
+
+def test_what_explains_as_much_and_no_more_is_tied_with_the_inertia() -> None:
+    _, step = look(SLOW, 1202)
+    other = step.instead_of_inertia[0]
+    assert swallowed([other], step.screen, step.nulls) is not None
+    step._fits["inertia"] = [modest := replace(other, score=0.5 * step.nulls.threshold)]
+    assert swallowed([modest], step.screen, step.nulls) is None
+    (off,) = off_nominal(step.found, doubted=doubt(step.found))
+    assert "disturbance.periodic.roll" in with_imitators(off, step).tied_with
+
+
+def test_only_the_number_that_is_asked_for_counts() -> None:
+    _, step = look(HEAVY, 1202)
+    assert not within(step.found, {"inertia.roll"})
+    assert within(step.found, {"inertia.yaw"})
