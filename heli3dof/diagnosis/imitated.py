@@ -7,12 +7,13 @@ that has α of it and not the base's parameter off has
 
     α = (θ_j − θ_edge)/b_ji,        and shows    Z = α √v_i / std_i
 
-So term i is tied with the parameter where it can have that size (up to `LARGE` typical ones, and
-the right sign) and the screen's own Z_i is within `TOLD` of what it would show.
+for the edge on its side, or more, up to the other edge. So term i is tied with the parameter where
+it can have that size (up to `LARGE` typical ones, and the right sign) and the screen's own Z_i is
+within `TOLD` of what it would show.
 
 K_f is off where all of them are, by one factor (`heli3dof.diagnosis.thrust_scale`). That is the
 slope of the thrust at hover too: beside a curved thrust a dead zone is nearly another K_f. There α
-is the least with which x_j(α) = θ_j − α b_ji puts K_f within the tolerance.
+runs from the least to the most with which x_j(α) = θ_j − α b_ji puts K_f within the tolerance.
 
 An inertia is tied too with what brings it back in a full fit and explains the flight no worse
 (`heli3dof.diagnosis.swallowed`).
@@ -64,11 +65,12 @@ def imitators(step: Step, j: int) -> tuple[str, ...]:
     f, value = found.free[j], float(found.values[j]) * thrust_scale(found).k
     if value / f.start <= 0:
         return ()
-    x = float(np.log(value / f.start))
-    on = float(np.exp(edge(x, found.structure.profile.tolerance)))
-    need = f.inward(float(found.values[j])) - f.inward(float(found.values[j]) * on / np.exp(x))
-    amounts = ((i, need / b) for i, b in enumerate(screen.solved[j, : len(screen.plain)]) if b)
-    return possible(step, amounts)
+    x, at = float(np.log(value / f.start)), float(found.values[j])
+    tolerance = found.structure.profile.tolerance
+    on, across = (float(np.exp(edge(s, tolerance) - x)) for s in (x, -x))
+    least, most = f.inward(at) - f.inward(at * on), f.inward(at) - f.inward(at * across)
+    solved = enumerate(screen.solved[j, : len(screen.plain)])
+    return possible(step, ((i, least / b, most / b) for i, b in solved if b))
 
 
 def gain_imitators(step: Step) -> tuple[str, ...]:
@@ -85,33 +87,38 @@ def gain_imitators(step: Step) -> tuple[str, ...]:
 
     on = abs(edge(log_k(0.0, np.zeros(4)), found.structure.profile.tolerance))
 
-    def enough(i: int) -> float | None:
+    def enough(i: int) -> list[tuple[float, float]]:
+        """The least and the most of either sign"""
         p, b = screen.plain[i], screen.solved[:4, i]
-        most = LARGE * p.term.effect.parameters[0].typical / abs(p.size)
-        amounts = (s * a for a in np.linspace(0.0, most, AMOUNTS)[1:] for s in (1.0, -1.0))
-        return next((a for a in amounts if abs(log_k(a, b)) < on), None)
+        largest = LARGE * p.term.effect.parameters[0].typical / abs(p.size)
+        sizes = np.linspace(0.0, largest, AMOUNTS)[1:]
+        each = [[s * a for a in sizes if abs(log_k(s * a, b)) < on] for s in (1.0, -1.0)]
+        return [(a[0], a[-1]) for a in each if a]
 
-    tried = [(i, enough(i)) for i, p in enumerate(screen.plain) if p.grows]
-    return possible(step, ((i, a) for i, a in tried if a is not None))
+    grow = [i for i, p in enumerate(screen.plain) if p.grows]
+    return possible(step, ((i, *a) for i in grow for a in enough(i)))
 
 
-def possible(step: Step, amounts: Iterable[tuple[int, float]]) -> tuple[str, ...]:
-    """The terms of which that much, of probe i, may be there: of a size and sign that a rig can
-    have, and seen as it would be."""
+def possible(step: Step, amounts: Iterable[tuple[int, float, float]]) -> tuple[str, ...]:
+    """The terms of which that much, of probe i, may be there (from, to): of a size and sign that a
+    rig can have, and seen as it would be."""
     screen, Z = step.screen, step.nulls.judged(step.seen)
 
-    def may_be(i: int, amount: float) -> bool:
+    def may_be(i: int, least: float, most: float) -> bool:
         p = screen.plain[i]
         if (
             p.term.effect.formal
             or not p.grows
             or not np.isfinite(screen.v[i])
-            or (amount < 0 and one_way(p))
+            or (least < 0 and one_way(p))
         ):
             return False
-        if abs(amount * p.size) > LARGE * p.term.effect.parameters[0].typical * (1 + 1e-9):
+        largest = LARGE * p.term.effect.parameters[0].typical * (1 + 1e-9)
+        if abs(least * p.size) > largest:
             return False
-        shown = amount * float(np.sqrt(screen.v[i])) / float(step.nulls.std[i])
-        return abs(float(Z[i]) - shown) < TOLD
+        most = np.clip(most, -largest / abs(p.size), largest / abs(p.size))
+        shows = float(np.sqrt(screen.v[i])) / float(step.nulls.std[i])
+        low, high = sorted((least * shows, most * shows))
+        return bool(low - TOLD < float(Z[i]) < high + TOLD)
 
-    return tuple(dict.fromkeys(screen.plain[i].name for i, a in amounts if may_be(i, a)))
+    return tuple(dict.fromkeys(screen.plain[i].name for i, *a in amounts if may_be(i, *a)))

@@ -13,8 +13,9 @@ profile's tolerance ε,
 
     ln(1 − ε) ≤ ln J_j/J_j,nominal ≤ ln(1 + ε)
 
-is the cause where its score is beyond the nulls' threshold, and tied with the inertia where it is
-no more than `TIE` below nothing: neither explains the flight better then.
+is the cause where its score is `SURELY` times the nulls' threshold, which is one of slopes: the
+likeliest of several full fits scatters more. It is tied with the inertia where it is no more than
+`TIE` below nothing: neither explains the flight better then.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ from heli3dof.identification.greybox.estimate import Estimate
 
 SEEN = 4.0
 FITTED = 6
+SURELY = 3.0
 
 
 def instead_of_inertia(
@@ -61,8 +63,8 @@ def within(found: Estimate, names: set[str]) -> bool:
 
 
 def swallowed(fits: Sequence[Contender], screen: Screen, nulls: Nulls) -> Choice | None:
-    """Of `instead_of_inertia` the cause, where its full fit is beyond the nulls' threshold."""
-    if not fits or fits[0].score < nulls.threshold:
+    """Of `instead_of_inertia` the cause, where its full fit is surely beyond the nulls' threshold."""
+    if not fits or fits[0].score < SURELY * nulls.threshold:
         return None
     best, *rest = fits
     tied = tuple(f.term.name for f in rest if best.score - f.score < slack(screen, nulls, best, f))

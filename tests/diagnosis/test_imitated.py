@@ -56,6 +56,13 @@ def test_one_that_does_show_as_it_would_is_tied() -> None:
     assert imitators(step(0.1, v=100.0, Z=float(shown)), 1) == ("motor.thrust_curve",)
 
 
+def test_one_that_shows_more_is_tied_up_to_where_the_inertia_would_be_too_small() -> None:
+    # ln 1.4 − ln 0.85 ≈ 0.5, five typical sizes at √v = 10: they show Z = 50.
+    assert imitators(step(0.1, v=100.0, Z=45.0), 1) == ("motor.thrust_curve",)
+    assert imitators(step(0.1, v=100.0, Z=60.0), 1) == ()
+    assert imitators(step(0.1, v=100.0, Z=-20.0), 1) == ()
+
+
 def slower(share: float, v: float, Z: float) -> Any:
     """A look at a base whose four numbers are all 1.6 times nominal, so that K_f is low by as much,
     with a dead zone of 1 V as the probe, which takes ``share`` off the logarithm of each."""

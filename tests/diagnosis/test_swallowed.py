@@ -56,7 +56,7 @@ def test_what_explains_as_much_and_no_more_is_tied_with_the_inertia() -> None:
     _, step = look(SLOW, 1202)
     other = step.instead_of_inertia[0]
     assert swallowed([other], step.screen, step.nulls) is not None
-    step._fits["inertia"] = [modest := replace(other, score=0.5 * step.nulls.threshold)]
+    step._fits["inertia"] = [modest := replace(other, score=2 * step.nulls.threshold)]
     assert swallowed([modest], step.screen, step.nulls) is None
     (off,) = off_nominal(step.found, doubted=doubt(step.found))
     assert "disturbance.periodic.roll" in with_imitators(off, step).tied_with
