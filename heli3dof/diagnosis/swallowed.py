@@ -63,7 +63,7 @@ def within(found: Estimate, names: set[str]) -> bool:
 
 
 def swallowed(fits: Sequence[Contender], screen: Screen, nulls: Nulls) -> Choice | None:
-    """Of `instead_of_inertia` the cause, where its full fit is surely beyond the nulls' threshold."""
+    """The cause among `instead_of_inertia`, where its full fit is surely beyond the threshold."""
     if not fits or fits[0].score < SURELY * nulls.threshold:
         return None
     best, *rest = fits
