@@ -13,25 +13,33 @@ alike, so what is wrong with a formula counts for each. A term u counts that the
 sees beyond the nulls' threshold; those nulls were seen beside neither, and are little changed by
 one cause more. Where they are large (`heli3dof.diagnosis.rivals`) scores compare nothing, and the
 choice stands.
+
+Two causes may also be one cause's stand-in: a dry friction and a quadratic drag follow a viscous
+one, and where the yaw's encoder chatters their likelihood is too high by tens. So a pair has to
+beat a tied cause that needs no companion in flights of each (`heli3dof.diagnosis.rivals`), by
+`DECIDED`; otherwise that one is taken, the simplest.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.diagnosis.contenders import Contender, contend
-from heli3dof.diagnosis.corrected import Corrected
+from heli3dof.diagnosis.corrected import Corrected, correct
 from heli3dof.diagnosis.in_turn import TURNS, instead
 from heli3dof.diagnosis.nulls import Nulls
-from heli3dof.diagnosis.rivals import FALSE, false_slopes
+from heli3dof.diagnosis.rivals import FALSE, ROUNDS, false_slopes, likelihoods, odds
 from heli3dof.diagnosis.screen import Screen
 from heli3dof.diagnosis.select import TIE, Choice, suspects, worth_a_fit
 from heli3dof.diagnosis.steps import Bench, Step, extended, screened
 
 ASKED = 4
 """Further terms that are fitted beside each"""
+DECIDED = 12.0
+"""Of W: twice `TIE`, since the pair was picked from many"""
 
 
 def tied(step: Step) -> list[Contender]:
@@ -58,6 +66,22 @@ def companion(step: Step, bench: Bench, found: Corrected) -> Contender | None:
     return next((f for f in fits if nulls.threshold <= f.Z2), None)
 
 
+def simplest(
+    bench: Bench, pair: Contender, alone: Sequence[tuple[Contender, Corrected]]
+) -> Contender | None:
+    """The likeliest of the causes ``alone`` (each with its fit) that a ``pair`` (a cause beside
+    another) does not surely beat; None where it beats them all."""
+    if not alone:
+        return None
+    both = correct(
+        pair.problem, pair.optimum.theta, pair.optimum.noise, bench.recordings,
+        seed=bench.seed, pilots=bench.pilots, rounds=ROUNDS,
+    )  # fmt: skip
+    W = odds(*likelihoods([both, *(f for _, f in alone)], bench.recordings, seed=bench.seed))
+    stand = [k for k in range(1, len(W)) if W[0, k] < DECIDED]
+    return alone[min(stand, key=lambda k: W[0, k]) - 1][0] if stand else None
+
+
 def nulls_of(step: Step, screen: Screen) -> Nulls:
     """The step's nulls, in the order of another screen's probes."""
     own = {(p.name, p.values): i for i, p in enumerate(step.screen.plain)}
@@ -80,10 +104,17 @@ def explained(bench: Bench, step: Step) -> tuple[Choice, dict[str, Corrected]]:
     each, made = tied(step), dict[str, Corrected]()
     if len(each) < 2:
         return choice, made
-    J = []
+    J, others = [], list[Contender | None]()
     for one in each:
         found = made[one.term.name] = extended(bench, replace(choice, contenders=(one,)))
         other = None if found.scatter is None else companion(step, bench, found)
+        others.append(other if other is not None and other.score > 0 else None)
         J.append(one.score + (0.0 if other is None else max(0.0, other.score)))
     k = int(np.argmax(J))
-    return (choice if J[k] <= J[0] + TIE else instead(choice, each[k])), made
+    k = k if J[k] > J[0] + TIE else 0
+    best, other = each[k], others[k]
+    if other is not None:
+        fits = [(c, made[c.term.name]) for c, o in zip(each, others, strict=True) if o is None]
+        flown = [(c, f) for c, f in fits if f.scatter is not None]
+        best = simplest(bench, other, flown) or best
+    return (choice if best is each[0] else instead(choice, best)), made

@@ -10,7 +10,7 @@ import pytest
 
 from heli3dof.diagnosis import companions
 from heli3dof.diagnosis.base_fit import base_of
-from heli3dof.diagnosis.companions import explained, nulls_of, tied
+from heli3dof.diagnosis.companions import DECIDED, explained, nulls_of, simplest, tied
 from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.rivals import FALSE
 from heli3dof.diagnosis.select import TIE, Choice
@@ -20,6 +20,7 @@ from heli3dof.experiment.plan import load_plan
 from heli3dof.model.effects import terms
 
 NONE = cast(Any, None)
+LEVEL = SimpleNamespace(theta=None, noise=None)
 NAMES = ("motor.supply_sag", "motor.thrust_curve", "motor.saturation")
 
 
@@ -43,8 +44,9 @@ def beside(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
 
     def companion(step: object, bench: object, found: Any) -> Any:
         score = scores.get(found.name)
-        return None if score is None else SimpleNamespace(score=score)
+        return None if score is None else SimpleNamespace(score=score, problem=None, optimum=LEVEL)
 
+    monkeypatch.setattr(companions, "simplest", lambda bench, pair, alone: None)
     monkeypatch.setattr(companions, "extended", widened)
     monkeypatch.setattr(companions, "companion", companion)
     return scores
@@ -68,6 +70,20 @@ def test_what_each_leaves_to_others_decides_between_tied_causes(
     assert chosen.term.name == taken
     assert {chosen.term.name, *chosen.tied_with} == set(NAMES[:2])
     assert set(made) == set(NAMES[:2])
+
+
+@pytest.mark.parametrize(("W", "taken"), [(DECIDED + 0.1, NAMES[1]), (DECIDED - 0.1, NAMES[0])])
+def test_two_that_do_not_surely_beat_one_are_that_one(
+    monkeypatch: pytest.MonkeyPatch, beside: dict[str, float], W: float, taken: str
+) -> None:
+    monkeypatch.setattr(companions, "simplest", simplest)
+    monkeypatch.setattr(companions, "correct", lambda *fit, **how: None)
+    monkeypatch.setattr(companions, "likelihoods", lambda fits, flown, *, seed: (fits, flown))
+    monkeypatch.setattr(companions, "odds", lambda *_: np.array([[0.0, W], [-W, 0.0]]))
+    beside[NAMES[1]] = 80.0
+    chosen, _ = explained(Bench((), 0, 4), step_with(NAMES[1:2]))
+    assert chosen.term.name == taken
+    assert {chosen.term.name, *chosen.tied_with} == set(NAMES[:2])
 
 
 def test_one_that_is_tied_with_nothing_costs_nothing(beside: dict[str, float]) -> None:
