@@ -26,6 +26,7 @@ from heli3dof.diagnosis.imitated import look_beside, with_imitators
 from heli3dof.diagnosis.in_turn import flown, in_turn
 from heli3dof.diagnosis.integrity import Kind, integrity
 from heli3dof.diagnosis.measured import adopted, fitted
+from heli3dof.diagnosis.nearly import with_near
 from heli3dof.diagnosis.proxies import base_beside
 from heli3dof.diagnosis.real_doubts import doubted
 from heli3dof.diagnosis.real_log import diagnose_real, no_likelihood
@@ -108,6 +109,7 @@ def _diagnosed(
     clock.start("left", "Looking for what has no name …")
     many = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
     last = unnamed(bench, Settled(found, findings, dropped, after), held, flights=many)
+    last = replace(last, findings=with_near(last.findings))
     if not bench.loop_is_known:
         clock.says("Asking each recording by itself …")
         last = replace(last, findings=doubted(last.findings, train))

@@ -170,7 +170,7 @@ def _evaluate(
     noise = _noise(near, theta, noise, rows[0])
     X = near.run(theta, noise, keep=3).X
     assert X is not None
-    loglik = _row_by_row(near.data, X).sum(axis=1)
+    loglik = row_by_row(near.data, X).sum(axis=1)
     inside = np.zeros(len(whole.t), dtype=bool)
     inside[rows[0] : rows[1]] = True
     loglik[~inside] = 0.0
@@ -200,7 +200,7 @@ def _near(d: Data, rows: tuple[int, int], settle_s: float = SETTLE_S) -> Data:
     return of_rows(d, np.array(kept, dtype=np.int64).reshape(-1, 3))
 
 
-def _row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
+def row_by_row(d: Data, X: np.ndarray) -> np.ndarray:
     """(N, 3) ln Z of each row by axis, from a pass with ``keep`` 3; 0 outside the blocks."""
     out = np.zeros((len(d.t), 3))
     total = np.zeros(3)
@@ -224,7 +224,7 @@ def _noise(problem: Likelihood, theta: np.ndarray, noise: np.ndarray, first: int
     def loglik(at: np.ndarray) -> np.ndarray:
         X = problem.run(theta, at, keep=3).X
         assert X is not None
-        out = np.asarray(_row_by_row(problem.data, X)[first:].sum(axis=0))
+        out = np.asarray(row_by_row(problem.data, X)[first:].sum(axis=0))
         best[:3] = np.where(out > most, at[:3], best[:3])
         most[:] = np.maximum(out, most)
         return out

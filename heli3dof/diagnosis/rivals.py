@@ -105,8 +105,9 @@ def told_apart(
     sure = min(nulls.confidence(best.Z2), sure, 1.0 if decides else choice.confidence)
     tied = tuple(n for n in dict.fromkeys(open_) if n != best.term.name)
     return Choice(
-        best.term, best.score, best.Z2, sure, tied, (best, *others), choice.weak, choice.threshold
-    )
+        best.term, best.score, best.Z2, sure, tied, (best, *others), choice.weak, choice.threshold,
+        decides,
+    )  # fmt: skip
 
 
 def likelihoods(

@@ -81,6 +81,8 @@ class Choice:
     """It may as well be what is wrong with an earlier cause's formula."""
     threshold: float = 0.0
     """Of Z², the nulls'"""
+    by_flights: bool = False
+    """Its rivals' flights chose it (`heli3dof.diagnosis.rivals`), not scores."""
 
 
 def suspects(seen: Seen, nulls: Nulls) -> list[tuple[Term, float, int]]:

@@ -19,9 +19,9 @@ from heli3dof.diagnosis.gain_folds import (
     _near,
     _noise,
     _refitted,
-    _row_by_row,
     on_blocks,
     on_holdout,
+    row_by_row,
     settling_s,
     training,
 )
@@ -220,7 +220,7 @@ def test_beside_a_play_a_filter_settles_as_if_it_had_run_from_the_flight_s_start
     def roll(data: Data) -> np.ndarray:
         """(N,) ln Z of roll's rows"""
         X = replace(problem, data=data).run(o.theta, o.noise, keep=3).X
-        return np.asarray(_row_by_row(data, X)[:, 0])
+        return np.asarray(row_by_row(data, X)[:, 0])
 
     whole = roll(d)
     for a in range(first + before, stop - 1000, 1000):  # every two seconds a block of as many

@@ -1,0 +1,74 @@
+"""Two causes that a flight's own pieces do not tell apart are tied, whatever the sum says."""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from heli3dof.diagnosis import nearly as module
+from heli3dof.diagnosis.base_fit import base_of
+from heli3dof.diagnosis.contenders import Contender
+from heli3dof.diagnosis.nearly import cells, nearly, scatter, sureness
+from heli3dof.diagnosis.select import Choice
+from heli3dof.diagnosis.steps import Bench
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
+from heli3dof.model.effects import term, terms
+
+NAMES = ("motor.supply_sag", "motor.thrust_curve", "motor.saturation")
+NONE = cast(Any, None)
+C = 100
+
+
+def choice_of(*scores: float, tied: tuple[str, ...] = ()) -> Choice:
+    fits = tuple(
+        Contender(t, NONE, NONE, s, 50.0, i)
+        for i, (t, s) in enumerate(zip(terms(NAMES), scores, strict=False))
+    )
+    return Choice(fits[0].term, scores[0], 50.0, 1.0, tied, fits)
+
+
+@pytest.fixture
+def apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cells whose differences are ± 1: over a hundred of them s = 20."""
+    monkeypatch.setattr(
+        module, "cells", lambda c: np.tile([1.0, -1.0], C // 2) * (c.term.name == NAMES[0])
+    )
+
+
+@pytest.mark.parametrize(("second", "tied"), [(101.0, (NAMES[1],)), (79.0, ())])
+def test_what_scatters_by_more_than_it_is_apart_is_tied(
+    apart: None, second: float, tied: tuple[str, ...]
+) -> None:
+    got = nearly(choice_of(120.0 - 0.01, second), set())
+    assert got.tied_with == tied
+    assert got.confidence == pytest.approx(sureness(120.0 - 0.01 - second, 20.0))
+
+
+def test_one_that_is_here_too_is_not_in_its_place(apart: None) -> None:
+    assert nearly(choice_of(120.0, 118.0), {NAMES[1]}).tied_with == ()
+
+
+def test_a_tie_is_not_told_twice(apart: None) -> None:
+    assert nearly(choice_of(120.0, 118.0, tied=NAMES[1:2]), set()).tied_with == NAMES[1:2]
+
+
+def test_what_is_far_less_likely_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "cells", lambda c: pytest.fail(c.term.name))
+    assert nearly(choice_of(120.0, 59.0), set()).confidence == 1.0
+
+
+def test_pieces_that_agree_leave_no_doubt() -> None:
+    assert scatter(np.full(C, 0.3)) == pytest.approx(0.0, abs=1e-9)
+    assert sureness(5.0, 0.0) == 1.0
+
+
+def test_the_cells_are_the_whole_likelihood() -> None:
+    flown = fly_plan(step_plan((5.0, None, None)), device="mock:?speed=max&seed=1209", seed=1)
+    found = base_of(Bench((flown.recording,), 1, 4, opinions=False))
+    one = Contender(term(NAMES[0]), found.problem, found.optimum, 0.0, 0.0, None)
+    each = cells(one)
+    assert each.sum() == pytest.approx(float(found.optimum.at.loglik.sum()), rel=1e-9)
+    assert len(each) == -(-len(found.problem.data.t) // 250)  # half seconds at 500 Hz
