@@ -12,8 +12,10 @@ shared between axes, δ is. So over pairs of axes
     σ_t² = Σ u e_i e_j w / Σ u w²,      w = ẏ_i ẏ_j,    u = 1 / (s_i² s_j²),  s² = q²/12 + (τ ẏ)²
 
 where u weighs by what scatters (q the encoder's step, τ = `SCALE_S`). With one axis alone it is
-the slope of e² against ẏ². The standard deviation is a jackknife over blocks of a second. Bursts
-longer than the window are seen in part only: the true jitter is then larger.
+the slope of e² against ẏ². The standard deviation is a jackknife over blocks of `BLOCK_S`. Where
+two axes move together in few blocks only, it is itself known badly: with b the blocks' shares of
+the lower sum there are ν = 1/Σ b² − 1 degrees of freedom, and σ_t² over its standard deviation is
+Student's t. Bursts longer than the window are seen in part only: the true jitter is then larger.
 """
 
 from __future__ import annotations
@@ -26,9 +28,9 @@ HALF_WINDOW_S = 0.03
 SCALE_S = 1e-3
 LEAST = 2
 """Samples on either side of the middle, at least: a parabola takes three."""
-BLOCK_S = 1.0
-SIGNIFICANT = 4.0
-"""Standard deviations from zero at which jitter is believed."""
+BLOCK_S = 0.25
+CHANCE = 5e-4
+"""That an even clock is taken for one that jitters."""
 WORTH_SAYING_S = 2e-4
 EVEN = 1e-6
 """Share of the period below which a clock's scatter is its print."""
@@ -40,12 +42,17 @@ class MotionJitter:
 
     sigma_s: float
     variance_std_s2: float
+    freedom: float = np.inf
+    """ν, of that standard deviation"""
 
     @property
     def found(self) -> bool:
         """True when there is jitter beyond doubt, and enough to matter."""
-        surely = self.sigma_s**2 > SIGNIFICANT * self.variance_std_s2
-        return bool(surely and self.sigma_s > WORTH_SAYING_S)
+        from scipy.stats import t
+
+        if not self.sigma_s > WORTH_SAYING_S:
+            return False
+        return bool(self.sigma_s**2 > t.isf(CHANCE, self.freedom) * self.variance_std_s2)
 
 
 NONE_FOUND = MotionJitter(0.0, np.inf)
@@ -131,4 +138,5 @@ def _jackknife(top: np.ndarray, below: np.ndarray) -> MotionJitter:
     whole = top.sum() / below.sum()
     without = (top.sum() - top) / (below.sum() - below)
     std = float(np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2)))
-    return MotionJitter(float(np.sqrt(max(whole, 0.0))), std)
+    freedom = float(below.sum() ** 2 / (below @ below) - 1)
+    return MotionJitter(float(np.sqrt(max(whole, 0.0))), std, freedom)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 import heli3dof as h3
 from heli3dof.recording.jitter import motion_jitter
@@ -41,6 +42,24 @@ def test_a_punctual_log_is_left_alone(seed: int) -> None:
     noise = np.cumsum(rng.standard_normal((len(t), 3)), axis=0) * 2e-5
     angle = np.round((motion(t) + noise) / STEP) * STEP
     assert not motion_jitter(t, angle, STEP).found
+
+
+def test_two_axes_that_move_together_for_a_moment_are_as_sure_as_they_say() -> None:
+    """Of punctual logs one in twenty is beyond Student's t of one in twenty, and none is named."""
+    surest = []
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        t = np.arange(10_000) * 0.002
+        together = np.exp(-(((t - 10) / 1.0) ** 2))
+        waves = np.sin(np.outer(t, rng.uniform(1.5, 6, 3)) + rng.uniform(0, 6, 3))
+        alone = 0.2 * np.sin(np.outer(t, [0.3, 0.0, 0.0]))  # the third axis stands still
+        angle = alone + 0.3 * together[:, None] * waves * [1.0, 1.0, 0.0]
+        found = motion_jitter(t, np.round(angle / STEP) * STEP, STEP)
+        assert not found.found
+        assert found.freedom < 20
+        surest.append(student.sf(found.sigma_s**2 / found.variance_std_s2, found.freedom))
+    assert np.mean(np.array(surest) < 0.05) == pytest.approx(0.05, abs=0.05)
+    assert min(surest) > 5e-4
 
 
 def test_a_log_that_carries_its_true_times_is_left_alone() -> None:
