@@ -108,8 +108,9 @@ def explained(bench: Bench, step: Step) -> tuple[Choice, dict[str, Corrected]]:
     for one in each:
         found = made[one.term.name] = extended(bench, replace(choice, contenders=(one,)))
         other = None if found.scatter is None else companion(step, bench, found)
-        others.append(other if other is not None and other.score > 0 else None)
-        J.append(one.score + (0.0 if other is None else max(0.0, other.score)))
+        other = other if other is not None and other.score > 0 else None
+        others.append(other)
+        J.append(one.score + (0.0 if other is None else other.score))
     k = int(np.argmax(J))
     k = k if J[k] > J[0] + TIE else 0
     best, other = each[k], others[k]

@@ -8,7 +8,8 @@ cells of `CELL_S`,
     s = 2 √(C var d_c)
 
 the second is tied with the first where 2 (ℓ_a − ℓ_b) < `AGREED` s, and the first is no surer of
-itself than Φ(2 (ℓ_a − ℓ_b)/s).
+itself than Φ(2 (ℓ_a − ℓ_b)/s). For 2 (ℓ_a − ℓ_b) stands the difference of the scores
+(`heli3dof.diagnosis.select`), freed of false slopes and less the price of a cause's numbers.
 
 Where flights of each cause were asked (`heli3dof.diagnosis.rivals`) they know better.
 """
@@ -86,7 +87,7 @@ def scatter(d: np.ndarray) -> float:
 
 
 def sureness(apart: float, s: float) -> float:
-    """Φ(2 Δℓ/s)
+    """Φ(Δ/s), of scores that are Δ apart.
 
     >>> round(sureness(20.0, 20.0), 2), sureness(1.0, 0.0)
     (0.84, 1.0)
