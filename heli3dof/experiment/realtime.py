@@ -8,6 +8,7 @@ scheduling     SCHED_FIFO: no ordinary program runs where  rtprio in limits.d, o
 memory         mlockall: no page of the program has to be  memlock in limits.d, or CAP_IPC_LOCK
                read from the disk in flight
 idle states    a core that wakes up at once                whoever may write /dev/cpu_dma_latency
+virtual cores  the same, in a virtual machine (`awake`)    everybody
 core           one for all threads of the flight (`cores`) everybody who is scheduled; where
                                                            `isolcpus=` left one, everybody
 workers        the kernel's, which a serial line needs,    CAP_SYS_NICE
@@ -38,6 +39,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from heli3dof.experiment.awake import keep_awake
 from heli3dof.experiment.cores import on_one_core
 from heli3dof.experiment.workers import raise_workers
 from heli3dof.rig.port import Check
@@ -84,9 +86,11 @@ def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
     """Ask for everything in the table, for the calling thread; give it back at the end."""
     with ExitStack() as undo:
         quiet_interpreter(undo)
+        awake = keep_awake(undo)
         scheduling, memory = _scheduling(undo, priority), _memory(undo)
         scheduled = scheduling.good is True
-        checks = [scheduling, memory, *_idle_states(undo), *on_one_core(undo, scheduled=scheduled)]
+        checks = [scheduling, memory, *_idle_states(undo), *awake]
+        checks += on_one_core(undo, scheduled=scheduled)
         if scheduled:
             checks += raise_workers(undo)
         _timer(undo)

@@ -31,9 +31,10 @@ INTRO = (
     "SCHED_FIFO and no locked memory, as for a user without permission for either. What a "
     "pseudo-terminal carries passes through workers of the kernel: ordinary threads, but where "
     "the loop is scheduled in real time and may (CAP_SYS_NICE, as here) it has them scheduled so, "
-    "too. *Over TCP* is the same firmware and the same loop without them. Processes above all "
-    "others watch every core for the machine's own standstills in the same run: a virtual machine "
-    "is not always given its processors."
+    "too. *Cores let sleep*: without what keeps a virtual machine's cores awake in flight, in the "
+    "same run. *Over TCP* is the same firmware and the same loop without those workers. Processes "
+    "above all others watch every core for the machine's standstills in the same run: a virtual "
+    "machine is not always given its processors."
 )
 SECONDS = float(os.environ.get("FLIGHT_SECONDS", "60"))
 
@@ -44,6 +45,8 @@ class Kind(NamedTuple):
     rate_hz: int
     granted: bool
     tcp: bool = False
+    awake: bool = True
+    """False: a virtual machine's cores are let fall asleep"""
 
     @property
     def seconds(self) -> float:
@@ -52,8 +55,8 @@ class Kind(NamedTuple):
 
 
 KINDS = (
-    Kind(500, True), Kind(500, False), Kind(500, True, tcp=True), Kind(1000, True),
-    Kind(1000, False),
+    Kind(500, True), Kind(500, True, awake=False), Kind(500, False),
+    Kind(500, False, awake=False), Kind(500, True, tcp=True), Kind(1000, True), Kind(1000, False),
 )  # fmt: skip
 
 
@@ -67,8 +70,8 @@ def measure() -> list[Figure | Table]:
 
 def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
     """One flight's JSON document; limits and watchdog bear a machine that stands still."""
-    rate_hz, granted, tcp = kind
-    name = f"{rate_hz}-{granted}-{tcp}"
+    rate_hz, granted, tcp, awake = kind
+    name = f"{rate_hz}-{granted}-{tcp}-{awake}"
     profile = write_profile(folder / f"{rate_hz}.toml", rate_hz=rate_hz, **PATIENT)
     output, log = (folder / f"{name}.{suffix}" for suffix in ("mcap", "late"))
     door = ("--tcp", "0") if tcp else ()
@@ -76,7 +79,7 @@ def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
         with (
             watched() as still,
             FlightProcess(
-                device, output, kind.seconds, profile=profile, realtime=granted
+                device, output, kind.seconds, profile=profile, realtime=granted, awake=awake
             ) as flight,
         ):
             document = flight.result(kind.seconds + LANDING_S + 120)
@@ -101,7 +104,7 @@ def punctual(flights: dict[Kind, dict[str, Any]]) -> list[Figure]:
     """The bars at 500 Hz: how late and why, and nothing lost on the line."""
     figures = []
     for kind, found in flights.items():
-        if kind.rate_hz != 500:
+        if kind.rate_hz != 500 or not kind.awake:
             continue
         granted, bar = kind.granted, 0.0 if kind.granted else 0.1
         assert found["realtime"]["scheduled"] is granted, "this machine grants no SCHED_FIFO"
@@ -147,7 +150,7 @@ def side_by_side(flights: dict[Kind, dict[str, Any]]) -> Table:
         turn = (p["turnaround_median_s"], p["turnaround_p999_s"])
         rows.append(
             (
-                f"{kind.rate_hz} Hz" + ", TCP" * kind.tcp,
+                f"{kind.rate_hz} Hz" + ", TCP" * kind.tcp + ", cores let sleep" * (not kind.awake),
                 "all" if kind.granted else "nothing",
                 str(found["periods"]),
                 " / ".join(_us(v) for v in late),

@@ -27,6 +27,11 @@ from heli3dof.experiment import realtime
 realtime._may_lock_everything = lambda: False
 """
 """A system that grants nothing which needs a permission, whoever runs this."""
+ASLEEP = """
+from heli3dof.experiment import awake
+awake.is_virtual = lambda: False
+"""
+"""A virtual machine's cores are let fall asleep."""
 
 
 class FlightProcess:
@@ -40,6 +45,7 @@ class FlightProcess:
         *,
         profile: Path | None = None,
         realtime: bool = True,
+        awake: bool = True,
     ) -> None:
         words = [
             "run-step", "--roll", "5", "--settle", f"{SETTLE_S:g}",
@@ -48,7 +54,7 @@ class FlightProcess:
         ]  # fmt: skip
         if profile is not None:
             words += ["--profile", str(profile)]
-        program = GRANTED if realtime else REFUSED + GRANTED
+        program = REFUSED * (not realtime) + ASLEEP * (not awake) + GRANTED
         self.output = output
         self._screen, inner = pty.openpty()  # without a terminal there is no live view
         environment = {k: v for k, v in os.environ.items() if k != "NO_COLOR"}
