@@ -134,10 +134,19 @@ def _shared(archive: Archive, binary: Path, root: Path | None = None) -> None:
 def _udev(archive: Archive, root: Path) -> None:
     """Debian's udev with the rules that ship and no others."""
     for name in ("lib/systemd/systemd-udevd", "bin/udevadm"):
-        archive.copy(root / name, f"/{name}")
-        _shared(archive, root / name, root)
+        binary = _inside(root, root / name)
+        archive.copy(binary, f"/{name}")
+        _shared(archive, binary, root)
     rules = ROOT / "drivers/70-heli3dof.rules"
     archive.copy(rules, f"/etc/udev/rules.d/{rules.name}")
+
+
+def _inside(root: Path, path: Path) -> Path:
+    """Where a file of ``root`` is: a package's absolute links are meant from there."""
+    while path.is_symlink():
+        to = path.readlink()
+        path = root / to.relative_to("/") if to.is_absolute() else path.parent / to
+    return path
 
 
 def _project(archive: Archive) -> None:
