@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from heli3dof.rig.url import DeviceUrl
 
 OPTIONS = ("stream", "watchdog_s", "timeout_s", "signs")
+STOP_TRIES = 8
+"""Of a quarter of a second: without the pipes there is no other way to the rig"""
 
 
 class UsbDriver:
@@ -59,7 +61,7 @@ class UsbDriver:
         from .transport import stop
 
         on = select(self._backend(), url.text, url.where)
-        stop(on.device, Cause.HOST_ESTOP, url.text)
+        stop(on.device, Cause.HOST_ESTOP, url.text, STOP_TRIES)
         with suppress(Exception):
             usb.util.dispose_resources(on.device)
         return f"{on.url} confirmed the stop; its volts are zero until it is armed again"

@@ -44,10 +44,21 @@ def _ms(seconds: float) -> int:
     return max(1, math.ceil(seconds * 1000))
 
 
-def stop(device: Any, reason: int, name: str) -> None:
-    """Zero volts by a control request: needs no claim, and works while the pipes are stalled."""
+def stop(device: Any, reason: int, name: str, tries: int = 1) -> None:
+    """Zero volts by a control request: needs no claim, and works while the pipes are stalled.
+
+    It may be sent again, and is, up to ``tries`` times, where the bus or the rig was too busy.
+    """
+    import usb.core
+
     with explained(name, "stopping it"):
-        device.ctrl_transfer(VENDOR_OUT, STOP, reason & 0xFFFF, 0, None, _ms(CONTROL_S))
+        for left in reversed(range(tries)):
+            try:
+                device.ctrl_transfer(VENDOR_OUT, STOP, reason & 0xFFFF, 0, None, _ms(CONTROL_S))
+                return
+            except usb.core.USBTimeoutError:
+                if not left:
+                    raise
 
 
 class UsbTransport:

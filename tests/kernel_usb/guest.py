@@ -18,7 +18,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-RATE_HZ = 50
+RATE_HZ = 20
 """An emulated processor is some twenty times slower; real time is measured elsewhere."""
 PROFILE: Any = SimpleNamespace(
     name="guest",

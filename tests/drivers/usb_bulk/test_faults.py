@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import errno
 import time
+from typing import Any
 
 import pytest
 import usb.core
 from heli3dof_drivers.link.frames import Cause
+from heli3dof_drivers.usb_bulk.driver import STOP_TRIES
 from heli3dof_drivers.usb_bulk.errors import explain
+from heli3dof_drivers.usb_bulk.transport import STOP
 
 from heli3dof.errors import DeviceError
 from heli3dof.rig.port import Command, Flags
@@ -114,6 +117,30 @@ def test_the_stop_of_a_second_process_works_while_the_first_flies(lab: Lab):
     assert sample.flags & Flags.ESTOP
     assert sample.v_applied == (0.0, 0.0)
     assert fly(rig, 50)[-1].flags == Flags.ENABLED  # the first still holds the pipes
+
+
+@pytest.mark.parametrize("busy", [3, 1000])
+def test_the_stop_of_a_second_process_is_sent_again_while_the_bus_is_busy(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch, busy: int
+):
+    plugged = lab.plug()
+    fly(lab.open(), 20)
+    sent, through = [], lab.bus.ctrl_transfer
+
+    def transfer(*request: Any) -> int:
+        sent.append(request[2])
+        if sent.count(STOP) <= busy:
+            raise usb.core.USBTimeoutError("timeout", errno=errno.ETIMEDOUT)
+        return through(*request)
+
+    monkeypatch.setattr(lab.bus, "ctrl_transfer", transfer)
+    if busy == 3:
+        assert "confirmed" in lab.driver.estop(parse_url("usb:"))
+        assert plugged.function.link.amplifier.flags == Flags.ESTOP
+    else:
+        with pytest.raises(DeviceError, match="did not answer in time while stopping it"):
+            lab.driver.estop(parse_url("usb:"))
+        assert sent.count(STOP) == STOP_TRIES
 
 
 def test_the_stop_of_a_rig_that_is_gone_is_an_error(lab: Lab):
