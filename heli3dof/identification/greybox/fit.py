@@ -32,8 +32,9 @@ SURE = 3.0
 that scale (its terms in P are left out of the score; their expectation is zero)."""
 AT_ONCE = 5
 """Rounds of whole steps. A joint that sticks or slips makes the score as rough as a tenth of a
-standard deviation, and whole steps circle for ever; the n-th step after these is 1/(n + 1) of one,
-so they end at the middle of the roughness."""
+standard deviation, and whole steps circle for ever. After these a step that turns back on the one
+before shortens all that follow, the n-th time to 1/(n + 1) of one (Kesten, 1958): they end at the
+middle of the roughness, and where the way only was long it is walked to its end."""
 NOISE_SETTLED = 0.05
 """Of the log intensity."""
 NOISE_START = (0.03, 0.06, 0.02, 0.0)
@@ -84,6 +85,7 @@ def maximise(
     lam = 1e-3
     settled = False
     moved = np.inf
+    turns, last = 0, np.zeros(len(theta))
     for count in range(1, rounds + 1):
         if moved > NOISE_SETTLED or count % 4 == 0:
             a, moved = better_noise(problem, theta, a, axes)
@@ -99,12 +101,15 @@ def maximise(
         go = ~stuck
         gain, part = 0.0, 1.0
         accepted = False
-        for _ in range(12):
+        for tried in range(12):
             damped = A[np.ix_(go, go)] + lam * np.diag(np.diag(A)[go])
             delta = np.zeros(len(theta))
             delta[go] = np.linalg.solve(damped, g[go])
             gain = 0.5 * float(g[go] @ delta[go])
-            part = 1.0 / max(1, count - AT_ONCE) if gain <= SURE else 1.0
+            if not tried:
+                turns += count > AT_ONCE and gain <= SURE and bool(last @ A @ delta < 0)
+                last = delta
+            part = 1.0 / (1 + turns) if gain <= SURE else 1.0
             if gain * part**2 < TOLERANCE:
                 accepted = True
                 break
