@@ -19,6 +19,7 @@ from heli3dof.identification.greybox.method import (
 )
 from heli3dof.model.effects import term
 from heli3dof.recording.recording import Recording
+from tests.bench.bench_greybox import one_start
 from tests.identification.known_flights import HIDDEN, Flight, fly
 
 ABSENT = (
@@ -118,6 +119,10 @@ def test_starts_a_factor_of_two_off_end_at_the_same_optimum(found: Estimate, fac
     again = maximise(found.problem, theta)
     sd = found.std / found.slopes
     assert (np.abs(again.theta - found.optimum.theta) / sd).max() < 0.1
+
+
+def test_a_start_from_which_the_way_is_long_ends_at_the_same_optimum() -> None:
+    assert one_start(5) < 0.1
 
 
 def test_two_recordings_tell_more_than_one(found: Estimate, flight: Flight) -> None:
