@@ -99,6 +99,12 @@ def test_doctor_has_nothing_to_say_against_a_rig_that_is_well(fake: FakeDriver) 
 
 
 @pytest.mark.usefixtures("sound")
+def test_doctor_has_nothing_to_say_against_the_emulated_rig() -> None:
+    said = heli3dof("doctor", "--device", "mock:", "--json")
+    assert [c for c in said.document["checks"] if c["good"] is False] == []
+
+
+@pytest.mark.usefixtures("sound")
 def test_doctor_prints_the_command_that_mends_and_exits_6(fake: FakeDriver) -> None:
     fake.checks = [Check("latency timer", "16 ms", False, "echo 1 | sudo tee /sys/x")]
     said = heli3dof("doctor")

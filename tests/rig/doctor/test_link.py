@@ -124,6 +124,14 @@ def test_a_device_whose_clock_runs_fast_is_found():
     assert "+5.00 %" in check.found
 
 
+@pytest.mark.parametrize(("timebase", "good"), [("host", None), ("device", False)])
+def test_a_clock_that_stands_still_is_wrong_only_where_the_device_keeps_the_time(timebase, good):
+    seen = opened(identity=replace(IDENTITY, timebase=timebase))
+    still = [replace(s, device_time_s=0.0) for s in seen.samples]
+    check = link.device_clock(replace(seen, samples=still, took_s=[1e-4] * 500))
+    assert check.good is good
+
+
 def test_rest_angles_that_are_an_assumption_are_said():
     seen = opened()
     seen.rig.rest = Rest((0, 0, 0), "power-up", "the device has started anew")
