@@ -3,10 +3,13 @@
 An idle core of a virtual machine is handed back to its host. When something is due there the host
 has to give it a processor again, and on a busy host that takes its time: 1 to 20 ms, whatever
 priority waits inside for it. The processor's own idle states can be refused (`realtime`), this
-cannot, but by having something to do. So in flight every core has something, at idle priority
+cannot, but by having something to do. So in flight its cores have something, at idle priority
 (`spinner`, processes of their own: the interpreter's lock is the loop's), which stands in nobody's
-way inside. Everybody may do that. On a machine of one's own it would only heat it; and in a
-container whose processor time is rationed it would eat the flight's ration.
+way inside. All but the first have: a host that rations a machine to as many processors as it has
+counts its own work for it, too, and takes 1 to 2 ms at the end of a tenth of a second from one that
+uses all of them. The flight stays on the others. Everybody may do that. On a machine of one's own
+it would only heat it; and in a container whose processor time is rationed it would eat the flight's
+ration.
 """
 
 from __future__ import annotations
@@ -16,10 +19,11 @@ import select
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from heli3dof.experiment.cores import isolated_cores
+from heli3dof.experiment.cores import move
 from heli3dof.rig.port import Check
 
 WHAT = "virtual cores"
@@ -33,17 +37,17 @@ START_S = 2.0
 END_S = 1.0
 
 
-def keep_awake(undo: ExitStack) -> tuple[Check, ...]:
-    """Give a virtual machine's cores something to do until ``undo`` closes.
+def keep_awake(undo: ExitStack, cores: Sequence[int], *, stay: bool) -> tuple[Check, ...]:
+    """Give these cores of a virtual machine something to do until ``undo`` closes, but the first.
 
-    Those of this program, and those that the kernel was told to keep free; no check elsewhere.
+    ``stay``: keep all threads on them. No check on other machines.
     """
     if not is_virtual():
         return ()
     if is_rationed():
         says = "fall asleep to their host: kept awake they would use up this container's quota"
         return (Check(WHAT, says, None, "start the container without --cpus"),)
-    names = [str(core) for core in sorted(os.sched_getaffinity(0) | isolated_cores())]
+    names = [str(core) for core in cores[1:] or cores]
     try:
         spinner = subprocess.Popen(
             [sys.executable, "-I", "-S", str(SPINNER), *names],
@@ -57,6 +61,8 @@ def keep_awake(undo: ExitStack) -> tuple[Check, ...]:
     awake = _begun(spinner, len(names))
     if not awake:
         return (Check(WHAT, "fall asleep to their host: what keeps them awake has ended", None),)
+    if stay:
+        move(undo, {int(core) for core in awake}, everybody=True)
     return (Check(WHAT, f"{', '.join(sorted(awake, key=int))}: kept awake in flight", True),)
 
 

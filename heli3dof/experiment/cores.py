@@ -31,14 +31,21 @@ def on_one_core(undo: ExitStack, *, scheduled: bool) -> tuple[Check, ...]:
         return ()
     kept_free = isolated_cores()
     if kept_free:
-        _move(undo, kept_free, everybody=scheduled)
+        move(undo, kept_free, everybody=scheduled)
         found = f"{_text(ISOLATED)}, which the kernel keeps free"
         return (Check("core", found, True),)
     core = _claimed(undo) if scheduled else None
     if core is None:
         return ()
-    _move(undo, {core}, everybody=True)
+    move(undo, {core}, everybody=True)
     return (Check("core", f"{core}, for all threads of this program", True),)
+
+
+def my_cores() -> list[int]:
+    """This program's, and those that the kernel was told to keep free; none where nobody says."""
+    if not hasattr(os, "sched_getaffinity"):
+        return []
+    return sorted(os.sched_getaffinity(0) | isolated_cores())
 
 
 def isolated_cores() -> set[int]:
@@ -74,7 +81,8 @@ def _claimed(undo: ExitStack) -> int | None:
     return None
 
 
-def _move(undo: ExitStack, to: set[int], *, everybody: bool) -> None:
+def move(undo: ExitStack, to: set[int], *, everybody: bool) -> None:
+    """Let the calling thread, or all threads, run on these cores only until ``undo`` closes."""
     threads = {0}
     if everybody:
         mine = threading.get_native_id()

@@ -40,7 +40,7 @@ from pathlib import Path
 from typing import Any
 
 from heli3dof.experiment.awake import keep_awake
-from heli3dof.experiment.cores import on_one_core
+from heli3dof.experiment.cores import my_cores, on_one_core
 from heli3dof.experiment.workers import raise_workers
 from heli3dof.rig.port import Check
 
@@ -86,11 +86,12 @@ def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
     """Ask for everything in the table, for the calling thread; give it back at the end."""
     with ExitStack() as undo:
         quiet_interpreter(undo)
-        awake = keep_awake(undo)
+        mine = my_cores()
         scheduling, memory = _scheduling(undo, priority), _memory(undo)
         scheduled = scheduling.good is True
-        checks = [scheduling, memory, *_idle_states(undo), *awake]
-        checks += on_one_core(undo, scheduled=scheduled)
+        checks = [scheduling, memory, *_idle_states(undo)]
+        one = on_one_core(undo, scheduled=scheduled)
+        checks += [*keep_awake(undo, mine, stay=not one), *one]
         if scheduled:
             checks += raise_workers(undo)
         _timer(undo)

@@ -31,7 +31,9 @@ INTRO = (
     "SCHED_FIFO and no locked memory, as for a user without permission for either. What a "
     "pseudo-terminal carries passes through workers of the kernel: ordinary threads, but where "
     "the loop is scheduled in real time and may (CAP_SYS_NICE, as here) it has them scheduled so, "
-    "too. *Cores let sleep*: without what keeps a virtual machine's cores awake in flight, in the "
+    "too. The firmware has neither the flight's core nor the first, which is let sleep: a device "
+    "has a processor of its own. *Cores let sleep*: without what keeps a virtual machine's others "
+    "awake in flight, in the "
     "same run. *Over TCP* is the same firmware and the same loop without those workers. Processes "
     "above all others watch every core for the machine's standstills in the same run: a virtual "
     "machine is not always given its processors."
@@ -75,7 +77,10 @@ def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
     profile = write_profile(folder / f"{rate_hz}.toml", rate_hz=rate_hz, **PATIENT)
     output, log = (folder / f"{name}.{suffix}" for suffix in ("mcap", "late"))
     door = ("--tcp", "0") if tcp else ()
-    with firmware(program, "--watchdog", "500", "--late", str(log), *door) as device:
+    # A device has a processor of its own: neither the flight's core nor the one that may sleep.
+    apart = sorted(os.sched_getaffinity(0))[1:-1]
+    options = ("--watchdog", "500", "--late", str(log), *door)
+    with firmware(program, *options, cores=apart) as device:
         with (
             watched() as still,
             FlightProcess(

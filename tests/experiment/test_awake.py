@@ -15,6 +15,7 @@ import pytest
 
 from heli3dof.experiment import awake as module
 from heli3dof.experiment.awake import is_virtual, keep_awake
+from heli3dof.experiment.cores import my_cores
 from heli3dof.experiment.realtime import realtime
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's own calls")
@@ -74,21 +75,23 @@ def test_a_kernel_says_whether_it_runs_under_another(machine: Callable[[str], No
 def test_on_a_machine_of_its_own_nothing_is_done(machine: Callable[[str], None]) -> None:
     machine("")
     with ExitStack() as undo:
-        assert keep_awake(undo) == ()
+        assert keep_awake(undo, my_cores(), stay=True) == ()
         assert not spinners(os.getpid())
 
 
-def test_every_core_of_a_virtual_machine_turns_at_idle_priority_until_the_end(
+def test_all_cores_but_one_of_a_virtual_machine_turn_at_idle_priority_until_the_end(
     machine: Callable[[str], None],
 ) -> None:
     machine(" hypervisor")
+    before = my_cores()
     with ExitStack() as undo:
-        (found,) = keep_awake(undo)
+        (found,) = keep_awake(undo, my_cores(), stay=True)
         turning = spinners(os.getpid())
         assert found.good
-        assert set(turning.values()) == os.sched_getaffinity(0)
+        assert set(turning.values()) == os.sched_getaffinity(0) == set(before[1:] or before)
         assert {os.sched_getscheduler(one) for one in turning} == {os.SCHED_IDLE}
     assert all(gone(one) for one in turning)
+    assert my_cores() == before
 
 
 def test_a_flight_has_it_and_its_recording_says_so(machine: Callable[[str], None]) -> None:
@@ -119,7 +122,7 @@ def test_rationed_time_is_not_spent_on_it(
     path.write_text(text + "\n")
     module.MINE.write_text(mine + "\n")
     with ExitStack() as undo:
-        (found,) = keep_awake(undo)
+        (found,) = keep_awake(undo, my_cores(), stay=True)
         assert bool(spinners(os.getpid())) is not rationed
     assert ("quota" in found.found) is rationed
     assert bool(found.fix) is rationed
@@ -131,7 +134,7 @@ from contextlib import ExitStack
 from heli3dof.experiment import awake
 awake.is_virtual = lambda: True
 with ExitStack() as undo:
-    awake.keep_awake(undo)
+    awake.keep_awake(undo, [0], stay=True)
     print("flying", flush=True)
     time.sleep(60)
 """
@@ -151,7 +154,7 @@ def test_it_ends_with_a_flight_that_is_killed(how: int) -> None:
 def test_the_keyboards_signals_are_for_the_flight(machine: Callable[[str], None]) -> None:
     machine(" hypervisor")
     with ExitStack() as undo:
-        keep_awake(undo)
+        keep_awake(undo, my_cores(), stay=True)
         turning = spinners(os.getpid())
         (spinner,) = {int(Path(f"/proc/{p}/stat").read_text().split()[3]) for p in turning}
         for process in (spinner, *turning):
@@ -167,7 +170,7 @@ def test_one_that_cannot_start_is_said_and_the_flight_goes_on(
     machine(" hypervisor")
     monkeypatch.setattr(module, "SPINNER", tmp_path / "missing.py")
     with ExitStack() as undo:
-        (found,) = keep_awake(undo)
+        (found,) = keep_awake(undo, my_cores(), stay=True)
     assert found.good is None
     assert "fall asleep" in found.found
 

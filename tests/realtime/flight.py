@@ -8,7 +8,7 @@ import pty
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -110,9 +110,14 @@ class FlightProcess:
 
 
 @contextmanager
-def firmware(program: str, *options: str) -> Iterator[str]:
-    """The C firmware in a process of its own; the URL of its pseudo-terminal, or of its port."""
+def firmware(program: str, *options: str, cores: Iterable[int] = ()) -> Iterator[str]:
+    """The C firmware in a process of its own; the URL of its pseudo-terminal, or of its port.
+
+    ``cores``: those that it may run on; all unless given.
+    """
     with subprocess.Popen([program, *options], stdout=subprocess.PIPE, text=True) as process:
+        if cores:
+            os.sched_setaffinity(process.pid, cores)
         assert process.stdout is not None
         said = process.stdout.readline().strip()
         try:
