@@ -7,9 +7,9 @@ cannot, but by having something to do. So in flight its cores have something, at
 (`spinner`, processes of their own: the interpreter's lock is the loop's), which stands in nobody's
 way inside. All but the first have: a host that rations a machine to as many processors as it has
 counts its own work for it, too, and takes 1 to 2 ms at the end of a tenth of a second from one that
-uses all of them. The flight stays on the others. Everybody may do that. On a machine of one's own
-it would only heat it; and in a container whose processor time is rationed it would eat the flight's
-ration.
+uses all of them. The flight stays on the others where they are several. Everybody may do that. On
+a machine of one's own it would only heat it; and in a container whose processor time is rationed it
+would eat the flight's ration.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def keep_awake(undo: ExitStack, cores: Sequence[int], *, stay: bool) -> tuple[Ch
     awake = _begun(spinner, len(names))
     if not awake:
         return (Check(WHAT, "fall asleep to their host: what keeps them awake has ended", None),)
-    if stay:
+    if stay and len(awake) > 1:  # one would have to be shared with whatever else runs
         move(undo, {int(core) for core in awake}, everybody=True)
     return (Check(WHAT, f"{', '.join(sorted(awake, key=int))}: kept awake in flight", True),)
 
