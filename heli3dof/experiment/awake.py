@@ -1,15 +1,14 @@
 """A virtual machine's cores are kept from falling asleep.
 
 An idle core of a virtual machine is handed back to its host. When something is due there the host
-has to give it a processor again, and on a busy host that takes its time: 1 to 20 ms, whatever
-priority waits inside for it. The processor's own idle states can be refused (`realtime`), this
-cannot, but by having something to do. So in flight its cores have something, at idle priority
-(`spinner`, processes of their own: the interpreter's lock is the loop's), which stands in nobody's
-way inside. All but the first have: a host that rations a machine to as many processors as it has
-counts its own work for it, too, and takes 1 to 2 ms at the end of a tenth of a second from one that
-uses all of them. The flight stays on the others where they are several. Everybody may do that. On
-a machine of one's own it would only heat it; and in a container whose processor time is rationed it
-would eat the flight's ration.
+has to give it a processor again, and on a busy host that takes several periods, whatever priority
+waits inside for it. The processor's own idle states can be refused (`realtime`), this cannot, but
+by having something to do. So in flight its cores have something, at idle priority (`spinner`,
+processes of their own: the interpreter's lock is the loop's), which stands in nobody's way inside.
+All but the first have: a host that rations a machine to as many processors as it has counts its own
+work for it, too, and stops one that uses all of them until its next ration. The flight stays on the
+others where they are several. Everybody may do that. On a machine of one's own it would only heat
+it; and in a container whose processor time is rationed it would eat the flight's ration.
 """
 
 from __future__ import annotations

@@ -33,10 +33,9 @@ INTRO = (
     "the loop is scheduled in real time and may (CAP_SYS_NICE, as here) it has them scheduled so, "
     "too. The firmware has neither the flight's core nor the first, which is let sleep: a device "
     "has a processor of its own. *Cores let sleep*: without what keeps a virtual machine's others "
-    "awake in flight, in the "
-    "same run. *Over TCP* is the same firmware and the same loop without those workers. Processes "
-    "above all others watch every core for the machine's standstills in the same run: a virtual "
-    "machine is not always given its processors."
+    "awake in flight, in the same run. *Over TCP* is the same firmware and the same loop without "
+    "those workers. Processes above all others watch every core for the machine's standstills in "
+    "the same run: a virtual machine is not always given its processors."
 )
 SECONDS = float(os.environ.get("FLIGHT_SECONDS", "60"))
 
