@@ -165,6 +165,7 @@ def _fly(
         at_once=lambda: asked.at_once() or watches.at_once(),
         live=live,
         watches=watches.each_period,
+        must_still_fall=watches.must_still_fall,
     )
     if rig.session.stopped is None:
         return outcome

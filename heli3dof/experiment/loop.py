@@ -60,17 +60,20 @@ def fly(
     at_once: Callable[[], str | None] = lambda: None,
     live: Live | None = None,
     watches: Sequence[Watch] = (),
+    must_still_fall: Callable[[], bool] = lambda: False,
 ) -> Outcome:
     """Fly the rendered plan in closed loop and return how it ended. Never raises.
 
     ``stop`` is asked in every period and returns why to end, or None; ``at_once`` is asked in
     every period of the ramp that follows, and returns why to stop without the rest of it.
-    ``watches`` are asked in their order, before the envelope. The profile must have a controller
-    and its rate must be the signals'.
+    ``watches`` judge every period in their order, before the envelope, and the ramp to zero too:
+    a flight whose angles contradict its voltages is not completed. While ``must_still_fall`` is
+    true the ramp goes on at zero volts. The profile must have a controller and its rate must be
+    the signals'.
     """
     flight = _Flight(rig, profile, signals, sink, stop, live or Live(), watches)
     with _granted(rig.identity) as granted:
-        return flight.run(at_once, granted)
+        return flight.run(at_once, granted, must_still_fall)
 
 
 class _Flight:
@@ -98,7 +101,12 @@ class _Flight:
         self.t0 = 0.0
         self.before: Triple = (0.0, 0.0, 0.0)
 
-    def run(self, at_once: Callable[[], str | None], granted: Realtime | None) -> Outcome:
+    def run(
+        self,
+        at_once: Callable[[], str | None],
+        granted: Realtime | None,
+        must_still_fall: Callable[[], bool],
+    ) -> Outcome:
         ending: Ending = "completed"
         detail = "the plan was flown to its end"
         error: BaseException | None = None
@@ -125,9 +133,16 @@ class _Flight:
         live.phase = "ramping down"
         steps = self.steps(hurried=ending != "completed")
         known = int(sample.flags) if sample is not None and ending == "tripped" else 0
-        landing = land(self.pacer, sample, steps, self.keeper(), at_once, known)
+        whole = ending == "completed"
+        landing = land(
+            self.pacer, sample, steps, self.keeper(), at_once, known,
+            self.monitored if whole else lambda sample, voltage: None,
+            must_still_fall if whole else lambda: False,
+        )  # fmt: skip
         if landing.stopped:
             ending, detail = "tripped", Trip.first(detail, landing.why) or ""
+        elif landing.tripped is not None:
+            ending, detail = "tripped", landing.tripped
         elif landing.error is not None and ending == "completed":
             ending = "device" if isinstance(landing.error, DeviceError) else "error"
             detail, error = landing.why, landing.error
@@ -199,20 +214,32 @@ class _Flight:
         if asked is not None:
             return "interrupted", asked
         rates = self.controller.rates
-        looked = None
-        if self.watches:
-            pacer = self.pacer
-            now = Period(
-                k, t, sample, angle, rates, command, voltage, pacer.sent, pacer.sequence,
-                pacer.lateness, pacer.skipped, pacer.left_out,
-            )  # fmt: skip
-            looked = next(filter(None, (watch(now) for watch in self.watches)), None)
+        looked = self.judged(k, t, sample, angle, command, voltage)
         # What a watch saw is nearer to the cause than what came of it.
         stopped = explain(flags) if (flags := int(sample.flags)) & STOPPED else None
         if (seen := Trip.first(stopped, looked)) is not None:
             return "tripped", seen
         tripped = self.envelope.check(t, angle, rates, command, voltage)
         return ("tripped", tripped) if tripped is not None else None
+
+    def judged(
+        self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair,
+        ramping_down: bool = False,
+    ) -> str | None:  # fmt: skip
+        """What the first of the safety monitors reports of this period, or None."""
+        if not self.watches:
+            return None
+        pacer = self.pacer
+        now = Period(
+            k, t, sample, angle, self.controller.rates, command, voltage, pacer.sent,
+            pacer.sequence, pacer.lateness, pacer.skipped, pacer.left_out, ramping_down,
+        )  # fmt: skip
+        return next(filter(None, (watch(now) for watch in self.watches)), None)
+
+    def monitored(self, sample: Sample, voltage: Pair) -> str | None:
+        """A period of the ramp to zero, as the safety monitors judge it."""
+        t = sample.device_time_s - self.t0
+        return self.judged(self.flown, t, sample, self.angle(sample), voltage, voltage, True)
 
     def steps(self, *, hurried: bool) -> int:
         """Periods of the ramp to zero."""

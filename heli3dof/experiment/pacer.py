@@ -14,6 +14,8 @@ class Pacer:
 
     def __init__(self, rig: Rig, dt: float, tally: Tally) -> None:
         self._rig = rig
+        self.dt = dt
+        """s, the control period"""
         self._time = timekeeper(rig, dt)
         self._tally = tally
         self.sequence = 0

@@ -6,8 +6,10 @@ ends the flight with a ramp to zero. None of them changes a command.
 
 ===========  =====================================================================================
 `Jump`       an encoder's count changed by more than the rig can turn in a period
-`Frozen`     an encoder's count stood still while what drives its axis changed strongly
-`Dead`       an encoder's count stood still though less turned its axis before in this flight
+`FrozenEncoder`
+             an encoder's count stood still although its axis must have turned
+`SilentEncoder`
+             an encoder's count changed again and again before the landing, and not in it
 `Saturated`  a motor was asked for more than the limit for too long
 `Late`       too many periods of the last second came too late
 `Lost`       samples, or commands, were lost in a row for too long
@@ -23,20 +25,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from heli3dof.experiment.period import Watch
-from heli3dof.experiment.watches.dead import Dead
-from heli3dof.experiment.watches.encoders import Frozen, Jump
+from heli3dof.experiment.watches.encoder_jump import Jump
+from heli3dof.experiment.watches.frozen_encoder import FrozenEncoder
 from heli3dof.experiment.watches.saturation import Saturated
+from heli3dof.experiment.watches.silent_encoder import SilentEncoder
 from heli3dof.experiment.watches.suspension import Suspended
 from heli3dof.experiment.watches.timing import Late, Lost
 from heli3dof.rig.profile import Profile
 
 __all__ = [
-    "Dead",
-    "Frozen",
+    "FrozenEncoder",
     "Jump",
     "Late",
     "Lost",
     "Saturated",
+    "SilentEncoder",
     "Suspended",
     "Watches",
     "watches_for",
@@ -50,13 +53,16 @@ class Watches:
     each_period: tuple[Watch, ...]
     at_once: Callable[[], str | None]
     """Why to stop without a ramp; asked in every period of the ramp"""
+    must_still_fall: Callable[[], bool]
+    """Whether the arm stands above the table without thrust: the ramp goes on at zero volts"""
 
 
 def watches_for(profile: Profile) -> Watches:
     """All of them, fresh, for one flight with this profile."""
-    suspended = Suspended()
+    suspended, frozen = Suspended(), FrozenEncoder(profile)
     return Watches(
-        (suspended, Jump(profile), Lost(profile), Late(profile), Frozen(profile),
-         Dead(profile), Saturated(profile)),
+        (suspended, Jump(profile), Lost(profile), Late(profile), frozen, SilentEncoder(profile),
+         Saturated(profile)),
         suspended.at_once,
+        frozen.must_still_fall,
     )  # fmt: skip

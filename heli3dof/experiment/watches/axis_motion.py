@@ -1,0 +1,89 @@
+"""Expected acceleration of each axis, and an observer of its motion.
+
+The rigid body one axis at a time (paper, eqs (10) and (11), with cos and sin kept), V the voltages
+that the device reports to have put out (V), angles in rad, accelerations in rad/s²::
+
+    α_roll  = (L_a K_f cos p (V_f + V_b) − T_g cos r) / J_roll       T_g = 2 L_a K_f V_o
+    α_pitch =  L_h K_f (V_f − V_b) / J_pitch
+    α_yaw   = −L_a K_f cos r sin p (V_f + V_b) / J_yaw
+
+A fading-memory α-β-γ filter follows each encoder. Its state is the angle θ, the rate ω and the
+unmodelled acceleration b = θ̈ − α. With h the time since the sample before and m = exp(−Ω h)::
+
+    predict   θ ← θ + ω h + (α + b) h²/2      ω ← ω + (α + b) h
+    correct   e = measured − θ
+              θ ← θ + (1 − m³) e     ω ← ω + 1.5 (1 − m)² (1 + m) e/h     b ← b + (1 − m)³ e/h²
+"""
+
+from __future__ import annotations
+
+from math import cos, exp, sin
+
+from heli3dof.rig.profile import Profile
+
+BANDWIDTH = (15.0, 22.0, 15.0)
+"""Ω in rad/s for roll, pitch, yaw: fast against the loop's own motion (1 to 5 rad/s), slow enough
+that one count of quantisation at 500 Hz moves the rate by less than 10 counts/s"""
+LONGEST_GAP_S = 0.25
+"""s without a sample after which the observers start again"""
+
+
+class ExpectedAcceleration:
+    """α of the profile's rigid body; a few operations for each control period."""
+
+    def __init__(self, profile: Profile) -> None:
+        g, m, motor = profile.geometry, profile.mass, profile.motor
+        J_roll = m.m_w * g.L_w**2 + (m.m_f + m.m_b) * g.L_a**2
+        J_pitch = (m.m_f + m.m_b) * g.L_h**2
+        self.roll_per_V = g.L_a * motor.K_f / J_roll
+        """rad/s² for each volt of V_f + V_b"""
+        self.pitch_per_V = g.L_h * motor.K_f / J_pitch
+        """rad/s² for each volt of V_f − V_b"""
+        self.yaw_per_V = g.L_a * motor.K_f / (J_roll + J_pitch)
+        """rad/s² for each volt of V_f + V_b and each unit of −cos r sin p"""
+        hover = max(abs(motor.V_o), motor.v_max / 8)
+        self.gravity = 2 * self.roll_per_V * motor.V_o
+        """T_g / J_roll in rad/s²"""
+        self.hover_V = hover
+        """V per motor; at least an eighth of the amplifier's limit, whatever the profile states"""
+
+    def __call__(
+        self, angle: tuple[float, float, float], front_V: float, back_V: float
+    ) -> tuple[float, float, float]:
+        """(α_roll, α_pitch, α_yaw) in rad/s² at these angles (rad) under these voltages."""
+        total, cos_roll = front_V + back_V, cos(angle[0])
+        return (
+            self.roll_per_V * cos(angle[1]) * total - self.gravity * cos_roll,
+            self.pitch_per_V * (front_V - back_V),
+            -self.yaw_per_V * cos_roll * sin(angle[1]) * total,
+        )
+
+
+class AxisObserver:
+    """The α-β-γ filter of one axis: `angle` (rad), `rate` (rad/s), `unmodelled` (rad/s²)."""
+
+    __slots__ = ("_bandwidth", "_gains", "_h", "angle", "rate", "unmodelled")
+
+    def __init__(self, bandwidth: float) -> None:
+        self._bandwidth = bandwidth
+        self._h = 0.0
+        self._gains = (0.0, 0.0, 0.0)
+        self.angle = self.rate = self.unmodelled = 0.0
+
+    def restart(self, angle: float) -> None:
+        """At rest at this angle (rad), nothing unmodelled."""
+        self.angle, self.rate, self.unmodelled = angle, 0.0, 0.0
+
+    def step(self, h: float, acceleration: float, measured: float) -> None:
+        """h s on, under an expected acceleration (rad/s²), to a measured angle (rad)."""
+        if abs(h - self._h) > 0.01 * h:
+            m = exp(-self._bandwidth * h)
+            self._h = h
+            self._gains = (1 - m**3, 1.5 * (1 - m) ** 2 * (1 + m) / h, (1 - m) ** 3 / h**2)
+        a = acceleration + self.unmodelled
+        angle = self.angle + h * self.rate + 0.5 * h * h * a
+        error = measured - angle
+        gain = self._gains
+        self.angle = angle + gain[0] * error
+        self.rate += h * a + gain[1] * error
+        self.unmodelled += gain[2] * error
