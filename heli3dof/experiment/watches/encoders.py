@@ -46,13 +46,12 @@ COUNTS = 8
 
 def inertia_per_drive(profile: Profile) -> tuple[float, float, float]:
     """J / k of each axis: its drive (V, V, rad) for an acceleration of 1 rad/s²."""
-    g, m, motor = profile.geometry, profile.mass, profile.motor
-    arm = m.m_w * g.L_w**2 + (m.m_f + m.m_b) * g.L_a**2
-    per_V = g.L_a * motor.K_f
+    L, K_f, (J_roll, J_pitch, _) = profile.geometry, profile.motor.K_f, profile.inertias
+    per_V = L.L_a * K_f
     return (
-        arm / per_V,
-        (m.m_f + m.m_b) * g.L_h / motor.K_f,
-        arm / (2 * per_V * _hover(profile)),
+        J_roll / per_V,
+        J_pitch / (L.L_h * K_f),
+        J_roll / (2 * per_V * _hover(profile)),
     )
 
 
