@@ -84,7 +84,7 @@ class Key:
             return ""
         for name, size in SLIPS.get(self.unit, ()):
             if within(value * size, expected):
-                return f"{name}? {value:g} {name} are {value * size:.4g} {self.unit}."
+                return f"in {name}? {value:g} {name} are {value * size:.4g} {self.unit}."
         return ""
 
 

@@ -31,7 +31,7 @@ MAY_IMPORT = {
     },
     "cli": {
         "errors", "axes", "rig", "recording", "model", "experiment", "identification",
-        "comparison", "diagnosis", "report",
+        "comparison", "diagnosis", "report", "toml_file",
     },
 }  # fmt: skip
 
