@@ -16,10 +16,10 @@ MAY_IMPORT = {
     "toml_file": {"errors"},
     "pages": set(),
     "threads": set(),
-    "rig": {"errors", "axes", "toml_file"},
+    "rig": {"errors", "axes", "pages", "toml_file"},
     "recording": {"errors", "axes", "rig"},
     "model": {"errors", "axes", "pages", "rig", "recording"},
-    "experiment": {"errors", "axes", "toml_file", "rig", "recording", "model"},
+    "experiment": {"errors", "axes", "pages", "toml_file", "rig", "recording", "model"},
     "identification": {"errors", "axes", "threads", "rig", "recording", "model"},
     "comparison": {"errors", "axes", "rig", "recording", "model"},
     "diagnosis": {

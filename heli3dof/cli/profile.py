@@ -29,16 +29,13 @@ File = Annotated[
 
 
 def register(app: typer.Typer) -> None:
-    family = typer.Typer(
-        name="profile",
-        help="A rig's numbers: write, show, check or correct a profile.",
-        no_args_is_help=True,
-    )
+    family = typer.Typer(no_args_is_help=True)
     family.command("new")(new)
     family.command("show")(show)
     family.command("check")(check)
     family.command("update")(update)
-    app.add_typer(family)
+    about = "A rig's numbers: write, show, check or correct a profile."
+    app.add_typer(family, name="profile", help=about)
 
 
 @verb
@@ -215,7 +212,7 @@ def _complete(talk: Talk, data: dict[str, Any]) -> None:
     missing = [n for n in missing if n != "motor.V_o"]
     if not missing:
         return
-    if not sys.stdin.isatty():
+    if not _is_terminal():
         raise UsageError(
             f"{len(missing)} numbers are missing: {', '.join(missing)}.",
             cause="the input is no terminal, so they cannot be asked for.",
@@ -229,6 +226,11 @@ def _complete(talk: Talk, data: dict[str, Any]) -> None:
     for name, field in _asked():
         if _at(data, name) is None and (value := _answer(talk, name, field)) is not None:
             put(data, name, value)
+
+
+def _is_terminal() -> bool:
+    """Whether somebody can be asked."""
+    return sys.stdin.isatty()
 
 
 def _asked() -> Iterator[tuple[str, FieldInfo]]:

@@ -117,7 +117,8 @@ class Motor(Section):
         Key(
             "voltage of each motor at level hover; negative for an arm that rests body up", "V",
             "raise both voltages until the body lifts off the table; V_o = V / cos(rest angle); or "
-            "the mean voltage of a flight's level part; or from the masses", "7.456", (0.5, 20.0),
+            "the mean voltage of a flight's level part; or from the masses", "7.456",
+            (0.5, 20.0), (0.0, 200.0),
         ),
     ]  # fmt: skip
     v_max: Annotated[
