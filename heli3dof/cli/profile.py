@@ -64,9 +64,8 @@ def new(
     path = output or Path("rig.toml")
     check_output(path, force=force)
     data: dict[str, Any] = {}
-    before = None
     if start is not None:
-        before = load_profile(start)
+        load_profile(start)  # says what is wrong in it
         data = read_toml(start, "profile", ProfileError)
     data = merged(data, settings(given or ()))
     _complete(talk, data)
@@ -75,14 +74,14 @@ def new(
     if computed:
         # Checked with a voltage that any amplifier gives; then the masses' own.
         put(data, "motor.V_o", 0.0)
-        rough = profile_from_dict(data, source="--set")
+        rough = profile_from_dict(data, source="the command line")
         put(data, "motor.V_o", float(f"{estimated_hover_voltage(rough):.4g}"))
         remarks["motor.V_o"] = (
             "COMPUTED from the masses, with the sign that the rest angle asks for: measure it"
         )
-    profile = profile_from_dict(data, source="--set")
-    designed = _design(data, profile, before, settings(given or ()), remarks)
-    profile = profile_from_dict(data, source="--set")
+    profile = profile_from_dict(data, source="the command line")
+    designed = _design(data, profile, settings(given or ()), remarks)
+    profile = profile_from_dict(data, source="the command line")
     found = _loop(talk, profile)
     if not found.stable:
         _refuse(profile)
@@ -140,7 +139,7 @@ def check(file: File = None, as_json: AsJson = False, quiet: Quiet = False) -> N
     found = _loop(talk, profile)
     if not _report(talk, file, profile, found):
         talk.show("Nothing unusual.")
-    if not found.stable:
+    if not found.stable and profile.loop_is_known:
         raise typer.Exit(UNSTABLE)
 
 
@@ -199,7 +198,7 @@ def update(
         left_out=list(found.left_out),
     )  # fmt: skip
     talk.note(f"Profile: {path}")
-    if not loop.stable:
+    if not loop.stable and calibrated.loop_is_known:
         raise typer.Exit(UNSTABLE)
 
 
@@ -289,18 +288,14 @@ def _at(data: Mapping[str, Any], name: str) -> Any:
 def _design(
     data: dict[str, Any],
     profile: Profile,
-    before: Profile | None,
     given: Mapping[str, Any],
     remarks: dict[str, str],
 ) -> bool:
-    """Put an LQR gain into the data, unless one was given or the default fits; whether it did."""
-    from heli3dof.model.loop_check import is_stable
+    """Put an LQR gain into the data, unless one was given or it is the default; whether it did."""
     from heli3dof.model.lqr import is_default_gain, lqr_gain
     from heli3dof.rig.profile_file import put
 
     if _at(given, "controller.K") is not None:
-        return False
-    if before is not None and _plant(profile) == _plant(before) and is_stable(profile):
         return False
     data.setdefault("controller", {})
     gain = lqr_gain(profile)
@@ -313,11 +308,6 @@ def _design(
         "Q = diag(100, 1, 10, 0, 0, 2, 10, 0.1), R = 0.05 (24/v_max)²"
     )
     return True
-
-
-def _plant(profile: Profile) -> tuple[object, ...]:
-    """What a gain is designed for."""
-    return profile.geometry, profile.mass, profile.motor, profile.inertia, profile.loop
 
 
 def _loop(talk: Talk, profile: Profile) -> LoopCheck:
@@ -348,13 +338,12 @@ def _report(
     for remark in remarks:
         talk.warn(remark)
     if not found.stable:
-        talk.err.print(
-            "Error: the gain does not stabilise this rig. heli3dof profile new --from FILE designs "
-            "another.",
-            soft_wrap=True,
-            style="bold red",
+        whose = "default gain" if profile.controller is None else "gain"
+        remarks.append(
+            f"the {whose} does not stabilise this rig; heli3dof profile new --from FILE designs "
+            "another"
         )
-        remarks.append("the gain does not stabilise this rig")
+        talk.err.print(f"Error: {remarks[-1]}.", soft_wrap=True, style="bold red")
     talk.emit(
         {
             "schema": "heli3dof.profile/1",

@@ -91,12 +91,12 @@ def read_calibration(path: Path) -> Calibration:
 
 
 def _none_in(path: Path, what: str) -> RecordingError:
-    name = path.name.removesuffix(path.suffix)
+    recording = path if path.suffix in (".mcap", ".csv", ".mat") else "REC.mcap"
     return RecordingError(
         f"{path} {what}.",
         cause="profile update reads what heli3dof diagnose wrote, or a grey-box model file.",
-        fix=f"heli3dof diagnose REC.mcap -o {name}-model.json; heli3dof profile update --from "
-        f"{name}-model.json --profile rig.toml -o rig2.toml",
+        fix=f"heli3dof diagnose {recording} -o model.json; heli3dof profile update --from "
+        "model.json --profile rig.toml -o rig2.toml",
     )
 
 

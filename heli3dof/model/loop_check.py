@@ -128,13 +128,6 @@ def check_loop_of(profile: Profile) -> LoopCheck:
     return LoopCheck(poles, disc_margin(profile, spec), tuple(_steps(profile, spec)))
 
 
-def is_stable(profile: Profile) -> bool:
-    """Whether the profile's controller stabilises the sampled loop about hover."""
-    controller = profile.with_controller().controller
-    assert controller is not None
-    return LoopCheck(sampled_loop_poles(hover_model(profile), controller, profile.dt)).stable
-
-
 def disc_margin(profile: Profile, spec: ControllerSpec) -> float:
     """α of both motors at once, about hover."""
     model = hover_model(profile)
