@@ -72,6 +72,8 @@ pages: $(STAMP)
 	$(BIN)/python -m heli3dof_drivers.emulator.page docs/mock.md
 	$(BIN)/python -m heli3dof.diagnosis.catalogue_page docs/effects.md
 	$(BIN)/python -m heli3dof.diagnosis.integrity_page docs/diagnosis.md
+	$(BIN)/python -m heli3dof.rig.profile_page docs/profile.md
+	$(BIN)/python -m heli3dof.experiment.plans_page docs/plans.md
 	$(BIN)/python -m tests.report.comparison_page
 
 recordings: $(STAMP)

@@ -16,10 +16,10 @@ MAY_IMPORT = {
     "toml_file": {"errors"},
     "pages": set(),
     "threads": set(),
-    "rig": {"errors", "axes", "toml_file"},
+    "rig": {"errors", "axes", "pages", "toml_file"},
     "recording": {"errors", "axes", "rig"},
     "model": {"errors", "axes", "pages", "rig", "recording"},
-    "experiment": {"errors", "axes", "toml_file", "rig", "recording", "model"},
+    "experiment": {"errors", "axes", "pages", "toml_file", "rig", "recording", "model"},
     "identification": {"errors", "axes", "threads", "rig", "recording", "model"},
     "comparison": {"errors", "axes", "rig", "recording", "model"},
     "diagnosis": {
@@ -31,7 +31,7 @@ MAY_IMPORT = {
     },
     "cli": {
         "errors", "axes", "rig", "recording", "model", "experiment", "identification",
-        "comparison", "diagnosis", "report",
+        "comparison", "diagnosis", "report", "toml_file",
     },
 }  # fmt: skip
 

@@ -76,7 +76,7 @@ def body_of(profile: Profile) -> Body:
     m_f, m_b, m_w = profile.mass.m_f, profile.mass.m_b, profile.mass.m_w
     L_w, L_a, L_h = profile.geometry.L_w, profile.geometry.L_a, profile.geometry.L_h
     K_f, V_o = profile.motor.K_f, profile.motor.V_o
-    return Body(
+    body = Body(
         L_a=L_a,
         L_h=L_h,
         K_f=K_f,
@@ -88,6 +88,12 @@ def body_of(profile: Profile) -> Body:
         G_p=(m_f - m_b) * g * L_h,
         V_ref=abs(V_o) or profile.motor.v_max,
     )
+    if profile.inertia is None:
+        return body
+    # Measured inertias: what the masses do not have of them sits on the joints' shafts.
+    given = (profile.inertia.roll, profile.inertia.pitch, profile.inertia.yaw)
+    roll, pitch, yaw = (J - m if J else 0.0 for J, m in zip(given, body.J, strict=True))
+    return replace(body, dJ=(roll, pitch, yaw))
 
 
 def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:

@@ -19,6 +19,8 @@ from heli3dof.cli import (
     fly,
     models,
     monitor,
+    plans,
+    profile,
     report,
     rigs,
     simulate,
@@ -37,7 +39,7 @@ app = typer.Typer(
 
 FAMILIES = (
     demo, fly, simulate, models, compare, diagnose, report, files,
-    rigs, doctor, zero, monitor, estop,
+    profile, plans, rigs, doctor, zero, monitor, estop,
 )  # fmt: skip
 
 QUICK: dict[str, tuple[Callable[..., None], dict[str, str], dict[str, str]]] = {

@@ -92,7 +92,10 @@ def _body(r: Recording) -> dict[str, float]:
     parts = {"geometry": p.geometry, "mass": p.mass}
     out = {f"{k}.{n}": float(v) for k, part in parts.items() for n, v in part}
     out["motor.K_f"] = p.motor.K_f
-    return out | {f"encoder.{a}": float(getattr(p.encoder, a)) for a in ("roll", "pitch", "yaw")}
+    for axis in ("roll", "pitch", "yaw"):
+        out[f"encoder.{axis}"] = float(getattr(p.encoder, axis))
+        out[f"inertia.{axis}"] = getattr(p.inertia, axis, None) or 0.0  # 0: the masses'
+    return out
 
 
 def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -25,7 +25,7 @@ from heli3dof.axes import AXES
 from heli3dof.errors import PlanError, did_you_mean
 from heli3dof.experiment.segments import BaseSegment, Clock, kinds
 from heli3dof.rig.profile import Limits, Profile
-from heli3dof.toml_file import Section, check, read_toml
+from heli3dof.toml_file import Key, Section, check, read_toml
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +42,15 @@ class Signals:
     """(N, 3) what happens to each axis's loop (`heli3dof.model.opened`); None: all stay closed."""
 
 
-class _Head(Section):
-    name: str
-    description: str = ""
-    segment: list[dict[str, Any]] = Field(min_length=1)
+class Head(Section):
+    """The keys of a plan beside its segments."""
+
+    name: Annotated[str, Key("the plan's name, shown in tables and recordings")]
+    description: Annotated[str, Key("what it flies, in one line")] = ""
+    purpose: Annotated[str, Key("what it is good for, in one line")] = ""
+    segment: Annotated[
+        list[dict[str, Any]], Key("the segments, in the order flown; each a table `[[segment]]`")
+    ] = Field(min_length=1)
 
 
 @dataclass(frozen=True)
@@ -55,6 +60,7 @@ class Plan:
     name: str
     segments: tuple[BaseSegment, ...]
     description: str = ""
+    purpose: str = ""
 
     @property
     def duration_s(self) -> float:
@@ -88,7 +94,8 @@ class Plan:
     def to_dict(self) -> dict[str, Any]:
         """What a TOML file of this plan would hold; goes into the recording."""
         segments = [s.model_dump(mode="json", exclude_none=True) for s in self.segments]
-        return {"name": self.name, "description": self.description, "segment": segments}
+        head = {"name": self.name, "description": self.description, "purpose": self.purpose}
+        return {**{k: v for k, v in head.items() if v or k != "purpose"}, "segment": segments}
 
 
 def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
@@ -131,9 +138,9 @@ def _ranges(limits: Limits) -> list[tuple[str, float, float]]:
 
 def plan_from_dict(data: Mapping[str, Any], *, source: str = "plan") -> Plan:
     """Check nested dicts (as TOML gives them) and build the plan. Raises PlanError."""
-    head = check(_Head, data, source, PlanError)
+    head = check(Head, data, source, PlanError)
     segments = [_segment(s, i, source) for i, s in enumerate(head.segment, start=1)]
-    return Plan(head.name, tuple(segments), head.description)
+    return Plan(head.name, tuple(segments), head.description, head.purpose)
 
 
 def _segment(data: Mapping[str, Any], number: int, source: str) -> BaseSegment:

@@ -32,13 +32,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.model.linear import LinearModel
-from heli3dof.rig.profile import Profile
+from heli3dof.rig.profile import Profile, g
 
 if TYPE_CHECKING:
     import control
-
-g = 9.81
-"""m/s², the value with which Table I gives V_o = 7.456 V."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,29 +60,9 @@ class Hover:
     """kg·m²"""
 
 
-def gravity_torque(profile: Profile) -> float:
-    """(L_w m_w − L_a m_f − L_a m_b) g in N·m: the right-hand side of eq (5).
-
-    With Table I's masses it is +1.170 N·m, which is a *counterweight-heavy* arm (E2).
-    """
-    L_w, L_a = profile.geometry.L_w, profile.geometry.L_a
-    m_w, m_f, m_b = profile.mass.m_w, profile.mass.m_f, profile.mass.m_b
-    return (L_w * m_w - L_a * m_f - L_a * m_b) * g
-
-
 def quiescent_voltage(profile: Profile) -> float:
     """V_o in V per motor by eq (6), from the masses. Its sign is not to be trusted (E2)."""
-    return gravity_torque(profile) / (2 * profile.geometry.L_a * profile.motor.K_f)
-
-
-def inertias(profile: Profile) -> tuple[float, float, float]:
-    """(J_roll, J_pitch, J_yaw) in kg·m²: point masses, as in the denominators of (10), (11)."""
-    L_w, L_a, L_h = profile.geometry.L_w, profile.geometry.L_a, profile.geometry.L_h
-    m_w, m_f, m_b = profile.mass.m_w, profile.mass.m_f, profile.mass.m_b
-    J_roll = m_w * L_w**2 + (m_f + m_b) * L_a**2
-    J_pitch = (m_f + m_b) * L_h**2
-    J_yaw = m_w * L_w**2 + (m_f + m_b) * L_h**2 + (m_f + m_b) * L_a**2
-    return J_roll, J_pitch, J_yaw
+    return profile.gravity_torque / (2 * profile.geometry.L_a * profile.motor.K_f)
 
 
 def hover(profile: Profile, *, printed: bool = False) -> Hover:
@@ -98,7 +75,7 @@ def hover(profile: Profile, *, printed: bool = False) -> Hover:
         return _as_printed(profile)
     L_a, L_h, K_f = profile.geometry.L_a, profile.geometry.L_h, profile.motor.K_f
     V_o = profile.motor.V_o
-    J_roll, J_pitch, J_yaw = inertias(profile)
+    J_roll, J_pitch, J_yaw = profile.inertias
     A = np.zeros((6, 6))
     A[0:3, 3:6] = np.eye(3)
     A[5, 1] = -2 * L_a * K_f * V_o / J_yaw  # (10), sign corrected: E3

@@ -16,10 +16,8 @@ import numpy as np
 from heli3dof.model.base import LoopTask
 from heli3dof.model.hover import (
     Hover,
-    gravity_torque,
     hover,
     hover_model,
-    inertias,
     quiescent_voltage,
 )
 from heli3dof.model.ideal_loop import (
@@ -70,9 +68,9 @@ def _matrices() -> str:
     """The numbers of (5), (6), (10), (11): as printed and corrected."""
     p = default_profile()
     printed, right = hover(p, printed=True), hover(with_V_o_by_eq_6(p))
-    J_roll, J_pitch, J_yaw = inertias(p)
+    J_roll, J_pitch, J_yaw = p.inertias
     rows = [
-        ("gravity torque, right side of (5)", f"{gravity_torque(p):.3f} N·m", "the same"),
+        ("gravity torque, right side of (5)", f"{p.gravity_torque:.3f} N·m", "the same"),
         ("V_o, (6)", f"{printed.V_o:.3f} V", "the same number, to be calibrated (E2)"),
         ("J_roll", f"{J_roll:.4f} kg·m²", "the same"),
         ("J_pitch", f"{J_pitch:.5f} kg·m²", "the same"),

@@ -6,7 +6,7 @@ the flat arrays that the compiled kernels read. Base parameters, in units of the
 
 =========  ======  =======================================================================
 T_g        N·m     gravity's torque on the level arm; nominal 2 L_a K_f V_o
-J_roll     kg·m²   inertias of the level rig; nominal from the profile's point masses
+J_roll     kg·m²   inertias of the level rig; nominal from the profile: [inertia], else its masses
 J_pitch    kg·m²
 J_yaw      kg·m²
 =========  ======  =======================================================================
@@ -27,8 +27,7 @@ from heli3dof.axes import AXES
 from heli3dof.model import slots
 from heli3dof.model.effects import Term
 from heli3dof.model.hooks import address
-from heli3dof.model.hover import g, inertias
-from heli3dof.rig.profile import Profile
+from heli3dof.rig.profile import Profile, g
 
 INERTIA_PRIOR = 0.7
 """Standard deviation of an inertia's logarithm about nominal: a factor of two either way."""
@@ -86,10 +85,10 @@ class Structure:
     def free(self) -> tuple[Free, ...]:
         """Every parameter, the rigid body's four first."""
         p = self.profile
-        T_g = 2 * p.geometry.L_a * p.motor.K_f * p.motor.V_o
+        T_g = p.trim_torque
         size = max(abs(T_g), 0.1)
         out = [Free("T_g", "N·m", -10 * size, 10 * size, T_g, size, size, T_g, False)]
-        for axis, J in zip(AXES, inertias(p), strict=True):
+        for axis, J in zip(AXES, p.inertias, strict=True):
             name = f"J_{axis}"
             out.append(Free(name, "kg·m²", J / 8, J * 8, J, INERTIA_PRIOR, J, J, True))
         for t in self.terms:
@@ -170,7 +169,7 @@ def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
     They are estimated in units of K_f, and so are the inertias that the masses have. The median of
     the four ratios: one that is off by itself says nothing of the unit.
     """
-    nominal = (2 * profile.geometry.L_a * profile.motor.K_f * profile.motor.V_o, *inertias(profile))
+    nominal = (profile.trim_torque, *profile.inertias)
     ratio = sorted(v / n for v, n in zip(values[:4], nominal, strict=True) if n and v / n > 0)
     if not ratio:
         return 1.0
@@ -184,9 +183,10 @@ def context(profile: Profile) -> np.ndarray:
     s = np.zeros(slots.SIZE)
     s[slots.L_A], s[slots.L_H], s[slots.L_W] = p.geometry.L_a, p.geometry.L_h, p.geometry.L_w
     s[slots.K_F] = p.motor.K_f
-    s[slots.T_G] = 2 * p.geometry.L_a * p.motor.K_f * p.motor.V_o
-    s[slots.J_R : slots.J_R + 3] = inertias(p)
-    s[slots.BODY_P], s[slots.BODY_PSI] = s[slots.J_P], s[slots.J_PSI]
+    s[slots.T_G] = p.trim_torque
+    s[slots.J_R : slots.J_R + 3] = p.inertias
+    # What the masses do not have of a measured inertia turns with the joint (`rigid_body`).
+    s[slots.BODY_P], s[slots.BODY_PSI] = p.mass_inertias[1:]
     s[slots.GAIN_FRONT] = s[slots.GAIN_BACK] = 1.0
     s[slots.V_O], s[slots.V_MAX] = p.motor.V_o, p.motor.v_max
     s[slots.M_W], s[slots.M_F], s[slots.M_B] = p.mass.m_w, p.mass.m_f, p.mass.m_b

@@ -32,7 +32,9 @@ def read_foreign(path: Path, found: Scan, profile: Profile | None) -> Recording:
     """A `Recording` from another program's MCAP. Raises RecordingError naming its topics."""
     if profile is None and PROFILE in found.metadata:
         profile = profile_from_dict(
-            found.metadata[PROFILE].get("profile") or {}, source=f"the profile in {path}"
+            found.metadata[PROFILE].get("profile") or {},
+            source=f"the profile in {path}",
+            recorded=True,
         )
     messages: dict[int, list[tuple[int, bytes]]] = {}
     for number, log_time, payload in found.messages():

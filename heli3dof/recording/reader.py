@@ -241,7 +241,7 @@ def profile_in(found: Scan, path: Path) -> Profile:
     try:
         if record is None:
             raise ProfileError("the file carries no profile")
-        return profile_from_dict(record, source=f"the profile in {path}")
+        return profile_from_dict(record, source=f"the profile in {path}", recorded=True)
     except ProfileError as error:
         raise RecordingError(
             f"{path}: {error.what}",

@@ -207,13 +207,12 @@ def newton(
     n = max(1, round(NEWTON_WINDOW_S / dt))
     if axis == "yaw" or len(angle) < 8 * n:
         return None
-    g, m, K_f = profile.geometry, profile.mass, profile.motor.K_f
+    L, K_f, (J_roll, J_pitch, _) = profile.geometry, profile.motor.K_f, profile.inertias
     V_f, V_b = columns["v_front_V"], columns["v_back_V"]
-    m_h = m.m_f + m.m_b
     if axis == "roll":
-        acceleration = g.L_a * K_f * (V_f + V_b) / (m.m_w * g.L_w**2 + m_h * g.L_a**2)
+        acceleration = L.L_a * K_f * (V_f + V_b) / J_roll
     else:
-        acceleration = g.L_h * K_f * (V_f - V_b) / (m_h * g.L_h**2)
+        acceleration = L.L_h * K_f * (V_f - V_b) / J_pitch
     explained = dt**2 * _moving_sum(_moving_sum(acceleration, n), n)
     moved = (angle[2 * n :] - 2 * angle[n:-n] + angle[: -2 * n])[: len(explained)]
     explained = explained[: len(moved)]

@@ -99,8 +99,8 @@ def perhaps_off(document: Document) -> Iterator[str]:
     if doubtful:
         yield (
             f"To settle {listed([str(c['parameter']) for c in doubtful])}: weigh and measure the "
-            "rig, correct the profile and its tolerance; or diagnose a larger flight together with "
-            "these (heli3dof run large)."
+            "rig (docs/profile.md); or diagnose a larger flight together with these (heli3dof run "
+            "large)."
         )
 
 
@@ -305,6 +305,14 @@ def next_steps(document: Document) -> Iterator[str]:
         yield (
             "What is small shows in a larger flight: heli3dof run large, and diagnose it together "
             "with these."
+        )
+    if document["model"] and any(
+        c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]
+    ):
+        yield (
+            "To correct the profile: heli3dof profile update --from "
+            f"{document['model']} --profile rig.toml -o rig2.toml writes one with the calibrated "
+            "numbers."
         )
     if document["leftover"]:
         yield (

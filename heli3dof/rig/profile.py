@@ -15,7 +15,19 @@ m_f, m_b   mass.m_f, mass.m_b       kg, front and back motor
 K_f        motor.K_f                N/V, thrust per volt
 V_o        motor.V_o                V per motor at hover (E2: calibrate it, never derive its sign)
 v_max      motor.v_max              V, amplifier limit
+J          inertia.roll pitch yaw   kg·m², of the level rig; optional
 =========  =======================  ==========================================================
+
+What follows from them, for every model of the rig::
+
+    T_g     = 2 L_a K_f V_o                            gravity's torque on the level arm, N·m
+    J_roll  = m_w L_w² + (m_f + m_b) L_a²              kg·m², where ``[inertia]`` does not say
+    J_pitch = (m_f + m_b) L_h²
+    J_yaw   = J_roll + J_pitch
+
+Three inertias cannot be written as three point masses (J_yaw would always be the sum of the other
+two), so measured ones have keys of their own. `heli3dof.toml_file.Key` gives each key's unit,
+range and measurement; docs/profile.md is made from it.
 """
 
 from __future__ import annotations
@@ -25,10 +37,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic_core import PydanticCustomError
 
 from heli3dof.errors import ProfileError
-from heli3dof.toml_file import Finite, Positive, Section, check, read_toml
+from heli3dof.toml_file import RECORDED, Finite, Key, Positive, Section, check, read_toml
 
 Counts = Annotated[int, Field(strict=True)]
 
@@ -38,29 +51,127 @@ K_G: tuple[tuple[float, ...], ...] = (
 )
 """Eq (14) as printed: V/rad (×3), V·s/rad (×3), V/(rad·s) (×2); rows front, back (E7)."""
 
+g = 9.81
+"""m/s², the value with which Table I gives V_o = 7.456 V."""
+
+RULE = "tape measure, between the axes"
+SCALE = "kitchen scale"
+
 
 class Geometry(Section):
     """Arm lengths in metres."""
 
-    L_w: Positive
-    L_a: Positive
-    L_h: Positive
+    L_w: Annotated[
+        Positive,
+        Key("yaw axis to the counterweight's centre", "m", RULE, "0.47", (0.15, 1.2), (0.03, 3.0)),
+    ]
+    L_a: Annotated[
+        Positive,
+        Key("yaw axis to the body's pitch axis", "m", RULE, "0.66", (0.2, 1.2), (0.05, 3.0)),
+    ]
+    L_h: Annotated[
+        Positive,
+        Key(
+            "pitch axis to a motor's shaft, half the distance between the shafts",
+            "m", "tape measure, from shaft to shaft, halved", "0.178", (0.05, 0.5), (0.01, 1.0),
+        ),
+    ]  # fmt: skip
 
 
 class Mass(Section):
     """Point masses in kilograms."""
 
-    m_w: Positive
-    m_f: Positive
-    m_b: Positive
+    m_w: Annotated[
+        Positive,
+        Key("counterweight", "kg", f"{SCALE}, taken off the arm", "1.87", (0.3, 6.0), (0.01, 50.0)),
+    ]
+    m_f: Annotated[
+        Positive,
+        Key(
+            "front motor with propeller, guard and half of the body that carries it",
+            "kg", f"{SCALE}; or half of the body's weight", "0.575", (0.1, 2.0), (0.005, 20.0),
+        ),
+    ]  # fmt: skip
+    m_b: Annotated[
+        Positive,
+        Key(
+            "back motor with propeller, guard and half of the body that carries it",
+            "kg", f"{SCALE}; or half of the body's weight", "0.575", (0.1, 2.0), (0.005, 20.0),
+        ),
+    ]  # fmt: skip
 
 
 class Motor(Section):
     """Thrust per volt (N/V), hover voltage per motor (V), amplifier limit (V)."""
 
-    K_f: Positive
-    V_o: Finite
-    v_max: Positive
+    K_f: Annotated[
+        Positive,
+        Key(
+            "thrust of one motor per volt", "N/V",
+            "kitchen scale under the body: its reading falls by ΔW kg when both motors get V "
+            "volts; K_f = 9.81 ΔW / (2 V)", "0.119", (0.03, 0.5), (0.001, 20.0),
+        ),
+    ]  # fmt: skip
+    V_o: Annotated[
+        Finite,
+        Key(
+            "voltage of each motor at level hover; negative for an arm that rests body up", "V",
+            "raise both voltages until the body lifts off the table; V_o = V / cos(rest angle); or "
+            "the mean voltage of a flight's level part; or from the masses", "7.456",
+            (0.5, 20.0), (0.0, 200.0),
+        ),
+    ]  # fmt: skip
+    v_max: Annotated[
+        Positive,
+        Key(
+            "the amplifier's voltage limit, either sign", "V",
+            "the amplifier's data sheet; a board of ±10 V and a gain of 1 give 10", "24",
+            (5.0, 60.0), (0.5, 400.0),
+        ),
+    ]  # fmt: skip
+
+    @model_validator(mode="after")
+    def _within_the_amplifier(self, info: ValidationInfo) -> Motor:
+        recorded = info.context is not None and RECORDED in info.context
+        if abs(self.V_o) >= self.v_max and not recorded:
+            raise PydanticCustomError(
+                "conflict",
+                "motor.V_o = {V_o} V is not below motor.v_max = {v_max} V: the rig cannot hover",
+                {"V_o": f"{self.V_o:g}", "v_max": f"{self.v_max:g}",
+                 "slip": "V_o is per motor, not the sum of both; or K_f is too small."},
+            )  # fmt: skip
+        return self
+
+
+class Inertia(Section):
+    """Moments of inertia of the level rig in kg·m²; one that is absent follows from the masses."""
+
+    roll: Annotated[
+        Positive | None,
+        Key(
+            "about the roll (elevation) axis", "kg·m²",
+            "heli3dof profile update, from a diagnosis", "0.91", (0.02, 5.0), (1e-4, 100.0),
+        ),
+    ] = None  # fmt: skip
+    pitch: Annotated[
+        Positive | None,
+        Key(
+            "about the pitch (tilt) axis", "kg·m²",
+            "heli3dof profile update, from a diagnosis", "0.036", (0.001, 0.5), (1e-6, 10.0),
+        ),
+    ] = None  # fmt: skip
+    yaw: Annotated[
+        Positive | None,
+        Key(
+            "about the yaw (travel) axis", "kg·m²",
+            "heli3dof profile update, from a diagnosis", "0.95", (0.02, 5.0), (1e-4, 100.0),
+        ),
+    ] = None  # fmt: skip
+
+
+COUNT = "data sheet (lines × 4); or turn the axis once by hand: heli3dof monitor --json"
+SIGN = "negative where the count falls as the angle rises"
+REST = "digital level or protractor on the resting rig"
 
 
 class Encoder(Section):
@@ -69,12 +180,34 @@ class Encoder(Section):
     Counts are zero at power-up, with the rig at its rest angles: on the table, −27.5° in roll.
     """
 
-    roll: Counts
-    pitch: Counts
-    yaw: Counts
-    roll_rest_deg: Finite = -27.5
-    pitch_rest_deg: Finite = 0.0
-    yaw_rest_deg: Finite = 0.0
+    roll: Annotated[
+        Counts,
+        Key(f"roll encoder; {SIGN} (body up)", "counts/rev", COUNT, "4096", (500, 50000), (0, 1e8)),
+    ]
+    pitch: Annotated[
+        Counts,
+        Key(
+            f"pitch encoder; {SIGN} (front motor up)", "counts/rev", COUNT, "4096", (500, 50000),
+            (0, 1e8),
+        ),
+    ]  # fmt: skip
+    yaw: Annotated[
+        Counts,
+        Key(
+            f"yaw encoder; {SIGN} (counter-clockwise from above)", "counts/rev", COUNT, "8192",
+            (500, 50000), (0, 1e8),
+        ),
+    ]  # fmt: skip
+    roll_rest_deg: Annotated[
+        Finite,
+        Key("roll at rest on the table", "°", f"{REST}, along the arm", "-27.5", (0, 50), (0, 90)),
+    ] = -27.5
+    pitch_rest_deg: Annotated[
+        Finite, Key("pitch at rest", "°", f"{REST}, along the body", "0", (0, 30), (0, 90))
+    ] = 0.0
+    yaw_rest_deg: Annotated[
+        Finite, Key("yaw at rest, from wherever yaw is to be zero", "°", "choose 0", "0", (0, 360))
+    ] = 0.0
 
     @field_validator("roll", "pitch", "yaw")
     @classmethod
@@ -97,7 +230,13 @@ class Encoder(Section):
 class Loop(Section):
     """The control rate in Hz."""
 
-    rate_hz: Positive
+    rate_hz: Annotated[
+        Positive,
+        Key(
+            "control periods per second", "Hz", "choose 500; heli3dof doctor says what this "
+            "computer keeps up with", "500", (100.0, 2000.0), (1.0, 50000.0),
+        ),
+    ]  # fmt: skip
 
 
 class Limits(Section):
@@ -109,21 +248,41 @@ class Limits(Section):
     What the last four mean stands in ``heli3dof.experiment.watches``.
     """
 
-    roll_min_deg: Finite = -32.0
-    roll_max_deg: Finite = 34.0
-    pitch_max_deg: Positive = 60.0
-    yaw_max_deg: Positive = 720.0
-    roll_rate_max_deg_per_s: Positive = 150.0
-    pitch_rate_max_deg_per_s: Positive = 400.0
-    yaw_rate_max_deg_per_s: Positive = 200.0
-    slew_max_V_per_s: Positive = 5000.0
-    duration_max_s: Positive = 600.0
-    ramp_down_s: Positive = 0.5
-    landing_s: Positive = 3.0
-    late_max_s: Positive = 0.01
-    late_max_share: Positive = 0.5
-    lost_max_s: Positive = 0.05
-    saturated_max_s: Positive = 2.0
+    roll_min_deg: Annotated[
+        Finite, Key("lowest roll", "°", "a few degrees below the rest angle")
+    ] = -32.0
+    roll_max_deg: Annotated[
+        Finite, Key("highest roll", "°", "a few degrees below the mechanical stop")
+    ] = 34.0
+    pitch_max_deg: Annotated[
+        Positive, Key("largest pitch, either way", "°", "the mechanical stop or more")
+    ] = 60.0
+    yaw_max_deg: Annotated[
+        Positive, Key("largest yaw, either way", "°", "what the cables allow; any with a slip ring")
+    ] = 720.0
+    roll_rate_max_deg_per_s: Annotated[Positive, Key("fastest roll", "°/s")] = 150.0
+    pitch_rate_max_deg_per_s: Annotated[Positive, Key("fastest pitch", "°/s")] = 400.0
+    yaw_rate_max_deg_per_s: Annotated[Positive, Key("fastest yaw", "°/s")] = 200.0
+    slew_max_V_per_s: Annotated[
+        Positive, Key("fastest change of a motor's voltage", "V/s", "the amplifier's data sheet")
+    ] = 5000.0
+    duration_max_s: Annotated[Positive, Key("longest flight", "s")] = 600.0
+    ramp_down_s: Annotated[
+        Positive, Key("the motors' way to zero after a trip or an interrupt", "s")
+    ] = 0.5
+    landing_s: Annotated[Positive, Key("the motors' way to zero at a plan's end", "s")] = 3.0
+    late_max_s: Annotated[Positive, Key("a control period later than this counts as late", "s")] = (
+        0.01
+    )
+    late_max_share: Annotated[
+        Positive, Key("a larger share of late periods within a second ends the flight", "–")
+    ] = 0.5
+    lost_max_s: Annotated[
+        Positive, Key("encoder readings missing for longer end the flight", "s")
+    ] = 0.05
+    saturated_max_s: Annotated[
+        Positive, Key("both motors at their limit for longer end the flight", "s")
+    ] = 2.0
 
 
 class ControllerSpec(Section):
@@ -133,11 +292,23 @@ class ControllerSpec(Section):
     radians and seconds.
     """
 
-    K: tuple[tuple[Finite, ...], tuple[Finite, ...]] = Field(default=(K_G[0], K_G[1]))
-    reference_rate_limit_deg_per_s: Positive = 45.0
-    integrator_clamp_V: Positive = 7.5
-    derivative_cutoff_hz: Positive = 20.0
-    derivative_damping: Positive = 0.9
+    K: Annotated[
+        tuple[tuple[Finite, ...], tuple[Finite, ...]],
+        Key(
+            "gain: rows front and back; columns r, p, ψ errors, rates ṙ, ṗ, ψ̇, integrals ∫r, ∫ψ",
+            "V/rad, V·s/rad, V/(rad·s)", "heli3dof profile new designs it (LQR)",
+        ),
+    ] = Field(default=(K_G[0], K_G[1]))  # fmt: skip
+    reference_rate_limit_deg_per_s: Annotated[
+        Positive, Key("how fast a reference may move", "°/s")
+    ] = 45.0
+    integrator_clamp_V: Annotated[
+        Positive, Key("largest contribution of each integral to a motor's voltage", "V")
+    ] = 7.5
+    derivative_cutoff_hz: Annotated[
+        Positive, Key("corner of the filter that takes the rates from the angles", "Hz")
+    ] = 20.0
+    derivative_damping: Annotated[Positive, Key("damping ratio ζ of that filter", "–")] = 0.9
 
     @field_validator("K")
     @classmethod
@@ -155,15 +326,54 @@ class ControllerSpec(Section):
 class Profile(Section):
     """Everything about a rig that is known before a flight."""
 
-    name: str = "unnamed"
+    name: Annotated[str, Key("the rig's name, shown in tables and recordings")] = "unnamed"
     geometry: Geometry
     mass: Mass
     motor: Motor
+    inertia: Inertia | None = None
     encoder: Encoder
     loop: Loop
     limits: Limits = Limits()
     controller: ControllerSpec | None = None
-    tolerance: Positive = 0.15
+    tolerance: Annotated[
+        Positive,
+        Key(
+            "how far a number above may be off before a diagnosis calls that a finding", "share",
+            "0.15 for a data sheet, 0.05 for numbers that you weighed and measured", "0.15",
+            (0.01, 0.5), (0.001, 2.0),
+        ),
+    ] = 0.15  # fmt: skip
+
+    @property
+    def trim_torque(self) -> float:
+        """T_g = 2 L_a K_f V_o in N·m: what the thrusts balance at level hover."""
+        return 2 * self.geometry.L_a * self.motor.K_f * self.motor.V_o
+
+    @property
+    def gravity_torque(self) -> float:
+        """(L_w m_w − L_a m_f − L_a m_b) g in N·m: the right-hand side of eq (5).
+
+        With Table I's masses it is +1.170 N·m, which is a *counterweight-heavy* arm (E2).
+        """
+        L, m = self.geometry, self.mass
+        return (L.L_w * m.m_w - L.L_a * m.m_f - L.L_a * m.m_b) * g
+
+    @property
+    def mass_inertias(self) -> tuple[float, float, float]:
+        """J_roll, J_pitch, J_yaw in kg·m² of the three point masses."""
+        L, m = self.geometry, self.mass
+        J_pitch = (m.m_f + m.m_b) * L.L_h**2
+        J_roll = m.m_w * L.L_w**2 + (m.m_f + m.m_b) * L.L_a**2
+        return J_roll, J_pitch, J_roll + J_pitch
+
+    @property
+    def inertias(self) -> tuple[float, float, float]:
+        """J_roll, J_pitch, J_yaw in kg·m² of the level rig: ``[inertia]``, else of the masses."""
+        roll, pitch, yaw = self.mass_inertias
+        if self.inertia is None:
+            return roll, pitch, yaw
+        own = self.inertia
+        return own.roll or roll, own.pitch or pitch, own.yaw or yaw
 
     @property
     def dt(self) -> float:
@@ -195,9 +405,14 @@ def load_profile(path: str | Path) -> Profile:
     return profile_from_dict(read_toml(path, "profile", ProfileError), source=str(path))
 
 
-def profile_from_dict(data: Mapping[str, Any], *, source: str = "profile") -> Profile:
-    """Check a nested mapping (as TOML gives it) and build the profile."""
-    return check(Profile, data, source, ProfileError)
+def profile_from_dict(
+    data: Mapping[str, Any], *, source: str = "profile", recorded: bool = False
+) -> Profile:
+    """Check a nested mapping (as TOML gives it) and build the profile.
+
+    ``recorded``: it was flown or fitted with already, and is read whatever its numbers' ranges.
+    """
+    return check(Profile, data, source, ProfileError, recorded=recorded)
 
 
 TABLE_I: Mapping[str, Any] = {
@@ -209,7 +424,7 @@ TABLE_I: Mapping[str, Any] = {
     "loop": {"rate_hz": 500.0},
     "controller": {},
 }
-"""The paper's rig (Table I, erratum E1 mended), flown at 500 Hz with the default controller."""
+"""The paper's rig (Table I, erratum E1 corrected), flown at 500 Hz with the default controller."""
 
 
 def default_profile() -> Profile:

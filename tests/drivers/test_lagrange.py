@@ -170,3 +170,14 @@ def test_travel_momentum_of_the_level_rig_is_yaw_inertia_times_rate():
     body = body_of(TABLE).vector()
     momentum = travel_momentum(body, np.zeros(3), np.array([0.5, 0.5, 2.0]))
     assert momentum == pytest.approx(2 * 0.950809, abs=1e-5)
+
+
+def test_measured_inertias_are_those_of_the_level_rig() -> None:
+    measured = {"roll": 1.1, "pitch": 0.05, "yaw": 1.0}
+    profile = profile_from_dict({**TABLE.to_dict(), "inertia": measured}, source="test")
+    body = body_of(profile)
+    assert np.diag(matrix(body.vector(), np.zeros(3))) == pytest.approx(list(measured.values()))
+    # Away from level the rest turns with the joints: only the masses' part changes.
+    q = np.array([0.4, 0.3, 0.0])
+    change = matrix(body.vector(), q) - matrix(body_of(TABLE).vector(), q)
+    assert change == pytest.approx(np.diag(body.dJ))

@@ -14,10 +14,8 @@ import pytest
 
 from heli3dof.model.hover import (
     g,
-    gravity_torque,
     hover,
     hover_model,
-    inertias,
     quiescent_voltage,
 )
 from heli3dof.model.ideal_loop import loop_poles, paper_gain, step_response, with_rotor_lag
@@ -37,7 +35,7 @@ def test_e1_table_1_taken_literally_needs_61_volts() -> None:
 def test_e2_table_1_describes_a_counterweight_heavy_arm() -> None:
     # Its torque is positive where the counterweight is the heavier side. That arm would need
     # *downward* thrust, and would rest body-up; the rig rests body-down at −27.5°.
-    assert gravity_torque(PROFILE) == pytest.approx(1.170, abs=5e-4)
+    assert PROFILE.gravity_torque == pytest.approx(1.170, abs=5e-4)
     counterweight = 0.4699 * 1.87 * 9.81
     body = 0.6604 * 1.15 * 9.81
     assert counterweight > body
@@ -57,7 +55,7 @@ def test_e3_tilting_the_front_motor_up_pulls_the_rig_clockwise() -> None:
     # from above, tilt p about the arm: the horizontal part of F is −F sin p along the travel.
     F, p = 2 * 0.1188 * PROFILE.motor.V_o, 1e-3
     torque = -0.6604 * F * np.sin(p)
-    assert hover(PROFILE).A[5, 1] * p == pytest.approx(torque / inertias(PROFILE)[2], rel=1e-6)
+    assert hover(PROFILE).A[5, 1] * p == pytest.approx(torque / PROFILE.inertias[2], rel=1e-6)
 
 
 def test_e4_the_printed_pitch_gain_is_too_large_by_one_over_L_h() -> None:
@@ -112,7 +110,7 @@ def test_e8_thrust_does_not_carry_the_weight() -> None:
     W = (1.87 + 0.575 + 0.575) * g
     assert round(F_T, 2) == 1.77
     assert round(W, 1) == 29.6
-    assert pytest.approx(gravity_torque(PROFILE)) == F_T * 0.6604  # (4) does hold
+    assert pytest.approx(PROFILE.gravity_torque) == F_T * 0.6604  # (4) does hold
 
 
 def test_e10_the_printed_12_degrees_is_a_peak_and_not_an_overshoot() -> None:

@@ -7,11 +7,9 @@ import pytest
 from scipy.linalg import expm
 
 from heli3dof.model.hover import (
-    gravity_torque,
     hover,
     hover_model,
     hover_state_space,
-    inertias,
     quiescent_voltage,
 )
 from heli3dof.rig.profile import Profile
@@ -20,14 +18,14 @@ from tests.model.examples import PROFILE, with_motor
 
 def test_inertias_of_table_1_are_those_of_three_point_masses() -> None:
     # 1.87 · 0.4699² = 0.41291, 1.15 · 0.6604² = 0.50155, 1.15 · 0.1778² = 0.036355
-    J_roll, J_pitch, J_yaw = inertias(PROFILE)
+    J_roll, J_pitch, J_yaw = PROFILE.inertias
     assert J_roll == pytest.approx(0.41291 + 0.50155, abs=1e-5)
     assert J_pitch == pytest.approx(0.036355, abs=1e-6)
     assert J_yaw == pytest.approx(0.41291 + 0.50155 + 0.036355, abs=1e-5)
 
 
 def test_quiescent_voltage_of_table_1_is_7_456_V_from_a_torque_of_1_170_Nm() -> None:
-    assert round(gravity_torque(PROFILE), 3) == 1.170
+    assert round(PROFILE.gravity_torque, 3) == 1.170
     assert round(quiescent_voltage(PROFILE), 3) == 7.456
 
 
@@ -51,7 +49,7 @@ def test_corrected_travel_follows_the_profiles_V_o_and_not_its_masses() -> None:
 
 def test_unequal_motors_are_weighed_one_by_one_in_the_corrected_model() -> None:
     uneven = PROFILE.model_copy(update={"mass": PROFILE.mass.model_copy(update={"m_b": 0.675})})
-    assert inertias(uneven)[1] == pytest.approx((0.575 + 0.675) * 0.1778**2)
+    assert uneven.inertias[1] == pytest.approx((0.575 + 0.675) * 0.1778**2)
     assert hover(uneven, printed=True).J_pitch == pytest.approx(2 * 0.575 * 0.1778**2)
 
 

@@ -84,6 +84,46 @@ def test_a_wrong_key_is_named_with_its_file(tmp_path: Path, change: tuple, said:
         assert part in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("L_a = 0.6604", "L_a = 66.04"), ["geometry.L_a = 66.04", "0.05 to 3 m", "centimetres"]),
+        (("L_h = 0.1778", "L_h = 177.8"), ["geometry.L_h", "millimetres"]),
+        (("m_w = 1.87", "m_w = 1870"), ["mass.m_w", "grams"]),
+        (("rate_hz = 500", "rate_hz = 0.5"), ["loop.rate_hz", "kilohertz"]),
+        (("V_o = 7.456", "V_o = 24"), ["V_o = 24 V is not below motor.v_max = 24 V"]),
+    ],
+)
+def test_an_implausible_number_is_refused_with_the_likely_unit(
+    tmp_path: Path, change: tuple, said: list
+) -> None:
+    with pytest.raises(ProfileError) as caught:
+        load_profile(write(tmp_path, GOOD.replace(*change)))
+    for part in said:
+        assert part in str(caught.value)
+
+
+def test_what_was_flown_with_an_implausible_number_is_still_read() -> None:
+    data = {**TABLE_I, "geometry": {"L_w": 0.4699, "L_a": 66.04, "L_h": 0.1778}}
+    assert profile_from_dict(data, recorded=True).geometry.L_a == 66.04
+
+
+def test_everything_that_is_wrong_is_said_at_once(tmp_path: Path) -> None:
+    text = GOOD.replace("m_f = 0.575\n", "").replace("[loop]\nrate_hz = 500\n", "")
+    with pytest.raises(ProfileError) as caught:
+        load_profile(write(tmp_path, text.replace("L_a =", "L_aa =").replace("1.87", "-1.87")))
+    for part in ("'geometry.L_aa'", "'mass.m_f', 'loop.rate_hz' are missing", "mass.m_w = -1.87"):
+        assert part in str(caught.value)
+    assert "'geometry.L_a'" not in str(caught.value), "misspelt is not missing as well"
+
+
+def test_inertias_are_the_masses_unless_measured() -> None:
+    assert default_profile().inertias == default_profile().mass_inertias
+    measured = profile_from_dict({**TABLE_I, "inertia": {"yaw": 1.2}})
+    assert measured.inertias == (*default_profile().inertias[:2], 1.2)
+    assert profile_from_dict(measured.to_dict()) == measured
+
+
 def test_gains_of_the_wrong_shape_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ProfileError, match="2 rows of 8"):
         load_profile(write(tmp_path, GOOD + "[controller]\nK = [[1.0, 2.0], [3.0, 4.0]]\n"))

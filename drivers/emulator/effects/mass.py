@@ -26,7 +26,7 @@ def _imbalance(setup: Setup, axis: int, values: tuple[float, ...]) -> Setup:
 
 def _inertia(setup: Setup, axis: int, values: tuple[float, ...]) -> Setup:
     dJ = list(setup.body.dJ)
-    dJ[axis] += (values[0] - 1) * setup.nominal.J[axis]
+    dJ[axis] += (values[0] - 1) * (setup.nominal.J[axis] + setup.nominal.dJ[axis])
     return replace(setup, body=replace(setup.body, dJ=(dJ[0], dJ[1], dJ[2])))
 
 

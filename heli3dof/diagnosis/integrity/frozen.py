@@ -19,7 +19,7 @@ import numpy as np
 
 from heli3dof.axes import AXES, PITCH, ROLL
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
-from heli3dof.diagnosis.integrity.response import driven, inertias
+from heli3dof.diagnosis.integrity.response import driven
 from heli3dof.diagnosis.integrity.view import View
 
 LEAST_S = 2.5
@@ -51,7 +51,7 @@ def frozen(view: View) -> Iterable[Fault]:
     r = view.recording
     angle, voltage = np.nan_to_num(r.angle), np.nan_to_num(r.voltage)
     u = driven(angle, voltage, r.profile)
-    J = inertias(r.profile)
+    J = np.array(r.profile.inertias)
     if (np.ptp(r.angle[view.read][:, view.measured], axis=0) == 0).all():
         return  # nothing moves at all: another check's
     for i in view.measured:
@@ -104,7 +104,7 @@ def _why(
         return None
     on_table = i == ROLL and q < TABLE_BELOW and q <= np.nanmin(r.angle[:, ROLL]) + 1e-9
     if on_table:
-        T_g = 2 * r.profile.geometry.L_a * r.profile.motor.K_f * r.profile.motor.V_o
+        T_g = r.profile.trim_torque
         push = u[a:b, ROLL] - T_g * np.cos(q) / J[ROLL]
         rate, rise, dt = 0.0, 0.0, r.dt
         for x in push.tolist():

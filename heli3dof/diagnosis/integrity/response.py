@@ -1,8 +1,7 @@
 """How an axis answers the voltages, as a multiple g of what the profile says. No derivative.
 
-With S = V_f + V_b, D = V_f − V_b (V) and the profile's masses and lengths, level::
+With S = V_f + V_b, D = V_f − V_b (V) and the profile's lengths and level inertias::
 
-    J_r = m_w L_w² + (m_f + m_b) L_a²      J_p = (m_f + m_b) L_h²      J_ψ = J_r + J_p
     u_r = L_a K_f cos p S / J_r    u_p = L_h K_f D / J_p    u_ψ = −L_a K_f cos r sin p S / J_ψ
 
 each axis should obey, whatever else acts slowly (rad, s)::
@@ -62,19 +61,10 @@ class Response:
         return self.gain / self.std if self.std > 0 else 0.0
 
 
-def inertias(profile: Profile) -> np.ndarray:
-    """(3,) kg·m², J_r, J_p, J_ψ of point masses."""
-    g, m = profile.geometry, profile.mass
-    m_h = m.m_f + m.m_b
-    J_r = m.m_w * g.L_w**2 + m_h * g.L_a**2
-    J_p = m_h * g.L_h**2
-    return np.array([J_r, J_p, J_r + J_p])
-
-
 def driven(angle: np.ndarray, voltage: np.ndarray, profile: Profile) -> np.ndarray:
     """(N, 3) rad/s²: u of each axis from angles (N, 3) rad and voltages (N, 2) V."""
     g, K_f = profile.geometry, profile.motor.K_f
-    J = inertias(profile)
+    J = profile.inertias
     r, p = angle[:, 0], angle[:, 1]
     S, D = voltage[:, 0] + voltage[:, 1], voltage[:, 0] - voltage[:, 1]
     lift = g.L_a * K_f * S

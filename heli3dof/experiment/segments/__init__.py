@@ -12,12 +12,12 @@ import pkgutil
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cache
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.toml_file import Finite, Positive, Section
+from heli3dof.toml_file import Finite, Key, Positive, Section
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ class BaseSegment(Section):
     """
 
     kind_help: ClassVar[str] = ""
-    kind: str
-    duration_s: Positive
-    roll_deg: Finite | None = None
-    pitch_deg: Finite | None = None
-    yaw_deg: Finite | None = None
+    kind: Annotated[str, Key("which segment it is")]
+    duration_s: Annotated[Positive, Key("how long it lasts", "s")]
+    roll_deg: Annotated[Finite | None, Key("roll reference; absent: as before", "°")] = None
+    pitch_deg: Annotated[Finite | None, Key("pitch reference; absent: as before", "°")] = None
+    yaw_deg: Annotated[Finite | None, Key("yaw reference; absent: as before", "°")] = None
 
     def target(self, before: np.ndarray) -> np.ndarray:
         """(3,) rad: the references at this segment's start."""

@@ -9,20 +9,23 @@ lag from a delay: their phases part at high frequency.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import field_validator
 
 from heli3dof.experiment.segments import BaseSegment, Clock
-from heli3dof.toml_file import Finite
+from heli3dof.toml_file import Finite, Key
 
 
 class Segment(BaseSegment):
     kind: Literal["chirp"] = "chirp"
-    band_Hz: tuple[Finite, Finite] = (0.1, 8.0)
-    common_V: Finite = 0.0
-    difference_V: Finite = 1.0
+    band_Hz: Annotated[tuple[Finite, Finite], Key("lowest and highest frequency", "Hz")] = (
+        0.1,
+        8.0,
+    )
+    common_V: Annotated[Finite, Key("amplitude on both motors alike", "V")] = 0.0
+    difference_V: Annotated[Finite, Key("amplitude on front, opposite on back", "V")] = 1.0
 
     @field_validator("band_Hz")
     @classmethod

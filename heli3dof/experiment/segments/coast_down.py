@@ -11,7 +11,7 @@ envelope yaw is caught too (`heli3dof.model.opened`).
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -19,15 +19,18 @@ from pydantic import Field
 from heli3dof.axes import YAW
 from heli3dof.experiment.segments import BaseSegment, Clock
 from heli3dof.model.opened import LEARN, OPEN
-from heli3dof.toml_file import Finite, Positive
+from heli3dof.toml_file import Finite, Key, Positive
 
 
 class Segment(BaseSegment):
     kind: Literal["coast-down"] = "coast-down"
-    rate_deg_per_s: Finite = 18.0
-    learn_s: Finite = Field(default=4.0, ge=0)
-    """0: what an earlier segment of the flight learned is used again"""
-    spin_s: Positive = 6.0
+    rate_deg_per_s: Annotated[Finite, Key("speed at which yaw is let go", "°/s")] = 18.0
+    learn_s: Annotated[
+        Finite,
+        Field(ge=0),
+        Key("hover whose mean voltage is kept; 0: what an earlier segment learned", "s"),
+    ] = 4.0
+    spin_s: Annotated[Positive, Key("time to come up to speed", "s")] = 6.0
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         reference = np.tile(self.target(before), (clock.n, 1))

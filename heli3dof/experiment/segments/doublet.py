@@ -8,19 +8,19 @@ T_p is ``pulse_s``. Doublets on pitch at two trims tell a lag from a delay.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from heli3dof.experiment.segments import BaseSegment, Clock
-from heli3dof.toml_file import Finite, Positive
+from heli3dof.toml_file import Finite, Key, Positive
 
 
 class Segment(BaseSegment):
     kind: Literal["doublet"] = "doublet"
-    pulse_s: Positive = 0.2
-    common_V: Finite = 0.0
-    difference_V: Finite = 1.0
+    pulse_s: Annotated[Positive, Key("length of each of the two pulses", "s")] = 0.2
+    common_V: Annotated[Finite, Key("amplitude on both motors alike", "V")] = 0.0
+    difference_V: Annotated[Finite, Key("amplitude on front, opposite on back", "V")] = 1.0
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         pulse = np.floor(clock.t / self.pulse_s + 1e-9)

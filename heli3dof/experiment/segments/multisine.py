@@ -11,23 +11,26 @@ the lowest crest factor is flown. ``common_V`` and ``difference_V`` are RMS valu
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import field_validator
 
 from heli3dof.experiment.segments import BaseSegment, Clock
-from heli3dof.toml_file import Finite
+from heli3dof.toml_file import Finite, Key
 
 DRAWS = 32
 
 
 class Segment(BaseSegment):
     kind: Literal["multisine"] = "multisine"
-    band_Hz: tuple[Finite, Finite] = (0.05, 5.0)
-    common_V: Finite = 0.5
-    difference_V: Finite = 0.5
-    tilt: Finite = 0.0
+    band_Hz: Annotated[tuple[Finite, Finite], Key("lowest and highest frequency", "Hz")] = (
+        0.05,
+        5.0,
+    )
+    common_V: Annotated[Finite, Key("RMS on both motors alike", "V")] = 0.5
+    difference_V: Annotated[Finite, Key("RMS on front, opposite on back", "V")] = 0.5
+    tilt: Annotated[Finite, Key("lines fall as 1/frequency to this power", "–")] = 0.0
 
     @field_validator("band_Hz")
     @classmethod

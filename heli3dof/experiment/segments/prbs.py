@@ -9,19 +9,19 @@ a period has as many ups as downs but one, and its autocorrelation is a spike.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from heli3dof.experiment.segments import BaseSegment, Clock
-from heli3dof.toml_file import Finite, Positive
+from heli3dof.toml_file import Finite, Key, Positive
 
 
 class Segment(BaseSegment):
     kind: Literal["prbs"] = "prbs"
-    bit_s: Positive = 0.1
-    common_V: Finite = 0.5
-    difference_V: Finite = 0.5
+    bit_s: Annotated[Positive, Key("shortest time between switches", "s")] = 0.1
+    common_V: Annotated[Finite, Key("amplitude on both motors alike", "V")] = 0.5
+    difference_V: Annotated[Finite, Key("amplitude on front, opposite on back", "V")] = 0.5
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         from scipy.signal import max_len_seq

@@ -8,18 +8,18 @@ what the loop has to make up for: it ends with the segment.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
 from heli3dof.experiment.segments import BaseSegment, Clock
-from heli3dof.toml_file import Finite
+from heli3dof.toml_file import Finite, Key
 
 
 class Segment(BaseSegment):
     kind: Literal["ramp"] = "ramp"
-    common_V: Finite = 0.0
-    difference_V: Finite = 0.0
+    common_V: Annotated[Finite, Key("added to both motors at the end of the ramp", "V")] = 0.0
+    difference_V: Annotated[Finite, Key("added to front, taken from back, at its end", "V")] = 0.0
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         share = ((np.arange(clock.n) + 1) / clock.n)[:, None]

@@ -11,7 +11,7 @@ beyond a share of the envelope roll is caught too (`heli3dof.model.opened`).
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -19,15 +19,20 @@ from pydantic import Field
 from heli3dof.axes import ROLL
 from heli3dof.experiment.segments import BaseSegment, Clock
 from heli3dof.model.opened import LEARN, OPEN
-from heli3dof.toml_file import Finite, Positive
+from heli3dof.toml_file import Finite, Key, Positive
 
 
 class Segment(BaseSegment):
     kind: Literal["ring-down"] = "ring-down"
-    displacement_deg: Finite = 8.0
-    learn_s: Finite = Field(default=4.0, ge=0)
-    """0: what an earlier segment of the flight learned is used again"""
-    settle_s: Positive = 5.0
+    displacement_deg: Annotated[
+        Finite, Key("roll, above its reference, at which it is let go", "°")
+    ] = 8.0
+    learn_s: Annotated[
+        Finite,
+        Field(ge=0),
+        Key("hover whose mean voltage is kept; 0: what an earlier segment learned", "s"),
+    ] = 4.0
+    settle_s: Annotated[Positive, Key("time to get there", "s")] = 5.0
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         reference = np.tile(self.target(before), (clock.n, 1))

@@ -32,14 +32,13 @@ class ExpectedAcceleration:
     """α of the profile's rigid body; a few operations for each control period."""
 
     def __init__(self, profile: Profile) -> None:
-        g, m, motor = profile.geometry, profile.mass, profile.motor
-        J_roll = m.m_w * g.L_w**2 + (m.m_f + m.m_b) * g.L_a**2
-        J_pitch = (m.m_f + m.m_b) * g.L_h**2
+        g, motor = profile.geometry, profile.motor
+        J_roll, J_pitch, J_yaw = profile.inertias
         self.roll_per_V = g.L_a * motor.K_f / J_roll
         """rad/s² for each volt of V_f + V_b"""
         self.pitch_per_V = g.L_h * motor.K_f / J_pitch
         """rad/s² for each volt of V_f − V_b"""
-        self.yaw_per_V = g.L_a * motor.K_f / (J_roll + J_pitch)
+        self.yaw_per_V = g.L_a * motor.K_f / J_yaw
         """rad/s² for each volt of V_f + V_b and each unit of −cos r sin p"""
         hover = max(abs(motor.V_o), motor.v_max / 8)
         self.gravity = 2 * self.roll_per_V * motor.V_o

@@ -46,7 +46,7 @@ def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
     """
     names = tuple(str(t) for t in data["terms"])
     try:
-        profile = profile_from_dict(data["profile"], source="the model's profile")
+        profile = profile_from_dict(data["profile"], source="the model's profile", recorded=True)
     except ProfileError as error:
         raise ValueError(error.what) from error
     values = np.array([p["value"] for p in data["parameters"]], dtype=float)

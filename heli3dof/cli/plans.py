@@ -1,0 +1,40 @@
+"""``plans``: the plans that come with heli3dof."""
+
+from __future__ import annotations
+
+import typer
+
+from heli3dof.cli.console import Talk, verb
+from heli3dof.cli.options import AsJson, Quiet
+
+
+def register(app: typer.Typer) -> None:
+    app.command("plans")(plans)
+
+
+@verb
+def plans(as_json: AsJson = False, quiet: Quiet = False) -> None:
+    """List the plans that come with heli3dof: what each flies, how long, what it is good for."""
+    from rich.table import Table
+
+    from heli3dof.experiment.plan import load_plan, named_plans
+
+    talk = Talk(as_json=as_json, quiet=quiet)
+    table = Table("plan", "duration", "what it flies", "good for")
+    listed = []
+    for name, path in named_plans().items():
+        plan = load_plan(name)
+        table.add_row(name, f"{plan.duration_s:g} s", plan.description, plan.purpose)
+        listed.append(
+            {
+                "name": name,
+                "duration_s": plan.duration_s,
+                "description": plan.description,
+                "purpose": plan.purpose,
+                "segments": plan.summary(),
+                "file": str(path),
+            }
+        )
+    talk.show(table)
+    talk.note("Fly one: heli3dof run NAME. Write your own: docs/plans.md lists every key.")
+    talk.emit({"schema": "heli3dof.plans/1", "plans": listed})

@@ -1,0 +1,114 @@
+"""What is legal in a profile and yet unusual: sentences for ``profile check`` and ``profile new``.
+
+The masses' own hover voltage follows from the balance of the level arm::
+
+    V_m = (L_a (m_f + m_b) − L_w m_w) g / (2 L_a K_f)        positive: body-heavy, rests body down
+
+It is a small difference of two large torques. With each known to a share ε (the profile's
+tolerance), V_m is known to ε √((L_a m_h)² + (L_w m_w)²) g / (2 L_a K_f), often half of itself, and
+the arm's own mass is not in it. So V_o is measured, and V_m only contradicts it when far off. Its
+sign must be that of −(rest angle): an arm that rests body down needs thrust to rise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import hypot
+from typing import Any
+
+from heli3dof.axes import AXES
+from heli3dof.rig.profile import Profile, g
+from heli3dof.toml_file import key_of, keys, within
+
+FAR = 2.0
+"""Standard deviations by which V_o and the masses may differ; a different sign always counts."""
+MOST_OF_THE_AMPLIFIER = 0.6
+"""Share of v_max at hover above which little is left to control with."""
+INERTIA_RATIO = 1.5
+"""Of a measured inertia to the masses' own, either way."""
+
+
+def mass_hover_voltage(profile: Profile) -> float:
+    """V_m in V per motor, signed; eq (6) of the paper has the opposite sign (erratum E2)."""
+    return -profile.gravity_torque / (2 * profile.geometry.L_a * profile.motor.K_f)
+
+
+def estimated_hover_voltage(profile: Profile) -> float:
+    """|V_m| with the sign of −(rest angle): what to fly with before V_o is measured."""
+    size = mass_hover_voltage(profile)
+    rest = profile.encoder.roll_rest_deg
+    return size if rest == 0 else abs(size) * (-1 if rest > 0 else 1)
+
+
+def unusual(profile: Profile) -> Iterator[str]:
+    """One sentence for each number that is worth a second look."""
+    for name, field in keys(Profile):
+        key, value = key_of(field), value_at(profile, name)
+        if key is None or key.usual is None or value is None or within(value, key.usual):
+            continue
+        low, high = key.usual
+        slip = key.slip(value)
+        yield (
+            f"{name} = {value:g} {key.unit} is unusual (most rigs: {low:g} to {high:g})"
+            + (f"; {slip}" if slip else "")
+        )
+    for axis in AXES:
+        counts = getattr(profile.encoder, axis)
+        if counts % 4:
+            yield (f"encoder.{axis} = {counts} is no multiple of 4: is it the lines × 4?")
+    yield from _hover(profile)
+    if profile.inertia is not None:
+        for axis, J, masses in zip(AXES, profile.inertias, profile.mass_inertias, strict=True):
+            if not 1 / INERTIA_RATIO <= J / masses <= INERTIA_RATIO:
+                yield (
+                    f"inertia.{axis} = {J:.4g} kg·m² is {J / masses:.2f} times what the masses "
+                    f"give ({masses:.4g})"
+                )
+    low, high = profile.limits.roll_min_deg, profile.limits.roll_max_deg
+    if not low < profile.encoder.roll_rest_deg < high:
+        yield (
+            f"encoder.roll_rest_deg = {profile.encoder.roll_rest_deg:g}° lies outside "
+            f"limits.roll_min_deg … roll_max_deg ({low:g}° to {high:g}°): every flight from the "
+            "table would trip at once"
+        )
+    if profile.controller is None:
+        yield (
+            "there is no [controller]: flights use the default gain, and the loop of imported logs "
+            "counts as unknown"
+        )
+
+
+def _hover(profile: Profile) -> Iterator[str]:
+    V_o, v_max = profile.motor.V_o, profile.motor.v_max
+    if abs(V_o) > MOST_OF_THE_AMPLIFIER * v_max:
+        yield (
+            f"motor.V_o = {V_o:g} V takes {100 * abs(V_o) / v_max:.0f} % of motor.v_max: little is "
+            "left to control with"
+        )
+    L, m = profile.geometry, profile.mass
+    masses = mass_hover_voltage(profile)
+    std = profile.tolerance * hypot(L.L_a * (m.m_f + m.m_b), L.L_w * m.m_w) * g
+    std /= 2 * L.L_a * profile.motor.K_f
+    rest = profile.encoder.roll_rest_deg
+    if V_o * rest > 0:
+        side = "down" if rest < 0 else "up"
+        yield (
+            f"motor.V_o = {V_o:g} V has the wrong sign for a rig that rests body {side} "
+            f"(roll_rest_deg = {rest:g}°)"
+        )
+    if V_o * masses < 0 or abs(V_o - masses) > FAR * std:
+        heavier = "body" if masses > 0 else "counterweight"
+        yield (
+            f"motor.V_o = {V_o:g} V, but the masses give {masses:.3g} ± {std:.2g} V "
+            f"({heavier}-heavy): measure V_o, and weigh the parts again"
+            + ("; the paper's Table I has this very contradiction (erratum E2)"
+               if masses * V_o < 0 else "")
+        )  # fmt: skip
+
+
+def value_at(profile: Profile, name: str) -> Any:
+    """The value of a dotted key; None where its section is absent."""
+    at: Any = profile
+    for part in name.split("."):
+        at = getattr(at, part, None)
+    return at

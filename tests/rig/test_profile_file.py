@@ -1,0 +1,66 @@
+"""A written profile reads back as what was given, and a changed one keeps its comments."""
+
+from __future__ import annotations
+
+import tomllib
+
+import pytest
+
+from heli3dof.errors import UsageError
+from heli3dof.rig.profile import TABLE_I, Profile, default_profile, profile_from_dict
+from heli3dof.rig.profile_file import Change, changed_text, new_text, settings
+from heli3dof.toml_file import keys
+
+
+def test_a_new_file_holds_the_numbers_and_names_every_key() -> None:
+    text = new_text(TABLE_I)
+    assert profile_from_dict(tomllib.loads(text)) == default_profile()
+    for name, _ in keys(Profile):
+        assert f"{name.rpartition('.')[2]} =" in text, name
+
+
+def test_a_gain_and_measured_inertias_survive_the_file() -> None:
+    gain = [[float(i + j) for j in range(8)] for i in range(2)]
+    data = {**TABLE_I, "controller": {"K": gain}, "inertia": {"yaw": 1.1}}
+    assert profile_from_dict(tomllib.loads(new_text(data))) == profile_from_dict(data)
+
+
+def test_uncommenting_every_default_changes_nothing() -> None:
+    lines = new_text(TABLE_I).splitlines()
+    defaults = [
+        line.removeprefix("# ")
+        if line.startswith(("# ]", "#     ["))
+        or (line.startswith("# ") and line[2:].split(" ")[1:2] == ["="])
+        else line
+        for line in lines
+        if line.removeprefix("# ") not in ("roll =", "pitch =", "yaw =")
+    ]
+    assert len([line for line in defaults if not line.startswith("#")]) > len(TABLE_I) + 20
+    assert profile_from_dict(tomllib.loads("\n".join(defaults))) == default_profile()
+
+
+def test_a_change_keeps_comments_and_says_where_the_number_is_from() -> None:
+    text = "# my rig\n[motor]\nK_f = 0.12   # from the data sheet\nv_max = 24.0   # the supply\n"
+    changed = changed_text(
+        text,
+        [
+            Change("motor.K_f", 0.1, 0.12, "± 0.004, from model.json; was 0.12"),
+            Change("inertia.yaw", 1.1, 0.95, "± 0.03, from model.json; was 0.95"),
+        ],
+    )
+    assert "# my rig" in changed
+    assert "v_max = 24.0   # the supply" in changed
+    assert "K_f = 0.1 # ± 0.004, from model.json; was 0.12" in changed
+    assert tomllib.loads(changed)["inertia"] == {"yaw": 1.1}
+
+
+@pytest.mark.parametrize(
+    ("word", "value"), [("a=.25", 0.25), ("a=-8192", -8192), ("a=lab 2", "lab 2")]
+)
+def test_a_setting_is_read_as_people_type_it(word: str, value: object) -> None:
+    assert settings([word]) == {"a": value}
+
+
+def test_a_setting_without_a_value_is_refused() -> None:
+    with pytest.raises(UsageError, match="KEY=VALUE"):
+        settings(["geometry.L_a"])

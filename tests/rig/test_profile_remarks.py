@@ -1,0 +1,61 @@
+"""What is legal and unusual in a profile is said, and nothing of a common rig is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from heli3dof.rig.profile import TABLE_I, Profile, profile_from_dict
+from heli3dof.rig.profile_file import merged, settings
+from heli3dof.rig.profile_remarks import estimated_hover_voltage, mass_hover_voltage, unusual
+
+BODY_HEAVY = {"mass": {"m_w": 1.87, "m_f": 0.713, "m_b": 0.713}, "motor": {"V_o": 3.94}}
+"""The set of the older literature (signs consistent): 1.426 kg of body, 3.94 V per motor."""
+
+
+def rig(*changes: str, base: dict[str, Any] = BODY_HEAVY) -> Profile:
+    return profile_from_dict(merged(merged(TABLE_I, base), settings(changes)))
+
+
+def test_nothing_is_unusual_about_a_rig_whose_masses_agree_with_its_hover_voltage() -> None:
+    assert list(unusual(rig())) == []
+    assert mass_hover_voltage(rig()) == pytest.approx(3.94, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("motor.K_f=0.6", "motor.K_f = 0.6 N/V is unusual"),
+        ("motor.K_f=0.02", "motor.K_f = 0.02 N/V is unusual"),
+        ("encoder.yaw=100", "encoder.yaw = 100 counts/rev is unusual"),
+        ("encoder.yaw=4097", "no multiple of 4"),
+        ("motor.V_o=-3.94", "wrong sign for a rig that rests body down"),
+        ("motor.V_o=-3.94", "the masses give 3.9"),
+        ("motor.V_o=19", "79 % of motor.v_max"),
+        ("geometry.L_h=1", "geometry.L_h = 1 m is unusual"),
+        ("inertia.pitch=0.12", "inertia.pitch = 0.12 kg·m² is"),
+        ("limits.roll_min_deg=-20", "would trip at once"),
+    ],
+)
+def test_an_unusual_number_is_said(change: str, said: str) -> None:
+    assert said in "\n".join(unusual(rig(change)))
+
+
+def test_the_papers_own_contradiction_is_said() -> None:
+    remarks = "\n".join(unusual(profile_from_dict(TABLE_I)))
+    assert "the masses give -7.46" in remarks
+    assert "erratum E2" in remarks
+
+
+def test_a_rig_without_a_controller_is_told_what_that_means() -> None:
+    data = {k: v for k, v in merged(TABLE_I, BODY_HEAVY).items() if k != "controller"}
+    assert "no [controller]" in "\n".join(unusual(profile_from_dict(data)))
+
+
+@pytest.mark.parametrize(("rest_deg", "sign"), [(-27.5, 1), (20.0, -1)])
+def test_the_estimated_hover_voltage_has_the_sign_that_the_rest_angle_asks_for(
+    rest_deg: float, sign: int
+) -> None:
+    profile = rig(f"encoder.roll_rest_deg={rest_deg}", base={})
+    assert estimated_hover_voltage(profile) == pytest.approx(sign * 7.456, abs=1e-3)
