@@ -16,6 +16,8 @@ F and C start at the largest values of known rigs and become smaller as the axis
   bias. F = F_min + 3 |F₀| once each direction was seen for half a second.
 * To turn back, an axis needs a change of α of at least 2 F₀. F is at most the third-smallest change
   that turned it back.
+* F is at least the largest deviation of the unmodelled acceleration from b while the axis moved
+  (rotor lag, thrust curve, aerodynamics), forgotten within seconds.
 * At each turn the model has moved s while the count stood still (backlash, delay). C is twice the
   largest such s, and at least 8 counts.
 
@@ -48,6 +50,8 @@ LIFTS = 3.2
 """times the hover voltage, both motors together: lifts a rig with 0.6 of its nominal thrust"""
 ROLL_STOP, PITCH_STOP = radians(30.0), radians(25.0)
 """rad: an axis that stands beyond it may be at its stop (known rigs: +36° and ±32°)"""
+AT_STOP_S = 0.5
+"""s that an axis may be pushed against its stop: a large step on a slow rig touches it"""
 F_MIN = tuple(radians(a) for a in (3.0, 10.0, 0.5))
 """rad/s², roll, pitch, yaw: what random torques and a count's quantisation leave of F₀"""
 MISMATCH = 0.25
@@ -66,6 +70,8 @@ KNOWN_S = 0.5
 """s of motion, in either direction, from which F₀ is taken"""
 BIAS_S = 2.0
 """s over which the unmodelled acceleration is averaged"""
+PEAK_S = 3.0
+"""s in which the largest unmodelled acceleration is forgotten to 1/e: longer than a step lasts"""
 LIVE_S = 0.3
 """s: a count that stood still for longer gives no news of the unmodelled acceleration"""
 BLOCK_S = 0.05
@@ -129,7 +135,7 @@ class FrozenEncoder:
         name, seconds = AXES[i], axis.still_s
         outward = at * axis.moved > 0
         if outward and ((i == 0 and at > ROLL_STOP) or (i == 1 and abs(at) > PITCH_STOP)):
-            if now.ramping_down:
+            if now.ramping_down or seconds < AT_STOP_S:
                 return None
             return Trip(
                 f"{name} stood at {degrees(at):.1f}° for {seconds:.2g} s while the motors pushed "
@@ -156,6 +162,8 @@ class _Axis:
         self._moving, self._rate_error = MOVING * q, RATE_ERROR[i] * q
         self._by_direction = self._by_turns = most
         self._friction = most
+        self._peak = self._peak_now = 0.0
+        """rad/s²: the largest unmodelled acceleration besides b; since the count last changed"""
         self._direction = [0.0, 0.0]
         """∫ b dt while moving down, and up"""
         self._direction_s = [0.0, 0.0]
@@ -185,6 +193,8 @@ class _Axis:
         self._rate = rate - error if rate > error else rate + error if rate < -error else 0.0
         self._centre = self._bias
         self._mean = 0.0
+        self._peak, self._peak_now = max(self._peak, self._peak_now), 0.0
+        self._held = max(self._friction, self._peak)
 
     @property
     def turned(self) -> float:
@@ -217,7 +227,7 @@ class _Axis:
             drive = alpha - self._mean
         else:
             drive = alpha + self._centre
-        friction = self._friction + MISMATCH * abs(drive)
+        friction = self._held + MISMATCH * abs(drive)
         rate = self._rate
         if rate > 0.0:
             rate = max(0.0, rate + (drive - friction) * h)
@@ -236,6 +246,8 @@ class _Axis:
         """The bias, and the friction by the direction of motion."""
         self._bias_s += h
         self._bias += (unmodelled - self._bias) * h / min(self._bias_s, BIAS_S)
+        self._peak -= self._peak * h / PEAK_S
+        self._peak_now = max(self._peak_now, abs(unmodelled - self._bias))
         if abs(rate) > self._moving:
             up = 1 if rate > 0 else 0
             self._direction[up] += unmodelled * h
