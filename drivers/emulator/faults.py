@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from heli3dof.axes import ALIASES, AXES
+from heli3dof.axes import ALIASES, AXES, MOTORS
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.rig.port import Flags
 
@@ -34,7 +34,13 @@ KINDS = {
     "button": ("button@3", "Somebody presses the rig's button: zero volts, flag `ESTOP`."),
     "frozen": ("frozen.yaw@3", "An encoder's count stands still from then on."),
     "jump": ("jump.pitch@3:200", "A count is 200 higher from then on, and nothing has moved."),
+    "reversed": ("reversed.yaw@0", "An encoder counts the wrong way from then on."),
+    "swapped": ("swapped@0", "The leads of the two motors are swapped."),
+    "dead": ("dead.front@3", "A motor (`front`, `back`) does not turn any more."),
+    "inverted": ("inverted.back@0", "A motor turns the wrong way: its two wires are swapped."),
 }
+ON_MOTORS = ("dead", "inverted")
+"""Kinds that name a motor instead of an axis"""
 """Each with an example and what it does: the table in docs/mock.md."""
 
 
@@ -45,6 +51,7 @@ class Fault:
     kind: str
     at_s: float
     axis: int = -1
+    """or the motor, of a kind in `ON_MOTORS`"""
     counts: int = 0
     """of a jump"""
 
@@ -76,13 +83,19 @@ def _parse(text: str) -> Fault:
         if axis or counts:
             raise _unclear(text, f"{kind} has a time and nothing else", example)
         return Fault(kind, at_s)
+    if kind == "swapped":
+        if axis or counts:
+            raise _unclear(text, "swapped leads have a time and nothing else", example)
+        return Fault(kind, at_s)
+    named = MOTORS if kind in ON_MOTORS else AXES
     axis = ALIASES.get(axis, axis)
-    if axis not in AXES:
-        raise _unclear(text, f"{axis!r} is no axis; {did_you_mean(axis, AXES)}", example)
-    if kind == "frozen":
+    if axis not in named:
+        what = "motor" if kind in ON_MOTORS else "axis"
+        raise _unclear(text, f"{axis!r} is no {what}; {did_you_mean(axis, named)}", example)
+    if kind != "jump":
         if counts:
-            raise _unclear(text, "a frozen encoder has a time and nothing else", example)
-        return Fault(kind, at_s, AXES.index(axis))
+            raise _unclear(text, f"{kind} has a time and no counts", example)
+        return Fault(kind, at_s, named.index(axis))
     if not (jump and jump == int(jump) and abs(jump) <= 1e6):
         raise _unclear(text, f"{counts!r} is no whole number of counts, and not 0", example)
     return Fault(kind, at_s, AXES.index(axis), int(jump))
@@ -103,12 +116,14 @@ def _unclear(text: str, why: str, example: str) -> UsageError:
 
 
 class Breaking:
-    """A plant whose encoders fail; in all else the `Plant` that it stands for."""
+    """A plant whose encoders or motors fail; in all else the `Plant` that it stands for."""
 
     def __init__(self, plant: Plant, faults: tuple[Fault, ...]) -> None:
         self._plant = plant
         self._faults = faults
         self._stuck: dict[int, int] = {}
+        self._turned: dict[int, int] = {}
+        """Axis → the count at which its encoder began to count the wrong way"""
         self.dt = plant.dt
         self.trips = [f for f in faults if f.kind in TRIPS]
         """Still to come"""
@@ -116,11 +131,24 @@ class Breaking:
     def step(self, v_front: float, v_back: float) -> bool:
         """See `Plant.step`."""
         before = self.counts
-        arrived = self._plant.step(v_front, v_back)
+        arrived = self._plant.step(*self._at_the_motors(v_front, v_back))
         for fault in self._faults:
             if fault.kind == "frozen" and fault.at_s <= self._plant.t:
                 self._stuck.setdefault(fault.axis, before[fault.axis])
+            elif fault.kind == "reversed" and fault.at_s <= self._plant.t:
+                self._turned.setdefault(fault.axis, before[fault.axis])
         return arrived
+
+    def _at_the_motors(self, v_front: float, v_back: float) -> tuple[float, float]:
+        """V that act, of those that the amplifier puts out."""
+        volts = [v_front, v_back]
+        for fault in self._faults:
+            if fault.at_s <= self._plant.t:
+                if fault.kind == "swapped":
+                    volts.reverse()
+                elif fault.kind in ON_MOTORS:
+                    volts[fault.axis] *= 0.0 if fault.kind == "dead" else -1.0
+        return volts[0], volts[1]
 
     def trip(self) -> tuple[Flags, Cause] | None:
         """What the amplifier has to stop for now; told once."""
@@ -134,6 +162,8 @@ class Breaking:
         for fault in self._faults:
             if fault.kind == "jump" and fault.at_s <= self._plant.t:
                 counts[fault.axis] += fault.counts
+        for axis, at in self._turned.items():
+            counts[axis] = 2 * at - counts[axis]
         for axis, stuck in self._stuck.items():
             counts[axis] = stuck
         return counts[0], counts[1], counts[2]

@@ -1,0 +1,180 @@
+"""Which single wiring fault explains how a flight moved before a safety trip.
+
+Each hypothesis gives other accelerations α_H(t) from the same recorded voltages and angles
+(`heli3dof.experiment.watches.axis_motion`): an encoder that counts the wrong way, swapped motor
+leads, a motor that does not turn or turns the wrong way. For each axis, over the last second or two
+before control was lost, the measured angle is fitted by
+
+    θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
+
+where b is what the model does not know (friction, a wrong hover voltage) and s its gain. With RSS
+the sum of squared residuals and n the number of independent ones, the hypothesis's score is the
+Gaussian log-likelihood −½ Σ n ln(RSS) over the axes that moved. A fault is named only if its score
+exceeds that of a rig without fault by `SURE`, and every other fault's by `DISTINCT`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from heli3dof.experiment.watches.axis_motion import ExpectedAcceleration
+from heli3dof.experiment.watches.frozen_encoder import ON_TABLE, PITCH_STOP
+from heli3dof.rig.profile import Profile
+
+WINDOW_S = 1.5
+"""s before control was lost: longer than a doubling of the fastest instability, short enough to lie
+behind a fault that came late"""
+SHORTEST_S = 0.1
+"""s of motion, below which an axis is not used"""
+MOVED = 6
+"""counts that an axis must have turned by"""
+INDEPENDENT_S = 0.05
+"""s between independent residuals: the observer's correlation time"""
+GAIN = (0.4, 2.5)
+"""s: thrust gains of published rigs differ by a factor of two"""
+SURE, DISTINCT = 10.0, 4.0
+"""log-likelihood ratios: 1 in e¹⁰ = 22,000, and 1 in e⁴ = 55 among faults alike"""
+
+
+class Moment(NamedTuple):
+    """One control period, as the trip's cause is looked for in it."""
+
+    t: float
+    """s"""
+    angle: tuple[float, float, float]
+    """rad, as measured"""
+    applied: tuple[float, float]
+    """V, front and back"""
+
+
+class Fault(NamedTuple):
+    """A wiring fault: what the rig does with voltages and angles."""
+
+    what: str
+    fix: str
+    sign: tuple[int, int, int] = (1, 1, 1)
+    """of each encoder"""
+    mix: tuple[tuple[int, int], tuple[int, int]] = ((1, 0), (0, 1))
+    """thrust of the front and the back motor for each of the two voltages"""
+
+
+NORMAL = Fault("", "")
+_SIGN = "change the sign of encoder.{axis} in the profile, then turn it by hand: heli3dof monitor"
+FAULTS = (
+    *(
+        Fault(
+            f"the {axis} encoder counts the wrong way",
+            _SIGN.format(axis=axis),
+            sign=(-1 if i == 0 else 1, -1 if i == 1 else 1, -1 if i == 2 else 1),
+        )
+        for i, axis in enumerate(("roll", "pitch", "yaw"))
+    ),
+    Fault(
+        "the leads of the two motors are swapped",
+        "swap the two motors' leads at the amplifier",
+        mix=((0, 1), (1, 0)),
+    ),
+    Fault(
+        "the front motor does not pull",
+        "look for its fuse, its leads and its rotor, with the amplifier switched off",
+        mix=((0, 0), (0, 1)),
+    ),
+    Fault(
+        "the back motor does not pull",
+        "look for its fuse, its leads and its rotor, with the amplifier switched off",
+        mix=((1, 0), (0, 0)),
+    ),
+    Fault(
+        "the front motor turns the wrong way",
+        "swap the two wires of the front motor",
+        mix=((-1, 0), (0, 1)),
+    ),
+    Fault(
+        "the back motor turns the wrong way",
+        "swap the two wires of the back motor",
+        mix=((1, 0), (0, -1)),
+    ),
+)
+
+
+def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
+    """The one fault that explains the motion before a trip; None where none clearly does."""
+    if len(moments) < 10:
+        return None
+    t = np.array([m.t for m in moments])
+    angle = np.array([m.angle for m in moments])
+    applied = np.array([m.applied for m in moments])
+    windows = _windows(t, angle, profile)
+    if not windows:
+        return None
+    scores = {f.what: _score(f, t, angle, applied, windows, profile) for f in (NORMAL, *FAULTS)}
+    best, second = sorted(FAULTS, key=lambda f: -scores[f.what])[:2]
+    sure = scores[best.what] - scores[NORMAL.what] > SURE
+    distinct = scores[best.what] - scores[second.what] > DISTINCT
+    return best if sure and distinct else None
+
+
+def _windows(t: np.ndarray, angle: np.ndarray, profile: Profile) -> dict[int, slice]:
+    """Axis → the rows in which it moved freely."""
+    end = len(t)
+    beyond = np.flatnonzero((np.abs(angle[:, 1]) > PITCH_STOP) & (t > t[-1] - 2 * WINDOW_S))
+    if len(beyond):
+        end = int(beyond[0])
+    if end < 10:
+        return {}
+    first = int(np.searchsorted(t, t[end - 1] - WINDOW_S))
+    rest = float(profile.encoder.rest_rad[0])
+    q = np.abs(profile.encoder.rad_per_count)
+    found = {}
+    for i in range(3):
+        start = first
+        if i == 0:
+            # Near its rest angle the arm may lie on the table; a wrong sign shows it below.
+            on_table = np.flatnonzero(np.abs(angle[first:end, 0] - rest) < ON_TABLE / 3)
+            start = first + (int(on_table[-1]) + 1 if len(on_table) else 0)
+        rows = slice(start, end)
+        moved = np.ptp(angle[rows, i]) if end - start > 10 else 0.0
+        if moved >= MOVED * q[i] and t[end - 1] - t[start] >= SHORTEST_S:
+            found[i] = rows
+    return found
+
+
+def _score(
+    fault: Fault,
+    t: np.ndarray,
+    angle: np.ndarray,
+    applied: np.ndarray,
+    windows: dict[int, slice],
+    profile: Profile,
+) -> float:
+    rest = profile.encoder.rest_rad
+    true = rest + np.array(fault.sign) * (angle - rest)
+    volts = applied @ np.array(fault.mix, dtype=float).T
+    expected = ExpectedAcceleration(profile)
+    alpha = np.array([expected(tuple(a), v[0], v[1]) for a, v in zip(true, volts, strict=True)])
+    alpha *= np.array(fault.sign)
+    q = np.abs(profile.encoder.rad_per_count)
+    score = 0.0
+    for i, rows in windows.items():
+        n = (t[rows][-1] - t[rows][0]) / INDEPENDENT_S
+        rss = _residual(t[rows], angle[rows, i], alpha[rows, i])
+        score -= 0.5 * n * np.log(rss + q[i] ** 2 / 12)
+    return float(score)
+
+
+def _residual(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray) -> float:
+    """Mean squared residual (rad²) of the best fit with s within `GAIN`."""
+    h = np.diff(t, prepend=t[0])
+    tau = t - t[0]
+    double = np.cumsum(np.cumsum(alpha * h) * h)
+    base = np.column_stack([np.ones_like(tau), tau, 0.5 * tau**2])
+    full = np.column_stack([base, double])
+    s = float(np.linalg.lstsq(full, theta, rcond=None)[0][3]) if np.ptp(double) > 0 else 1.0
+    rest = theta - float(np.clip(s, *GAIN)) * double
+    fit = base @ np.linalg.lstsq(base, rest, rcond=None)[0]
+    return float(np.mean((rest - fit) ** 2))
+
+
