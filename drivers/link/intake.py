@@ -18,6 +18,7 @@ own clock in the period that it was armed with, so exactly.
 
 from __future__ import annotations
 
+from array import array
 from math import nan
 
 from heli3dof.rig.instants import Instants
@@ -44,6 +45,7 @@ class Intake:
         self.number = 0
         """of the last command, or of the ARM"""
         self._sequences = [0] * REMEMBERED
+        self._sent_s = array("d", bytes(8 * REMEMBERED))
         self._echo = 0
         self._echoed = 0
         """The caller's sequence of the last command that was echoed"""
@@ -63,10 +65,11 @@ class Intake:
         self._last = None
         return self.number
 
-    def command(self, sequence: int) -> int:
-        """The number under which the caller's command ``sequence`` is sent."""
+    def command(self, sequence: int, now_s: float) -> int:
+        """The number under which the caller's command ``sequence`` is sent now (monotonic, s)."""
         self.number = number = (self.number + 1) & _MASK
         self._sequences[number % REMEMBERED] = sequence
+        self._sent_s[number % REMEMBERED] = now_s
         return number
 
     def take(self, frame: SampleFrame, host_time_s: float) -> Sample | None:
@@ -80,6 +83,7 @@ class Intake:
         if ahead:
             self._echo = frame.echo
             self._echoed = self._sequences[frame.echo % REMEMBERED]
+            statistics.latency.add(host_time_s - self._sent_s[frame.echo % REMEMBERED])
             if frame.delay_us != 0xFFFF:
                 statistics.delay.add(frame.delay_us * 1e-6)
         sample = self.sample(frame, host_time_s)

@@ -14,6 +14,7 @@ taken when it comes, and its echo says so. Polled (the host keeps time)::
 
 from __future__ import annotations
 
+import time
 from math import isfinite
 from typing import TYPE_CHECKING
 
@@ -155,7 +156,7 @@ class LinkRig:
         if not self._samples.armed:
             raise not_armed(self._transport.name)
         self._samples.pass_over()
-        number = self._intake.command(command_.sequence)
+        number = self._intake.command(command_.sequence, time.monotonic())
         self._dialogue.send(command(number, _microvolts(v_front), _microvolts(v_back)))
         self.statistics.commands += 1
         if self._streaming:

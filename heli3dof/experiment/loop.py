@@ -137,7 +137,7 @@ class _Flight:
         return Outcome(
             ending, detail, self.flown, tally.late, tally.missed, tally.worst, landing.landed,
             error, tally.lost, None if self.virtual else tally.punctuality(), granted,
-            link_counts(self.rig), tally.left_out,
+            link_counts(self.rig), tally.left_out, self.pacer.echo.measured(),
         )  # fmt: skip
 
     def angle(self, sample: Sample) -> tuple[float, float, float]:
@@ -204,7 +204,7 @@ class _Flight:
             pacer = self.pacer
             now = Period(
                 k, t, sample, angle, rates, command, voltage, pacer.sent, pacer.sequence,
-                pacer.lateness, pacer.skipped, pacer.left_out,
+                pacer.lateness, pacer.skipped, pacer.left_out, pacer.echo.last_s,
             )  # fmt: skip
             looked = next(filter(None, (watch(now) for watch in self.watches)), None)
         # What a watch saw is nearer to the cause than what came of it.

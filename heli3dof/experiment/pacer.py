@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from time import monotonic
 
+from heli3dof.experiment.echo import EchoMeter
 from heli3dof.experiment.outcome import Tally
 from heli3dof.experiment.timekeeping import timekeeper
 from heli3dof.rig.port import Command, Rig, Sample
@@ -16,6 +17,7 @@ class Pacer:
         self._rig = rig
         self._time = timekeeper(rig, dt)
         self._tally = tally
+        self.echo = EchoMeter(dt, clocked=rig.identity.timebase != "virtual")
         self.sequence = 0
         """The number of the last command"""
         self.sent = (0.0, 0.0)
@@ -43,6 +45,7 @@ class Pacer:
         asked = monotonic()
         sample = self._rig.exchange(command, due)
         time.arrived(sample, asked)
+        self.echo.exchanged(self.sequence, asked, sample)
         self.lateness = time.lateness
         missed, lost, self.left_out = time.missed, time.lost, time.left_out
         self.skipped = missed + lost + self.left_out

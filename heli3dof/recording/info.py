@@ -11,6 +11,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.recording.checks import timing
 from heli3dof.recording.importing import is_log
+from heli3dof.recording.link_quality import link_warnings
 from heli3dof.recording.load import load
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
@@ -87,7 +88,10 @@ def summary(recording: Recording) -> dict[str, Any]:
         "seed": meta.get("seed"),
         "outcome": meta.get("outcome"),
         "outcome_details": meta.get("outcome_details", {}),
-        "warnings": list(meta.get("warnings", [])),
+        "warnings": [
+            *meta.get("warnings", []),
+            *link_warnings(meta.get("outcome_details") or {}, recording.profile.dt),
+        ],
         "digest": recording.digest,
         "provenance": {key: meta[key] for key in PROVENANCE if key in meta},
     }

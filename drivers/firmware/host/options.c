@@ -28,6 +28,7 @@ static const char HELP[] =
     "  --reset-after S            the device starts again, as after a brown-out\n"
     "  --freeze-encoder AXIS@S    its lines stand still from then on\n"
     "  --jump-encoder AXIS@S:N    N counts that no motion made\n"
+    "  --delay MS                 every byte takes so long on the line, each way\n"
     "  --drop P  --corrupt P      each byte is lost, or has a wrong bit, in both directions\n"
     "  --seed N                   of the two above\n";
 
@@ -102,7 +103,7 @@ static const char *axis_at(const char *option, const char *text, enum axis *axis
 
 enum name {
     HELP_WANTED = 1, WITH_PARENT, SERIAL, LINK, LOG, LATE, TCP, COUNTS, WATCHDOG, RAMP, SHORTEST,
-    FAULT, STALL, BUTTON, RESET, FREEZE, JUMP, DROP, CORRUPT, SEED,
+    FAULT, STALL, BUTTON, RESET, FREEZE, JUMP, DELAY, DROP, CORRUPT, SEED,
 };
 
 static const struct option KNOWN[] = {
@@ -123,6 +124,7 @@ static const struct option KNOWN[] = {
     {"reset-after", required_argument, NULL, RESET},
     {"freeze-encoder", required_argument, NULL, FREEZE},
     {"jump-encoder", required_argument, NULL, JUMP},
+    {"delay", required_argument, NULL, DELAY},
     {"drop", required_argument, NULL, DROP},
     {"corrupt", required_argument, NULL, CORRUPT},
     {"seed", required_argument, NULL, SEED},
@@ -185,6 +187,7 @@ struct options options_read(int argc, char **argv)
                 refuse(name, optarg, "AXIS@SECONDS");
             break;
         case JUMP: jump(&o, optarg); break;
+        case DELAY: o.delay_s = 1e-3 * only_number(name, optarg); break;
         case DROP: o.drop = share(name, optarg); break;
         case CORRUPT: o.corrupt = share(name, optarg); break;
         case SEED: o.seed = whole(name, optarg, UINT32_MAX); break;

@@ -29,6 +29,7 @@ struct options {
     double jump_s;
     long jump_counts;
 
+    double delay_s; /* of every byte, each way */
     double drop, corrupt; /* probability for each byte, both directions */
     uint32_t seed;
 };

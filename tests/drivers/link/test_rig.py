@@ -94,11 +94,11 @@ def test_a_command_that_the_line_lost_is_counted_and_the_volts_before_it_stand()
     rig, line = open_direct()
     rig.arm()
     heard(rig, 1, 3.0)
-    unheard = rig.statistics.unheard
+    unheard = rig.statistics.commands_unacknowledged
     line.to_device = Dropping(CommandFrame, 1)
     sample = send(rig, 2, 4.0)
     assert (sample.sequence, sample.v_applied) == (1, (3.0, -3.0))
-    assert rig.statistics.unheard == unheard + 1
+    assert rig.statistics.commands_unacknowledged == unheard + 1
     assert heard(rig, 3, 4.0).v_applied == (4.0, -4.0)
 
 
