@@ -24,7 +24,7 @@ from math import nan
 from heli3dof.rig.instants import Instants
 from heli3dof.rig.port import Flags, Sample
 
-from .frames import NOT_MEASURED, SampleFrame
+from .frames import NOT_MEASURED, Cause, SampleFrame
 from .statistics import LinkStatistics
 
 _MASK = 0xFFFFFFFF
@@ -44,6 +44,8 @@ class Intake:
         self._statistics = statistics
         self.number = 0
         """of the last command, or of the ARM"""
+        self.cause = 0
+        """Of the last sample: why the device holds its output at zero"""
         self._sequences = [0] * REMEMBERED
         self._sent_s = array("d", bytes(8 * REMEMBERED))
         self._echo = 0
@@ -104,6 +106,7 @@ class Intake:
         else:
             self._clock_us = frame.time_us
         self._wrapped = frame.time_us
+        self.cause = frame.cause
         return Sample(
             self._echoed,
             self._clock_us / 1e6,
@@ -118,6 +121,13 @@ class Intake:
     def heard(self) -> bool:
         """True when the last command has been echoed."""
         return self._echo == self.number
+
+
+def cause_name(cause: int) -> str | None:
+    """The protocol's name of a cause; None for none."""
+    if cause in set(Cause):
+        return Cause(cause).name if cause else None
+    return f"CAUSE_{cause}"
 
 
 def _ampere(milliampere: int) -> float:

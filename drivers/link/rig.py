@@ -38,7 +38,7 @@ from .frames import (
     wire,
 )
 from .greeting import check_profile, greet, period_of
-from .intake import Intake
+from .intake import Intake, cause_name
 from .sampling import Sampling
 from .stopping import BESIDE_TRIES, STOP_TRIES, ack_of, stop, stop_over
 from .troubles import (
@@ -112,6 +112,11 @@ class LinkRig:
     def statistics(self) -> LinkStatistics:
         """How the link has been since it was opened."""
         return self._dialogue.statistics
+
+    @property
+    def device_cause(self) -> str | None:
+        """Why the device holds its output at zero, by its last sample."""
+        return cause_name(self._intake.cause)
 
     def arm(self) -> Sample:
         """Zero volts, latches cleared, enabled; the first sample."""

@@ -158,6 +158,8 @@ def _info_table(about: Mapping[str, Any]) -> Any:
     if about["outcome"]:
         detail = about["outcome_details"].get("detail", "")
         table.add_row("outcome", f"{about['outcome']}{': ' if detail else ''}{detail}")
+    if stated := about["outcome_details"].get("device_cause"):
+        table.add_row("device's cause", stated)
     if about["channels"]:
         table.add_row("channels", ", ".join(about["channels"]))
     source = about["provenance"]

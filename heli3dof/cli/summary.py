@@ -76,6 +76,7 @@ def flight_document(flight: Flight) -> dict[str, Any]:
         "outcome": outcome.ending,
         "detail": outcome.detail,
         **outcome.advice(),
+        "device_cause": outcome.device_cause,
         "periods": outcome.periods,
         "late_periods": outcome.late,
         "missed_periods": outcome.missed,

@@ -75,7 +75,7 @@ def land(
         why = f"the ramp to zero failed: {said}"
         pacer.stop(why)
         return Landing(False, why, error=problem)
-    by_itself = explain(told & STOPPED & ~known)
+    by_itself = explain(told & STOPPED & ~known, pacer.device_cause)
     return Landing(True) if by_itself is None else Landing(False, by_itself, stopped=True)
 
 

@@ -138,6 +138,7 @@ class _Flight:
             ending, detail, self.flown, tally.late, tally.missed, tally.worst, landing.landed,
             error, tally.lost, None if self.virtual else tally.punctuality(), granted,
             link_counts(self.rig), tally.left_out, self.pacer.echo.measured(),
+            self.pacer.device_cause,
         )  # fmt: skip
 
     def angle(self, sample: Sample) -> tuple[float, float, float]:
@@ -208,7 +209,9 @@ class _Flight:
             )  # fmt: skip
             looked = next(filter(None, (watch(now) for watch in self.watches)), None)
         # What a watch saw is nearer to the cause than what came of it.
-        stopped = explain(flags) if (flags := int(sample.flags)) & STOPPED else None
+        stopped = None
+        if (flags := int(sample.flags)) & STOPPED:
+            stopped = explain(flags, self.pacer.device_cause)
         if (seen := Trip.first(stopped, looked)) is not None:
             return "tripped", seen
         tripped = self.envelope.check(t, angle, rates, command, voltage)

@@ -63,6 +63,8 @@ class Outcome:
     """Periods skipped because the device, held up itself, made no samples of them."""
     latency: EchoLatency | None = None
     """Command-to-echo latency; None where nothing was flown"""
+    device_cause: str | None = None
+    """Why the device held its output at zero, in its own word; None: it did not, or did not say"""
 
     def advice(self) -> dict[str, str]:
         """What it likely came from and what to do; empty where nothing is known."""
@@ -75,6 +77,7 @@ class Outcome:
         return {
             "detail": self.detail,
             **self.advice(),
+            "device_cause": self.device_cause,
             "periods": self.periods,
             "late": self.late,
             "missed": self.missed,

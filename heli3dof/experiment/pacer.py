@@ -7,7 +7,7 @@ from time import monotonic
 from heli3dof.experiment.echo import EchoMeter
 from heli3dof.experiment.outcome import Tally
 from heli3dof.experiment.timekeeping import timekeeper
-from heli3dof.rig.port import Command, Rig, Sample
+from heli3dof.rig.port import Command, Rig, Sample, device_cause
 
 
 class Pacer:
@@ -51,6 +51,11 @@ class Pacer:
         self.skipped = missed + lost + self.left_out
         self._tally.count(time.lateness, asked - since.host_time_s, missed, lost, self.left_out)
         return sample
+
+    @property
+    def device_cause(self) -> str | None:
+        """Why the device holds its output at zero, in its own word; None where it does not say."""
+        return device_cause(self._rig)
 
     def stop(self, why: str) -> None:
         """Emergency stop. Where even that fails, the device's own watchdog is what remains."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from heli3dof.errors import SafetyTrip
 from heli3dof.rig.calibration import POWER_UP, Rest
-from heli3dof.rig.port import Command, Identity, Rig, Sample
+from heli3dof.rig.port import Command, Identity, Rig, Sample, device_cause
 from heli3dof.rig.session import Session
 
 
@@ -34,6 +34,11 @@ class StoppableRig:
     def statistics(self) -> object:
         """What the rig's link has counted; None where it counts nothing."""
         return getattr(self.inner, "statistics", None)
+
+    @property
+    def device_cause(self) -> str | None:
+        """Why the device holds its output at zero, in its own word."""
+        return device_cause(self.inner)
 
     def arm(self) -> Sample:
         if self.session.asked is not None:

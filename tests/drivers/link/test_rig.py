@@ -19,6 +19,7 @@ from heli3dof_drivers.link.frames import (
     parse,
     wire,
 )
+from heli3dof_drivers.link.intake import cause_name
 from heli3dof_drivers.link.rig import LinkRig, stop_over
 
 from heli3dof.errors import DeviceError
@@ -323,3 +324,22 @@ def test_the_device_tells_how_the_link_was():
     assert report is not None
     assert report.frames == 2  # HELLO, STATUS
     assert report.damaged == 0
+
+
+@MODES
+@pytest.mark.parametrize("cause", [Cause.OVERCURRENT, Cause.BUTTON, Cause.SUPPLY])
+def test_the_devices_own_cause_is_at_hand_until_it_is_armed(stream: bool, cause: Cause):
+    rig, line = open_direct(stream=stream)
+    rig.arm()
+    heard(rig, 1)
+    assert rig.device_cause is None
+    line.endpoint.stop(line.now_us, cause)
+    assert send(rig, 2).flags == Flags.ESTOP
+    assert rig.device_cause == cause.name
+    rig.arm()
+    assert rig.device_cause is None
+
+
+def test_a_cause_that_this_heli3dof_does_not_know_is_passed_on_by_number():
+    assert cause_name(77) == "CAUSE_77"
+    assert cause_name(0) is None
