@@ -16,12 +16,12 @@ def gone_silent(name: str) -> DeviceError:
     )
 
 
-def started_anew(name: str) -> DeviceError:
+def restarted(name: str) -> DeviceError:
     return DeviceError(
-        f"{name}: the device has started anew.",
-        cause="its supply dipped or its firmware crashed; the motors are at zero, and its encoders "
-        "have begun to count at zero where the rig stood then.",
-        fix="let the rig rest, then open it again; heli3dof zero where it cannot rest",
+        f"{name}: the device has restarted.",
+        cause="its supply dipped or its firmware crashed; the motors are at zero, and its encoder "
+        "counts began at zero where the rig stood then.",
+        fix="let the rig rest, then heli3dof zero, then start again",
     )
 
 

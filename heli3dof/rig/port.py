@@ -62,7 +62,10 @@ class Identity:
     timebase: Literal["host", "device", "virtual"]
     emulated: bool
     boot: int | None = None
-    """Differs after every start of the device, whose counts began at zero then; None: unknown."""
+    """Differs after every start of the device, whose counts began at zero then; None: unknown. A
+    board without a random source or flash may repeat it: ``started_s`` tells then."""
+    started_s: float | None = None
+    """When the device started, s since 1970 by the host's clock, from its uptime; None: unknown"""
 
 
 @dataclass(frozen=True, slots=True)

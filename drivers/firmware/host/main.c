@@ -175,7 +175,7 @@ static uint32_t any_u32(void)
 static void start(void)
 {
     const struct device_config config = {
-        .boot = any_u32(),
+        .boot = options.boot_given ? options.boot : any_u32(),
         .ticket = any_u32(),
         .counts = {options.counts[0], options.counts[1], options.counts[2]},
         .v_max_uV = 24000000,

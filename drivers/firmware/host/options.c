@@ -17,6 +17,7 @@ static const char HELP[] =
     "  --late FILE                appends 'time_us late_us' of each sample that was written more\n"
     "                             than 0.2 ms after its time: the program itself was held up\n"
     "  --counts ROLL,PITCH,YAW    per revolution, negative: falls as the angle rises\n"
+    "  --boot N                   the boot number of every start (drawn at random each time)\n"
     "  --with-parent              end when the process that started it ends\n"
     "  --watchdog MS  --ramp MS   the device's own (100, 200)\n"
     "  --shortest US              shortest period of the stream (500)\n"
@@ -102,7 +103,7 @@ static const char *axis_at(const char *option, const char *text, enum axis *axis
 }
 
 enum name {
-    HELP_WANTED = 1, WITH_PARENT, SERIAL, LINK, LOG, LATE, TCP, COUNTS, WATCHDOG, RAMP, SHORTEST,
+    HELP_WANTED = 1, WITH_PARENT, SERIAL, LINK, LOG, LATE, TCP, COUNTS, BOOT, WATCHDOG, RAMP, SHORTEST,
     FAULT, STALL, BUTTON, RESET, FREEZE, JUMP, DELAY, DROP, CORRUPT, SEED,
 };
 
@@ -115,6 +116,7 @@ static const struct option KNOWN[] = {
     {"late", required_argument, NULL, LATE},
     {"tcp", required_argument, NULL, TCP},
     {"counts", required_argument, NULL, COUNTS},
+    {"boot", required_argument, NULL, BOOT},
     {"watchdog", required_argument, NULL, WATCHDOG},
     {"ramp", required_argument, NULL, RAMP},
     {"shortest", required_argument, NULL, SHORTEST},
@@ -174,6 +176,10 @@ struct options options_read(int argc, char **argv)
         case COUNTS:
             if (sscanf(optarg, "%d,%d,%d", &o.counts[0], &o.counts[1], &o.counts[2]) != 3)
                 refuse(name, optarg, "three whole numbers, as 4096,4096,8192");
+            break;
+        case BOOT:
+            o.boot = whole(name, optarg, UINT32_MAX);
+            o.boot_given = 1;
             break;
         case WATCHDOG: o.watchdog_us = 1000 * whole(name, optarg, 1000); break;
         case RAMP: o.ramp_us = 1000 * whole(name, optarg, 10000); break;

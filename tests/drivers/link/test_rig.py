@@ -183,19 +183,41 @@ def test_a_rig_whose_bytes_end_has_gone_silent(stream: bool):
 
 
 @MODES
-def test_a_device_that_started_anew_is_told_from_silence(stream: bool):
+def test_a_device_that_restarted_is_told_from_silence(stream: bool):
     rig, line = open_direct(stream=stream)
     rig.arm()
     send(rig, 1)
     line.endpoint = still_endpoint(boot=2)
-    with pytest.raises(DeviceError, match="started anew"):
+    with pytest.raises(DeviceError, match="has restarted"):
         send(rig, 2)
 
 
-def test_a_device_that_started_anew_before_it_was_armed_is_not_armed():
+@MODES
+def test_a_restart_is_noticed_though_the_boot_number_repeats(stream: bool):
+    line = DirectLine(still_endpoint())
+    time.sleep(5)
+    rig = LinkRig(line, PROFILE, driver="test", stream=stream, watchdog_s=0.4)
+    assert rig.identity.started_s == pytest.approx(time.time() - 5, abs=0.5)
+    line.restart(still_endpoint())
+    with pytest.raises(DeviceError, match="has restarted"):
+        rig.arm()
+    assert not line.endpoint.amplifier.enabled
+
+
+@MODES
+def test_a_device_that_ran_on_is_not_taken_for_a_restarted_one(stream: bool):
+    line = DirectLine(still_endpoint())
+    time.sleep(5)
+    rig = LinkRig(line, PROFILE, driver="test", stream=stream, watchdog_s=0.4)
+    time.sleep(600)
+    rig.arm()
+    heard(rig, 1)
+
+
+def test_a_device_that_restarted_before_it_was_armed_is_not_armed():
     rig, line = open_direct()
     line.endpoint = still_endpoint(boot=2)
-    with pytest.raises(DeviceError, match="started anew"):
+    with pytest.raises(DeviceError, match="has restarted"):
         rig.arm()
     assert not line.endpoint.amplifier.enabled
 
@@ -322,7 +344,7 @@ def test_the_device_tells_how_the_link_was():
     rig, _ = open_direct()
     report = rig.report()
     assert report is not None
-    assert report.frames == 2  # HELLO, STATUS
+    assert report.frames == 3  # HELLO, STATUS of the opening, STATUS
     assert report.damaged == 0
 
 
