@@ -7,7 +7,7 @@ number and c = the last command's
 
 e_last (c_0 at first) being the last echo: an echo never goes back, and never ahead of what was
 sent. A repeated, overtaken or older arming's sample fails one of them. The device's clock, modulo
-2³² µs, is unwrapped here.
+2³² µs, and its 32-bit counts are unwrapped here.
 
     lost     += (n − a_n) − 1                     made, and did not come
     left out += (i − i_last) − (n − a_n)          never made: the device was held up
@@ -54,6 +54,7 @@ class Intake:
         self._last: int | None = None
         self._clock_us = 0
         self._wrapped: int | None = None
+        self._counts = (0, 0, 0)
         self._period_s = 0.0
         self._instants: Instants | None = None
 
@@ -100,6 +101,13 @@ class Intake:
 
     def sample(self, frame: SampleFrame, host_time_s: float) -> Sample:
         """The port's sample of any frame, as ``read`` needs it of a rig that is not armed."""
+        r, p, y = self._counts
+        # The signed 32-bit difference to the last count; the first one is near zero.
+        self._counts = counts = (
+            r + ((frame.roll - r + _HALF) & _MASK) - _HALF,
+            p + ((frame.pitch - p + _HALF) & _MASK) - _HALF,
+            y + ((frame.yaw - y + _HALF) & _MASK) - _HALF,
+        )
         if self._wrapped is not None:
             step = (frame.time_us - self._wrapped) & _MASK
             self._clock_us += step if step < _HALF else step - _MASK - 1
@@ -110,7 +118,7 @@ class Intake:
         return Sample(
             self._echoed,
             self._clock_us / 1e6,
-            (frame.roll, frame.pitch, frame.yaw),
+            counts,
             (frame.front_uV / 1e6, frame.back_uV / 1e6),
             (_ampere(frame.front_mA), _ampere(frame.back_mA)),
             _FLAGS[frame.flags],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from heli3dof_drivers.link.frames import NOT_MEASURED, SampleFrame
@@ -142,3 +143,17 @@ def test_only_an_echo_between_the_arming_and_the_last_command_is_believed(
         intake.command(k, 0.0)
     between = (echo - armed) % 2**32 <= sent % 5
     assert (intake.take(frame(number, echo), 0.0) is not None) == between
+
+
+@given(
+    st.tuples(*[st.integers(-(2**31), 2**31 - 1)] * 3),
+    st.lists(st.tuples(*[st.integers(-(2**30), 2**30)] * 3), max_size=8),
+)
+def test_counts_that_wrap_at_32_bits_go_on(start, steps):
+    intake = Intake(LinkStatistics())
+    counts = list(start)
+    for step in [(0, 0, 0), *steps]:
+        counts = [c + s for c, s in zip(counts, step, strict=True)]
+        roll, pitch, yaw = ((c + 2**31) % 2**32 - 2**31 for c in counts)
+        sent = replace(frame(0, 0), roll=roll, pitch=pitch, yaw=yaw)
+        assert intake.sample(sent, 0.0).counts == tuple(counts)
