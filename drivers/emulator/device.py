@@ -6,6 +6,7 @@ the output ramps to zero over `RAMP_S` and stays there until the device is armed
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from heli3dof.rig.port import Flags
@@ -71,6 +72,9 @@ class Device:
         """Take a command: from now on these voltages (V), within the limit, if enabled."""
         self.sequence = sequence
         if not self.enabled or self.stopped or self.latched or self.fault:
+            return
+        if not (math.isfinite(v_front) and math.isfinite(v_back)):
+            self.stop()  # a NaN passes min and max as the limit
             return
         limit = self.v_max
         self.saturated = not (-limit <= v_front <= limit and -limit <= v_back <= limit)

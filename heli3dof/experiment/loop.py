@@ -147,6 +147,8 @@ class _Flight:
 
     def period(self, k: int, sample: Sample) -> tuple[Sample, tuple[Ending, str] | None]:
         """One control period. Returns the next sample, or the same one and why to end."""
+        if self.pacer.unreadable is not None:
+            return sample, ("tripped", self.pacer.unreadable)
         angle = self.angle(sample)
         if self.pacer.skipped:
             self.bridge(k, self.pacer.skipped, angle)
