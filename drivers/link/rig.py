@@ -142,7 +142,7 @@ class LinkRig:
             said = self._ask_to_arm(disarmed.ticket)
             if said is None:
                 continue
-            code = Code(said.code)
+            code = said.code
             if code == Code.OK:
                 self._samples.armed, self._streaming = True, self._stream
                 self._samples.took(self._dialogue.trip_s)

@@ -26,15 +26,16 @@ def unreadable(sample: Any) -> str | None:
             index(value)
         except TypeError:
             return f"{name} = {value!r} is not a whole number"
-    for axis, count in zip(("roll", "pitch", "yaw"), sample.counts, strict=False):
+    counts: tuple[Any, ...] = sample.counts
+    for axis, count in zip(("roll", "pitch", "yaw"), counts, strict=False):
         try:
             in_range = abs(index(count)) < LARGEST_COUNT
         except TypeError:
             in_range = False
         if not in_range:
             return f"the {axis} count {count!r} is not a whole number"
-    if len(sample.counts) != 3:
-        return f"{len(sample.counts)} counts instead of 3"
+    if len(counts) != 3:
+        return f"{len(counts)} counts instead of 3"
     for name, time_s in (
         ("device_time_s", sample.device_time_s),
         ("host_time_s", sample.host_time_s),
