@@ -2,8 +2,8 @@
 
 `emulated(seed)` flies the emulated device behind a line that harms bytes and frames, on a clock of
 its own. The frames it changes keep a right check: the device itself states nonsense.
-`firmware(seed)` flies the C firmware in real time with its own fault switches, halted or killed at a
-random moment.
+`firmware(seed)` flies the C firmware in real time with its own fault switches, halted or killed
+at a random moment.
 
 After every sequence: no exception but the project's own errors, no outcome "error" ("a fault of
 ours"), and the output at zero within the watchdog's time and the ramp after the host let go.

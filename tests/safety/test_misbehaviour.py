@@ -11,7 +11,7 @@ from heli3dof_drivers.link.troubles import not_arming
 from tests.safety import misbehaviour
 from tests.safety.misbehaviour import ACTS, HARMS, STATES, Fault, NastyLine, emulated, firmware
 
-SEEDS = range(2000, 2024)
+SEEDS = range(2000, 2012)
 """Apart from the bench's own"""
 
 
@@ -22,10 +22,10 @@ def test_a_random_sequence_leaves_no_crash_and_the_motors_at_zero(seed: int) -> 
 
 
 @pytest.mark.parametrize("kind", sorted({*HARMS, *STATES, *ACTS}))
-@pytest.mark.parametrize("at_s", [0.0, 0.6])
-def test_each_fault_alone_from_the_opening_and_from_mid_flight(
-    kind: str, at_s: float, monkeypatch: pytest.MonkeyPatch
+def test_each_fault_alone_from_the_opening_or_from_mid_flight_on(
+    kind: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    at_s = 0.0 if kind.startswith(("ack", "identity", "report")) else 0.6
     monkeypatch.setattr(misbehaviour, "draw_faults", lambda rng: [Fault(kind, at_s, 100.0)])
     found = emulated(1)
     assert not found.wrong, found
