@@ -205,6 +205,12 @@ class MockRig:
         return self._device
 
     @property
+    def device_cause(self) -> str | None:
+        """Why the emulated electronics hold their output at zero."""
+        cause = self._device.cause
+        return cause.name if cause else None
+
+    @property
     def truth(self) -> Truth:
         """The true state and parameters: for tests and benches, never read by heli3dof."""
         return self._device.plant.truth

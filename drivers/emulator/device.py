@@ -6,10 +6,12 @@ the output ramps to zero over `RAMP_S` and stays there until the device is armed
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from heli3dof.rig.port import Flags
 
+from ..link.frames import Cause
 from .faults import Breaking
 
 if TYPE_CHECKING:
@@ -41,6 +43,8 @@ class Device:
         self.enabled = self.latched = self.stopped = self.saturated = False
         self.fault = Flags(0)
         """FAULT or STALL, while the amplifier reports it"""
+        self.cause = Cause.NONE
+        """Why the output is held at zero"""
         self.v = (0.0, 0.0)
         """V, what the amplifier puts out"""
         self._asked = (0.0, 0.0)
@@ -50,12 +54,14 @@ class Device:
         """Enable at zero volts and clear what was latched."""
         self.enabled, self.latched, self.stopped, self.saturated = True, False, False, False
         self.fault = Flags(0)
+        self.cause = Cause.NONE
         self.v = self._asked = (0.0, 0.0)
         self._silent_s = 0.0
 
     def stop(self) -> None:
         """Zero volts now, until armed."""
         self.stopped, self.saturated = True, False
+        self.cause = Cause.HOST_ESTOP
         self.v = self._asked = (0.0, 0.0)
 
     def disable(self) -> None:
@@ -66,6 +72,9 @@ class Device:
         """Take a command: from now on these voltages (V), within the limit, if enabled."""
         self.sequence = sequence
         if not self.enabled or self.stopped or self.latched or self.fault:
+            return
+        if not (math.isfinite(v_front) and math.isfinite(v_back)):
+            self.stop()  # a NaN passes min and max as the limit
             return
         limit = self.v_max
         self.saturated = not (-limit <= v_front <= limit and -limit <= v_back <= limit)
@@ -80,6 +89,7 @@ class Device:
         silent = self._silent_s > self.watchdog_s
         if silent and self.enabled and not self.stopped and not self.fault:
             self.latched, self.saturated = True, False
+            self.cause = Cause.WATCHDOG
             left = max(0.0, 1 - (self._silent_s - self.watchdog_s) / RAMP_S)
             self.v = (self._asked[0] * left, self._asked[1] * left)
         self._silent_s += self.plant.dt
@@ -95,7 +105,7 @@ class Device:
         trip = plant.trip()
         if trip is None:
             return
-        flag, _ = trip
+        flag, self.cause = trip
         self.saturated = False
         self.v = self._asked = (0.0, 0.0)
         if flag == Flags.ESTOP:

@@ -20,12 +20,20 @@ def main() -> None:
     parser.add_argument(
         "--with-parent", action="store_true", help="end when the process that started this ends"
     )
+    parser.add_argument(
+        "--delay-ms", type=float, default=0.0, help="every byte takes so long, each way"
+    )
     options = parser.parse_args()
     endpoint = emulated(options.device)
     host_side, path = _terminal()
     print(path, flush=True)
     parent = os.getppid()
-    serve(endpoint, host_side, lambda: not options.with_parent or os.getppid() == parent)
+    serve(
+        endpoint,
+        host_side,
+        lambda: not options.with_parent or os.getppid() == parent,
+        delay_us=round(1e3 * options.delay_ms),
+    )
 
 
 def _terminal() -> tuple[int, str]:

@@ -7,7 +7,7 @@ number and c = the last command's
 
 e_last (c_0 at first) being the last echo: an echo never goes back, and never ahead of what was
 sent. A repeated, overtaken or older arming's sample fails one of them. The device's clock, modulo
-2³² µs, is unwrapped here.
+2³² µs, and its 32-bit counts are unwrapped here.
 
     lost     += (n − a_n) − 1                     made, and did not come
     left out += (i − i_last) − (n − a_n)          never made: the device was held up
@@ -18,12 +18,13 @@ own clock in the period that it was armed with, so exactly.
 
 from __future__ import annotations
 
+from array import array
 from math import nan
 
 from heli3dof.rig.instants import Instants
 from heli3dof.rig.port import Flags, Sample
 
-from .frames import NOT_MEASURED, SampleFrame
+from .frames import NOT_MEASURED, Cause, SampleFrame
 from .statistics import LinkStatistics
 
 _MASK = 0xFFFFFFFF
@@ -43,13 +44,17 @@ class Intake:
         self._statistics = statistics
         self.number = 0
         """of the last command, or of the ARM"""
+        self.cause = 0
+        """Of the last sample: why the device holds its output at zero"""
         self._sequences = [0] * REMEMBERED
+        self._sent_s = array("d", bytes(8 * REMEMBERED))
         self._echo = 0
         self._echoed = 0
         """The caller's sequence of the last command that was echoed"""
         self._last: int | None = None
         self._clock_us = 0
         self._wrapped: int | None = None
+        self._counts = (0, 0, 0)
         self._period_s = 0.0
         self._instants: Instants | None = None
 
@@ -63,10 +68,11 @@ class Intake:
         self._last = None
         return self.number
 
-    def command(self, sequence: int) -> int:
-        """The number under which the caller's command ``sequence`` is sent."""
+    def command(self, sequence: int, now_s: float) -> int:
+        """The number under which the caller's command ``sequence`` is sent now (monotonic, s)."""
         self.number = number = (self.number + 1) & _MASK
         self._sequences[number % REMEMBERED] = sequence
+        self._sent_s[number % REMEMBERED] = now_s
         return number
 
     def take(self, frame: SampleFrame, host_time_s: float) -> Sample | None:
@@ -80,6 +86,7 @@ class Intake:
         if ahead:
             self._echo = frame.echo
             self._echoed = self._sequences[frame.echo % REMEMBERED]
+            statistics.latency.add(host_time_s - self._sent_s[frame.echo % REMEMBERED])
             if frame.delay_us != 0xFFFF:
                 statistics.delay.add(frame.delay_us * 1e-6)
         sample = self.sample(frame, host_time_s)
@@ -94,16 +101,24 @@ class Intake:
 
     def sample(self, frame: SampleFrame, host_time_s: float) -> Sample:
         """The port's sample of any frame, as ``read`` needs it of a rig that is not armed."""
+        r, p, y = self._counts
+        # The signed 32-bit difference to the last count; the first one is near zero.
+        self._counts = counts = (
+            r + ((frame.roll - r + _HALF) & _MASK) - _HALF,
+            p + ((frame.pitch - p + _HALF) & _MASK) - _HALF,
+            y + ((frame.yaw - y + _HALF) & _MASK) - _HALF,
+        )
         if self._wrapped is not None:
             step = (frame.time_us - self._wrapped) & _MASK
             self._clock_us += step if step < _HALF else step - _MASK - 1
         else:
             self._clock_us = frame.time_us
         self._wrapped = frame.time_us
+        self.cause = frame.cause
         return Sample(
             self._echoed,
             self._clock_us / 1e6,
-            (frame.roll, frame.pitch, frame.yaw),
+            counts,
             (frame.front_uV / 1e6, frame.back_uV / 1e6),
             (_ampere(frame.front_mA), _ampere(frame.back_mA)),
             _FLAGS[frame.flags],
@@ -114,6 +129,13 @@ class Intake:
     def heard(self) -> bool:
         """True when the last command has been echoed."""
         return self._echo == self.number
+
+
+def cause_name(cause: int) -> str | None:
+    """The protocol's name of a cause; None for none."""
+    if cause in set(Cause):
+        return Cause(cause).name if cause else None
+    return f"CAUSE_{cause}"
 
 
 def _ampere(milliampere: int) -> float:

@@ -14,6 +14,7 @@ taken when it comes, and its echo says so. Polled (the host keeps time)::
 
 from __future__ import annotations
 
+import time
 from math import isfinite
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,7 @@ from .frames import (
     Code,
     Disarm,
     Estop,
+    Frame,
     Hello,
     IdentityFrame,
     Report,
@@ -37,7 +39,7 @@ from .frames import (
     wire,
 )
 from .greeting import check_profile, greet, period_of
-from .intake import Intake
+from .intake import Intake, cause_name
 from .sampling import Sampling
 from .stopping import BESIDE_TRIES, STOP_TRIES, ack_of, stop, stop_over
 from .troubles import (
@@ -48,7 +50,7 @@ from .troubles import (
     not_arming,
     not_ours,
     not_stopped,
-    started_anew,
+    restarted,
 )
 
 if TYPE_CHECKING:
@@ -59,6 +61,12 @@ if TYPE_CHECKING:
 
 LARGEST_uV = 2_000_000_000
 """What fits into a command; any device clips long before."""
+RESTART_S = 0.7
+"""s by which the uptime must fall short of what it should be: a STATUS is asked `TRIES` times at
+most, 0.6 s in all, before it is answered"""
+CLOCK_TOLERANCE = 5e-3
+"""s per s: a ceramic resonator, the worst clock of a microcontroller board, is within 0.5 %"""
+_UPTIME_WRAP_S = 2**32 / 1000
 EMULATED = "emulated"
 """How the model of a device without motors begins"""
 
@@ -97,11 +105,14 @@ class LinkRig:
             transport.close()
             raise
         self._boot = said.boot
+        uptime_s = self._uptime_s() or None  # 0: a device that does not keep it
+        self._started_s = None if uptime_s is None else time.monotonic() - uptime_s
         self._period_us = period_of(profile)
         own_us = said.watchdog_us
         asked_us = own_us if watchdog_s is None else round(watchdog_s * 1e6)
         self._watchdog_us = max(asked_us, 3 * self._period_us)
-        self._identity = _identity(said, driver, stream, self._watchdog_us)
+        started_s = None if uptime_s is None else time.time() - uptime_s
+        self._identity = _identity(said, driver, stream, self._watchdog_us, started_s)
 
     @property
     def identity(self) -> Identity:
@@ -111,6 +122,11 @@ class LinkRig:
     def statistics(self) -> LinkStatistics:
         """How the link has been since it was opened."""
         return self._dialogue.statistics
+
+    @property
+    def device_cause(self) -> str | None:
+        """Why the device holds its output at zero, by its last sample."""
+        return cause_name(self._intake.cause)
 
     def arm(self) -> Sample:
         """Zero volts, latches cleared, enabled; the first sample."""
@@ -126,7 +142,7 @@ class LinkRig:
             said = self._ask_to_arm(disarmed.ticket)
             if said is None:
                 continue
-            code = Code(said.code)
+            code = said.code
             if code == Code.OK:
                 self._samples.armed, self._streaming = True, self._stream
                 self._samples.took(self._dialogue.trip_s)
@@ -155,7 +171,7 @@ class LinkRig:
         if not self._samples.armed:
             raise not_armed(self._transport.name)
         self._samples.pass_over()
-        number = self._intake.command(command_.sequence)
+        number = self._intake.command(command_.sequence, time.monotonic())
         self._dialogue.send(command(number, _microvolts(v_front), _microvolts(v_back)))
         self.statistics.commands += 1
         if self._streaming:
@@ -175,9 +191,7 @@ class LinkRig:
     def report(self) -> Report | None:
         """The link as the device saw it; None when it does not say."""
         self._check_open()
-        return self._dialogue.ask(
-            Status, lambda f, n: f if isinstance(f, Report) and f.number in n else None
-        )
+        return self._dialogue.ask(Status, _report)
 
     def close(self) -> None:
         """Zero volts, disabled, released. Idempotent; a line that is gone is no error.
@@ -239,7 +253,7 @@ class LinkRig:
         return ack
 
     def _silence(self) -> DeviceError:
-        """Why no sample came: gone, started anew, or no longer ours."""
+        """Why no sample came: gone, restarted, or no longer ours."""
         return self._why_silent() or not_ours(self._transport.name)
 
     def _why_silent(self) -> DeviceError | None:
@@ -250,7 +264,22 @@ class LinkRig:
         self._gone = said is None
         if said is None:
             return gone_silent(self._transport.name)
-        return None if said.boot == self._boot else started_anew(self._transport.name)
+        same = said.boot == self._boot and not self._uptime_fell_back()
+        return None if same else restarted(self._transport.name)
+
+    def _uptime_s(self) -> float | None:
+        """s since the device started, modulo 2³² ms; None where it does not state it."""
+        report = self._dialogue.ask(Status, _report)
+        return None if report is None else report.uptime_ms / 1e3
+
+    def _uptime_fell_back(self) -> bool:
+        """True where the device has restarted since it was opened: a boot number may repeat."""
+        uptime_s = self._uptime_s()
+        if uptime_s is None or self._started_s is None:
+            return False
+        expected_s = time.monotonic() - self._started_s
+        short_s = (expected_s - uptime_s + _UPTIME_WRAP_S / 2) % _UPTIME_WRAP_S - _UPTIME_WRAP_S / 2
+        return short_s > RESTART_S + CLOCK_TOLERANCE * expected_s
 
     def _check_open(self) -> None:
         if not self._open:
@@ -260,11 +289,17 @@ class LinkRig:
 _HELD = Flags.ENABLED | Flags.FAULT | Flags.STALL | Flags.LATCHED | Flags.ESTOP
 
 
+def _report(frame: Frame, numbers: set[int]) -> Report | None:
+    return frame if isinstance(frame, Report) and frame.number in numbers else None
+
+
 def _microvolts(volts: float) -> int:
     return max(-LARGEST_uV, min(LARGEST_uV, round(volts * 1e6)))
 
 
-def _identity(said: IdentityFrame, driver: str, stream: bool, watchdog_us: int) -> Identity:
+def _identity(
+    said: IdentityFrame, driver: str, stream: bool, watchdog_us: int, started_s: float | None
+) -> Identity:
     model, serial, firmware = (
         t.rstrip(b"\0").decode("ascii", "replace") for t in (said.model, said.serial, said.firmware)
     )
@@ -280,6 +315,7 @@ def _identity(said: IdentityFrame, driver: str, stream: bool, watchdog_us: int) 
         timebase="device" if stream else "host",
         emulated=model.startswith(EMULATED),
         boot=said.boot,
+        started_s=started_s,
     )
 
 

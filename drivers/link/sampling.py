@@ -44,7 +44,7 @@ class Sampling:
             if left <= 0:
                 return None
             self._dialogue.receive(left)
-        self._dialogue.statistics.unheard += not self._intake.heard
+        self._dialogue.statistics.commands_unacknowledged += not self._intake.heard
         return sample
 
     def first(self) -> Sample | None:
@@ -82,7 +82,7 @@ class Sampling:
                 trip_s = sample.host_time_s - first
                 statistics.round_trip.add(trip_s)
                 self.took(trip_s)
-                statistics.unheard += self.armed and not self._intake.heard
+                statistics.commands_unacknowledged += self.armed and not self._intake.heard
                 return sample
             statistics.repeats += 1
         return None

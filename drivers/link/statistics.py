@@ -26,11 +26,14 @@ class LinkStatistics:
     rejected: int = 0
     """Whole samples that cannot be: an echo of what was not sent, a number that was there before"""
     commands: int = 0
-    unheard: int = 0
-    """Commands that the sample after them did not echo: lost, refused, or too late on the line"""
+    commands_unacknowledged: int = 0
+    """Commands that the sample after them did not echo: lost, refused, or still on their way"""
     repeats: int = 0
     """Questions asked again because no answer came"""
     round_trip: Histogram = field(default_factory=Histogram)
     """From a question to its answer"""
     delay: Histogram = field(default_factory=Histogram)
-    """From a sample to the command that follows it, measured by the device"""
+    """From a sample to the next command's arrival, by the device's clock: the latency modulo the
+    period"""
+    latency: Histogram = field(default_factory=Histogram)
+    """From sending a command to the first sample that echoes it, by the host's clock"""

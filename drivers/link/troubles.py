@@ -16,12 +16,12 @@ def gone_silent(name: str) -> DeviceError:
     )
 
 
-def started_anew(name: str) -> DeviceError:
+def restarted(name: str) -> DeviceError:
     return DeviceError(
-        f"{name}: the device has started anew.",
-        cause="its supply dipped or its firmware crashed; the motors are at zero, and its encoders "
-        "have begun to count at zero where the rig stood then.",
-        fix="let the rig rest, then open it again; heli3dof zero where it cannot rest",
+        f"{name}: the device has restarted.",
+        cause="its supply dipped or its firmware crashed; the motors are at zero, and its encoder "
+        "counts began at zero where the rig stood then.",
+        fix="let the rig rest, then heli3dof zero, then start again",
     )
 
 
@@ -66,7 +66,7 @@ def closed(name: str) -> DeviceError:
     )
 
 
-def not_arming(name: str, code: Code, cause: int, period_us: int, watchdog_us: int) -> DeviceError:
+def not_arming(name: str, code: int, cause: int, period_us: int, watchdog_us: int) -> DeviceError:
     """Why an ARM was refused."""
     if code == Code.FAULT:
         why = Cause(cause).name.lower() if cause in set(Cause) else f"number {cause}"
@@ -82,4 +82,10 @@ def not_arming(name: str, code: Code, cause: int, period_us: int, watchdog_us: i
             cause="a watchdog must last two periods at least and one second at most.",
             fix="another watchdog_s in the device URL, or another loop.rate_hz",
         )
-    return not_ours(name)
+    if code in set(Code):
+        return not_ours(name)
+    return DeviceError(
+        f"{name}: the device refuses to arm with code {code}, which the protocol does not have.",
+        cause="its firmware is newer than this heli3dof, or wrong.",
+        fix="pip install --upgrade heli3dof; compare the firmware with docs/protocol.md",
+    )

@@ -13,6 +13,7 @@ The watchdog, of the board itself::
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Callable
 from contextlib import suppress
@@ -97,6 +98,8 @@ class Card:
 
     def write_volts(self, front: float, back: float) -> None:
         """Motor volts, over the amplifier's gain."""
+        if not (math.isfinite(front) and math.isfinite(back)):
+            front = back = 0.0  # what a converter makes of NaN is its own affair
         gain = self._wiring.gain
         self._volts[0], self._volts[1] = front / gain, back / gain
         self._hil.write_analog(self._motors, 2, self._volts)

@@ -88,6 +88,11 @@ class QuanserRig:
         """How the board's samples came since it was opened."""
         return self._stream.statistics
 
+    @property
+    def device_cause(self) -> str | None:
+        """The board states its watchdog only; a stop is this program's."""
+        return {State.LATCHED: "WATCHDOG", State.STOPPED: "HOST_ESTOP"}.get(self._state)
+
     def arm(self) -> Sample:
         """Zero volts, the watchdog set and started, the task started; then the enable lines."""
         self._check_open()

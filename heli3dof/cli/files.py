@@ -146,8 +146,10 @@ def _info_table(about: Mapping[str, Any]) -> Any:
     table.add_row("length", f"{about['duration_s']:.2f} s, {about['samples']} samples{rate}")
     for axis, angle in about["angles"].items():
         reference = "" if angle["reference"] else ", reference not logged"
-        table.add_row(axis, f"{angle['min_deg']:.2f}° to {angle['max_deg']:.2f}°{reference}")
-    table.add_row("voltages", f"{volts['min_V']:.2f} V to {volts['max_V']:.2f} V")
+        if angle["min_deg"] is not None:
+            table.add_row(axis, f"{angle['min_deg']:.2f}° to {angle['max_deg']:.2f}°{reference}")
+    if volts["min_V"] is not None:
+        table.add_row("voltages", f"{volts['min_V']:.2f} V to {volts['max_V']:.2f} V")
     known = "known" if about["loop_is_known"] else "unknown (the profile names no controller)"
     table.add_row("profile", f"{about['profile']}; its loop is {known}")
     for what, said in punctuality_rows(about):
@@ -158,6 +160,8 @@ def _info_table(about: Mapping[str, Any]) -> Any:
     if about["outcome"]:
         detail = about["outcome_details"].get("detail", "")
         table.add_row("outcome", f"{about['outcome']}{': ' if detail else ''}{detail}")
+    if stated := about["outcome_details"].get("device_cause"):
+        table.add_row("device's cause", stated)
     if about["channels"]:
         table.add_row("channels", ", ".join(about["channels"]))
     source = about["provenance"]

@@ -225,11 +225,13 @@ def _say_plan(talk: Talk, plan: Plan, profile: Profile, device: str, seed: int) 
 def _say_flight(talk: Talk, flight: Flight) -> None:
     """The summary at the end of a flight: peak, overshoot, error per axis, late periods."""
     from heli3dof.cli.punctuality import realtime_advice
-    from heli3dof.cli.summary import flight_document, flight_table
+    from heli3dof.cli.summary import flight_document, flight_table, flight_warnings
 
     talk.show(flight_table(flight))
     advice = realtime_advice(flight.outcome)
     if advice:
         talk.note(advice)
+    for warning in flight_warnings(flight):
+        talk.warn(warning)
     talk.note(f"Recording: {flight.path}")
     talk.emit(flight_document(flight))

@@ -23,10 +23,11 @@ def punctuality_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
     if kept:
         turn = (kept[f"turnaround_{q}_s"] for q in ("median", "p999", "worst"))
         rows.append(("sample to command", _quantiles(*turn)))
-    link = details.get("link")
-    if link and "delay_median_s" in link:
-        turn = (link[f"delay_{q}_s"] for q in ("median", "p999", "worst"))
-        rows.append(("by the device's clock", _quantiles(*turn)))
+    latency = details.get("latency")
+    if latency:
+        if latency["median_s"] is not None:
+            rows.append(("command to echo", latency_text(latency)))
+        rows.append(("unacknowledged", unacknowledged_text(latency)))
     realtime = details.get("realtime")
     if realtime:
         scheduled, locked = realtime["scheduled"], realtime["memory_locked"]
@@ -44,7 +45,30 @@ def punctuality_note(outcome: Outcome) -> str:
     found = outcome.punctuality
     if found:
         parts.append(f"lateness {_quantiles(found.median_s, found.p999_s, found.worst_s)}")
+    if outcome.latency:
+        latency = outcome.latency.to_dict()
+        if outcome.latency.median_s is not None:
+            parts.append(f"command to echo {latency_text(latency)}")
+        if outcome.latency.median_s is not None or outcome.latency.commands_unacknowledged:
+            parts.append(unacknowledged_text(latency))
     return "; ".join(parts)
+
+
+def latency_text(latency: Mapping[str, Any]) -> str:
+    """Command-to-echo latency: median, 99.9 %, worst, in ms and whole periods."""
+    return ", ".join(
+        f"{name} {_ms(latency[f'{key}_s'])} ({_periods(latency[f'{key}_periods'])})"
+        for name, key in (("median", "median"), ("99.9 %", "p999"), ("at most", "worst"))
+    )
+
+
+def unacknowledged_text(latency: Mapping[str, Any]) -> str:
+    """How many commands the sample after them did not echo."""
+    never = latency["commands_never_echoed"]
+    return (
+        f"{latency['commands_unacknowledged']} of {latency['commands']} commands not echoed by "
+        f"the next sample, {never} never"
+    )
 
 
 def realtime_advice(outcome: Outcome) -> str | None:
@@ -76,6 +100,10 @@ def _quantiles(median_s: float, p999_s: float, worst_s: float) -> str:
 
 def _ms(seconds: float) -> str:
     return f"{seconds * 1e3:.2f} ms" if seconds >= 1e-4 else f"{seconds * 1e6:.0f} µs"
+
+
+def _periods(count: int) -> str:
+    return "1 period" if count == 1 else f"{count} periods"
 
 
 def _yes(granted: bool) -> str:

@@ -59,6 +59,13 @@ def flight_table(flight: Flight) -> Group | str:
     )
 
 
+def flight_warnings(flight: Flight) -> list[str]:
+    """What the flight's link did that the user must know of."""
+    from heli3dof.recording.link_quality import link_warnings
+
+    return link_warnings(flight.outcome.details(), flight.recording.profile.dt)
+
+
 def flight_document(flight: Flight) -> dict[str, Any]:
     """``run-step --json`` and ``run --json``."""
     outcome = flight.outcome
@@ -69,6 +76,7 @@ def flight_document(flight: Flight) -> dict[str, Any]:
         "outcome": outcome.ending,
         "detail": outcome.detail,
         **outcome.advice(),
+        "device_cause": outcome.device_cause,
         "periods": outcome.periods,
         "late_periods": outcome.late,
         "missed_periods": outcome.missed,
@@ -78,6 +86,8 @@ def flight_document(flight: Flight) -> dict[str, Any]:
         "punctuality": details["punctuality"],
         "realtime": details["realtime"],
         "link": details["link"],
+        "latency": details["latency"],
+        "warnings": flight_warnings(flight),
         "landed": outcome.landed,
         "digest": flight.recording.digest,
         "axes": recording_document(flight.recording) if outcome.periods else {},

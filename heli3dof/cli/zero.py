@@ -64,7 +64,7 @@ def zero(
         )
     stored = None
     if is_private(url):
-        talk.show("Nothing to store: an emulated rig starts anew, at rest, whenever it is opened.")
+        talk.show("Nothing to store: an emulated rig starts at rest whenever it is opened.")
     elif dry_run:
         talk.show("Dry run: nothing was stored.")
     else:
@@ -85,5 +85,5 @@ def zero(
 
 def _until(boot: int | None) -> str:
     if boot is None:
-        return ". Run it again after the device was switched off: this one does not tell."
-    return " until the device starts anew."
+        return ". Run it again after the device was switched off: this one has no boot number."
+    return " until the device restarts."

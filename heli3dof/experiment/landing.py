@@ -89,7 +89,7 @@ def land(
         why = f"the ramp to zero failed: {said}"
         pacer.stop(why)
         return Landing(False, why, error=problem)
-    by_itself = explain(told & STOPPED & ~known)
+    by_itself = explain(told & STOPPED & ~known, pacer.device_cause)
     if by_itself is not None:
         return Landing(False, by_itself, stopped=True)
     return Landing(True, tripped=tripped)

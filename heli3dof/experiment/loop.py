@@ -152,7 +152,8 @@ class _Flight:
         return Outcome(
             ending, detail, self.flown, tally.late, tally.missed, tally.worst, landing.landed,
             error, tally.lost, None if self.virtual else tally.punctuality(), granted,
-            link_counts(self.rig), tally.left_out,
+            link_counts(self.rig), tally.left_out, self.pacer.echo.measured(),
+            self.pacer.device_cause,
         )  # fmt: skip
 
     def angle(self, sample: Sample) -> tuple[float, float, float]:
@@ -161,6 +162,8 @@ class _Flight:
 
     def period(self, k: int, sample: Sample) -> tuple[Sample, tuple[Ending, str] | None]:
         """One control period. Returns the next sample, or the same one and why to end."""
+        if self.pacer.unreadable is not None:
+            return sample, ("tripped", self.pacer.unreadable)
         angle = self.angle(sample)
         if self.pacer.skipped:
             self.bridge(k, self.pacer.skipped, angle)
@@ -216,7 +219,9 @@ class _Flight:
         rates = self.controller.rates
         looked = self.judged(k, t, sample, angle, command, voltage)
         # What a watch saw is nearer to the cause than what came of it.
-        stopped = explain(flags) if (flags := int(sample.flags)) & STOPPED else None
+        stopped = None
+        if (flags := int(sample.flags)) & STOPPED:
+            stopped = explain(flags, self.pacer.device_cause)
         if (seen := Trip.first(stopped, looked)) is not None:
             return "tripped", seen
         tripped = self.envelope.check(t, angle, rates, command, voltage)
@@ -232,7 +237,8 @@ class _Flight:
         pacer = self.pacer
         now = Period(
             k, t, sample, angle, self.controller.rates, command, voltage, pacer.sent,
-            pacer.sequence, pacer.lateness, pacer.skipped, pacer.left_out, ramping_down,
+            pacer.sequence, pacer.lateness, pacer.skipped, pacer.left_out, pacer.echo.last_s,
+            ramping_down,
         )  # fmt: skip
         return next(filter(None, (watch(now) for watch in self.watches)), None)
 

@@ -9,6 +9,7 @@ from heli3dof.rig.histogram import Histogram
 from heli3dof.rig.trip import Trip
 
 if TYPE_CHECKING:
+    from heli3dof.experiment.echo import EchoLatency
     from heli3dof.experiment.realtime import Realtime
 
 LATE_S = 1e-3
@@ -60,6 +61,10 @@ class Outcome:
     """What the rig's link counted (see `link_counts`); None where it has none"""
     left_out: int = 0
     """Periods skipped because the device, held up itself, made no samples of them."""
+    latency: EchoLatency | None = None
+    """Command-to-echo latency; None where nothing was flown"""
+    device_cause: str | None = None
+    """Why the device held its output at zero, in its own word; None: it did not, or did not say"""
 
     def advice(self) -> dict[str, str]:
         """What it likely came from and what to do; empty where nothing is known."""
@@ -72,6 +77,7 @@ class Outcome:
         return {
             "detail": self.detail,
             **self.advice(),
+            "device_cause": self.device_cause,
             "periods": self.periods,
             "late": self.late,
             "missed": self.missed,
@@ -82,6 +88,7 @@ class Outcome:
             "punctuality": asdict(self.punctuality) if self.punctuality else None,
             "realtime": self.realtime.to_dict() if self.realtime else None,
             "link": self.link,
+            "latency": self.latency.to_dict() if self.latency else None,
         }
 
 

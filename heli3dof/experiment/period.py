@@ -39,6 +39,8 @@ class Period(NamedTuple):
     """Periods skipped just before this one: missed by the host, lost on the line, left out"""
     left_out: int = 0
     """Those of them that the device made no samples of"""
+    echo_s: float = 0.0
+    """s from sending the command that this sample is the first to echo; 0: it echoes no new one"""
     ramping_down: bool = False
     """True in the ramp to zero that ends a flight"""
 

@@ -7,10 +7,11 @@ before control was lost, the measured angle is fitted by
 
     θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
 
-where b is what the model does not know (friction, a wrong hover voltage) and s its gain. With RSS
-the sum of squared residuals and n the number of independent ones, the hypothesis's score is the
-Gaussian log-likelihood −½ Σ n ln(RSS) over the axes that moved. A fault is named only if its score
-exceeds that of a rig without fault by `SURE`, and every other fault's by `DISTINCT`.
+where s is the model's gain and b what the model does not know (friction, a wrong hover voltage),
+b ~ N(0, B²). With v the mean squared residual and n the number of independent ones, the
+hypothesis's score is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) over the axes that moved. A
+fault is named only if its score exceeds that of a rig without fault by `SURE`, and every other
+fault's by `DISTINCT`: in the last 0.4 s, or in a longer window where those do not decide.
 """
 
 from __future__ import annotations
@@ -21,18 +22,21 @@ from typing import NamedTuple
 import numpy as np
 
 from heli3dof.experiment.watches.axis_motion import ExpectedAcceleration
-from heli3dof.experiment.watches.frozen_encoder import ON_TABLE, PITCH_STOP
+from heli3dof.experiment.watches.frozen_encoder import MOST_TILT, ON_TABLE, PITCH_STOP
 from heli3dof.rig.profile import Profile
 
-WINDOW_S = 1.5
-"""s before control was lost: longer than a doubling of the fastest instability, short enough to lie
-behind a fault that came late"""
-SHORTEST_S = 0.1
-"""s of motion, below which an axis is not used"""
+WINDOWS_S = (0.4, 0.8, 1.6)
+"""s before control was lost: a fault that came late is in the shortest, the slow motion of a yaw
+encoder that counts the wrong way in the longest"""
+SHORTEST = 20
+"""periods, below which an axis is not used"""
 MOVED = 6
 """counts that an axis must have turned by"""
-INDEPENDENT_S = 0.05
-"""s between independent residuals: the observer's correlation time"""
+INDEPENDENT_S = 0.02
+"""s between independent residuals: ten periods at 500 Hz"""
+UNKNOWN = 0.5
+"""B as a share of the gravity torque's acceleration (roll), of the hover voltage's on one motor
+(pitch), and of a tilt of 10° (yaw)"""
 GAIN = (0.4, 2.5)
 """s: thrust gains of published rigs differ by a factor of two"""
 SURE, DISTINCT = 10.0, 4.0
@@ -102,30 +106,35 @@ FAULTS = (
 
 def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
     """The one fault that explains the motion before a trip; None where none clearly does."""
-    if len(moments) < 10:
+    if len(moments) < SHORTEST:
         return None
     t = np.array([m.t for m in moments])
     angle = np.array([m.angle for m in moments])
     applied = np.array([m.applied for m in moments])
-    windows = _windows(t, angle, profile)
-    if not windows:
-        return None
-    scores = {f.what: _score(f, t, angle, applied, windows, profile) for f in (NORMAL, *FAULTS)}
-    best, second = sorted(FAULTS, key=lambda f: -scores[f.what])[:2]
-    sure = scores[best.what] - scores[NORMAL.what] > SURE
-    distinct = scores[best.what] - scores[second.what] > DISTINCT
-    return best if sure and distinct else None
+    moved = {fault.what: _moved(fault, angle, applied, profile) for fault in (NORMAL, *FAULTS)}
+    for window_s in WINDOWS_S:
+        windows = _windows(t, angle, profile, window_s)
+        scores = {
+            what: _score(t, angle, alpha, windows, profile) for what, alpha in moved.items()
+        }
+        best, second = sorted(FAULTS, key=lambda f: -scores[f.what])[:2]
+        sure = scores[best.what] - scores[NORMAL.what] > SURE
+        if sure and scores[best.what] - scores[second.what] > DISTINCT:
+            return best
+    return None
 
 
-def _windows(t: np.ndarray, angle: np.ndarray, profile: Profile) -> dict[int, slice]:
+def _windows(
+    t: np.ndarray, angle: np.ndarray, profile: Profile, window_s: float
+) -> dict[int, slice]:
     """Axis → the rows in which it moved freely."""
     end = len(t)
-    beyond = np.flatnonzero((np.abs(angle[:, 1]) > PITCH_STOP) & (t > t[-1] - 2 * WINDOW_S))
+    beyond = np.flatnonzero((np.abs(angle[:, 1]) > PITCH_STOP) & (t > t[-1] - 2 * WINDOWS_S[-1]))
     if len(beyond):
         end = int(beyond[0])
-    if end < 10:
+    if end < SHORTEST:
         return {}
-    first = int(np.searchsorted(t, t[end - 1] - WINDOW_S))
+    first = int(np.searchsorted(t, t[end - 1] - window_s))
     rest = float(profile.encoder.rest_rad[0])
     q = np.abs(profile.encoder.rad_per_count)
     found = {}
@@ -136,45 +145,57 @@ def _windows(t: np.ndarray, angle: np.ndarray, profile: Profile) -> dict[int, sl
             on_table = np.flatnonzero(np.abs(angle[first:end, 0] - rest) < ON_TABLE / 3)
             start = first + (int(on_table[-1]) + 1 if len(on_table) else 0)
         rows = slice(start, end)
-        moved = np.ptp(angle[rows, i]) if end - start > 10 else 0.0
-        if moved >= MOVED * q[i] and t[end - 1] - t[start] >= SHORTEST_S:
+        if end - start >= SHORTEST and np.ptp(angle[rows, i]) >= MOVED * q[i]:
             found[i] = rows
     return found
 
 
+def _moved(
+    fault: Fault, angle: np.ndarray, applied: np.ndarray, profile: Profile
+) -> np.ndarray:
+    """(n, 3) rad/s²: how the encoders see the expected acceleration of a rig with this fault."""
+    rest, sign = profile.encoder.rest_rad, np.array(fault.sign)
+    true = (rest + sign * (angle - rest)).tolist()
+    volts = (applied @ np.array(fault.mix, dtype=float).T).tolist()
+    expected = ExpectedAcceleration(profile)
+    return sign * np.array([expected((*a,), *v) for a, v in zip(true, volts, strict=True)])
+
+
 def _score(
-    fault: Fault,
     t: np.ndarray,
     angle: np.ndarray,
-    applied: np.ndarray,
+    alpha: np.ndarray,
     windows: dict[int, slice],
     profile: Profile,
 ) -> float:
-    rest = profile.encoder.rest_rad
-    true = rest + np.array(fault.sign) * (angle - rest)
-    volts = applied @ np.array(fault.mix, dtype=float).T
     expected = ExpectedAcceleration(profile)
-    alpha = np.array([expected(tuple(a), v[0], v[1]) for a, v in zip(true, volts, strict=True)])
-    alpha *= np.array(fault.sign)
+    unknown = UNKNOWN * np.array(
+        [
+            2 * expected.roll_per_V * expected.hover_V,
+            expected.pitch_per_V * expected.hover_V,
+            2 * expected.yaw_per_V * expected.hover_V * MOST_TILT,
+        ]
+    )
     q = np.abs(profile.encoder.rad_per_count)
     score = 0.0
     for i, rows in windows.items():
         n = (t[rows][-1] - t[rows][0]) / INDEPENDENT_S
-        rss = _residual(t[rows], angle[rows, i], alpha[rows, i])
-        score -= 0.5 * n * np.log(rss + q[i] ** 2 / 12)
+        squared, b = _fit(t[rows], angle[rows, i], alpha[rows, i], q[i] / unknown[i])
+        score -= 0.5 * (n * np.log(squared + q[i] ** 2 / 12) + (b / unknown[i]) ** 2)
     return float(score)
 
 
-def _residual(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray) -> float:
-    """Mean squared residual (rad²) of the best fit with s within `GAIN`."""
+def _fit(
+    t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float
+) -> tuple[float, float]:
+    """(mean squared residual in rad², b in rad/s²); ``weight`` of b's prior: count/B."""
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]
-    double = np.cumsum(np.cumsum(alpha * h) * h)
+    double = np.append(np.cumsum(np.cumsum(alpha * h) * h), 0.0)
     base = np.column_stack([np.ones_like(tau), tau, 0.5 * tau**2])
-    full = np.column_stack([base, double])
-    s = float(np.linalg.lstsq(full, theta, rcond=None)[0][3]) if np.ptp(double) > 0 else 1.0
+    base = np.vstack([base, [0.0, 0.0, weight]])
+    theta = np.append(theta, 0.0)
+    s = np.linalg.lstsq(np.column_stack([base, double]), theta, rcond=None)[0][3]
     rest = theta - float(np.clip(s, *GAIN)) * double
-    fit = base @ np.linalg.lstsq(base, rest, rcond=None)[0]
-    return float(np.mean((rest - fit) ** 2))
-
-
+    fit = np.linalg.lstsq(base, rest, rcond=None)[0]
+    return float(np.mean((rest - base @ fit)[:-1] ** 2)), float(fit[2])

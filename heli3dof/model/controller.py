@@ -20,7 +20,7 @@ flight runs it as it stands on Python lists (a few µs a tick, and numba is neve
 `heli3dof.model.simulate` compiles the very same function.
 
 An angle that is not a number (a reading lost) is replaced by the last good one, a reference or
-extra voltage that is not a number counts as zero, and a voltage that is not a number goes out as
+extra voltage that is not a number counts as zero, and a voltage that is not finite goes out as
 0 V: nothing poisons the filters for the rest of a flight.
 """
 
@@ -83,7 +83,7 @@ def control_law(
         if extra[m] == extra[m]:
             v += extra[m]
         out[m] = v
-        if v != v:
+        if v - v != 0.0:  # NaN or infinite
             v = 0.0
         out[2 + m] = min(max(v, -p[_V_MAX]), p[_V_MAX])
     # 4. The integrals of the roll and the yaw error.

@@ -165,7 +165,7 @@ def after_law(
         extra[m] = z[_ADDED + m] + replaced
         v = out[m] + extra[m]
         out[m] = v
-        if v != v:
+        if v - v != 0.0:  # NaN or infinite
             v = 0.0
         out[2 + m] = min(max(v, -p[_V_MAX]), p[_V_MAX])
 

@@ -11,6 +11,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.recording.checks import timing
 from heli3dof.recording.importing import is_log
+from heli3dof.recording.link_quality import link_warnings
 from heli3dof.recording.load import load
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
@@ -60,22 +61,24 @@ def summary(recording: Recording) -> dict[str, Any]:
     angles = {}
     for i, axis in enumerate(AXES):
         if axis in recording.axes:
-            values = np.rad2deg(recording.angle[:, i])
+            low, high = _range(np.rad2deg(recording.angle[:, i]))
             angles[axis] = {
-                "min_deg": float(np.nanmin(values)),
-                "max_deg": float(np.nanmax(values)),
+                "min_deg": low,
+                "max_deg": high,
                 "reference": recording.has_reference(axis),
             }
+    min_V, max_V = _range(recording.voltage)
+    stuck = int((np.diff(recording.t) <= 0).sum())
     return {
         "name": recording.name,
         "samples": len(recording),
         "duration_s": recording.duration if len(recording) else 0.0,
-        "timing": timing(recording.t).to_dict() if len(recording) > 1 else None,
+        "timing": timing(recording.t).to_dict() if len(recording) > 1 and not stuck else None,
         "lateness": lateness(recording),
         "angles": angles,
         "voltage": {
-            "min_V": float(np.nanmin(recording.voltage)),
-            "max_V": float(np.nanmax(recording.voltage)),
+            "min_V": min_V,
+            "max_V": max_V,
             "asked_for": recording.has_cmd,
             "extra": not bool(np.isnan(recording.voltage_extra).all()),
         },
@@ -87,10 +90,30 @@ def summary(recording: Recording) -> dict[str, Any]:
         "seed": meta.get("seed"),
         "outcome": meta.get("outcome"),
         "outcome_details": meta.get("outcome_details", {}),
-        "warnings": list(meta.get("warnings", [])),
+        "warnings": [
+            *meta.get("warnings", []),
+            *_stuck_clock(stuck, len(recording)),
+            *link_warnings(meta.get("outcome_details") or {}, recording.profile.dt),
+        ],
         "digest": recording.digest,
         "provenance": {key: meta[key] for key in PROVENANCE if key in meta},
     }
+
+
+def _stuck_clock(stuck: int, samples: int) -> list[str]:
+    """What is wrong with times that do not rise."""
+    if not stuck:
+        return []
+    return [
+        f"the time does not rise at {stuck} of {samples} samples. Likely cause: the device's clock "
+        "stands still or runs backwards. Try: heli3dof doctor, and what it says of the clock"
+    ]
+
+
+def _range(values: np.ndarray) -> tuple[float | None, float | None]:
+    """Smallest and largest of the finite values; None where there is none."""
+    finite = values[np.isfinite(values)]
+    return (float(finite.min()), float(finite.max())) if finite.size else (None, None)
 
 
 def lateness(recording: Recording) -> dict[str, Any] | None:

@@ -29,6 +29,8 @@ from heli3dof.rig.profile import Profile
 
 CHUNK_S = 0.15
 """s of wall-clock time after which a chunk is closed and handed to the system."""
+_HALF, _MASK = 1 << 31, (1 << 32) - 1
+"""Counts are kept in 32 bits, as encoders count them"""
 BEHIND_MOST = 60_000
 """Rows that may wait for the disk: two minutes at 500 Hz, some 25 MB."""
 
@@ -102,12 +104,15 @@ class RecordingWriter:
         if len(self._rows) >= BEHIND_MOST:
             self._raise_behind()
         sample = row.sample
+        roll, pitch, yaw = sample.counts
         self._rows.append(
             self._pack(
                 self._count,
                 self.start_ns + int(row.t * 1e9),
                 (
-                    row.t, sample.device_time_s, row.lateness, *row.angle, *sample.counts,
+                    row.t, sample.device_time_s, row.lateness, *row.angle,
+                    ((roll + _HALF) & _MASK) - _HALF, ((pitch + _HALF) & _MASK) - _HALF,
+                    ((yaw + _HALF) & _MASK) - _HALF,
                     *row.applied, *sample.current, int(sample.flags) & 0xFFFFFFFF,
                     sample.sequence & 0xFFFFFFFF,
                 ),

@@ -3,23 +3,33 @@
     angle = rest + (count − counts_at_rest) · 2π / counts per revolution
 
 Counts begin at zero when the device starts (docs/protocol.md), so counts_at_rest holds for one
-start of the device, which its boot number tells:
+start of the device. Two things tell a restart: another boot number, and another start instant
+s = (host's time) − (device's uptime). A board without a random source or flash repeats its boot
+number, so both are compared. With W the time since ``zero``, the start is the same where
 
-=====================  ========================  ==============================================
-stored                 the device says           counts_at_rest
-=====================  ========================  ==============================================
-nothing                                          0: it is taken to have started at rest
-for this boot          the same boot             as stored
-for another boot       another boot              0, and the user is told what is assumed
-without a boot number  no boot number            as stored, and the user is told when
-for other encoders     other counts per rev.     0, and the user is told
-=====================  ========================  ==============================================
+    |s_now − s_zero| ≤ START_TOLERANCE_S + CLOCK_TOLERANCE · W        modulo UPTIME_WRAP_S
+
+since after a restart s_now is later than the instant of ``zero``, and s_zero earlier.
+
+=====================  ============================  ==========================================
+stored                 the device states             counts_at_rest
+=====================  ============================  ==========================================
+nothing                                              0: the device is assumed to have started
+                                                     at rest
+boot, start            the same boot, the same start as stored
+boot, start            another boot, or start        0, with a note that names heli3dof zero
+boot                   the same boot, no start       as stored
+no boot, start         the same start                as stored
+no boot, no start      neither                       as stored, with a note of the date
+for other encoders     other counts per rev.         0, with a note
+=====================  ============================  ==========================================
 """
 
 from __future__ import annotations
 
 import os
 import re
+import time
 import tomllib
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -30,6 +40,12 @@ from heli3dof.rig.places import state_folder
 from heli3dof.rig.port import Identity
 
 Counts = tuple[int, int, int]
+UPTIME_WRAP_S = 2**32 / 1000
+"""s: a device states its uptime in ms modulo 2³², 49.7 days (docs/protocol.md, REPORT)"""
+START_TOLERANCE_S = 2.0
+"""s: a HELLO and a STATUS on a slow line, and an NTP step of the host's clock"""
+CLOCK_TOLERANCE = 5e-3
+"""s per s: a ceramic resonator, the worst clock of a microcontroller board, is within 0.5 %"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +59,8 @@ class Calibration:
     zeroed_utc: str
     device: str
     """The URL it was measured through"""
+    started_s: float | None = None
+    """When the device had started, see `heli3dof.rig.port.Identity`"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,19 +100,36 @@ def rest_of(identity: Identity) -> Rest:
             f"{stored.counts_per_rev} counts and are not used: run heli3dof zero again"
         )
         return replace(POWER_UP, note=note)
-    if stored.boot != identity.boot:
+    same_start = _same_start(stored, identity)
+    if stored.boot != identity.boot or same_start is False:
+        repeated = f" (it repeats its boot number {identity.boot}, but its uptime shows it)"
         note = (
-            f"the device has started anew since heli3dof zero on {stored.zeroed_utc}: the rig is "
-            "taken to have rested at its start; if it did not, run heli3dof zero again"
+            f"the device has restarted since heli3dof zero on {stored.zeroed_utc}"
+            f"{repeated if identity.boot is not None and stored.boot == identity.boot else ''}: "
+            "the stored rest angles are not used, and the rig is assumed to have rested when the "
+            "device started; if it did not, run heli3dof zero again"
         )
         return replace(POWER_UP, note=note)
     note = ""
-    if identity.boot is None:
+    if identity.boot is None and same_start is None:
         note = (
-            f"rest angles as of heli3dof zero on {stored.zeroed_utc}; this device does not tell "
+            f"rest angles as of heli3dof zero on {stored.zeroed_utc}; this device does not state "
             "whether it was switched off since: if it was, run heli3dof zero again"
         )
     return Rest(stored.counts_at_rest, "zero", note)
+
+
+def _same_start(stored: Calibration, identity: Identity) -> bool | None:
+    """Whether the device has run since it was zeroed, by its uptime; None: it cannot be known."""
+    if stored.started_s is None or identity.started_s is None:
+        return None
+    try:
+        since_s = abs(time.time() - datetime.fromisoformat(stored.zeroed_utc).timestamp())
+    except ValueError:
+        return None
+    half = UPTIME_WRAP_S / 2
+    apart_s = (identity.started_s - stored.started_s + half) % UPTIME_WRAP_S - half
+    return abs(apart_s) <= START_TOLERANCE_S + CLOCK_TOLERANCE * since_s
 
 
 def calibration_path(serial: str) -> Path:
@@ -112,14 +147,17 @@ def load_calibration(serial: str) -> Calibration | None:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
         raise ValueError(f"{path}: {problem}") from problem
     boot = data.get("boot")
+    started = data.get("started_s")
     serial_, zeroed, device = (data.get(key) for key in ("serial", "zeroed_utc", "device"))
     per_rev, at_rest = (_counts(data.get(key)) for key in ("counts_per_rev", "counts_at_rest"))
     texts = isinstance(serial_, str) and isinstance(zeroed, str) and isinstance(device, str)
     if not texts or per_rev is None or at_rest is None or not isinstance(boot, int | None):
         raise ValueError(f"{path}: a key is missing or of another kind")
+    if not isinstance(started, int | float | None) or isinstance(started, bool):
+        raise ValueError(f"{path}: started_s is no time")
     if serial_ != serial:
         raise ValueError(f"{path}: is for the rig {serial_}")
-    return Calibration(serial, boot, per_rev, at_rest, str(zeroed), str(device))
+    return Calibration(serial, boot, per_rev, at_rest, str(zeroed), str(device), started)
 
 
 def store_calibration(calibration: Calibration) -> Path:
@@ -131,6 +169,7 @@ def store_calibration(calibration: Calibration) -> Path:
         "# Where this rig's encoders stand at its rest angles. Made by heli3dof zero.",
         f"serial = {_text(c.serial)}",
         *([] if c.boot is None else [f"boot = {c.boot}"]),
+        *([] if c.started_s is None else [f"started_s = {c.started_s:.3f}"]),
         f"counts_per_rev = {list(c.counts_per_rev)}",
         f"counts_at_rest = {list(c.counts_at_rest)}",
         f"zeroed_utc = {_text(c.zeroed_utc)}",

@@ -62,7 +62,10 @@ class Identity:
     timebase: Literal["host", "device", "virtual"]
     emulated: bool
     boot: int | None = None
-    """Differs after every start of the device, whose counts began at zero then; None: unknown."""
+    """Differs after every start of the device, whose counts began at zero then; None: unknown. A
+    board without a random source or flash may repeat it: ``started_s`` tells then."""
+    started_s: float | None = None
+    """When the device started, s since 1970 by the host's clock, from its uptime; None: unknown"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +116,8 @@ class Rig(Protocol):
     A rig at a line may have ``statistics``, a dataclass of counters since it was opened, which the
     recording's outcome keeps; ``lost`` among them, the samples that were made and never came, and
     ``left_out``, those that a device that was held up never made.
+
+    A rig whose device states why it holds its output at zero may have ``device_cause``, see there.
     """
 
     @property
@@ -140,6 +145,16 @@ class Rig(Protocol):
     def close(self) -> None:
         """Zero volts, disable the amplifier, release the port. Idempotent."""
         ...
+
+
+def device_cause(rig: object) -> str | None:
+    """Why the device holds its output at zero, in its own word; None where it states nothing.
+
+    The word is the rig's attribute ``device_cause``, as of the last sample: ``OVERCURRENT``,
+    ``BUTTON``, ``WATCHDOG`` and the others of docs/protocol.md, or the driver's own.
+    """
+    stated = getattr(rig, "device_cause", None)
+    return stated if isinstance(stated, str) and stated else None
 
 
 class Driver(Protocol):

@@ -11,9 +11,10 @@ sample's counts are taken from where they stand at the rest angles (`heli3dof.ri
 
 from __future__ import annotations
 
-from heli3dof.errors import SafetyTrip
+from heli3dof.errors import DeviceError, SafetyTrip
 from heli3dof.rig.calibration import POWER_UP, Rest
-from heli3dof.rig.port import Command, Identity, Rig, Sample
+from heli3dof.rig.port import Command, Identity, Rig, Sample, device_cause
+from heli3dof.rig.readable import unreadable
 from heli3dof.rig.session import Session
 
 
@@ -35,6 +36,11 @@ class StoppableRig:
         """What the rig's link has counted; None where it counts nothing."""
         return getattr(self.inner, "statistics", None)
 
+    @property
+    def device_cause(self) -> str | None:
+        """Why the device holds its output at zero, in its own word."""
+        return device_cause(self.inner)
+
     def arm(self) -> Sample:
         if self.session.asked is not None:
             self._heed(self.session.asked)
@@ -49,7 +55,14 @@ class StoppableRig:
     def read(self) -> Sample:
         if self.session.asked is not None:
             self._heed(self.session.asked)
-        self.last = sample = self._from_rest(self.inner.read())
+        read = self.inner.read()
+        if (what := unreadable(read)) is not None:
+            raise DeviceError(
+                f"The rig's driver gave a sample that cannot be used: {what}.",
+                cause="a mistake in the driver, or a reading that failed and was passed on.",
+                fix="python -m heli3dof.rig.conformance URL, which examines a driver",
+            )
+        self.last = sample = self._from_rest(read)
         return sample
 
     def exchange(self, command: Command, due_s: float) -> Sample:
@@ -61,7 +74,7 @@ class StoppableRig:
 
     def _from_rest(self, sample: Sample) -> Sample:
         zero = self.rest.counts_at_rest
-        if zero == (0, 0, 0):
+        if zero == (0, 0, 0) or unreadable(sample) is not None:  # the loop judges that
             return sample
         counts = sample.counts
         # Not dataclasses.replace: this is in the control period, and that takes ten times as long.

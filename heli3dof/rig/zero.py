@@ -91,4 +91,5 @@ def calibrate(
         (at_rest[0], at_rest[1], at_rest[2]),
         now_utc(),
         device,
+        identity.started_s,
     )

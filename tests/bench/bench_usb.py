@@ -44,8 +44,10 @@ def flown(stream: bool) -> Figure:
         rig.close()
     trips = s.round_trip
     how = (
-        f"{n} periods, {s.passed_over} passed over by the host, {s.unheard} commands not heard in "
-        f"time, {s.damaged} damaged; " + ("" if granted.scheduled else "not ") + "under SCHED_FIFO"
+        f"{n} periods, {s.passed_over} passed over by the host, "
+        f"{s.commands_unacknowledged} commands not echoed in time, {s.damaged} damaged; "
+        + ("" if granted.scheduled else "not ")
+        + "under SCHED_FIFO"
     )
     if not stream:
         how += (

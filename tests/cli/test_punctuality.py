@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 
 from heli3dof.cli.punctuality import punctuality_note, punctuality_rows, realtime_advice
+from heli3dof.experiment.echo import EchoLatency
 from heli3dof.experiment.outcome import Outcome, Punctuality
 from heli3dof.experiment.realtime import Realtime
 from heli3dof.rig.port import Check
@@ -61,3 +62,17 @@ def test_info_shows_what_the_recording_keeps() -> None:
 
 def test_a_log_without_lateness_has_no_such_rows() -> None:
     assert punctuality_rows({"lateness": None, "samples": 9, "outcome_details": {}}) == []
+
+
+LATENCY = EchoLatency(5469, 5468, 0, 5.7e-3, 5.9e-3, 7.8e-3, 3, 3, 4)
+
+
+def test_command_to_echo_latency_is_shown_in_ms_and_periods_at_the_end_and_in_info() -> None:
+    shown = "median 5.70 ms (3 periods), 99.9 % 5.90 ms (3 periods), at most 7.80 ms (4 periods)"
+    unacknowledged = "5468 of 5469 commands not echoed by the next sample, 0 never"
+    slow = replace(OUTCOME, latency=LATENCY)
+    assert f"command to echo {shown}; {unacknowledged}" in punctuality_note(slow)
+    about = {"lateness": None, "samples": 9, "outcome_details": slow.details()}
+    rows = dict(punctuality_rows(about))
+    assert rows["command to echo"] == shown
+    assert rows["unacknowledged"] == unacknowledged

@@ -178,7 +178,7 @@ def test_zero_refuses_a_rig_that_moves(fake: FakeDriver) -> None:
     assert load_calibration("F-1") is None
 
 
-def test_a_flight_says_that_the_device_started_anew_since_zero(
+def test_a_flight_says_that_the_device_restarted_since_zero(
     fake: FakeDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("heli3dof.cli.zero.SECONDS", 0.05)
@@ -187,8 +187,8 @@ def test_a_flight_says_that_the_device_started_anew_since_zero(
     told: list[str] = []
     plan = step_plan((0.0, None, None), settle_s=0, duration_s=0.1)
     flight = fly_plan(plan, device="fake://1", warn=told.append)
-    assert "started anew" in told[0]
-    assert "started anew" in flight.recording.meta["warnings"][0]
+    assert "has restarted" in told[0]
+    assert "has restarted" in flight.recording.meta["warnings"][0]
     assert flight.recording.meta["rest"]["known_from"] == "power-up"
 
 

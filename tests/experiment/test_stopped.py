@@ -7,6 +7,9 @@ from dataclasses import replace
 
 import pytest
 
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
+from heli3dof.experiment.stopped import explain
 from heli3dof.recording.row import RAMP_DOWN
 from heli3dof.rig.port import Flags, Sample
 from tests.experiment.test_loop import DT, PROFILE, ScriptedRig, flown
@@ -66,3 +69,50 @@ def test_a_watch_is_asked_before_the_envelope() -> None:
     rig = ScriptedRig(lambda k, s: replace(s, counts=(s.counts[0] + 400, 0, 0)) if k > 40 else s)
     outcome, _ = flown(rig, watches=[lambda now: "jumped" if now.k == 41 else None])
     assert outcome.detail == "jumped"
+
+
+class StatingRig(ScriptedRig):
+    """States why its output is held at zero."""
+
+    device_cause = "OVERCURRENT"
+
+
+def test_the_cause_that_the_device_states_is_said_and_kept() -> None:
+    outcome, _ = flown(StatingRig(says(Flags.FAULT, 40)))
+    assert outcome.detail == "the amplifier reports a fault (the device states: OVERCURRENT)"
+    assert outcome.details()["device_cause"] == "OVERCURRENT"
+    assert "turn both rotors by hand" in outcome.advice()["fix"]
+
+
+def test_a_cause_that_comes_in_the_landing_is_said_too() -> None:
+    outcome, _ = flown(StatingRig(says(Flags.FAULT, 150)))
+    assert "(the device states: OVERCURRENT)" in outcome.detail
+
+
+def test_a_word_that_is_not_known_is_passed_on_with_the_flags_own_advice() -> None:
+    said = explain(int(Flags.FAULT), "COOLANT")
+    assert said is not None
+    assert said == "the amplifier reports a fault (the device states: COOLANT)"
+    assert said.cause == explain(int(Flags.FAULT)).cause  # type: ignore[union-attr]
+
+
+def test_a_rig_that_states_nothing_leaves_the_flag_as_it_is() -> None:
+    outcome, _ = flown(ScriptedRig(says(Flags.FAULT, 40)))
+    assert outcome.details()["device_cause"] is None
+
+
+@pytest.mark.parametrize(
+    ("fault", "stated"),
+    [
+        ("overcurrent", "OVERCURRENT"),
+        ("overtemperature", "OVERTEMPERATURE"),
+        ("stall", "STALL"),
+        ("button", "BUTTON"),
+    ],
+)
+def test_the_mocks_own_cause_is_in_the_outcome_of_a_flight(fault: str, stated: str) -> None:
+    plan = step_plan((0.0, None, None), settle_s=0, duration_s=1)
+    flight = fly_plan(plan, device=f"mock:?speed=max&fault={fault}@0.5")
+    assert flight.outcome.ending == "tripped"
+    assert f"(the device states: {stated})" in flight.outcome.detail
+    assert flight.recording.meta["outcome_details"]["device_cause"] == stated

@@ -201,7 +201,7 @@ def a_stall_of_either_pipe_is_cleared_in_flight() -> dict[str, Any]:
                 sample = r.exchange(Command(11 + k, 5.0, 5.0), time.monotonic() + 1 / RATE_HZ)
             assert sample.flags == Flags.ENABLED
             assert r._pipe.stalls == 1, r._pipe.stalls
-            measured[f"unheard_{pipe}"] = r.statistics.unheard
+            measured[f"unheard_{pipe}"] = r.statistics.commands_unacknowledged
         finally:
             r.close()
     return measured

@@ -46,7 +46,7 @@ def streamed(rig: Any, periods: int) -> tuple[list[Any], dict[str, Any]]:
         assert samples[-1].flags == Flags.ENABLED
         s = rig.statistics
         assert s.damaged == 0
-        lost = {"lost": s.lost, "passed_over": s.passed_over, "unheard": s.unheard}
+        lost = {"lost": s.lost, "passed_over": s.passed_over, "unheard": s.commands_unacknowledged}
         return samples, lost
     finally:
         rig.close()

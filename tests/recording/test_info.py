@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -68,3 +69,24 @@ def test_the_same_data_have_the_same_digest_in_memory_and_in_a_file(tmp_path: Pa
     made = flight(100)
     about = file_info(write_recording(made, tmp_path / "a.mcap"))
     assert about["digest"] == summary(made)["digest"]
+
+
+def test_a_recording_without_rows_is_summarised_without_ranges() -> None:
+    about = summary(flight(100).rows(np.zeros(100, bool)))
+    json.dumps(about, allow_nan=False)
+    assert (about["samples"], about["voltage"]["min_V"], about["timing"]) == (0, None, None)
+
+
+def test_a_device_clock_that_stands_still_is_warned_of() -> None:
+    made = flight(100)
+    made.t[50:60] = made.t[50]
+    about = summary(made)
+    assert about["timing"] is None
+    assert any("the time does not rise at 9 of 100 samples" in w for w in about["warnings"])
+
+
+def test_a_slow_link_is_warned_of() -> None:
+    made = flight(100)
+    latency = {"commands": 100, "commands_unacknowledged": 100, "median_s": 12e-3}
+    slow = replace(made, meta={**made.meta, "outcome_details": {"latency": latency}})
+    assert any("12.0 ms (median)" in w for w in summary(slow)["warnings"])

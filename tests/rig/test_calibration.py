@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from heli3dof.rig.calibration import (
+    UPTIME_WRAP_S,
     Calibration,
     calibration_path,
     load_calibration,
@@ -44,7 +47,7 @@ def test_after_another_start_of_the_device_it_is_not_used_and_that_is_said():
     store_calibration(FOUND)
     rest = rest_of(replace(IDENTITY, boot=8))
     assert rest.counts_at_rest == (0, 0, 0)
-    assert "started anew since heli3dof zero on 2026-11-21" in rest.note
+    assert "has restarted since heli3dof zero on 2026-11-21" in rest.note
 
 
 def test_where_the_device_tells_no_starts_it_is_used_and_the_time_is_said():
@@ -80,7 +83,7 @@ def test_a_damaged_file_is_not_used_and_that_is_said(text):
     counts=st.tuples(*[st.integers(-(2**31), 2**31 - 1)] * 3),
 )
 def test_whatever_is_stored_comes_back(serial, boot, counts):
-    stored = replace(FOUND, serial=serial, boot=boot, counts_at_rest=counts)
+    stored = replace(FOUND, serial=serial, boot=boot, counts_at_rest=counts, started_s=1.5e9)
     path = store_calibration(stored)
     assert load_calibration(serial) == stored
     path.unlink()
@@ -89,3 +92,48 @@ def test_whatever_is_stored_comes_back(serial, boot, counts):
 def test_a_serial_number_stays_in_its_folder(state):
     assert calibration_path("../../etc/passwd").parent == state / "heli3dof" / "rigs"
     assert calibration_path("..").name == "...toml"
+
+
+def zeroed(started_s: float | None, ago_s: float, boot: int | None = 7) -> None:
+    when = datetime.fromtimestamp(time.time() - ago_s, UTC).isoformat(timespec="seconds")
+    store_calibration(replace(FOUND, boot=boot, zeroed_utc=when, started_s=started_s))
+
+
+@pytest.mark.parametrize("up_before_s", [60.0, 3600.0])
+@pytest.mark.parametrize("ago_s", [30.0, 3600.0])
+def test_a_repeated_boot_number_does_not_hide_a_restart(up_before_s: float, ago_s: float):
+    now = time.time()
+    zeroed(now - ago_s - up_before_s, ago_s)
+    rest = rest_of(replace(IDENTITY, started_s=now - ago_s / 2))
+    assert rest.counts_at_rest == (0, 0, 0)
+    assert "repeats its boot number 7" in rest.note
+    assert "run heli3dof zero again" in rest.note
+
+
+@pytest.mark.parametrize("ago_s", [1.0, 3600.0, 86400.0, 40 * 86400.0, 60 * 86400.0])
+@pytest.mark.parametrize("off", [-4e-3, 0.0, 4e-3])
+def test_a_device_that_ran_on_keeps_its_rest_angles_whatever_its_crystal(ago_s: float, off: float):
+    started = time.time() - ago_s - 100
+    zeroed(started, ago_s)
+    # A slow clock states a shorter uptime: it seems to have started later. Modulo 49.7 days.
+    stated = (ago_s + 100) * (1 - off) % UPTIME_WRAP_S
+    rest = rest_of(replace(IDENTITY, started_s=time.time() - stated))
+    assert (rest.counts_at_rest, rest.note) == ((12, -3, 40), "")
+
+
+def test_without_boot_numbers_the_uptime_alone_tells():
+    now = time.time()
+    zeroed(now - 500, 100, boot=None)
+    same = replace(IDENTITY, boot=None, started_s=now - 500)
+    assert rest_of(same).counts_at_rest == (12, -3, 40)
+    assert rest_of(same).note == ""
+    other = rest_of(replace(same, started_s=now - 50))
+    assert other.counts_at_rest == (0, 0, 0)
+    assert "has restarted since" in other.note
+
+
+@pytest.mark.parametrize("text", ["started_s = 'noon'", "started_s = true"])
+def test_a_start_that_is_no_time_is_damage(text: str):
+    path = store_calibration(FOUND)
+    path.write_text(path.read_text() + text + "\n")
+    assert "cannot be read" in rest_of(IDENTITY).note

@@ -125,3 +125,11 @@ def test_a_rig_that_does_not_open_is_let_go(monkeypatch):
     for _ in range(2):
         with pytest.raises(Exception, match="no driver"), hold("fake://1", default_profile()):
             pass
+
+
+def test_the_devices_own_cause_passes(rig):
+    assert rig.device_cause is None
+    rig.inner.device_cause = "BUTTON"
+    assert rig.device_cause == "BUTTON"
+    rig.inner.device_cause = 4
+    assert rig.device_cause is None

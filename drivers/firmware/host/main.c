@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "bench.h"
+#include "delay.h"
 #include "hal.h"
 #include "pty.h"
 #include "rig.h"
@@ -29,6 +30,7 @@ static struct bench bench;
 static struct device device;
 static int line = -1, listener = -1, log_file = -1, late_file = -1;
 static volatile sig_atomic_t ended;
+static struct delay there, back;
 
 /* ---- HAL ------------------------------------------------------------------------------- */
 
@@ -65,9 +67,15 @@ static uint8_t on_the_way(uint8_t byte)
     return (uint8_t)(byte ^ bit);
 }
 
+static uint64_t after_delay_us(void)
+{
+    return hal_now_us() + (uint64_t)(1e6 * options.delay_s);
+}
+
 size_t hal_read(uint8_t *bytes, size_t room)
 {
     size_t n = 0, kept = 0;
+    const uint64_t told_us = now_us;
     if (listener < 0)
         n = pty_read(line, bytes, room);
     else if (line >= 0 || (line = tcp_accept(listener)) >= 0)
@@ -76,14 +84,27 @@ size_t hal_read(uint8_t *bytes, size_t room)
         if (!happens(options.drop))
             bytes[kept++] = on_the_way(bytes[i]);
     }
-    return kept;
+    if (options.delay_s <= 0)
+        return kept;
+    for (size_t i = 0; i < kept; i++)
+        delay_put(&there, after_delay_us(), bytes[i]);
+    now_us = told_us;
+    return delay_get(&there, told_us, bytes, room);
 }
 
-size_t hal_write(const uint8_t *bytes, size_t n)
+/* Bytes that have taken their time leave for the host. */
+static void deliver(void)
+{
+    uint8_t byte;
+    while (delay_get(&back, hal_now_us(), &byte, 1) == 1) {
+        if (line >= 0)
+            pty_write(line, &byte, 1);
+    }
+}
+
+static size_t write_now(const uint8_t *bytes, size_t n)
 {
     size_t sent = 0;
-    if (line < 0)
-        return n; /* nobody there */
     if (options.drop <= 0 && options.corrupt <= 0)
         return pty_write(line, bytes, n);
     for (; sent < n; sent++) {
@@ -92,6 +113,19 @@ size_t hal_write(const uint8_t *bytes, size_t n)
             break;
     }
     return sent;
+}
+
+size_t hal_write(const uint8_t *bytes, size_t n)
+{
+    if (line < 0)
+        return n; /* nobody there */
+    if (options.delay_s <= 0)
+        return write_now(bytes, n);
+    for (size_t i = 0; i < n; i++) {
+        if (!happens(options.drop))
+            delay_put(&back, after_delay_us(), on_the_way(bytes[i]));
+    }
+    return n;
 }
 
 void hal_inputs(struct device_inputs *inputs)
@@ -141,7 +175,7 @@ static uint32_t any_u32(void)
 static void start(void)
 {
     const struct device_config config = {
-        .boot = any_u32(),
+        .boot = options.boot_given ? options.boot : any_u32(),
         .ticket = any_u32(),
         .counts = {options.counts[0], options.counts[1], options.counts[2]},
         .v_max_uV = 24000000,
@@ -167,7 +201,12 @@ static void real_time(void)
 static void wait_for_host_or_time(void)
 {
     const uint8_t *at;
-    const uint64_t at_us = hal_now_us(), next_us = device_next_us(&device);
+    const uint64_t at_us = hal_now_us();
+    uint64_t next_us = device_next_us(&device);
+    if (delay_next_us(&there) < next_us)
+        next_us = delay_next_us(&there);
+    if (delay_next_us(&back) < next_us)
+        next_us = delay_next_us(&back);
     const uint64_t until_us = next_us < at_us + TURN_US ? next_us : at_us + TURN_US;
     const uint64_t left_us = until_us > at_us ? until_us - at_us : 0;
     const struct timespec left = {0, (long)left_us * 1000};
@@ -246,6 +285,7 @@ int main(int argc, char **argv)
         wait_for_host_or_time();
         const uint64_t sampled_us = device.sampled_us;
         rig_turn(&device);
+        deliver();
         log_late(sampled_us);
         if (device.state == ARMED && bench.armed_s >= NEVER)
             bench.armed_s = monotonic_s();

@@ -17,6 +17,7 @@ static const char HELP[] =
     "  --late FILE                appends 'time_us late_us' of each sample that was written more\n"
     "                             than 0.2 ms after its time: the program itself was held up\n"
     "  --counts ROLL,PITCH,YAW    per revolution, negative: falls as the angle rises\n"
+    "  --boot N                   the boot number of every start (drawn at random each time)\n"
     "  --with-parent              end when the process that started it ends\n"
     "  --watchdog MS  --ramp MS   the device's own (100, 200)\n"
     "  --shortest US              shortest period of the stream (500)\n"
@@ -28,6 +29,7 @@ static const char HELP[] =
     "  --reset-after S            the device starts again, as after a brown-out\n"
     "  --freeze-encoder AXIS@S    its lines stand still from then on\n"
     "  --jump-encoder AXIS@S:N    N counts that no motion made\n"
+    "  --delay MS                 every byte takes so long on the line, each way\n"
     "  --drop P  --corrupt P      each byte is lost, or has a wrong bit, in both directions\n"
     "  --seed N                   of the two above\n";
 
@@ -101,8 +103,8 @@ static const char *axis_at(const char *option, const char *text, enum axis *axis
 }
 
 enum name {
-    HELP_WANTED = 1, WITH_PARENT, SERIAL, LINK, LOG, LATE, TCP, COUNTS, WATCHDOG, RAMP, SHORTEST,
-    FAULT, STALL, BUTTON, RESET, FREEZE, JUMP, DROP, CORRUPT, SEED,
+    HELP_WANTED = 1, WITH_PARENT, SERIAL, LINK, LOG, LATE, TCP, COUNTS, BOOT, WATCHDOG, RAMP, SHORTEST,
+    FAULT, STALL, BUTTON, RESET, FREEZE, JUMP, DELAY, DROP, CORRUPT, SEED,
 };
 
 static const struct option KNOWN[] = {
@@ -114,6 +116,7 @@ static const struct option KNOWN[] = {
     {"late", required_argument, NULL, LATE},
     {"tcp", required_argument, NULL, TCP},
     {"counts", required_argument, NULL, COUNTS},
+    {"boot", required_argument, NULL, BOOT},
     {"watchdog", required_argument, NULL, WATCHDOG},
     {"ramp", required_argument, NULL, RAMP},
     {"shortest", required_argument, NULL, SHORTEST},
@@ -123,6 +126,7 @@ static const struct option KNOWN[] = {
     {"reset-after", required_argument, NULL, RESET},
     {"freeze-encoder", required_argument, NULL, FREEZE},
     {"jump-encoder", required_argument, NULL, JUMP},
+    {"delay", required_argument, NULL, DELAY},
     {"drop", required_argument, NULL, DROP},
     {"corrupt", required_argument, NULL, CORRUPT},
     {"seed", required_argument, NULL, SEED},
@@ -173,6 +177,10 @@ struct options options_read(int argc, char **argv)
             if (sscanf(optarg, "%d,%d,%d", &o.counts[0], &o.counts[1], &o.counts[2]) != 3)
                 refuse(name, optarg, "three whole numbers, as 4096,4096,8192");
             break;
+        case BOOT:
+            o.boot = whole(name, optarg, UINT32_MAX);
+            o.boot_given = 1;
+            break;
         case WATCHDOG: o.watchdog_us = 1000 * whole(name, optarg, 1000); break;
         case RAMP: o.ramp_us = 1000 * whole(name, optarg, 10000); break;
         case SHORTEST: o.shortest_us = whole(name, optarg, 1000000); break;
@@ -185,6 +193,7 @@ struct options options_read(int argc, char **argv)
                 refuse(name, optarg, "AXIS@SECONDS");
             break;
         case JUMP: jump(&o, optarg); break;
+        case DELAY: o.delay_s = 1e-3 * only_number(name, optarg); break;
         case DROP: o.drop = share(name, optarg); break;
         case CORRUPT: o.corrupt = share(name, optarg); break;
         case SEED: o.seed = whole(name, optarg, UINT32_MAX); break;

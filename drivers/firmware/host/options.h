@@ -18,6 +18,8 @@ struct options {
     int with_parent;  /* ends with the process that started it */
     uint32_t watchdog_us, ramp_us, shortest_us;
     int32_t counts[3];
+    int boot_given; /* every start has the same boot number, as without a random source */
+    uint32_t boot;
 
     double fault_s, fault_for_s;
     double stall_s, stall_for_s;
@@ -29,6 +31,7 @@ struct options {
     double jump_s;
     long jump_counts;
 
+    double delay_s; /* of every byte, each way */
     double drop, corrupt; /* probability for each byte, both directions */
     uint32_t seed;
 };

@@ -111,3 +111,17 @@ def test_a_port_that_is_taken_is_said() -> None:
         said = subprocess.run([rig_program(), "--tcp", port], capture_output=True, text=True)
         assert said.returncode == 3
         assert "no port: Address already in use" in said.stderr
+
+
+@pytest.mark.realtime
+@pytest.mark.parametrize("delay_ms", [5, 25])
+def test_a_constant_delay_is_measured_through_the_echo(delay_ms: int) -> None:
+    with served("--delay", str(delay_ms)) as (_, url), armed(url) as rig:
+        fly(rig, 200)
+        latency = rig.statistics.latency
+        # Both ways, and then up to a period until the device samples next.
+        shortest_s = 2e-3 * delay_ms
+        assert shortest_s <= latency.quantile_s(0.1)
+        assert shortest_s <= latency.quantile_s(0.5) <= shortest_s + 4 * PROFILE.dt
+        assert rig.statistics.delay.quantile_s(0.5) < PROFILE.dt + 1e-3, "modulo the period"
+        assert rig.statistics.commands_unacknowledged >= 190

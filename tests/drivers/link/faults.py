@@ -189,7 +189,7 @@ class Trial:
         elif draw < 2 * STOPS:
             self._tell(Estop(0))
         front, back = (self._rng.randint(-24_000_000, 24_000_000) for _ in range(2))
-        number = self._intake.command(0)
+        number = self._intake.command(0, 0.0)
         self._sent[number] = (self._asked, front, back)
         self._tell(CommandFrame(number, front, back))
         self._tell(Poll(number))

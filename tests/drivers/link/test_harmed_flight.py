@@ -51,6 +51,6 @@ def test_every_sample_of_a_harmed_flight_is_true(stream: bool):
     assert all(a.device_time_s < b.device_time_s for a, b in pairwise(samples))
     assert all(a.sequence <= b.sequence for a, b in pairwise(samples))
     statistics = rig.statistics
-    assert min(statistics.damaged, statistics.lost, statistics.unheard) > 0
+    assert min(statistics.damaged, statistics.lost, statistics.commands_unacknowledged) > 0
     rig.close()
     assert not line.endpoint.amplifier.enabled

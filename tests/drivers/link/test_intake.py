@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from heli3dof_drivers.link.frames import NOT_MEASURED, SampleFrame
@@ -27,7 +28,7 @@ def frame(number: int, echo: int, time_us: int = 0, **values: int) -> SampleFram
 def test_a_sample_in_the_ports_units():
     intake = Intake(LinkStatistics())
     armed = intake.arm()
-    number = intake.command(41)
+    number = intake.command(41, 0.0)
     assert intake.take(frame(0, armed, 1_000_000), 5.0) is not None
     sample = intake.take(frame(1, number, 1_002_000, flags=33), 5.002)
     assert sample is not None
@@ -42,9 +43,9 @@ def test_what_cannot_be_is_rejected_and_what_did_not_come_is_counted():
     statistics = LinkStatistics()
     intake = Intake(statistics)
     before = intake.arm()
-    old = intake.command(1)
+    old = intake.command(1, 0.0)
     armed = intake.arm()
-    first, second = intake.command(1), intake.command(2)
+    first, second = intake.command(1, 0.0), intake.command(2, 0.0)
     assert intake.take(frame(0, before), 0.0) is None  # an older arming's
     assert intake.take(frame(0, old), 0.0) is None
     assert intake.take(frame(0, armed), 0.0) is not None
@@ -112,7 +113,7 @@ def test_numbers_may_wrap_wherever_they_do(start: int, steps: list[int]):
     number = start
     for sequence, step in enumerate(steps):
         number = (number + step) % 2**32
-        sample = intake.take(frame(number, intake.command(sequence)), 0.0)
+        sample = intake.take(frame(number, intake.command(sequence, 0.0)), 0.0)
         assert sample is not None
         assert sample.sequence == sequence
         assert intake.heard
@@ -139,6 +140,20 @@ def test_only_an_echo_between_the_arming_and_the_last_command_is_believed(
     intake.number = start
     armed = intake.arm()
     for k in range(sent % 5):
-        intake.command(k)
+        intake.command(k, 0.0)
     between = (echo - armed) % 2**32 <= sent % 5
     assert (intake.take(frame(number, echo), 0.0) is not None) == between
+
+
+@given(
+    st.tuples(*[st.integers(-(2**31), 2**31 - 1)] * 3),
+    st.lists(st.tuples(*[st.integers(-(2**30), 2**30)] * 3), max_size=8),
+)
+def test_counts_that_wrap_at_32_bits_go_on(start, steps):
+    intake = Intake(LinkStatistics())
+    counts = list(start)
+    for step in [(0, 0, 0), *steps]:
+        counts = [c + s for c, s in zip(counts, step, strict=True)]
+        roll, pitch, yaw = ((c + 2**31) % 2**32 - 2**31 for c in counts)
+        sent = replace(frame(0, 0), roll=roll, pitch=pitch, yaw=yaw)
+        assert intake.sample(sent, 0.0).counts == tuple(counts)

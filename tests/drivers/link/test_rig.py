@@ -19,6 +19,7 @@ from heli3dof_drivers.link.frames import (
     parse,
     wire,
 )
+from heli3dof_drivers.link.intake import cause_name
 from heli3dof_drivers.link.rig import LinkRig, stop_over
 
 from heli3dof.errors import DeviceError
@@ -94,11 +95,11 @@ def test_a_command_that_the_line_lost_is_counted_and_the_volts_before_it_stand()
     rig, line = open_direct()
     rig.arm()
     heard(rig, 1, 3.0)
-    unheard = rig.statistics.unheard
+    unheard = rig.statistics.commands_unacknowledged
     line.to_device = Dropping(CommandFrame, 1)
     sample = send(rig, 2, 4.0)
     assert (sample.sequence, sample.v_applied) == (1, (3.0, -3.0))
-    assert rig.statistics.unheard == unheard + 1
+    assert rig.statistics.commands_unacknowledged == unheard + 1
     assert heard(rig, 3, 4.0).v_applied == (4.0, -4.0)
 
 
@@ -182,19 +183,41 @@ def test_a_rig_whose_bytes_end_has_gone_silent(stream: bool):
 
 
 @MODES
-def test_a_device_that_started_anew_is_told_from_silence(stream: bool):
+def test_a_device_that_restarted_is_told_from_silence(stream: bool):
     rig, line = open_direct(stream=stream)
     rig.arm()
     send(rig, 1)
     line.endpoint = still_endpoint(boot=2)
-    with pytest.raises(DeviceError, match="started anew"):
+    with pytest.raises(DeviceError, match="has restarted"):
         send(rig, 2)
 
 
-def test_a_device_that_started_anew_before_it_was_armed_is_not_armed():
+@MODES
+def test_a_restart_is_noticed_though_the_boot_number_repeats(stream: bool):
+    line = DirectLine(still_endpoint())
+    time.sleep(5)
+    rig = LinkRig(line, PROFILE, driver="test", stream=stream, watchdog_s=0.4)
+    assert rig.identity.started_s == pytest.approx(time.time() - 5, abs=0.5)
+    line.restart(still_endpoint())
+    with pytest.raises(DeviceError, match="has restarted"):
+        rig.arm()
+    assert not line.endpoint.amplifier.enabled
+
+
+@MODES
+def test_a_device_that_ran_on_is_not_taken_for_a_restarted_one(stream: bool):
+    line = DirectLine(still_endpoint())
+    time.sleep(5)
+    rig = LinkRig(line, PROFILE, driver="test", stream=stream, watchdog_s=0.4)
+    time.sleep(600)
+    rig.arm()
+    heard(rig, 1)
+
+
+def test_a_device_that_restarted_before_it_was_armed_is_not_armed():
     rig, line = open_direct()
     line.endpoint = still_endpoint(boot=2)
-    with pytest.raises(DeviceError, match="started anew"):
+    with pytest.raises(DeviceError, match="has restarted"):
         rig.arm()
     assert not line.endpoint.amplifier.enabled
 
@@ -321,5 +344,24 @@ def test_the_device_tells_how_the_link_was():
     rig, _ = open_direct()
     report = rig.report()
     assert report is not None
-    assert report.frames == 2  # HELLO, STATUS
+    assert report.frames == 3  # HELLO, STATUS of the opening, STATUS
     assert report.damaged == 0
+
+
+@MODES
+@pytest.mark.parametrize("cause", [Cause.OVERCURRENT, Cause.BUTTON, Cause.SUPPLY])
+def test_the_devices_own_cause_is_at_hand_until_it_is_armed(stream: bool, cause: Cause):
+    rig, line = open_direct(stream=stream)
+    rig.arm()
+    heard(rig, 1)
+    assert rig.device_cause is None
+    line.endpoint.stop(line.now_us, cause)
+    assert send(rig, 2).flags == Flags.ESTOP
+    assert rig.device_cause == cause.name
+    rig.arm()
+    assert rig.device_cause is None
+
+
+def test_a_cause_that_this_heli3dof_does_not_know_is_passed_on_by_number():
+    assert cause_name(77) == "CAUSE_77"
+    assert cause_name(0) is None

@@ -228,3 +228,11 @@ def test_the_identity_says_what_can_be_known(open_board: Open):
     assert identity.protocol == "HIL 4.5.6"
     assert identity.timebase == "device"
     assert not identity.emulated
+
+
+def test_a_voltage_that_is_not_finite_is_written_as_zero(lab: Laboratory, open_board: Open):
+    rig = open_board()
+    since(lab)
+    rig._card.write_volts(float("nan"), 6.0)
+    rig._card.write_volts(6.0, float("-inf"))
+    assert since(lab) == [ZERO, ZERO]

@@ -132,6 +132,7 @@ def test_a_board_that_refuses_to_be_written_because_it_expired_is_latched_not_br
     q8(lab).feed = lambda: True  # type: ignore[method-assign]  # it expired just after the reload
     lab.failing["write_analog"] = Qerr.FUNCTION_NOT_SUPPORTED
     assert rig.exchange(Command(2, 6.0, 6.0), 0.0).flags == Flags.LATCHED
+    assert rig.device_cause == "WATCHDOG"
 
 
 def test_a_pulled_cable_ends_the_flight_and_closing_is_quiet(lab: Laboratory, open_board: Open):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from heli3dof.experiment.watches import Late, Lost
+from heli3dof.rig.trip import Trip
 from tests.experiment.watches.periods import DT, PROFILE, period
 
 
@@ -70,3 +71,24 @@ def test_commands_that_are_not_echoed_for_longer_than_the_limit_are_lost() -> No
 def test_a_line_that_loses_nine_commands_of_ten_still_carries_some() -> None:
     watch = Lost(PROFILE)
     assert all(watch(period(k, sequence=k - k % 10)) is None for k in range(5000))
+
+
+def test_a_line_that_takes_25_ms_is_not_explained_as_a_busy_processor() -> None:
+    watch = Late(PROFILE)
+    rows = (period(k, lateness=0.025, missed=12, echo_s=0.025) for k in range(0, 2000, 13))
+    said = next(filter(None, map(watch, rows)))
+    assert "every command took 25.0 ms or more (12 periods) to be echoed" in said
+    assert isinstance(said, Trip)
+    assert "the line or the device is slow" in said.cause
+    assert "latency timer" in said.fix
+
+
+def test_a_host_that_is_held_up_again_and_again_still_has_quick_periods() -> None:
+    watch = Late(PROFILE)
+    rows = []
+    for k in range(0, 2000, 20):
+        rows.append(period(k, lateness=0.02, missed=10, echo_s=0.022))
+        rows.extend(period(k + j, echo_s=DT) for j in range(1, 5))
+    said = next(filter(None, map(watch, rows)))
+    assert isinstance(said, Trip)
+    assert "another program takes the processor" in said.cause

@@ -134,10 +134,10 @@ def test_a_clock_that_stands_still_is_wrong_only_where_the_device_keeps_the_time
 
 def test_rest_angles_that_are_an_assumption_are_said():
     seen = opened()
-    seen.rig.rest = Rest((0, 0, 0), "power-up", "the device has started anew")
+    seen.rig.rest = Rest((0, 0, 0), "power-up", "the device has restarted")
     check = link.rest_angles(seen)
     assert check.good is None
-    assert "started anew" in check.found
+    assert "has restarted" in check.found
     assert check.fix == "heli3dof zero"
 
 

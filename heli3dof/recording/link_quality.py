@@ -1,0 +1,66 @@
+"""What a flight's link did to its loop: dead time above one period, losses, duplicated samples.
+
+`link_warnings` judges the outcome details of a recording (``meta["outcome_details"]``), so that the
+end of a flight and ``heli3dof info`` report the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+SLOW_PERIODS = 1.05
+"""Periods: the median command-to-echo latency that is reported as slow. A rig that answers at once
+stays below 1; the margin is the histogram's bin (1 %) and the drift of two clocks."""
+LOSS_SHARE = 0.01
+"""Of all samples, or of all commands: the loss that is reported. One lost period in a hundred is
+what the estimators bridge without a visible effect; see docs/recording.md, gaps."""
+
+
+def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
+    """One sentence each, with the likely cause and what to do; empty for a good link.
+
+    ``details``: a flight's outcome details; ``dt``: its control period, s.
+    """
+    found: list[str] = []
+    latency = details.get("latency") or {}
+    link = details.get("link") or {}
+    commands = latency.get("commands") or 0
+    median_s = latency.get("median_s")
+    unacknowledged = latency.get("commands_unacknowledged", 0)
+    if median_s is not None and median_s > SLOW_PERIODS * dt:
+        found.append(
+            f"Command-to-echo latency is {1e3 * median_s:.1f} ms (median), more than the control "
+            f"period of {1e3 * dt:g} ms: the loop flies with this dead time. Likely cause: an "
+            "adapter that collects bytes (FTDI latency timer), a USB hub, a network link, or a "
+            "slow device. Try: heli3dof doctor; plug the rig in directly; a lower loop.rate_hz"
+        )
+    elif commands and unacknowledged > LOSS_SHARE * commands:
+        left_out = details.get("left_out") or 0
+        cause = (
+            f"the device is held up (it left out {left_out} samples)"
+            if 2 * left_out >= unacknowledged
+            else "a line that loses frames, or a latency that at times exceeds the control period"
+        )
+        found.append(
+            f"{unacknowledged} of {commands} commands ({unacknowledged / commands:.1%}) were not "
+            f"echoed by the next sample, {latency.get('commands_never_echoed', 0)} of them never. "
+            f"Likely cause: {cause}. Try: heli3dof doctor; a shorter, shielded cable away from the "
+            "motors' leads; a lower loop.rate_hz"
+        )
+    lost, flown = details.get("lost") or 0, details.get("periods") or 0
+    if lost > LOSS_SHARE * (flown + lost):
+        found.append(
+            f"{lost} of {flown + lost} samples ({lost / (flown + lost):.1%}) were lost on the "
+            "line. Likely cause: a loose or long cable, a hub, or the motors' leads. Try: heli3dof "
+            "doctor; a shorter, shielded cable away from the motors' leads"
+        )
+    rejected = link.get("rejected") or 0
+    if rejected:
+        found.append(
+            f"{rejected} samples were rejected: repeated, out of order, or echoing a command that "
+            "was never sent. Likely cause: a second program on the same port, a network path that "
+            "repeats packets, or the device's firmware. Try: heli3dof doctor, which names a second "
+            "program; then compare the firmware with docs/protocol.md"
+        )
+    return found

@@ -1,0 +1,463 @@
+"""Random sequences of device misbehaviour against a whole flight, and what must hold after each.
+
+`emulated(seed)` flies the emulated device behind a line that harms bytes and frames, on a clock of
+its own. The frames it changes keep a right check: the device itself states nonsense.
+`firmware(seed)` flies the C firmware in real time with its own fault switches, halted or killed
+at a random moment.
+
+After every sequence: no exception but the project's own errors, no outcome "error" ("a fault of
+ours"), and the output at zero within the watchdog's time and the ramp after the host let go.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import tempfile
+import threading
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from heli3dof_drivers.emulator.door import emulated as emulated_endpoint
+from heli3dof_drivers.emulator.endpoint import Endpoint
+from heli3dof_drivers.link.frames import (
+    Ack,
+    Cause,
+    Frame,
+    IdentityFrame,
+    Report,
+    SampleFrame,
+    parse,
+    wire,
+)
+from heli3dof_drivers.link.rig import LinkRig
+
+from heli3dof.cli.summary import flight_document, flight_table
+from heli3dof.errors import DeviceError, Heli3dofError
+from heli3dof.experiment.fly import Flight, _fly_in_memory, fly_plan, prepare
+from heli3dof.experiment.loop import Live
+from heli3dof.experiment.plan import step_plan
+from heli3dof.recording.info import summary
+from heli3dof.recording.provenance import provenance
+from heli3dof.recording.reader import read_recording
+from heli3dof.rig.calibration import POWER_UP
+from heli3dof.rig.profile import default_profile
+from heli3dof.rig.session import Session
+from heli3dof.rig.stoppable import StoppableRig
+from tests.clock import Clock, installed
+from tests.drivers.doors import firmware_door
+from tests.drivers.link.lines import DirectLine
+
+RAMP_S = 0.2
+LONGEST_WATCHDOG_S = 1.0
+"""s: what the protocol allows an ARM to ask for"""
+SLACK_S = 0.1
+PLAN = step_plan((3.0, None, 5.0), settle_s=0.4, duration_s=0.4)
+_base = default_profile()
+PROFILE = _base.model_copy(
+    update={"limits": _base.limits.model_copy(update={"landing_s": 0.3, "ramp_down_s": 0.1})}
+).with_controller()
+FLIGHT_S = 1.4
+"""s from opening to the end of the landing, about"""
+
+
+@dataclass
+class Result:
+    """What came of one sequence."""
+
+    seed: int
+    faults: list[str]
+    ending: str
+    """The outcome, or ``refused`` where nothing was flown"""
+    wrong: list[str] = field(default_factory=list)
+    """What must never happen, and did"""
+
+
+# ---- the emulated device, on a line and with electronics that misbehave -------------------------
+
+Change = Callable[["NastyLine", random.Random, Frame, bytes], list[bytes]]
+
+
+def _u(bits: int, rng: random.Random) -> int:
+    """Any number of so many bits; the ends and small ones often."""
+    top = (1 << bits) - 1
+    return rng.choice((0, 1, top, top >> 1, (top >> 1) + 1, rng.randrange(top + 1)))
+
+
+def _i(bits: int, rng: random.Random) -> int:
+    return _u(bits, rng) - (1 << (bits - 1))
+
+
+def _states(kind: type, name: str, draw: Callable[[random.Random], Any]) -> Change:
+    """The device states nonsense in one field of one type of frame."""
+
+    def change(line: NastyLine, rng: random.Random, frame: Frame, piece: bytes) -> list[bytes]:
+        if not isinstance(frame, kind):
+            return [piece]
+        return [wire(replace(frame, **{name: draw(rng)}))]  # type: ignore[type-var]
+
+    return change
+
+
+def _counts(how: Callable[[int, int, random.Random], int]) -> Change:
+    """One encoder counts wrongly."""
+
+    def change(line: NastyLine, rng: random.Random, frame: Frame, piece: bytes) -> list[bytes]:
+        if not isinstance(frame, SampleFrame):
+            return [piece]
+        axis = line.axis
+        was = line.held.setdefault(axis, getattr(frame, axis))
+        count = how(getattr(frame, axis), was, rng)
+        return [wire(replace(frame, **{axis: (count + 2**31) % 2**32 - 2**31}))]
+
+    return change
+
+
+def _time(how: Callable[[int, int, random.Random], int]) -> Change:
+    def change(line: NastyLine, rng: random.Random, frame: Frame, piece: bytes) -> list[bytes]:
+        if not isinstance(frame, SampleFrame):
+            return [piece]
+        was = line.held.setdefault("time_us", frame.time_us)
+        return [wire(replace(frame, time_us=how(frame.time_us, was, rng) % 2**32))]
+
+    return change
+
+
+def _bits(data: bytes, rng: random.Random) -> bytes:
+    out = bytearray(data)
+    for _ in range(rng.randint(1, 8)):
+        out[rng.randrange(len(out))] ^= 1 << rng.randrange(8)
+    return bytes(out)
+
+
+def TEXT(rng: random.Random) -> bytes:
+    """Sixteen bytes that are no ASCII text, or none at all."""
+    return rng.choice((b"", rng.randbytes(16), b"\0x", b"\x1b[2J")).ljust(16, b"\0")
+
+
+U8, U16, U32 = (lambda rng, n=n: _u(n, rng) for n in (8, 16, 32))
+I16, I32 = (lambda rng, n=n: _i(n, rng) for n in (16, 32))
+HARMS: dict[str, Change] = {
+    "drops": lambda line, rng, frame, piece: [] if rng.random() < 0.3 else [piece],
+    "is silent": lambda line, rng, frame, piece: [],
+    "repeats": lambda line, rng, frame, piece: [piece, piece],
+    "flips bits": lambda line, rng, frame, piece: (
+        [_bits(piece, rng)] if rng.random() < 0.3 else [piece]
+    ),
+    "adds noise": lambda line, rng, frame, piece: [rng.randbytes(rng.randint(1, 200)), piece],
+    "cuts frames": lambda line, rng, frame, piece: [piece[: rng.randrange(len(piece))]],
+    "says old frames again": lambda line, rng, frame, piece: [
+        piece, rng.choice(line.said or [piece]),
+    ],
+}  # fmt: skip
+STATES: dict[str, Change] = {
+    **{f"sample.{n}": _states(SampleFrame, n, d) for n, d in {
+        "number": U32, "echo": U32, "time_us": U32, "roll": I32, "pitch": I32, "yaw": I32,
+        "front_uV": I32, "back_uV": I32, "front_mA": I16, "delay_us": U16, "flags": U8,
+        "cause": U8,
+    }.items()},
+    **{f"ack.{n}": _states(Ack, n, d) for n, d in {
+        "number": U32, "request": U8, "code": U8, "flags": U8, "cause": U8, "ticket": U32,
+    }.items()},
+    **{f"identity.{n}": _states(IdentityFrame, n, d) for n, d in {
+        "number": U32, "version": U8, "flags": U8, "boot": U32, "ticket": U32,
+        "counts_roll": I32, "counts_yaw": I32, "v_max_uV": U32, "watchdog_us": U32,
+        "ramp_us": U32, "shortest_us": U32, "model": TEXT, "serial": TEXT, "firmware": TEXT,
+    }.items()},
+    **{f"report.{n}": _states(Report, n, d) for n, d in {
+        "uptime_ms": U32, "cause": U8, "frames": U32, "ticket": U32,
+    }.items()},
+    "an encoder is frozen": _counts(lambda now, was, rng: was),
+    "an encoder jumps": _counts(lambda now, was, rng: now + 500),
+    "an encoder wraps at 16 bits": _counts(lambda now, was, rng: now + 65536),
+    "an encoder wraps at 32 bits": _counts(lambda now, was, rng: now + 2**31 - 5),
+    "an encoder counts backwards": _counts(lambda now, was, rng: 2 * was - now),
+    "an encoder is noisy": _counts(lambda now, was, rng: now + rng.randint(-40, 40)),
+    "the clock stands still": _time(lambda now, was, rng: was),
+    "the clock runs backwards": _time(lambda now, was, rng: 2 * was - now),
+    "the clock jumps": _time(lambda now, was, rng: now + 2_000_000),
+    "the clock runs at half speed": _time(lambda now, was, rng: (now + was) // 2),
+}  # fmt: skip
+ACTS = (
+    "the line is cut", "the device restarts", "the device restarts, its boot number repeated",
+    "overcurrent", "button", "stall", "an unknown cause", "the device is held up",
+    "the line delays", "the line echoes", "harms what the host sends",
+)  # fmt: skip
+
+
+@dataclass
+class Fault:
+    """One thing that goes wrong, from when and for how long (s, since opening)."""
+
+    kind: str
+    at_s: float
+    for_s: float
+
+    def __str__(self) -> str:
+        return f"{self.kind} at {self.at_s:.3f} s for {self.for_s:.3f} s"
+
+
+def draw_faults(rng: random.Random) -> list[Fault]:
+    """One to four faults, anywhere from opening to the end of the landing."""
+    kinds = [*HARMS, *STATES, *ACTS, *ACTS]
+    return [
+        Fault(
+            rng.choice(kinds),
+            rng.choice((0.0, rng.uniform(0, FLIGHT_S))),
+            rng.choice((0.003, 0.02, 0.2, 100.0)),
+        )
+        for _ in range(rng.randint(1, 4))
+    ]
+
+
+class NastyLine(DirectLine):
+    """The emulated device, and everything that `Fault` says goes wrong with it."""
+
+    def __init__(self, rng: random.Random, faults: list[Fault], seed: int) -> None:
+        self.rng, self.faults, self.seed = rng, faults, seed
+        super().__init__(emulated_endpoint(f"mock:?seed={seed}"))
+        self.axis = rng.choice(("roll", "pitch", "yaw"))
+        self.held: dict[str, int] = {}
+        self.said: list[bytes] = []
+        self.began = time.monotonic()
+        self.done: set[int] = set()
+        self.to_host, self.to_device = self._to_host, self._to_device
+        self.largest_V = 0.0
+
+    def active(self) -> Iterator[Fault]:
+        t = time.monotonic() - self.began
+        return (f for f in self.faults if f.at_s <= t < f.at_s + f.for_s)
+
+    def write(self, data: bytes) -> None:
+        self._act()
+        super().write(data)
+        if any(f.kind == "the line echoes" for f in self.active()):
+            self._waiting += data
+
+    def read(self, timeout_s: float) -> bytes:
+        self._act()
+        data = super().read(timeout_s)
+        self._act()
+        return data
+
+    def _act(self) -> None:
+        """What happens to the device at an instant, once; and states that last."""
+        kinds = set()
+        for fault in self.active():
+            kinds.add(fault.kind)
+            if id(fault) not in self.done:
+                self.done.add(id(fault))
+                self._befall(fault)
+        self.cut = "the line is cut" in kinds
+        self.latency_s = 0.012 if "the line delays" in kinds else 0.0
+
+    def _befall(self, fault: Fault) -> None:
+        now = self.now_us
+        stops = {
+            "overcurrent": (Cause.OVERCURRENT, 2), "button": (Cause.BUTTON, 16),
+            "stall": (Cause.STALL, 4), "an unknown cause": (200, 16),
+        }  # fmt: skip
+        if fault.kind in stops:
+            cause, flag = stops[fault.kind]
+            self.endpoint.stop(now, cause, flag)  # type: ignore[arg-type]
+        elif fault.kind.startswith("the device restarts"):
+            boot = self.endpoint._boot + (0 if "repeated" in fault.kind else 1)
+            old = self.endpoint
+            self.restart(Endpoint(old._device, serial=f"mock-{self.seed}", boot=boot & 0xFFFFFFFF))
+        elif fault.kind == "the device is held up":
+            time.sleep(min(fault.for_s, 0.5))
+            self.endpoint.held_up(self.now_us)
+
+    def _to_host(self, data: bytes) -> bytes:
+        out = b""
+        for stuffed in data.split(b"\0"):
+            if not stuffed:
+                continue
+            pieces = [stuffed + b"\0"]
+            for fault in self.active():
+                change = HARMS.get(fault.kind) or STATES.get(fault.kind)
+                if change is None:
+                    continue
+                changed: list[bytes] = []
+                for piece in pieces:
+                    frame = parse(piece[:-1]) if piece.endswith(b"\0") else None
+                    if frame is None:
+                        changed.append(piece)
+                    else:
+                        changed += change(self, self.rng, frame, piece)
+                pieces = changed
+            self.said.append(stuffed + b"\0")
+            del self.said[:-50]
+            out += b"".join(pieces)
+        return out
+
+    def _to_device(self, data: bytes) -> bytes:
+        if any(f.kind == "harms what the host sends" for f in self.active()):
+            return _bits(data, self.rng) if self.rng.random() < 0.5 else b""
+        return data
+
+
+@contextmanager
+def virtual_time() -> Iterator[Clock]:
+    """The clock of this process, for host and device; no real-time privileges are asked for."""
+    with pytest.MonkeyPatch.context() as patch:
+        clock = installed(patch)
+        patch.setattr("heli3dof.experiment.pacer.monotonic", clock.monotonic)
+        patch.setattr("heli3dof.experiment.loop._granted", lambda identity: nullcontext())
+        yield clock
+
+
+def emulated(seed: int) -> Result:
+    """One sequence on the emulated device; streamed and polled in turn."""
+    rng = random.Random(seed)
+    faults = draw_faults(rng)
+    found = Result(seed, [str(f) for f in faults], "refused")
+    signals = prepare(PLAN, PROFILE, seed)
+    with virtual_time() as clock:
+        line = NastyLine(rng, faults, seed)
+        opened: LinkRig | None = None
+        try:
+            opened = LinkRig(line, PROFILE, driver="misbehaving", stream=seed % 2 == 0)
+            with Session(f"misbehaving://{os.getpid()}", private=True) as session:
+                rig = StoppableRig(opened, session, POWER_UP)
+                about = provenance(source="flight", plan=PLAN.to_dict(), identity=rig.identity)
+                _judge(_fly_in_memory(rig, PROFILE, signals, about, Live()), found)
+        except Heli3dofError as problem:
+            _explains(problem, found)
+        except BaseException:
+            found.wrong.append("crash: " + traceback.format_exc(limit=-6))
+        finally:
+            if opened is not None:
+                with suppress(Heli3dofError):
+                    opened.close()
+        _ends_at_zero(line, clock, found)
+    return found
+
+
+def _judge(flight: Flight, found: Result) -> None:
+    """The outcome, and everything that is shown of it."""
+    outcome = flight.outcome
+    found.ending = outcome.ending
+    if outcome.ending == "error":
+        error = outcome.error
+        where = "" if error is None else "".join(traceback.format_exception(error, limit=-6))
+        found.wrong.append(f"a fault of ours: {outcome.detail} {where}")
+    flight_table(flight)
+    flight_document(flight)
+    summary(flight.recording)
+    try:
+        flight.raise_if_cut_short()
+    except Heli3dofError as problem:
+        _explains(problem, found)
+    except KeyboardInterrupt:
+        found.wrong.append("interrupted, and nobody did")
+
+
+def _explains(problem: Heli3dofError, found: Result) -> None:
+    text = str(problem.what)
+    if "fault of ours" in text or problem.exit_code == 1:
+        found.wrong.append(f"a fault of ours: {text}")
+    of_the_test = text.startswith(DirectLine.name)
+    if isinstance(problem, DeviceError) and not ((problem.cause and problem.fix) or of_the_test):
+        found.wrong.append(f"no cause or fix: {text}")
+
+
+def _ends_at_zero(line: NastyLine, clock: Clock, found: Result) -> None:
+    endpoint, began = line.endpoint, line.now_us
+    watchdog_s = line.endpoint.amplifier._watchdog_us * 1e-6
+    clock.sleep(watchdog_s + RAMP_S + 2e-3)
+    endpoint.tick(line.now_us)
+    volts = endpoint.amplifier.output_uV(max(line.now_us, began))
+    if volts != (0, 0):
+        found.wrong.append(f"motors not at zero: {volts} µV")
+    if watchdog_s > LONGEST_WATCHDOG_S:
+        found.wrong.append(f"a watchdog of {watchdog_s} s")
+
+
+# ---- the C firmware, in real time ---------------------------------------------------------------
+
+
+def draw_switches(rng: random.Random) -> tuple[list[str], float | None, str]:
+    """The firmware's fault switches, and when it is halted or killed (None: never)."""
+
+    def at() -> str:
+        return f"{rng.uniform(0, FLIGHT_S):.3f}"
+
+    axis = rng.choice(("roll", "pitch", "yaw"))
+    choices = [
+        ["--fault-after", rng.choice((at(), f"{at()}:0.05"))],
+        ["--stall-after", rng.choice((at(), f"{at()}:0.05"))],
+        ["--button-after", at()],
+        ["--reset-after", at()],
+        ["--reset-after", at(), "--boot", "7"],
+        ["--freeze-encoder", f"{axis}@{at()}"],
+        ["--jump-encoder", f"{axis}@{at()}:{rng.choice((-70000, -65536, -90, 300, 65536))}"],
+        ["--drop", f"{rng.choice((0.0005, 0.005, 0.05)):g}"],
+        ["--corrupt", f"{rng.choice((0.0005, 0.005, 0.05)):g}"],
+        ["--delay", f"{rng.choice((1, 5, 25, 80)):d}"],
+        ["--shortest", f"{rng.choice((500, 2000, 5000)):d}"],
+        [],
+    ]
+    switches = [w for chosen in rng.sample(choices, rng.randint(1, 3)) for w in chosen]
+    happens = rng.choice(("", "", "stop", "kill"))
+    return switches, rng.uniform(0.05, FLIGHT_S) if happens else None, happens
+
+
+def firmware(seed: int) -> Result:
+    """One sequence on the firmware's program behind a pseudo-terminal, recorded in a file."""
+    rng = random.Random(seed)
+    switches, when_s, happens = draw_switches(rng)
+    found = Result(seed, [" ".join(switches), f"{happens} at {when_s}"], "refused")
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", folder)
+        log, path = Path(folder) / "log", Path(folder) / "flight.mcap"
+        with firmware_door("--log", str(log), "--seed", str(seed), *switches) as door:
+            if when_s is not None:
+                timer = threading.Timer(when_s, _happen, (door.process.pid, happens))
+                timer.start()
+            try:
+                flight = fly_plan(PLAN, device=door.url(f"stream={seed % 2}"), profile=PROFILE,
+                                  output=path)  # fmt: skip
+                _judge(flight, found)
+                read_recording(path)
+            except Heli3dofError as problem:
+                _explains(problem, found)
+            except BaseException:
+                found.wrong.append("crash: " + traceback.format_exc(limit=-6))
+            if when_s is not None:
+                timer.cancel()
+                timer.join()
+            if happens == "kill" and door.process.poll() is not None:
+                return found  # a rig without its electronics has no output
+            time.sleep(0.3 + RAMP_S + SLACK_S)
+            last = log.read_text().splitlines()[-1:] if log.exists() else []
+            if last and last[0].split()[1:] != ["0", "0.000000", "0.000000"]:
+                time.sleep(1.0)  # a busy machine may hold the program up
+                last = log.read_text().splitlines()[-1:]
+                if last[0].split()[1:] != ["0", "0.000000", "0.000000"]:
+                    found.wrong.append(f"motors not at zero: {last[0]}")
+    return found
+
+
+def _happen(pid: int, what: str) -> None:
+    with suppress(ProcessLookupError):
+        if what == "kill":
+            os.kill(pid, signal.SIGKILL)
+        else:
+            os.kill(pid, signal.SIGSTOP)
+            time.sleep(0.25)
+            os.kill(pid, signal.SIGCONT)
+
+
+def endings(results: list[Result]) -> str:
+    """How the flights ended, most frequent first."""
+    counted = Counter(r.ending for r in results).most_common()
+    return ", ".join(f"{n} {ending}" for ending, n in counted)
