@@ -114,9 +114,7 @@ def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
     moved = {fault.what: _moved(fault, angle, applied, profile) for fault in (NORMAL, *FAULTS)}
     for window_s in WINDOWS_S:
         windows = _windows(t, angle, profile, window_s)
-        scores = {
-            what: _score(t, angle, alpha, windows, profile) for what, alpha in moved.items()
-        }
+        scores = {what: _score(t, angle, alpha, windows, profile) for what, alpha in moved.items()}
         best, second = sorted(FAULTS, key=lambda f: -scores[f.what])[:2]
         sure = scores[best.what] - scores[NORMAL.what] > SURE
         if sure and scores[best.what] - scores[second.what] > DISTINCT:
@@ -150,9 +148,7 @@ def _windows(
     return found
 
 
-def _moved(
-    fault: Fault, angle: np.ndarray, applied: np.ndarray, profile: Profile
-) -> np.ndarray:
+def _moved(fault: Fault, angle: np.ndarray, applied: np.ndarray, profile: Profile) -> np.ndarray:
     """(n, 3) rad/s²: how the encoders see the expected acceleration of a rig with this fault."""
     rest, sign = profile.encoder.rest_rad, np.array(fault.sign)
     true = (rest + sign * (angle - rest)).tolist()
@@ -185,9 +181,7 @@ def _score(
     return float(score)
 
 
-def _fit(
-    t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float
-) -> tuple[float, float]:
+def _fit(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float) -> tuple[float, float]:
     """(mean squared residual in rad², b in rad/s²); ``weight`` of b's prior: count/B."""
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]
