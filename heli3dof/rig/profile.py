@@ -274,9 +274,11 @@ class Limits(Section):
     ] = 5000.0
     duration_max_s: Annotated[Positive, Key("longest flight", "s")] = 600.0
     ramp_down_s: Annotated[
-        Positive, Key("the motors' way to zero after a trip or an interrupt", "s")
+        Positive, Key("the motors' ramp from hover to zero after a trip or an interrupt", "s")
     ] = 0.5
-    landing_s: Annotated[Positive, Key("the motors' way to zero at a plan's end", "s")] = 3.0
+    landing_s: Annotated[
+        Positive, Key("the motors' ramp from hover to zero at a plan's end", "s")
+    ] = 3.0
     late_max_s: Annotated[Positive, Key("a control period later than this counts as late", "s")] = (
         0.01
     )
