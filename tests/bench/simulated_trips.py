@@ -4,7 +4,8 @@ The plant is the profile's rigid body (`heli3dof.model.rigid_body`) with a table
 (inelastic) and pitch stops. Each flight draws its own thrust gain, front over back, T_g, inertias
 and rotor lag. A `Situation` is the flight until the trip: the default controller, with or without a
 fault, then perhaps fixed voltages. The trip comes at a random moment, or earlier: at the envelope,
-or where the true roll passes the envelope's. Roll has no upper stop, so that the height counts.
+or where the true roll passes the envelope's. Roll's upper stop is far higher than a rig's, so that
+the height counts.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ LAG_S = 0.15
 """s: the rotors' lag lies uniformly between 0 and this"""
 PITCH_STOP = math.radians(32.0)
 """rad, the laboratory rig's and the emulated one's"""
+ROLL_STOP = math.radians(80.0)
+"""rad: no laboratory rig's, but short of the vertical, where the arm has no inertia about it"""
 SETTLE_S = 0.5
 """s of level hover before the step, the fault or the voltages"""
 FALL_S = 4.0
@@ -253,6 +256,9 @@ def _move(s, first, address, par, mem, free, x, F, low, stop, V, k, t, h, target
         if x[3] < 0.0:
             met = -x[3]
             x[3] = 0.0
+    if x[0] > ROLL_STOP:
+        x[0] = ROLL_STOP
+        x[3] = min(x[3], 0.0)
     if abs(x[1]) > stop:
         x[1] = math.copysign(stop, x[1])
         if x[1] * x[4] > 0.0:
