@@ -53,11 +53,10 @@ class SilentEncoder:
             axis.step(counts[i], t, now.ramping_down)
             if now.ramping_down and (still_s := t - axis.since) > axis.longest_credible_s():
                 return Trip(
-                    f"the {AXES[i]} encoder is frozen: its count stood at {counts[i]} for "
-                    f"{still_s:.2g} s and through the landing; before, never for longer than "
-                    f"{axis.longest_s:.2g} s",
-                    "its cable is out, its supply is gone, or its disc slips on the shaft; or "
-                    "something holds the axis.",
+                    f"the {AXES[i]} encoder's count stood at {counts[i]} for {still_s:.2g} s, the "
+                    f"landing included; before, it changed every {axis.longest_s:.2g} s or sooner",
+                    "the encoder is frozen: its cable is out, its supply is gone, or its disc "
+                    "slips on the shaft; or something holds the axis.",
                     f"heli3dof monitor and turn {AXES[i]} by hand: does its angle follow?",
                 )
         return None
