@@ -24,6 +24,7 @@ from heli3dof.cli import (
     report,
     rigs,
     simulate,
+    streams,
     zero,
 )
 
@@ -65,6 +66,7 @@ def main() -> None:
     # Before numpy is imported. Our matrices are small: several BLAS threads gain nothing, and on
     # a busy machine they wait for each other, which made an identification ten times slower.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    streams.prepare()
     without_delay(sys.argv[1:])
     app()
 

@@ -16,10 +16,12 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 
 import typer
 
+from heli3dof.cli.streams import carries, printable
 from heli3dof.errors import Heli3dofError
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
+    from rich.text import Text
 
 P = ParamSpec("P")
 INTERRUPTED = 130
@@ -40,17 +42,13 @@ class Talk:
 
     @functools.cached_property
     def err(self) -> Console:
-        from rich.console import Console
-
-        return Console(stderr=True, no_color=not live_allowed(), highlight=False)
+        return _console(stderr=True, no_color=not live_allowed())
 
     @functools.cached_property
     def out(self) -> Console:
-        from rich.console import Console
-
         if self.as_json:
             return self.err
-        return Console(no_color=bool(os.environ.get("NO_COLOR")) or None, highlight=False)
+        return _console(no_color=bool(os.environ.get("NO_COLOR")) or None)
 
     def show(self, *what: RenderableType) -> None:
         """A result: a table or a sentence."""
@@ -68,9 +66,13 @@ class Talk:
         self.err.print(f"Warning: {text}", soft_wrap=True, markup=False, style="yellow")
 
     def emit(self, document: Mapping[str, Any]) -> None:
-        """The one JSON document, when asked for."""
+        """The one JSON document, when asked for: UTF-8, or ASCII where the stream is not UTF-8."""
         if self.as_json:
-            print(json.dumps(jsonable(document), ensure_ascii=False, indent=2, allow_nan=False))
+            plain = jsonable(document)
+            text = json.dumps(plain, ensure_ascii=False, indent=2, allow_nan=False)
+            if not carries(text, getattr(sys.stdout, "encoding", None)):
+                text = json.dumps(plain, indent=2, allow_nan=False)
+            print(text)
 
     @contextmanager
     def working(self, text: str) -> Iterator[None]:
@@ -82,6 +84,17 @@ class Talk:
             return
         with self.err.status(text):
             yield
+
+
+def _console(**options: Any) -> Console:
+    """A console whose columns fit what its encoding makes of the text."""
+    from rich.console import Console
+
+    class Encoded(Console):
+        def render_str(self, text: str, **how: Any) -> Text:
+            return super().render_str(printable(text, self.encoding), **how)
+
+    return Encoded(highlight=False, **options)
 
 
 def jsonable(value: Any) -> Any:

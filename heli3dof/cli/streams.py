@@ -1,0 +1,103 @@
+"""Output in whatever encoding the terminal or the file has: symbols become ASCII, none is lost.
+
+====================  ====================================  ==============================
+character             written as                            from
+====================  ====================================  ==============================
+``°`` ``−`` ``→`` …   ``deg`` ``-`` ``->`` …                `ASCII`
+``²`` ``⁻¹`` ``é``    ``^2`` ``^-1`` ``e``                  Unicode's compatibility forms
+``ψ`` ``Δ``           ``psi`` ``Delta``                     Unicode's character names
+byte of a file name   ``\\xff``                              PEP 383's surrogates
+anything else         ``\\u65e5``                            Python's own escape
+====================  ====================================  ==============================
+
+Only a character that the encoding lacks is replaced: cp1252 keeps its ``°``. `prepare` does this
+for everything that the process prints, other libraries' output included; `printable` does it for
+text that is laid out in columns, before its width is measured.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+import sys
+
+HANDLER = "heli3dof.ascii"
+"""The name of the codec error handler"""
+ASCII = {
+    "°": "deg", "µ": "u", "μ": "u", "·": ".", "−": "-", "–": "-", "—": "-", "±": "+/-", "×": "x",
+    "÷": "/", "→": "->", "←": "<-", "↦": "->", "…": "...", "≤": "<=", "≥": ">=", "≠": "!=",
+    "≈": "~", "∝": "~", "∞": "inf", "√": "sqrt", "∫": "int", "∂": "d", "⁄": "/", "′": "'",
+    "″": '"', "‘": "'", "’": "'", "“": '"', "”": '"', "«": '"', "»": '"', "⟨": "<", "⟩": ">",
+    "†": "+", "‖": "||", "•": "*", "─": "-", "━": "-", "│": "|", "┃": "|", "├": "+", "└": "+",
+    "❱": ">", "\u00a0": " ", "\u2009": " ", "\u202f": " ",
+    "ß": "ss", "æ": "ae", "ø": "o", "ł": "l",
+    "\u0307": "_dot", "\u0308": "_ddot", "\u0302": "_hat", "\u0304": "_bar",
+}  # fmt: skip
+"""The symbols we print; ``N.m.s/rad`` is how UCUM, the code of units for machines, writes it"""
+
+
+def prepare() -> None:
+    """Let standard output and standard error take every character, in whatever encoding."""
+    codecs.register_error(HANDLER, _replace)
+    for stream in (sys.stdout, sys.stderr):
+        reconfigure = getattr(stream, "reconfigure", None)
+        if reconfigure is not None:
+            reconfigure(errors=HANDLER)
+
+
+def printable(text: str, encoding: str | None) -> str:
+    """The text with what the encoding lacks in ASCII.
+
+    >>> printable("5 °/s, χ² ≤ 2, ψ in cp1252", "ascii")
+    '5 deg/s, chi^2 <= 2, psi in cp1252'
+    """
+    if text.isascii():
+        return text
+    codecs.register_error(HANDLER, _replace)
+    encoding = encoding or "ascii"
+    return text.encode(encoding, HANDLER).decode(encoding)
+
+
+def carries(text: str, encoding: str | None) -> bool:
+    """Whether a Unicode stream of this encoding holds the text as it is."""
+    if not (encoding or "").lower().replace("_", "-").startswith("utf"):
+        return text.isascii()
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _replace(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return _in_ascii(error.object[error.start : error.end]), error.end
+
+
+def _in_ascii(text: str) -> str:
+    """Superscripts that stand together have one sign of a power."""
+    joined = "".join(map(_one_in_ascii, text))
+    return re.sub(r"(?<=\^[-+\dn])\^(?=[-+\dn])", "", joined)
+
+
+def _one_in_ascii(c: str) -> str:
+    import unicodedata
+
+    if c.isascii():
+        return c
+    if c in ASCII:
+        return ASCII[c]
+    if "\udc80" <= c <= "\udcff":
+        return f"\\x{ord(c) - 0xDC00:02x}"
+    form, _, simple = unicodedata.decomposition(c).rpartition(">")
+    if simple:
+        parts = [chr(int(code, 16)) for code in simple.split()]
+        if not form:  # a letter with its marks: the letter
+            parts = [p for p in parts if not unicodedata.combining(p)]
+        plain = "".join(map(_one_in_ascii, parts))
+        return f"^{plain}" if form == "<super" else plain
+    name = re.fullmatch(r"GREEK (SMALL|CAPITAL) LETTER (\w+)", unicodedata.name(c, ""))
+    if name is not None:
+        return name[2].lower() if name[1] == "SMALL" else name[2].capitalize()
+    return c.encode("ascii", "backslashreplace").decode("ascii")
