@@ -178,6 +178,10 @@ def read_model(path: str | Path) -> Model:
             "it was cut short or edited by hand.",
             "docs/model-file.md lists the keys; heli3dof identify writes a whole one",
         ) from None
+    except UsageError as error:
+        raise RecordingError(
+            f"{path} cannot be used here: {error.what}", cause=error.cause, fix=error.fix
+        ) from error
     except (TypeError, ValueError) as error:
         raise _unusable(
             path,
