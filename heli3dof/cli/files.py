@@ -155,6 +155,9 @@ def _info_table(about: Mapping[str, Any]) -> Any:
     plan = about["plan"]
     if plan:
         table.add_row("plan", plan["name"] if isinstance(plan, Mapping) else str(plan))
+    drawn = {k: v for k, v in (about["seeds"] or {}).items() if v is not None}
+    if drawn:
+        table.add_row("seed", ", ".join(f"{who} {seed}" for who, seed in drawn.items()))
     if about["outcome"]:
         detail = about["outcome_details"].get("detail", "")
         table.add_row("outcome", f"{about['outcome']}{': ' if detail else ''}{detail}")

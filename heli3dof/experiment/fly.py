@@ -16,12 +16,12 @@ from heli3dof.experiment.watches import watches_for
 from heli3dof.model.hover import hover_model
 from heli3dof.model.stability import check_loop
 from heli3dof.recording.memory import MemoryRecorder
-from heli3dof.recording.provenance import provenance
+from heli3dof.recording.provenance import provenance, seeds
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import RowSink
 from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.drivers import is_private, with_seed
+from heli3dof.rig.drivers import is_private, seed_of, with_seed
 from heli3dof.rig.hold import hold
 from heli3dof.rig.port import Identity
 from heli3dof.rig.profile import Profile, default_profile
@@ -114,7 +114,7 @@ def fly_plan(
         about = provenance(
             source="flight",
             plan=plan.to_dict(),
-            seed=seed,
+            **seeds(seed, seed_of(device), plan_draws=signals.drawn),
             identity=rig.identity,
             device=device,
             rest=None if is_private(device) else rig.rest.to_dict(),

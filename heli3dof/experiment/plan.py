@@ -40,6 +40,8 @@ class Signals:
     """(N, 2) V, added to the controller's output."""
     opened: np.ndarray | None = None
     """(N, 3) what happens to each axis's loop (`heli3dof.model.opened`); None: all stay closed."""
+    drawn: bool = False
+    """Whether another seed would have rendered something else"""
 
 
 class Head(Section):
@@ -69,6 +71,7 @@ class Plan:
     def render(self, dt: float, seed: int) -> Signals:
         """References and extra voltages for every control period of length ``dt`` seconds."""
         rng = np.random.default_rng(seed)
+        begun = rng.bit_generator.state
         before = np.zeros(3)
         references, extras, opened = [], [], []
         for segment in self.segments:
@@ -85,6 +88,7 @@ class Plan:
             reference,
             np.concatenate(extras),
             modes if modes.any() else None,
+            drawn=rng.bit_generator.state != begun,
         )
 
     def summary(self) -> list[str]:
