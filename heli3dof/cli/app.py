@@ -67,8 +67,11 @@ def main() -> None:
     # a busy machine they wait for each other, which made an identification ten times slower.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     streams.prepare()
-    without_delay(sys.argv[1:])
-    app()
+    try:
+        without_delay(sys.argv[1:])
+        app()
+    except SystemExit as end:
+        sys.exit(streams.finish(end.code))
 
 
 def without_delay(words: Sequence[str]) -> None:

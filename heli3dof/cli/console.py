@@ -12,12 +12,14 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec
 
 import typer
 
 from heli3dof.cli.streams import carries, printable
-from heli3dof.errors import Heli3dofError
+from heli3dof.errors import Heli3dofError, UsageError
+from heli3dof.writing import FULL, refusal
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -64,6 +66,10 @@ class Talk:
     def warn(self, text: str) -> None:
         """A warning on stderr, even when quiet."""
         self.err.print(f"Warning: {text}", soft_wrap=True, markup=False, style="yellow")
+
+    def fail(self, text: str) -> None:
+        """A line on stderr, even when quiet: what did not hold."""
+        self.err.print(text, soft_wrap=True, markup=False, style="bold red")
 
     def emit(self, document: Mapping[str, Any]) -> None:
         """The one JSON document, when asked for: UTF-8, or ASCII where the stream is not UTF-8."""
@@ -132,7 +138,12 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115
             raise typer.Exit(0) from None
         except Exception as error:
-            if os.environ.get(TRACEBACK) or isinstance(error, typer.Exit):
+            if isinstance(error, typer.Exit):
+                raise
+            if isinstance(error, OSError) and (refused := _by_the_system(error)) is not None:
+                report(refused, as_json=bool(kwargs.get("as_json")))
+                raise typer.Exit(refused.exit_code) from None
+            if os.environ.get(TRACEBACK):
                 raise
             fault = Heli3dofError(
                 f"heli3dof failed: {type(error).__name__}: {error}",
@@ -143,6 +154,28 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
             raise typer.Exit(fault.exit_code) from error
 
     return run
+
+
+def _by_the_system(error: OSError) -> Heli3dofError | None:
+    """Our error for the system's, where it is about a file or the current folder."""
+    try:
+        os.getcwd()
+    except OSError:
+        return UsageError(
+            "The current folder does not exist any more.",
+            cause="it was removed or renamed after this terminal entered it.",
+            fix="cd to another folder",
+        )
+    if not isinstance(error.filename, (str, bytes)):
+        return None
+    name = os.fsdecode(error.filename)
+    if error.errno in FULL:
+        return refusal(Path(name), error)
+    return UsageError(
+        f"{name} cannot be used: {error.strerror}.",
+        cause="it is missing, belongs to someone else, or is of another kind.",
+        fix=f"ls -ld {name}",
+    )
 
 
 def report(error: Heli3dofError, *, as_json: bool) -> None:

@@ -18,8 +18,13 @@ text that is laid out in columns, before its width is measured.
 from __future__ import annotations
 
 import codecs
+import contextlib
+import os
 import re
 import sys
+from typing import TextIO
+
+from heli3dof.errors import RecordingError
 
 HANDLER = "heli3dof.ascii"
 """The name of the codec error handler"""
@@ -43,6 +48,35 @@ def prepare() -> None:
         reconfigure = getattr(stream, "reconfigure", None)
         if reconfigure is not None:
             reconfigure(errors=HANDLER)
+
+
+def finish(code: str | int | None) -> str | int | None:
+    """The exit code, after everything printed has left the process.
+
+    A reader that has gone, as `head` does, changes nothing; output that is lost is an error.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            if stream is not None and not stream.closed:
+                stream.flush()
+        except BrokenPipeError:
+            _discard(stream)
+        except OSError as error:
+            _discard(stream)
+            code = code or RecordingError.exit_code
+            with contextlib.suppress(OSError):
+                print(f"Error: The output cannot be written: {error.strerror}.", file=sys.stderr)
+                print("Likely cause: the disk that it goes to is full.", file=sys.stderr)
+                print("Try: df -h; the files that the verb wrote are whole", file=sys.stderr)
+    return code
+
+
+def _discard(stream: TextIO) -> None:
+    """Let what the stream still holds go nowhere, so that the interpreter's end can flush it."""
+    with contextlib.suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
 
 
 def printable(text: str, encoding: str | None) -> str:
