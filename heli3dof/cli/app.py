@@ -71,7 +71,10 @@ def main() -> None:
         without_delay(sys.argv[1:])
         app()
     except SystemExit as end:
-        sys.exit(streams.finish(end.code))
+        code = 0 if streams.reader_has_gone(end) else end.code
+    except OSError as error:  # of --help and its like; a verb's own are explained by the verb
+        code = streams.lost(error)
+    sys.exit(streams.finish(code))
 
 
 def without_delay(words: Sequence[str]) -> None:

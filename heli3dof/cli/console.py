@@ -11,14 +11,14 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec
 
 import typer
 
 from heli3dof.cli.streams import carries, printable
-from heli3dof.errors import Heli3dofError, UsageError
+from heli3dof.errors import Heli3dofError, NoSpace, UsageError
 from heli3dof.writing import FULL, refusal
 
 if TYPE_CHECKING:
@@ -100,6 +100,9 @@ def _console(**options: Any) -> Console:
         def render_str(self, text: str, **how: Any) -> Text:
             return super().render_str(printable(text, self.encoding), **how)
 
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # rich would end the process with 1
+
     return Encoded(highlight=False, **options)
 
 
@@ -166,6 +169,12 @@ def _by_the_system(error: OSError) -> Heli3dofError | None:
             cause="it was removed or renamed after this terminal entered it.",
             fix="cd to another folder",
         )
+    if error.filename is None and error.errno in FULL:
+        return NoSpace(
+            f"The output cannot be written: {error.strerror}.",
+            cause="the disk that it was sent to is full.",
+            fix="df -h; what the verb wrote to files of its own is whole",
+        )
     if not isinstance(error.filename, (str, bytes)):
         return None
     name = os.fsdecode(error.filename)
@@ -186,12 +195,13 @@ def report(error: Heli3dofError, *, as_json: bool) -> None:
         talk.err.print(f"Likely cause: {error.cause}", soft_wrap=True, markup=False)
     if error.fix:
         talk.err.print(f"Try: {error.fix}", soft_wrap=True, markup=False)
-    talk.emit(
-        {
-            "schema": "heli3dof.error/1",
-            "error": error.what,
-            "cause": error.cause,
-            "fix": error.fix,
-            "exit_code": error.exit_code,
-        }
-    )
+    with suppress(OSError):  # the error may be that nothing can be written there
+        talk.emit(
+            {
+                "schema": "heli3dof.error/1",
+                "error": error.what,
+                "cause": error.cause,
+                "fix": error.fix,
+                "exit_code": error.exit_code,
+            }
+        )

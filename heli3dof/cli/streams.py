@@ -42,10 +42,22 @@ ASCII = {
 
 
 def prepare() -> None:
-    """Let standard output and standard error take every character, in whatever encoding."""
+    """Let standard output and standard error take every character, in whatever encoding.
+
+    One that was closed (``2>&-``) goes nowhere. Its number must not be left free: the next file
+    that is opened, a recording say, would get it, and what libraries print to stderr with it.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            with contextlib.suppress(OSError):
+                os.fstat(number)
+                continue
+            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free
+            stream = open(number, "w" if number else "r", encoding="utf-8", closefd=False)  # noqa: SIM115
+            setattr(sys, name, stream)
     codecs.register_error(HANDLER, _replace)
-    for stream in (sys.stdout, sys.stderr):
-        reconfigure = getattr(stream, "reconfigure", None)
+    for each in (sys.stdout, sys.stderr):
+        reconfigure = getattr(each, "reconfigure", None)
         if reconfigure is not None:
             reconfigure(errors=HANDLER)
 
@@ -63,12 +75,22 @@ def finish(code: str | int | None) -> str | int | None:
             _discard(stream)
         except OSError as error:
             _discard(stream)
-            code = code or RecordingError.exit_code
-            with contextlib.suppress(OSError):
-                print(f"Error: The output cannot be written: {error.strerror}.", file=sys.stderr)
-                print("Likely cause: the disk that it goes to is full.", file=sys.stderr)
-                print("Try: df -h; the files that the verb wrote are whole", file=sys.stderr)
+            code = lost(error)
     return code
+
+
+def lost(error: OSError) -> int:
+    """Say on stderr that the output of the program could not be written; its exit code."""
+    with contextlib.suppress(OSError):
+        print(f"Error: The output cannot be written: {error.strerror}.", file=sys.stderr)
+        print("Likely cause: the disk that it was sent to is full.", file=sys.stderr)
+        print("Try: df -h; what the verb wrote to files of its own is whole", file=sys.stderr)
+    return RecordingError.exit_code
+
+
+def reader_has_gone(end: SystemExit) -> bool:
+    """Whether a library ended the process because nothing reads its output, of ``--help`` say."""
+    return isinstance(end.__context__, BrokenPipeError)
 
 
 def _discard(stream: TextIO) -> None:
