@@ -11,7 +11,7 @@ from heli3dof.errors import DeviceError, Heli3dofError, SafetyTrip
 from heli3dof.experiment.interrupts import Asked, asked_to_stop
 from heli3dof.experiment.loop import Live, fly
 from heli3dof.experiment.outcome import Outcome
-from heli3dof.experiment.plan import Plan, Signals, check_plan
+from heli3dof.experiment.plan import Plan, Signals, checked
 from heli3dof.experiment.watches import watches_for
 from heli3dof.model.hover import hover_model
 from heli3dof.model.stability import check_loop
@@ -75,8 +75,7 @@ def prepare(plan: Plan, profile: Profile, seed: int) -> Signals:
     Raises PlanError, or UnstableLoop when the gain does not stabilise the hover model of this
     profile.
     """
-    signals = plan.render(profile.dt, seed)
-    check_plan(plan, signals, profile)
+    signals = checked(plan, profile, seed)
     controller = profile.with_controller().controller
     assert controller is not None
     check_loop(hover_model(profile), controller, profile.dt)

@@ -156,7 +156,7 @@ def _read_json(path: Path) -> dict[str, Any]:
             cause="a typing error in the path, or another working directory.",
             fix=f"ls {path.parent}",
         ) from None
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise _unusable(
             path,
             f"is not JSON ({error})",
