@@ -11,17 +11,17 @@ from heli3dof.errors import DeviceError, Heli3dofError, SafetyTrip
 from heli3dof.experiment.interrupts import Asked, asked_to_stop
 from heli3dof.experiment.loop import Live, fly
 from heli3dof.experiment.outcome import Outcome
-from heli3dof.experiment.plan import Plan, Signals, check_plan
+from heli3dof.experiment.plan import Plan, Signals, checked
 from heli3dof.experiment.watches import watches_for
 from heli3dof.model.hover import hover_model
 from heli3dof.model.stability import check_loop
 from heli3dof.recording.memory import MemoryRecorder
-from heli3dof.recording.provenance import provenance
+from heli3dof.recording.provenance import provenance, seeds
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import RowSink
 from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.drivers import is_private, with_seed
+from heli3dof.rig.drivers import is_private, seed_of, with_seed
 from heli3dof.rig.hold import hold
 from heli3dof.rig.port import Identity
 from heli3dof.rig.profile import Profile, default_profile
@@ -75,8 +75,7 @@ def prepare(plan: Plan, profile: Profile, seed: int) -> Signals:
     Raises PlanError, or UnstableLoop when the gain does not stabilise the hover model of this
     profile.
     """
-    signals = plan.render(profile.dt, seed)
-    check_plan(plan, signals, profile)
+    signals = checked(plan, profile, seed)
     controller = profile.with_controller().controller
     assert controller is not None
     check_loop(hover_model(profile), controller, profile.dt)
@@ -114,7 +113,7 @@ def fly_plan(
         about = provenance(
             source="flight",
             plan=plan.to_dict(),
-            seed=seed,
+            **seeds(seed, seed_of(device), plan_draws=signals.drawn),
             identity=rig.identity,
             device=device,
             rest=None if is_private(device) else rig.rest.to_dict(),
