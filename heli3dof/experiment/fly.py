@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -166,6 +167,10 @@ def _fly(
         watches=watches.each_period,
         must_still_fall=watches.must_still_fall,
     )
+    # The device is disarmed before the recording is finished: a disk may take longer than its
+    # watchdog. Whoever holds the rig closes it again, and reports what went wrong.
+    with suppress(DeviceError):
+        rig.close()
     if rig.session.stopped is None:
         return outcome
     # An emergency stop from outside, in whatever phase it came, is how the flight ended.

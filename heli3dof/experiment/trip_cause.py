@@ -168,9 +168,10 @@ def _moved(fault: Fault, angle: np.ndarray, applied: np.ndarray, profile: Profil
     """(n, 3) rad/s²: how the encoders see the expected acceleration of a rig with this fault."""
     rest, sign = profile.encoder.rest_rad, np.array(fault.sign)
     true = (rest + sign * (angle - rest)).tolist()
-    volts = (applied @ np.array(fault.mix, dtype=float).T).tolist()
+    volts = (np.array(fault.mix, dtype=float) @ applied.T).tolist()
     expected = ExpectedAcceleration(profile)
-    return sign * np.array([expected((*a,), *v) for a, v in zip(true, volts, strict=True)])
+    seen: np.ndarray = sign * np.array([expected(*m) for m in zip(true, *volts, strict=True)])
+    return seen
 
 
 def _score(

@@ -1,4 +1,4 @@
-"""How soon a frozen encoder is found, in which flights it is not, and how often a monitor is wrong."""
+"""How soon a frozen encoder is found, where it is not, and how often a monitor is wrong."""
 
 from __future__ import annotations
 
