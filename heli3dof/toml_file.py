@@ -139,7 +139,7 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
             cause="it is a folder, not text, or not yours to read.",
             fix=f"ls -l {path}",
         ) from problem
-    except tomllib.TOMLDecodeError as problem:
+    except (tomllib.TOMLDecodeError, RecursionError) as problem:
         raise error(
             f"The {what} {path} is not valid TOML: {problem}.",
             cause="a missing quote, bracket or equals sign.",

@@ -24,6 +24,7 @@ from heli3dof.cli import (
     report,
     rigs,
     simulate,
+    streams,
     zero,
 )
 
@@ -65,8 +66,15 @@ def main() -> None:
     # Before numpy is imported. Our matrices are small: several BLAS threads gain nothing, and on
     # a busy machine they wait for each other, which made an identification ten times slower.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    without_delay(sys.argv[1:])
-    app()
+    streams.prepare()
+    try:
+        without_delay(sys.argv[1:])
+        app()
+    except SystemExit as end:
+        code = 0 if streams.reader_has_gone(end) else end.code
+    except OSError as error:  # of --help and its like; a verb's own are explained by the verb
+        code = streams.lost(error)
+    sys.exit(streams.finish(code))
 
 
 def without_delay(words: Sequence[str]) -> None:

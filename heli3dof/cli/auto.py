@@ -46,6 +46,7 @@ def run_auto(
     from heli3dof.errors import UsageError
     from heli3dof.experiment.plan import load_plan
     from heli3dof.model.modelfile import save_model
+    from heli3dof.recording.output import new_folder
     from heli3dof.report.diagnosis_page import diagnosis_page
     from heli3dof.report.html import write_page
 
@@ -55,7 +56,7 @@ def run_auto(
             cause="--budget counts minutes of flight.",
             fix=f"--budget {first.duration_s / 60 + 1:.0f}, or a shorter plan",
         )
-    folder.mkdir(parents=True)
+    new_folder(folder)
     flights: list[Recording] = []
     paths: list[Path] = []
     plan, left_s, upcoming = first, 60 * budget_min, None

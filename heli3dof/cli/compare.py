@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -42,10 +43,13 @@ def compare(
     from heli3dof.comparison.document import to_json
     from heli3dof.comparison.reproduce import reproduce
     from heli3dof.model.hover import hover_model
+    from heli3dof.recording.output import check_folder, check_outputs
     from heli3dof.report.tables import comparison_renderables
     from heli3dof.rig.profile import default_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
+    folder = output or Path("comparisons") / datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
+    check_folder(folder)
     if what:
         paths, names = split(what)
         recordings = load_all(talk, paths, profile)
@@ -58,10 +62,12 @@ def compare(
         with talk.working("Identifying from the recordings that ship …"):
             recordings, identified = with_shipped()
 
+    if folder.exists():
+        check_outputs(*figure_paths(recordings, folder), force=force)
+
     def models(recording: Recording) -> list[Model]:
         return [*models_for(names, recording), *identified]
 
-    folder = output or Path("comparisons") / datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     with talk.working("Comparing …"):
         found = against(recordings, models)
         figures = write_figures(found, folder, force=force)
@@ -73,18 +79,25 @@ def compare(
     talk.emit({**to_json(found, published), "figures": [str(f) for f in figures]})
 
 
+ENDINGS = ("svg", "png")
+
+
+def figure_paths(recordings: Sequence[Recording], folder: Path) -> list[Path]:
+    """The files that `write_figures` makes."""
+    return [folder / f"{r.name}-{a}.{e}" for r in recordings for a in r.axes for e in ENDINGS]
+
+
 def write_figures(found: Comparison, folder: Path, *, force: bool) -> list[Path]:
     """Figures 7–9 of every recording, SVG and PNG; returns their paths."""
-    from heli3dof.recording.output import explained
+    from heli3dof.recording.output import new_folder
     from heli3dof.report.figures import comparison_figures
     from heli3dof.report.style import save
 
-    with explained(folder):
-        folder.mkdir(parents=True, exist_ok=True)
+    new_folder(folder)
     written = []
     for flight in found.flights:
         for name, figure in comparison_figures(flight).items():
-            for ending in ("svg", "png"):
+            for ending in ENDINGS:
                 path = folder / f"{flight.recording.name}-{name}.{ending}"
                 written.append(save(figure, path, force=force))
     return written

@@ -11,15 +11,19 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec
 
 import typer
 
-from heli3dof.errors import Heli3dofError
+from heli3dof.cli.streams import carries, printable
+from heli3dof.errors import Heli3dofError, NoSpace, UsageError
+from heli3dof.writing import FULL, refusal
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
+    from rich.text import Text
 
 P = ParamSpec("P")
 INTERRUPTED = 130
@@ -40,17 +44,13 @@ class Talk:
 
     @functools.cached_property
     def err(self) -> Console:
-        from rich.console import Console
-
-        return Console(stderr=True, no_color=not live_allowed(), highlight=False)
+        return _console(stderr=True, no_color=not live_allowed())
 
     @functools.cached_property
     def out(self) -> Console:
-        from rich.console import Console
-
         if self.as_json:
             return self.err
-        return Console(no_color=bool(os.environ.get("NO_COLOR")) or None, highlight=False)
+        return _console(no_color=bool(os.environ.get("NO_COLOR")) or None)
 
     def show(self, *what: RenderableType) -> None:
         """A result: a table or a sentence."""
@@ -67,10 +67,18 @@ class Talk:
         """A warning on stderr, even when quiet."""
         self.err.print(f"Warning: {text}", soft_wrap=True, markup=False, style="yellow")
 
+    def fail(self, text: str) -> None:
+        """A line on stderr, even when quiet: what did not hold."""
+        self.err.print(text, soft_wrap=True, markup=False, style="bold red")
+
     def emit(self, document: Mapping[str, Any]) -> None:
-        """The one JSON document, when asked for."""
+        """The one JSON document, when asked for: UTF-8, or ASCII where the stream is not UTF-8."""
         if self.as_json:
-            print(json.dumps(jsonable(document), ensure_ascii=False, indent=2, allow_nan=False))
+            plain = jsonable(document)
+            text = json.dumps(plain, ensure_ascii=False, indent=2, allow_nan=False)
+            if not carries(text, getattr(sys.stdout, "encoding", None)):
+                text = json.dumps(plain, indent=2, allow_nan=False)
+            print(text)
 
     @contextmanager
     def working(self, text: str) -> Iterator[None]:
@@ -82,6 +90,20 @@ class Talk:
             return
         with self.err.status(text):
             yield
+
+
+def _console(**options: Any) -> Console:
+    """A console whose columns fit what its encoding makes of the text."""
+    from rich.console import Console
+
+    class Encoded(Console):
+        def render_str(self, text: str, **how: Any) -> Text:
+            return super().render_str(printable(text, self.encoding), **how)
+
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # rich would end the process with 1
+
+    return Encoded(highlight=False, **options)
 
 
 def jsonable(value: Any) -> Any:
@@ -119,7 +141,12 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115
             raise typer.Exit(0) from None
         except Exception as error:
-            if os.environ.get(TRACEBACK) or isinstance(error, typer.Exit):
+            if isinstance(error, typer.Exit):
+                raise
+            if isinstance(error, OSError) and (refused := _by_the_system(error)) is not None:
+                report(refused, as_json=bool(kwargs.get("as_json")))
+                raise typer.Exit(refused.exit_code) from None
+            if os.environ.get(TRACEBACK):
                 raise
             fault = Heli3dofError(
                 f"heli3dof failed: {type(error).__name__}: {error}",
@@ -132,6 +159,34 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
     return run
 
 
+def _by_the_system(error: OSError) -> Heli3dofError | None:
+    """Our error for the system's, where it is about a file or the current folder."""
+    try:
+        os.getcwd()
+    except OSError:
+        return UsageError(
+            "The current folder does not exist any more.",
+            cause="it was removed or renamed after this terminal entered it.",
+            fix="cd to another folder",
+        )
+    if error.filename is None and error.errno in FULL:
+        return NoSpace(
+            f"The output cannot be written: {error.strerror}.",
+            cause="the disk that it was sent to is full.",
+            fix="df -h; what the verb wrote to files of its own is whole",
+        )
+    if not isinstance(error.filename, (str, bytes)):
+        return None
+    name = os.fsdecode(error.filename)
+    if error.errno in FULL:
+        return refusal(Path(name), error)
+    return UsageError(
+        f"{name} cannot be used: {error.strerror}.",
+        cause="it is missing, belongs to someone else, or is of another kind.",
+        fix=f"ls -ld {name}",
+    )
+
+
 def report(error: Heli3dofError, *, as_json: bool) -> None:
     """An error: what happened, the likely cause, what to do."""
     talk = Talk(as_json=as_json)
@@ -140,12 +195,13 @@ def report(error: Heli3dofError, *, as_json: bool) -> None:
         talk.err.print(f"Likely cause: {error.cause}", soft_wrap=True, markup=False)
     if error.fix:
         talk.err.print(f"Try: {error.fix}", soft_wrap=True, markup=False)
-    talk.emit(
-        {
-            "schema": "heli3dof.error/1",
-            "error": error.what,
-            "cause": error.cause,
-            "fix": error.fix,
-            "exit_code": error.exit_code,
-        }
-    )
+    with suppress(OSError):  # the error may be that nothing can be written there
+        talk.emit(
+            {
+                "schema": "heli3dof.error/1",
+                "error": error.what,
+                "cause": error.cause,
+                "fix": error.fix,
+                "exit_code": error.exit_code,
+            }
+        )

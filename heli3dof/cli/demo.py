@@ -127,9 +127,10 @@ def _flown(talk: Talk, plan: Plan, path: Path, seed: int, start: str = "rest") -
 
 def _fresh(folder: Path) -> Path:
     """The folder, or the next one that does not exist yet: an earlier demo is kept."""
+    from heli3dof.recording.output import new_folder
+
     number, path = 1, folder
     while path.exists():
         number += 1
         path = folder.with_name(f"{folder.name}-{number}")
-    path.mkdir()
-    return path
+    return new_folder(path, fix="cd to a folder of your own")

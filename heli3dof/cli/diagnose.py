@@ -15,6 +15,7 @@ from heli3dof.cli.options import AsJson, Force, LogProfile, Output, Quiet, Recor
 
 if TYPE_CHECKING:
     from heli3dof.diagnosis.integrity import Fault
+    from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.recording.recording import Recording
 
 BAD_DATA = 5
@@ -60,15 +61,14 @@ def diagnose(
     from heli3dof.diagnosis.next_experiment import next_of
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.model.modelfile import save_model
-    from heli3dof.recording.output import check_output, ours, stem
+    from heli3dof.recording.output import check_outputs, ours, stem
     from heli3dof.report.diagnosis_page import diagnosis_page
     from heli3dof.report.html import write_page
 
     talk = Talk(as_json=as_json, quiet=quiet)
     name = Path(f"{stem(recordings[0])}-extended.json")
-    check_output(output or ours(name, force=force), force=force)
-    if report is not None:
-        check_output(report, force=force)
+    given = [*recordings, *(holdout or [])]
+    check_outputs(output or ours(name, force=force), report, force=force, inputs=given)
     train, at_fault = read(talk, recordings, profile)
     test, also = read(talk, holdout or [], profile)
     if at_fault or also:
@@ -76,6 +76,7 @@ def diagnose(
         refused = Diagnosis((*names[0],), (*names[1],), "bad_data", (*at_fault, *also))
         document = to_document(refused)
         show(talk, document)
+        complain(talk, refused)
         talk.emit(document)
         raise typer.Exit(BAD_DATA)
     distinct(train, test)
@@ -102,6 +103,7 @@ def diagnose(
         talk.note("Pictures, and Table II before and after: add --report FILE.html")
     talk.emit(document)
     if found.verdict == "bad_data":
+        complain(talk, found)
         raise typer.Exit(BAD_DATA)
 
 
@@ -112,6 +114,14 @@ def show(talk: Talk, document: Mapping[str, Any]) -> None:
 
     for each in diagnosis_tables(document):
         talk.show(to_rich(each) if isinstance(each, Grid) else each)
+
+
+def complain(talk: Talk, found: Diagnosis) -> None:
+    """What is wrong with the recordings, a line each, where nothing else was printed."""
+    if talk.quiet:
+        for fault in found.faults:
+            fix = f" Try: {fault.fix}" if fault.fix else ""
+            talk.fail(f"{fault.recording}: {fault.sentence}{fix}")
 
 
 def read(

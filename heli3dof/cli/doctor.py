@@ -110,7 +110,10 @@ def _as_check(problem: object) -> Check:
 
 
 def _say(talk: Talk, check: Check) -> None:
-    """One check: what mends it stands in a line of its own, to be copied."""
+    """One check: what mends it stands in a line of its own, to be copied. Quiet: failures only."""
+    if talk.quiet and check.good is False:
+        fix = f" Try: {check.fix}" if check.fix else ""
+        talk.fail(f"{check.what}: {check.found}.{fix}")
     talk.show(f"{MARKS[check.good]:4}  {check.what}: {check.found}")
     if check.fix and check.good is not True:
         talk.show(f"      → {check.fix}")

@@ -38,7 +38,7 @@ def import_(
     from heli3dof.errors import UsageError
     from heli3dof.recording.importing import import_log, is_log
     from heli3dof.recording.info import summary
-    from heli3dof.recording.output import stem
+    from heli3dof.recording.output import check_outputs, stem
     from heli3dof.recording.store import write_recording
     from heli3dof.rig.profile import default_profile, load_profile
 
@@ -49,9 +49,11 @@ def import_(
             cause="no profile was named.",
             fix=f"heli3dof import {log} --profile PROFILE.toml -o REC.mcap",
         )
-    recording = import_log(log, load_profile(profile) if profile else default_profile(), columns)
     if output is None:
         output = Path(f"{stem(log)}.mcap")
+    if log.exists():  # which is the first thing to say
+        check_outputs(output, force=force, inputs=[log])
+    recording = import_log(log, load_profile(profile) if profile else default_profile(), columns)
     write_recording(recording, output, force=force)
     for warning in recording.meta.get("warnings", ()):
         talk.warn(warning)
@@ -72,13 +74,19 @@ def export(
     quiet: Quiet = False,
 ) -> None:
     """Write a recording as CSV, MAT or Parquet: heli3dof export REC -o REC.csv."""
+    from heli3dof.recording.exporting import check_format
     from heli3dof.recording.exporting import export as write
     from heli3dof.recording.load import load
+    from heli3dof.recording.output import check_outputs
     from heli3dof.rig.profile import load_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
+    output = output or recording.with_suffix(".csv")
+    if recording.exists():
+        check_format(output)
+        check_outputs(output, force=force, inputs=[recording])
     loaded = load(recording, load_profile(profile) if profile else None, columns)
-    path = write(loaded, output or recording.with_suffix(".csv"), force=force)
+    path = write(loaded, output, force=force)
     talk.note(f"Written: {path}, {len(loaded)} samples")
     talk.emit({"schema": "heli3dof.export/1", "file": str(path), "samples": len(loaded)})
 
@@ -157,6 +165,9 @@ def _info_table(about: Mapping[str, Any]) -> Any:
     plan = about["plan"]
     if plan:
         table.add_row("plan", plan["name"] if isinstance(plan, Mapping) else str(plan))
+    drawn = {k: v for k, v in (about["seeds"] or {}).items() if v is not None}
+    if drawn:
+        table.add_row("seed", ", ".join(f"{who} {seed}" for who, seed in drawn.items()))
     if about["outcome"]:
         detail = about["outcome_details"].get("detail", "")
         table.add_row("outcome", f"{about['outcome']}{': ' if detail else ''}{detail}")

@@ -155,6 +155,7 @@ def _fly(
 
     from heli3dof.experiment.fly import fly_plan
     from heli3dof.experiment.loop import Live
+    from heli3dof.recording.output import check_output, new_folder
     from heli3dof.rig.profile import default_profile, load_profile
 
     profile = load_profile(profile_file) if profile_file else default_profile()
@@ -164,7 +165,8 @@ def _fly(
         return
     if output is None:
         output = default_path(plan.name)
-        output.parent.mkdir(exist_ok=True)
+        new_folder(output.parent)
+    check_output(output, force=force)
     live = Live()
     with progress(talk, live, plan.name):
         flight = fly_plan(

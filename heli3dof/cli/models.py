@@ -66,15 +66,13 @@ def identify(
     from heli3dof.identification.api import identify as fit
     from heli3dof.identification.greybox.method import chosen_terms
     from heli3dof.model.modelfile import save_model
-    from heli3dof.recording.output import check_output, ours, stem
+    from heli3dof.recording.output import check_outputs, ours, stem
     from heli3dof.report.grid import to_rich
     from heli3dof.report.identification_section import identification_tables
 
     talk = Talk(as_json=as_json, quiet=quiet)
     path = output or ours(Path(f"{stem(recordings[0])}-{method.value}.json"), force=force)
-    check_output(path, force=force)
-    if report is not None:
-        check_output(report, force=force)
+    check_outputs(path, report, force=force, inputs=[*recordings, *(holdout or [])])
     train = load_all(talk, recordings, profile)
     test = load_all(talk, holdout or [], profile)
     distinct(train, test)

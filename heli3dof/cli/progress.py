@@ -19,6 +19,7 @@ from math import degrees
 from typing import TYPE_CHECKING
 
 from heli3dof.cli.console import Talk, live_allowed
+from heli3dof.cli.streams import carries, printable
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleRenderable
@@ -43,7 +44,7 @@ def progress(talk: Talk, live: Live, name: str) -> Iterator[None]:
     if talk.quiet or not live_allowed() or talk.err.is_dumb_terminal or talk.err.legacy_windows:
         yield
         return
-    line = FlightLine(name, live, ascii_only=talk.err.options.ascii_only)
+    line = FlightLine(name, live, encoding=talk.err.encoding)
     done = threading.Event()
 
     def watch() -> None:
@@ -66,15 +67,16 @@ class FlightLine:
     """What the line says of a flight."""
 
     def __init__(
-        self, name: str, live: Live, *, ascii_only: bool = False,
+        self, name: str, live: Live, *, encoding: str = "utf-8",
         clock: Callable[[], float] = time.monotonic,
     ) -> None:  # fmt: skip
         from rich.cells import cell_len
 
-        self._name = "".join(c for c in name if c.isprintable())
+        self._encoding = encoding
+        self._name = printable("".join(c for c in name if c.isprintable()), encoding)
         self._name_cells = cell_len(self._name)
         self._live, self._clock = live, clock
-        self._full, self._empty = "#-" if ascii_only else "━─"
+        self._full, self._empty = "━─" if carries("━─", encoding) else "#-"
         self._first: tuple[float, int] | None = None
         """When it first saw the loop at work, and how far"""
 
@@ -83,9 +85,10 @@ class FlightLine:
         live = self._live
         done, total = live.done, live.total
         roll, pitch, yaw = (degrees(a) for a in live.angle)
-        said = (
+        said = printable(
             f" {live.phase}  roll {roll:+6.1f}°  pitch {pitch:+6.1f}°  yaw {yaw:+7.1f}°"
-            f"  late {live.late} {self._remaining(done, total)}"
+            f"  late {live.late} {self._remaining(done, total)}",
+            self._encoding,
         )
         room = max(0, width - 1)
         least, most = BAR

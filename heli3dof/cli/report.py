@@ -33,14 +33,14 @@ def report(
     from heli3dof.comparison.compare import compare
     from heli3dof.comparison.reproduce import reproduce
     from heli3dof.model.hover import hover_model
-    from heli3dof.recording.output import check_output, ours, stem
+    from heli3dof.recording.output import check_outputs, ours, stem
     from heli3dof.report.flight_report import flight_report
     from heli3dof.report.html import write_page
     from heli3dof.rig.profile import default_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
     path = output or ours(Path(f"{stem(recordings[0])}-report.html"), force=force)
-    check_output(path, force=force)
+    check_outputs(path, force=force, inputs=recordings)
     loaded = load_all(talk, recordings, profile)
     names = models or ["hover"]
     with talk.working("Comparing and drawing …"):

@@ -40,6 +40,7 @@ def simulate(
     from heli3dof.experiment.plan import load_plan
     from heli3dof.experiment.simulate import simulate as fly_on_model
     from heli3dof.model.modelfile import load_model
+    from heli3dof.recording.output import check_outputs
     from heli3dof.recording.store import write_recording
     from heli3dof.rig.profile import default_profile, load_profile
 
@@ -48,6 +49,7 @@ def simulate(
     chosen = load_model(model, rig)
     flown = load_plan(plan)
     path = output or Path(f"{flown.name}-on-{chosen.name}.mcap")
+    check_outputs(path, force=force, inputs=[Path(model), Path(plan)])
     with talk.working(f"Flying {flown.name} on {chosen.name} …"):
         recording = fly_on_model(
             flown, chosen, profile=rig, seed=seed, start="rest" if start is Start.rest else "level"

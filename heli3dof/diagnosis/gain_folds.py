@@ -231,8 +231,8 @@ def _noise(problem: Likelihood, theta: np.ndarray, noise: np.ndarray, first: int
 
     for _ in range(NOISE_STEPS):
         up, mid, down = (loglik(np.append(a[:3] * np.exp(d), a[3])) for d in (_PROBE, 0.0, -_PROBE))
-        slope, bend = (up - down) / (2 * _PROBE), (2 * mid - up - down) / _PROBE**2
         with np.errstate(divide="ignore", invalid="ignore"):
+            slope, bend = (up - down) / (2 * _PROBE), (2 * mid - up - down) / _PROBE**2
             move = np.where(bend > 0, slope / bend, np.sign(slope))
         move = np.where(axes & np.isfinite(move), np.clip(move, -1.0, 1.0), 0.0)
         a[:3] *= np.exp(move)

@@ -20,6 +20,7 @@ from heli3dof.identification.greybox.likelihood import (
     DIFFERENCE,
     Likelihood,
     Pass,
+    diverged,
     score_and_information,
 )
 from heli3dof.model.slots import Stage
@@ -68,8 +69,11 @@ def look(problem: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bo
         return centre()
     here: Look
     here, up, down = in_threads(part, 3)
-    slope = (up - down) / (2 * _PROBE)
-    return replace(here, slope=slope, bend=(up - 2 * here.at.loglik + down) / _PROBE**2)
+    mid = here.at.loglik
+    known = np.isfinite(up) & np.isfinite(mid) & np.isfinite(down)
+    up, mid, down = (np.where(known, each, 0.0) for each in (up, mid, down))
+    bend = np.where(known, (up - 2 * mid + down) / _PROBE**2, -1.0)
+    return replace(here, slope=(up - down) / (2 * _PROBE), bend=bend)
 
 
 def held(problem: Likelihood) -> np.ndarray:
@@ -78,7 +82,12 @@ def held(problem: Likelihood) -> np.ndarray:
 
 
 def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
-    """(n, E) ∂c/∂θ by `perturbation`; of what changes the readings by `Likelihood.tangents`."""
+    """(n, E) ∂c/∂θ by `perturbation`; of what changes the readings by `Likelihood.tangents`.
+
+    First-order perturbations diverge beside a dry friction below zero, which pushes: its slope at
+    rest is steep, and acts for as long as the perturbed rig is off the path. The simulation itself
+    slips out of it, so there its differences are taken, by `Likelihood.tangents` too.
+    """
     s = problem.structure
     by_name = {t.name: t for t in s.terms}
     read = np.array(
@@ -100,7 +109,9 @@ def tangents(problem: Likelihood, theta: np.ndarray, p: Path) -> np.ndarray:
         e[j] = step[j]
         sets.append(problem.values(theta + e))
     a = forcing(p, s, sets, [moves[j] for j in direct])
-    out[direct] = forward(p, a / step[direct, None, None])
-    if read.any():
-        out[read] = problem.tangents(theta, p.at, np.flatnonzero(read))
+    with np.errstate(over="ignore", invalid="ignore"):
+        out[direct] = forward(p, a / step[direct, None, None])
+    simulated = read | diverged(out)
+    if simulated.any():
+        out[simulated] = problem.tangents(theta, p.at, np.flatnonzero(simulated))
     return out

@@ -85,10 +85,10 @@ def maximise_tilted(
                 accepted = True
                 break
             new = np.clip(theta + delta, low, high)
-            there = np.inf
+            there = -np.inf
             if gain > SURE:
                 there = worth(problem.run(new, a, keep=0).loglik, new, a)
-            if there > value:
+            if gain <= SURE or there > value:
                 theta, accepted = new, True
                 lam = max(lam / 10, 1e-9)
                 break

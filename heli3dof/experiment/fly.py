@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,17 +12,17 @@ from heli3dof.errors import DeviceError, Heli3dofError, SafetyTrip
 from heli3dof.experiment.interrupts import Asked, asked_to_stop
 from heli3dof.experiment.loop import Live, fly
 from heli3dof.experiment.outcome import Outcome
-from heli3dof.experiment.plan import Plan, Signals, check_plan
+from heli3dof.experiment.plan import Plan, Signals, checked
 from heli3dof.experiment.watches import watches_for
 from heli3dof.model.hover import hover_model
 from heli3dof.model.stability import check_loop
 from heli3dof.recording.memory import MemoryRecorder
-from heli3dof.recording.provenance import provenance
+from heli3dof.recording.provenance import provenance, seeds
 from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import RowSink
 from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.drivers import is_private, with_seed
+from heli3dof.rig.drivers import is_private, seed_of, with_seed
 from heli3dof.rig.hold import hold
 from heli3dof.rig.port import Identity
 from heli3dof.rig.profile import Profile, default_profile
@@ -75,8 +76,7 @@ def prepare(plan: Plan, profile: Profile, seed: int) -> Signals:
     Raises PlanError, or UnstableLoop when the gain does not stabilise the hover model of this
     profile.
     """
-    signals = plan.render(profile.dt, seed)
-    check_plan(plan, signals, profile)
+    signals = checked(plan, profile, seed)
     controller = profile.with_controller().controller
     assert controller is not None
     check_loop(hover_model(profile), controller, profile.dt)
@@ -114,7 +114,7 @@ def fly_plan(
         about = provenance(
             source="flight",
             plan=plan.to_dict(),
-            seed=seed,
+            **seeds(seed, seed_of(device), plan_draws=signals.drawn),
             identity=rig.identity,
             device=device,
             rest=None if is_private(device) else rig.rest.to_dict(),
@@ -167,6 +167,10 @@ def _fly(
         watches=watches.each_period,
         must_still_fall=watches.must_still_fall,
     )
+    # The device is disarmed before the recording is finished: a disk may take longer than its
+    # watchdog. Whoever holds the rig closes it again, and reports what went wrong.
+    with suppress(DeviceError):
+        rig.close()
     if rig.session.stopped is None:
         return outcome
     # An emergency stop from outside, in whatever phase it came, is how the flight ended.

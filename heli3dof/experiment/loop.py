@@ -9,6 +9,7 @@ from hover, at once from elsewhere, recorded either way (see `heli3dof.experimen
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -28,6 +29,8 @@ from heli3dof.rig.port import Identity, Rig, Sample
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
+REMEMBERED_S = 4.0
+"""s of motion in which the cause of a trip is looked for"""
 BRIDGED = 500
 """Skipped periods through which the controller is taken, at most: the last ones, many times what
 its filters remember. Who slept for an hour must not first fly it through in his head; and no flight
@@ -100,6 +103,10 @@ class _Flight:
         self.flown = 0
         self.t0 = 0.0
         self.before: Triple = (0.0, 0.0, 0.0)
+        self.moments: deque[tuple[float, Triple, Pair]] = deque(
+            maxlen=round(REMEMBERED_S / profile.dt)
+        )
+        """(t in s, angles in rad, V put out) of the last periods: a trip's cause is found there"""
 
     def run(
         self,
@@ -148,6 +155,10 @@ class _Flight:
             detail, error = landing.why, landing.error
         elif landing.why:
             detail = Trip.first(detail, landing.why) or ""
+        if ending == "tripped" and isinstance(detail, Trip) and detail.by_motion:
+            from heli3dof.experiment.trip_cause import Moment, with_cause
+
+            detail = with_cause(detail, [Moment(*m) for m in self.moments], self.profile)
         tally = self.tally
         return Outcome(
             ending, detail, self.flown, tally.late, tally.missed, tally.worst, landing.landed,
@@ -170,6 +181,7 @@ class _Flight:
         self.before = angle
         reference, extra, command, voltage = self.control(k, angle)
         t = sample.device_time_s - self.t0
+        self.moments.append((t, angle, sample.v_applied))
         why = self.reason_to_end(k, t, sample, angle, command, voltage)
         if why is not None:
             return sample, why

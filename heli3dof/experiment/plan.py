@@ -40,6 +40,8 @@ class Signals:
     """(N, 2) V, added to the controller's output."""
     opened: np.ndarray | None = None
     """(N, 3) what happens to each axis's loop (`heli3dof.model.opened`); None: all stay closed."""
+    drawn: bool = False
+    """Whether another seed would have rendered something else"""
 
 
 class Head(Section):
@@ -67,13 +69,25 @@ class Plan:
         return sum(s.duration_s for s in self.segments)
 
     def render(self, dt: float, seed: int) -> Signals:
-        """References and extra voltages for every control period of length ``dt`` seconds."""
+        """References and extra voltages for every control period of length ``dt`` seconds.
+
+        Raises PlanError naming the segment whose numbers give no signal.
+        """
         rng = np.random.default_rng(seed)
+        begun = rng.bit_generator.state
         before = np.zeros(3)
         references, extras, opened = [], [], []
-        for segment in self.segments:
-            clock = Clock(max(1, round(segment.duration_s / dt)), dt, rng)
-            reference, extra = segment.render(clock, before)
+        for k, segment in enumerate(self.segments, 1):
+            try:
+                clock = Clock(max(1, round(segment.duration_s / dt)), dt, rng)
+                reference, extra = segment.render(clock, before)
+            except (ArithmeticError, IndexError, ValueError, MemoryError) as problem:
+                raise PlanError(
+                    f"Segment {k} of the plan {self.name!r} ({segment.kind}) has no signal: "
+                    f"{problem}.",
+                    cause="a number in it is far too small or too large.",
+                    fix=f"correct segment {k}; docs/plans.md lists each key and its unit",
+                ) from problem
             references.append(reference)
             extras.append(extra)
             opened.append(segment.opened(clock))
@@ -85,6 +99,7 @@ class Plan:
             reference,
             np.concatenate(extras),
             modes if modes.any() else None,
+            drawn=rng.bit_generator.state != begun,
         )
 
     def summary(self) -> list[str]:
@@ -98,16 +113,18 @@ class Plan:
         return {**{k: v for k, v in head.items() if v or k != "purpose"}, "segment": segments}
 
 
+def checked(plan: Plan, profile: Profile, seed: int) -> Signals:
+    """The plan rendered for this rig. Raises PlanError as `Plan.render` and `check_plan` do."""
+    _check_duration(plan, profile.limits)  # before memory is asked for
+    signals = plan.render(profile.dt, seed)
+    check_plan(plan, signals, profile)
+    return signals
+
+
 def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
     """Refuse a plan that would leave the envelope. Raises PlanError naming the key to change."""
     limits = profile.limits
-    if plan.duration_s > limits.duration_max_s:
-        raise PlanError(
-            f"The plan {plan.name!r} lasts {plan.duration_s:g} s; the envelope allows "
-            f"{limits.duration_max_s:g} s.",
-            cause="a duration in milliseconds, or a long plan on a cautious profile.",
-            fix="shorten it, or raise limits.duration_max_s in the profile",
-        )
+    _check_duration(plan, limits)
     for i, (axis, low, high) in enumerate(_ranges(limits)):
         reference = np.degrees(signals.reference[:, i])
         worst = reference[np.argmax(np.abs(reference))]
@@ -125,6 +142,16 @@ def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
             f"gives {profile.motor.v_max:g} V.",
             cause="an amplitude that belongs to another amplifier.",
             fix="lower the amplitudes of the plan",
+        )
+
+
+def _check_duration(plan: Plan, limits: Limits) -> None:
+    if plan.duration_s > limits.duration_max_s:
+        raise PlanError(
+            f"The plan {plan.name!r} lasts {plan.duration_s:g} s; the envelope allows "
+            f"{limits.duration_max_s:g} s.",
+            cause="a duration in milliseconds, or a long plan on a cautious profile.",
+            fix="shorten it, or raise limits.duration_max_s in the profile",
         )
 
 

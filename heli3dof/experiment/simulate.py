@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from heli3dof.experiment.plan import Plan, check_plan
+from heli3dof.experiment.plan import Plan, checked
 from heli3dof.model.base import LoopTask, Model
 from heli3dof.model.stability import check_loop
 from heli3dof.recording.recording import Recording, make_recording
@@ -34,8 +34,7 @@ def simulate(
     profile = (profile or default_profile()).with_controller()
     controller = profile.controller
     assert controller is not None
-    signals = plan.render(profile.dt, seed)
-    check_plan(plan, signals, profile)
+    signals = checked(plan, profile, seed)
     check_loop(model, controller, profile.dt)
     grid = profile.encoder.rad_per_count
     angle0 = profile.encoder.rest_rad if start == "rest" else np.zeros(3)

@@ -17,6 +17,7 @@ fault's by `DISTINCT`: in the last 0.4 s, or in a longer window where those do n
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import radians
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,7 @@ import numpy as np
 from heli3dof.experiment.watches.axis_motion import ExpectedAcceleration
 from heli3dof.experiment.watches.frozen_encoder import MOST_TILT, ON_TABLE, PITCH_STOP
 from heli3dof.rig.profile import Profile
+from heli3dof.rig.trip import Trip
 
 WINDOWS_S = (0.4, 0.8, 1.6)
 """s before control was lost: a fault that came late is in the shortest, the slow motion of a yaw
@@ -34,6 +36,8 @@ MOVED = 6
 """counts that an axis must have turned by"""
 INDEPENDENT_S = 0.02
 """s between independent residuals: ten periods at 500 Hz"""
+BELOW_TABLE = radians(2.0)
+"""rad below the rest angle, where no arm can be: there only a wrong sign leads under thrust"""
 UNKNOWN = 0.5
 """B as a share of the gravity torque's acceleration (roll), of the hover voltage's on one motor
 (pitch), and of a tilt of 10° (yaw)"""
@@ -111,6 +115,8 @@ def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
     t = np.array([m.t for m in moments])
     angle = np.array([m.angle for m in moments])
     applied = np.array([m.applied for m in moments])
+    if angle[-1, 0] < profile.encoder.rest_rad[0] - BELOW_TABLE and applied[-SHORTEST:].min() > 0:
+        return FAULTS[0]
     moved = {fault.what: _moved(fault, angle, applied, profile) for fault in (NORMAL, *FAULTS)}
     for window_s in WINDOWS_S:
         windows = _windows(t, angle, profile, window_s)
@@ -120,6 +126,16 @@ def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
         if sure and scores[best.what] - scores[second.what] > DISTINCT:
             return best
     return None
+
+
+def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
+    """The trip, with the wiring fault as its cause where the motion before shows one."""
+    fault = wiring_fault(moments, profile) if trip.by_motion else None
+    if fault is None:
+        return trip
+    return Trip(
+        f"{fault.what}: {trip}", "this fault alone explains how the rig moved before.", fault.fix
+    )
 
 
 def _windows(
@@ -152,9 +168,10 @@ def _moved(fault: Fault, angle: np.ndarray, applied: np.ndarray, profile: Profil
     """(n, 3) rad/s²: how the encoders see the expected acceleration of a rig with this fault."""
     rest, sign = profile.encoder.rest_rad, np.array(fault.sign)
     true = (rest + sign * (angle - rest)).tolist()
-    volts = (applied @ np.array(fault.mix, dtype=float).T).tolist()
+    volts = (np.array(fault.mix, dtype=float) @ applied.T).tolist()
     expected = ExpectedAcceleration(profile)
-    return sign * np.array([expected((*a,), *v) for a, v in zip(true, volts, strict=True)])
+    seen: np.ndarray = sign * np.array([expected(*m) for m in zip(true, *volts, strict=True)])
+    return seen
 
 
 def _score(

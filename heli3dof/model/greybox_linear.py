@@ -69,7 +69,10 @@ class _Plant:
 
 
 def balance(model: GreyBoxModel, q: np.ndarray) -> np.ndarray:
-    """(2,) N: the thrusts that hold roll and pitch still at the angles q (3,) rad."""
+    """(2,) N: the thrusts that hold roll and pitch still at the angles q (3,) rad.
+
+    Where the search for them diverges, as for a fit that no thrust holds, the last finite ones.
+    """
     plant = _Plant(model)
     F = np.full(2, 0.5 * plant.s[slots.T_G] / plant.s[slots.L_A])
     for _ in range(20):
@@ -77,6 +80,8 @@ def balance(model: GreyBoxModel, q: np.ndarray) -> np.ndarray:
         J = np.column_stack(
             [(plant.acceleration(q, F + e)[:2] - a) / 1e-4 for e in 1e-4 * np.eye(2)]
         )
+        if not (np.isfinite(J).all() and np.isfinite(a).all()):
+            break
         change = np.linalg.lstsq(J, -a, rcond=None)[0]
         F = F + change
         if np.abs(change).max() < 1e-12:
@@ -93,6 +98,8 @@ def trim_voltage(model: GreyBoxModel, F: np.ndarray) -> np.ndarray:
         J = np.column_stack(
             [(plant.aim(V + e) - plant.aim(V - e)) / 2e-3 for e in 1e-3 * np.eye(2)]
         )
+        if not (np.isfinite(J).all() and np.isfinite(miss).all()):
+            break
         change = np.linalg.lstsq(J, -miss, rcond=1e-6)[0]
         V = V + np.clip(change, -3.0, 3.0)
         if np.abs(miss).max() < 1e-10:

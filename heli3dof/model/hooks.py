@@ -18,13 +18,26 @@ from typing import Any
 Hook = Callable[[Any, Any, Any, Any], None]
 
 
+class HookError(Exception):
+    """A function of an effect that cannot be compiled, and ``where`` it stands: ``file:line``."""
+
+    def __init__(self, what: str, where: str) -> None:
+        super().__init__(what)
+        self.where = where
+
+
 @cache
 def _code(function: Hook) -> Any:
     import numba
 
     pointer = numba.types.CPointer(numba.types.float64)  # type: ignore[no-untyped-call]
     signature = numba.types.void(pointer, pointer, pointer, pointer)
-    return numba.cfunc(signature, cache=True, error_model="numpy")(function)
+    try:
+        return numba.cfunc(signature, cache=True, error_model="numpy")(function)
+    except Exception as error:  # numba's own, and whatever its passes stumble over
+        code = getattr(function, "__code__", None)
+        where = f"{code.co_filename}:{code.co_firstlineno}" if code else repr(function)
+        raise HookError(f"{where} does not compile: {error}", where) from error
 
 
 def address(function: Hook) -> int:

@@ -6,29 +6,20 @@ that come with the tool, made from the rig's profile.
 
 from __future__ import annotations
 
-import errno
 import importlib
 import json
 import math
-import os
 import pkgutil
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from heli3dof.errors import (
-    Heli3dofError,
-    NoSpace,
-    OutputExists,
-    RecordingError,
-    UsageError,
-    did_you_mean,
-)
+from heli3dof.errors import RecordingError, UsageError, did_you_mean
 from heli3dof.model import forms
 from heli3dof.model.base import Model
+from heli3dof.recording.output import write_file
 from heli3dof.rig.profile import Profile
 
 SCHEMA = "heli3dof.model/1"
@@ -89,7 +80,8 @@ def load_model(name_or_path: str | Path, profile: Profile) -> Model:
 def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
     """Write the model's file, whole or not at all, and return its path.
 
-    Raises OutputExists where the file is there already and ``force`` is not set.
+    Raises OutputExists where the file is there already and ``force`` is not set, UsageError or
+    NoSpace where it cannot be written.
     """
     return write_document({"schema": SCHEMA, **model.to_dict()}, Path(path), force=force)
 
@@ -97,44 +89,7 @@ def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
 def write_document(data: Mapping[str, Any], path: Path, *, force: bool) -> Path:
     """Write a JSON document atomically: a crash leaves the old file or the new one."""
     text = json.dumps(jsonable(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    if path.exists() and not force:
-        raise OutputExists(
-            f"{path} exists already.",
-            cause="an earlier run wrote it; nothing is overwritten unasked.",
-            fix="--force, or another -o/--output",
-        )
-    temporary: str | None = None
-    try:
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", dir=path.parent, prefix=f".{path.name}.", delete=False
-        ) as file:
-            temporary = file.name
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)  # a temporary file is private; a model file is not
-        os.replace(temporary, path)
-    except OSError as error:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
-        raise _cannot_write(path, error) from error
-    return path
-
-
-def _cannot_write(path: Path, error: OSError) -> Heli3dofError:
-    if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return NoSpace(
-            f"The disk is full: {path} was not written.",
-            cause="no space left where the file should go.",
-            fix=f"df -h {path.parent}",
-        )
-    return UsageError(
-        f"{path} cannot be written: {error.strerror}.",
-        cause="the folder is missing or not yours to write.",
-        fix=f"ls -ld {path.parent}",
-    )
+    return write_file(path, text.encode("utf-8", "backslashreplace"), force=force)
 
 
 def read_model(path: str | Path) -> Model:
@@ -178,6 +133,10 @@ def read_model(path: str | Path) -> Model:
             "it was cut short or edited by hand.",
             "docs/model-file.md lists the keys; heli3dof identify writes a whole one",
         ) from None
+    except UsageError as error:
+        raise RecordingError(
+            f"{path} cannot be used here: {error.what}", cause=error.cause, fix=error.fix
+        ) from error
     except (TypeError, ValueError) as error:
         raise _unusable(
             path,
@@ -197,7 +156,7 @@ def _read_json(path: Path) -> dict[str, Any]:
             cause="a typing error in the path, or another working directory.",
             fix=f"ls {path.parent}",
         ) from None
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise _unusable(
             path,
             f"is not JSON ({error})",

@@ -31,6 +31,7 @@ def export(recording: Recording, path: str | Path, *, force: bool = False) -> Pa
     Raises OutputExists (without ``force``), UsageError (unknown ending, pyarrow missing), NoSpace.
     """
     path = Path(path)
+    check_format(path)
     check_output(path, force=force)
     columns = contract_columns(recording)
     name = path.name.lower()
@@ -40,16 +41,20 @@ def export(recording: Recording, path: str | Path, *, force: bool = False) -> Pa
         data = gzip.compress(write_csv(columns), mtime=0)
     elif name.endswith(".mat"):
         data = _mat(recording, columns)
-    elif name.endswith(".parquet"):
-        data = _parquet(recording, columns)
     else:
+        data = _parquet(recording, columns)
+    return write_file(path, data, force=force)
+
+
+def check_format(path: Path) -> None:
+    """Raise UsageError for a file name that says no format of `FORMATS`."""
+    if not path.name.lower().endswith(FORMATS):
         ending = path.suffix or path.name
         raise UsageError(
             f"No format is known by the ending {ending!r}.",
             cause=f"a typing error; {did_you_mean(ending, FORMATS)}",
             fix=f"-o {path.stem}.csv (or {', '.join(FORMATS[1:])})",
         )
-    return write_file(path, data, force=force)
 
 
 def contract_columns(recording: Recording) -> dict[str, np.ndarray]:

@@ -88,6 +88,7 @@ def summary(recording: Recording) -> dict[str, Any]:
         "loop_is_known": recording.profile.loop_is_known,
         "plan": meta.get("plan"),
         "seed": meta.get("seed"),
+        "seeds": meta.get("seeds"),
         "outcome": meta.get("outcome"),
         "outcome_details": meta.get("outcome_details", {}),
         "warnings": [

@@ -5,21 +5,13 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-from collections.abc import Iterator
+import threading
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from heli3dof.errors import NoSpace, OutputExists, UsageError
-
-FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-"""What the system answers when nothing more fits: disk, quota, largest file."""
-
-
-NO_PLACE = {
-    errno.ENOENT, errno.ENOTDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP, errno.ENXIO,
-    errno.EINVAL, errno.EIO, errno.ESTALE,
-}  # fmt: skip
-"""What it answers where a file cannot be at all."""
+from heli3dof.errors import OutputExists, UsageError
+from heli3dof.writing import ELSEWHERE, explained
 
 LOGS = (".csv.gz", ".csv", ".mat")
 """What a log of another program may end in."""
@@ -36,8 +28,87 @@ def stem(path: Path) -> str:
     return next((name[: -len(e)] for e in ENDINGS if name.lower().endswith(e)), path.stem)
 
 
-def check_output(path: Path, *, force: bool) -> None:
-    """Raise OutputExists or UsageError where ``path`` cannot be created."""
+NAME_KEPT = 32
+"""Characters of a name in the name of its part: four bytes each leave room below 255"""
+PROBE = b"\0" * 4096
+"""What is written to learn that a folder takes files: a block of most file systems"""
+
+
+def check_outputs(
+    *outputs: Path | None, force: bool, inputs: Iterable[Path] = (), fix: str = ELSEWHERE
+) -> None:
+    """Raise where one of the files cannot be created, before anything is computed for them.
+
+    OutputExists, UsageError (no such folder, not permitted, named twice, or one of ``inputs``,
+    which even ``force`` does not overwrite) or NoSpace. Every folder is tried with a real file.
+    None stands for an output that was not asked for.
+    """
+    read = [p for p in inputs if p.is_file()]
+    seen: list[Path] = []
+    for path in outputs:
+        if path is None:
+            continue
+        check_output(path, force=force, fix=fix)
+        if any(path.exists() and path.samefile(p) for p in read):
+            raise UsageError(
+                f"{path} is read and cannot be written at the same time.",
+                cause="the output has the name of an input.",
+                fix="another name with -o",
+            )
+        if path.absolute() in seen:
+            raise UsageError(
+                f"Two files would be written to {path}.",
+                cause="two outputs were given one name, or two recordings have the same name.",
+                fix="give each a name of its own",
+            )
+        seen.append(path.absolute())
+
+
+def check_output(path: Path, *, force: bool, fix: str = ELSEWHERE) -> None:
+    """Raise OutputExists, UsageError or NoSpace where ``path`` cannot be created."""
+    _check_name(path, force=force)
+    with explained(path, fix=fix):
+        place = path.resolve()
+        if place.exists() and not place.is_file():  # a pipe or a device
+            if not os.access(place, os.W_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        else:
+            _probe(place.parent)
+
+
+def check_folder(folder: Path, *, fix: str = ELSEWHERE) -> None:
+    """Raise UsageError or NoSpace where ``folder`` is none that files can be written to.
+
+    It need not exist yet; nothing is made.
+    """
+    with explained(folder, fix=fix):
+        there = folder.absolute()
+        while not there.exists() and there != there.parent:
+            there = there.parent
+        _probe(there)
+
+
+def new_folder(folder: Path, *, fix: str = ELSEWHERE) -> Path:
+    """Make the folder where it is missing, and every one above it; raises as `check_folder`."""
+    with explained(folder, fix=fix):
+        folder.mkdir(parents=True, exist_ok=True)
+    check_folder(folder, fix=fix)
+    return folder
+
+
+def _probe(folder: Path) -> None:
+    """Write a file in the folder, and remove it. Raises OSError."""
+    probe = folder / f".{os.getpid()}-{threading.get_ident()}.part"
+    try:
+        with probe.open("xb", buffering=0) as stream:
+            stream.write(PROBE)
+    finally:
+        with contextlib.suppress(OSError):
+            probe.unlink(missing_ok=True)
+
+
+def _check_name(path: Path, *, force: bool) -> None:
+    """Raise OutputExists or UsageError where the name itself cannot be taken."""
     with explained(path):
         there, folder = path.exists(), path.is_dir()
     if folder:
@@ -103,14 +174,14 @@ def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
         with explained(path), path.open("wb", buffering=0) as stream:
             yield stream
         return
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part = path.with_name(f".{path.name[:NAME_KEPT]}.{os.getpid()}.part")
     with explained(path):
         try:
             with part.open("x+b", buffering=0) as stream:
                 yield stream
                 os.fsync(stream.fileno())
             if not force:
-                check_output(path, force=False)
+                _check_name(path, force=False)
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)
@@ -123,31 +194,3 @@ def write_file(path: str | Path, data: bytes, *, force: bool = False) -> Path:
         while left:
             left = left[stream.write(left) :]
     return Path(path)
-
-
-@contextlib.contextmanager
-def explained(path: Path) -> Iterator[None]:
-    """Turn the system's errors about ``path`` into ours."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in FULL:
-            raise NoSpace(
-                f"There is no space left for {path}.",
-                cause="the disk or the quota is full.",
-                fix=f"df -h {path.parent}; free some space, or write elsewhere with -o",
-            ) from error
-        if error.errno in {errno.EACCES, errno.EPERM, errno.EROFS}:
-            raise UsageError(
-                f"{path} may not be written: {error.strerror}.",
-                cause="the folder belongs to someone else or is read-only.",
-                fix="another place with -o",
-            ) from error
-        if error.errno in NO_PLACE:
-            raise UsageError(
-                f"{path} cannot be written: {error.strerror}.",
-                cause="the folder takes no new files, as /proc does and a network drive that has "
-                "gone; or the name is too long, or a part of the path is no folder.",
-                fix="another place with -o",
-            ) from error
-        raise

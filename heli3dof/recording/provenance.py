@@ -54,6 +54,16 @@ def provenance(
     return {key: value for key, value in meta.items() if value is not None}
 
 
+def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
+    """What was drawn at random, and from which seed; ``seed`` sums it up in one number.
+
+    A plan of steps draws nothing, nor does a real rig: their seeds are None. ``seed`` is the
+    plan's where it draws, else the emulated rig's, else the one that was asked for.
+    """
+    each = {"plan": plan if plan_draws else None, "device": device}
+    return {"seed": next((s for s in each.values() if s is not None), plan), "seeds": each}
+
+
 @cache
 def versions() -> Mapping[str, str]:
     """Versions of Python, the system and the packages that shape a recording."""

@@ -21,11 +21,12 @@ from typing import Any, BinaryIO
 from heli3dof.errors import Heli3dofError, NoSpace, RecordingError
 from heli3dof.recording.chunk import rows_of_chunk
 from heli3dof.recording.container import OUTCOME, PROFILE, PROVENANCE, McapFile
-from heli3dof.recording.output import FULL, check_output, explained, mode
+from heli3dof.recording.output import check_output, mode
 from heli3dof.recording.row import Row
 from heli3dof.recording.schema import RowFormat, RowPacker
 from heli3dof.recording.syncing import Syncer
 from heli3dof.rig.profile import Profile
+from heli3dof.writing import FULL, explained
 
 CHUNK_S = 0.15
 """s of wall-clock time after which a chunk is closed and handed to the system."""

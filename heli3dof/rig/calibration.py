@@ -38,6 +38,7 @@ from typing import Any
 
 from heli3dof.rig.places import state_folder
 from heli3dof.rig.port import Identity
+from heli3dof.writing import explained
 
 Counts = tuple[int, int, int]
 UPTIME_WRAP_S = 2**32 / 1000
@@ -139,7 +140,10 @@ def calibration_path(serial: str) -> Path:
 
 def load_calibration(serial: str) -> Calibration | None:
     """What was stored for a rig; None: nothing. Raises ValueError for a file that is damaged."""
-    path = calibration_path(serial)
+    try:
+        path = calibration_path(serial)
+    except OSError as problem:
+        raise ValueError(problem.strerror) from problem
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -161,9 +165,10 @@ def load_calibration(serial: str) -> Calibration | None:
 
 
 def store_calibration(calibration: Calibration) -> Path:
-    """Write it, whole or not at all; returns the file."""
-    path = calibration_path(calibration.serial)
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Write it, whole or not at all; returns the file. Raises UsageError or NoSpace."""
+    own = "set XDG_STATE_HOME to a folder of your own"
+    with explained(Path("~/.local/state"), fix=own):
+        path = calibration_path(calibration.serial)
     c = calibration
     lines = [
         "# Where this rig's encoders stand at its rest angles. Made by heli3dof zero.",
@@ -176,8 +181,10 @@ def store_calibration(calibration: Calibration) -> Path:
         f"device = {_text(c.device)}",
     ]
     new = path.with_suffix(f".{os.getpid()}.new")
-    new.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    new.replace(path)
+    with explained(path, fix=own):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        new.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        new.replace(path)
     return path
 
 

@@ -80,6 +80,15 @@ def with_seed(url: str, seed: int) -> str:
     return f"{url}{'&' if '?' in url else '?'}seed={seed}"
 
 
+def seed_of(url: str) -> int | None:
+    """The seed that an emulated rig draws from; None for one that draws nothing."""
+    parsed = parse_url(url)
+    if "seed" not in load_driver(parsed.scheme).options:
+        return None
+    given = parsed.one("seed")
+    return int(given) if given is not None and given.isdecimal() else None
+
+
 def find_rigs() -> Iterator[tuple[str, list[str], str | None]]:
     """For each driver: its scheme, the URLs of the rigs present, and why it failed, if it did."""
     for scheme in sorted(registered()):

@@ -75,6 +75,7 @@ class Envelope:
                     f"{degrees(side):g}°",
                     ROAMS,
                     f"{LOOK}: a smaller reference, or limits.{limit} where the rig has the room",
+                    by_motion=True,
                 )
             if not abs(rate[i]) <= self._rate[i]:
                 return Trip(
@@ -84,6 +85,7 @@ class Envelope:
                     "is too fast.",
                     f"{LOOK}: a smaller step, a slower reference, or "
                     f"limits.{AXES[i]}_rate_max_deg_per_s",
+                    by_motion=True,
                 )
         # Where periods were skipped, the voltage has had that much longer to change.
         elapsed = max(self._dt, t - self._t)

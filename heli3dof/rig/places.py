@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import binascii
+import errno
 import os
 import re
 import stat
@@ -59,10 +60,19 @@ def runtime_folder() -> Path:
 
 
 def state_folder() -> Path:
-    """The folder of what is kept from one session to the next; not made here."""
+    """The folder of what is kept from one session to the next; not made here.
+
+    Raises OSError where the user has no home folder.
+    """
     given = os.environ.get("XDG_STATE_HOME")
-    base = Path(given) if given else Path.home() / ".local" / "state"
-    return base / "heli3dof"
+    if given:
+        return Path(given) / "heli3dof"
+    try:
+        return Path.home() / ".local" / "state" / "heli3dof"
+    except RuntimeError as error:
+        raise OSError(
+            errno.ENOENT, "there is no home folder: set HOME or XDG_STATE_HOME"
+        ) from error
 
 
 def device_name(device: str | DeviceUrl) -> str:

@@ -7,14 +7,19 @@ from __future__ import annotations
 
 
 class Trip(str):
-    """What was seen, as text. ``cause``: the likely one; ``fix``: the command or thing to do."""
+    """What was seen, as text. ``cause``: the likely one; ``fix``: the command or thing to do.
+
+    ``by_motion``: the rig moved otherwise than its voltages demand, so that the motion before may
+    show which fault it is (`heli3dof.experiment.trip_cause`).
+    """
 
     cause: str
     fix: str
+    by_motion: bool
 
-    def __new__(cls, what: str, cause: str = "", fix: str = "") -> Trip:
+    def __new__(cls, what: str, cause: str = "", fix: str = "", *, by_motion: bool = False) -> Trip:
         trip = super().__new__(cls, what)
-        trip.cause, trip.fix = cause, fix
+        trip.cause, trip.fix, trip.by_motion = cause, fix, by_motion
         return trip
 
     @staticmethod
@@ -24,4 +29,5 @@ class Trip(str):
         if not said:
             return None
         known = next((s for s in said if isinstance(s, Trip) and s.cause), Trip(""))
-        return Trip("; ".join(said), known.cause, known.fix)
+        by_motion = any(getattr(s, "by_motion", False) for s in said)
+        return Trip("; ".join(said), known.cause, known.fix, by_motion=by_motion)

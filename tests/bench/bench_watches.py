@@ -1,55 +1,210 @@
-"""How soon an encoder that freezes in a calm hover is found, and how often a watch is wrong."""
+"""How soon a frozen encoder is found, where it is not, and how often a monitor is wrong."""
 
 from __future__ import annotations
 
+import json
 import os
+import random
 import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
 
 from heli3dof.axes import AXES
-from heli3dof.rig.profile import default_profile
+from heli3dof.experiment.fly import prepare
+from heli3dof.experiment.loop import fly
+from heli3dof.experiment.outcome import Outcome
+from heli3dof.experiment.plan import Plan, load_plan, step_plan
+from heli3dof.experiment.watches import watches_for
+from heli3dof.recording.row import CLOSED_LOOP, Row
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.profile import Profile, default_profile
 from tests.bench import Figure, at_most
-from tests.experiment.watches.hovering import hover
+from tests.drivers.doors import firmware_door
+from tests.experiment.watches.hovering import hover, patient
+from tests.profiles import PATIENT, write_profile
 
-TITLE = "Watches in a calm hover"
+TITLE = "Frozen encoders"
+MOVING_DEG_PER_S = 3.0
 INTRO = (
-    "The emulated rig holds level at 500 Hz, every watch on; nothing is asked of it. An encoder "
-    "freezes after a minute: seconds until the flight is ended. Then nothing freezes, for hours: "
-    "flights that a watch ended. Random torques (`noise`) of a third, once and three times the "
-    "usual in turn; seeds 1, 2, …"
+    "Every encoder freezes at random moments (seed 14) of three plans: a step of 10° in roll and "
+    "20° in yaw, `steps` and `rich`. Emulated rigs differ from their profile by ± 15 % (`spread`), "
+    "with random torques of a third, once and three times the usual; the firmware in C flies a "
+    "bench plant without noise, in real time at 200 Hz. An axis is in motion where it turned "
+    f"faster than {MOVING_DEG_PER_S:g}°/s in the 0.2 s before. Wrong ends are counted in calm "
+    "hover and in `rich` flights of rigs that differ likewise, with every encoder alive."
 )
-FROZEN = int(os.environ.get("WATCHES_FROZEN", "12"))
-"""flights for each axis"""
+MOMENTS = int(os.environ.get("WATCHES_MOMENTS", "20"))
+"""of each axis and plan"""
 HOURS = float(os.environ.get("WATCHES_HOURS", "10"))
-FREEZES_S, LONGEST_S = 60.0, 180.0
-FLIGHT_S = 1200.0
+"""of calm, and of rich flight"""
+WORKERS = os.cpu_count() or 1
+PLANS = ("step", "steps", "rich")
+NOISE = (1.0, 0.33, 3.0)
+CALM_S = 1200.0
+
+
+@dataclass(frozen=True)
+class Frozen:
+    """One flight whose encoder froze."""
+
+    plan: str
+    axis: str
+    at_s: float
+    ending: str
+    detail: str
+    found_s: float | None
+    """s from the freeze to the report; None: found in the landing, or not at all"""
+    moving: bool
+
+
+def plan_of(name: str) -> Plan:
+    return step_plan((10.0, None, 20.0)) if name == "step" else load_plan(name)
+
+
+def cases(seed: int) -> list[tuple[str, str, float, int]]:
+    """(plan, axis, s of the freeze, number)"""
+    rng = random.Random(seed)
+    made = []
+    for plan in PLANS:
+        for axis in AXES:
+            for _ in range(MOMENTS):
+                at_s = round(rng.uniform(0.0, plan_of(plan).duration_s), 3)
+                made.append((plan, axis, at_s, len(made)))
+    return made
+
+
+class Course:
+    """A recorder that keeps the angles of the closed loop."""
+
+    def __init__(self) -> None:
+        self.t: list[float] = []
+        self.angle: list[tuple[float, float, float]] = []
+
+    def append(self, row: Row) -> None:
+        if row.phase == CLOSED_LOOP:
+            self.t.append(row.t)
+            self.angle.append(row.angle)
+
+    def rate_deg_per_s(self, axis: str, at_s: float) -> float:
+        """The mean rate in the 0.2 s before."""
+        i = AXES.index(axis)
+        k = min(range(len(self.t)), key=lambda n: abs(self.t[n] - at_s))
+        j = max(0, k - 100)
+        if k == j:
+            return 0.0
+        turned = self.angle[k][i] - self.angle[j][i]
+        return 57.2958 * abs(turned) / (self.t[k] - self.t[j])
+
+
+def flown(plan: Plan, url: str, profile: Profile, sink: Course) -> Outcome:
+    watches = watches_for(profile)
+    return fly(
+        open_rig(url, profile), profile, prepare(plan, profile, 1), sink,
+        watches=watches.each_period, must_still_fall=watches.must_still_fall,
+    )  # fmt: skip
+
+
+def on_the_mock(case: tuple[str, str, float, int]) -> Frozen:
+    plan, axis, at_s, n = case
+    profile = patient(default_profile().with_controller())
+    url = (
+        f"mock:?speed=max&seed={1400 + n}&spread=0.15&noise={NOISE[n % 3]:g}"
+        f"&fault=frozen.{axis}@{at_s:g}"
+    )
+    course = Course()
+    outcome = flown(plan_of(plan), url, profile, course)
+    found = outcome.periods * profile.dt - at_s
+    in_air = outcome.ending == "tripped" and outcome.periods * profile.dt < course_end(plan)
+    moving = course.rate_deg_per_s(axis, at_s) > MOVING_DEG_PER_S
+    return Frozen(
+        plan, axis, at_s, outcome.ending, str(outcome.detail), found if in_air else None, moving
+    )
+
+
+def course_end(plan: str) -> float:
+    """s of the plan's last period"""
+    return plan_of(plan).duration_s - 0.5 * default_profile().dt
+
+
+def on_the_firmware(case: tuple[str, str, float, int]) -> Frozen:
+    plan, axis, at_s, _ = case
+    words = {"step": ["run-step", "--roll", "10", "--yaw", "20"]}.get(plan, ["run", plan])
+    with tempfile.TemporaryDirectory() as folder:
+        profile = write_profile(Path(folder) / "rig.toml", rate_hz=200, **PATIENT)
+        with firmware_door("--freeze-encoder", f"{axis}@{at_s:g}") as door:
+            done = subprocess.run(
+                [
+                    sys.executable, "-m", "heli3dof", *words, "--json", "--device",
+                    door.url("watchdog_s=0.9"), "--profile", str(profile),
+                    "-o", str(Path(folder) / "f.mcap"),
+                ],
+                capture_output=True, text=True,
+            )  # fmt: skip
+    said = json.loads(done.stdout) if done.stdout.strip() else {}
+    ending = str(said.get("outcome", f"exit {done.returncode}"))
+    return Frozen(plan, axis, at_s, ending, done.stderr[-300:], None, False)
 
 
 def measure() -> list[Figure]:
-    rows = []
-    for axis in AXES:
-        took = [found_s(axis, seed) for seed in range(1, FROZEN + 1)]
-        found = [s for s in took if s is not None]
-        median = statistics.median(found) if found else float("nan")
-        rows.append(_seen(f"{axis} freezes: found after, median", median, "s"))
-        rows.append(_seen(f"{axis} freezes: longest", max(found, default=float("nan")), "s"))
-        unseen = len(took) - len(found)
-        seconds = LONGEST_S - FREEZES_S
-        how = f"of {len(took)}; the axis did not turn by 2 counts often enough to be known"
-        rows.append(_seen(f"{axis} freezes: not found in {seconds:g} s", unseen, "", how=how))
-    flights = max(1, round(HOURS * 3600 / FLIGHT_S))
-    wrong = sum(hover(FLIGHT_S, seed).ending != "completed" for seed in range(1, flights + 1))
-    hours = flights * FLIGHT_S / 3600
-    rows.append(at_most(f"flights ended wrongly in {hours:g} h", wrong, 0, "", how="none froze"))
+    with ProcessPoolExecutor(WORKERS) as pool:
+        mock = list(pool.map(on_the_mock, cases(14)))
+        calm = pool.map(calm_flight, range(1, 1 + max(1, round(HOURS * 3600 / CALM_S))))
+        rich = pool.map(rich_flight, range(1, 1 + max(1, round(HOURS * 60))))
+        wrong_calm, wrong_rich = _wrong(calm), _wrong(rich)
+    with ThreadPoolExecutor(3 * WORKERS) as threads:
+        firmware = list(threads.map(on_the_firmware, cases(15)))
+    moving = [f.found_s for f in mock if f.moving and f.found_s is not None]
+    moving_landing = sum(f.moving and f.found_s is None for f in mock)
+    return [
+        *(_completed("the emulated rig", mock)),
+        *(_completed("the firmware", firmware)),
+        at_most(
+            "frozen in motion: found after, median", statistics.median(moving), 0.5, "s",
+            how=f"{len(moving)} flights of the emulated rig",
+        ),
+        at_most("frozen in motion: found after, longest", max(moving), 2.0, "s"),
+        Figure("frozen in motion: found in the landing only", str(moving_landing)),
+        at_most(f"calm flights ended wrongly in {HOURS:g} h", len(wrong_calm), 0, "",
+                how="; ".join(wrong_calm)),
+        at_most(f"rich flights ended wrongly in {HOURS:g} h", len(wrong_rich), 0, "",
+                how="; ".join(wrong_rich)),
+    ]  # fmt: skip
+
+
+def _completed(where: str, flights: list[Frozen]) -> list[Figure]:
+    missed = [f for f in flights if f.ending == "completed"]
+    which = ", ".join(f"{f.plan} {f.axis} at {f.at_s:g} s" for f in missed)
+    other = [f for f in flights if f.ending not in ("completed", "tripped")]
+    rows = [
+        at_most(
+            f"{where}: flights with a frozen encoder that end as completed", len(missed), 0, "",
+            how=f"of {len(flights)}" + (f": {which}" if which else ""),
+        )
+    ]  # fmt: skip
+    if other:
+        ends = ", ".join(sorted({f.ending for f in other}))
+        rows.append(Figure(f"{where}: flights that ended otherwise", str(len(other)), how=ends))
     return rows
 
 
-def found_s(axis: str, seed: int) -> float | None:
-    """Seconds from the freeze to the end; None: flown to its end."""
-    outcome = hover(LONGEST_S, seed, f"&fault=frozen.{axis}@{FREEZES_S:g}")
-    if outcome.ending == "completed":
-        return None
-    return outcome.periods * default_profile().dt - FREEZES_S
+def calm_flight(seed: int) -> str | None:
+    """What ended a hover wrongly, or None."""
+    outcome = hover(CALM_S, seed, "&spread=0.15")
+    return None if outcome.ending == "completed" else f"seed {seed}: {outcome.detail}"
 
 
-def _seen(what: str, value: float, unit: str, how: str = "") -> Figure:
-    return Figure(what, f"{value:.3g} {unit}".strip(), "", None, how)
+def rich_flight(seed: int) -> str | None:
+    """What ended a rich flight wrongly, or None."""
+    profile = default_profile().with_controller()
+    url = f"mock:?speed=max&seed={20_000 + seed}&spread=0.15&noise={NOISE[seed % 3]:g}"
+    outcome = flown(load_plan("rich"), url, profile, Course())
+    return None if outcome.ending == "completed" else f"seed {seed}: {outcome.detail}"
+
+
+def _wrong(flights: Iterable[str | None]) -> list[str]:
+    return [each for each in flights if each is not None]

@@ -149,6 +149,31 @@ def test_the_same_seeds_fly_the_same_flight(tmp_path: Path) -> None:
     assert a.digest == b.digest
 
 
+@pytest.mark.parametrize(
+    ("plan", "device", "seed", "seeds"),
+    [
+        ("step", "mock:?speed=max&start=level&seed=11", 11, {"plan": None, "device": 11}),
+        ("step", "mock:?speed=max&start=level", 3, {"plan": None, "device": 3}),
+        ("drawn", "mock:?speed=max&start=level&seed=11", 3, {"plan": 3, "device": 11}),
+    ],
+)
+def test_a_recording_says_what_was_drawn_from_which_seed(
+    plan: str, device: str, seed: int, seeds: dict, tmp_path: Path
+) -> None:
+    drawn = tmp_path / "drawn.toml"
+    drawn.write_text(
+        'name = "drawn"\n[[segment]]\nkind = "multisine"\nduration_s = 2\ncommon_V = 0.1\n',
+        encoding="utf-8",
+    )
+    path = tmp_path / "r.mcap"
+    words = ("run", drawn) if plan == "drawn" else ("run-step", "--roll", "5", *QUICK)
+    said = heli3dof(*words, "--device", device, "--seed", "3", "-o", path)
+    assert said.code == 0, said.err
+    about = heli3dof("info", path, "--json").document
+    assert about["seed"] == seed
+    assert about["seeds"] == seeds
+
+
 def test_the_seed_reaches_the_emulated_rig_unless_its_url_names_one(tmp_path: Path) -> None:
     def digest(seed: int, device: str) -> str:
         path = tmp_path / f"{seed}-{len(device)}.mcap"

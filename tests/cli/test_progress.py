@@ -75,7 +75,7 @@ def test_a_narrow_terminal_has_no_bar_and_a_very_narrow_one_no_name() -> None:
 
 
 def test_a_terminal_without_unicode_has_a_plain_bar() -> None:
-    assert "#" * 20 + "-" * 20 in plain(FlightLine("step", flying(), ascii_only=True).text(200))
+    assert "#" * 20 + "-" * 20 in plain(FlightLine("step", flying(), encoding="ascii").text(200))
 
 
 def test_a_line_leaves_nothing_behind_however_many_there_were() -> None:

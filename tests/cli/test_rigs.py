@@ -137,6 +137,44 @@ def test_doctor_survives_a_rig_that_falls_silent(fake: FakeDriver) -> None:
     assert "does not answer" in said.document["checks"][-1]["found"]
 
 
+@pytest.mark.usefixtures("sound")
+def test_a_quiet_doctor_prints_what_failed_and_nothing_else(fake: FakeDriver) -> None:
+    assert heli3dof("doctor", "--quiet").err == ""
+    fake.counts = (0, 2**30, 0)
+    said = heli3dof("doctor", "--quiet")
+    assert said.code == 6
+    assert said.out == ""
+    (line,) = said.err.splitlines()
+    assert line.startswith("rest angles: ")
+    assert "Try: switch the device off" in line
+
+
+@pytest.mark.usefixtures("sound")
+def test_a_rig_that_answers_but_has_nowhere_to_store_its_zero_is_told_where(
+    fake: FakeDriver, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("heli3dof.cli.zero.SECONDS", 0.05)
+    (tmp_path / "file").touch()
+    for place in (tmp_path / "file", Path("/proc/heli3dof")):
+        monkeypatch.setenv("XDG_STATE_HOME", str(place))
+        said = heli3dof("zero")
+        assert said.code == 2
+        assert f"{place}/heli3dof/rigs/F-1.toml cannot be written" in said.err
+        assert "set XDG_STATE_HOME to a folder of your own" in said.err
+        assert heli3dof("doctor").code == 0, "to read nothing is not to fail"
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setattr(Path, "home", no_home)
+    said = heli3dof("zero")
+    assert said.code == 2
+    assert "set HOME or XDG_STATE_HOME" in said.err
+    assert heli3dof("doctor").code == 0
+    assert fake.rigs[0].armed == 0
+
+
+def no_home() -> Path:
+    raise RuntimeError("Could not determine home directory.")
+
+
 def test_doctor_looks_at_the_emulated_rig_too() -> None:
     said = heli3dof("doctor", "--device", "mock:", "--json")
     assert said.code in (0, 6)

@@ -127,12 +127,12 @@ def test_a_plugin_that_cannot_be_loaded_is_left_out_with_a_warning(monkeypatch, 
             raise ImportError("no such module")
 
     monkeypatch.setattr(package, "entry_points", lambda group: [Broken()])
-    package.effects.cache_clear()
+    package._all.cache_clear()
     try:
         assert "motor.lag" in package.effects()
         assert "nowhere:EFFECT" in caplog.text
     finally:
-        package.effects.cache_clear()
+        package._all.cache_clear()
 
 
 def test_a_mass_below_the_axis_is_thrown_out_where_the_arm_spins() -> None:

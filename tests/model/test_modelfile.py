@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -15,7 +16,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from heli3dof.errors import NoSpace, OutputExists, RecordingError, UsageError
-from heli3dof.model import modelfile
 from heli3dof.model.hover import hover_model
 from heli3dof.model.linear import LinearModel
 from heli3dof.model.modelfile import BUILT_IN, SCHEMA, jsonable, load_model, read_model, save_model
@@ -99,7 +99,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_litter(
     def full(fd: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(modelfile.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(NoSpace):
         save_model(HOVER, path, force=True)
     assert path.read_bytes() == before
@@ -107,7 +107,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_litter(
 
 
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="cannot be written"):
+    with pytest.raises(UsageError, match="There is no folder"):
         save_model(HOVER, tmp_path / "no" / "m.json")
 
 

@@ -5,7 +5,8 @@ Within Δt an axis turns by no more than its rate allows, and a count more or le
     |Δcounts| · q  >  2 · rate_max · Δt + 2 q      q: rad per count
 
 rate_max is the profile's ``[limits]``; twice that, because the envelope judges a filtered rate. A
-smaller jump that stays cannot be distinguished from motion by these means.
+smaller jump that stays cannot be distinguished from motion by these means. A jump of about 2¹⁶ or
+2²⁴ counts is a counter that wrapped.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 COUNTER_BITS = (16, 24)
-"""Widths of counters in common use that wrap within a flight (the port's counts are not limited)"""
+"""of counters in common use; 32 bits do not wrap within a flight"""
 
 
 class Jump:
@@ -41,11 +42,28 @@ class Jump:
         self._before, self._t = counts, t
         if before is None:
             return None
+        if dt <= 0:
+            return Trip(
+                f"the device's time ran backwards: by {-1e3 * dt:.1f} ms from one sample to the "
+                "next",
+                "the device started again, its clock was set, or its driver delivers samples out "
+                "of order.",
+                "heli3dof doctor; a driver must unwrap its clock and deliver samples in order",
+            )
         for i in range(3):
             moved = counts[i] - before[i]
-            if abs(moved) > self._per_s[i] * dt + 2:
+            limit = self._per_s[i] * dt + 2
+            if abs(moved) > limit:
+                jumped = f"the {AXES[i]} encoder jumped by {moved} counts within {1e3 * dt:.1f} ms"
+                wrapped = [n for n in COUNTER_BITS if abs(abs(moved) - 2**n) < limit]
+                if wrapped:
+                    return Trip(
+                        f"{jumped}, about 2^{wrapped[0]}",
+                        f"the device's counter has {wrapped[0]} bits and wrapped.",
+                        "have the device's firmware or driver extend its counts to 32 bits",
+                    )
                 return Trip(
-                    f"the {AXES[i]} encoder jumped by {moved} counts within {1e3 * dt:.1f} ms",
+                    jumped,
                     "its cable or connector is loose, or the device lost counts.",
                     "heli3dof monitor while its cable is moved; then heli3dof zero",
                 )

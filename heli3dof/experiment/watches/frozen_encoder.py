@@ -10,7 +10,8 @@ friction than the axis has shown so far in this flight, so a live axis turns at 
 observer found unmodelled, 0.25 |α + b| covers a thrust or an inertia that is wrong by a quarter.
 The encoder is reported as frozen when the model has turned further than the clearance C.
 
-F and C start at the largest values of known rigs and become smaller as the axis shows its own:
+F starts at the largest value of known rigs, C at 1.2°, more than their backlash. Both then follow
+what the axis shows of itself:
 
 * Moving up and moving down differ in unmodelled acceleration by twice the friction F₀, whatever the
   bias. F = F_min + 3 |F₀| once each direction was seen for half a second.
@@ -18,8 +19,8 @@ F and C start at the largest values of known rigs and become smaller as the axis
   that turned it back.
 * F is at least the largest deviation of the unmodelled acceleration from b while the axis moved
   (rotor lag, thrust curve, aerodynamics), forgotten within seconds.
-* At each turn the model has moved s while the count stood still (backlash, delay). C is twice the
-  largest such s, and at least 8 counts.
+* Before each turn the model has moved s while the count stood still (backlash, delay). C is at
+  least twice the largest such s.
 
 On the table pitch and yaw may be held and are not judged; roll is judged there only under a thrust
 that lifts every known rig. An axis at a mechanical stop is reported as that, and not judged while
@@ -56,16 +57,14 @@ F_MIN = tuple(radians(a) for a in (3.0, 10.0, 0.5))
 """rad/s², roll, pitch, yaw: what random torques and a count's quantisation leave of F₀"""
 MISMATCH = 0.25
 """share of the expected acceleration that a wrong gain or inertia may take: ±15 % of each"""
-CLEARANCE = radians(1.5)
-"""rad: C before an axis has shown its own; couplings have up to 1° of backlash"""
-CLEARANCE_MIN = 8
-"""counts"""
-TURNS, SMALLEST = 8, 3
-"""turns before C is learned; which of the smallest changes of α that turned an axis bounds F"""
+CLEARANCE = radians(1.2)
+"""rad, the least C: couplings have up to 1° of backlash"""
+SMALLEST = 3
+"""Which of the smallest changes of α that turned an axis back bounds F"""
 MOVING = 25
 """counts/s: three standard deviations of the observer's rate on an axis at rest"""
 RATE_ERROR = (7, 13, 7)
-"""counts/s by which the rate at the last change of a count may be wrong (two standard deviations)"""
+"""counts/s, two standard deviations of the rate at the last change of a count"""
 KNOWN_S = 0.5
 """s of motion, in either direction, from which F₀ is taken"""
 BIAS_S = 2.0
@@ -140,16 +139,18 @@ class FrozenEncoder:
             return Trip(
                 f"{name} stood at {degrees(at):.1f}° for {seconds:.2g} s while the motors pushed "
                 "it further: it is at its mechanical stop",
-                "control was lost: an encoder's sign, the sign or the order of the motors' leads, "
-                "or a motor that does not pull.",
+                "control was lost: the sign of an encoder, the sign or the order of the motors' "
+                "leads, or a motor that does not pull.",
                 f"heli3dof monitor and turn {name} by hand: does its angle follow, with its sign?",
+                by_motion=True,
             )
         return Trip(
-            f"the {name} encoder is frozen: its count stood at {axis.count} for {seconds:.2g} s "
-            f"while the voltages turned the axis by {degrees(axis.turned):.2g}° at least",
-            "its cable is out, its supply is gone, or its disc slips on the shaft; or something "
-            "holds the axis.",
+            f"the {name} encoder's count stood at {axis.count} for {seconds:.2g} s while the "
+            f"voltages turned the axis by {degrees(axis.turned):.2g}° at least",
+            "the encoder is frozen: its cable is out, its supply is gone, or its disc slips on the "
+            "shaft; or something holds the axis.",
             f"heli3dof monitor and turn {name} by hand: does its angle follow?",
+            by_motion=True,
         )
 
 
@@ -168,9 +169,8 @@ class _Axis:
         """∫ b dt while moving down, and up"""
         self._direction_s = [0.0, 0.0]
         self._smallest = [inf] * SMALLEST
-        self._turns = 0
         self._largest = 0.0
-        self.clearance = max(CLEARANCE, CLEARANCE_MIN * q)
+        self.clearance = CLEARANCE
         """C in rad"""
         self.restart(0, 0.0)
 
@@ -285,10 +285,7 @@ class _Axis:
                 self._by_turns = max(self._f_min, self._smallest[-1])
                 self._friction = min(self._most, self._by_direction, self._by_turns)
             self._largest = max(0.98 * self._largest, self._swing)
-            self._turns += 1
-            if self._turns >= TURNS:
-                q = self._q
-                self.clearance = max(2.0 * self._largest + 3 * q, CLEARANCE_MIN * q)
+            self.clearance = max(CLEARANCE, 2.0 * self._largest + 3 * self._q)
             self._low = self._high = self._last_mean
         else:
             self._low, self._high = inf, -inf

@@ -40,6 +40,7 @@ class Saturated:
                         "the plan asks for more than the rig has, or a rotor does not pull.",
                         "look at both rotors; then a smaller or slower step: heli3dof simulate "
                         "PLAN --model M shows the volts that it needs",
+                        by_motion=True,
                     )
             elif t - self._last[i] > 0.1 * self._longest_s:
                 self._since[i] = None

@@ -142,9 +142,9 @@ def better_noise(
     factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)
     mid, up, down = in_threads(lambda i: problem.run(theta, at[i], keep=0).loglik, 3)
-    slope = (up - down) / (2 * _PROBE)
-    bend = -(up - 2 * mid + down) / _PROBE**2
     with np.errstate(divide="ignore", invalid="ignore"):
+        slope = (up - down) / (2 * _PROBE)
+        bend = -(up - 2 * mid + down) / _PROBE**2
         move = np.where(bend > 0, slope / bend, np.sign(slope))
     move = np.where(axes & np.isfinite(move), np.clip(move, -0.7, 1.0), 0.0)
     better = np.clip(a[:3] * np.exp(move), NOISE_LOW, NOISE_HIGH)

@@ -7,6 +7,10 @@ units of the typical size), a (4,) the noise: the intensities of the angular acc
 pitch and yaw, rad/s²/√Hz, and the jitter of the samples' instants, s.
 The prior is N(start, spread²) per parameter: weak, there only so that a parameter of which the
 recordings say nothing stays where it was.
+
+Far from the rig a simulated one may diverge between two readings. Then ℓ = −∞, so that a search
+rejects the point, and the readings' scores and the tangents that diverged count as zero: of such a
+coordinate only the prior says where to go.
 """
 
 from __future__ import annotations
@@ -21,6 +25,9 @@ from heli3dof.model.rig_model import Structure
 
 DIFFERENCE = 1e-4
 """Step of the differences, in the coordinates (of the order of one)."""
+DIVERGED = 1e4
+"""rad per coordinate: a tangent beyond this is a simulation that diverges. In flights they stay
+below 10; beside a negative dry friction first-order ones reached 1e243, and squares overflow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +111,10 @@ class Likelihood:
         )  # fmt: skip
         if not keep:
             E = 0
+        lost = ~(np.isfinite(c[:E]) & np.isfinite(g[:E]) & np.isfinite(w[:E]))
         return Pass(
-            loglik, row[:E].copy(), state[:E].copy(), c[:E].copy(), g[:E].copy(), w[:E].copy(),
+            np.where(np.isfinite(loglik), loglik, -np.inf), row[:E].copy(), state[:E].copy(),
+            c[:E].copy(), np.where(lost, 0.0, g[:E]), np.where(lost, 0.0, w[:E]),
             K[:E].copy(), X if keep >= 2 else None,
         )  # fmt: skip
 
@@ -113,7 +122,7 @@ class Likelihood:
         return float(-0.5 * (self.prior_precision * (theta - self.prior_mean) ** 2).sum())
 
     def tangents(self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None) -> np.ndarray:
-        """(n, E) ∂c/∂θ along the coordinates ``which`` (all), the gains held."""
+        """(n, E) ∂c/∂θ along the coordinates ``which`` (all), the gains held; 0 if `diverged`."""
         from heli3dof.model.kalman import follow
 
         d = self.data
@@ -131,7 +140,14 @@ class Likelihood:
             np.array([p for _, p in sets]), self.structure.memory, d.blocks, d.free,
             d.t, d.h, d.V, d.y, at.row, at.state, at.c, at.g, at.w, at.K, D,
         )  # fmt: skip
-        return np.asarray((D[1:] - D[0]) / step[:, None])
+        with np.errstate(over="ignore", invalid="ignore"):
+            out = (D[1:] - D[0]) / step[:, None]
+        return np.where(diverged(out)[:, None], 0.0, out)
+
+
+def diverged(D: np.ndarray) -> np.ndarray:
+    """(n,) bool: which tangents (n, E) have left `DIVERGED` behind, or are no numbers."""
+    return np.asarray(~(np.abs(D).max(axis=1, initial=0.0) < DIVERGED))
 
 
 def score_and_information(at: Pass, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -5,39 +5,120 @@ from __future__ import annotations
 import importlib
 import logging
 import pkgutil
+import traceback
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 
 from heli3dof.axes import ALIASES, AXES
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects.base import Effect, Parameter, Term
+from heli3dof.model.hooks import HookError, address
 from heli3dof.model.slots import Stage
 
-__all__ = ["Effect", "Parameter", "Stage", "Term", "effects", "term", "terms"]
+__all__ = ["Effect", "Parameter", "Stage", "Term", "effects", "plug_ins", "term", "terms"]
 
 GROUP = "heli3dof.effects"
 
 
+@dataclass(frozen=True)
+class PlugIn:
+    """Where an effect of another package comes from."""
+
+    entry_point: str
+    """``module:attribute``"""
+    distribution: str
+    """The package that registered it, as pip knows it; empty where that is not known"""
+    version: str = ""
+
+    def __str__(self) -> str:
+        package = f" of the package {self.distribution} {self.version}" if self.distribution else ""
+        return f"the plug-in {self.entry_point}{package}"
+
+    @property
+    def install(self) -> str:
+        """The command that brings it here."""
+        if not self.distribution:
+            return f"pip install the package that provides {self.entry_point}"
+        at = f"=={self.version}" if self.version else ""
+        return f"pip install {self.distribution}{at}"
+
+
+@dataclass(frozen=True)
+class _Found:
+    effects: Mapping[str, Effect]
+    plug_ins: dict[str, PlugIn] = field(default_factory=dict)
+    """Effect → where it is from, for those of other packages"""
+    broken: list[str] = field(default_factory=list)
+    """A sentence for each plug-in that was left out"""
+
+
 @cache
-def effects() -> Mapping[str, Effect]:
-    """Name → effect. A plug-in that cannot be loaded is warned of and left out."""
-    found: dict[str, Effect] = {}
+def _all() -> _Found:
+    ours: dict[str, Effect] = {}
     for module in pkgutil.iter_modules(__path__):
         effect = getattr(importlib.import_module(f"{__name__}.{module.name}"), "EFFECT", None)
         if isinstance(effect, Effect):
-            found[effect.name] = effect
+            ours[effect.name] = effect
+    found = _Found(ours)
     for point in entry_points(group=GROUP):
+        plug_in = _plug_in(point)
         try:
             effect = point.load()
             if not isinstance(effect, Effect):
                 raise TypeError(f"it is a {type(effect).__name__}, not an Effect")
-            if effect.name in found:
+            if effect.name in ours:
                 raise ValueError(f"there is an effect {effect.name!r} already")
-            found[effect.name] = effect
-        except Exception as error:
-            logging.getLogger("heli3dof").warning("effect %s left out: %s", point.value, error)
-    return dict(sorted(found.items()))
+            for hook in effect.hooks.values():
+                address(hook)
+        except (Exception, SystemExit) as error:
+            found.broken.append(f"{plug_in} does not load: {_in_a_line(error)}")
+            logging.getLogger("heli3dof").warning(
+                "Warning: %s, and its effects are left out. Correct %s, or: pip uninstall %s",
+                found.broken[-1], _where(error) or point.value, plug_in.distribution or point.value,
+            )  # fmt: skip
+            continue
+        ours[effect.name] = effect
+        found.plug_ins[effect.name] = plug_in
+    return found
+
+
+def effects() -> Mapping[str, Effect]:
+    """Name → effect. A plug-in that does not load or compile is warned of and left out."""
+    return dict(sorted(_all().effects.items()))
+
+
+def plug_ins() -> Mapping[str, PlugIn]:
+    """Effect → the plug-in that provides it, for those of other packages."""
+    return _all().plug_ins
+
+
+def broken() -> list[str]:
+    """A sentence for each plug-in that was left out."""
+    return list(_all().broken)
+
+
+def _plug_in(point: EntryPoint) -> PlugIn:
+    package = getattr(point, "dist", None)
+    return (
+        PlugIn(point.value, package.name, package.version) if package else PlugIn(point.value, "")
+    )
+
+
+def _where(error: BaseException) -> str:
+    """``file:line`` of the plug-in's own code that failed; empty where none was reached."""
+    if isinstance(error, SyntaxError) and error.filename:
+        return f"{error.filename}:{error.lineno}"
+    if isinstance(error, HookError):
+        return error.where
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if "importlib" not in f.filename and f.filename != __file__]
+    return f"{own[-1].filename}:{own[-1].lineno}" if own else ""
+
+
+def _in_a_line(error: BaseException) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:300]}"
 
 
 def term(name: str) -> Term:
@@ -55,10 +136,20 @@ def term(name: str) -> Term:
             cause=f"it acts on {', '.join(known[name].axes)} separately.",
             fix=f"for instance {name}.{known[name].axes[0]}",
         )
-    raise UsageError(
+    raise _unknown(name)
+
+
+def _unknown(name: str) -> UsageError:
+    """No effect of ours, nor of a plug-in that loads."""
+    cause = "a typing error, a plug-in that is not installed, or a model of a newer heli3dof; "
+    fix = "python -c 'from heli3dof.model.effects import all_names; print(all_names())'"
+    if broken():
+        cause = f"it may be of a plug-in that was left out: {'; '.join(broken())}. If not: "
+        fix = "correct the plug-in that the warning names, or install it again with pip"
+    return UsageError(
         f"There is no effect {name!r}.",
-        cause=f"a typing error, or a model of a newer heli3dof; {did_you_mean(name, all_names())}",
-        fix="python -c 'from heli3dof.model.effects import all_names; print(all_names())'",
+        cause=f"{cause}{did_you_mean(name, all_names())}",
+        fix=fix,
     )
 
 

@@ -22,6 +22,8 @@ EVERY_S = 2e-3
 LONGEST_S = 3.0
 LONGEST_WATCHDOG_S = 0.5
 STILL_COUNTS = 2
+ONE_TURN = 360.0
+"""deg beyond the envelope: no arm gets there, and a cable in yaw does not last so long"""
 
 
 @dataclass(frozen=True)
@@ -175,13 +177,38 @@ def state(opened: Opened) -> Check:
 
 
 def rest_angles(opened: Opened) -> Check:
-    """Where the encoders stand, by what is stored, against the profile's rest angles."""
+    """Where the encoders stand, by what is stored, against the profile's rest angles.
+
+    A reading outside the envelope ends any flight at once. One that is further out than a turn is
+    not the rig's, but its counter's.
+    """
     rest, profile = opened.rig.rest, opened.profile
     counts = opened.samples[-1].counts
     off = [degrees(counts[i] * q) for i, q in enumerate(profile.encoder.rad_per_count)]
     away = ", ".join(f"{axis} {each:+.1f}°" for axis, each in zip(AXES, off, strict=True))
     origin = {"zero": "as heli3dof zero stored", "power-up": "as the device started"}
     found = f"{origin[rest.known_from]}; away from rest now: {away}"
+    limits = profile.limits
+    ranges = (
+        (limits.roll_min_deg, limits.roll_max_deg),
+        (-limits.pitch_max_deg, limits.pitch_max_deg),
+        (-limits.yaw_max_deg, limits.yaw_max_deg),
+    )
+    for i, (low, high) in enumerate(ranges):
+        reading = degrees(profile.encoder.rest_rad[i]) + off[i]
+        if low <= reading <= high:
+            continue
+        found = (
+            f"{found}; {AXES[i]} reads {reading:.1f}°, beyond the envelope's {low:g}° to {high:g}°"
+        )
+        broken = abs(reading) > max(-low, high) + ONE_TURN
+        fix = "let the rig rest, then heli3dof zero"
+        if broken:
+            fix = (
+                f"switch the device off, let the rig rest, and switch it on; if {AXES[i]} reads "
+                "the same again, its counter is of another width, or not reset"
+            )
+        return Check("rest angles", found, False, fix)
     if rest.note:
         return Check("rest angles", f"{found}; {rest.note}", None, "heli3dof zero")
     if max(map(abs, off[:2])) > 3.0:

@@ -145,3 +145,19 @@ def test_a_rig_that_does_not_rest_where_it_should_is_said():
     check = looked_at(counts=(0, 100, 0))["rest angles"]
     assert check.good is None
     assert "pitch +8.8°" in check.found
+
+
+@pytest.mark.parametrize(
+    ("counts", "says", "mends"),
+    [
+        ((0, 1_073_741_824, 0), "pitch reads 94371840.0°, beyond", "counter is of another width"),
+        ((-(2**31), 0, 0), "roll reads -188743707.5°", "counter is of another width"),
+        ((1100, 0, 0), "roll reads 69.2°, beyond the envelope's -32° to 34°", "heli3dof zero"),
+        ((0, 0, 20000), "yaw reads 878.9°", "heli3dof zero"),
+    ],
+)
+def test_angles_that_would_end_a_flight_at_once_are_a_failure(counts, says, mends):
+    check = looked_at(counts=counts)["rest angles"]
+    assert check.good is False
+    assert says in check.found
+    assert mends in check.fix

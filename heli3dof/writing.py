@@ -1,0 +1,65 @@
+"""What the system answers where a file cannot be written, as errors that say what to do.
+
+==========================================  ===============  ====
+the system                                  error            exit
+==========================================  ===============  ====
+disk, quota or largest file is full         `NoSpace`        5
+not permitted, read-only                    `UsageError`     2
+no such folder, name too long, no files     `UsageError`     2
+==========================================  ===============  ====
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+from collections.abc import Iterator
+from pathlib import Path
+
+from heli3dof.errors import Heli3dofError, NoSpace, UsageError
+
+FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+"""Nothing more fits: disk, quota, largest file"""
+REFUSED = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ETXTBSY}
+NO_PLACE = {
+    errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP,
+    errno.ENXIO, errno.EINVAL, errno.EIO, errno.ESTALE,
+}  # fmt: skip
+"""No file can be there at all"""
+ELSEWHERE = "another place with -o"
+
+
+def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofError | None:
+    """Our error for the system's about writing ``path``; None for one that means something else."""
+    if error.errno in FULL:
+        return NoSpace(
+            f"There is no space left for {path}.",
+            cause="the disk or the quota is full.",
+            fix=f"df -h {path.parent}; free some space, or {fix}",
+        )
+    if error.errno in REFUSED:
+        return UsageError(
+            f"{path} may not be written: {error.strerror}.",
+            cause="the folder belongs to someone else or is read-only.",
+            fix=fix,
+        )
+    if error.errno in NO_PLACE:
+        return UsageError(
+            f"{path} cannot be written: {error.strerror}.",
+            cause="the folder takes no new files, as /proc does and a network drive that has "
+            "gone; or the name is too long, or a part of the path is no folder.",
+            fix=fix,
+        )
+    return None
+
+
+@contextlib.contextmanager
+def explained(path: Path, *, fix: str = ELSEWHERE) -> Iterator[None]:
+    """Turn the system's errors about writing ``path`` into ours."""
+    try:
+        yield
+    except OSError as error:
+        ours = refusal(path, error, fix=fix)
+        if ours is None:
+            raise
+        raise ours from error

@@ -1,0 +1,289 @@
+"""Whatever a verb is given, it ends with a sentence and the contract's code, never by a fault."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from heli3dof.model.hover import hover_model
+from heli3dof.model.modelfile import save_model
+from heli3dof.rig.profile import default_profile
+from tests.cli.running import Said, heli3dof
+from tests.cli.test_bad_input import RIG, log, recording
+
+HELI3DOF = (sys.executable, "-m", "heli3dof")
+STEP = (
+    "run-step", "--roll", "10", "--settle", "0.5", "--duration", "3",
+    "--device", "mock:?speed=max&seed=1&start=level",
+)  # fmt: skip
+SENSELESS = ("nan", "inf", "1e308", "-1", "0", "1e-308", '"text"', "[]", "true", "9" * 30)
+
+
+@pytest.fixture(scope="module")
+def bad(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of files that are no recording or model, and ``rec.mcap``, ``m.json``, which are."""
+    folder = tmp_path_factory.mktemp("größe mit Leer")
+    rec = recording(folder / "rec.mcap")
+    model = save_model(hover_model(default_profile()), folder / "m.json")
+    (folder / "folder.mcap").mkdir()
+    (folder / "torn.mcap").write_bytes(rec.read_bytes()[:60_000])
+    (folder / "head.mcap").write_bytes(rec.read_bytes()[:40])
+    junk = bytes(range(256)) * 20
+    for ending in ("mcap", "csv", "csv.gz", "mat", "json", "toml"):
+        (folder / f"empty.{ending}").touch()
+        (folder / f"junk.{ending}").write_bytes(junk)
+    (folder / "rec.json").write_bytes(rec.read_bytes())
+    (folder / "model.mcap").write_bytes(model.read_bytes())
+    (folder / "nan.json").write_text('{"schema": "heli3dof.model/1", "form": NaN}')
+    (folder / "deep.json").write_text("[" * 9000)
+    (folder / "deep.toml").write_text("a = " + "[" * 9000)
+    (folder / "two.csv").write_text(log(n=2))
+    (folder / "inf.csv").write_text(log(n=200).replace("0.002,", "inf,", 1))
+    return folder
+
+
+def judged(said: Said, *codes: int) -> None:
+    assert said.code in (codes or (2, 5)), said.err
+    assert "Error: " in said.err
+    assert "Try: " in said.err
+    assert "fault of ours" not in said.err
+    assert "Traceback" not in said.err
+
+
+RECORDINGS = (
+    "missing.mcap", "folder.mcap", "head.mcap", "empty.mcap", "junk.mcap", "model.mcap", "rec.json",
+    "junk.csv", "empty.csv", "junk.csv.gz", "junk.mat", "empty.mat", "two.csv", "inf.csv",
+    "junk.toml", "nan.json",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("verb", ["info", "export", "identify", "diagnose", "compare", "report"])
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_what_is_no_recording_is_refused_by_every_verb_that_reads_one(
+    verb: str, name: str, bad: Path
+) -> None:
+    said = heli3dof(verb, bad / name, "--profile", RIG)
+    if name == "rec.json" and verb in ("info", "export"):
+        assert said.code == 0, "a recording by another name is one"
+        return
+    if verb == "diagnose" and said.code == 5 and "Error: " not in said.err:
+        assert "at fault" in said.out  # a log that lies is a verdict, not an error
+        return
+    judged(said)
+
+
+@pytest.mark.parametrize("name", ["missing.mcap", "folder.mcap", "junk.mcap", "rec.mcap"])
+def test_what_is_not_torn_cannot_be_recovered(name: str, bad: Path, tmp_path: Path) -> None:
+    judged(heli3dof("recover", bad / name, "-o", tmp_path / "r.mcap"))
+
+
+MODELS = (
+    "missing.json", "empty.json", "junk.json", "nan.json", "deep.json", "rec.json", "rec.mcap",
+    "folder.mcap", "no-such-model",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("verb", ["simulate", "report"])
+def test_what_is_no_model_is_refused(name: str, verb: str, bad: Path, tmp_path: Path) -> None:
+    model = name if name == "no-such-model" else bad / name
+    what = ("simulate", "steps") if verb == "simulate" else ("report", bad / "rec.mcap")
+    judged(heli3dof(*what, "--model", model, "-o", tmp_path / "out.html"))
+
+
+@pytest.mark.parametrize("name", ["missing.toml", "empty.toml", "junk.toml", "deep.toml", "m.json"])
+@pytest.mark.parametrize("what", ["plan", "profile"])
+def test_what_is_no_plan_or_profile_is_refused(name: str, what: str, bad: Path) -> None:
+    words = (bad / name,) if what == "plan" else ("rich", "--profile", bad / name)
+    judged(heli3dof("run", *words, "--dry-run"), 2)
+
+
+@pytest.mark.parametrize("value", SENSELESS)
+@pytest.mark.parametrize(
+    "key", ["hold.duration_s", "multisine.duration_s", "prbs.bit_s", "step.roll_deg"]
+)
+def test_senseless_numbers_in_a_plan_are_refused(key: str, value: str, tmp_path: Path) -> None:
+    kind, name = key.split(".")
+    length = "" if name == "duration_s" else "duration_s = 2\n"
+    plan = tmp_path / "p.toml"
+    plan.write_text(f'name = "p"\n[[segment]]\nkind = "{kind}"\n{length}{name} = {value}\n')
+    said = heli3dof("run", plan, "--dry-run")
+    if said.code:
+        judged(said, 2)
+    else:
+        assert value == "1e-308" or (key == "step.roll_deg" and value in ("-1", "0"))
+
+
+@pytest.mark.parametrize("value", SENSELESS)
+@pytest.mark.parametrize("key", ["L_a", "V_o", "roll", "rate_hz", "v_max"])
+def test_senseless_numbers_in_a_profile_are_refused(key: str, value: str, tmp_path: Path) -> None:
+    lines = RIG.read_text(encoding="utf-8").splitlines()
+    found = [i for i, line in enumerate(lines) if line.split("=")[0].strip() == key]
+    lines[found[0]] = f"{key} = {value}"
+    profile = tmp_path / "rig.toml"
+    profile.write_text("\n".join(lines), encoding="utf-8")
+    said = heli3dof("run", "rich", "--dry-run", "--profile", profile)
+    if (key, value) == ("roll", "-1"):
+        assert said.code == 0, "one count a turn: profile check says that it is unusual"
+        return
+    judged(said, 2, 6)
+
+
+# Outputs: every verb refuses at once what it could not write at the end.
+
+WRITERS = {
+    "identify": ("identify", "rec.mcap"),
+    "diagnose": ("diagnose", "rec.mcap"),
+    "report": ("report", "rec.mcap"),
+    "simulate": ("simulate", "steps"),
+    "run-step": STEP,
+    "run": ("run", "steps", "--device", "mock:?speed=max"),
+    "import": ("import", "log.csv", "--profile", RIG),
+    "export": ("export", "rec.mcap"),
+    "recover": ("recover", "torn.mcap"),
+    "identify --report": ("identify", "rec.mcap"),
+    "diagnose --report": ("diagnose", "rec.mcap"),
+}
+
+
+@pytest.fixture
+def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is computed or flown before the output is looked at makes the test fail."""
+
+    def reached(*_: object, **__: object) -> None:
+        raise AssertionError("the work began")
+
+    for name in (
+        "identification.api.identify", "diagnosis.diagnose.diagnose", "comparison.compare.compare",
+        "experiment.simulate.simulate", "experiment.fly.fly_plan", "recording.load.load",
+        "recording.importing.import_log",
+    ):  # fmt: skip
+        monkeypatch.setattr(f"heli3dof.{name}", reached)
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize(
+    "place", ["no/such/x.csv", "folder", "there.csv", "/proc/x.csv", "file/x.csv"]
+)
+@pytest.mark.parametrize("writer", WRITERS)
+def test_an_output_that_cannot_be_written_is_an_error_before_the_work(
+    writer: str, place: str, bad: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    Path("there.csv").write_text("mine")
+    Path("file").touch()
+    (bad / "log.csv").write_text(log(n=100))
+    words = [bad / w if (bad / str(w)).is_file() else w for w in WRITERS[writer]]
+    option = "--report" if "--report" in writer else "-o"
+    said = heli3dof(*words, option, place)
+    judged(said, 2)
+    assert Path("there.csv").read_text() == "mine"
+    assert sorted(p.name for p in Path().iterdir()) == ["file", "folder", "there.csv"]
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("writer", ["identify", "diagnose", "report", "export", "import"])
+def test_no_verb_writes_over_what_it_reads_even_with_force(
+    writer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("log.csv").write_text(text := log(n=100))
+    said = heli3dof(writer, "log.csv", "--profile", RIG, "-o", "log.csv", "--force")
+    judged(said, 2)
+    assert "is read and cannot be written" in said.err
+    assert Path("log.csv").read_text() == text
+
+
+@pytest.mark.usefixtures("no_work")
+@pytest.mark.parametrize("place", ["file", "/proc/figures", "/dev/null"])
+def test_figures_have_a_folder_before_models_are_compared(
+    place: str, bad: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    judged(heli3dof("compare", bad / "rec.mcap", "-o", place), 2)
+
+
+def test_figures_that_are_there_are_kept(bad: Path, tmp_path: Path) -> None:
+    (tmp_path / "rec-yaw.svg").write_text("mine")
+    judged(heli3dof("compare", bad / "rec.mcap", "-o", tmp_path), 2)
+    assert [p.name for p in tmp_path.iterdir()] == ["rec-yaw.svg"]
+
+
+@pytest.mark.parametrize("words", [STEP, ("run", "--auto", *STEP[-2:]), ("demo",)])
+def test_a_default_folder_that_cannot_be_made_is_the_user_s_to_change(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("flights").touch()
+    if words == ("demo",):
+        monkeypatch.chdir("/proc")
+    said = heli3dof(*words)
+    judged(said, 2)
+    assert "cannot be written" in said.err
+    monkeypatch.chdir(tmp_path)
+    (gone := tmp_path / "gone").mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    judged(heli3dof(*words), 2)
+
+
+# The process: its streams, its surroundings.
+
+
+def shell(line: str, **more: str) -> subprocess.CompletedProcess[bytes]:
+    command = line.replace("heli3dof", f"'{sys.executable}' -m heli3dof", 1)
+    return subprocess.run(
+        ["bash", "-o", "pipefail", "-c", command], capture_output=True, check=False,
+        env={**os.environ, **more},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("redirected", "code"),
+    [
+        ("| head -c 5 >/dev/null", 0),
+        (">&-", 0),
+        ("2>&-", 0),
+        (">&- 2>&- <&-", 0),
+        ("> /dev/full", 5),
+    ],
+)
+@pytest.mark.parametrize("words", ["--help", "info REC", "info REC --json"])
+def test_streams_that_are_closed_or_full_are_no_fault(
+    words: str, redirected: str, code: int, bad: Path
+) -> None:
+    done = shell(f"heli3dof {words} {redirected}".replace("REC", f"'{bad / 'rec.mcap'}'"))
+    assert done.returncode == code, done.stderr
+    for word in (b"Traceback", b"fault of ours", b"ignored"):
+        assert word not in done.stderr
+    assert code != 5 or b"cannot be written: No space left" in done.stderr
+
+
+def test_a_recording_never_gets_the_number_of_a_closed_stream(tmp_path: Path) -> None:
+    path = tmp_path / "s.mcap"
+    line = " ".join(f"'{w}'" for w in (*STEP, "-o", path))
+    assert shell(f"heli3dof {line} >&- 2>&- <&-").returncode == 0
+    assert heli3dof("info", path, "--json").document["outcome"] == "completed"
+
+
+@pytest.mark.parametrize(
+    "surroundings",
+    [
+        {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+        {"COLUMNS": "20", "TERM": "dumb"},
+        {"HOME": "/nonexistent", "TMPDIR": "/nonexistent", "MPLCONFIGDIR": "/proc/x"},
+    ],
+    ids=["C", "narrow", "no home"],
+)
+def test_surroundings_change_no_exit_code(surroundings: dict[str, str], bad: Path) -> None:
+    done = shell(f"heli3dof info '{bad / 'rec.mcap'}' --json", **surroundings)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["name"] == "rec"
+    assert shell("heli3dof run rich --dry-run", **surroundings).returncode == 0

@@ -1,0 +1,35 @@
+"""A whole flight, in the order in which device and recording are let go."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
+from heli3dof.recording.writer import RecordingWriter
+from heli3dof.rig.stoppable import StoppableRig
+
+SHORT = step_plan((None, None, None), settle_s=0.2, duration_s=0.2)
+
+
+def test_the_device_is_disarmed_before_the_recording_is_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order: list[str] = []
+    close, outcome = StoppableRig.close, RecordingWriter.outcome
+
+    def closed(self: StoppableRig) -> None:
+        order.append("device")
+        close(self)
+
+    def written(self: RecordingWriter, *about: Any, **details: Any) -> None:
+        order.append("recording")
+        outcome(self, *about, **details)
+
+    monkeypatch.setattr(StoppableRig, "close", closed)
+    monkeypatch.setattr(RecordingWriter, "outcome", written)
+    fly_plan(SHORT, device="mock:?speed=max&start=level", output=tmp_path / "f.mcap")
+    assert order[:2] == ["device", "recording"]

@@ -1,0 +1,41 @@
+"""The motion before a trip names the wiring fault; without one nothing is named."""
+
+from __future__ import annotations
+
+import pytest
+
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import step_plan
+
+PLAN = step_plan((10.0, None, 20.0), settle_s=8.0, duration_s=8.0)
+NAMED = {
+    "reversed.roll@0": "the roll encoder counts the wrong way",
+    "reversed.pitch@0": "the pitch encoder counts the wrong way",
+    "reversed.yaw@0": "the yaw encoder counts the wrong way",
+    "reversed.pitch@6": "the pitch encoder counts the wrong way",
+    "reversed.roll@9": "the roll encoder counts the wrong way",
+    "swapped@0": "the leads of the two motors are swapped",
+    "swapped@6": "the leads of the two motors are swapped",
+    "dead.front@0": "the front motor does not pull",
+    "dead.back@10": "the back motor does not pull",
+    "inverted.front@0": "the front motor turns the wrong way",
+    "inverted.back@9": "the back motor turns the wrong way",
+}
+
+
+def tripped(fault: str, seed: int) -> str:
+    device = f"mock:?speed=max&seed={seed}&spread=0.1&fault={fault}"
+    outcome = fly_plan(PLAN, device=device).outcome
+    assert outcome.ending == "tripped", outcome.detail
+    return outcome.detail
+
+
+@pytest.mark.parametrize(("fault", "named"), NAMED.items())
+def test_a_wiring_fault_is_named(fault: str, named: str) -> None:
+    assert tripped(fault, 5).startswith(f"{named}: ")
+
+
+@pytest.mark.parametrize("axis", ["roll", "pitch", "yaw"])
+def test_a_frozen_encoder_is_not_taken_for_a_wiring_fault(axis: str) -> None:
+    detail = tripped(f"frozen.{axis}@8.6", 6)
+    assert detail.startswith(f"the {axis} encoder's count stood at")
