@@ -182,8 +182,10 @@ def _fly(
         )
     _say_flight(talk, flight)
     if flight.outcome.ending == "interrupted":
-        end = "ramped to zero" if flight.outcome.landed else "stopped at once"
-        talk.warn(f"{flight.outcome.detail}; the motors were {end}")
+        outcome = flight.outcome
+        end = "ramped to zero" if outcome.ramped else "taken to zero volts at once"
+        end = end if outcome.landed else "stopped at once"
+        talk.warn(f"{outcome.detail}; the motors were {end}")
         raise typer.Exit(INTERRUPTED)
     try:
         flight.raise_if_cut_short()

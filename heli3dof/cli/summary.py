@@ -89,6 +89,7 @@ def flight_document(flight: Flight) -> dict[str, Any]:
         "latency": details["latency"],
         "warnings": flight_warnings(flight),
         "landed": outcome.landed,
+        "ramped": outcome.ramped,
         "digest": flight.recording.digest,
         "axes": recording_document(flight.recording) if outcome.periods else {},
     }

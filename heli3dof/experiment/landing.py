@@ -56,6 +56,8 @@ class Landing:
     """What a safety monitor reported on the way"""
     error: BaseException | None = None
     """What kept it from being flown"""
+    ramped: bool = False
+    """True where it began at the last voltages; False where the motors went to zero at once"""
 
 
 def ramp_start(last: tuple[float, float], motor: Motor) -> tuple[float, float]:
@@ -114,7 +116,7 @@ def land(
     by_itself = explain(told & STOPPED & ~known, pacer.device_cause)
     if by_itself is not None:
         return Landing(False, by_itself, stopped=True)
-    return Landing(True, tripped=tripped)
+    return Landing(True, ramped=start != (0.0, 0.0), tripped=tripped)
 
 
 class Kept:

@@ -164,7 +164,7 @@ class _Flight:
             ending, detail, self.flown, tally.late, tally.missed, tally.worst, landing.landed,
             error, tally.lost, None if self.virtual else tally.punctuality(), granted,
             link_counts(self.rig), tally.left_out, self.pacer.echo.measured(),
-            self.pacer.device_cause,
+            self.pacer.device_cause, landing.ramped,
         )  # fmt: skip
 
     def angle(self, sample: Sample) -> tuple[float, float, float]:

@@ -49,7 +49,7 @@ class Outcome:
     """Periods skipped because the host was too late for them."""
     worst_lateness_s: float
     landed: bool
-    """True when the ramp to zero volts was carried out."""
+    """True when the commands that take the motors to zero were carried out."""
     error: BaseException | None = field(default=None, compare=False)
     lost: int = 0
     """Periods skipped because their samples were lost on the line."""
@@ -65,6 +65,8 @@ class Outcome:
     """Command-to-echo latency; None where nothing was flown"""
     device_cause: str | None = None
     """Why the device held its output at zero, in its own word; None: it did not, or did not say"""
+    ramped: bool = False
+    """True when they were a ramp from the last voltages; False: zero volts at once"""
 
     def advice(self) -> dict[str, str]:
         """What it likely came from and what to do; empty where nothing is known."""
@@ -85,6 +87,7 @@ class Outcome:
             "left_out": self.left_out,
             "worst_lateness_s": self.worst_lateness_s,
             "landed": self.landed,
+            "ramped": self.ramped,
             "punctuality": asdict(self.punctuality) if self.punctuality else None,
             "realtime": self.realtime.to_dict() if self.realtime else None,
             "link": self.link,

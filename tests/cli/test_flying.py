@@ -20,7 +20,7 @@ from tests.profiles import PATIENT as LIMITS
 
 LEVEL = "mock:?speed=max&seed=1&start=level"
 HELI3DOF = [sys.executable, "-m", "heli3dof"]
-PATIENT = "mock:?watchdog_s=5"
+PATIENT = "mock:?watchdog_s=5&start=level"
 """In real time, with a watchdog that bears a busy machine."""
 QUICK = ("--settle", "0.5", "--duration", "3")
 

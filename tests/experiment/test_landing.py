@@ -92,7 +92,7 @@ def at_zero_at_once(rig: ScriptedRig, ramp: list[Row], seconds: float) -> bool:
 def test_a_trip_at_saturation_takes_the_motors_to_zero_at_once(extra: tuple[float, float]) -> None:
     rig = ScriptedRig()
     outcome, ramp = saturated(rig, extra, watches=[lambda now: "seen" if now.k == 60 else None])
-    assert (outcome.ending, outcome.landed) == ("tripped", True)
+    assert (outcome.ending, outcome.landed, outcome.ramped) == ("tripped", True, False)
     assert max(abs(rig.commands[59].v_front), abs(rig.commands[59].v_back)) == MOTOR.v_max
     assert at_zero_at_once(rig, ramp, LIMITS.ramp_down_s)
 
@@ -102,7 +102,7 @@ def test_ctrl_c_at_saturation_takes_the_motors_to_zero_at_once(extra: tuple[floa
     asked = iter([None] * 60 + ["stopped with Ctrl-C"] * 1000)
     rig = ScriptedRig()
     outcome, ramp = saturated(rig, extra, stop=lambda: next(asked))
-    assert (outcome.ending, outcome.landed) == ("interrupted", True)
+    assert (outcome.ending, outcome.landed, outcome.ramped) == ("interrupted", True, False)
     assert at_zero_at_once(rig, ramp, LIMITS.ramp_down_s)
 
 
@@ -149,7 +149,8 @@ def test_a_plan_that_ends_at_saturation_takes_the_motors_to_zero_at_once() -> No
 def test_ctrl_c_in_hover_is_still_a_ramp() -> None:
     asked = iter([None] * 60 + ["stopped with Ctrl-C"] * 1000)
     rig = ScriptedRig()
-    _, ramp = saturated(rig, (1.0, -1.0), stop=lambda: next(asked))
+    outcome, ramp = saturated(rig, (1.0, -1.0), stop=lambda: next(asked))
+    assert (outcome.ending, outcome.landed, outcome.ramped) == ("interrupted", True, True)
     n = round(LIMITS.ramp_down_s / DT)
     np.testing.assert_allclose(
         [row.voltage for row in ramp],

@@ -7,11 +7,16 @@ writes the page's tables anew.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from heli3dof import pages
 from heli3dof.rig.profile import Limits, Profile, default_profile
+from tests.paths import ROOT
+
+BENCHMARKS = ROOT / "docs" / "benchmarks.json"
+"""What `python -m tests.bench` keeps"""
 
 WATCHDOG_S = 0.1
 DEVICE_RAMP_S = 0.2
@@ -145,7 +150,7 @@ LIMITS = {
     "lost_max_s": "samples, or commands, lost in a row for longer: land. Keep it below the "
     "watchdog's time, after which the device falls out by itself",
     "saturated_max_s": "a motor at its limit for longer: land",
-    "ramp_down_s": "the ramp to zero after a trip or an interrupt",
+    "ramp_down_s": "the ramp from hover to zero after a trip or an interrupt",
 }
 
 
@@ -161,7 +166,15 @@ def limits() -> str:
     return pages.table(["key", "default", "meaning"], rows)
 
 
-PAGE = pages.Page("tests.safety.table", {"table": table, "limits": limits})
+def ramp_down() -> str:
+    """The laws of the way to zero side by side, as `make bench TOPIC=ramp_down` measured them."""
+    measured = json.loads(BENCHMARKS.read_text(encoding="utf-8"))["ramp_down"]["tables"]
+    return "\n\n".join(
+        f"{each['caption']}:\n\n{pages.table(each['head'], each['rows'])}" for each in measured
+    )
+
+
+PAGE = pages.Page("tests.safety.table", {"table": table, "ramp_down": ramp_down, "limits": limits})
 
 if __name__ == "__main__":
     PAGE.main()
