@@ -50,7 +50,7 @@ class SerialDriver:
         """What is plugged in there, by its USB serial number; ttyUSB0 may be another one's soon."""
         from .link.ports import plugged_in
 
-        return plugged_in(url.where)
+        return url.where if "+" in url.scheme else plugged_in(url.where)
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
         """Take the port for this process alone, and greet the rig."""
@@ -71,15 +71,17 @@ class SerialDriver:
     def estop(self, url: DeviceUrl) -> str:
         """Stop the rig's motors, though another process may hold its port."""
         from .link.beside import open_beside
-        from .link.serial_line import open_line
+        from .link.serial_line import PortBusy, open_line
         from .link.stopping import stop_over
 
         options = Options.of(url)
-        line: Transport | None = None
-        if os.path.exists(options.place):
-            line = open_beside(options.place)
-        beside = line is not None
-        line = line or open_line(options.place, baud=options.baud)
+        beside = False
+        try:
+            line: Transport = open_line(options.place, baud=options.baud)
+        except PortBusy:
+            if os.name != "posix":  # Windows lets no second program in
+                raise
+            line, beside = open_beside(options.place), True
         try:
             return stop_over(line, beside=beside)
         finally:

@@ -25,6 +25,10 @@ BAUD = 921_600
 T = TypeVar("T")
 
 
+class PortBusy(DeviceError):
+    """Another process has locked the port for itself."""
+
+
 class PyserialLine:
     """A port whose bytes pyserial itself must carry."""
 
@@ -89,7 +93,7 @@ def open_line(url: str, *, baud: int = BAUD, low_latency: bool = True) -> Transp
     try:
         port.baudrate = baud
         port.timeout = port.write_timeout = WRITE_S
-        if plain:
+        if plain and os.name == "posix":  # Windows lets in one program at a time
             port.exclusive = True
         port.open()
     except (serial.SerialException, OSError, ValueError) as problem:
@@ -126,7 +130,7 @@ def refused(url: str, problem: Exception) -> DeviceError:
             fix=permission_fix(url),
         )
     if number in (errno.EBUSY, errno.EAGAIN):
-        return DeviceError(
+        return PortBusy(
             f"{url} is busy: {held_by(url)} holds it.",
             cause="a rig is flown by one program at a time.",
             fix=f"end that program; heli3dof estop --device serial://{url} stops the motors now",

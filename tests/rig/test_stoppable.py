@@ -19,7 +19,7 @@ from tests.rig.fakes import IDENTITY, FakeDriver, FakeRig, only_drivers
 
 @pytest.fixture
 def rig():
-    with Session("fake://1", private=True) as session:
+    with Session("fake://1") as session:
         yield StoppableRig(FakeRig(FakeDriver(counts=(10, 20, 30))), session)
 
 
@@ -125,3 +125,12 @@ def test_a_rig_that_does_not_open_is_let_go(monkeypatch):
     for _ in range(2):
         with pytest.raises(Exception, match="no driver"), hold("fake://1", default_profile()):
             pass
+
+
+@pytest.mark.parametrize("serial", ["", "  "])
+def test_a_device_without_a_serial_number_is_refused(serial, monkeypatch):
+    driver = FakeDriver(identity=replace(IDENTITY, serial=serial))
+    only_drivers(monkeypatch, fake=driver)
+    with pytest.raises(DeviceError, match="no serial number"), hold("fake://1", default_profile()):
+        pass
+    assert driver.closed == 1
