@@ -99,4 +99,4 @@ class StoppableRig:
     def _heed(self, why: str) -> None:
         if self.session.stopped is None:
             self.inner.estop(why)
-            self.session.confirm("by the session that held the rig")
+            self.session.confirm("through its own connection")

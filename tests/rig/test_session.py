@@ -23,12 +23,14 @@ from heli3dof.errors import DeviceError
 from heli3dof.rig.attach import Question, Running, lives, running, state
 from heli3dof.rig.places import device_name, runtime_folder
 from heli3dof.rig.session import Session
+from heli3dof.rig.stop_stamp import ALL, leave_stamp, stopped_since
 from tests.rig.processes import suspend
 
 DEVICE = "serial:///dev/null?baud=9600"
 HOLDER = f"""
 import sys, time
 from heli3dof.rig.session import Session
+from heli3dof.rig.stop_stamp import ALL, leave_stamp, stopped_since
 from tests.rig.processes import suspend
 session = Session({DEVICE!r}, doing="heli3dof run rich")
 print("held", flush=True)
@@ -136,6 +138,22 @@ def test_a_stop_of_a_private_rig_that_is_being_armed_is_the_loops_to_confirm(run
         (found,) = running("mock:")
         assert Question(found, {"do": "estop", "reason": "smoke"}).answer(0.2) is None
         assert session.begin_to_arm() == "smoke"
+
+
+def test_a_system_that_removes_no_open_file_hinders_no_session(runtime, monkeypatch):
+    """As Windows does while another process reads it."""
+
+    def refuse(path: Path, missing_ok: bool = False) -> None:
+        raise PermissionError(f"{path} is open")
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    monkeypatch.setattr(Path, "replace", refuse)
+    for _ in range(2):
+        with Session(DEVICE), Session("mock:", private=True):
+            assert len(running()) == 2
+            leave_stamp([ALL], "smoke")
+        assert running() == []
+    assert stopped_since(0, []) is not None
 
 
 def test_a_session_hears_nobody_without_its_key(session):

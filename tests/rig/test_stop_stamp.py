@@ -138,6 +138,15 @@ def test_rubbish_in_the_folder_hinders_nothing() -> None:
     assert stopped_since(0, []) is None
 
 
+def test_where_the_kernel_does_not_say_when_a_process_started_psutil_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    exact = stop_stamp._process_start_ns()
+    monkeypatch.delattr(time, "CLOCK_BOOTTIME")
+    second = 1_000_000_000  # psutil's start of the computer is a whole second on Linux
+    assert exact - second - 20_000_000 < stop_stamp._process_start_ns() < exact + 20_000_000
+
+
 def test_a_program_began_with_its_process_and_a_prompts_command_with_its_call(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
