@@ -71,17 +71,15 @@ class SerialDriver:
     def estop(self, url: DeviceUrl) -> str:
         """Stop the rig's motors, though another process may hold its port."""
         from .link.beside import open_beside
-        from .link.serial_line import PortBusy, open_line
+        from .link.serial_line import open_line
         from .link.stopping import stop_over
 
         options = Options.of(url)
-        beside = False
-        try:
-            line: Transport = open_line(options.place, baud=options.baud)
-        except PortBusy:
-            if os.name != "posix":  # Windows lets no second program in
-                raise
-            line, beside = open_beside(options.place), True
+        line: Transport | None = None
+        if os.path.exists(options.place):
+            line = open_beside(options.place)
+        beside = line is not None
+        line = line or open_line(options.place, baud=options.baud)
         try:
             return stop_over(line, beside=beside)
         finally:

@@ -1,6 +1,7 @@
-"""A port that another process holds, opened without pyserial's lock to stop the rig.
+"""A port that another process holds, opened past its lock to stop the rig.
 
-The port's settings are the holder's own and right: they stay untouched.
+The descriptor is taken without pyserial's lock. The port's settings are the holder's own and
+right: they stay untouched.
 """
 
 from __future__ import annotations
@@ -15,10 +16,30 @@ if TYPE_CHECKING:
     from .transport import Transport
 
 
-def open_beside(path: str) -> Transport:
-    """The port with its holder. Raises DeviceError: missing or not permitted."""
+def open_beside(path: str) -> Transport | None:
+    """The port with its holder; None where no process holds it, and on Windows, which lets in one.
+
+    Raises DeviceError: missing or not permitted.
+    """
+    if os.name != "posix":
+        return None
     try:
         fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except OSError as problem:
         raise refused(path, problem) from problem
-    return DescriptorLine(fd, path, lambda: os.close(fd))
+    if _is_locked(fd):
+        return DescriptorLine(fd, path, lambda: os.close(fd))
+    os.close(fd)
+    return None
+
+
+def _is_locked(fd: int) -> bool:
+    """True when another process has locked the port, as every pyserial program of ours does."""
+    import fcntl
+
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    fcntl.flock(fd, fcntl.LOCK_UN)
+    return False

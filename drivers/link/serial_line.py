@@ -25,10 +25,6 @@ BAUD = 921_600
 T = TypeVar("T")
 
 
-class PortBusy(DeviceError):
-    """Another process has locked the port for itself."""
-
-
 class PyserialLine:
     """A port whose bytes pyserial itself must carry."""
 
@@ -130,7 +126,7 @@ def refused(url: str, problem: Exception) -> DeviceError:
             fix=permission_fix(url),
         )
     if number in (errno.EBUSY, errno.EAGAIN):
-        return PortBusy(
+        return DeviceError(
             f"{url} is busy: {held_by(url)} holds it.",
             cause="a rig is flown by one program at a time.",
             fix=f"end that program; heli3dof estop --device serial://{url} stops the motors now",

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from heli3dof.rig.locks import HOLDER, read_holder
+from heli3dof.rig.locks import HOLDER, is_held, read_holder
 from heli3dof.rig.places import device_name, runtime_folder
 
 LONGEST_ANSWER = 1 << 16
-CONNECT_S = 0.5
+CONNECT_S = 0.2
 """s that the system may take for a connection within this computer"""
 
 
@@ -66,23 +66,29 @@ class Question:
     def __init__(self, session: Running, question: Mapping[str, Any]) -> None:
         self.session = session
         self.asked_s = time.monotonic()
+        self.timed_out = False
         self._line: socket.socket | None = None
-        with contextlib.suppress(OSError):
+        try:
             self._line = socket.create_connection(("127.0.0.1", session.port), CONNECT_S)
             if question:
                 text = json.dumps({"key": session.key, **question})
                 self._line.sendall(text.encode() + b"\n")
+        except TimeoutError:
+            self.timed_out = True
+        except OSError:  # refused: the process is gone
+            self.close()
 
     def answer(self, timeout_s: float) -> dict[str, Any] | None:
         """What it says within ``timeout_s`` of the question, or None: it does not answer."""
-        if self._line is None:
+        line = self._line
+        if line is None:
             return None
         text = b""
         try:
             while not text.endswith(b"\n"):
                 left = self.asked_s + timeout_s - time.monotonic()
-                self._line.settimeout(max(left, 1e-3))
-                piece = self._line.recv(LONGEST_ANSWER)
+                line.settimeout(max(left, 1e-3))
+                piece = line.recv(LONGEST_ANSWER)
                 if not piece:
                     return None
                 text += piece
@@ -95,15 +101,21 @@ class Question:
 
     def close(self) -> bool:
         """Hang up. True where the session had taken the connection."""
-        if self._line is None:
+        line, self._line = self._line, None
+        if line is None:
             return False
-        self._line.close()
+        line.close()
         return True
 
 
 def lives(session: Running) -> bool:
-    """True where it still takes connections; one that hangs does, and answers nothing."""
-    return Question(session, {}).close()
+    """True where it still takes connections; one that hangs does, and answers nothing.
+
+    Windows takes seconds to refuse one, and a process that hangs for long takes no more: there its
+    lock says it.
+    """
+    question = Question(session, {})
+    return question.close() or (question.timed_out and is_held(session.lock))
 
 
 def state(session: Running, timeout_s: float = 0.2) -> dict[str, Any] | None:

@@ -36,6 +36,8 @@ from heli3dof.rig.stop_stamp import command_began_ns, names_of, stopped_since
 LONGEST_QUESTION = 4096
 PATIENCE_S = 1.0
 """s that a caller may take to ask"""
+BACKLOG = 128
+"""Connections that the system takes while this process hangs: 12 s of a monitor's"""
 MOST_CALLERS = 64
 """Connections that have not asked yet; another user of the computer can open them, too"""
 _number = itertools.count()
@@ -137,7 +139,7 @@ class _Answering(threading.Thread):
         super().__init__(name="heli3dof session", daemon=True)
         self._session = session
         self.key = os.urandom(16).hex()
-        self._ear = socket.create_server(("127.0.0.1", 0), backlog=16)
+        self._ear = socket.create_server(("127.0.0.1", 0), backlog=BACKLOG)
         self.port: int = self._ear.getsockname()[1]
         self._waker = socket.create_connection(("127.0.0.1", self.port))
         self._woken, _ = self._ear.accept()

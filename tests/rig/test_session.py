@@ -22,14 +22,14 @@ from hypothesis import strategies as st
 from heli3dof.errors import DeviceError
 from heli3dof.rig.attach import Question, Running, lives, running, state
 from heli3dof.rig.places import device_name, runtime_folder
-from heli3dof.rig.session import Session
+from heli3dof.rig.session import BACKLOG, Session
 from heli3dof.rig.stop_stamp import ALL, leave_stamp, stopped_since
 from tests.rig.processes import suspend
 
 DEVICE = "serial:///dev/null?baud=9600"
 HOLDER = f"""
 import sys, time
-from heli3dof.rig.session import Session
+from heli3dof.rig.session import BACKLOG, Session
 from heli3dof.rig.stop_stamp import ALL, leave_stamp, stopped_since
 from tests.rig.processes import suspend
 session = Session({DEVICE!r}, doing="heli3dof run rich")
@@ -239,6 +239,25 @@ def test_a_session_that_hangs_lives_and_answers_nothing(other_process):
     finally:
         other_process.send_signal(signal.SIGCONT)
     assert state(found, timeout_s=5) == {}
+
+
+def test_a_session_that_hangs_for_long_still_lives(other_process):
+    (found,) = running(DEVICE)
+    suspend(other_process)
+    lines = []
+    try:
+        with contextlib.suppress(TimeoutError):
+            for _ in range(2 * BACKLOG):
+                lines.append(socket.create_connection(("127.0.0.1", found.port), 0.2))
+        assert len(lines) < 2 * BACKLOG
+        assert lives(found)
+        assert [s.pid for s in running(DEVICE)] == [other_process.pid]
+    finally:
+        for line in lines:
+            line.close()
+        other_process.kill()
+    other_process.wait()
+    assert not lives(found)
 
 
 def test_of_many_that_want_the_rig_at_once_one_gets_it():
