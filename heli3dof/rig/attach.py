@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from heli3dof.rig.locks import HOLDER, is_held, read_holder
+from heli3dof.rig.locks import HOLDER, holder_path, is_held, read_holder
 from heli3dof.rig.places import device_name, runtime_folder
 
 LONGEST_ANSWER = 1 << 16
@@ -40,21 +40,26 @@ class Running:
     lock: Path
 
 
-def running(device: str | None = None) -> list[Running]:
-    """The sessions that run now, or those on one device; `mock:` means every emulated rig."""
+def listed(device: str | None = None) -> list[Running]:
+    """The sessions on record, or those on one device; one that was killed is still among them."""
     pattern = "*.lock" if device is None else f"{device_name(device)}*.lock"
     found = []
     for holder in sorted(runtime_folder().glob(pattern + HOLDER)):
         lock = holder.with_name(holder.name.removesuffix(HOLDER))
-        try:
-            session = Running(**read_holder(lock), lock=lock)
-        except TypeError:
-            continue
+        with contextlib.suppress(TypeError):
+            found.append(Running(**read_holder(lock), lock=lock))
+    return found
+
+
+def running(device: str | None = None) -> list[Running]:
+    """The sessions that run now, or those on one device; `mock:` means every emulated rig."""
+    found = []
+    for session in listed(device):
         if lives(session):
             found.append(session)
         elif session.private:
             # A private name is never used again: what a killed process left is swept away.
-            for left in (lock, holder):
+            for left in (session.lock, holder_path(session.lock)):
                 with contextlib.suppress(OSError):
                     left.unlink()
     return found
@@ -99,23 +104,28 @@ class Question:
             self.close()
         return answer if isinstance(answer, dict) else None
 
-    def close(self) -> bool:
-        """Hang up. True where the session had taken the connection."""
+    @property
+    def taken(self) -> bool:
+        """Whether the session has taken the connection; one that hangs does, and answers nothing.
+
+        Windows takes seconds to refuse one, and a process that hangs for long takes no more: there
+        its lock says whether it lives.
+        """
+        return self._line is not None or (self.timed_out and is_held(self.session.lock))
+
+    def close(self) -> None:
+        """Hang up. Idempotent."""
         line, self._line = self._line, None
-        if line is None:
-            return False
-        line.close()
-        return True
+        if line is not None:
+            line.close()
 
 
 def lives(session: Running) -> bool:
-    """True where it still takes connections; one that hangs does, and answers nothing.
-
-    Windows takes seconds to refuse one, and a process that hangs for long takes no more: there its
-    lock says it.
-    """
+    """True where it still takes connections."""
     question = Question(session, {})
-    return question.close() or (question.timed_out and is_held(session.lock))
+    taken = question.taken
+    question.close()
+    return taken
 
 
 def state(session: Running, timeout_s: float = 0.2) -> dict[str, Any] | None:

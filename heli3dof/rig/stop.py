@@ -20,7 +20,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from heli3dof.errors import DeviceError, Heli3dofError, UsageError
-from heli3dof.rig.attach import Question, running
+from heli3dof.rig.attach import Question, listed
 from heli3dof.rig.drivers import find_rigs, is_private, load_driver
 from heli3dof.rig.known import is_known, remembered, serials_at
 from heli3dof.rig.locks import is_held
@@ -59,20 +59,21 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
     try:
         with suppress(OSError):  # a full disk, say: what flies can still be stopped
             leave_stamp([ALL] if device is None else names_of(device, serials_at(device)), reason)
-        sessions = running(device)
+        sessions = listed(device)
     except DeviceError:
         # Sessions cannot be told from a stranger's folder; the devices still can be stopped.
         sessions = []
-    questions = [Question(s, {"do": "estop", "reason": reason}) for s in sessions]
+    asked = [Question(s, {"do": "estop", "reason": reason}) for s in sessions]
+    questions = [q for q in asked if q.taken]
     found = [stopped for q in questions if (stopped := _await(q, start)) is not None]
     if device is not None:
         if not found and not is_private(device):
             found = [_directly(device, start)]
         return found, []
     held = {device_name(q.session.device) for q in questions}
-    listed = [url for _, urls, problem in find_rigs() if problem is None for url in urls]
+    found_now = [url for _, urls, problem in find_rigs() if problem is None for url in urls]
     # What was opened before comes last: its URL has the options that the device needs.
-    free = {device_name(u): u for u in (*listed, *remembered()) if not is_private(u)}
+    free = {device_name(u): u for u in (*found_now, *remembered()) if not is_private(u)}
     known: list[str] = []
     left_out: list[str] = []
     for name, url in free.items():

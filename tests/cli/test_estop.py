@@ -184,7 +184,7 @@ def test_where_sessions_cannot_be_trusted_the_device_is_told(
 
     driver = FakeDriver()
     only_drivers(monkeypatch, fake=driver)
-    monkeypatch.setattr("heli3dof.rig.stop.running", strangers)
+    monkeypatch.setattr("heli3dof.rig.stop.listed", strangers)
     assert heli3dof("estop").code == 0
     assert driver.stops == ["fake://1"]
 
