@@ -66,9 +66,7 @@ def leave_stamp(names: Iterable[str], reason: str) -> None:
     about = {"reason": reason, "at": datetime.now().strftime("%H:%M:%S"), "boot": _boot()}
     for name in names:
         older = list(folder.glob(f"{name}@*.stop"))
-        new = folder / f"{name}@{now}.{os.getpid()}"
-        new.write_text(json.dumps(about), encoding="utf-8")
-        new.rename(folder / f"{name}@{now}.stop")
+        (folder / f"{name}@{now}.stop").write_text(json.dumps(about), encoding="utf-8")
         for stamp in older:  # what it forbids, the new one forbids too
             with suppress(OSError):
                 stamp.unlink()
@@ -83,7 +81,7 @@ def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
             continue
         try:
             about = json.loads(stamp.read_text(encoding="utf-8"))
-        except (OSError, ValueError):  # a later stop replaces it just now: see that one, or this
+        except (OSError, ValueError):  # it is just being written, or replaced by a later one
             return "a stop that came after this was begun"
         if about.get("boot") == _boot():
             return f"{about.get('reason')}, at {about.get('at')}"
