@@ -90,4 +90,5 @@ def test_a_flight_is_identified_and_diagnosed(env: Mapping[str, str], tmp_path: 
     words = ("--roll", 10, "--settle", 5, "--duration", 10, "--device", "mock:?speed=max")
     assert document(env, "run-step", *words, "-o", path)["outcome"] == "completed"
     assert document(env, "identify", path, "-o", tmp_path / "model.json")["models"]
-    assert document(env, "diagnose", "--quick", path)["schema"] == "heli3dof.diagnosis/1"
+    found = document(env, "diagnose", "--quick", path, "-o", tmp_path / "extended.json")
+    assert found["schema"] == "heli3dof.diagnosis/1"
