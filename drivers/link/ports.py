@@ -44,10 +44,10 @@ def plugged_in(path: str) -> str:
 
     A pseudo-terminal is told from a later one of the same number by the time of its making.
     """
+    if path.startswith(PSEUDO):
+        return f"{path} of {os.stat(path).st_ctime_ns}" if os.path.exists(path) else path
     port = _on_usb(path)
     if port is None:
-        if path.startswith(PSEUDO) and os.path.exists(path):
-            return f"{path} of {os.stat(path).st_ctime_ns}"
         return path
     where = port.serial_number or f"at {port.location}"
     return f"{port.vid:04x}:{port.pid:04x} {where}"
