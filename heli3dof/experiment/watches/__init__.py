@@ -5,7 +5,7 @@ A watch is made for one flight and called in every control period (see
 ends the flight with a ramp to zero. None of them changes a command.
 
 ===========  =====================================================================================
-`Jump`       an encoder's count changed by more than the rig can turn in a period
+`Jump`       a count changed by more than the rig can turn, or time ran backwards or stood still
 `FrozenEncoder`
              an encoder's count stood still although its axis must have turned
 `SilentEncoder`

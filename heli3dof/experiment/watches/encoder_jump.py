@@ -1,4 +1,4 @@
-"""A count that changed by more than the rig can turn, and time that runs backwards.
+"""A count that changed by more than the rig can turn, and time that runs backwards or not at all.
 
 Within Δt an axis turns by no more than its rate allows, and a count more or less:
 
@@ -18,6 +18,8 @@ from heli3dof.experiment.period import Period
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
+CLOCK_S = 0.25
+"""s for which a device's time may stand still: the coarsest clock of a host, 16 ms, many times"""
 COUNTER_BITS = (16, 24)
 """of counters in common use; 32 bits do not wrap within a flight"""
 
@@ -35,6 +37,9 @@ class Jump:
         self._per_s = tuple(2 * radians(rate) / abs(q[i]) for i, rate in enumerate(rates))
         self._before: tuple[int, int, int] | None = None
         self._t = 0.0
+        self._dt = profile.dt
+        self._clock_periods = CLOCK_S / profile.dt
+        self._moved_k = 0
 
     def __call__(self, now: Period) -> str | None:
         counts, t = now.sample.counts, now.t
@@ -42,7 +47,17 @@ class Jump:
         self._before, self._t = counts, t
         if before is None:
             return None
-        if dt <= 0:
+        if dt == 0 and now.k - self._moved_k > self._clock_periods:
+            return Trip(
+                f"the device's time stood still at {t:.3f} s for "
+                f"{(now.k - self._moved_k) * self._dt:.2g} s",
+                "its program hangs and repeats one sample, or its driver does not set "
+                "device_time_s.",
+                "python -m heli3dof.rig.conformance URL, which examines a driver",
+            )
+        if dt != 0:
+            self._moved_k = now.k
+        if dt < 0:
             return Trip(
                 f"the device's time ran backwards: by {-1e3 * dt:.1f} ms from one sample to the "
                 "next",

@@ -66,6 +66,17 @@ def test_time_that_runs_backwards_is_no_jump_of_a_count() -> None:
     assert "time ran backwards: by 2.0 ms" in said
 
 
+def test_a_device_whose_time_stands_still_is_reported_after_a_quarter_of_a_second() -> None:
+    found = first(Jump(PROFILE), lambda k: period(k)._replace(t=min(k, 100) * DT), 1000)
+    assert found is not None
+    assert 225 <= found[0] <= 227
+    assert "time stood still at 0.200 s" in found[1]
+
+
+def test_a_clock_that_advances_every_eighth_period_is_no_fault() -> None:
+    assert first(Jump(PROFILE), lambda k: period(k)._replace(t=k // 8 * 8 * DT), 1000) is None
+
+
 @pytest.mark.parametrize("bits", [16, 24])
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_counter_that_wraps_is_named(bits: int, sign: int) -> None:
