@@ -32,7 +32,7 @@ for number, handler in (
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, handler)
 
-OWN = tempfile.mkdtemp(prefix="h3t-", dir="/tmp")  # short: the address of a socket has to fit
+OWN = tempfile.mkdtemp(prefix="h3t-")
 atexit.register(shutil.rmtree, OWN, ignore_errors=True)
 for name in ("XDG_RUNTIME_DIR", "XDG_STATE_HOME"):
     os.environ[name] = OWN
@@ -41,6 +41,7 @@ import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
 from hypothesis.internal.conjecture import providers  # noqa: E402
 
+from heli3dof.rig.stop_stamp import start_command  # noqa: E402
 from tests.clock import Clock, installed  # noqa: E402
 
 # Same code, same examples: a change is not to fail by what another draw finds in another's work.
@@ -54,6 +55,12 @@ settings.load_profile("heli3dof")
 # Hypothesis would mix in the constants of whichever of our modules are loaded by then: what else
 # this worker has tested would decide.
 providers._get_local_constants = lambda: providers._local_constants
+
+
+@pytest.fixture(autouse=True)
+def own_command() -> None:
+    """Each test is a command of its own: an emergency stop of the one before does not bind it."""
+    start_command()
 
 
 @pytest.fixture

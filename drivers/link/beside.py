@@ -1,4 +1,4 @@
-"""A port that another process holds, opened beside it to stop the rig.
+"""A port that another process holds, opened past its lock to stop the rig.
 
 The descriptor is taken without pyserial's lock. The port's settings are the holder's own and
 right: they stay untouched.
@@ -6,7 +6,6 @@ right: they stay untouched.
 
 from __future__ import annotations
 
-import fcntl
 import os
 from typing import TYPE_CHECKING
 
@@ -18,10 +17,12 @@ if TYPE_CHECKING:
 
 
 def open_beside(path: str) -> Transport | None:
-    """The port beside its holder; None when nobody holds it.
+    """The port with its holder; None where no process holds it, and on Windows, which lets in one.
 
     Raises DeviceError: missing or not permitted.
     """
+    if os.name != "posix":
+        return None
     try:
         fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     except OSError as problem:
@@ -34,6 +35,8 @@ def open_beside(path: str) -> Transport | None:
 
 def _is_locked(fd: int) -> bool:
     """True when another process has locked the port, as every pyserial program of ours does."""
+    import fcntl
+
     try:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:

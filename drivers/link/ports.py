@@ -9,6 +9,7 @@ from typing import Any
 
 QUICK_MS = 1
 """ms, an FTDI latency timer that does not hold samples back"""
+PSEUDO = "/dev/pts/"
 LATENCY_FILES = (
     "/sys/bus/usb-serial/devices/{}/latency_timer",
     "/sys/class/tty/{}/device/latency_timer",
@@ -39,7 +40,12 @@ def is_known(path: str) -> bool:
 
 
 def plugged_in(path: str) -> str:
-    """What is plugged in at a port: the same at any port where it has a serial number."""
+    """What is plugged in at a port: the same at any port where it has a serial number.
+
+    A pseudo-terminal is told from a later one of the same number by the time of its making.
+    """
+    if path.startswith(PSEUDO):
+        return f"{path} of {os.stat(path).st_ctime_ns}" if os.path.exists(path) else path
     port = _on_usb(path)
     if port is None:
         return path
@@ -133,11 +139,11 @@ def latency_timer(path: str) -> tuple[int, Path] | None:
 
 def permission_fix(path: str) -> str:
     """The command that lets this user open the port."""
-    import grp
-
     try:
+        import grp
+
         group = grp.getgrgid(os.stat(path).st_gid).gr_name
-    except (OSError, KeyError):
+    except (ImportError, OSError, KeyError):
         group = "dialout"
     if group in ("root", "tty"):
         from ..udev import install_command

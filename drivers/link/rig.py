@@ -15,6 +15,7 @@ taken when it comes, and its echo says so. Polled (the host keeps time)::
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from math import isfinite
 from typing import TYPE_CHECKING
 
@@ -98,6 +99,8 @@ class LinkRig:
         self._streaming = False
         self._gone = self._ours = False
         self._open = True
+        self.permit: Callable[[], None] = lambda: None
+        """Called in each attempt to arm, with its ticket known; raises where a stop forbids it."""
         try:
             said = greet(self._dialogue)
             check_profile(said, profile, transport.name, signs=signs)
@@ -138,6 +141,8 @@ class LinkRig:
             raise problem
         for _ in range(TRIES):
             disarmed = self._request(Disarm)
+            # A stop later than this changes the ticket: the device then refuses to arm.
+            self.permit()
             self._samples.pass_over()
             said = self._ask_to_arm(disarmed.ticket)
             if said is None:

@@ -89,7 +89,7 @@ def open_line(url: str, *, baud: int = BAUD, low_latency: bool = True) -> Transp
     try:
         port.baudrate = baud
         port.timeout = port.write_timeout = WRITE_S
-        if plain:
+        if plain and os.name == "posix":  # Windows lets in one program at a time
             port.exclusive = True
         port.open()
     except (serial.SerialException, OSError, ValueError) as problem:

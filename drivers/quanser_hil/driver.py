@@ -37,6 +37,10 @@ class QuanserDriver:
         """None: the library cannot list boards, and opening one to see may disturb a flight."""
         return ()
 
+    def lasting(self, url: DeviceUrl) -> str:
+        """The board's place: `heli3dof estop` reaches a board that was opened there before."""
+        return url.where
+
     def open(self, url: DeviceUrl, profile: Profile) -> QuanserRig:
         """Open the board and put its outputs to rest."""
         from .rig import QuanserRig

@@ -134,6 +134,12 @@ def select(backend: Any, text: str, where: str) -> OnBus:
     Raises UsageError for a place that is none; DeviceError where no rig is there, or several are.
     """
     match = _WHERE.fullmatch(where)
+    if where.endswith("/"):
+        raise UsageError(
+            f"{text} has an empty serial number.",
+            cause="nothing stands behind the /.",
+            fix=f"--device {text.rstrip('/')}, where one rig fits; heli3dof devices lists them",
+        )
     if match is None:
         raise UsageError(
             f"{text}: {where!r} is not VID:PID/SERIAL.",

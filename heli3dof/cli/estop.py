@@ -37,7 +37,8 @@ def estop(
     if not stopped and left_out:
         raise DeviceError(
             f"No rig was stopped: none runs, and no rig was ever opened at {', '.join(left_out)}.",
-            cause="what is behind these ports may be another instrument, so nothing was sent.",
+            cause="what is behind these ports may be another instrument, so nothing was sent. A "
+            "flight begun before now will not arm.",
             fix=" && ".join(f"heli3dof estop --device {url}" for url in left_out)
             + "; or switch off the amplifier",
         )
@@ -45,7 +46,8 @@ def estop(
         raise DeviceError(
             "No rig was stopped: none runs, and none was found"
             + (f" at {device}." if device else "."),
-            cause="it belongs to another user's session, or is not plugged in.",
+            cause="it belongs to another user's session, or is not plugged in. A flight of yours "
+            "that is just starting was begun before now and will not arm.",
             fix="switch off the amplifier; heli3dof devices lists what can be reached",
         )
     done = [s for s in stopped if s.done]

@@ -65,7 +65,7 @@ def _source(
     from heli3dof.rig.hold import hold, state_of
     from heli3dof.rig.profile import default_profile, load_profile
 
-    session = _session(running(device))
+    session = _session(device, running(device))
     if session is not None:
         talk.note(f"{session.device}: watching what pid {session.pid} runs ({session.doing})")
         about = {"device": session.device, "pid": session.pid, "doing": session.doing}
@@ -91,8 +91,17 @@ def _source(
     return read, {"device": url, "pid": None, "doing": None}
 
 
-def _session(found: list[Running]) -> Running | None:
-    """The newest: of several emulated rigs that one is looked at."""
+def _session(device: str | None, found: list[Running]) -> Running | None:
+    """The newest that flies what was asked for: of several emulated rigs, that one.
+
+    A URL with options means a rig with these options: an emulated one is made of them.
+    """
+    from heli3dof.rig.drivers import is_private
+    from heli3dof.rig.url import parse_url
+
+    if device is not None and is_private(device):
+        wanted = parse_url(device).options.items()
+        found = [s for s in found if wanted <= parse_url(s.device).options.items()]
     return max(found, key=lambda s: s.since_utc, default=None)
 
 

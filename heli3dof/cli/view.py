@@ -72,8 +72,8 @@ class View:
         for motor in MOTORS:
             if f"v_{motor}_V" in last:
                 current = last.get(f"i_{motor}_A")
-                drawn = "" if current is None else f"{current:+.2f} A"
-                table.add_row(motor, f"{last[f'v_{motor}_V']:+.2f} V", drawn, "", "")
+                drawn = "" if current is None else f", {current:+.2f} A"
+                table.add_row(motor, f"{last[f'v_{motor}_V']:+.2f} V{drawn}")
         return table
 
     def _caption(self) -> str:

@@ -1,4 +1,4 @@
-"""Which rig a verb means that was told none: the one that is there."""
+"""Default device when ``--device`` is omitted: the only real rig found, else the mock."""
 
 from __future__ import annotations
 

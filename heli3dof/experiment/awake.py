@@ -41,7 +41,7 @@ def keep_awake(undo: ExitStack, cores: Sequence[int], *, stay: bool) -> tuple[Ch
 
     ``stay``: keep all threads on them. No check on other machines.
     """
-    if not is_virtual():
+    if not cores or not is_virtual():
         return ()
     if is_rationed():
         says = "fall asleep to their host: kept awake they would use up this container's quota"

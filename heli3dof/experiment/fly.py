@@ -26,6 +26,7 @@ from heli3dof.rig.drivers import is_private, seed_of, with_seed
 from heli3dof.rig.hold import hold
 from heli3dof.rig.port import Identity
 from heli3dof.rig.profile import Profile, default_profile
+from heli3dof.rig.stop_stamp import command_began_ns
 from heli3dof.rig.stoppable import StoppableRig
 from heli3dof.rig.trip import Trip
 
@@ -45,13 +46,17 @@ class Flight:
 
         An interrupt raises KeyboardInterrupt. The recording is closed and complete either way.
         """
-        outcome = self.outcome
-        kept = f"; the recording is kept in {self.path}" if self.path else ""
+        self.raise_ending(self.outcome, self.path)
+
+    @staticmethod
+    def raise_ending(outcome: Outcome, path: Path | None) -> None:
+        """The same of a flight without one sample, of which there is no recording to be read."""
+        kept = f"; the recording is kept in {path}" if path else ""
         if outcome.ending == "interrupted":
             raise KeyboardInterrupt(outcome.detail)
         if outcome.ending == "tripped":
             advice = outcome.advice()
-            look = f"heli3dof report {self.path}" if self.path else "look at flight.recording"
+            look = f"heli3dof report {path}" if path else "look at flight.recording"
             raise SafetyTrip(
                 f"The flight was ended for safety: {outcome.detail}{kept}.",
                 cause=advice.get("likely_cause") or "what the plan did not intend.",
@@ -101,13 +106,15 @@ def fly_plan(
     ``seed`` draws the plan's random signals, and an emulated rig's noise where its URL names none.
     ``warn`` is told what the user should know before the rig is armed.
     Returns however the flight ended (see `Flight.raise_if_cut_short`); raises only where nothing
-    flew: PlanError, UnstableLoop, DeviceError, OutputExists.
+    flew: PlanError, UnstableLoop, DeviceError, OutputExists, and SafetyTrip where an emergency stop
+    came since this command began (see `heli3dof.rig.stop_stamp`).
     """
+    began_ns = command_began_ns()
     profile = (profile or default_profile()).with_controller()
     signals = prepare(plan, profile, seed)
     device = with_seed(device, seed)
     live = live or Live()
-    with hold(device, profile, also=lambda: _progress(live)) as rig:
+    with hold(device, profile, also=lambda: _progress(live), began_ns=began_ns) as rig:
         opened(rig.identity)
         if rig.rest.note:
             warn(rig.rest.note)
@@ -132,6 +139,8 @@ def _fly_in_memory(
     sink = MemoryRecorder()
     with asked_to_stop() as asked:
         outcome = _fly(rig, profile, signals, sink, asked, live)
+    if not sink.rows:
+        Flight.raise_ending(outcome, None)
     about = {**meta, "outcome": outcome.ending, "outcome_details": outcome.details()}
     return Flight(sink.recording(profile, about), outcome, None)
 
@@ -149,6 +158,8 @@ def _fly_to_file(
     with asked_to_stop() as asked, RecordingWriter(path, profile, meta, force=force) as writer:
         outcome = _fly(rig, profile, signals, writer, asked, live)
         writer.outcome(outcome.ending, **outcome.details())
+    if not writer.rows:
+        Flight.raise_ending(outcome, path)
     return Flight(read_recording(path), outcome, path)
 
 
@@ -179,6 +190,8 @@ def _fly(
         "somebody ran heli3dof estop.",
         "find out who and why; then start again: arming clears the stop",
     )
+    if not outcome.periods:
+        detail = Trip(f"{detail}; it was not armed", detail.cause, detail.fix)
     return replace(outcome, ending="tripped", detail=detail, landed=False)
 
 

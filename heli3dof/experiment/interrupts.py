@@ -1,5 +1,8 @@
 """Ctrl-C, SIGTERM and a closed terminal ask the loop to end; they never cut a period in two.
 
+Windows has Ctrl-C and Ctrl-Break; there a terminal that is closed ends the program within seconds,
+and the device's watchdog ends the flight.
+
 once       the flight ends, the motors are ramped to zero
 again      emergency stop: zero volts in the period that comes
 later      nothing more: the recording is still being closed
@@ -18,6 +21,7 @@ from heli3dof.rig.trip import Trip
 ASKED = {
     "SIGINT": ("stopped with Ctrl-C", "a second Ctrl-C"),
     "SIGTERM": ("stopped by a request to terminate (SIGTERM)", "a second SIGTERM"),
+    "SIGBREAK": ("stopped with Ctrl-Break", "a Ctrl-Break on top"),
     "SIGHUP": ("stopped since the terminal was closed (SIGHUP)", "a SIGHUP on top"),
 }
 """Signal (where the system has it): what it says at first, and after another."""

@@ -1,12 +1,19 @@
 """The end of every flight: the motors ramped to zero, every period of the ramp recorded.
 
-    V[i] = V_last · (1 − i/n),  i = 1 … n,  n = ramp time / dt
+    V[i] = V_start · (1 − i/n),  i = 1 … n,  n = ramp time / dt
 
-Periods that are missed or lost on the way are skipped here too: the ramp takes its time, no longer.
-Those before it are not of it: it begins at V_last, however long that stood. Where it cannot be
-flown (the device does not answer, or a second signal asks for it) the device is stopped at once. A
-device that stops by itself on the way is left alone, and what it says is kept: samples are recorded
-for as long as the ramp would have taken.
+    V_start = V_last   where |V_last,front − V_o| ≤ ½ V_h and |V_last,back − V_o| ≤ ½ V_h
+    V_start = 0        elsewhere,                             V_h = max(|V_o|, v_max/8)
+
+A ramp sets down an arm that its thrust carries. From voltages far from the hover voltage a ramp
+throws the arm (24 V after a wrong encoder sign: up to 100°) or drives it into the table, so both
+motors go to zero at once. The law reads no angle, because the encoders may be why the flight ends.
+`make bench TOPIC=ramp_down` compares it with other laws.
+
+The ramp skips missed and lost periods too: it takes its time, no longer. It begins at V_last,
+however long that stood. Where the ramp cannot be flown (the device does not answer, or a second
+signal asks for it) the device is stopped at once. A device that stops by itself on the way is left
+alone, and its report is kept: samples are recorded for as long as the ramp would have taken.
 
 The safety monitors judge the ramp, too. What they report does not change it, for the voltages fall
 already. While they say that the arm must still fall, zero volts are held for `FALL_S` at most.
@@ -22,7 +29,13 @@ from heli3dof.experiment.pacer import Pacer
 from heli3dof.experiment.stopped import STOPPED, explain
 from heli3dof.recording.row import Row
 from heli3dof.rig.port import Flags, Sample
+from heli3dof.rig.profile import Motor
 
+HOVER_BAND = 0.5
+"""Share of the hover voltage by which a motor's last voltage may differ from it and be ramped. A
+rig whose gain and trim torque each differ by 20 % from the profile hovers at 0.67 to 1.5 V_o. An
+arm at rest that a ramp from κ times its hover voltage takes over climbs by (2/3) (κ − 1)³/κ² ·
+T_g/J_roll · ramp time²: 0.7° at κ = 1.5, 73°/s² and 0.5 s"""
 FALL_S = 2.0
 """s: from any height an arm without thrust is on the table by then (1 rad at 1 rad/s²)"""
 Keep = Callable[[Sample, tuple[float, float], float, Sample], None]
@@ -45,10 +58,18 @@ class Landing:
     """What kept it from being flown"""
 
 
+def ramp_start(last: tuple[float, float], motor: Motor) -> tuple[float, float]:
+    """V_start (front, back) in V of the ramp to zero, from the last voltages sent in V."""
+    most = HOVER_BAND * motor.hover_V
+    hovers = all(abs(volts - motor.V_o) <= most for volts in last)
+    return last if hovers else (0.0, 0.0)
+
+
 def land(
     pacer: Pacer,
     sample: Sample | None,
     steps: int,
+    motor: Motor,
     keep: Keep,
     at_once: Callable[[], str | None],
     known: int = 0,
@@ -57,6 +78,7 @@ def land(
 ) -> Landing:
     """Ramp to zero in ``steps`` periods from the last sample (None: the device does not answer).
 
+    ``motor`` is the profile's: its V_o and v_max decide where the ramp starts (`ramp_start`).
     ``known`` flags are already part of the reason why the flight ends. ``monitor`` judges each
     sample and the voltage (V) that was sent before it; its first report is kept.
     """
@@ -64,7 +86,7 @@ def land(
         pacer.stop("the device did not answer")
         return Landing(False)
     # A device that stands stopped needs no ramp; its rows show that it stays so.
-    start = (0.0, 0.0) if sample.flags & Flags.ESTOP else pacer.sent
+    start = (0.0, 0.0) if sample.flags & Flags.ESTOP else ramp_start(pacer.sent, motor)
     told = int(sample.flags)
     i = skipped = 0
     tripped: str | None = None

@@ -3,8 +3,8 @@
     sample k → angles k → V[k] = controller(angles k, references k) → held until sample k+1
 
 Deadlines are absolute and periods that were missed altogether are skipped, never flown in a burst
-(see `heli3dof.experiment.timekeeping`). Whatever ends the flight, the motors are ramped to zero
-and every period of the ramp is recorded too (see `heli3dof.experiment.landing`).
+(see `heli3dof.experiment.timekeeping`). Whatever ends the flight, the motors go to zero: in a ramp
+from hover, at once from elsewhere, recorded either way (see `heli3dof.experiment.landing`).
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ class _Flight:
         known = int(sample.flags) if sample is not None and ending == "tripped" else 0
         whole = ending == "completed"
         landing = land(
-            self.pacer, sample, steps, self.keeper(), at_once, known,
+            self.pacer, sample, steps, self.profile.motor, self.keeper(), at_once, known,
             self.monitored if whole else lambda sample, voltage: None,
             must_still_fall if whole else lambda: False,
         )  # fmt: skip

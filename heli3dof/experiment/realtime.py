@@ -154,7 +154,7 @@ def _schedule(undo: ExitStack, thread: int, priority: int) -> int:
 def _memory(undo: ExitStack) -> Check:
     what = "locked memory"
     libc = _libc()
-    if libc is None or not hasattr(libc, "mlockall"):
+    if libc is None or not hasattr(libc, "mlockall") or not hasattr(os, "sched_setscheduler"):
         return Check(what, f"{platform.system()} has none to be asked for", None)
     if not _may_lock_everything():
         # A limit that holds now would make the program's next allocation fail, in flight.

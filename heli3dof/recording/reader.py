@@ -68,10 +68,12 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
             fix=f"copy it again, or heli3dof recover {path} for what is left",
         ) from error
     if not len(rows):
+        ended = found.metadata.get(OUTCOME, {})
+        how = ", ".join(str(ended[key]) for key in ("outcome", "detail") if key in ended)
         raise RecordingError(
-            f"{path} holds no samples.",
+            f"{path} holds no samples" + (f": {how}." if how else "."),
             cause="the flight ended before its first control period.",
-            fix=f"heli3dof info {path} tells how it ended; fly again",
+            fix="fly again",
         )
     return decode(rows, found, profile or profile_in(found, path), path)
 

@@ -125,6 +125,11 @@ class RecordingWriter:
         )  # fmt: skip
         self._count += 1
 
+    @property
+    def rows(self) -> int:
+        """How many rows were appended."""
+        return self._count
+
     def outcome(self, outcome: str, **details: Any) -> None:
         """Say how the flight ended: ``completed``, ``tripped``, ``interrupted``, ``device`` …
 

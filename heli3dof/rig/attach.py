@@ -1,7 +1,7 @@
 """Reach the sessions that run now, from another process: list them, ask for a stop or the state.
 
-Who is there is told by the lock files; a session lives where its socket takes a connection (a
-process that hangs still does, one that was killed does not).
+The locks' holder files name the sessions; one lives where its socket takes a connection (a process
+that hangs still does, one that was killed does not).
 """
 
 from __future__ import annotations
@@ -15,9 +15,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from heli3dof.rig.places import POSSIBLE, device_name, runtime_folder
+from heli3dof.rig.locks import HOLDER, holder_path, is_held, read_holder
+from heli3dof.rig.places import device_name, runtime_folder
 
 LONGEST_ANSWER = 1 << 16
+CONNECT_S = 0.2
+"""s that the system may take for a connection within this computer"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,32 +35,33 @@ class Running:
     since_utc: str
     private: bool
     """The rig lives inside that process"""
-    socket: Path
+    port: int
+    key: str
+    lock: Path
+
+
+def listed(device: str | None = None) -> list[Running]:
+    """The sessions on record, or those on one device; one that was killed is still among them."""
+    pattern = "*.lock" if device is None else f"{device_name(device)}*.lock"
+    found = []
+    for holder in sorted(runtime_folder().glob(pattern + HOLDER)):
+        lock = holder.with_name(holder.name.removesuffix(HOLDER))
+        with contextlib.suppress(TypeError):
+            found.append(Running(**read_holder(lock), lock=lock))
+    return found
 
 
 def running(device: str | None = None) -> list[Running]:
     """The sessions that run now, or those on one device; `mock:` means every emulated rig."""
-    if not POSSIBLE:
-        return []
-    folder = runtime_folder()
-    pattern = "*.lock" if device is None else f"{device_name(device)}*.lock"
     found = []
-    for lock in sorted(folder.glob(pattern)):
-        path = lock.with_suffix(".sock")
-        try:
-            about = json.loads(lock.read_bytes())
-            session = Running(
-                about["device"], about["pid"], about["doing"], about["since_utc"],
-                about["private"], path,
-            )  # fmt: skip
-        except (OSError, ValueError, KeyError, TypeError):
-            continue
+    for session in listed(device):
         if lives(session):
             found.append(session)
         elif session.private:
             # A private name is never used again: what a killed process left is swept away.
-            for left in (lock, path):
-                left.unlink(missing_ok=True)
+            for left in (session.lock, holder_path(session.lock)):
+                with contextlib.suppress(OSError):
+                    left.unlink()
     return found
 
 
@@ -67,26 +71,29 @@ class Question:
     def __init__(self, session: Running, question: Mapping[str, Any]) -> None:
         self.session = session
         self.asked_s = time.monotonic()
-        self._line: socket.socket | None = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._line.setblocking(False)
+        self.timed_out = False
+        self._line: socket.socket | None = None
         try:
-            self._line.connect(str(session.socket))
+            self._line = socket.create_connection(("127.0.0.1", session.port), CONNECT_S)
             if question:
-                self._line.sendall(json.dumps(question).encode() + b"\n")
-        except OSError:
-            self._line.close()
-            self._line = None
+                text = json.dumps({"key": session.key, **question})
+                self._line.sendall(text.encode() + b"\n")
+        except TimeoutError:
+            self.timed_out = True
+        except OSError:  # refused: the process is gone
+            self.close()
 
     def answer(self, timeout_s: float) -> dict[str, Any] | None:
         """What it says within ``timeout_s`` of the question, or None: it does not answer."""
-        if self._line is None:
+        line = self._line
+        if line is None:
             return None
         text = b""
         try:
             while not text.endswith(b"\n"):
                 left = self.asked_s + timeout_s - time.monotonic()
-                self._line.settimeout(max(left, 1e-3))
-                piece = self._line.recv(LONGEST_ANSWER)
+                line.settimeout(max(left, 1e-3))
+                piece = line.recv(LONGEST_ANSWER)
                 if not piece:
                     return None
                 text += piece
@@ -97,18 +104,28 @@ class Question:
             self.close()
         return answer if isinstance(answer, dict) else None
 
-    def close(self) -> bool:
-        """Hang up. True where the session had taken the connection."""
-        taken = self._line is not None
-        with contextlib.suppress(OSError):
-            if self._line is not None:
-                self._line.close()
-        return taken
+    @property
+    def taken(self) -> bool:
+        """Whether the session has taken the connection; one that hangs does, and answers nothing.
+
+        Windows takes seconds to refuse one, and a process that hangs for long takes no more: there
+        its lock says whether it lives.
+        """
+        return self._line is not None or (self.timed_out and is_held(self.session.lock))
+
+    def close(self) -> None:
+        """Hang up. Idempotent."""
+        line, self._line = self._line, None
+        if line is not None:
+            line.close()
 
 
 def lives(session: Running) -> bool:
-    """True where it still takes connections; one that hangs does, and answers nothing."""
-    return Question(session, {}).close()
+    """True where it still takes connections."""
+    question = Question(session, {})
+    taken = question.taken
+    question.close()
+    return taken
 
 
 def state(session: Running, timeout_s: float = 0.2) -> dict[str, Any] | None:

@@ -15,6 +15,7 @@ from math import degrees, isfinite
 from typing import Any
 
 from heli3dof.axes import AXES, MOTORS
+from heli3dof.errors import DeviceError
 from heli3dof.rig.calibration import POWER_UP, rest_of
 from heli3dof.rig.drivers import is_private, open_rig
 from heli3dof.rig.known import remember
@@ -31,32 +32,41 @@ def hold(
     *,
     doing: str | None = None,
     also: Callable[[], Mapping[str, Any]] = dict,
+    began_ns: int | None = None,
 ) -> Iterator[StoppableRig]:
-    """The open rig; closed and let go at the end. ``also`` adds to what onlookers are told.
+    """The open rig; closed and let go at the end. ``also`` adds to what onlookers see.
 
-    Its counts are taken from the stored rest angles; what the user should know of these is in
-    ``rig.rest.note``. Raises DeviceError where it is missing, not permitted, or busy (naming the
-    other session).
+    ``began_ns``: when the command was given that moves it (`heli3dof.rig.stop_stamp`). Counts are
+    taken from the stored rest angles; what the user should know of these is in ``rig.rest.note``.
+    Raises DeviceError where the rig is missing, not permitted, busy (naming the other session), or
+    has no serial number.
     """
-    with Session(device, private=is_private(device), doing=doing) as session:
+    with Session(device, private=is_private(device), doing=doing, began_ns=began_ns) as session:
         opened = open_rig(device, profile)
         try:
+            if not opened.identity.serial.strip():
+                raise _no_serial_number(device)
             session.claim(opened.identity)
         except BaseException:
             opened.close()  # it was never armed, so this leaves it as its holder has it
             raise
         if not session.private:
-            remember(device)
+            remember(device, opened.identity.serial)
         rest = POWER_UP if session.private else rest_of(opened.identity)
         rig = StoppableRig(opened, session, rest)
         try:
             session.state = lambda: {**state_of(rig, profile), **also()}
-            # A virtual clock is over before anybody could ask.
-            if rig.identity.timebase != "virtual":
-                session.serve()
             yield rig
         finally:
             rig.close()
+
+
+def _no_serial_number(device: str) -> DeviceError:
+    return DeviceError(
+        f"{device}: the device has no serial number.",
+        cause="its firmware leaves the field empty: rest angles and locks go by it.",
+        fix="give it one in its firmware; docs/protocol.md, IDENTITY",
+    )
 
 
 def state_of(rig: StoppableRig, profile: Profile) -> dict[str, Any]:

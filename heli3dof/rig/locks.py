@@ -1,11 +1,14 @@
-"""Locks on rigs: one of the port before it is opened, one of the device once it has said its name.
+"""Locks on rigs: one of the port before it is opened, one of the device once it is known.
 
-    port     <runtime>/<device>.lock        of the URL's place; who holds it is written into it
+    port     <runtime>/<device>.lock        of the URL's place
     device   <runtime>/<serial>-<…>.rig     of IDENTITY's serial number and boot, so that a rig with
                                             two doors (a pipe and a port) flies through one of them
+    holder   <lock>.json                    who holds it: a file of its own, since Windows lets no
+                                            other process read what is locked
 
-Both are flocks: free as soon as their process is gone, ``kill -9`` included. The boot counts since
-serial numbers are not always unique: emulated rigs and freshly flashed boards share a factory's.
+The system frees a lock as soon as its process is gone, ``kill -9`` included (the filelock library:
+flock, or LockFileEx on Windows). The boot counts since serial numbers are not always unique:
+emulated rigs and freshly flashed boards share a factory's.
 """
 
 from __future__ import annotations
@@ -13,7 +16,6 @@ from __future__ import annotations
 import binascii
 import contextlib
 import json
-import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,36 +24,61 @@ from typing import Any
 from heli3dof.errors import DeviceError
 from heli3dof.rig.places import runtime_folder
 
-LONGEST_TEXT = 4096
+HOLDER = ".json"
+TAKE_S, TRY_S = 0.1, 0.01
+"""s for which, and after which, a lock is tried again: `is_held` takes it for an instant"""
 
 
 class Lock:
-    """Held from its making to `release`; ``about`` tells others who holds it.
+    """Held from its making to `release`; `write_holder` says by whom.
 
-    Raises DeviceError (busy) naming the holder. ``device``: the URL for messages; ``passing``: the
-    file goes when the lock does.
+    Raises DeviceError (busy) naming the holder. ``device``: the URL for messages.
     """
 
-    def __init__(self, path: Path, device: str, *, passing: bool = False) -> None:
-        self.path, self._passing = path, passing
-        self._handle = _locked(path, device)
+    def __init__(self, path: Path, device: str) -> None:
+        from filelock import FileLock, Timeout
 
-    def tell(self, about: Mapping[str, Any]) -> None:
-        """What others read in it."""
-        os.ftruncate(self._handle, 0)
-        os.pwrite(self._handle, json.dumps(about).encode(), 0)
+        self._path = path
+        self._lock = FileLock(path, timeout=TAKE_S, thread_local=False)
+        try:
+            self._lock.acquire(poll_interval=TRY_S)
+        except Timeout:
+            raise busy(device, read_holder(path)) from None
+
+    def write_holder(self, about: Mapping[str, Any]) -> None:
+        """Say who holds it. In place: Windows replaces no file that another process reads."""
+        holder_path(self._path).write_text(json.dumps(about), encoding="utf-8")
 
     def release(self) -> None:
-        """Idempotent."""
-        if self._handle < 0:
-            return
-        with contextlib.suppress(OSError):
-            if self._passing:
-                self.path.unlink()
-            else:
-                os.ftruncate(self._handle, 0)
-        os.close(self._handle)
-        self._handle = -1
+        """Let go; the files go too. Idempotent."""
+        if self._lock.is_locked:
+            for path in (holder_path(self._path), self._path):
+                with contextlib.suppress(OSError):
+                    path.unlink()
+            self._lock.release()
+
+
+def is_held(path: Path) -> bool:
+    """Whether a process holds this lock now."""
+    try:
+        Lock(path, "").release()
+    except DeviceError:
+        return True
+    return False
+
+
+def holder_path(lock: Path) -> Path:
+    """The file that says who holds a lock."""
+    return lock.with_name(lock.name + HOLDER)
+
+
+def read_holder(lock: Path) -> dict[str, Any]:
+    """What its holder wrote; empty where it has not, or just writes it."""
+    try:
+        found = json.loads(holder_path(lock).read_bytes())
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def device_lock_path(serial: str, boot: int | None) -> Path:
@@ -60,33 +87,14 @@ def device_lock_path(serial: str, boot: int | None) -> Path:
     return runtime_folder() / f"{readable}-{binascii.crc32(f'{serial}/{boot}'.encode()):08x}.rig"
 
 
-def _locked(path: Path, device: str) -> int:
-    import fcntl
-
-    while True:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            text = os.pread(handle, LONGEST_TEXT, 0)
-            os.close(handle)
-            raise busy(device, text) from None
-        with contextlib.suppress(OSError):
-            # One that was unlinked between our opening and our locking locks nothing.
-            if os.fstat(handle).st_ino == path.stat().st_ino:
-                return handle
-        os.close(handle)
-
-
-def busy(device: str, text: bytes) -> DeviceError:
-    """The error of a rig that another session holds, from what its lock says."""
+def busy(device: str, about: Mapping[str, Any]) -> DeviceError:
+    """The error of a rig that another session holds."""
     try:
-        about = json.loads(text)
         who = f"pid {about['pid']} runs `{about['doing']}` since {about['since_utc']}"
         if about["device"] != device:
             who += f", through {about['device']}"
-        fix = f"wait for it, heli3dof monitor to watch it, or: kill -INT {about['pid']}"
-    except (ValueError, KeyError, TypeError):
+        fix = "wait for it, heli3dof monitor to watch it, or Ctrl-C in its terminal to land it"
+    except KeyError:
         who, fix = "another heli3dof is just taking or leaving it", "try again"
     return DeviceError(
         f"{device} is busy: {who}.", cause="one rig flies one experiment at a time.", fix=fix

@@ -1,10 +1,10 @@
 """Where this user's running sessions and stored calibrations live, and what a device is called.
 
-- runtime: ``$XDG_RUNTIME_DIR/heli3dof``, else ``$TMPDIR/heli3dof-UID``, else
-  ``/tmp/heli3dof-UID``, the first that a socket's address has room for: locks and sockets of what
-  runs now. Only its owner may enter (mode 0700): who can write there can stop a motor.
-- state: ``$XDG_STATE_HOME/heli3dof``, else ``~/.local/state/heli3dof``: rest angles by serial
-  number.
+- runtime: ``$XDG_RUNTIME_DIR/heli3dof``, else ``heli3dof-UID`` in the folder of temporary files
+  (``$TMPDIR``, ``/tmp``; on Windows the user's own): locks and sessions of what runs now. Only its
+  owner may enter (mode 0700): who can read there can stop a motor.
+- state: ``$XDG_STATE_HOME/heli3dof``, else ``~/.local/state/heli3dof``, on Windows
+  ``%LOCALAPPDATA%\\heli3dof``: rest angles by serial number.
 """
 
 from __future__ import annotations
@@ -14,41 +14,37 @@ import errno
 import os
 import re
 import stat
-import sys
+import tempfile
 from pathlib import Path
 
 from heli3dof.errors import DeviceError
 from heli3dof.rig.url import DeviceUrl, parse_url
 
-POSSIBLE = sys.platform != "win32"
-"""Sessions need Unix sockets and locks; elsewhere the ports' own exclusive access has to do."""
-LONGEST_SOCKET_PATH = 100
-"""bytes; the address of a Unix socket holds 108, and 104 on some systems"""
-LONGEST_NAME = 52
-"""bytes of a file name in the runtime folder"""
-
 
 def runtime_folder() -> Path:
     """The folder of running sessions, made where it is missing.
 
-    Raises DeviceError where somebody else owns it: then nothing in it can be trusted.
+    Raises DeviceError where another user owns it: then nothing in it can be trusted.
     """
-    given, temporary = os.environ.get("XDG_RUNTIME_DIR"), os.environ.get("TMPDIR")
-    ours = f"heli3dof-{os.getuid()}"
-    places = [Path(given) / "heli3dof"] if given and Path(given).is_dir() else []
-    places += [Path(temporary) / ours] if temporary else []
-    short = LONGEST_SOCKET_PATH - LONGEST_NAME
-    folder = next((p for p in places if len(os.fsencode(p)) <= short), Path("/tmp") / ours)
+    given = os.environ.get("XDG_RUNTIME_DIR")
+    user = os.getuid() if hasattr(os, "getuid") else None  # elsewhere temporary files are a user's
+    if given and Path(given).is_dir():
+        folder = Path(given) / "heli3dof"
+    else:
+        name = "heli3dof" if user is None else f"heli3dof-{user}"
+        folder = Path(tempfile.gettempdir()) / name
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
     except OSError as problem:
         raise DeviceError(
             f"{folder} cannot be made: {problem.strerror}.",
             cause="without it no other terminal could stop the rig, so none is opened.",
             fix="set XDG_RUNTIME_DIR to a folder of your own",
         ) from problem
-    found = folder.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+    if user is None:
+        return folder
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != user:
         raise DeviceError(
             f"{folder} belongs to somebody else.",
             cause="another user made it first; what it says of running rigs cannot be trusted.",
@@ -65,6 +61,8 @@ def state_folder() -> Path:
     Raises OSError where the user has no home folder.
     """
     given = os.environ.get("XDG_STATE_HOME")
+    if os.name == "nt":
+        given = given or os.environ.get("LOCALAPPDATA")
     if given:
         return Path(given) / "heli3dof"
     try:

@@ -162,7 +162,8 @@ class Driver(Protocol):
 
     One whose every opening makes a rig of its own, inside the process (an emulated one), adds
     ``private = True``: such a rig is neither locked nor taken for one that is there. One whose
-    ``find`` lists what may be no rig adds ``surely(url) -> bool`` and ``lasting(url) -> str``, see
+    ``find`` lists what may be no rig adds ``surely(url) -> bool``; one that does not list all adds
+    ``lasting(url) -> str``, and ``heli3dof estop`` reaches what was opened before: see
     `heli3dof.rig.known`.
     """
 

@@ -142,6 +142,11 @@ class Motor(Section):
             )  # fmt: skip
         return self
 
+    @property
+    def hover_V(self) -> float:
+        """Size of the hover voltage in V: max(|V_o|, v_max/8), since a balanced arm has V_o = 0."""
+        return max(abs(self.V_o), self.v_max / 8)
+
 
 class Inertia(Section):
     """Moments of inertia of the level rig in kg·m²; one that is absent follows from the masses."""
@@ -244,7 +249,8 @@ class Limits(Section):
 
     Angles are absolute readings; a trip outside them ramps the motors to zero. ``roll_min_deg``
     lies below the table (−27.5°), so that a start from rest is inside. The motors are ramped to
-    zero over ``ramp_down_s`` after a trip or an interrupt, over ``landing_s`` at a plan's end.
+    zero over ``ramp_down_s`` after a trip or an interrupt, over ``landing_s`` at a plan's end; at
+    once where they are far from the hover voltage (`heli3dof.experiment.landing`).
     What the last four mean stands in ``heli3dof.experiment.watches``.
     """
 
@@ -268,9 +274,11 @@ class Limits(Section):
     ] = 5000.0
     duration_max_s: Annotated[Positive, Key("longest flight", "s")] = 600.0
     ramp_down_s: Annotated[
-        Positive, Key("the motors' way to zero after a trip or an interrupt", "s")
+        Positive, Key("the motors' ramp from hover to zero after a trip or an interrupt", "s")
     ] = 0.5
-    landing_s: Annotated[Positive, Key("the motors' way to zero at a plan's end", "s")] = 3.0
+    landing_s: Annotated[
+        Positive, Key("the motors' ramp from hover to zero at a plan's end", "s")
+    ] = 3.0
     late_max_s: Annotated[Positive, Key("a control period later than this counts as late", "s")] = (
         0.01
     )

@@ -1,14 +1,15 @@
 """A running session: it locks its rig, and a second terminal can stop it or look at it.
 
     locks    see `heli3dof.rig.locks`: the port's, and the device's once it is known
-    socket   <runtime>/<device>.sock   one question a connection, one line of JSON each way:
+    socket   127.0.0.1, a port and a key that stand in the lock's holder file; one question a
+             connection, one line of JSON each way:
 
-        {"do": "estop", "reason": "…"}   answered when the rig has been stopped
-        {"do": "state"}                  answered at once with what `Session.state` returns
+        {"key": "…", "do": "estop", "reason": "…"}   answered when the rig has been stopped
+        {"key": "…", "do": "state"}                  answered with what `Session.state` returns
 
-A thread answers; it sleeps until somebody asks. The loop only looks at `Session.asked`, an
-attribute, in every period (`heli3dof.rig.stoppable`), so that the rig is only ever spoken to by
-one thread. An emulated rig is private to its process: nothing to lock, its files carry the pid.
+A thread answers; it sleeps until a question comes. The loop only looks at `Session.asked`, an
+attribute, in every period (`heli3dof.rig.stoppable`), so that one thread alone speaks to the rig.
+An emulated rig is private to its process: nothing to lock, its files carry the pid.
 """
 
 from __future__ import annotations
@@ -28,94 +29,101 @@ from pathlib import Path
 from typing import Any
 
 from heli3dof.rig.locks import Lock, device_lock_path
-from heli3dof.rig.places import POSSIBLE, device_name, runtime_folder
+from heli3dof.rig.places import device_name, runtime_folder
 from heli3dof.rig.port import Identity
+from heli3dof.rig.stop_stamp import command_began_ns, names_of, stopped_since
 
 LONGEST_QUESTION = 4096
 PATIENCE_S = 1.0
-"""s that whoever connects may take to ask"""
-SHORT_OF_S = 0.1
-"""s until the next try where the system had no room for a connection"""
+"""s that a caller may take to ask"""
+BACKLOG = 128
+"""Connections that the system takes while this process hangs: 12 s of a monitor's"""
+MOST_CALLERS = 64
+"""Connections that have not asked yet; another user of the computer can open them, too"""
 _number = itertools.count()
 
 
 class Session:
     """One process's hold on one rig. Close it, or use it in a ``with`` statement.
 
-    Raises DeviceError where another session holds the rig, saying which.
+    ``began_ns``: when the command that wants the rig was given (`heli3dof.rig.stop_stamp`). Raises
+    DeviceError where another session holds the rig, saying which.
     """
 
-    def __init__(self, device: str, *, private: bool = False, doing: str | None = None) -> None:
-        self.device = device
+    def __init__(
+        self, device: str, *, private: bool = False, doing: str | None = None,
+        began_ns: int | None = None,
+    ) -> None:  # fmt: skip
+        self.device, self.private = device, private
         self.asked: str | None = None
-        """Why somebody asked for an emergency stop; None: nobody did."""
+        """Why an emergency stop was asked for; None: none was."""
+        self.stopped: str | None = None
+        """How the rig was stopped on request; None: it was not."""
         self.state: Callable[[], Mapping[str, Any]] = dict
         """What ``state`` answers; called by the answering thread, so it only looks."""
-        self.private, self._doing = private, doing or _command_line()
-        self._lock: Lock | None = None
-        self._device_lock: Lock | None = None
+        self._began_ns = command_began_ns() if began_ns is None else began_ns
+        self._names = names_of(device)
+        self._deciding = threading.Lock()
+        self._armed = False
+        mine = f"-{os.getpid()}-{next(_number)}" if private else ""
+        self._locks = [Lock(runtime_folder() / f"{device_name(device)}{mine}.lock", device)]
         self._answering: _Answering | None = None
-        self._stopped: str | None = None
-        if not private:
-            # Before the rig is opened: who asks for a stop now finds that it is never armed.
-            self.serve()
-
-    def serve(self) -> None:
-        """Lock the rig and begin to answer; a private session does so only where told."""
-        if self._answering is not None or not POSSIBLE:
-            return
-        mine = f"-{os.getpid()}-{next(_number)}" if self.private else ""
-        path = runtime_folder() / f"{device_name(self.device)}{mine}.lock"
-        self._lock = Lock(path, self.device, passing=self.private)
-        self._about = {
-            "device": self.device,
-            "pid": os.getpid(),
-            "doing": self._doing,
-            "since_utc": datetime.now(UTC).isoformat(timespec="seconds"),
-            "private": self.private,
-        }
         try:
-            self._lock.tell(self._about)
-            self._answering = _Answering(self, path.with_suffix(".sock"))
+            self._answering = _Answering(self)
             self._answering.start()
+            self._about = {
+                "device": device,
+                "pid": os.getpid(),
+                "doing": doing or _command_line(),
+                "since_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+                "private": private,
+                "port": self._answering.port,
+                "key": self._answering.key,
+            }
+            self._locks[0].write_holder(self._about)
         except BaseException:
             self.close()
             raise
 
     def claim(self, identity: Identity) -> None:
         """Lock the device that answered, through whichever door. Raises DeviceError (busy)."""
-        if self._lock is None or self.private:
-            return
-        path = device_lock_path(identity.serial, identity.boot)
-        self._device_lock = Lock(path, self.device, passing=True)
-        self._device_lock.tell(self._about)
+        self._names = names_of(self.device, [identity.serial])
+        if not self.private:
+            lock = Lock(device_lock_path(identity.serial, identity.boot), self.device)
+            self._locks.append(lock)
+            lock.write_holder(self._about)
 
     def ask_estop(self, reason: str) -> None:
-        """Have the rig stopped by whoever talks to it; the first reason stands."""
-        if self.asked is None:
-            self.asked = reason
+        """Have the rig stopped by the thread that talks to it; the first reason stands."""
+        with self._deciding:
+            self.asked = self.asked or reason
+            if self.private and not self._armed and self.stopped is None:
+                self.confirm("before it had armed its emulated rig")
+
+    def begin_to_arm(self) -> str | None:
+        """Why the rig must not be armed: a stop asked for here, or one left for all. None: go on.
+
+        To be asked again after every attempt: a stop may come while the rig is being armed.
+        """
+        with self._deciding:
+            if self.asked is None:
+                self.asked = stopped_since(self._began_ns, self._names)
+            self._armed = self._armed or self.asked is None
+            return self.asked
 
     def confirm(self, how: str) -> None:
-        """The rig has been stopped: tell everybody who asked."""
-        self._stopped = how
+        """The rig has been stopped: answer every caller who asked for it."""
+        self.stopped = how
         if self._answering is not None:
             self._answering.wake()
 
-    @property
-    def stopped(self) -> str | None:
-        """How the rig was stopped on request; None: it was not."""
-        return self._stopped
-
     def close(self) -> None:
         """Let go of the rig. Idempotent."""
-        if self._lock is None:
-            return
         if self._answering is not None:
             self._answering.close()
-        if self._device_lock is not None:
-            self._device_lock.release()
-        self._lock.release()
-        self._lock = self._device_lock = None
+            self._answering = None
+        while self._locks:
+            self._locks.pop().release()
 
     def __enter__(self) -> Session:
         return self
@@ -125,26 +133,25 @@ class Session:
 
 
 class _Answering(threading.Thread):
-    """Answers whoever connects; nobody who is slow or silent keeps another one waiting."""
+    """Answers its callers; one that is slow or silent keeps no other one waiting."""
 
-    def __init__(self, session: Session, path: Path) -> None:
+    def __init__(self, session: Session) -> None:
         super().__init__(name="heli3dof session", daemon=True)
-        self._session, self._path = session, path
-        self._ear = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        # The lock is ours, so a socket that is still there is a dead session's.
-        path.unlink(missing_ok=True)
-        self._ear.bind(str(path))
-        self._ear.listen(16)
-        self._woken, self._waker = socket.socketpair()
+        self._session = session
+        self.key = os.urandom(16).hex()
+        self._ear = socket.create_server(("127.0.0.1", 0), backlog=BACKLOG)
+        self.port: int = self._ear.getsockname()[1]
+        self._waker = socket.create_connection(("127.0.0.1", self.port))
+        self._woken, _ = self._ear.accept()
+        self._selector = selectors.DefaultSelector()
         for each in (self._ear, self._woken, self._waker):
             each.setblocking(False)
-        self._selector = selectors.DefaultSelector()
         self._selector.register(self._ear, selectors.EVENT_READ)
         self._selector.register(self._woken, selectors.EVENT_READ)
         self._asking: dict[socket.socket, float] = {}
         """Connected, not asked yet → since when"""
         self._waiting: list[socket.socket] = []
-        """Asked for a stop, not told yet"""
+        """Asked for a stop, not answered yet"""
         self._ending = False
 
     def wake(self) -> None:
@@ -154,50 +161,55 @@ class _Answering(threading.Thread):
     def close(self) -> None:
         self._ending = True
         self.wake()
-        self.join(timeout=PATIENCE_S)
-        # Here, while the lock is still ours: later it might be the next session's socket.
-        self._path.unlink(missing_ok=True)
+        if self.ident is not None:
+            self.join(timeout=PATIENCE_S)
 
     def run(self) -> None:
         try:
             while not self._ending:
                 for key, _ in self._selector.select(PATIENCE_S if self._asking else None):
                     self._attend(key.fileobj)
-                self._tell_who_waits()
+                self._answer_stops()
                 self._lose_patience()
         finally:
-            self._tell_who_waits(over=True)
+            self._answer_stops(over=True)
             self._selector.close()
             for each in (self._ear, self._woken, self._waker, *self._asking):
                 each.close()
 
     def _attend(self, ready: Any) -> None:
         if ready is self._ear:
-            try:
-                caller, _ = self._ear.accept()
-            except OSError:
-                # Out of file descriptors, say: no reason to spin beside the loop.
-                time.sleep(SHORT_OF_S)
-                return
-            caller.setblocking(False)
-            self._asking[caller] = time.monotonic()
-            self._selector.register(caller, selectors.EVENT_READ)
+            self._accept()
         elif ready is self._woken:
             with contextlib.suppress(OSError):
                 self._woken.recv(64)
         else:
             self._hear(ready)
 
+    def _accept(self) -> None:
+        try:
+            caller, _ = self._ear.accept()
+        except OSError:
+            time.sleep(0.1)  # out of file descriptors, say: no reason to spin
+            return
+        if len(self._asking) >= MOST_CALLERS:
+            caller.close()
+            return
+        caller.setblocking(False)
+        self._asking[caller] = time.monotonic()
+        self._selector.register(caller, selectors.EVENT_READ)
+
     def _hear(self, caller: socket.socket) -> None:
         """One question, in one piece: it is far shorter than what a local socket delivers so."""
         self._let_go(caller)
         try:
             question = json.loads(caller.recv(LONGEST_QUESTION))
-            do = question["do"]
+            do = question["do"] if question["key"] == self.key else None
         except (OSError, ValueError, KeyError, TypeError):
+            do = None
+        if do is None:
             caller.close()
-            return
-        if do == "estop":
+        elif do == "estop":
             self._session.ask_estop(str(question.get("reason", "no reason given")))
             self._waiting.append(caller)
         elif do == "state":
@@ -208,16 +220,13 @@ class _Answering(threading.Thread):
         else:
             _answer(caller, {"error": f"this session cannot do {do!r}; it can estop and state"})
 
-    def _tell_who_waits(self, *, over: bool = False) -> None:
+    def _answer_stops(self, *, over: bool = False) -> None:
         how = self._session.stopped
         if how is None and not over:
             return
-        for caller in self._waiting:
-            if how is not None:
-                _answer(caller, {"stopped": how})
-            else:
-                _answer(caller, {"over": "the session ended by itself at this moment"})
-        self._waiting.clear()
+        said = {"over": "the session ended by itself"} if how is None else {"stopped": how}
+        while self._waiting:
+            _answer(self._waiting.pop(), said)
 
     def _lose_patience(self) -> None:
         for caller, since in list(self._asking.items()):

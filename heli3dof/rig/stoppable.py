@@ -3,10 +3,15 @@
 The loop goes on as before and ends by what the samples say (flag ESTOP)::
 
     exchange(command):   asked?  →  estop once, confirm, and zero volts from then on
-    arm():               asked?  →  refused: arming would clear the stop
+    arm():               asked, or stopped since this was begun (`heli3dof.rig.stop_stamp`)?
+                         →  refused: arming would clear the stop
 
-In every phase of a flight, landing included; within one control period of the question. And every
-sample's counts are taken from where they stand at the rest angles (`heli3dof.rig.calibration`).
+In every phase of a flight, landing included; within one control period of the question. `arm`
+looks before and after; a driver that makes several attempts to arm has an attribute ``permit``,
+which it calls in each of them (see `heli3dof_drivers.link.rig`).
+
+Every sample's counts are taken from where they stand at the rest angles
+(`heli3dof.rig.calibration`).
 """
 
 from __future__ import annotations
@@ -25,7 +30,9 @@ class StoppableRig:
         self.inner, self.session = rig, session
         self.rest = rest
         self.last: Sample | None = None
-        """The last sample, for whoever looks on."""
+        """The last sample, for onlookers."""
+        if hasattr(rig, "permit"):
+            rig.permit = self._permit
 
     @property
     def identity(self) -> Identity:
@@ -42,14 +49,11 @@ class StoppableRig:
         return device_cause(self.inner)
 
     def arm(self) -> Sample:
-        if self.session.asked is not None:
-            self._heed(self.session.asked)
-            raise SafetyTrip(
-                f"The rig was not armed: an emergency stop was asked for ({self.session.asked}).",
-                cause="somebody ran heli3dof estop while the rig was being opened.",
-                fix="find out who and why; then start again",
-            )
-        self.last = sample = self._from_rest(self.inner.arm())
+        """Raises SafetyTrip where a stop forbids it."""
+        self._permit()
+        sample = self._from_rest(self.inner.arm())
+        self._permit()
+        self.last = sample
         return sample
 
     def read(self) -> Sample:
@@ -94,7 +98,18 @@ class StoppableRig:
     def close(self) -> None:
         self.inner.close()
 
+    def _permit(self) -> None:
+        why = self.session.begin_to_arm()
+        if why is not None:
+            self._heed(why)
+            raise SafetyTrip(
+                f"The rig was not armed: an emergency stop was asked for ({why}).",
+                cause="heli3dof estop was run after this had been begun.",
+                fix="find out who and why; then start again (a program that takes commands of its "
+                "own says when one begins: heli3dof.rig.stop_stamp.start_command)",
+            )
+
     def _heed(self, why: str) -> None:
         if self.session.stopped is None:
             self.inner.estop(why)
-            self.session.confirm("by the session that held the rig")
+            self.session.confirm("through its own connection")

@@ -1,8 +1,9 @@
-"""How soon a rig has stopped that another process flies: asked through its session, and past it."""
+"""How soon a rig stops that another process flies, and whether one that starts stays still."""
 
 from __future__ import annotations
 
 import os
+import random
 import statistics
 import subprocess
 import sys
@@ -14,16 +15,22 @@ from pathlib import Path
 
 from heli3dof.rig.attach import running, state
 from heli3dof.rig.stop import stop_rigs
-from tests.bench import Figure, at_most
+from tests.bench import Figure, at_least, at_most
 from tests.rig.processes import suspend
+from tests.rig.stop_race import Race, race
 
 TITLE = "Stopping from another terminal"
 INTRO = (
     "`heli3dof run-step` flies the emulated rig behind a pseudo-terminal at 500 Hz, recorder on; "
     "another process stops it. Time from the question to the confirmation that the device has "
-    'stopped; the command\'s own start is under "The command line".'
+    'stopped; the command\'s own start is under "The command line".\n\n'
+    "Then emergency stops at random moments 0 to 2 s after a flight's process was started, every "
+    "second one of all rigs (`tests/rig/stop_race.py`). After the stop returned, no device may be "
+    "enabled: by the log of the firmware's output stage, and by the mock's own samples."
 )
 FLIGHTS = int(os.environ.get("ESTOP_FLIGHTS", "20"))
+RACES = int(os.environ.get("ESTOP_RACES", "200"))
+LATEST_S = 2.0
 DOOR = [sys.executable, "-m", "heli3dof_drivers.emulator.door_pty", "--with-parent"]
 RIG = "mock:?start=level"
 
@@ -42,6 +49,32 @@ def measure() -> list[Figure]:
             "stopped past a session that hangs, longest", max(past) * 1e3, 500, "ms",
             how=f"{len(past)} flights suspended with SIGSTOP; 200 ms of it are patience",
         )
+    ] + [figure for kind in ("mock", "firmware") for figure in raced(kind)]  # fmt: skip
+
+
+def raced(kind: str) -> list[Figure]:
+    """What came of `RACES` flights that were stopped while they started."""
+    draw = random.Random(14)
+    seen = []
+    for k in range(RACES):
+        seen.append(race(kind, draw.uniform(0, LATEST_S), everything=k % 2 == 1))
+        print(seen[-1], file=sys.stderr, flush=True)
+    early = [r for r in seen if not r.was_enabled]
+
+    def armed(races: list[Race]) -> int:
+        return sum(r.enabled_after_s > 0 for r in races)
+
+    return [
+        at_most(
+            f"{kind}: flights that were armed after the stop had returned", armed(seen), 0, "",
+            how=f"{RACES} flights; {len(early)} had not been armed before the stop, "
+            f"{sum(r.confirmed for r in seen)} stops found a rig and confirmed",
+        ),
+        at_least(
+            f"{kind}: of these, flights that ended with exit code 4",
+            sum(r.code == 4 for r in seen), RACES, "",
+        ),
+        at_most(f"{kind}: the longest stop", max(r.seconds for r in seen), 2, "s"),
     ]  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from typer.testing import CliRunner
 
 from heli3dof.cli.app import app
+from heli3dof.rig.stop_stamp import start_command
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,7 @@ class Said:
 
 def heli3dof(*words: object) -> Said:
     """``heli3dof words...``"""
+    start_command()
     result = CliRunner().invoke(app, [str(w) for w in words])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception

@@ -139,6 +139,18 @@ def test_what_may_be_no_rig_is_left_out_until_one_was_opened_there(
     assert "heli3dof estop --device fake://1" in said.err
 
 
+def test_a_port_that_no_driver_lists_is_reached_where_a_rig_was_opened_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    driver = Ports(urls=())
+    only_drivers(monkeypatch, fake=driver)
+    with hold("fake://host:5000?speed=1", default_profile()):
+        pass
+    assert heli3dof("estop").code == 0
+    assert driver.stops == ["fake://host:5000?speed=1"]
+
+
 def test_where_all_is_left_out_nothing_is_said_to_be_stopped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -172,7 +184,7 @@ def test_where_sessions_cannot_be_trusted_the_device_is_told(
 
     driver = FakeDriver()
     only_drivers(monkeypatch, fake=driver)
-    monkeypatch.setattr("heli3dof.rig.stop.running", strangers)
+    monkeypatch.setattr("heli3dof.rig.stop.listed", strangers)
     assert heli3dof("estop").code == 0
     assert driver.stops == ["fake://1"]
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from heli3dof.cli.view import View
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.rig.attach import running
@@ -286,6 +287,30 @@ def test_monitor_watches_a_session_without_opening_its_rig(fake: FakeDriver) -> 
     assert "front  +7.00 V" in said.err
     assert "flying, 3 periods late" in said.err
     assert fake.rigs == []
+
+
+def test_monitor_of_a_mock_with_options_watches_a_flight_of_such_a_mock_and_no_other() -> None:
+    with (
+        Session("mock:?seed=0", private=True, doing="heli3dof run rich"),
+        Session("mock:?fault=none&seed=0", private=True, doing="heli3dof run steps"),
+    ):
+        of = {url: _watched(url) for url in ("mock:?fault=none", "mock:?seed=0&watchdog_s=1")}
+        assert _watched("mock:?seed=0") is not None
+    assert of == {"mock:?fault=none": "heli3dof run steps", "mock:?seed=0&watchdog_s=1": None}
+
+
+def _watched(url: str) -> str | None:
+    doing = heli3dof("monitor", "--device", url, "--seconds", "0", "--json").document["doing"]
+    assert doing is None or isinstance(doing, str)
+    return doing
+
+
+def test_the_view_shows_amperes_beside_volts_and_never_as_a_rate() -> None:
+    view = View()
+    view.add({"v_front_V": 7.0, "i_front_A": 0.5, "v_back_V": 7.1, "i_back_A": None, "flags": []})
+    now, rates = (list(view.table().columns[i].cells) for i in (1, 2))
+    assert now == ["+7.00 V, +0.50 A", "+7.10 V"]
+    assert rates == ["", ""]
 
 
 def test_monitor_ends_when_the_session_that_it_watches_ends(fake: FakeDriver) -> None:

@@ -86,8 +86,8 @@ def test_without_a_stop_the_plan_is_flown_to_its_end(driver):
 
 
 def test_before_arming_the_rig_is_never_armed(driver):
-    flight = flown(opened=ask)
-    assert is_tripped(flight)
+    with pytest.raises(SafetyTrip, match="smoke; it was not armed"):
+        flown(opened=ask)
     assert driver.rigs[0].armed == 0
     assert "smoke" in driver.rigs[0].stopped
 

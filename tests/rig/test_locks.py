@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.locks import Lock, device_lock_path
+from heli3dof.rig.locks import Lock, device_lock_path, is_held
 
 ABOUT = {"pid": 7, "doing": "heli3dof run", "since_utc": "2026-01-01", "device": "usb:"}
 HOLDER = """
 import sys, time
 from pathlib import Path
 from heli3dof.rig.locks import Lock
-lock = Lock(Path(sys.argv[1]), "usb:", passing=True)
+lock = Lock(Path(sys.argv[1]), "usb:")
 print("held", flush=True)
 time.sleep(600)
 """
@@ -25,7 +25,7 @@ time.sleep(600)
 
 def test_a_second_one_is_told_who_holds_it_and_through_which_door(tmp_path):
     lock = Lock(tmp_path / "rig", "usb:")
-    lock.tell(ABOUT)
+    lock.write_holder(ABOUT)
     with pytest.raises(DeviceError, match=r"pid 7 runs .*, through usb:\.") as caught:
         Lock(tmp_path / "rig", "serial:///dev/null")
     assert "serial:///dev/null is busy" in caught.value.what
@@ -43,22 +43,26 @@ def test_a_killed_holder_holds_nothing(tmp_path):
         assert holder.stdout.readline() == "held\n"
         with pytest.raises(DeviceError, match="busy"):
             Lock(path, "usb:")
+        assert is_held(path)
         holder.kill()
+    assert not is_held(path)
     Lock(path, "usb:").release()
 
 
-def test_a_passing_lock_leaves_no_file(tmp_path):
-    Lock(tmp_path / "rig", "usb:", passing=True).release()
+def test_a_lock_leaves_no_file(tmp_path):
+    lock = Lock(tmp_path / "rig", "usb:")
+    lock.write_holder(ABOUT)
+    lock.release()
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_passing_lock_is_never_held_twice(tmp_path):
+def test_a_lock_is_never_held_twice(tmp_path):
     path, holding, most = tmp_path / "rig", [0], [0]
 
     def take_and_leave() -> None:
         for _ in range(200):
             try:
-                lock = Lock(path, "usb:", passing=True)
+                lock = Lock(path, "usb:")
             except DeviceError:
                 continue
             holding[0] += 1

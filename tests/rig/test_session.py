@@ -12,6 +12,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,15 +20,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.attach import Question, lives, running, state
+from heli3dof.rig.attach import Question, Running, lives, running, state
 from heli3dof.rig.places import device_name, runtime_folder
-from heli3dof.rig.session import Session
+from heli3dof.rig.session import BACKLOG, Session
+from heli3dof.rig.stop_stamp import ALL, leave_stamp, stopped_since
 from tests.rig.processes import suspend
 
 DEVICE = "serial:///dev/null?baud=9600"
 HOLDER = f"""
 import sys, time
-from heli3dof.rig.session import Session
+from heli3dof.rig.session import BACKLOG, Session
+from heli3dof.rig.stop_stamp import ALL, leave_stamp, stopped_since
 from tests.rig.processes import suspend
 session = Session({DEVICE!r}, doing="heli3dof run rich")
 print("held", flush=True)
@@ -59,11 +62,9 @@ def test_options_and_links_do_not_make_another_device(tmp_path):
 
 
 @pytest.fixture
-def runtime(monkeypatch) -> Iterator[Path]:
-    """Short, unlike tmp_path: a socket's address has to fit."""
-    with tempfile.TemporaryDirectory(prefix="h3t-", dir="/tmp") as folder:
-        monkeypatch.setenv("XDG_RUNTIME_DIR", folder)
-        yield Path(folder)
+def runtime(monkeypatch, tmp_path) -> Path:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    return tmp_path
 
 
 def test_the_runtime_folder_is_its_owners_alone(runtime):
@@ -72,20 +73,18 @@ def test_the_runtime_folder_is_its_owners_alone(runtime):
     assert runtime_folder().stat().st_mode & 0o777 == 0o700
 
 
-def test_a_runtime_folder_that_is_a_link_is_not_trusted(runtime, tmp_path):
-    (runtime / "heli3dof").symlink_to(tmp_path)
+def test_a_runtime_folder_that_is_a_link_is_not_trusted(runtime, tmp_path_factory):
+    (runtime / "heli3dof").symlink_to(tmp_path_factory.mktemp("elsewhere"))
     with pytest.raises(DeviceError, match="somebody else"):
         runtime_folder()
 
 
-def test_a_path_too_long_for_a_socket_is_not_used(monkeypatch, runtime, tmp_path):
-    long, ours = tmp_path / ("x" * 90), f"heli3dof-{os.getuid()}"
-    long.mkdir()
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(long))
-    monkeypatch.setenv("TMPDIR", str(runtime))
-    assert runtime_folder() == runtime / ours
-    monkeypatch.setenv("TMPDIR", str(long))
-    assert runtime_folder() == Path("/tmp") / ours
+def test_without_a_folder_of_the_system_it_is_among_the_temporary_files(monkeypatch, tmp_path):
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    assert runtime_folder() == tmp_path / f"heli3dof-{os.getuid()}"
+    monkeypatch.delattr(os, "getuid")  # temporary files are a user's own there
+    assert runtime_folder() == tmp_path / "heli3dof"
 
 
 def test_a_second_session_is_told_who_holds_the_rig(session):
@@ -119,12 +118,49 @@ def test_sessions_are_listed_with_what_they_do(session):
 
 def test_private_rigs_do_not_lock_each_other_out(runtime):
     with Session("mock:", private=True) as one, Session("mock:?seed=2", private=True) as two:
-        assert running("mock:") == []
-        one.serve()
-        two.serve()
-        assert [s.device for s in running("mock:")] == ["mock:", "mock:?seed=2"]
+        assert (one.device, two.device) == ("mock:", "mock:?seed=2")
+        assert sorted(s.device for s in running("mock:")) == ["mock:", "mock:?seed=2"]
     assert running("mock:") == []
-    assert not list(runtime_folder().glob("mock*"))
+    assert not list(runtime_folder().iterdir())
+
+
+def test_a_stop_of_a_private_rig_is_confirmed_before_it_is_armed_and_forbids_it(runtime):
+    with Session("mock:", private=True) as session:
+        (found,) = running("mock:")
+        question = Question(found, {"do": "estop", "reason": "smoke"})
+        assert question.answer(5) == {"stopped": "before it had armed its emulated rig"}
+        assert session.begin_to_arm() == "smoke"
+
+
+def test_a_stop_of_a_private_rig_that_is_being_armed_is_the_loops_to_confirm(runtime):
+    with Session("mock:", private=True) as session:
+        assert session.begin_to_arm() is None
+        (found,) = running("mock:")
+        assert Question(found, {"do": "estop", "reason": "smoke"}).answer(0.2) is None
+        assert session.begin_to_arm() == "smoke"
+
+
+def test_a_system_that_removes_no_open_file_hinders_no_session(runtime, monkeypatch):
+    """As Windows does while another process reads it."""
+
+    def refuse(path: Path, missing_ok: bool = False) -> None:
+        raise PermissionError(f"{path} is open")
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    monkeypatch.setattr(Path, "replace", refuse)
+    for _ in range(2):
+        with Session(DEVICE), Session("mock:", private=True):
+            assert len(running()) == 2
+            leave_stamp([ALL], "smoke")
+        assert running() == []
+    assert stopped_since(0, []) is not None
+
+
+def test_a_session_hears_nobody_without_its_key(session):
+    (found,) = running(DEVICE)
+    stranger = replace(found, key="another")
+    assert Question(stranger, {"do": "estop"}).answer(5) is None
+    assert session.asked is None
 
 
 def test_the_state_is_what_the_session_says(session):
@@ -170,21 +206,23 @@ def test_who_waits_for_a_stop_is_told_when_the_session_ends(session):
     assert "over" in question.answer(5)
 
 
+def connected(session: Running) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", session.port))
+
+
 @pytest.mark.parametrize("rubbish", [b"", b"\n", b"{", b"[1]", b'{"do": 1}\n', b"\xff" * 9000])
 def test_rubbish_is_dropped_and_the_next_one_is_answered(session, rubbish):
     (found,) = running(DEVICE)
-    with socket.socket(socket.AF_UNIX) as line:
-        line.connect(str(found.socket))
+    with connected(found) as line:
         line.sendall(rubbish)
-        line.shutdown(socket.SHUT_WR)
+        with contextlib.suppress(OSError):  # it may have hung up already
+            line.shutdown(socket.SHUT_WR)
         assert state(found, timeout_s=5) == {}
 
 
 def test_silent_callers_keep_nobody_waiting(session):
     (found,) = running(DEVICE)
-    lines = [socket.socket(socket.AF_UNIX) for _ in range(8)]
-    for line in lines:
-        line.connect(str(found.socket))
+    lines = [connected(found) for _ in range(8)]
     assert state(found, timeout_s=5) == {}
     for line in lines:
         line.close()
@@ -201,6 +239,25 @@ def test_a_session_that_hangs_lives_and_answers_nothing(other_process):
     finally:
         other_process.send_signal(signal.SIGCONT)
     assert state(found, timeout_s=5) == {}
+
+
+def test_a_session_that_hangs_for_long_still_lives(other_process):
+    (found,) = running(DEVICE)
+    suspend(other_process)
+    lines = []
+    try:
+        with contextlib.suppress(TimeoutError):
+            for _ in range(2 * BACKLOG):
+                lines.append(socket.create_connection(("127.0.0.1", found.port), 0.2))
+        assert len(lines) < 2 * BACKLOG
+        assert lives(found)
+        assert [s.pid for s in running(DEVICE)] == [other_process.pid]
+    finally:
+        for line in lines:
+            line.close()
+        other_process.kill()
+    other_process.wait()
+    assert not lives(found)
 
 
 def test_of_many_that_want_the_rig_at_once_one_gets_it():
@@ -228,8 +285,7 @@ def test_of_many_that_want_the_rig_at_once_one_gets_it():
 @given(noise=st.binary(max_size=6000))
 def test_no_bytes_stop_a_session_from_answering(session, noise):
     (found,) = running(DEVICE)
-    with socket.socket(socket.AF_UNIX) as line, contextlib.suppress(BrokenPipeError):
-        line.connect(str(found.socket))
+    with connected(found) as line, contextlib.suppress(BrokenPipeError, ConnectionResetError):
         line.sendall(noise)
     assert state(found, timeout_s=5) == {}
     assert session.asked is None

@@ -19,7 +19,7 @@ from tests.rig.fakes import IDENTITY, FakeDriver, FakeRig, only_drivers
 
 @pytest.fixture
 def rig():
-    with Session("fake://1", private=True) as session:
+    with Session("fake://1") as session:
         yield StoppableRig(FakeRig(FakeDriver(counts=(10, 20, 30))), session)
 
 
@@ -133,3 +133,12 @@ def test_the_devices_own_cause_passes(rig):
     assert rig.device_cause == "BUTTON"
     rig.inner.device_cause = 4
     assert rig.device_cause is None
+
+
+@pytest.mark.parametrize("serial", ["", "  "])
+def test_a_device_without_a_serial_number_is_refused(serial, monkeypatch):
+    driver = FakeDriver(identity=replace(IDENTITY, serial=serial))
+    only_drivers(monkeypatch, fake=driver)
+    with pytest.raises(DeviceError, match="no serial number"), hold("fake://1", default_profile()):
+        pass
+    assert driver.closed == 1

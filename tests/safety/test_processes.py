@@ -24,6 +24,7 @@ from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.port import Flags
 from heli3dof.rig.profile import default_profile
+from heli3dof.rig.stop_stamp import start_command
 from tests.cli.running import heli3dof
 from tests.profiles import END_S, PATIENT, STANDSTILL_S, profile, write_profile
 from tests.safety.bench import Bench, Over
@@ -91,6 +92,7 @@ def bench() -> Iterator[Bench]:
 
 def starts_clean(bench: Opened) -> None:
     """A flight that follows arms, flies and lands as if nothing had been."""
+    start_command()
     plan = step_plan((None, None, None), settle_s=0.2, duration_s=0.1)
     patient = profile(**PATIENT, landing_s=0.1)
     outcome = fly_plan(plan, device=bench.url, profile=patient).outcome

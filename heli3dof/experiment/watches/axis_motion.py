@@ -40,10 +40,9 @@ class ExpectedAcceleration:
         """rad/s² for each volt of V_f − V_b"""
         self.yaw_per_V = g.L_a * motor.K_f / J_yaw
         """rad/s² for each volt of V_f + V_b and each unit of −cos r sin p"""
-        hover = max(abs(motor.V_o), motor.v_max / 8)
         self.gravity = 2 * self.roll_per_V * motor.V_o
         """T_g / J_roll in rad/s²"""
-        self.hover_V = hover
+        self.hover_V = motor.hover_V
         """V per motor; at least an eighth of the amplifier's limit, whatever the profile states"""
 
     def __call__(

@@ -89,6 +89,17 @@ def test_what_is_plugged_in_is_called_by_its_serial_number(monkeypatch, tmp_path
     assert plugged_in("/dev/ttyS0") == "/dev/ttyS0"
 
 
+def test_a_pseudo_terminal_is_told_from_a_later_one_of_its_number():
+    ours, theirs = os.openpty()
+    path = os.ttyname(theirs)
+    first = plugged_in(path)
+    assert first.startswith(f"{path} of ")
+    assert plugged_in(path) == first
+    os.close(ours)
+    os.close(theirs)
+    assert plugged_in(path) != first
+
+
 def test_a_rig_is_known_by_the_usb_numbers_of_the_rule(monkeypatch, tmp_path):
     on_usb(monkeypatch, tmp_path, vid=0x1209, pid=0x0001)
     assert is_known(str(tmp_path))

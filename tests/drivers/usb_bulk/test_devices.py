@@ -58,6 +58,12 @@ def test_a_rig_that_is_not_there_names_those_that_are(lab: Lab):
     assert "--device usb://1209:0001/mock-2" in refused(lab, "usb://1209:0001/mock-1")
 
 
+@pytest.mark.parametrize("url", ["usb://1209:0001/", "usb:///"])
+def test_an_empty_serial_number_is_refused(lab, url):
+    with pytest.raises(UsageError, match="empty serial number"):
+        lab.open(url)
+
+
 @pytest.mark.parametrize("url", ["usb://rig:1", "usb://12345:1", "usb://1209:", "usb://1209:0001x"])
 def test_a_place_that_is_none_is_an_error_of_use(lab: Lab, url: str):
     with pytest.raises(UsageError, match="hexadecimal"):

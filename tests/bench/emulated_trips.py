@@ -1,0 +1,86 @@
+"""Emulated rigs, each with its own numbers, tripped in flight by `heli3dof.experiment.loop.fly`.
+
+The emulated plant shares no code with the model that `simulated_trips` uses, and its angles here
+are the true ones. It has the laboratory rig's stops: roll +36°, pitch ±32°.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from heli3dof_drivers.emulator.plant import Truth
+from heli3dof_drivers.mock import MockRig
+
+from heli3dof.experiment import landing
+from heli3dof.experiment.loop import fly
+from heli3dof.experiment.plan import step_plan
+from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.port import Command, Sample
+from heli3dof.rig.profile import Profile, default_profile
+from tests.bench.simulated_trips import CLEAR, FALL_S, LAG_S, REST, SPREAD, Fall, Situation
+from tests.experiment.watches.test_false_alarms import Nowhere
+
+LATEST_S = 4.0
+"""s by which a flight with a wrong sign has left the envelope"""
+
+
+class Watched:
+    """An emulated rig that keeps its true motion, one entry for each period."""
+
+    def __init__(self, rig: MockRig) -> None:
+        self._rig = rig
+        self.truth: list[Truth] = [rig.truth]
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._rig, name)
+
+    def exchange(self, command: Command, due_s: float) -> Sample:
+        sample = self._rig.exchange(command, due_s)
+        self.truth.append(self._rig.truth)
+        return sample
+
+
+def tripped(situation: Situation, seed: int, band: float) -> Fall | None:
+    """The motion after one trip with this `landing.HOVER_BAND`; None: the arm was on the table.
+
+    An infinite band ramps from every voltage, a negative one from none.
+    """
+    profile = _steep(default_profile().with_controller())
+    rng = np.random.default_rng([seed, *situation.name.encode()])
+    url = f"mock:?speed=max&seed={seed}&spread={SPREAD}&hide=motor.lag:{LAG_S * rng.uniform():.4f}"
+    url += "&start=level" if situation.level else ""
+    url += "&fault=reversed.roll@0" if situation.sign[0] < 0 else ""
+    rig = Watched(open_rig(url, profile))
+    dt = profile.dt
+    begins = round(situation.settle_s / dt)
+    ends = begins + max(1, round(rng.uniform(*situation.moment_s) / dt))
+    plan = step_plan((situation.roll_deg, None, situation.yaw_deg), settle_s=0, duration_s=LATEST_S)
+    signals = plan.render(dt, seed)
+    if situation.volts is not None:
+        # Whatever the controller adds, the sum is beyond the limit.
+        signals.extra[begins:] = np.multiply(situation.volts, 10 * profile.motor.v_max)
+    with patch.object(landing, "HOVER_BAND", band):
+        flown = fly(
+            rig, profile, signals, Nowhere(),
+            watches=[lambda now: "tripped for the bench" if now.k >= ends else None],
+        )  # fmt: skip
+    for _ in range(round(FALL_S / dt)):
+        rig.exchange(Command(0, 0.0, 0.0), 0.0)
+    after = rig.truth[flown.periods :]
+    roll = [truth.angle[0] for truth in after]
+    if roll[0] <= REST + CLEAR:
+        return None
+    return Fall(
+        math.degrees(max(roll) - roll[0]),
+        math.degrees(-min(truth.rate[0] for truth in after)),
+        math.degrees(max(abs(truth.angle[1]) for truth in after)),
+    )
+
+
+def _steep(profile: Profile) -> Profile:
+    """The profile with no limit to how fast a voltage changes: here it jumps to its limit."""
+    limits = profile.limits.model_copy(update={"slew_max_V_per_s": 1e9})
+    return profile.model_copy(update={"limits": limits})
