@@ -43,7 +43,7 @@ class Output(NamedTuple):
 class Bench:
     """Use it in a ``with`` statement. ``url`` opens the rig."""
 
-    def __init__(self, watchdog_s: float = 0.3, start: str = "level") -> None:
+    def __init__(self, watchdog_s: float = 0.3, *, start: str = "level", seed: int = 0) -> None:
         self.watchdog_s = watchdog_s
         self.log: list[Output] = []
         self.motion: list[tuple[float, float, float]] = []
@@ -57,7 +57,7 @@ class Bench:
         self._looked_s = time.monotonic()
         self._away: list[tuple[float, float]] = []
         """From when until when the machine kept this thread from running"""
-        self._mock = f"mock:?start={start}&watchdog_s={watchdog_s}"
+        self._mock = f"mock:?start={start}&watchdog_s={watchdog_s}&seed={seed}"
         self._endpoint = emulated(self._mock)
         self._fresh: Endpoint | None = None
         self._start = time.monotonic()

@@ -21,23 +21,25 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from itertools import pairwise
 from math import degrees, inf
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
+from heli3dof.errors import RecordingError
 from heli3dof.recording.reader import read_recording
-from heli3dof.recording.row import RAMP_DOWN
 from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.profile import load_profile as profile_of
+from heli3dof.rig.stop import stop_rigs
+from heli3dof.rig.stop_stamp import start_command
 from tests.cli.running import heli3dof
-from tests.profiles import END_S, PATIENT, START_S, write_profile
+from tests.profiles import END_S, PATIENT, STANDSTILL_S, START_S, write_profile
 from tests.safety.aboard import Aboard
 from tests.safety.bench import Bench
 from tests.safety.relay import FirmwareBench, zero_since
-from tests.safety.sabotage import sabotage
+from tests.safety.sabotage import sabotage, stamp_reports
 from tests.safety.table import BY_ITSELF, BY_NAME, NOTHING, WATCHDOG
 
 SEED = 1412
@@ -65,14 +67,14 @@ CLOSED_LOOP_ONLY = {"exception", "nan", "envelope", "limit"}
 """Sabotage that a landing does not meet: the controller and the envelope have no part in it"""
 AXES = ("roll", "pitch", "yaw")
 MOCK_FAULTS = {
-    "encoder_jump": "jump.{axis}@{s:g}:-40",
+    "encoder_jump": "jump.{axis}@{s:g}:-200",
     "frozen_encoder": "frozen.{axis}@{s:g}",
     "stalled_motor": "stall@{s:g}",
     "amplifier_fault": "overcurrent@{s:g}",
     "button": "button@{s:g}",
 }
 SWITCHES = {
-    "encoder_jump": ("--jump-encoder", "{axis}@{s:g}:-40"),
+    "encoder_jump": ("--jump-encoder", "{axis}@{s:g}:-200"),
     "frozen_encoder": ("--freeze-encoder", "{axis}@{s:g}"),
     "stalled_motor": ("--stall-after", "{s:g}:0.2"),
     "amplifier_fault": ("--fault-after", "{s:g}:0.2"),
@@ -99,7 +101,7 @@ AFTERWARDS_S = 1.2
 """s at zero volts after which the arm is on its table, from wherever it was"""
 STOPPED_S = 1.0
 """s for which a process is stopped: longer than watchdog and ramp"""
-LOST_S = 0.7
+LOST_S = 0.45
 """s for which the line carries nothing one way"""
 TABLE_DEG = -27.5
 ABOVE_DEG = 0.3
@@ -154,6 +156,8 @@ class Run:
     detail: str = ""
     second_code: int | None = None
     """Exit code of the second process that wants the rig"""
+    again: int = 0
+    """How often it was flown before, and the machine stood still"""
     wrong: list[str] = field(default_factory=list)
 
     @property
@@ -206,10 +210,26 @@ def fly(case: Case) -> Run:
     run = Run(case)
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
         patch.setenv("XDG_STATE_HOME", folder)
+        start_command()
         try:
             (_in_process if case.virtual else _on_a_line)(case, run, patch, Path(folder))
         except Exception as problem:
             run.wrong.append(f"{type(problem).__name__}: {problem}")
+    return run
+
+
+HELD_UP = {"stopped_process", "laptop_suspend", "late_ticks", "lost_frames"}
+"""Rows in which the loop is late because of the event"""
+ATTEMPTS = 3
+
+
+def fly_again_where_held_up(case: Case) -> Run:
+    """`fly`; once more where the machine, not the event, held the loop up for too long."""
+    for attempt in range(ATTEMPTS):
+        run = fly(case)
+        run.again = attempt
+        if run.late_s <= STANDSTILL_S or case.row in HELD_UP or case.virtual:
+            break
     return run
 
 
@@ -237,6 +257,8 @@ def _in_process(case: Case, run: Run, patch: pytest.MonkeyPatch, folder: Path) -
     elif case.row in MOCK_FAULTS:
         url += "&fault=" + MOCK_FAULTS[case.row].format(axis=case.axis, s=at_s)
         stamps["event"] = max(at_s, profile.dt)
+    if case.row in NOTICED:
+        stamp_reports(stamp, patch.setattr)
     path = folder / "flight.mcap"
     said = heli3dof(*FLIGHT, "--device", url, "-o", path, *words)
     run.code = said.code
@@ -255,12 +277,11 @@ def _in_process(case: Case, run: Run, patch: pytest.MonkeyPatch, folder: Path) -
     run.phase = "opening" if not armed else _phase(run.event_s, 0.0, settled, over_s)
     if case.row in SIGNALS and case.number == 0:
         run.phase = "arming"
-    noticed = _ramp_began(path, "device_time_s")
-    _since(run, profile, device.watchdog_s, noticed, stamps.get("noticed"), None)
+    _since(run, profile, device.watchdog_s, stamps.get("noticed"), None)
     _motion(run, aboard.motion)
 
 
-WEAK = {"saturated_max_s": 0.2}
+WEAK = {"saturated_max_s": 0.2, "slew_max_V_per_s": 1e6}
 """Limits of the row about saturation: two seconds at the limit end at the envelope before"""
 
 
@@ -293,11 +314,14 @@ def _send_signals(
 
 def _on_a_line(case: Case, run: Run, patch: pytest.MonkeyPatch, folder: Path) -> None:
     limits: dict[str, Any] = {**PATIENT, "landing_s": LANDING_S[FIRMWARE], "rate_hz": RATE_HZ}
-    watchdog_s = 0.3
+    watchdog_s = 0.3 if case.row != CALM and BY_NAME[case.row].zero is WATCHDOG else 0.9
+    serial = random.SystemRandom().randrange(1, 10**9)
     if case.row == "lost_frames":
-        watchdog_s, limits["lost_max_s"] = 0.9, 0.2
+        limits["lost_max_s"] = 0.2
+    if case.row == "encoder_jump":
+        usual = default_profile().to_dict()["limits"]
+        limits |= {key: usual[key] for key in limits if "_rate_max_" in key}
     if case.row == "late_ticks":
-        watchdog_s = 0.9
         limits |= {"late_max_s": 0.03, "late_max_share": 0.5}
     if case.row == "saturated_for_too_long":
         limits |= WEAK
@@ -308,13 +332,15 @@ def _on_a_line(case: Case, run: Run, patch: pytest.MonkeyPatch, folder: Path) ->
         if case.device == FIRMWARE:
             given = SWITCHES.get(case.row, ())
             switches = [word.format(axis=case.axis, s=case.moment_s) for word in given]
+            switches += ["--serial", f"S{serial}"]
             rig = stack.enter_context(FirmwareBench(folder, watchdog_s, *switches))
         else:
-            rig = stack.enter_context(Bench(watchdog_s, start="rest"))
+            rig = stack.enter_context(Bench(watchdog_s, start="rest", seed=serial))
         kind = SABOTAGE.get(case.row)
         module = ["heli3dof"]
-        if kind is not None:
-            module = ["tests.safety.sabotage", f"{kind}@{case.moment_s:g}", str(stamps)]
+        if kind is not None or case.row in NOTICED:
+            what = f"{kind or 'none'}@{case.moment_s:g}"
+            module = ["tests.safety.sabotage", what, str(stamps)]
         command = [
             sys.executable, "-m", *module, *FLIGHT, "--device", rig.url, "-o", str(path),
             "--profile", str(toml),
@@ -358,8 +384,7 @@ def _on_a_line(case: Case, run: Run, patch: pytest.MonkeyPatch, folder: Path) ->
     begun = armed_s if armed_s is not None else inf
     run.phase = _phase(run.event_s, begun, begun + SETTLE_S + STEP_S, max(over_s, zero or -inf))
     last = max((t for t in commands if zero is None or t <= zero), default=None)
-    noticed = _ramp_began(path, "host_time_s")
-    _since(run, profile_of(toml), watchdog_s, noticed, stamped.get("noticed"), last)
+    _since(run, profile_of(toml), watchdog_s, stamped.get("noticed"), last)
     _motion(run, motion)
 
 
@@ -369,6 +394,8 @@ def _happen(
     """What another process or the line does at the moment; when that was."""
     if case.row == CALM or case.row in SABOTAGE:
         return None
+    if case.row == "estop_from_a_second_terminal":
+        stop_rigs("serial:///dev/heli3dof-absent", "its code is loaded now, not in the measurement")
     assert rig.opened_s is not None, "the flight never opened its device"
     time.sleep(max(0.0, rig.opened_s + case.moment_s - time.monotonic()))
     if process.poll() is not None:
@@ -386,9 +413,9 @@ def _happen(
         time.sleep(STOPPED_S)
         process.send_signal(signal.SIGCONT)
     elif case.row == "estop_from_a_second_terminal":
-        said = heli3dof("estop", "--device", rig.url, "--quiet")
-        if said.code != 0:
-            run.wrong.append(f"estop ended with {said.code}: {said.err[-300:]}")
+        (stopped,), _ = stop_rigs(rig.url, "a bench")
+        if not stopped.done:
+            run.wrong.append(f"not stopped: {stopped.how}")
     elif case.row == "cable_out":
         now = rig.pull()
     elif case.row == "device_reset":
@@ -456,19 +483,16 @@ def _read(run: Run, path: Path, err: str) -> None:
     if not path.exists():
         run.detail = err[-300:]
         return
-    meta = read_recording(path).meta
+    try:
+        meta = read_recording(path).meta
+    except RecordingError as problem:  # of a flight without one sample it says how that ended
+        ending, _, run.detail = problem.what.partition("holds no samples: ")[2].partition(", ")
+        run.ending = ending or problem.what
+        return
     run.ending = str(meta.get("outcome"))
     details = meta.get("outcome_details") or {}
     run.detail = str(details.get("detail", ""))
     run.late_s = float(details.get("worst_lateness_s") or 0.0)
-
-
-def _ramp_began(path: Path, clock: str) -> float | None:
-    if not path.exists():
-        return None
-    channels = read_recording(path).channels
-    first = np.flatnonzero(channels["phase"] == RAMP_DOWN)
-    return float(channels[clock][first[0]]) if len(first) else None
 
 
 def _phase(at_s: float | None, armed_s: float, settled_s: float, over_s: float) -> str:
@@ -476,7 +500,7 @@ def _phase(at_s: float | None, armed_s: float, settled_s: float, over_s: float) 
         return ""
     if at_s < armed_s:
         return "opening"
-    if at_s > over_s:
+    if at_s > over_s + 1e-6:
         return "over"
     return "landing" if at_s > settled_s else "take-off" if at_s < armed_s + SETTLE_S else "step"
 
@@ -485,7 +509,6 @@ def _since(
     run: Run,
     profile: Profile,
     watchdog_s: float,
-    ramp_began: float | None,
     noticed: float | None,
     last_command: float | None,
 ) -> None:
@@ -502,7 +525,7 @@ def _since(
     if bound is WATCHDOG and last_command is not None and not run.case.virtual:
         run.since_s = last_command
     if run.case.row in NOTICED and run.as_claimed:
-        run.since_s = noticed if run.case.row == "full_disk" else ramp_began
+        run.since_s = noticed
 
 
 def _motion(run: Run, motion: list[tuple[float, float, float]]) -> None:
@@ -513,7 +536,7 @@ def _motion(run: Run, motion: list[tuple[float, float, float]]) -> None:
     if not after:
         return
     run.roll_max_deg = max(roll for roll, _ in after)
-    for (before, rate), (roll, _) in zip(after, after[1:], strict=False):
+    for (before, rate), (roll, _) in pairwise(after):
         if before > TABLE_DEG + ABOVE_DEG >= roll:
             run.table_deg_per_s = max(run.table_deg_per_s or 0.0, -rate)
 

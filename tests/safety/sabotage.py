@@ -1,8 +1,9 @@
 """Faults inside the flight's own process, from a given moment on: the host's half of the table.
 
 ``python -m tests.safety.sabotage KIND@SECONDS STAMP run-step …`` is the command line with one of
-them; seconds count from the first control period. What happens when is appended to the file STAMP:
-``event`` or ``noticed``, and CLOCK_MONOTONIC in s.
+them (``none``: with nothing wrong); seconds count from the first control period. The file STAMP
+receives ``event`` or ``noticed`` (by a safety monitor or from the recorder), and CLOCK_MONOTONIC in
+s.
 """
 
 from __future__ import annotations
@@ -19,15 +20,17 @@ from pathlib import Path
 from typing import Any
 
 from heli3dof.errors import NoSpace
-from heli3dof.experiment.watches import suspension
+from heli3dof.experiment import fly
+from heli3dof.experiment.period import Period, Watch
+from heli3dof.experiment.watches import Watches, suspension, watches_for
 from heli3dof.model.opened import OpenedController
 from heli3dof.recording.container import McapFile
 from heli3dof.recording.row import Row
 from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.envelope import Envelope
-from heli3dof.rig.profile import Profile, default_profile
+from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
 
-KINDS = ("exception", "nan", "limit", "envelope", "late", "disk", "sleep")
+KINDS = ("none", "exception", "nan", "limit", "envelope", "late", "disk", "sleep")
 LATE_S = 0.04
 """s by which every period comes late then: two thirds of the periods of such a flight"""
 SLEPT_S = 600.0
@@ -40,8 +43,8 @@ def sabotage(kind: str, due: Due, stamp: Stamp, put: Put = setattr, halt: bool =
     """From the moment on at which ``due`` is true, this goes wrong.
 
     ``stamp`` is called with "event" as it begins, and with "noticed" where only the sabotaged code
-    knows when the loop learns of it. ``halt``: a computer that sleeps stops this process, too, until
-    SIGCONT comes.
+    knows when the loop learns of it. ``halt``: a computer that sleeps stops this process, too,
+    until SIGCONT comes.
     """
     begun: list[str] = []
 
@@ -61,8 +64,27 @@ def sabotage(kind: str, due: Due, stamp: Stamp, put: Put = setattr, halt: bool =
         _fill_disk(on, stamp, put)
     elif kind == "sleep":
         _sleep(on, halt, put)
-    else:
+    elif kind != "none":
         raise ValueError(f"no sabotage {kind!r}: {KINDS}")
+
+
+def stamp_reports(stamp: Stamp, put: Put = setattr) -> None:
+    """Call ``stamp`` with "noticed" in the period in which a safety monitor reports something."""
+
+    def listened(watch: Watch) -> Watch:
+        def judged(now: Period) -> str | None:
+            why = watch(now)
+            if why is not None:
+                stamp("noticed")
+            return why
+
+        return judged
+
+    def watches_with_stamps(profile: Profile) -> Watches:
+        watches = watches_for(profile)
+        return replace(watches, each_period=tuple(map(listened, watches.each_period)))
+
+    put(fly, "watches_for", watches_with_stamps)
 
 
 def _controller(kind: str, on: Due) -> Callable[..., object]:
@@ -94,10 +116,9 @@ def _narrow_envelope(on: Due, put: Put) -> None:
     def narrowed(self: Envelope, t: float, angle: Any, *rest: Any) -> str | None:
         if not on():
             return check(self, t, angle, *rest)
-        profile = profiles[id(self)]
-        limits = replace(profile.limits, roll_max_deg=degrees(angle[0]) - 0.1)
-        tight = Envelope(replace(profile, limits=limits))
-        return check(tight, t, angle, *rest)
+        given = profiles[id(self)].to_dict()
+        given["limits"]["roll_max_deg"] = degrees(angle[0]) - 0.1
+        return check(Envelope(profile_from_dict(given)), t, angle, *rest)
 
     put(Envelope, "__init__", remembered)
     put(Envelope, "check", narrowed)
@@ -166,6 +187,7 @@ def main(what: str, path: str, words: list[str]) -> None:
             file.write(f"{what} {time.monotonic():.6f}\n")
 
     sabotage(kind, due, stamp, halt=True)
+    stamp_reports(stamp)
     sys.argv = ["heli3dof", *words]
     command_line()
 
