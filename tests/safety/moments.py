@@ -89,6 +89,8 @@ NEED_A_PROCESS = {
 NOTICED = {"frozen_encoder", "late_ticks", "lost_frames", "saturated_for_too_long", "full_disk"}
 """Rows whose claim counts from the loop's noticing; of an angle beyond the envelope that is the
 sample that shows it, so the event itself"""
+RULE_S = {"saturated_for_too_long": 0.3, "late_ticks": 0.7, "lost_frames": 0.3}
+"""s that the monitor's rule needs: what begins later in a flight ends after it"""
 SETTLE_S, STEP_S = 2.0, 2.0
 LANDING_S = {EMULATED: 3.0, FIRMWARE: 1.5}
 """s; in real time shorter, for there are hundreds of flights"""
@@ -173,6 +175,14 @@ class Run:
         return self.phase not in ("opening", "over", "")
 
     @property
+    def at_rest(self) -> bool:
+        """An encoder froze that had no motion left to show: pitch or yaw in the landing, or any
+        after the arm had come down. No monitor can know (docs/safety.md)."""
+        down = self.roll_max_deg < TABLE_DEG + ABOVE_DEG
+        still = self.case.axis != "roll" or down
+        return self.case.row == "frozen_encoder" and self.phase == "landing" and still
+
+    @property
     def as_claimed(self) -> bool:
         """Exit code, outcome and words are the row's."""
         row = BY_NAME[self.case.row]
@@ -198,7 +208,7 @@ def cases(n: int) -> list[Case]:
 
 def span_s(case: Case) -> float:
     """s over which this row's moments are drawn."""
-    in_closed_loop = SETTLE_S + STEP_S
+    in_closed_loop = SETTLE_S + STEP_S - RULE_S.get(case.row, 0.0)
     if SABOTAGE.get(case.row) in CLOSED_LOOP_ONLY:
         return in_closed_loop
     landing_s = LANDING_S[EMULATED if case.virtual else FIRMWARE]
@@ -224,11 +234,13 @@ ATTEMPTS = 3
 
 
 def fly_again_where_held_up(case: Case) -> Run:
-    """`fly`; once more where the machine, not the event, held the loop up for too long."""
+    """`fly`; again where the machine, not the event, held the loop up or ended the flight."""
     for attempt in range(ATTEMPTS):
         run = fly(case)
         run.again = attempt
-        if run.late_s <= STANDSTILL_S or case.row in HELD_UP or case.virtual:
+        held_up = run.late_s > STANDSTILL_S and case.row not in HELD_UP
+        ended_before = run.event_s is None and not run.wrong
+        if case.virtual or not (held_up or ended_before):
             break
     return run
 
@@ -524,7 +536,7 @@ def _since(
         return
     if bound is WATCHDOG and last_command is not None and not run.case.virtual:
         run.since_s = last_command
-    if run.case.row in NOTICED and run.as_claimed:
+    if run.case.row in NOTICED:
         run.since_s = noticed
 
 
