@@ -218,6 +218,7 @@ def span_s(case: Case) -> float:
 def fly(case: Case) -> Run:
     """One flight. What the bench itself could not do stands in ``wrong``."""
     run = Run(case)
+    _take_signals()
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
         patch.setenv("XDG_STATE_HOME", folder)
         start_command()
@@ -226,6 +227,16 @@ def fly(case: Case) -> Run:
         except Exception as problem:
             run.wrong.append(f"{type(problem).__name__}: {problem}")
     return run
+
+
+def _take_signals() -> None:
+    """A job in the background, or under nohup, is started with signals ignored, and so would its
+    children be: they honour that, and no Ctrl-C would reach a flight."""
+    for number, handler in (
+        (signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL),
+    ):  # fmt: skip
+        if signal.getsignal(number) == signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 HELD_UP = {"stopped_process", "laptop_suspend", "late_ticks", "lost_frames"}
