@@ -168,7 +168,8 @@ def in_time(run: Run) -> bool:
 def line(row: str, device: str, runs: list[Run]) -> tuple[str, ...]:
     """A row of the table."""
     events = [r for r in runs if r.in_flight]
-    took = [1e3 * r.took_s for r in events if r.took_s is not None]
+    timed = [r for r in events if r.took_s is not None]
+    took = [1e3 * (r.took_s or 0.0) for r in timed]
     phases = Counter(r.phase for r in runs)
     shown = "/".join(
         str(phases[p]) for p in ("opening", "arming", "take-off", "step", "landing", "over")
@@ -185,7 +186,7 @@ def line(row: str, device: str, runs: list[Run]) -> tuple[str, ...]:
         f"{1e3 * max(r.bound_s for r in runs):g}" if claimed else "–",
         f"{statistics.median(took):.1f}" if claimed else "–",
         f"{max(took):.1f}" if claimed else "–",
-        f"{sum(map(in_time, events))} of {len(events)}" if claimed else "–",
+        f"{sum(map(in_time, timed))} of {len(timed)}" if claimed else "–",
         f"{max(rolls):.1f}" if rolls else "–",
         f"{max(speeds):.0f}" if speeds else "–",
         "–" if known is None else f"{sum(r.as_claimed for r in events)} of {len(events)}",
