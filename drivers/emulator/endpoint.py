@@ -45,6 +45,7 @@ from ..link.frames import (
 from .amplifier import STOPPED, Amplifier
 from .device import Device
 from .faults import Breaking
+from .plant import Truth
 
 SHORTEST_US = 500
 QUIET_US = 2_000_000
@@ -152,6 +153,11 @@ class Endpoint:
     def amplifier(self) -> Amplifier:
         """Its state and what it puts out, for doors and tests."""
         return self._amplifier
+
+    @property
+    def truth(self) -> Truth:
+        """The plant's true state, for tests and benches: no frame carries it."""
+        return self._device.plant.truth
 
     def _answer(self, frame: Frame | Unknown) -> bytes:
         amplifier, now = self._amplifier, self._now

@@ -15,8 +15,10 @@ however long that stood. Where the ramp cannot be flown (the device does not ans
 signal asks for it) the device is stopped at once. A device that stops by itself on the way is left
 alone, and its report is kept: samples are recorded for as long as the ramp would have taken.
 
-The safety monitors judge the ramp, too. What they report does not change it, for the voltages fall
-already. While they say that the arm must still fall, zero volts are held for `FALL_S` at most.
+The safety monitors judge the ramp, too. The ramp at a plan's end is slow (``landing_s``). A report
+of a monitor or of the recorder, or a request to end the flight, shortens the rest of it: from there
+the last voltages reach zero within the ramp time of an interrupted flight. While the monitors state
+that the arm must still fall, zero volts are held for `FALL_S` at most.
 """
 
 from __future__ import annotations
@@ -54,6 +56,8 @@ class Landing:
     """True where somebody asked for that, or the device did it by itself"""
     tripped: str | None = None
     """What a safety monitor reported on the way"""
+    asked: str | None = None
+    """Who asked on the way to end the flight"""
     error: BaseException | None = None
     """What kept it from being flown"""
     ramped: bool = False
@@ -77,28 +81,39 @@ def land(
     known: int = 0,
     monitor: Callable[[Sample, tuple[float, float]], str | None] = lambda sample, voltage: None,
     must_still_fall: Callable[[], bool] = lambda: False,
+    asked_to_end: Callable[[], str | None] = lambda: None,
+    hurried_steps: int | None = None,
 ) -> Landing:
     """Ramp to zero in ``steps`` periods from the last sample (None: the device does not answer).
 
     ``motor`` is the profile's: its V_o and v_max decide where the ramp starts (`ramp_start`).
     ``known`` flags are already part of the reason why the flight ends. ``monitor`` judges each
-    sample and the voltage (V) that was sent before it; its first report is kept.
+    sample and the voltage (V) that was sent before it; its first report is kept. From that report
+    on, or from a reason that ``asked_to_end`` returns, the ramp takes ``hurried_steps`` at most.
     """
     if sample is None:
         pacer.stop("the device did not answer")
         return Landing(False)
     # A device that stands stopped needs no ramp; its rows show that it stays so.
     start = (0.0, 0.0) if sample.flags & Flags.ESTOP else ramp_start(pacer.sent, motor)
+    ramped = start != (0.0, 0.0)
     told = int(sample.flags)
     i = skipped = 0
-    tripped: str | None = None
+    tripped = asked = None
+    voltage = start
+    hurried = False
     most = steps + round(FALL_S / pacer.dt)
     try:
-        while i < steps or (i < most and tripped is None and must_still_fall()):
+        while i < steps or (i < most and not hurried and must_still_fall()):
             now = at_once()
             if now is not None:
                 pacer.stop(now)
                 return Landing(False, now, stopped=True)
+            asked = asked or asked_to_end()
+            if not hurried and (asked is not None or tripped is not None):
+                hurried = True
+                if hurried_steps is not None and hurried_steps < steps - i:
+                    start, i, steps = voltage, 0, hurried_steps
             i += 1 + skipped
             share = max(0.0, 1 - i / steps)
             voltage = (start[0] * share, start[1] * share)
@@ -116,7 +131,7 @@ def land(
     by_itself = explain(told & STOPPED & ~known, pacer.device_cause)
     if by_itself is not None:
         return Landing(False, by_itself, stopped=True)
-    return Landing(True, ramped=start != (0.0, 0.0), tripped=tripped)
+    return Landing(True, ramped=ramped, tripped=tripped, asked=asked)
 
 
 class Kept:
@@ -124,10 +139,17 @@ class Kept:
 
     def __init__(self, append: Callable[[Row], None]) -> None:
         self._append: Callable[[Row], None] | None = append
+        self.failure: Exception | None = None
+        """Why the recorder takes no more"""
+
+    @property
+    def problem(self) -> str | None:
+        """The same in words; None while it takes rows."""
+        return None if self.failure is None else f"{type(self.failure).__name__}: {self.failure}"
 
     def __call__(self, row: Row) -> None:
         if self._append is not None:
             try:
                 self._append(row)
-            except Exception:
-                self._append = None
+            except Exception as problem:
+                self._append, self.failure = None, problem

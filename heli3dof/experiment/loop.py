@@ -67,8 +67,9 @@ def fly(
 ) -> Outcome:
     """Fly the rendered plan in closed loop and return how it ended. Never raises.
 
-    ``stop`` is asked in every period and returns why to end, or None; ``at_once`` is asked in
-    every period of the ramp that follows, and returns why to stop without the rest of it.
+    ``stop`` is asked in every period and returns why to end, or None; in the landing at the plan's
+    end, too. ``at_once`` is asked in every period of the ramp to zero, and returns why to stop
+    without the rest of it.
     ``watches`` judge every period in their order, before the envelope, and the ramp to zero too:
     a flight whose angles contradict its voltages is not completed. While ``must_still_fall`` is
     true the ramp goes on at zero volts. The profile must have a controller and its rate must be
@@ -138,18 +139,26 @@ class _Flight:
         except BaseException as problem:
             ending, detail, error = "error", f"{type(problem).__name__}: {problem}", problem
         live.phase = "ramping down"
-        steps = self.steps(hurried=ending != "completed")
+        hurried = self.steps(hurried=True)
         known = int(sample.flags) if sample is not None and ending == "tripped" else 0
         whole = ending == "completed"
+        kept = Kept(self.sink.append)
         landing = land(
-            self.pacer, sample, steps, self.profile.motor, self.keeper(), at_once, known,
+            self.pacer, sample, self.steps(hurried=False) if whole else hurried,
+            self.profile.motor, self.keeper(kept), at_once, known,
             self.monitored if whole else lambda sample, voltage: None,
             must_still_fall if whole else lambda: False,
+            (lambda: self.stop() or kept.problem) if whole else lambda: None,
+            hurried,
         )  # fmt: skip
         if landing.stopped:
             ending, detail = "tripped", Trip.first(detail, landing.why) or ""
         elif landing.tripped is not None:
             ending, detail = "tripped", landing.tripped
+        elif whole and kept.failure is not None:
+            ending, detail, error = "error", kept.problem or "", kept.failure
+        elif landing.asked is not None:
+            ending, detail = "interrupted", landing.asked
         elif landing.error is not None and ending == "completed":
             ending = "device" if isinstance(landing.error, DeviceError) else "error"
             detail, error = landing.why, landing.error
@@ -265,9 +274,8 @@ class _Flight:
         ramp_s = limits.ramp_down_s if hurried else limits.landing_s
         return max(1, round(ramp_s / self.profile.dt))
 
-    def keeper(self) -> Callable[[Sample, tuple[float, float], float, Sample], None]:
+    def keeper(self, keep: Kept) -> Callable[[Sample, tuple[float, float], float, Sample], None]:
         """Records the periods of the ramp, for as long as the recorder takes them."""
-        keep = Kept(self.sink.append)
         held = self.controller.limited_reference
 
         def row(

@@ -15,7 +15,7 @@ from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import RAMP_DOWN
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Flags
+from heli3dof.rig.port import Flags, Sample
 from heli3dof.rig.profile import Profile
 from tests.cli.running import Said, heli3dof
 from tests.safety.table import BY_NAME, STOPPED, Row
@@ -29,7 +29,10 @@ class Aboard:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
         self.volts: list[tuple[float, float, float]] = []
         """When the period began (s, the device's clock), front and back V during it"""
+        self.motion: list[tuple[float, float, float]] = []
+        """When the period began, the arm's true roll (rad) and its rate (rad/s)"""
         self.rig: MockRig | None = None
+        self.when_arming: list[Callable[[], Any]] = []
         self._path = folder / "flight.mcap"
         self._to_do: list[tuple[float, Callable[[], Any]]] = []
         monkeypatch.setattr("heli3dof.rig.hold.open_rig", self._open)
@@ -112,7 +115,17 @@ class Aboard:
             while self._to_do and self._to_do[0][0] <= plant.t + 1e-9:
                 self._to_do.pop(0)[1]()
             self.volts.append((plant.t, v_front, v_back))
+            truth = plant.truth
+            self.motion.append((plant.t, truth.angle[0], truth.rate[0]))
             return bool(step(v_front, v_back))
 
         plant.step = watched
+        arm = rig.arm
+
+        def armed() -> Sample:
+            while self.when_arming:
+                self.when_arming.pop(0)()
+            return arm()
+
+        rig.arm = armed  # type: ignore[method-assign]
         return rig

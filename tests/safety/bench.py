@@ -20,6 +20,7 @@ from heli3dof_drivers.emulator.endpoint import Endpoint
 from tests.profiles import START_S
 
 IDLE_S = 5e-3
+MOTION_S = 5e-3
 Over = Callable[[], object]
 """Whether a flight has ended: not None"""
 LOOKED_S = 0.03
@@ -42,9 +43,13 @@ class Output(NamedTuple):
 class Bench:
     """Use it in a ``with`` statement. ``url`` opens the rig."""
 
-    def __init__(self, watchdog_s: float = 0.3) -> None:
+    def __init__(self, watchdog_s: float = 0.3, *, start: str = "level", seed: int = 0) -> None:
         self.watchdog_s = watchdog_s
         self.log: list[Output] = []
+        self.motion: list[tuple[float, float, float]] = []
+        """(t, roll in rad, its rate in rad/s) of the emulated arm itself, every `MOTION_S`"""
+        self.opened_s: float | None = None
+        """When the host's first byte came"""
         self.deaf = self.mute = False
         """What the host says does not arrive; what the device says does not"""
         self.last_command_s = 0.0
@@ -52,7 +57,7 @@ class Bench:
         self._looked_s = time.monotonic()
         self._away: list[tuple[float, float]] = []
         """From when until when the machine kept this thread from running"""
-        self._mock = f"mock:?start=level&watchdog_s={watchdog_s}"
+        self._mock = f"mock:?start={start}&watchdog_s={watchdog_s}&seed={seed}"
         self._endpoint = emulated(self._mock)
         self._fresh: Endpoint | None = None
         self._start = time.monotonic()
@@ -121,6 +126,7 @@ class Bench:
     def receive(self, now_us: int, data: bytes) -> bytes:
         """See `Endpoint.receive`."""
         own_us = self._own(now_us)
+        self.opened_s = self.opened_s or time.monotonic()
         before = self._endpoint.amplifier.last
         said = self._endpoint.receive(own_us, b"" if self.deaf else data)
         if self._endpoint.amplifier.last != before:
@@ -167,6 +173,9 @@ class Bench:
         last = self.log[-1] if self.log else None
         if last is None or last[1:] != (front, back, amplifier.flags):
             self.log.append(Output(now, front, back, amplifier.flags))
+        if not self.motion or now - self.motion[-1][0] >= MOTION_S:
+            truth = self._endpoint.truth
+            self.motion.append((now, truth.angle[0], truth.rate[0]))
         return b"" if self.mute else said
 
     def _serve(self) -> None:

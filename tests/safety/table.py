@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from heli3dof import pages
 from heli3dof.rig.profile import Limits, Profile, default_profile
+from heli3dof.rig.stop import PATIENCE_S
 from tests.paths import ROOT
 
 BENCHMARKS = ROOT / "docs" / "benchmarks.json"
@@ -50,6 +51,11 @@ def at_once(since: str) -> Bound:
     return Bound("2 periods", since, lambda p, watchdog_s: 2 * p.dt)
 
 
+ASKED = Bound(
+    "0.2 s in which the flight answers, or the device is stopped past it + 2 periods",
+    "the request",
+    lambda p, watchdog_s: PATIENCE_S + 2 * p.dt,
+)
 WATCHDOG = Bound(
     "the device's watchdog + its ramp",
     "the last command",
@@ -97,7 +103,7 @@ ROWS = [
     Row("terminal_closed", "the terminal is closed (SIGHUP)", LOOP, RAMPED, ramp("the signal"),
         "interrupted", "stopped since the terminal was closed (SIGHUP)", 130),
     Row("estop_from_a_second_terminal", "`heli3dof estop` from a second terminal", LOOP, STOPPED,
-        at_once("the request"), "tripped", "emergency stop on request", 4),
+        ASKED, "tripped", "emergency stop on request", 4),
     Row("kill_9", "`kill -9`, a crash, the computer dies", DEVICE, LATCHES, WATCHDOG,
         "none, and `heli3dof recover` brings the file back", "", -9),
     Row("stopped_process", "Ctrl-Z, a process that hangs", DEVICE, LATCHES, WATCHDOG,

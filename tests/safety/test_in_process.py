@@ -23,6 +23,8 @@ from tests.safety.aboard import Aboard
 
 MOCK = "mock:?speed=max&seed=1&start=level"
 EVENT_S = 1.0
+IN_FLIGHT_AND_IN_LANDING = (EVENT_S, 5.0)
+"""s; the landing at the plan's end begins at 4 s and takes 3 s"""
 
 
 @pytest.fixture
@@ -34,20 +36,23 @@ def send(number: signal.Signals) -> Callable[[], None]:
     return lambda: os.kill(os.getpid(), number)
 
 
-def test_ctrl_c(aboard: Aboard) -> None:
-    aboard.at(EVENT_S, send(signal.SIGINT))
-    aboard.shows("ctrl_c", aboard.flown(MOCK), EVENT_S)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+def test_ctrl_c(aboard: Aboard, at_s: float) -> None:
+    aboard.at(at_s, send(signal.SIGINT))
+    aboard.shows("ctrl_c", aboard.flown(MOCK), at_s)
 
 
-def test_second_ctrl_c(aboard: Aboard) -> None:
-    aboard.at(EVENT_S, send(signal.SIGINT))
-    aboard.at(EVENT_S + 0.1, send(signal.SIGINT))
-    aboard.shows("second_ctrl_c", aboard.flown(MOCK), EVENT_S + 0.1)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+def test_second_ctrl_c(aboard: Aboard, at_s: float) -> None:
+    aboard.at(at_s, send(signal.SIGINT))
+    aboard.at(at_s + 0.1, send(signal.SIGINT))
+    aboard.shows("second_ctrl_c", aboard.flown(MOCK), at_s + 0.1)
 
 
-def test_sigterm(aboard: Aboard) -> None:
-    aboard.at(EVENT_S, send(signal.SIGTERM))
-    aboard.shows("sigterm", aboard.flown(MOCK), EVENT_S)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+def test_sigterm(aboard: Aboard, at_s: float) -> None:
+    aboard.at(at_s, send(signal.SIGTERM))
+    aboard.shows("sigterm", aboard.flown(MOCK), at_s)
 
 
 def test_terminal_closed(aboard: Aboard) -> None:
@@ -87,9 +92,10 @@ def test_nan_from_the_controller(aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("axis", ["roll", "pitch", "yaw"])
-def test_encoder_jump(aboard: Aboard, axis: str) -> None:
-    said = aboard.flown(f"{MOCK}&fault=jump.{axis}@{EVENT_S}:-40")
-    aboard.shows("encoder_jump", said, EVENT_S - default_profile().dt)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+def test_encoder_jump(aboard: Aboard, axis: str, at_s: float) -> None:
+    said = aboard.flown(f"{MOCK}&fault=jump.{axis}@{at_s}:-40")
+    aboard.shows("encoder_jump", said, at_s - default_profile().dt)
     assert f"the {axis} encoder" in said.err
 
 
@@ -121,23 +127,21 @@ def test_late_ticks(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
     assert aboard.noticed_s < EVENT_S + 1.0 + slack_s
 
 
-def test_laptop_suspend(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+def test_laptop_suspend(aboard: Aboard, monkeypatch: pytest.MonkeyPatch, at_s: float) -> None:
     real = suspension.ahead_s
     slept = [0.0]
     monkeypatch.setattr(suspension, "ahead_s", lambda: real() + slept[0])
-    aboard.at(EVENT_S, lambda: slept.append(slept.pop() + 600.0))
+    aboard.at(at_s, lambda: slept.append(slept.pop() + 600.0))
     said = aboard.flown(MOCK)
-    aboard.shows("laptop_suspend", said, EVENT_S)
-    assert aboard.zero_s <= EVENT_S + 2 * default_profile().dt + 1e-9, "no ramp after it woke"
+    aboard.shows("laptop_suspend", said, at_s)
+    assert aboard.zero_s <= at_s + 2 * default_profile().dt + 1e-9, "no ramp after it woke"
 
 
 def stopping_by_itself(aboard: Aboard, name: str, fault: str, at_s: float) -> None:
     said = aboard.flown(f"{MOCK}&fault={fault}@{at_s}")
     # It happens at the end of the period that reaches that time.
     aboard.shows(name, said, at_s - default_profile().dt, slack_s=default_profile().dt)
-
-
-IN_FLIGHT_AND_IN_LANDING = (EVENT_S, 5.0)
 
 
 @pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
@@ -156,11 +160,12 @@ def test_button(aboard: Aboard, at_s: float) -> None:
     stopping_by_itself(aboard, "button", "button", at_s)
 
 
-def test_full_disk(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+def test_full_disk(aboard: Aboard, monkeypatch: pytest.MonkeyPatch, at_s: float) -> None:
     real = McapFile.write_chunk
 
     def write_chunk(self: McapFile, data: bytes) -> None:
-        if aboard.t >= EVENT_S:
+        if aboard.t >= at_s:
             raise OSError(errno.ENOSPC, "No space left on device")
         real(self, data)
 
@@ -178,5 +183,5 @@ def test_full_disk(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
     # Not as fast as it can: the recorder must have its turn before the plan is over.
     said = aboard.flown(MOCK.replace("max", "5"))
     assert "df -h" in said.err
-    assert told_s[0] < EVENT_S + 2.0
+    assert told_s[0] < at_s + 2.0
     aboard.shows("full_disk", said, told_s[0])

@@ -23,12 +23,13 @@
 
 #define REAL_TIME_PRIORITY 80 /* hardware never waits for its host */
 #define TURN_US 1000u
+#define MOTION_S 5e-3
 #define LATE_US 200u /* a turn takes some 10 us */
 
 static struct options options;
 static struct bench bench;
 static struct device device;
-static int line = -1, listener = -1, log_file = -1, late_file = -1;
+static int line = -1, listener = -1, log_file = -1, late_file = -1, motion_file = -1;
 static volatile sig_atomic_t ended;
 static struct delay there, back;
 
@@ -239,6 +240,21 @@ static void log_late(uint64_t sampled_before_us)
         late_file = -1;
 }
 
+/* Where the arm is by now, whether or not anything was sampled. */
+static void log_motion(void)
+{
+    static double written_s;
+    const double t_s = bench.plant.t_s;
+    char text[80];
+    if (motion_file < 0 || t_s - written_s < MOTION_S)
+        return;
+    written_s = t_s;
+    const int n = snprintf(text, sizeof text, "%.6f %.6f %.6f\n", t_s, bench.plant.q[ROLL],
+                           bench.plant.dq[ROLL]);
+    if (write(motion_file, text, (size_t)n) < 0)
+        motion_file = -1;
+}
+
 static void open_doors(void)
 {
     char path[64];
@@ -255,6 +271,8 @@ static void open_doors(void)
         log_file = opened("--log", options.log);
     if (options.late)
         late_file = opened("--late", options.late);
+    if (options.motion)
+        motion_file = opened("--motion", options.motion);
     if (options.link) {
         unlink(options.link);
         if (symlink(path, options.link) < 0) {
@@ -287,6 +305,7 @@ int main(int argc, char **argv)
         rig_turn(&device);
         deliver();
         log_late(sampled_us);
+        log_motion();
         if (device.state == ARMED && bench.armed_s >= NEVER)
             bench.armed_s = monotonic_s();
         if (!reset && bench_due(&bench, monotonic_s(), options.reset_s)) {

@@ -16,6 +16,8 @@ static const char HELP[] =
     "  --log FILE                 appends 'CLOCK_MONOTONIC_s enabled front_V back_V' at each change\n"
     "  --late FILE                appends 'time_us late_us' of each sample that was written more\n"
     "                             than 0.2 ms after its time: the program itself was held up\n"
+    "  --motion FILE              appends 'CLOCK_MONOTONIC_s roll_rad roll_rad_per_s' every 5 ms: the\n"
+    "                             plant's own, whatever an encoder shows\n"
     "  --counts ROLL,PITCH,YAW    per revolution, negative: falls as the angle rises\n"
     "  --boot N                   the boot number of every start (drawn at random each time)\n"
     "  --with-parent              end when the process that started it ends\n"
@@ -103,8 +105,8 @@ static const char *axis_at(const char *option, const char *text, enum axis *axis
 }
 
 enum name {
-    HELP_WANTED = 1, WITH_PARENT, SERIAL, LINK, LOG, LATE, TCP, COUNTS, BOOT, WATCHDOG, RAMP, SHORTEST,
-    FAULT, STALL, BUTTON, RESET, FREEZE, JUMP, DELAY, DROP, CORRUPT, SEED,
+    HELP_WANTED = 1, WITH_PARENT, SERIAL, LINK, LOG, LATE, MOTION, TCP, COUNTS, BOOT, WATCHDOG, RAMP,
+    SHORTEST, FAULT, STALL, BUTTON, RESET, FREEZE, JUMP, DELAY, DROP, CORRUPT, SEED,
 };
 
 static const struct option KNOWN[] = {
@@ -114,6 +116,7 @@ static const struct option KNOWN[] = {
     {"link", required_argument, NULL, LINK},
     {"log", required_argument, NULL, LOG},
     {"late", required_argument, NULL, LATE},
+    {"motion", required_argument, NULL, MOTION},
     {"tcp", required_argument, NULL, TCP},
     {"counts", required_argument, NULL, COUNTS},
     {"boot", required_argument, NULL, BOOT},
@@ -172,6 +175,7 @@ struct options options_read(int argc, char **argv)
         case LINK: o.link = optarg; break;
         case LOG: o.log = optarg; break;
         case LATE: o.late = optarg; break;
+        case MOTION: o.motion = optarg; break;
         case TCP: o.tcp = (int)whole(name, optarg, 65535); break;
         case COUNTS:
             if (sscanf(optarg, "%d,%d,%d", &o.counts[0], &o.counts[1], &o.counts[2]) != 3)

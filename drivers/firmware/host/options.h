@@ -14,6 +14,7 @@ struct options {
     const char *link; /* a symbolic link to the PTY, or NULL */
     const char *log;  /* what went to the motors and when, or NULL */
     const char *late; /* which samples this program itself kept from the line, or NULL */
+    const char *motion; /* where the plant's arm was and how fast, or NULL */
     int tcp;          /* a port of this computer instead of a PTY, 0 any; -1: a PTY */
     int with_parent;  /* ends with the process that started it */
     uint32_t watchdog_us, ramp_us, shortest_us;

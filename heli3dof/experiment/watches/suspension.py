@@ -50,4 +50,4 @@ class Suspended:
 
     def at_once(self) -> str | None:
         """Why there is no ramp."""
-        return "stopped at once, since it slept" if self.asleep_s() else None
+        return "stopped at once, since the computer slept" if self.asleep_s() else None

@@ -15,7 +15,7 @@ def test_a_sleep_ends_the_flight_at_once(monkeypatch: pytest.MonkeyPatch) -> Non
     assert (watch(period(0)), watch.at_once()) == (None, None)
     ahead[0] += 3.25
     assert watch(period(1)) == "the computer slept for 3.2 s in mid-flight"
-    assert watch.at_once() == "stopped at once, since it slept"
+    assert watch.at_once() == "stopped at once, since the computer slept"
 
 
 def test_a_computer_that_stays_awake_is_never_taken_for_one_that_slept() -> None:

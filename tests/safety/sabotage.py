@@ -1,0 +1,196 @@
+"""Faults inside the flight's own process, from a given moment on: the host's half of the table.
+
+``python -m tests.safety.sabotage KIND@SECONDS STAMP run-step …`` is the command line with one of
+them (``none``: with nothing wrong); seconds count from the first control period. The file STAMP
+receives ``event`` or ``noticed`` (by a safety monitor or from the recorder), and CLOCK_MONOTONIC in
+s.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from math import degrees, nan
+from pathlib import Path
+from typing import Any
+
+from heli3dof.errors import NoSpace
+from heli3dof.experiment import fly
+from heli3dof.experiment.period import Period, Watch
+from heli3dof.experiment.watches import Watches, suspension, watches_for
+from heli3dof.model.opened import OpenedController
+from heli3dof.recording.container import McapFile
+from heli3dof.recording.row import Row
+from heli3dof.recording.writer import RecordingWriter
+from heli3dof.rig.envelope import Envelope
+from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
+
+KINDS = ("none", "exception", "nan", "limit", "envelope", "late", "disk", "sleep")
+LATE_S = 0.04
+"""s by which every period comes late then: two thirds of the periods of such a flight"""
+SLEPT_S = 600.0
+Due = Callable[[], bool]
+Stamp = Callable[[str], None]
+Put = Callable[[Any, str, Any], None]
+
+
+def sabotage(kind: str, due: Due, stamp: Stamp, put: Put = setattr, halt: bool = False) -> None:
+    """From the moment on at which ``due`` is true, this goes wrong.
+
+    ``stamp`` is called with "event" as it begins, and with "noticed" where only the sabotaged code
+    knows when the loop learns of it. ``halt``: a computer that sleeps stops this process, too,
+    until SIGCONT comes.
+    """
+    begun: list[str] = []
+
+    def on() -> bool:
+        if due() and not begun:
+            begun.append(kind)
+            stamp("event")
+        return bool(begun)
+
+    if kind in ("exception", "nan", "limit"):
+        put(OpenedController, "step", _controller(kind, on))
+    elif kind == "envelope":
+        _narrow_envelope(on, put)
+    elif kind == "late":
+        _each_period(lambda: time.sleep(LATE_S) if on() else None, put)
+    elif kind == "disk":
+        _fill_disk(on, stamp, put)
+    elif kind == "sleep":
+        _sleep(on, halt, put)
+    elif kind != "none":
+        raise ValueError(f"no sabotage {kind!r}: {KINDS}")
+
+
+def stamp_reports(stamp: Stamp, put: Put = setattr) -> None:
+    """Call ``stamp`` with "noticed" in the period in which a safety monitor reports something."""
+
+    def listened(watch: Watch) -> Watch:
+        def judged(now: Period) -> str | None:
+            why = watch(now)
+            if why is not None:
+                stamp("noticed")
+            return why
+
+        return judged
+
+    def watches_with_stamps(profile: Profile) -> Watches:
+        watches = watches_for(profile)
+        return replace(watches, each_period=tuple(map(listened, watches.each_period)))
+
+    put(fly, "watches_for", watches_with_stamps)
+
+
+def _controller(kind: str, on: Due) -> Callable[..., object]:
+    real = OpenedController.step
+
+    def step(self: OpenedController, *a: Any) -> object:
+        command, voltage = real(self, *a)[-2:]
+        if not on():
+            return command, voltage
+        if kind == "exception":
+            return 1 / 0
+        if kind == "nan":
+            return (nan, nan), (nan, nan)
+        v_max = default_profile().motor.v_max
+        return (2 * v_max, 2 * v_max), (v_max, v_max)
+
+    return step
+
+
+def _narrow_envelope(on: Due, put: Put) -> None:
+    """The highest roll that the envelope permits is below the present one from then on."""
+    profiles: dict[int, Profile] = {}
+    start, check = Envelope.__init__, Envelope.check
+
+    def remembered(self: Envelope, profile: Profile) -> None:
+        profiles[id(self)] = profile
+        start(self, profile)
+
+    def narrowed(self: Envelope, t: float, angle: Any, *rest: Any) -> str | None:
+        if not on():
+            return check(self, t, angle, *rest)
+        given = profiles[id(self)].to_dict()
+        given["limits"]["roll_max_deg"] = degrees(angle[0]) - 0.1
+        return check(Envelope(profile_from_dict(given)), t, angle, *rest)
+
+    put(Envelope, "__init__", remembered)
+    put(Envelope, "check", narrowed)
+
+
+def _each_period(what: Callable[[], object], put: Put) -> None:
+    """Every period is handed to the recorder, those of the ramp too."""
+    append = RecordingWriter.append
+
+    def appended(self: RecordingWriter, row: Row) -> None:
+        append(self, row)
+        what()
+
+    put(RecordingWriter, "append", appended)
+
+
+def _fill_disk(on: Due, stamp: Stamp, put: Put) -> None:
+    write, append = McapFile.write_chunk, RecordingWriter.append
+
+    def write_chunk(self: McapFile, data: bytes) -> None:
+        if on():
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(self, data)
+
+    def appended(self: RecordingWriter, row: Row) -> None:
+        on()
+        try:
+            append(self, row)
+        except NoSpace:
+            stamp("noticed")
+            raise
+
+    put(McapFile, "write_chunk", write_chunk)
+    put(RecordingWriter, "append", appended)
+
+
+def _sleep(on: Due, halt: bool, put: Put) -> None:
+    """As `tests.safety.test_in_process` has it: boottime goes on, and monotonic does not."""
+    real = suspension.ahead_s
+    slept: list[float] = []
+
+    def maybe() -> None:
+        if not slept and on():
+            slept.append(SLEPT_S)
+            if halt:
+                os.kill(os.getpid(), signal.SIGSTOP)
+
+    put(suspension, "ahead_s", lambda: real() + sum(slept))
+    _each_period(maybe, put)
+
+
+def main(what: str, path: str, words: list[str]) -> None:
+    """The command line, sabotaged."""
+    from heli3dof.cli.app import main as command_line
+
+    kind, _, seconds = what.partition("@")
+    begun: list[float] = []
+
+    def due() -> bool:
+        now = time.monotonic()
+        begun[:] = begun or [now]
+        return now - begun[0] >= float(seconds)
+
+    def stamp(what: str) -> None:
+        with Path(path).open("a") as file:
+            file.write(f"{what} {time.monotonic():.6f}\n")
+
+    sabotage(kind, due, stamp, halt=True)
+    stamp_reports(stamp)
+    sys.argv = ["heli3dof", *words]
+    command_line()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], sys.argv[2], sys.argv[3:])
