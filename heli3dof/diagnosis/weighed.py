@@ -107,7 +107,7 @@ def weighed(
     while count < rounds and not settled:
         moved = count < DESIGNED
         at = flown(problem, y, rest, recordings, (seed, 19), flights, moved=moved, what=count + 1)
-        if not np.isfinite(at.apart).all():
+        if not (np.isfinite(y).all() and np.isfinite(at.apart).all()):
             return near
         # What earlier rounds of the same kind showed is not thrown away.
         share = 1 / (1 + (count if moved else count - DESIGNED))

@@ -222,8 +222,9 @@ class _Axis:
             return
         self.still_s += h
         if self._bias_s < KNOWN_S:
-            # Nothing known of the balance: what held the axis so far, it holds.
-            self._mean += (alpha - self._mean) * h / self.still_s
+            # Nothing known of the balance: what held the axis at first, holds it.
+            if self.still_s < KNOWN_S:
+                self._mean += (alpha - self._mean) * h / self.still_s
             drive = alpha - self._mean
         else:
             drive = alpha + self._centre

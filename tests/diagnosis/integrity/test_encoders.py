@@ -232,7 +232,7 @@ def test_a_flight_ended_for_safety_is_said_with_its_usual_causes() -> None:
 
 def test_a_yaw_that_is_off_because_pitch_may_be_names_both() -> None:
     # Flown with pitch read half as large, pitch goes to its stops and does not answer.
-    fault = only(flight("rich", "encoder.scale.pitch:0.5"))
+    fault = only(flight("large", "encoder.scale.pitch:0.5"))
     assert fault.check == "encoder.counts"
     assert "pitch" in fault.cause
     assert fault.confidence <= 0.5
