@@ -18,7 +18,7 @@ from heli3dof.errors import DeviceError
 from heli3dof.experiment.landing import Kept, land
 from heli3dof.experiment.outcome import Ending, Outcome, Tally, link_counts
 from heli3dof.experiment.pacer import Pacer
-from heli3dof.experiment.period import Period, Watch
+from heli3dof.experiment.period import Period, Watch, motor_voltage
 from heli3dof.experiment.plan import Signals
 from heli3dof.experiment.realtime import Realtime, quiet_interpreter, realtime
 from heli3dof.experiment.stopped import STOPPED, explain
@@ -107,7 +107,7 @@ class _Flight:
         self.moments: deque[tuple[float, Triple, Pair]] = deque(
             maxlen=round(REMEMBERED_S / profile.dt)
         )
-        """(t in s, angles in rad, V put out) of the last periods: a trip's cause is found there"""
+        """(t in s, angles in rad, V at the motors) of the last periods, for a trip's cause"""
 
     def run(
         self,
@@ -190,7 +190,7 @@ class _Flight:
         self.before = angle
         reference, extra, command, voltage = self.control(k, angle)
         t = sample.device_time_s - self.t0
-        self.moments.append((t, angle, sample.v_applied))
+        self.moments.append((t, angle, motor_voltage(sample, self.pacer.sent)))
         why = self.reason_to_end(k, t, sample, angle, command, voltage)
         if why is not None:
             return sample, why

@@ -8,6 +8,7 @@ runs inside the control period: a few microseconds, no input or output.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 from typing import NamedTuple
 
 from heli3dof.rig.port import Sample
@@ -43,6 +44,20 @@ class Period(NamedTuple):
     """s from sending the command that this sample is the first to echo; 0: it echoes no new one"""
     ramping_down: bool = False
     """True in the ramp to zero that ends a flight"""
+
+    @property
+    def motor_V(self) -> tuple[float, float]:
+        """V at the motors before this sample: front, back."""
+        return motor_voltage(self.sample, self.sent)
+
+
+def motor_voltage(sample: Sample, sent: tuple[float, float]) -> tuple[float, float]:
+    """V at the motors (front, back): what the device reports, or what was sent if it reports none.
+
+    A driver whose amplifier does not report its output gives NaN.
+    """
+    front, back = sample.v_applied
+    return (front if isfinite(front) else sent[0], back if isfinite(back) else sent[1])
 
 
 Watch = Callable[[Period], str | None]

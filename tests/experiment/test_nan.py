@@ -80,9 +80,16 @@ def test_a_bad_first_sample_flies_nothing(bad: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("bad", MEASURED_OR_NOT, ids=str)
-def test_what_is_not_measured_may_be_nan(bad: dict[str, Any]) -> None:
-    outcome, _ = flown(gives(bad, range(10**6)), **watched())
+def test_a_voltage_or_current_that_is_not_measured_may_be_nan(bad: dict[str, Any]) -> None:
+    outcome, _ = flown(gives(bad, range(10**6)))
     assert outcome.ending == "completed"
+
+
+@pytest.mark.parametrize("bad", MEASURED_OR_NOT, ids=str)
+def test_a_frozen_encoder_is_found_without_measured_voltages(bad: dict[str, Any]) -> None:
+    outcome, _ = flown(gives(bad, range(10**6)), **watched())
+    assert outcome.ending == "tripped"
+    assert "the roll encoder's count stood at 313" in outcome.detail
 
 
 @pytest.mark.parametrize("bad", BAD, ids=str)

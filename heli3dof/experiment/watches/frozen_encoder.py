@@ -6,7 +6,7 @@ friction than the axis has shown so far in this flight, so a live axis turns at 
 
     ω̇ = α + b − f sgn(ω)      at rest while |α + b| ≤ f       f = F + 0.25 |α + b|      (rad/s²)
 
-α is the expected acceleration under the voltages that the device put out, b the mean of what the
+α is the expected acceleration under the voltages at the motors, b the mean of what the
 observer found unmodelled, 0.25 |α + b| covers a thrust or an inertia that is wrong by a quarter.
 The encoder is reported as frozen when the model has turned further than the clearance C.
 
@@ -109,7 +109,7 @@ class FrozenEncoder:
             for i in range(3):
                 axes[i].restart(counts[i], angle[i])
             return None
-        front, back = now.sample.v_applied
+        front, back = now.motor_V
         alpha = self._expected(angle, front, back)
         self._airborne = angle[0] > self._low
         if not self._airborne:
