@@ -68,7 +68,7 @@ bench-hidden: $(STAMP) $(PEERS)/.installed
 
 # The computed parts of the pages; tests hold the committed text to what these write.
 pages: $(STAMP)
-	$(BIN)/python -m heli3dof.model.paper_numbers docs/paper.md
+	$(BIN)/python -m heli3dof.paper.page docs/paper.md
 	$(BIN)/python -m heli3dof_drivers.emulator.page docs/mock.md
 	$(BIN)/python -m heli3dof.diagnosis.catalogue_page docs/effects.md
 	$(BIN)/python -m heli3dof.diagnosis.integrity_page docs/diagnosis.md

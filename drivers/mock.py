@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Literal
 
 from heli3dof.errors import DeviceError, UsageError, did_you_mean
 from heli3dof.rig.clock import wait_until
-from heli3dof.rig.port import Check, Command, Identity, Sample
+from heli3dof.rig.interface import Check, Command, Identity, Sample
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -141,8 +141,8 @@ def device_of(profile: Profile, options: Options) -> Device:
     """The emulated electronics and plant of these options, for every door they stand behind."""
     from .emulator.body import setup_of
     from .emulator.device import WATCHDOG_S, Device
+    from .emulator.effect_spec import parse_hide
     from .emulator.faults import Breaking, parse_faults
-    from .emulator.hide import parse_hide
     from .emulator.plant import Plant
 
     dt = 1 / (options.rate_hz or profile.loop.rate_hz)
@@ -170,7 +170,7 @@ def device_of(profile: Profile, options: Options) -> Device:
 
 
 class MockRig:
-    """An open emulated rig; see `heli3dof.rig.port.Rig`."""
+    """An open emulated rig; see `heli3dof.rig.interface.Rig`."""
 
     def __init__(self, profile: Profile, options: Options | None = None) -> None:
         options = options or Options()
@@ -231,7 +231,7 @@ class MockRig:
         return self._sample()
 
     def exchange(self, command: Command, due_s: float) -> Sample:
-        """One control period under the command; see `heli3dof.rig.port`."""
+        """One control period under the command; see `heli3dof.rig.interface`."""
         self._check_open()
         device = self._device
         if not (math.isfinite(command.v_front) and math.isfinite(command.v_back)):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlencode
 
 from heli3dof.errors import UsageError
-from heli3dof.rig.port import Check, Rig
+from heli3dof.rig.interface import Check, Rig
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -36,19 +36,19 @@ class SerialDriver:
 
     def find(self) -> Sequence[str]:
         """The serial ports on USB. Whether a rig is behind one, only opening it tells."""
-        from .link.ports import usb_ports
+        from .link.serial_ports import usb_ports
 
         return [f"serial://{port}" for port in usb_ports()]
 
     def surely(self, url: DeviceUrl) -> bool:
         """Whether a rig is there: by its USB number, or since a heli3dof holds the port now."""
-        from .link.ports import is_known
+        from .link.serial_ports import is_known
 
         return is_known(url.where)
 
     def lasting(self, url: DeviceUrl) -> str:
         """What is plugged in there, by its USB serial number; ttyUSB0 may be another one's soon."""
-        from .link.ports import plugged_in
+        from .link.serial_ports import plugged_in
 
         return url.where if "+" in url.scheme else plugged_in(url.where)
 
@@ -70,9 +70,9 @@ class SerialDriver:
 
     def estop(self, url: DeviceUrl) -> str:
         """Stop the rig's motors, though another process may hold its port."""
-        from .link.beside import open_beside
+        from .link.emergency_stop import stop_over
         from .link.serial_line import open_line
-        from .link.stopping import stop_over
+        from .link.shared_open import open_beside
 
         options = Options.of(url)
         line: Transport | None = None
@@ -87,7 +87,7 @@ class SerialDriver:
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
         """The port's file, permission, holder and latency timer; nothing is opened."""
-        from .link.port_checks import checks
+        from .link.serial_port_checks import checks
 
         options = Options.of(url)
         return () if "://" in options.place else checks(options.place)

@@ -29,20 +29,21 @@ if TYPE_CHECKING:
     from heli3dof.experiment.fly import Flight, fly_plan
     from heli3dof.experiment.plan import Plan, load_plan, plan_from_dict, step_plan
     from heli3dof.experiment.simulate import simulate
-    from heli3dof.identification.api import Identification, identify
-    from heli3dof.model.controller import Controller
-    from heli3dof.model.hover import hover_model
-    from heli3dof.model.linear import LinearModel
-    from heli3dof.model.modelfile import load_model, save_model
-    from heli3dof.model.stability import check_loop
-    from heli3dof.recording.exporting import export
-    from heli3dof.recording.importing import import_log
+    from heli3dof.identification.identify import Identification, identify
+    from heli3dof.model.control.controller import Controller
+    from heli3dof.model.control.stability import check_loop
+    from heli3dof.model.linear.hover import hover_model
+    from heli3dof.model.linear.model import LinearModel
+    from heli3dof.model.model_file import save_model
+    from heli3dof.paper.models import load_model
     from heli3dof.recording.info import file_info
     from heli3dof.recording.load import load
-    from heli3dof.recording.reader import read_recording
+    from heli3dof.recording.logs.export import export
+    from heli3dof.recording.logs.import_log import import_log
+    from heli3dof.recording.mcap_files.reader import read_recording
+    from heli3dof.recording.mcap_files.recover import recover
     from heli3dof.recording.recording import Recording, make_recording
-    from heli3dof.recording.recover import recover
-    from heli3dof.recording.store import write_recording
+    from heli3dof.recording.write import write_recording
     from heli3dof.report.figures import comparison_figures, flight_figure
     from heli3dof.report.flight_report import flight_report
     from heli3dof.rig.drivers import find_rigs, open_rig
@@ -50,45 +51,45 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Comparison": "comparison.compare",
-    "Controller": "model.controller",
+    "Controller": "model.control.controller",
     "Diagnosis": "diagnosis.result",
     "Flight": "experiment.fly",
-    "Identification": "identification.api",
-    "LinearModel": "model.linear",
+    "Identification": "identification.identify",
+    "LinearModel": "model.linear.model",
     "Plan": "experiment.plan",
     "Profile": "rig.profile",
     "Recording": "recording.recording",
-    "check_loop": "model.stability",
+    "check_loop": "model.control.stability",
     "compare": "comparison.compare",
     "comparison_document": "comparison.document:to_json",
     "comparison_figures": "report.figures",
     "default_profile": "rig.profile",
     "diagnose": "diagnosis.diagnose",
     "diagnosis_document": "diagnosis.document:document",
-    "export": "recording.exporting",
+    "export": "recording.logs.export",
     "file_info": "recording.info",
     "find_rigs": "rig.drivers",
     "flight_figure": "report.figures",
     "flight_metrics": "comparison.metrics",
     "flight_report": "report.flight_report",
     "fly_plan": "experiment.fly",
-    "hover_model": "model.hover",
-    "identify": "identification.api",
-    "import_log": "recording.importing",
+    "hover_model": "model.linear.hover",
+    "identify": "identification.identify",
+    "import_log": "recording.logs.import_log",
     "load": "recording.load",
-    "load_model": "model.modelfile",
+    "load_model": "paper.models",
     "load_plan": "experiment.plan",
     "load_profile": "rig.profile",
     "make_recording": "recording.recording",
     "open_rig": "rig.drivers",
     "plan_from_dict": "experiment.plan",
     "profile_from_dict": "rig.profile",
-    "read_recording": "recording.reader",
-    "recover": "recording.recover",
-    "save_model": "model.modelfile",
+    "read_recording": "recording.mcap_files.reader",
+    "recover": "recording.mcap_files.recover",
+    "save_model": "model.model_file",
     "simulate": "experiment.simulate",
     "step_plan": "experiment.plan",
-    "write_recording": "recording.store",
+    "write_recording": "recording.write",
 }
 """Public name → the module it lives in (and its name there, where that differs)."""
 

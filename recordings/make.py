@@ -17,8 +17,8 @@ def make(reference: Reference, folder: Path = FOLDER) -> Path:
     What tells the machine is left out: these files are published.
     """
     from heli3dof.cli.app import app
-    from heli3dof.recording.reader import read_recording
-    from heli3dof.recording.store import write_recording
+    from heli3dof.recording.mcap_files.reader import read_recording
+    from heli3dof.recording.write import write_recording
 
     path = folder.resolve() / f"{reference.name}.mcap"
     before = Path.cwd()

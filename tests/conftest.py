@@ -41,7 +41,7 @@ import pytest  # noqa: E402
 from hypothesis import HealthCheck, settings  # noqa: E402
 from hypothesis.internal.conjecture import providers  # noqa: E402
 
-from heli3dof.rig.stop_stamp import start_command  # noqa: E402
+from heli3dof.rig.session.stop_stamp import start_command  # noqa: E402
 from tests.clock import Clock, installed  # noqa: E402
 
 # Same code, same examples: a change is not to fail by what another draw finds in another's work.

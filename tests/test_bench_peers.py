@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heli3dof.model.convert import held
+from heli3dof.model.discretisation import held
 from heli3dof.rig.profile import default_profile
 from tests.bench import Table, bench_peers
 from tests.bench.__main__ import SLOW, rendered, topics

@@ -12,27 +12,29 @@ ROOT = Path(__file__).parent.parent
 # Each package may import itself and what stands in its row, besides libraries.
 MAY_IMPORT = {
     "errors": set(),
-    "writing": {"errors"},
+    "write_errors": {"errors"},
     "axes": set(),
     "toml_file": {"errors"},
     "pages": set(),
-    "threads": set(),
-    "rig": {"errors", "axes", "pages", "toml_file", "writing"},
-    "recording": {"errors", "axes", "rig", "writing"},
+    "parallel": set(),
+    "rig": {"errors", "axes", "pages", "toml_file", "write_errors"},
+    "recording": {"errors", "axes", "rig", "write_errors"},
     "model": {"errors", "axes", "pages", "rig", "recording"},
     "experiment": {"errors", "axes", "pages", "toml_file", "rig", "recording", "model"},
-    "identification": {"errors", "axes", "threads", "rig", "recording", "model"},
+    "identification": {"errors", "axes", "parallel", "rig", "recording", "model"},
     "comparison": {"errors", "axes", "rig", "recording", "model"},
+    "paper": {"errors", "axes", "pages", "rig", "recording", "model", "comparison"},
     "diagnosis": {
-        "errors", "axes", "pages", "threads", "rig", "recording", "model", "experiment",
+        "errors", "axes", "pages", "parallel", "rig", "recording", "model", "experiment",
         "identification", "comparison",
     },
     "report": {
         "errors", "axes", "rig", "recording", "model", "identification", "comparison", "diagnosis",
+        "paper",
     },
     "cli": {
-        "errors", "axes", "writing", "rig", "recording", "model", "experiment", "identification",
-        "comparison", "diagnosis", "report", "toml_file",
+        "errors", "axes", "write_errors", "rig", "recording", "model", "experiment",
+        "identification", "comparison", "diagnosis", "report", "toml_file", "paper",
     },
 }  # fmt: skip
 

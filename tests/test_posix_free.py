@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from heli3dof.recording.reader import read_recording
+from heli3dof.recording.mcap_files.reader import read_recording
 from tests.paths import ROOT
 from tests.profiles import END_S, PATIENT, START_S, write_profile
 

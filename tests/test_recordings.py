@@ -10,7 +10,7 @@ import pytest
 from heli3dof_recordings import references
 from heli3dof_recordings.make import make
 
-from heli3dof.recording.reader import read_recording
+from heli3dof.recording.mcap_files.reader import read_recording
 
 REFERENCES = references()
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from heli3dof.errors import UsageError
 
-from . import slots
+from . import plant_layout as at
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -59,15 +59,15 @@ class Body:
         return self.J_w + self.I_bb, self.I_aa, self.J_w + self.I_bb + self.I_aa
 
     def vector(self) -> np.ndarray:
-        """(BODY_SIZE,) in the places that `slots` names."""
-        b = np.zeros(slots.BODY_SIZE)
-        b[slots.L_A], b[slots.L_H] = self.L_a, self.L_h
-        b[slots.K_F], b[slots.T_G], b[slots.J_W] = self.K_f, self.T_g, self.J_w
-        b[slots.I_AA], b[slots.I_BB], b[slots.I_AB] = self.I_aa, self.I_bb, self.I_ab
-        b[slots.I_NN], b[slots.G_P] = self.I_aa + self.I_bb, self.G_p
-        b[slots.DJ_R], b[slots.DJ_P], b[slots.DJ_PSI] = self.dJ
-        b[slots.TAU_M], b[slots.V_REF] = self.tau_m, self.V_ref
-        b[slots.GAIN_FRONT], b[slots.GAIN_BACK] = self.gain
+        """(BODY_SIZE,) in the places that `plant_layout` names."""
+        b = np.zeros(at.BODY_SIZE)
+        b[at.L_A], b[at.L_H] = self.L_a, self.L_h
+        b[at.K_F], b[at.T_G], b[at.J_W] = self.K_f, self.T_g, self.J_w
+        b[at.I_AA], b[at.I_BB], b[at.I_AB] = self.I_aa, self.I_bb, self.I_ab
+        b[at.I_NN], b[at.G_P] = self.I_aa + self.I_bb, self.G_p
+        b[at.DJ_R], b[at.DJ_P], b[at.DJ_PSI] = self.dJ
+        b[at.TAU_M], b[at.V_REF] = self.tau_m, self.V_ref
+        b[at.GAIN_FRONT], b[at.GAIN_BACK] = self.gain
         return b
 
 

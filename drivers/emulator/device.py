@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from heli3dof.rig.port import Flags
+from heli3dof.rig.interface import Flags
 
 from ..link.frames import Cause
 from .faults import Breaking

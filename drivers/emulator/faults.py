@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from heli3dof.axes import ALIASES, AXES, MOTORS
 from heli3dof.errors import UsageError, did_you_mean
-from heli3dof.rig.port import Flags
+from heli3dof.rig.interface import Flags
 
 from ..link.frames import Cause
 

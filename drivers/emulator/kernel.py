@@ -24,18 +24,18 @@ from llvmlite import ir
 from numba import njit
 from numba.extending import intrinsic
 
-from . import slots
+from . import plant_layout as at
 from .lagrange import accelerations, mass_matrix, solve
 
 SWEEPS = 30
 
-R, R_DOT, F_FRONT, F_BACK = slots.R, slots.R_DOT, slots.F_FRONT, slots.F_BACK
-V_FRONT, V_BACK, T, H = slots.V_FRONT, slots.V_BACK, slots.T, slots.H
-V_START, CONTEXT_SIZE, BODY_SIZE = slots.V_START, slots.CONTEXT_SIZE, slots.BODY_SIZE
-K_F, TAU_M, GAIN_F, GAIN_B = slots.K_F, slots.TAU_M, slots.GAIN_FRONT, slots.GAIN_BACK
-REST, PER_RAD = slots.REST, slots.COUNTS_PER_RAD
-LOW, HIGH = slots.LOW, slots.HIGH
-BODY, VOLTAGE, THRUST, TORQUE, DRY, MEASURE = (int(stage) for stage in slots.Stage)
+R, R_DOT, F_FRONT, F_BACK = at.R, at.R_DOT, at.F_FRONT, at.F_BACK
+V_FRONT, V_BACK, T, H = at.V_FRONT, at.V_BACK, at.T, at.H
+V_START, CONTEXT_SIZE, BODY_SIZE = at.V_START, at.CONTEXT_SIZE, at.BODY_SIZE
+K_F, TAU_M, GAIN_F, GAIN_B = at.K_F, at.TAU_M, at.GAIN_FRONT, at.GAIN_BACK
+REST, PER_RAD = at.REST, at.COUNTS_PER_RAD
+LOW, HIGH = at.LOW, at.HIGH
+BODY, VOLTAGE, THRUST, TORQUE, DRY, MEASURE = (int(stage) for stage in at.Stage)
 
 
 @intrinsic
@@ -126,7 +126,7 @@ def _counts(state, t, body, first, address, par, mem):  # type: ignore[no-untype
 def _sources() -> str:
     """A digest of the sources that go in: numba's cache does not see changes in what is called."""
     h = hashlib.sha256()
-    for name in ("kernel.py", "lagrange.py", "slots.py"):
+    for name in ("kernel.py", "lagrange.py", "plant_layout.py"):
         h.update(Path(__file__).with_name(name).read_bytes())
     return h.hexdigest()
 

@@ -45,20 +45,7 @@ import math
 import numpy as np
 from numba import njit
 
-from .slots import (
-    DJ_P,
-    DJ_PSI,
-    DJ_R,
-    G_P,
-    I_AA,
-    I_AB,
-    I_BB,
-    I_NN,
-    J_W,
-    L_A,
-    L_H,
-    T_G,
-)
+from .plant_layout import DJ_P, DJ_PSI, DJ_R, G_P, I_AA, I_AB, I_BB, I_NN, J_W, L_A, L_H, T_G
 
 
 @njit(cache=True)

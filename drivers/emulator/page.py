@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from heli3dof.pages import Page, table
 
-from .door_usb import KINDS as BUS
 from .effects import Effect, Parameter, catalogue
 from .faults import KINDS
+from .transport_usb import KINDS as BUS
 
 
 def effects_table() -> str:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from . import slots
+from . import plant_layout as at
 from .body import Body, Setup, spread_body
 from .effects import Hidden
 from .noise import TorqueNoise
@@ -78,10 +78,10 @@ class Plant:
         self._start_V = start_V
         self._substeps = max(MIN_SUBSTEPS, math.ceil(dt / MAX_SUBSTEP_S - 1e-9))
         self._body = setup.body.vector()
-        self._body[slots.REST : slots.REST + 3] = setup.rest
-        self._body[slots.LOW : slots.LOW + 3] = setup.low
-        self._body[slots.HIGH : slots.HIGH + 3] = setup.high
-        self._body[slots.COUNTS_PER_RAD : slots.COUNTS_PER_RAD + 3] = 1 / rad_per_count
+        self._body[at.REST : at.REST + 3] = setup.rest
+        self._body[at.LOW : at.LOW + 3] = setup.low
+        self._body[at.HIGH : at.HIGH + 3] = setup.high
+        self._body[at.COUNTS_PER_RAD : at.COUNTS_PER_RAD + 3] = 1 / rad_per_count
         hover = setup.body.T_g / (2 * setup.body.L_a) if start_V else 0.0
         self._state = np.array([*setup.start, 0.0, 0.0, 0.0, hover, hover])
         self._w = np.zeros(3)
@@ -126,16 +126,16 @@ class Plant:
 
 def _attach(hidden: tuple[Hidden, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Stage bounds, addresses, parameters and memories of the effects, by stage."""
-    calls = [(stage, h) for stage in slots.Stage for h in hidden if stage in h.effect.kernels]
+    calls = [(stage, h) for stage in at.Stage for h in hidden if stage in h.effect.kernels]
     rows = max(1, len(calls))
-    par = np.zeros((rows, slots.PARAMETER_SIZE))
-    mem = np.zeros((rows, slots.MEMORY_SIZE))
+    par = np.zeros((rows, at.PARAMETER_SIZE))
+    mem = np.zeros((rows, at.MEMORY_SIZE))
     address = np.zeros(rows, dtype=np.int64)
     for i, (stage, h) in enumerate(calls):
         address[i] = h.effect.kernels[stage].address
-        par[i, slots.AXIS] = h.axis
-        par[i, slots.A : slots.A + len(h.values)] = h.values
-    per_stage = [sum(1 for c in calls if c[0] is stage) for stage in slots.Stage]
+        par[i, at.AXIS] = h.axis
+        par[i, at.A : at.A + len(h.values)] = h.values
+    per_stage = [sum(1 for c in calls if c[0] is stage) for stage in at.Stage]
     first = np.concatenate([[0], np.cumsum(per_stage)]).astype(np.int64)
     return first, address, par, mem
 

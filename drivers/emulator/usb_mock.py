@@ -17,12 +17,12 @@ from ..usb_bulk.driver import OPTIONS as USB_OPTIONS
 from ..usb_bulk.driver import open_on
 
 if TYPE_CHECKING:
-    from heli3dof.rig.port import Check
-    from heli3dof.rig.port import Rig as PortRig
+    from heli3dof.rig.interface import Check
+    from heli3dof.rig.interface import Rig as PortRig
     from heli3dof.rig.profile import Profile
     from heli3dof.rig.url import DeviceUrl
 
-    from .door_usb import Rig
+    from .transport_usb import Rig
 
 OF_THE_RIG = tuple(name for name in MOCK_OPTIONS if name != "speed")
 
@@ -41,7 +41,7 @@ class UsbMockDriver:
 
     def open(self, url: DeviceUrl, profile: Profile) -> PortRig:
         """A bus with the one rig that the URL describes. Raises UsageError for a bad option."""
-        from .door_usb import EmulatedBus
+        from .transport_usb import EmulatedBus
 
         url.check_options(self.options)
         kept = {name: values for name, values in url.options.items() if name in OF_THE_RIG}
@@ -64,8 +64,8 @@ class UsbMockDriver:
 
 def rig_of(profile: Profile, options: Options, befalls: tuple[str, ...] = ()) -> Rig:
     """One rig to be put on a bus."""
-    from .door_usb import BusFault, Rig
     from .endpoint import Endpoint
+    from .transport_usb import BusFault, Rig
     from .usb_function import UsbFunction
 
     e, serial = profile.encoder, f"mock-{options.seed}"

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from .frames import _FIELDS, _HEADER, _KINDS, Cause, Code, Type, command, wire
-from .golden import TRANSCRIPTS, sample, text
+from .golden_transcripts import TRANSCRIPTS, sample, text
 
 PAGE = Path("docs/protocol.md")
 _SIGNS = {"B": "u8", "H": "u16", "h": "i16", "I": "u32", "i": "i32"}

@@ -21,9 +21,19 @@ from typing import TYPE_CHECKING
 
 from heli3dof.errors import DeviceError
 from heli3dof.rig.clock import wait_until
-from heli3dof.rig.port import Command, Flags, Identity, Sample
+from heli3dof.rig.interface import Command, Flags, Identity, Sample
 
-from .dialogue import TRIES, Dialogue
+from .emergency_stop import BESIDE_TRIES, STOP_TRIES, ack_of, stop, stop_over
+from .errors import (
+    closed,
+    gone_silent,
+    not_a_voltage,
+    not_armed,
+    not_arming,
+    not_ours,
+    not_stopped,
+    restarted,
+)
 from .frames import (
     Ack,
     Arm,
@@ -39,25 +49,15 @@ from .frames import (
     command,
     wire,
 )
-from .greeting import check_profile, greet, period_of
-from .intake import Intake, cause_name
+from .handshake import check_profile, greet, period_of
+from .request_reply import TRIES, Dialogue
+from .sample_validation import Intake, cause_name
 from .sampling import Sampling
-from .stopping import BESIDE_TRIES, STOP_TRIES, ack_of, stop, stop_over
-from .troubles import (
-    closed,
-    gone_silent,
-    not_a_voltage,
-    not_armed,
-    not_arming,
-    not_ours,
-    not_stopped,
-    restarted,
-)
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
 
-    from .statistics import LinkStatistics
+    from .link_statistics import LinkStatistics
     from .transport import Transport
 
 LARGEST_uV = 2_000_000_000
@@ -73,7 +73,7 @@ EMULATED = "emulated"
 
 
 class LinkRig:
-    """An open rig; see `heli3dof.rig.port.Rig`. ``statistics`` says how the link has been."""
+    """An open rig; see `heli3dof.rig.interface.Rig`. ``statistics`` says how the link has been."""
 
     def __init__(
         self,
@@ -167,7 +167,7 @@ class LinkRig:
         return self._poll()
 
     def exchange(self, command_: Command, due_s: float) -> Sample:
-        """One control period under the command; see `heli3dof.rig.port`."""
+        """One control period under the command; see `heli3dof.rig.interface`."""
         self._check_open()
         v_front, v_back = command_.v_front, command_.v_back
         if not (isfinite(v_front) and isfinite(v_back)):

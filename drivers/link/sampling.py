@@ -11,13 +11,13 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from heli3dof.rig.port import Flags, Sample
+from heli3dof.rig.interface import Flags, Sample
 
-from .dialogue import Dialogue
 from .frames import Poll, wire
+from .request_reply import Dialogue
 
 if TYPE_CHECKING:
-    from .intake import Intake
+    from .sample_validation import Intake
 
 SILENCE_S = 0.5
 """s without the sample that was due until the rig counts as gone; its watchdog is quicker"""

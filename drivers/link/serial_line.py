@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 from heli3dof.errors import DeviceError, UsageError
 
 from .descriptor_line import WRITE_S, DescriptorLine, gone
-from .ports import held_by, permission_fix, usb_ports
+from .serial_ports import held_by, permission_fix, usb_ports
 
 if TYPE_CHECKING:
     from serial import Serial

@@ -10,11 +10,11 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.port import Check
+from heli3dof.rig.interface import Check
 
-from .card import Card, library, version_of
-from .errors import explained
-from .troubles import no_enable_line, too_slow_a_watchdog
+from .board import Card, library, version_of
+from .error_codes import explained
+from .errors import no_enable_line, too_slow_a_watchdog
 from .wiring import OPTIONS, Wiring
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""A rig behind a Quanser board; see `heli3dof.rig.port.Rig`.
+"""A rig behind a Quanser board; see `heli3dof.rig.interface.Rig`.
 
 ::
 
@@ -23,12 +23,12 @@ from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING
 
-from heli3dof.rig.port import Command, Flags, Identity, Sample
+from heli3dof.rig.interface import Command, Flags, Identity, Sample
 
-from .card import DAC_V, Card
-from .errors import explain, explained
+from .board import DAC_V, Card
+from .error_codes import explain, explained
+from .errors import closed, not_a_voltage, not_armed, not_stopped, task_ended
 from .stream import EncoderStream, Ended, Overrun, StreamStatistics
-from .troubles import closed, not_a_voltage, not_armed, not_stopped, task_ended
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile

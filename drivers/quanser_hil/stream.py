@@ -20,8 +20,8 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from .card import Card
-from .errors import OVERRUN, code_of
+from .board import Card
+from .error_codes import OVERRUN, code_of
 
 BUFFER_S = 2.0
 """s of samples that the board keeps: longer than the longest watchdog"""

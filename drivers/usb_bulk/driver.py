@@ -14,12 +14,12 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.errors import DeviceError, UsageError
-from heli3dof.rig.port import Check
+from heli3dof.rig.interface import Check
 
 from .devices import kernel_lists_one, on_bus, select, system_backend
 
 if TYPE_CHECKING:
-    from heli3dof.rig.port import Rig
+    from heli3dof.rig.interface import Rig
     from heli3dof.rig.profile import Profile
     from heli3dof.rig.url import DeviceUrl
 
@@ -68,7 +68,7 @@ class UsbDriver:
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
         """libusb, the udev rule, whether the rig is there, may be opened and is free."""
-        from .examine import examine
+        from .doctor_checks import examine
 
         return examine(self._backend, url)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from heli3dof.errors import DeviceError
 
-from ..trouble import Trouble, Troubles, each
+from ..error_table import Trouble, Troubles, each
 from ..udev import install_command
 
 NO_LIBUSB = {

@@ -6,7 +6,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.port import Sample
+from heli3dof.rig.interface import Sample
 
 from ..link.frames import Cause
 from ..link.rig import LinkRig
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class UsbRig(LinkRig):
-    """See `heli3dof.rig.port.Rig`."""
+    """See `heli3dof.rig.interface.Rig`."""
 
     def __init__(
         self,

@@ -12,19 +12,19 @@ import typer
 from heli3dof.cli import (
     compare,
     demo,
+    devices,
     diagnose,
     doctor,
     estop,
     files,
-    fly,
-    models,
+    identify,
     monitor,
+    output_encoding,
     plans,
     profile,
     report,
-    rigs,
+    run,
     simulate,
-    streams,
     zero,
 )
 
@@ -39,8 +39,8 @@ app = typer.Typer(
 )
 
 FAMILIES = (
-    demo, fly, simulate, models, compare, diagnose, report, files,
-    profile, plans, rigs, doctor, zero, monitor, estop,
+    demo, run, simulate, identify, compare, diagnose, report, files,
+    profile, plans, devices, doctor, zero, monitor, estop,
 )  # fmt: skip
 
 QUICK: dict[str, tuple[Callable[..., None], dict[str, str], dict[str, str]]] = {
@@ -50,7 +50,7 @@ QUICK: dict[str, tuple[Callable[..., None], dict[str, str], dict[str, str]]] = {
         {"--device": "device", "--reason": "reason"},
     ),
     "devices": (
-        rigs.devices,
+        devices.devices,
         {"--ask": "ask", "--json": "as_json", "--quiet": "quiet"},
         {},
     ),
@@ -66,15 +66,15 @@ def main() -> None:
     # Before numpy is imported. Our matrices are small: several BLAS threads gain nothing, and on
     # a busy machine they wait for each other, which made an identification ten times slower.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    streams.prepare()
+    output_encoding.prepare()
     try:
         without_delay(sys.argv[1:])
         app()
     except SystemExit as end:
-        code = 0 if streams.reader_has_gone(end) else end.code
+        code = 0 if output_encoding.reader_has_gone(end) else end.code
     except OSError as error:  # of --help and its like; a verb's own are explained by the verb
-        code = streams.lost(error)
-    sys.exit(streams.finish(code))
+        code = output_encoding.lost(error)
+    sys.exit(output_encoding.finish(code))
 
 
 def without_delay(words: Sequence[str]) -> None:

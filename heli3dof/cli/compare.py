@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from heli3dof.cli.console import Talk, verb
 from heli3dof.cli.options import AsJson, Force, ProfileFile, Quiet
+from heli3dof.cli.output import Talk, verb
 
 if TYPE_CHECKING:
     from heli3dof.comparison.compare import Comparison
@@ -38,13 +38,13 @@ def compare(
     quiet: Quiet = False,
 ) -> None:
     """Models against the experiment; with no argument, on the recordings that ship."""
-    from heli3dof.cli.loading import load_all, models_for, split, with_shipped
+    from heli3dof.cli.inputs import load_all, models_for, split, with_shipped
     from heli3dof.comparison.compare import compare as against
     from heli3dof.comparison.document import to_json
-    from heli3dof.comparison.reproduce import reproduce
-    from heli3dof.model.hover import hover_model
-    from heli3dof.recording.output import check_folder, check_outputs
-    from heli3dof.report.tables import comparison_renderables
+    from heli3dof.model.linear.hover import hover_model
+    from heli3dof.paper.reproduction import reproduce
+    from heli3dof.recording.atomic_write import check_folder, check_outputs
+    from heli3dof.report.comparison_tables import comparison_renderables
     from heli3dof.rig.profile import default_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
@@ -89,9 +89,9 @@ def figure_paths(recordings: Sequence[Recording], folder: Path) -> list[Path]:
 
 def write_figures(found: Comparison, folder: Path, *, force: bool) -> list[Path]:
     """Figures 7–9 of every recording, SVG and PNG; returns their paths."""
-    from heli3dof.recording.output import new_folder
+    from heli3dof.recording.atomic_write import new_folder
+    from heli3dof.report.figure_style import save
     from heli3dof.report.figures import comparison_figures
-    from heli3dof.report.style import save
 
     new_folder(folder)
     written = []

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from heli3dof.cli.console import Talk, verb
 from heli3dof.cli.options import AsJson, Quiet, Seed
+from heli3dof.cli.output import Talk, verb
 
 if TYPE_CHECKING:
     from heli3dof.experiment.plan import Plan
@@ -29,22 +29,22 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     """Fly the emulated rig, identify, compare, diagnose and report. No hardware needed."""
     from heli3dof.cli.compare import write_figures
     from heli3dof.cli.diagnose import saying
-    from heli3dof.cli.loading import both
+    from heli3dof.cli.inputs import both
     from heli3dof.comparison.compare import compare
-    from heli3dof.comparison.reproduce import reproduce
     from heli3dof.diagnosis.diagnose import diagnose
     from heli3dof.diagnosis.document import document as to_document
     from heli3dof.experiment.plan import load_plan, step_plan
-    from heli3dof.model.hover import hover_model
-    from heli3dof.model.modelfile import save_model
-    from heli3dof.report.diagnosis_pictured import pictured
+    from heli3dof.model.linear.hover import hover_model
+    from heli3dof.model.model_file import save_model
+    from heli3dof.paper.reproduction import reproduce
+    from heli3dof.report.comparison_tables import comparison_renderables
+    from heli3dof.report.diagnosis_figure_data import pictured
     from heli3dof.report.diagnosis_section import diagnosis_section
     from heli3dof.report.diagnosis_tables import diagnosis_tables
     from heli3dof.report.flight_report import flight_report
-    from heli3dof.report.grid import Grid, to_rich
     from heli3dof.report.html import write_page
     from heli3dof.report.identification_section import identification_section, parameters_table
-    from heli3dof.report.tables import comparison_renderables
+    from heli3dof.report.text_table import Grid, to_rich
     from heli3dof.rig.profile import default_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
@@ -108,8 +108,8 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
 
 def _flown(talk: Talk, plan: Plan, path: Path, seed: int, start: str = "rest") -> Recording:
     from heli3dof.cli.progress import progress
+    from heli3dof.experiment.control_loop.loop import Live
     from heli3dof.experiment.fly import fly_plan
-    from heli3dof.experiment.loop import Live
 
     talk.note(f"Flying {plan.name}, {plan.duration_s:g} s, faster than real time …")
     live = Live()
@@ -127,7 +127,7 @@ def _flown(talk: Talk, plan: Plan, path: Path, seed: int, start: str = "rest") -
 
 def _fresh(folder: Path) -> Path:
     """The folder, or the next one that does not exist yet: an earlier demo is kept."""
-    from heli3dof.recording.output import new_folder
+    from heli3dof.recording.atomic_write import new_folder
 
     number, path = 1, folder
     while path.exists():

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from heli3dof.cli.console import Talk, live_allowed, verb
 from heli3dof.cli.options import AsJson, Force, LogProfile, Output, Quiet, Recordings, Seed
+from heli3dof.cli.output import Talk, live_allowed, verb
 
 if TYPE_CHECKING:
     from heli3dof.diagnosis.integrity import Fault
@@ -55,13 +55,13 @@ def diagnose(
     quiet: Quiet = False,
 ) -> None:
     """What the simulation gets wrong, and why: heli3dof diagnose rec.mcap -o model.json."""
-    from heli3dof.cli.loading import distinct, one_rig
+    from heli3dof.cli.inputs import distinct, one_rig
     from heli3dof.diagnosis.diagnose import diagnose as find
     from heli3dof.diagnosis.document import document as to_document
     from heli3dof.diagnosis.next_experiment import next_of
     from heli3dof.diagnosis.result import Diagnosis
-    from heli3dof.model.modelfile import save_model
-    from heli3dof.recording.output import check_outputs, ours, stem
+    from heli3dof.model.model_file import save_model
+    from heli3dof.recording.atomic_write import check_outputs, ours, stem
     from heli3dof.report.diagnosis_page import diagnosis_page
     from heli3dof.report.html import write_page
 
@@ -110,7 +110,7 @@ def diagnose(
 def show(talk: Talk, document: Mapping[str, Any]) -> None:
     """The document's tables and sentences."""
     from heli3dof.report.diagnosis_tables import diagnosis_tables
-    from heli3dof.report.grid import Grid, to_rich
+    from heli3dof.report.text_table import Grid, to_rich
 
     for each in diagnosis_tables(document):
         talk.show(to_rich(each) if isinstance(each, Grid) else each)
@@ -132,11 +132,11 @@ def read(
     Such a log is bad data like any other: radians under the name of degrees, say. A file that is
     missing, or a torn recording of ours, is an error.
     """
-    from heli3dof.cli.loading import load_all
+    from heli3dof.cli.inputs import load_all
     from heli3dof.diagnosis.integrity import Fault, Kind
     from heli3dof.errors import RecordingError
-    from heli3dof.recording.importing import is_log
-    from heli3dof.recording.output import stem
+    from heli3dof.recording.atomic_write import stem
+    from heli3dof.recording.logs.import_log import is_log
 
     loaded: list[Recording] = []
     faults: list[Fault] = []
@@ -157,7 +157,7 @@ def exchanged(path: Path, profile: Path | None) -> list[Fault]:
     either."""
     from heli3dof.diagnosis.integrity import integrity
     from heli3dof.errors import RecordingError
-    from heli3dof.recording.importing import import_log
+    from heli3dof.recording.logs.import_log import import_log
     from heli3dof.rig.profile import default_profile, load_profile
 
     chosen = load_profile(profile) if profile else default_profile()

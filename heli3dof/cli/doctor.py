@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from heli3dof.cli.console import Talk, verb
+from heli3dof.cli.device_option import AnyDevice, the_rig
 from heli3dof.cli.options import AsJson, ProfileFile, Quiet
-from heli3dof.cli.which import AnyDevice, the_rig
+from heli3dof.cli.output import Talk, verb
 
 if TYPE_CHECKING:
-    from heli3dof.rig.port import Check
+    from heli3dof.rig.interface import Check
     from heli3dof.rig.profile import Profile
 
 MARKS = {True: "ok", False: "MEND", None: "?"}
@@ -79,11 +79,11 @@ def doctor(
 
 
 def _checks(url: str, profile: Profile, folder: Path, arm: bool) -> Iterator[tuple[str, Check]]:
-    from heli3dof.experiment.realtime import realtime
+    from heli3dof.experiment.control_loop.realtime_priority import realtime
     from heli3dof.rig.doctor import armed, host, link
     from heli3dof.rig.doctor import folder as recordings
     from heli3dof.rig.drivers import load_driver
-    from heli3dof.rig.hold import hold
+    from heli3dof.rig.session.open_exclusive import hold
     from heli3dof.rig.url import parse_url
 
     parsed = parse_url(url)
@@ -102,7 +102,7 @@ def _checks(url: str, profile: Profile, folder: Path, arm: bool) -> Iterator[tup
 
 def _as_check(problem: object) -> Check:
     from heli3dof.errors import DeviceError
-    from heli3dof.rig.port import Check
+    from heli3dof.rig.interface import Check
 
     assert isinstance(problem, DeviceError)
     found = f"{problem.what} {problem.cause}".strip()

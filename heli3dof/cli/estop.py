@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.console import Talk, verb
 from heli3dof.cli.options import AsJson, Quiet
+from heli3dof.cli.output import Talk, verb
 
 
 def register(app: typer.Typer) -> None:
@@ -30,7 +30,7 @@ def estop(
 ) -> None:
     """Stop now: zero volts on the rig, even while another process flies it."""
     from heli3dof.errors import DeviceError
-    from heli3dof.rig.stop import stop_rigs
+    from heli3dof.rig.session.estop import stop_rigs
 
     stopped, left_out = stop_rigs(device, reason)
     talk = Talk(as_json=as_json, quiet=quiet)

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from heli3dof.cli.console import Talk, verb
 from heli3dof.cli.options import AsJson, Force, LogProfile, Output, Quiet
+from heli3dof.cli.output import Talk, verb
 
 Columns = Annotated[
     str | None,
@@ -36,10 +36,10 @@ def import_(
 ) -> None:
     """Make a recording of a log: heli3dof import LOG --profile P -o REC."""
     from heli3dof.errors import UsageError
-    from heli3dof.recording.importing import import_log, is_log
+    from heli3dof.recording.atomic_write import check_outputs, stem
     from heli3dof.recording.info import summary
-    from heli3dof.recording.output import check_outputs, stem
-    from heli3dof.recording.store import write_recording
+    from heli3dof.recording.logs.import_log import import_log, is_log
+    from heli3dof.recording.write import write_recording
     from heli3dof.rig.profile import default_profile, load_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
@@ -74,10 +74,10 @@ def export(
     quiet: Quiet = False,
 ) -> None:
     """Write a recording as CSV, MAT or Parquet: heli3dof export REC -o REC.csv."""
-    from heli3dof.recording.exporting import check_format
-    from heli3dof.recording.exporting import export as write
+    from heli3dof.recording.atomic_write import check_outputs
     from heli3dof.recording.load import load
-    from heli3dof.recording.output import check_outputs
+    from heli3dof.recording.logs.export import check_format
+    from heli3dof.recording.logs.export import export as write
     from heli3dof.rig.profile import load_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
@@ -122,7 +122,7 @@ def recover(
     quiet: Quiet = False,
 ) -> None:
     """Salvage a torn recording into a new file; the original is left as it is."""
-    from heli3dof.recording.recover import recover as salvage
+    from heli3dof.recording.mcap_files.recover import recover as salvage
 
     talk = Talk(as_json=as_json, quiet=quiet)
     saved = salvage(recording, output, force=force)
@@ -145,7 +145,7 @@ def recover(
 def _info_table(about: Mapping[str, Any]) -> Any:
     from rich.table import Table
 
-    from heli3dof.cli.punctuality import punctuality_rows
+    from heli3dof.cli.timing_summary import punctuality_rows
 
     table = Table(show_header=False)
     timing, volts = about["timing"], about["voltage"]

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from heli3dof.cli.console import INTERRUPTED, Talk, live_allowed, verb
+from heli3dof.cli.device_option import AnyDevice, the_rig
 from heli3dof.cli.options import AsJson, ProfileFile, Quiet
-from heli3dof.cli.which import AnyDevice, the_rig
+from heli3dof.cli.output import INTERRUPTED, Talk, live_allowed, verb
 
 if TYPE_CHECKING:
-    from heli3dof.cli.view import View
-    from heli3dof.rig.attach import Running
+    from heli3dof.cli.monitor_state import View
+    from heli3dof.rig.session.client import Running
 
 PERIOD_S = 0.1
 LINE_EVERY = 10
@@ -41,7 +41,7 @@ def monitor(
     quiet: Quiet = False,
 ) -> None:
     """Watch a rig: angles, rates, volts, lateness, flags, ten times a second. Moves nothing."""
-    from heli3dof.cli.view import View
+    from heli3dof.cli.monitor_state import View
 
     talk = Talk(as_json=as_json, quiet=quiet)
     view = View()
@@ -61,9 +61,9 @@ def _source(
     talk: Talk, device: str | None, profile_file: Path | None, stack: ExitStack
 ) -> tuple[Callable[[], dict[str, Any] | None], dict[str, Any]]:
     """What to read from; None from it: there is no more."""
-    from heli3dof.rig.attach import lives, running, state
-    from heli3dof.rig.hold import hold, state_of
     from heli3dof.rig.profile import default_profile, load_profile
+    from heli3dof.rig.session.client import lives, running, state
+    from heli3dof.rig.session.open_exclusive import hold, state_of
 
     session = _session(device, running(device))
     if session is not None:

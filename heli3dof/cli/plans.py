@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from heli3dof.cli.console import Talk, verb
 from heli3dof.cli.options import AsJson, Quiet
+from heli3dof.cli.output import Talk, verb
 
 
 def register(app: typer.Typer) -> None:

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from heli3dof.cli.console import Talk, verb
 from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet
+from heli3dof.cli.output import Talk, verb
 
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
-    from heli3dof.model.loop_check import LoopCheck
+    from heli3dof.model.control.loop_check import LoopCheck
     from heli3dof.rig.profile import Profile
 
 UNSTABLE = 6
@@ -54,7 +54,7 @@ def new(
 ) -> None:
     """Write a commented profile: heli3dof profile new -o rig.toml asks for the numbers."""
     from heli3dof.errors import ProfileError
-    from heli3dof.recording.output import check_output, write_file
+    from heli3dof.recording.atomic_write import check_output, write_file
     from heli3dof.rig.profile import load_profile, profile_from_dict
     from heli3dof.rig.profile_file import merged, new_text, put, settings
     from heli3dof.rig.profile_remarks import estimated_hover_voltage
@@ -164,7 +164,7 @@ def update(
         check_same_rig,
         read_calibration,
     )
-    from heli3dof.recording.output import check_output, ours, write_file
+    from heli3dof.recording.atomic_write import check_output, ours, write_file
     from heli3dof.rig.profile import default_profile, load_profile, profile_from_dict
     from heli3dof.rig.profile_file import changed_text, new_text
 
@@ -292,7 +292,7 @@ def _design(
     remarks: dict[str, str],
 ) -> bool:
     """Put an LQR gain into the data, unless one was given or it is the default; whether it did."""
-    from heli3dof.model.lqr import is_default_gain, lqr_gain
+    from heli3dof.model.control.lqr import is_default_gain, lqr_gain
     from heli3dof.rig.profile_file import put
 
     if _at(given, "controller.K") is not None:
@@ -311,7 +311,7 @@ def _design(
 
 
 def _loop(talk: Talk, profile: Profile) -> LoopCheck:
-    from heli3dof.model.loop_check import check_loop_of
+    from heli3dof.model.control.loop_check import check_loop_of
 
     with talk.working("Checking the loop on the rigid body …"):
         return check_loop_of(profile)
@@ -319,8 +319,8 @@ def _loop(talk: Talk, profile: Profile) -> LoopCheck:
 
 def _refuse(profile: Profile) -> None:
     """Raise UnstableLoop with the poles and the cause."""
-    from heli3dof.model.hover import hover_model
-    from heli3dof.model.stability import check_loop
+    from heli3dof.model.control.stability import check_loop
+    from heli3dof.model.linear.hover import hover_model
 
     controller = profile.with_controller().controller
     assert controller is not None

@@ -18,13 +18,13 @@ from contextlib import contextmanager, suppress
 from math import degrees
 from typing import TYPE_CHECKING
 
-from heli3dof.cli.console import Talk, live_allowed
-from heli3dof.cli.streams import carries, printable
+from heli3dof.cli.output import Talk, live_allowed
+from heli3dof.cli.output_encoding import carries, printable
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleRenderable
 
-    from heli3dof.experiment.loop import Live
+    from heli3dof.experiment.control_loop.loop import Live
 
 REFRESH_S = 0.1
 BAR = (5, 40)

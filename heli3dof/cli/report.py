@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.console import Talk, verb
 from heli3dof.cli.options import AsJson, Force, LogProfile, Output, Quiet, Recordings
+from heli3dof.cli.output import Talk, verb
 
 
 def register(app: typer.Typer) -> None:
@@ -29,11 +29,11 @@ def report(
     quiet: Quiet = False,
 ) -> None:
     """One self-contained HTML file: heli3dof report rec.mcap --model model.json."""
-    from heli3dof.cli.loading import load_all, models_for
+    from heli3dof.cli.inputs import load_all, models_for
     from heli3dof.comparison.compare import compare
-    from heli3dof.comparison.reproduce import reproduce
-    from heli3dof.model.hover import hover_model
-    from heli3dof.recording.output import check_outputs, ours, stem
+    from heli3dof.model.linear.hover import hover_model
+    from heli3dof.paper.reproduction import reproduce
+    from heli3dof.recording.atomic_write import check_outputs, ours, stem
     from heli3dof.report.flight_report import flight_report
     from heli3dof.report.html import write_page
     from heli3dof.rig.profile import default_profile

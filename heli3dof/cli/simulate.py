@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.console import Talk, verb
 from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet, Seed
+from heli3dof.cli.output import Talk, verb
 
 
 class Start(StrEnum):
@@ -36,12 +36,12 @@ def simulate(
     quiet: Quiet = False,
 ) -> None:
     """Fly a plan on a model: heli3dof simulate steps --model hover."""
-    from heli3dof.cli.summary import recording_document, recording_table
+    from heli3dof.cli.flight_summary import recording_document, recording_table
     from heli3dof.experiment.plan import load_plan
     from heli3dof.experiment.simulate import simulate as fly_on_model
-    from heli3dof.model.modelfile import load_model
-    from heli3dof.recording.output import check_outputs
-    from heli3dof.recording.store import write_recording
+    from heli3dof.paper.models import load_model
+    from heli3dof.recording.atomic_write import check_outputs
+    from heli3dof.recording.write import write_recording
     from heli3dof.rig.profile import default_profile, load_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)

@@ -6,9 +6,9 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.console import Talk, verb
+from heli3dof.cli.device_option import AnyDevice, the_rig
 from heli3dof.cli.options import AsJson, ProfileFile, Quiet
-from heli3dof.cli.which import AnyDevice, the_rig
+from heli3dof.cli.output import Talk, verb
 
 SECONDS = 1.0
 _HELP = "The rig stands at this {} angle now, degrees; default: its rest angle."
@@ -41,8 +41,8 @@ def zero(
     from heli3dof.axes import AXES
     from heli3dof.rig.calibration import POWER_UP, store_calibration
     from heli3dof.rig.drivers import is_private
-    from heli3dof.rig.hold import hold
     from heli3dof.rig.profile import default_profile, load_profile
+    from heli3dof.rig.session.open_exclusive import hold
     from heli3dof.rig.zero import calibrate, watch_standing
 
     talk = Talk(as_json=as_json, quiet=quiet)

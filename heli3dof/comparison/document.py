@@ -20,8 +20,7 @@ settling_time_s``; `heli3dof.comparison.metrics` defines them. What is not defin
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -33,12 +32,17 @@ from heli3dof.comparison.compare import (
     PredictionError,
 )
 from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
-from heli3dof.comparison.reproduce import Reproduced
 
 SCHEMA = "heli3dof.comparison/1"
 
 
-def to_json(comparison: Comparison, published: Iterable[Reproduced] = ()) -> dict[str, Any]:
+class PublishedRow(Protocol):
+    """A published number and ours (`heli3dof.paper.reproduction.Reproduced`)."""
+
+    def to_dict(self) -> dict[str, Any]: ...
+
+
+def to_json(comparison: Comparison, published: Iterable[PublishedRow] = ()) -> dict[str, Any]:
     """A plain dict of JSON types: no NaN, no numpy."""
     document: dict[str, Any] = {
         "schema": SCHEMA,
@@ -46,7 +50,7 @@ def to_json(comparison: Comparison, published: Iterable[Reproduced] = ()) -> dic
         "flights": [_flight(f) for f in comparison.flights],
         "warnings": list(comparison.warnings),
     }
-    rows = [{**asdict(r.published), "ours_deg": _number(r.ours_deg)} for r in published]
+    rows = [row.to_dict() for row in published]
     if rows:
         document["published"] = rows
     return document

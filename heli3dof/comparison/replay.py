@@ -16,7 +16,7 @@ import numpy as np
 
 from heli3dof.axes import AXES, PITCH, ROLL, YAW
 from heli3dof.model.base import Model
-from heli3dof.model.loop_task import instants, loop_task, under_control, why_not_replayed
+from heli3dof.model.control.loop_task import instants, loop_task, under_control, why_not_replayed
 from heli3dof.recording.recording import Recording
 
 __all__ = ["Replay", "loop_task", "replay", "under_control", "why_not_replayed"]

@@ -20,12 +20,12 @@ from heli3dof.diagnosis.torque import trail_at
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.method import usable_runs
-from heli3dof.model.filtering import Data, data_of
-from heli3dof.model.greybox import GreyBoxModel
-from heli3dof.model.greybox_predict import NOISE
-from heli3dof.model.kalman import RATE_0
+from heli3dof.model.estimation.ekf_quantised import RATE_0
+from heli3dof.model.estimation.filter_data import Data, data_of
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.greybox.prediction import NOISE
+from heli3dof.parallel import in_threads
 from heli3dof.recording.recording import Recording
-from heli3dof.threads import in_threads
 
 HORIZONS_S = (0.1, 0.3, 1.0, 3.0)
 EVERY_S = 0.05

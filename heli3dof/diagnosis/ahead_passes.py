@@ -1,14 +1,14 @@
 """Predictions from re-estimated states, several horizons in one go, and how far they may scatter.
 
 `roll_on`: from the filter's state at a row the rig runs free, as in
-`heli3dof.model.greybox_predict`: steps of at most 20 ms with the thrusts' exact mean over each,
+`heli3dof.model.greybox.prediction`: steps of at most 20 ms with the thrusts' exact mean over each,
 
     F̄ = (1/h) ∫ F dt,      q̈ at the middle,      q ← q + h q̇ + h²/2 q̈,   q̇ ← q̇ + h q̈
 
 `scatter`: what the filter believes of the same prediction's variance. Its covariance P grows as in
-`heli3dof.model.kalman`, and an event that told of state c with gain K and information w told as
-much as a reading with variance R = 1/w − K_c (slope one), which is applied again:
-P ← P − P_c P_cᵀ/(P_cc + R).
+`heli3dof.model.estimation.ekf_quantised`, and an event that told of state c with gain K and
+information w told as much as a reading with variance R = 1/w − K_c (slope one), which is applied
+again: P ← P − P_c P_cᵀ/(P_cc + R).
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ import math
 
 import numpy as np
 
-from heli3dof.model import kalman, rigid_body, rotor, stepping
-from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
-from heli3dof.model.kalman import grow
-from heli3dof.model.rotor import thrusts
-from heli3dof.model.stepping import coast, readings, setup
+from heli3dof.model.estimation import ekf_quantised
+from heli3dof.model.estimation.ekf_quantised import grow
+from heli3dof.model.physics import integrator, rigid_body, rotor
+from heli3dof.model.physics import state_layout as _s
+from heli3dof.model.physics.integrator import coast, readings, setup
+from heli3dof.model.physics.rotor import thrusts
 
 R, T, F_FRONT, V_FRONT, TAU_M, SLEW = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.TAU_M, _s.SLEW
 STEP_S = 0.02
@@ -84,7 +85,7 @@ roll_on = compiled(
     _roll_on,
     calls=(
         rigid_body._accelerations, rigid_body._body_accelerations, rotor._thrusts, rotor._aim,
-        rotor._lagged, stepping._readings, stepping._coast, stepping._setup,
+        rotor._lagged, integrator._readings, integrator._coast, integrator._setup,
     ),
     error_model="numpy",
     nogil=True,
@@ -102,7 +103,7 @@ def _grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
         grow(P, A, d / parts, a2, work)
 
 
-grow_stably = compiled(_grow_stably, calls=(kalman._grow,), error_model="numpy", nogil=True)
+grow_stably = compiled(_grow_stably, calls=(ekf_quantised._grow,), error_model="numpy", nogil=True)
 
 
 def _scatter(  # type: ignore[no-untyped-def]
@@ -157,4 +158,6 @@ def _scatter(  # type: ignore[no-untyped-def]
                 grow_stably(P, A[k], h[k], driven, work)
 
 
-scatter = compiled(_scatter, calls=(_grow_stably, kalman._grow), error_model="numpy", nogil=True)
+scatter = compiled(
+    _scatter, calls=(_grow_stably, ekf_quantised._grow), error_model="numpy", nogil=True
+)

@@ -24,7 +24,7 @@ are those of the errors that the whole model leaves, with and without a term.
 
 A number that differs by recording shows its worth in recordings that no fit has seen, not in blocks
 of one whose own number is known: such terms are judged by leaving out whole recordings, the number
-re-estimated by the filter (`heli3dof.model.instants`), where there are two or more.
+re-estimated by the filter (`heli3dof.model.estimation.ekf_jitter`), where there are two or more.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ import numpy as np
 
 from heli3dof.diagnosis.refits import STAGE_S, Stand, own, refit
 from heli3dof.identification.greybox.multistep import FAR, Fitted, MultiStep, robust, search
-from heli3dof.model.filtering import Data
-from heli3dof.model.greybox_windows import Flight, errors
-from heli3dof.model.instants import follow
-from heli3dof.threads import in_threads
+from heli3dof.model.estimation.ekf_jitter import follow
+from heli3dof.model.estimation.filter_data import Data
+from heli3dof.model.greybox.multistep import Flight, errors
+from heli3dof.parallel import in_threads
 
 CELL_S = 3.0
 DRAWS = 2000

@@ -17,11 +17,11 @@ from heli3dof.diagnosis.steps import Bench, without
 from heli3dof.diagnosis.tilted import maximise_tilted
 from heli3dof.diagnosis.weighed import weighed
 from heli3dof.identification.greybox.estimate import Estimate, estimate
-from heli3dof.identification.greybox.fit import better_noise
+from heli3dof.identification.greybox.maximum_likelihood import better_noise
 from heli3dof.identification.greybox.method import compile_first, usable_runs
 from heli3dof.model.effects import terms as named
-from heli3dof.model.filtering import data_of
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.physics.parametrisation import Structure
 
 UNHEARD_OF = 2.5
 """An inertia's ratio to nominal, or its inverse"""

@@ -19,10 +19,10 @@ from heli3dof.diagnosis.occam import price
 from heli3dof.diagnosis.screen import Screen, Seen, with_term
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.diagnosis.trials import Trial, beginning, rings, widened
-from heli3dof.identification.greybox.fit import Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
-from heli3dof.threads import in_threads
+from heli3dof.parallel import in_threads
 
 NEARER = 0.1
 """Of the way from nothing to where the screen saw a term: the start of a second attempt."""

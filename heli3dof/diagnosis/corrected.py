@@ -31,18 +31,18 @@ from heli3dof.diagnosis.colour import colour
 from heli3dof.diagnosis.looks import held, look
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.fit import (
+from heli3dof.identification.greybox.likelihood import (
+    Likelihood,
+)
+from heli3dof.identification.greybox.maximum_likelihood import (
     NOISE_HIGH,
     NOISE_LOW,
     Optimum,
 )
-from heli3dof.identification.greybox.likelihood import (
-    Likelihood,
-)
-from heli3dof.model.filtering import Data, data_of
-from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.model.estimation.filter_data import Data, data_of
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.parallel import in_threads
 from heli3dof.recording.recording import Recording
-from heli3dof.threads import in_threads
 
 PILOTS = 8
 """Flights of each estimate on the way; the same random numbers every time."""

@@ -36,8 +36,8 @@ from heli3dof.diagnosis.steps import Bench, Step, eliminated, looked_at
 from heli3dof.diagnosis.unnamed import Settled, unnamed
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects import term
+from heli3dof.parallel import watched
 from heli3dof.recording.recording import Recording
-from heli3dof.threads import watched
 
 FLIGHTS, QUICK_FLIGHTS = 64, 16
 FURTHER = 0.5

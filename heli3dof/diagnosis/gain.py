@@ -20,7 +20,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.ahead import floor_deg, model_ahead, noise_of, problem_of
-from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.recording.recording import Recording
 
 HORIZON_S = 1.0

@@ -40,12 +40,12 @@ from heli3dof.diagnosis.gain import CELL_S, HORIZON_S, Course, HeldOut
 from heli3dof.diagnosis.looks import held
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.identification.greybox.estimate import Estimate
-from heli3dof.identification.greybox.fit import NOISE_SETTLED
 from heli3dof.identification.greybox.likelihood import Likelihood, Pass, score_and_information
+from heli3dof.identification.greybox.maximum_likelihood import NOISE_SETTLED
 from heli3dof.identification.greybox.method import usable_runs
-from heli3dof.model.filtering import LEAD_S, Data, data_of
+from heli3dof.model.estimation.filter_data import LEAD_S, Data, data_of
+from heli3dof.parallel import in_threads
 from heli3dof.recording.recording import Recording
-from heli3dof.threads import in_threads
 
 BLOCKS = 5
 LEAST_BLOCK_S = 3.0

@@ -16,8 +16,8 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.comparison.metrics import flight_metrics
 from heli3dof.comparison.replay import replay
-from heli3dof.model.greybox import GreyBoxModel
-from heli3dof.model.loop_task import under_control, why_not_replayed
+from heli3dof.model.control.loop_task import under_control, why_not_replayed
+from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.recording.recording import Recording
 
 

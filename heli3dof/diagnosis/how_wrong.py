@@ -15,8 +15,8 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.ahead import HORIZONS_S, Ahead, floor_deg, mean_square, model_ahead
-from heli3dof.model.filtering import Data
-from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.model.estimation.filter_data import Data
+from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.recording.recording import Recording
 
 HORIZON_S = 1.0

@@ -17,9 +17,9 @@ from heli3dof.diagnosis.corrected import fly_again, model_at
 from heli3dof.diagnosis.torque import Trail, trail_at
 from heli3dof.diagnosis.torque_hats import Hats
 from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate
-from heli3dof.model.filtering import Data
+from heli3dof.model.estimation.filter_data import Data
+from heli3dof.parallel import in_threads
 from heli3dof.recording.recording import Recording
-from heli3dof.threads import in_threads
 
 
 @dataclass(frozen=True, eq=False)

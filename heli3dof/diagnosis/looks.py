@@ -5,7 +5,7 @@
 ℓ is the filter's log-likelihood (`heli3dof.identification.greybox.likelihood`), its tangents ∂c/∂θ
 those of first-order perturbation (`heli3dof.diagnosis.perturbation`); s and its curvature are taken
 axis by axis over a step δ, since the likelihood is a little rough. The three passes of the filter
-are shared out (`heli3dof.threads`).
+are shared out (`heli3dof.parallel`).
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from heli3dof.identification.greybox.likelihood import (
     diverged,
     score_and_information,
 )
-from heli3dof.model.slots import Stage
-from heli3dof.threads import in_threads
+from heli3dof.model.physics.state_layout import Stage
+from heli3dof.parallel import in_threads
 
 _PROBE = 0.5  # step of the log intensity, as in `fit`
 HELD = ("mass.change.time_s",)

@@ -49,9 +49,9 @@ from heli3dof.diagnosis.select import WEAK, Choice, this_one
 from heli3dof.diagnosis.steps import without
 from heli3dof.diagnosis.thrust_scale import thrust_scale
 from heli3dof.identification.greybox.method import model_of
-from heli3dof.model.greybox import nominal
+from heli3dof.model.greybox.model import nominal
+from heli3dof.parallel import in_threads
 from heli3dof.recording.recording import Recording
-from heli3dof.threads import in_threads
 
 Instead = Callable[[Corrected, Choice, Set[str]], Iterable[tuple[Choice, Corrected]]]
 """Of a fit without a cause, that cause and all names asked so far: what else the cause may be, and

@@ -25,7 +25,7 @@ from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.gain_folds import row_by_row
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.select import Choice
-from heli3dof.threads import in_threads
+from heli3dof.parallel import in_threads
 
 CELL_S = 0.5
 AGREED = 1.0

@@ -40,10 +40,10 @@ from heli3dof.experiment.plan import load_plan, named_plans
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.effects import Term, term
-from heli3dof.model.filtering import data_of
-from heli3dof.model.greybox import GreyBoxModel
-from heli3dof.model.rig_model import Structure
-from heli3dof.threads import in_threads
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.parallel import in_threads
 
 AT_ONCE = 2
 """Plans that are asked further before the best is sought again"""

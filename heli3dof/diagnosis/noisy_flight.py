@@ -18,16 +18,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from heli3dof.model import kalman, rotor, stepping
 from heli3dof.model.compiled import compiled
-from heli3dof.model.controller import N_OUT, control_law, parameters, state_at_rest
-from heli3dof.model.greybox import GreyBoxModel
-from heli3dof.model.greybox_fly import true_angles
-from heli3dof.model.greybox_linear import balance
-from heli3dof.model.rotor import aim
-from heli3dof.model.slots import FLANK
-from heli3dof.model.stepping import readings, setup, step
-from heli3dof.model.thinned import filled
+from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
+from heli3dof.model.estimation import ekf_quantised
+from heli3dof.model.estimation.decimated_log import filled
+from heli3dof.model.greybox.closed_loop import true_angles
+from heli3dof.model.greybox.linearisation import balance
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.physics import integrator, rotor
+from heli3dof.model.physics.integrator import readings, setup, step
+from heli3dof.model.physics.rotor import aim
+from heli3dof.model.physics.state_layout import FLANK
 from heli3dof.recording.recording import Recording
 
 ON_TABLE_BELOW = math.radians(-15.0)
@@ -68,7 +69,7 @@ def _fly(  # type: ignore[no-untyped-def]
 
 _fly_compiled = compiled(
     _fly,
-    calls=(control_law, rotor._aim, stepping._readings, stepping._step, *kalman._CALLS),
+    calls=(control_law, rotor._aim, integrator._readings, integrator._step, *ekf_quantised._CALLS),
     error_model="numpy",
     nogil=True,
 )

@@ -36,8 +36,8 @@ from heli3dof.diagnosis.gumbel import beyond, gumbel
 from heli3dof.diagnosis.looks import look
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.model.effects import Term
+from heli3dof.parallel import in_threads
 from heli3dof.recording.recording import Recording
-from heli3dof.threads import in_threads
 
 FALSE_ALARMS = 0.003
 """The share of recordings with nothing to find in which something is found."""

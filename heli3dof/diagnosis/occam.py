@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from heli3dof.identification.greybox.fit import Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.maximum_likelihood import Optimum
 
 
 def price(problem: Likelihood, fit: Optimum, name: str, inflation: float = 1.0) -> float:

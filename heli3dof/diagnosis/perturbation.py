@@ -5,8 +5,8 @@ With the filter's gains held, a change that adds δa (rad/s²) to the accelerati
     δx ← Φ δx + [h²/2; h] δa,     Φ from ∂q̈/∂(q, q̇)          from row to row
     δc = σ δx_c,   δx ← δx − K w δc                             at each of the encoders' events
 
-(`heli3dof.model.kalman`). `forward` gives the trace δc (E,) of a change; `backward` the adjoint:
-for any weights q of the events, how Σ q δc depends on δa at every instant,
+(`heli3dof.model.estimation.ekf_quantised`). `forward` gives the trace δc (E,) of a change;
+`backward` the adjoint: for any weights q of the events, how Σ q δc depends on δa at every instant,
 
     Σ_e q_e δc_e = Σ_b L_b · δa_b
 
@@ -25,13 +25,13 @@ import numpy as np
 
 from heli3dof.diagnosis import perturbation_passes as passes
 from heli3dof.identification.greybox.likelihood import Pass
-from heli3dof.model import slots as _s
-from heli3dof.model.filtering import Data
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.estimation.filter_data import Data
+from heli3dof.model.physics import state_layout as _s
+from heli3dof.model.physics.parametrisation import Structure
 
 CHUNK_S = 0.01
 MOVES_THRUST = {_s.Stage.SETUP, _s.Stage.VOLTAGE}
-"""Stages whose effects change the thrusts that `heli3dof.model.rotor` computes beforehand."""
+"""Stages whose effects change the thrusts that `model.physics.rotor` computes beforehand."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,13 +10,13 @@ import math
 
 import numpy as np
 
-from heli3dof.model import rigid_body, rotor, stepping
-from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
-from heli3dof.model.kalman import linearise
-from heli3dof.model.rigid_body import accelerations
-from heli3dof.model.rotor import lagged, thrusts
-from heli3dof.model.stepping import readings, setup
+from heli3dof.model.estimation.ekf_quantised import linearise
+from heli3dof.model.physics import integrator, rigid_body, rotor
+from heli3dof.model.physics import state_layout as _s
+from heli3dof.model.physics.integrator import readings, setup
+from heli3dof.model.physics.rigid_body import accelerations
+from heli3dof.model.physics.rotor import lagged, thrusts
 
 R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
 TAU_M, K_F, GAIN_FRONT, SLEW = _s.TAU_M, _s.K_F, _s.GAIN_FRONT, _s.SLEW
@@ -48,7 +48,7 @@ def _slopes(  # type: ignore[no-untyped-def]
 slopes = compiled(
     _slopes,
     calls=(rigid_body._accelerations, rigid_body._body_accelerations, rotor._thrusts,
-           stepping._readings),
+           integrator._readings),
     error_model="numpy", nogil=True,
 )  # fmt: skip
 
@@ -100,7 +100,7 @@ def _forcing(  # type: ignore[no-untyped-def]
 forcing = compiled(
     _forcing,
     calls=(rigid_body._accelerations, rigid_body._body_accelerations, rotor._thrusts,
-           rotor._lagged, rotor._aim, stepping._setup),
+           rotor._lagged, rotor._aim, integrator._setup),
     error_model="numpy", nogil=True,
 )  # fmt: skip
 
@@ -124,7 +124,7 @@ def _misreading(  # type: ignore[no-untyped-def]
 
 
 misreading = compiled(
-    _misreading, calls=(stepping._setup, stepping._readings), error_model="numpy", nogil=True
+    _misreading, calls=(integrator._setup, integrator._readings), error_model="numpy", nogil=True
 )
 
 

@@ -3,7 +3,7 @@
 A plan is rendered and checked once, whatever it is flown in; a world's loop is checked once,
 whatever is flown in it. A flight is then one compiled pass with the world's noise and encoders
 (`heli3dof.diagnosis.noisy_flight`). Only where a plan opens loops is it flown without noise
-before: what such a plan asks for follows from how it goes (`heli3dof.model.opened`).
+before: what such a plan asks for follows from how it goes (`heli3dof.model.control.loop_opening`).
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.errors import CheckFailed, UsageError
 from heli3dof.experiment.plan import Plan, Signals, check_plan
 from heli3dof.experiment.simulate import simulate
-from heli3dof.model.greybox import GreyBoxModel
-from heli3dof.model.stability import check_loop
+from heli3dof.model.control.stability import check_loop
+from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.recording.row import CLOSED_LOOP
 from heli3dof.rig.envelope import Envelope

@@ -127,8 +127,8 @@ def _of_diagnosis(path: Path, data: Mapping[str, Any]) -> Calibration:
 
 
 def _of_model(path: Path) -> Calibration:
-    from heli3dof.model.greybox import GreyBoxModel
-    from heli3dof.model.modelfile import read_model
+    from heli3dof.model.greybox.model import GreyBoxModel
+    from heli3dof.model.model_file import read_model
 
     model = read_model(path)
     if not isinstance(model, GreyBoxModel):

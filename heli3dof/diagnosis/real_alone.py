@@ -22,8 +22,8 @@ from heli3dof.diagnosis.real_halves import APART, SEEN
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
+from heli3dof.parallel import in_threads
 from heli3dof.recording.recording import Recording
-from heli3dof.threads import in_threads
 
 ONE_TIME = ("mass.change",)
 """What happens at one instant of one recording cannot be looked for in the others."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from heli3dof.identification.greybox.freeflight import OFFSET, free_rows
 from heli3dof.identification.greybox.multistep import Fitted
-from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.recording.recording import Recording
 
 STILL_S = 0.5

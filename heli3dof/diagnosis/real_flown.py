@@ -20,9 +20,9 @@ from heli3dof.diagnosis.backward import CELL_S
 from heli3dof.diagnosis.gain import DRAWS, HORIZON_S, LEVEL, Gain, Interval
 from heli3dof.diagnosis.refits import halves
 from heli3dof.identification.greybox.freeflight import flight_of
-from heli3dof.model.greybox import GreyBoxModel
-from heli3dof.model.greybox_predict import filtered
-from heli3dof.model.greybox_windows import errors
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.greybox.multistep import errors
+from heli3dof.model.greybox.prediction import filtered
 from heli3dof.recording.recording import Recording
 
 OVER_S = 3.0

@@ -28,10 +28,10 @@ import numpy as np
 from heli3dof.diagnosis.real_explains import arm_torque, hover_voltage, settles_at
 from heli3dof.identification.greybox.multistep import Fitted
 from heli3dof.identification.greybox.weak_form import DIFFERENCE, SPANS_S, log_of, residuals
-from heli3dof.model.filtering import climb_rows
-from heli3dof.model.greybox_predict import table_of
-from heli3dof.model.greybox_windows import errors
-from heli3dof.model.stepping import readings
+from heli3dof.model.estimation.filter_data import climb_rows
+from heli3dof.model.greybox.multistep import errors
+from heli3dof.model.greybox.prediction import table_of
+from heli3dof.model.physics.integrator import readings
 from heli3dof.recording.recording import Recording
 
 SPUN_UP_S = 0.35

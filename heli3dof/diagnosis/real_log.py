@@ -62,9 +62,9 @@ from heli3dof.identification.greybox.freeflight import (
 from heli3dof.identification.greybox.multistep import Fitted as Fit
 from heli3dof.identification.greybox.noise_check import why_freeflight
 from heli3dof.model.effects import terms
-from heli3dof.model.greybox import nominal
+from heli3dof.model.greybox.model import nominal
+from heli3dof.parallel import in_threads
 from heli3dof.recording.recording import Recording
-from heli3dof.threads import in_threads
 
 WHY = (
     "The loop is unknown, so no nulls can be flown, and no likelihood can be trusted: {} So the "

@@ -23,7 +23,7 @@ from heli3dof.diagnosis.backward import Backward, Removal, known_beforehand, tra
 from heli3dof.diagnosis.real_halves import deviations, seen
 from heli3dof.diagnosis.real_next import Open
 from heli3dof.identification.greybox.multistep import Fitted
-from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.model.greybox.model import GreyBoxModel
 
 SURE = 0.95
 LITTLE = 0.7

@@ -32,8 +32,8 @@ from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.identification.greybox.freeflight import problem_of
 from heli3dof.identification.greybox.multistep import Fitted, MultiStep, valley
-from heli3dof.model.greybox import GreyBoxModel
-from heli3dof.threads import in_threads
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.parallel import in_threads
 
 SURE = 1.96
 MOST = 3

@@ -1,8 +1,8 @@
 """Fits next to a fit: without a term, with another, of some windows or recordings alone.
 
 Each starts where the whole fit stands, with its tangents: of the rows and columns that both have
-they are nearly the same, and `heli3dof.identification.greybox.descent.follow_on` mends them as it
-goes. All are weighed by the whole's own scales, so that costs compare.
+they are nearly the same, and `heli3dof.identification.greybox.levenberg_marquardt.follow_on` mends
+them as it goes. All are weighed by the whole's own scales, so that costs compare.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from heli3dof.identification.greybox.descent import FRESH, follow_on
+from heli3dof.identification.greybox.levenberg_marquardt import FRESH, follow_on
 from heli3dof.identification.greybox.multistep import SETTLED, Fitted, MultiStep, valley
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.model.effects import terms
-from heli3dof.model.greybox_windows import Flight
-from heli3dof.model.rig_model import Structure
-from heli3dof.threads import hands, in_threads
+from heli3dof.model.greybox.multistep import Flight
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.parallel import hands, in_threads
 
 STAGE_S = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 BLOCK_S = 6.0

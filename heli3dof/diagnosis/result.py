@@ -16,7 +16,7 @@ from heli3dof.diagnosis.integrity import Fault
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.real_next import Open
 from heli3dof.diagnosis.select import Choice
-from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.model.greybox.model import GreyBoxModel
 
 DOES_NOT_PAY = "it does not pay on data that it has not seen"
 COLOURED = "this recording's own noise is slow, and does as much"

@@ -31,8 +31,8 @@ from heli3dof.diagnosis.corrected import Corrected, correct, fly_again, model_at
 from heli3dof.diagnosis.nulls import Nulls
 from heli3dof.diagnosis.occam import price
 from heli3dof.diagnosis.select import EVEN, TIE, Choice, this_one
+from heli3dof.parallel import in_threads
 from heli3dof.recording.recording import Recording
-from heli3dof.threads import in_threads
 
 FALSE = 3.0
 """|z̄|, in the nulls' own scatter, from which a slope is no longer taken off along a line."""

@@ -35,9 +35,9 @@ from heli3dof.diagnosis.scans import Scan
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Likelihood, Pass
 from heli3dof.model.effects import Term, term
-from heli3dof.model.filtering import Data
-from heli3dof.model.rig_model import Structure
-from heli3dof.model.slots import Stage
+from heli3dof.model.estimation.filter_data import Data
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.model.physics.state_layout import Stage
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +181,7 @@ def with_term(structure: Structure, values: np.ndarray, t: Term) -> tuple[Struct
 
 def traces(found: Estimate, probes: Sequence[Probe], data: Data, at: Pass) -> np.ndarray:
     """(P, E) δc of each probe by `follow` itself, not linearised: 15 ms a minute and probe."""
-    from heli3dof.model.kalman import follow
+    from heli3dof.model.estimation.ekf_quantised import follow
 
     structure = found.structure
     held = {t.name for t in structure.terms}

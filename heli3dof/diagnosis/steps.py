@@ -24,13 +24,13 @@ from heli3dof.diagnosis.select import Choice, choose, suspects, unidentifiable
 from heli3dof.diagnosis.swallowed import instead_of_inertia, swallowed
 from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.diagnosis.trials import Trial, ringing, standing_out, trials, tried_terms, widened
-from heli3dof.identification.greybox.fit import Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.usable import unusable
+from heli3dof.identification.greybox.maximum_likelihood import Optimum
+from heli3dof.identification.row_selection import unusable
 from heli3dof.model.effects import Term
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.parallel import in_threads
 from heli3dof.recording.recording import Recording
-from heli3dof.threads import in_threads
 
 TRIAL_FLIGHTS = 12
 """With which what can only be tried is compared."""

@@ -1,9 +1,9 @@
 """How large K_f is: what no flight can tell, told by how well the profile is known.
 
-All torques and inertias times one number move the same way (`heli3dof.model.rigid_body`), so a fit
-gives them in units of K_f: x_i = X_i/k, with k = K_f/K_f,nominal. But the profile gives nominal
-values of K_f *and* of T_g, J_roll, J_pitch, J_yaw, each right to about s, half its ``tolerance``,
-now and then far off (Student's t with ν = `FREEDOM`):
+All torques and inertias times one number move the same way (`heli3dof.model.physics.rigid_body`),
+so a fit gives them in units of K_f: x_i = X_i/k, with k = K_f/K_f,nominal. But the profile gives
+nominal values of K_f *and* of T_g, J_roll, J_pitch, J_yaw, each right to about s, half its
+``tolerance``, now and then far off (Student's t with ν = `FREEDOM`):
 
     p(ln k) ∝ t_ν(ln k/s) Π_i t_ν(ln(x_i k/X_i,nominal)/s)
 

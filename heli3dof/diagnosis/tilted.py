@@ -8,7 +8,7 @@ candidate's own (the mean of its scores over the nulls). To first order
 
 has none, so its maximum is where the estimating equation holds, and 2 Δℓ_c between two structures
 is what a likelihood ratio should be. Maximised by Gauss and Newton, as in
-`heli3dof.identification.greybox.fit`, with the noise's intensities along the way.
+`heli3dof.identification.greybox.maximum_likelihood`, with the noise's intensities along the way.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.diagnosis.looks import Look, held, look
-from heli3dof.identification.greybox.fit import NOISE_HIGH, NOISE_LOW, Optimum
 from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW, Optimum
 
 ROUNDS = 14
 TOLERANCE = 0.02

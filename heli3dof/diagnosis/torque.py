@@ -18,7 +18,7 @@ import numpy as np
 
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.likelihood import Likelihood, Pass
-from heli3dof.model.filtering import Data
+from heli3dof.model.estimation.filter_data import Data
 
 UNITS = {
     "roll": "°", "pitch": "°", "yaw": "°",

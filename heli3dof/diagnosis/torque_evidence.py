@@ -27,8 +27,8 @@ from heli3dof.diagnosis.leftover import WINDOW_S, Leftover
 from heli3dof.diagnosis.torque import UNITS, Trail, along, trail, trail_at
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects import Effect, Term
-from heli3dof.model.rig_model import Structure
-from heli3dof.model.slots import Stage
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.model.physics.state_layout import Stage
 
 BINS = 24
 LEAST_TIME_S = 0.1

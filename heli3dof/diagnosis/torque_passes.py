@@ -7,22 +7,23 @@ prediction by δx = (δq, δq̇):
     δq ← δq + h δq̇ + h²/2 δq̈,     δq̇ ← δq̇ + h δq̈             from row to row
     δc = s δx_c,  δx ← δx − K w δc                             at each event
 
-(s the reading's slope, K, w the event's gain and information; `heli3dof.model.kalman`). To first
-order ln L changes by Σ g δc. `gradient` runs this backward: one pass gives ν_k = ∂ ln L/∂τ_k for a
-torque on any axis in any row, so the score of a torque that is a function f of anything is
-Σ f_k ν_k. `forced` runs it forward for many functions at once and sums their information.
+(s the reading's slope, K, w the event's gain and information;
+`heli3dof.model.estimation.ekf_quantised`). To first order ln L changes by Σ g δc. `gradient` runs
+this backward: one pass gives ν_k = ∂ ln L/∂τ_k for a torque on any axis in any row, so the score of
+a torque that is a function f of anything is Σ f_k ν_k. `forced` runs it forward for many functions
+at once and sums their information.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from heli3dof.model import rigid_body, rotor, stepping
-from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
-from heli3dof.model.rigid_body import accelerations, body_accelerations
-from heli3dof.model.rotor import thrusts
-from heli3dof.model.stepping import readings, setup
+from heli3dof.model.physics import integrator, rigid_body, rotor
+from heli3dof.model.physics import state_layout as _s
+from heli3dof.model.physics.integrator import readings, setup
+from heli3dof.model.physics.rigid_body import accelerations, body_accelerations
+from heli3dof.model.physics.rotor import thrusts
 
 R, T, F_FRONT, F_BACK, V_FRONT, V_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.V_FRONT, _s.V_BACK
 DIFFERENCE = 1e-5
@@ -73,7 +74,7 @@ linear = compiled(
     _linear,
     calls=(
         rigid_body._accelerations, rigid_body._body_accelerations, rotor._thrusts, rotor._aim,
-        rotor._lagged, stepping._readings, stepping._setup,
+        rotor._lagged, integrator._readings, integrator._setup,
     ),
     error_model="numpy",
     nogil=True,

@@ -28,11 +28,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.screen import with_term
-from heli3dof.identification.greybox.fit import better_noise
 from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.maximum_likelihood import better_noise
 from heli3dof.model.effects import Term, effects, terms
-from heli3dof.model.filtering import Data
-from heli3dof.threads import in_threads
+from heli3dof.model.estimation.filter_data import Data
+from heli3dof.parallel import in_threads
 
 WORTH = 40.0
 """Δℓ of the first of the ``starts`` from which on a term is fitted: play scores hundreds there,

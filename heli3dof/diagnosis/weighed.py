@@ -39,11 +39,11 @@ from heli3dof.diagnosis.corrected import (
     scatter_of,
 )
 from heli3dof.diagnosis.looks import look
-from heli3dof.identification.greybox.fit import NOISE_HIGH, NOISE_LOW
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.model.filtering import Data
+from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW
+from heli3dof.model.estimation.filter_data import Data
+from heli3dof.parallel import in_threads
 from heli3dof.recording.recording import Recording
-from heli3dof.threads import in_threads
 
 FLIGHTS = 24
 """Of each round; a multiple of 8"""

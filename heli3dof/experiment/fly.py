@@ -9,25 +9,25 @@ from pathlib import Path
 from typing import Any
 
 from heli3dof.errors import DeviceError, Heli3dofError, SafetyTrip
-from heli3dof.experiment.interrupts import Asked, asked_to_stop
-from heli3dof.experiment.loop import Live, fly
-from heli3dof.experiment.outcome import Outcome
+from heli3dof.experiment.control_loop.loop import Live, fly
+from heli3dof.experiment.control_loop.outcome import Outcome
+from heli3dof.experiment.control_loop.signal_handling import Asked, asked_to_stop
 from heli3dof.experiment.plan import Plan, Signals, checked
-from heli3dof.experiment.watches import watches_for
-from heli3dof.model.hover import hover_model
-from heli3dof.model.stability import check_loop
+from heli3dof.experiment.safety_monitors import watches_for
+from heli3dof.model.control.stability import check_loop
+from heli3dof.model.linear.hover import hover_model
+from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.memory import MemoryRecorder
 from heli3dof.recording.provenance import provenance, seeds
-from heli3dof.recording.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import RowSink
-from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.drivers import is_private, seed_of, with_seed
-from heli3dof.rig.hold import hold
-from heli3dof.rig.port import Identity
+from heli3dof.rig.interface import Identity
 from heli3dof.rig.profile import Profile, default_profile
-from heli3dof.rig.stop_stamp import command_began_ns
-from heli3dof.rig.stoppable import StoppableRig
+from heli3dof.rig.session.open_exclusive import hold
+from heli3dof.rig.session.stop_stamp import command_began_ns
+from heli3dof.rig.session.stoppable_rig import StoppableRig
 from heli3dof.rig.trip import Trip
 
 ON_REQUEST = "emergency stop on request"
@@ -107,7 +107,7 @@ def fly_plan(
     ``warn`` is told what the user should know before the rig is armed.
     Returns however the flight ended (see `Flight.raise_if_cut_short`); raises only where nothing
     flew: PlanError, UnstableLoop, DeviceError, OutputExists, and SafetyTrip where an emergency stop
-    came since this command began (see `heli3dof.rig.stop_stamp`).
+    came since this command began (see `heli3dof.rig.session.stop_stamp`).
     """
     began_ns = command_began_ns()
     profile = (profile or default_profile()).with_controller()

@@ -39,7 +39,7 @@ class Signals:
     extra: np.ndarray
     """(N, 2) V, added to the controller's output."""
     opened: np.ndarray | None = None
-    """(N, 3) what happens to each axis's loop (`heli3dof.model.opened`); None: all stay closed."""
+    """(N, 3) each axis's loop, closed or open (`model.control.loop_opening`); None: all closed."""
     drawn: bool = False
     """Whether another seed would have rendered something else"""
 

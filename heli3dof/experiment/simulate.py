@@ -8,7 +8,7 @@ import numpy as np
 
 from heli3dof.experiment.plan import Plan, checked
 from heli3dof.model.base import LoopTask, Model
-from heli3dof.model.stability import check_loop
+from heli3dof.model.control.stability import check_loop
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.recording.row import CLOSED_LOOP
 from heli3dof.rig.profile import Profile, default_profile

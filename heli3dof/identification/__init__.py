@@ -4,10 +4,10 @@ Public names: `identify` and what it returns, `Identification`; `prepare` and `P
 who want the data themselves; `METHODS`. docs/identification.md says what was chosen and why.
 """
 
-from heli3dof.identification.api import identify
 from heli3dof.identification.feedback import Feedback, feedback_test
+from heli3dof.identification.identify import identify
 from heli3dof.identification.methods import METHODS
-from heli3dof.identification.prepare import Prepared, prepare
+from heli3dof.identification.preprocessing import Prepared, prepare
 from heli3dof.identification.result import Identification
 
 __all__ = [

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.identification.subspace import Pair, past, varx
+from heli3dof.identification.black_box.pbsid import Pair, past, varx
 
 LEVEL = 1e-3
 SHARE_MIN = 0.005

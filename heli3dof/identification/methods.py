@@ -9,8 +9,8 @@ import importlib
 from dataclasses import dataclass
 
 from heli3dof.errors import UsageError, did_you_mean
-from heli3dof.identification.found import Found, Request
-from heli3dof.identification.prepare import Prepared
+from heli3dof.identification.fit_result import Found, Request
+from heli3dof.identification.preprocessing import Prepared
 
 
 @dataclass(frozen=True)
@@ -37,17 +37,19 @@ METHODS: dict[str, Method] = {
     ),
     "pem": Method(
         "prediction error in innovation form, started from PBSID-opt",
-        "heli3dof.identification.blackbox",
+        "heli3dof.identification.black_box.methods",
     ),
-    "pbsid": Method("PBSID-opt subspace identification", "heli3dof.identification.blackbox"),
+    "pbsid": Method(
+        "PBSID-opt subspace identification", "heli3dof.identification.black_box.methods"
+    ),
     "tf4": Method(
         "the paper's form: common fourth-order denominator, output error",
-        "heli3dof.identification.paperform",
+        "heli3dof.identification.black_box.tf4_method",
         assumes_open_loop=True,
     ),
     "oe": Method(
         "output error (K = 0) in state-space form",
-        "heli3dof.identification.blackbox",
+        "heli3dof.identification.black_box.methods",
         assumes_open_loop=True,
     ),
 }

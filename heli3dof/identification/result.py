@@ -9,15 +9,15 @@ import numpy as np
 
 from heli3dof.errors import UsageError
 from heli3dof.identification.feedback import Feedback
-from heli3dof.identification.found import Found
+from heli3dof.identification.fit_result import Found
 from heli3dof.identification.methods import METHODS
-from heli3dof.identification.prepare import Prepared, RecordingReport
-from heli3dof.identification.residuals import ResidualTest
-from heli3dof.identification.statistics import Pole
-from heli3dof.identification.transfer import TransferFunctions
-from heli3dof.identification.validate import Metrics
+from heli3dof.identification.preprocessing import Prepared, RecordingReport
+from heli3dof.identification.residual_tests import ResidualTest
+from heli3dof.identification.transfer_function import TransferFunctions
+from heli3dof.identification.uncertainty import Pole
+from heli3dof.identification.validation import Metrics
 from heli3dof.model.base import Model
-from heli3dof.model.modelfile import jsonable
+from heli3dof.model.model_file import jsonable
 
 
 @dataclass(frozen=True, eq=False)

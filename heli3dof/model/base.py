@@ -36,7 +36,7 @@ class LoopTask:
     rad_per_count: np.ndarray | None = None
     """(3,) rad per count: the controller sees quantised angles; None for ideal encoders."""
     opened: np.ndarray | None = None
-    """(N, 3) modes of the axes' loops, see `heli3dof.model.opened`; None: all stay closed."""
+    """(N, 3) modes of the axes' loops, see `model.control.loop_opening`; None: all stay closed."""
     limits: Limits = field(default_factory=Limits)
     """Where an opened loop is handed back to the controller."""
 
@@ -89,5 +89,5 @@ class Model(Protocol):
         ...
 
     def to_dict(self) -> Mapping[str, Any]:
-        """The model file's content; see ``heli3dof.model.modelfile``."""
+        """The model file's content; see ``heli3dof.model.model_file``."""
         ...

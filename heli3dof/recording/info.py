@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.recording.checks import timing
-from heli3dof.recording.importing import is_log
 from heli3dof.recording.link_quality import link_warnings
 from heli3dof.recording.load import load
+from heli3dof.recording.logs.import_log import is_log
+from heli3dof.recording.logs.log_validation import timing
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
 
@@ -36,8 +36,13 @@ def file_info(
     if is_log(path):
         recording = load(path, profile, columns)
     else:
-        from heli3dof.recording.reader import decode, open_mcap, profile_in, read_recording
-        from heli3dof.recording.recover import salvage
+        from heli3dof.recording.mcap_files.reader import (
+            decode,
+            open_mcap,
+            profile_in,
+            read_recording,
+        )
+        from heli3dof.recording.mcap_files.recover import salvage
 
         found = open_mcap(path)
         torn = not found.whole

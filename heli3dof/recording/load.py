@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from heli3dof.errors import UsageError
-from heli3dof.recording.importing import import_log, is_log
-from heli3dof.recording.output import stem
+from heli3dof.recording.atomic_write import stem
+from heli3dof.recording.logs.import_log import import_log, is_log
+from heli3dof.recording.mcap_files.mcap_scan import missing
 from heli3dof.recording.recording import Recording
-from heli3dof.recording.scan import missing
 from heli3dof.rig.profile import Profile
 
 
@@ -35,6 +35,6 @@ def load(
                 f"--profile PROFILE.toml -o {stem(path)}.mcap",
             )
         return import_log(path, profile, columns)
-    from heli3dof.recording.reader import read_recording
+    from heli3dof.recording.mcap_files.reader import read_recording
 
     return read_recording(path, profile)

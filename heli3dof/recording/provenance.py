@@ -13,8 +13,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from heli3dof.recording.schema import FORMAT
-from heli3dof.rig.port import Identity
+from heli3dof.recording.mcap_files.schema import FORMAT
+from heli3dof.rig.interface import Identity
 
 PACKAGES = ("heli3dof", "numpy", "scipy", "mcap")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from heli3dof.rig.port import Sample
+from heli3dof.rig.interface import Sample
 
 CLOSED_LOOP, RAMP_DOWN = 0, 1
 """The phases of a flight, as recorded."""

@@ -14,10 +14,10 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.gain import HORIZON_S, HeldOut, Worst
 from heli3dof.diagnosis.torque_evidence import Evidence
-from heli3dof.report.curves import Curve, angle_figure, headline
+from heli3dof.report.figure_style import BLUE, GRID, INK, MEASURED, RC, SOFT, VERMILION, Line, plain
 from heli3dof.report.figures import SYMBOLS
-from heli3dof.report.grid import fixed
-from heli3dof.report.style import BLUE, GRID, INK, MEASURED, RC, SOFT, VERMILION, Line, plain
+from heli3dof.report.labelled_curves import Curve, angle_figure, headline
+from heli3dof.report.text_table import fixed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,7 +7,7 @@ from typing import Any
 
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.recording.recording import Recording
-from heli3dof.report.diagnosis_pictured import pictured
+from heli3dof.report.diagnosis_figure_data import pictured
 from heli3dof.report.diagnosis_section import diagnosis_section
 from heli3dof.report.flight_report import flight_report
 

@@ -1,7 +1,7 @@
 """A diagnosis as a section of the HTML report: what is wrong, the causes, each with its picture.
 
 The words and the causes' table come from the contract's document
-(`heli3dof.report.diagnosis_words`, `heli3dof.report.diagnosis_tables`); the figures, and what the
+(`heli3dof.report.diagnosis_text`, `heli3dof.report.diagnosis_tables`); the figures, and what the
 document has no room for, from `Pictured`.
 """
 
@@ -15,13 +15,13 @@ from heli3dof.diagnosis.gain_replay import Replayed
 from heli3dof.diagnosis.how_wrong import HowWrong
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.torque_evidence import Evidence
-from heli3dof.report import diagnosis_words as words
+from heli3dof.report import diagnosis_text as words
+from heli3dof.report.diagnosis_figure_data import Pictured
 from heli3dof.report.diagnosis_figures import evidence_figure, stretch_figure
-from heli3dof.report.diagnosis_pictured import Pictured
 from heli3dof.report.diagnosis_tables import calibration, findings
-from heli3dof.report.diagnosis_words import Document
-from heli3dof.report.grid import NONE, Grid, fixed
+from heli3dof.report.diagnosis_text import Document
 from heli3dof.report.html import Section, figure, key, paragraph, subheading, table, warning
+from heli3dof.report.text_table import NONE, Grid, fixed
 
 
 def diagnosis_section(

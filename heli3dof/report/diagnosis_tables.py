@@ -1,7 +1,7 @@
 """A diagnosis for the terminal: how wrong, the causes, what mending gains, what is left, what next.
 
 Written from the contract's document (``heli3dof.diagnosis/1``) alone, so that a diagnosis read back
-from a file is told like one just made. Sentences are those of `heli3dof.report.diagnosis_words`.
+from a file is told like one just made. Sentences are those of `heli3dof.report.diagnosis_text`.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ import math
 from collections.abc import Sequence
 
 from heli3dof.axes import AXES
-from heli3dof.report import diagnosis_words as words
-from heli3dof.report.diagnosis_words import Document, name_of, number
-from heli3dof.report.grid import NONE, Grid, fixed
+from heli3dof.report import diagnosis_text as words
+from heli3dof.report.diagnosis_text import Document, name_of, number
+from heli3dof.report.text_table import NONE, Grid, fixed
 
 
 def split_unit(key: str) -> tuple[str, str]:

@@ -6,7 +6,7 @@ predictions in windows laid end to end, each starting on the measured angles. Th
 title says what is to be seen, in numbers.
 
 Every function takes arrays or what `compare` made of them, and returns a matplotlib figure;
-`heli3dof.report.style` turns it into SVG or PNG.
+`heli3dof.report.figure_style` turns it into SVG or PNG.
 """
 
 from __future__ import annotations
@@ -20,9 +20,7 @@ from heli3dof.axes import AXES
 from heli3dof.comparison.compare import FlightComparison, ModelComparison
 from heli3dof.comparison.replay import under_control
 from heli3dof.recording.recording import Recording
-from heli3dof.report.curves import Curve, angle_figure, headline, label_ends, limits
-from heli3dof.report.grid import fixed
-from heli3dof.report.style import (
+from heli3dof.report.figure_style import (
     BLUE,
     EXPERIMENT,
     GRID,
@@ -34,6 +32,8 @@ from heli3dof.report.style import (
     Line,
     model_lines,
 )
+from heli3dof.report.labelled_curves import Curve, angle_figure, headline, label_ends, limits
+from heli3dof.report.text_table import fixed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,11 +14,15 @@ from heli3dof.axes import AXES, ROLL
 from heli3dof.comparison.compare import Comparison, FlightComparison, ModelComparison
 from heli3dof.comparison.metrics import flight_metrics
 from heli3dof.comparison.replay import under_control
-from heli3dof.comparison.reproduce import Reproduced
 from heli3dof.model.base import Model
+from heli3dof.paper.reproduction import Reproduced
 from heli3dof.recording.recording import Recording
+from heli3dof.report.comparison_tables import (
+    flight_grids,
+    metrics_of,
+    published_table,
+)
 from heli3dof.report.figures import NUMBER, comparison_figures, flight_figure
-from heli3dof.report.grid import fixed
 from heli3dof.report.html import (
     Section,
     facts,
@@ -32,11 +36,7 @@ from heli3dof.report.html import (
     warning,
 )
 from heli3dof.report.model_section import model_blocks
-from heli3dof.report.tables import (
-    flight_grids,
-    metrics_of,
-    published_table,
-)
+from heli3dof.report.text_table import fixed
 
 LONG = 200
 """Characters of a value beyond which it is shown as a listing of its own."""
@@ -57,7 +57,7 @@ def flight_report(
 
     ``extra`` sections (an identification's, a diagnosis's) stand between the comparison and the
     paper's numbers, ``first`` ones before the flights, and ``lede`` sentences before everything;
-    ``reproduced`` is what `heli3dof.comparison.reproduce.reproduce` returns.
+    ``reproduced`` is what `heli3dof.paper.reproduction.reproduce` returns.
     """
     names = ", ".join(r.name for r in recordings)
     found = _warnings(recordings, comparison)

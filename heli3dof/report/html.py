@@ -17,9 +17,9 @@ from pathlib import Path
 from string import Template
 from typing import TYPE_CHECKING, Any
 
-from heli3dof.recording.output import write_file
-from heli3dof.report.grid import Grid, to_html
-from heli3dof.report.style import to_svg
+from heli3dof.recording.atomic_write import write_file
+from heli3dof.report.figure_style import to_svg
+from heli3dof.report.text_table import Grid, to_html
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

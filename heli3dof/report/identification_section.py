@@ -12,10 +12,10 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.errors import UsageError
 from heli3dof.identification.result import Identification
-from heli3dof.identification.validate import WARM_UP_S
-from heli3dof.report.grid import NONE, Grid, fixed
+from heli3dof.identification.validation import WARM_UP_S
 from heli3dof.report.html import Section, figure, paragraph, table, warning
 from heli3dof.report.model_figures import BodeCurve, bode_figure, residual_figure
+from heli3dof.report.text_table import NONE, Grid, fixed
 
 POINTS = 200
 LOWEST = 0.1

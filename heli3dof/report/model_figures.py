@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.report.curves import LABEL_WIDTH, headline
+from heli3dof.report.figure_style import BLUE, GRID, RC, SOFT, Line, model_lines, plain
 from heli3dof.report.figures import SYMBOLS
-from heli3dof.report.style import BLUE, GRID, RC, SOFT, Line, model_lines, plain
+from heli3dof.report.labelled_curves import LABEL_WIDTH, headline
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

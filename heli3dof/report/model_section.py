@@ -14,10 +14,10 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.model.base import Model
-from heli3dof.model.linear import LinearModel
-from heli3dof.report.grid import NONE, Grid, fixed
+from heli3dof.model.linear.model import LinearModel
 from heli3dof.report.html import figure, table
 from heli3dof.report.model_figures import BodeCurve, bode_figure
+from heli3dof.report.text_table import NONE, Grid, fixed
 from heli3dof.rig.profile import Profile
 
 CHANNELS = {

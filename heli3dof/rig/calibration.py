@@ -36,9 +36,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from heli3dof.rig.places import state_folder
-from heli3dof.rig.port import Identity
-from heli3dof.writing import explained
+from heli3dof.rig.interface import Identity
+from heli3dof.rig.session.paths import state_folder
+from heli3dof.write_errors import explained
 
 Counts = tuple[int, int, int]
 UPTIME_WRAP_S = 2**32 / 1000
@@ -61,7 +61,7 @@ class Calibration:
     device: str
     """The URL it was measured through"""
     started_s: float | None = None
-    """When the device had started, see `heli3dof.rig.port.Identity`"""
+    """When the device had started, see `heli3dof.rig.interface.Identity`"""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING
 
 from heli3dof.errors import DeviceError, UsageError, did_you_mean
-from heli3dof.rig.port import Driver, Rig
+from heli3dof.rig.interface import Driver, Rig
 from heli3dof.rig.url import DeviceUrl, parse_url
 
 if TYPE_CHECKING:

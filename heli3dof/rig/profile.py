@@ -250,8 +250,8 @@ class Limits(Section):
     Angles are absolute readings; a trip outside them ramps the motors to zero. ``roll_min_deg``
     lies below the table (−27.5°), so that a start from rest is inside. The motors are ramped to
     zero over ``ramp_down_s`` after a trip or an interrupt, over ``landing_s`` at a plan's end; at
-    once where they are far from the hover voltage (`heli3dof.experiment.landing`).
-    What the last four mean stands in ``heli3dof.experiment.watches``.
+    once where they are far from the hover voltage (`heli3dof.experiment.control_loop.ramp_down`).
+    What the last four mean stands in ``heli3dof.experiment.safety_monitors``.
     """
 
     roll_min_deg: Annotated[
@@ -294,7 +294,7 @@ class Limits(Section):
 
 
 class ControllerSpec(Section):
-    """Gains and filters of the contract's default controller; see ``heli3dof.model.controller``.
+    """Gains and filters of the contract's default controller; see ``model.control.controller``.
 
     ``K`` is 2 × 8, rows front and back, columns V per (r, p, ψ error; ṙ, ṗ, ψ̇; ∫r, ∫ψ error),
     radians and seconds.

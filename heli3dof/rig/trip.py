@@ -10,7 +10,7 @@ class Trip(str):
     """What was seen, as text. ``cause``: the likely one; ``fix``: the command or thing to do.
 
     ``by_motion``: the rig moved otherwise than its voltages demand, so that the motion before may
-    show which fault it is (`heli3dof.experiment.trip_cause`).
+    show which fault it is (`heli3dof.experiment.safety_monitors.wiring_fault`).
     """
 
     cause: str

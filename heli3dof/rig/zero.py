@@ -16,7 +16,7 @@ from math import degrees, radians
 from heli3dof.axes import AXES
 from heli3dof.errors import CheckFailed, SafetyTrip
 from heli3dof.rig.calibration import Calibration, Counts, now_utc
-from heli3dof.rig.port import Flags, Rig
+from heli3dof.rig.interface import Flags, Rig
 from heli3dof.rig.profile import Profile
 
 STILL_DEG = 0.2

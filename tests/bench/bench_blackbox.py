@@ -9,7 +9,7 @@ import numpy as np
 
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
-from heli3dof.identification.api import identify
+from heli3dof.identification.identify import identify
 from heli3dof.recording.recording import Recording
 from tests.bench import Figure, at_least
 

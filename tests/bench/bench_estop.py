@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from heli3dof.rig.attach import running, state
-from heli3dof.rig.stop import stop_rigs
+from heli3dof.rig.session.client import running, state
+from heli3dof.rig.session.estop import stop_rigs
 from tests.bench import Figure, at_least, at_most
 from tests.rig.processes import suspend
 from tests.rig.stop_race import Race, race
@@ -31,7 +31,7 @@ INTRO = (
 FLIGHTS = int(os.environ.get("ESTOP_FLIGHTS", "20"))
 RACES = int(os.environ.get("ESTOP_RACES", "200"))
 LATEST_S = 2.0
-DOOR = [sys.executable, "-m", "heli3dof_drivers.emulator.door_pty", "--with-parent"]
+DOOR = [sys.executable, "-m", "heli3dof_drivers.emulator.transport_pty", "--with-parent"]
 RIG = "mock:?start=level"
 
 

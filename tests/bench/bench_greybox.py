@@ -92,7 +92,7 @@ def one_replay(seed: int) -> np.ndarray:
 
 def one_start(seed: int) -> float:
     """How far from the nominal start's optimum another start ends, in standard deviations."""
-    from heli3dof.identification.greybox.fit import maximise
+    from heli3dof.identification.greybox.maximum_likelihood import maximise
     from heli3dof.identification.greybox.method import fit_greybox
     from tests.identification.known_flights import fly
 

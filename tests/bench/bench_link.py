@@ -8,9 +8,9 @@ from collections import Counter
 
 from heli3dof_drivers.link.rig import LinkRig
 
-from heli3dof.experiment.realtime import realtime
+from heli3dof.experiment.control_loop.realtime_priority import realtime
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Command
+from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import TABLE_I, profile_from_dict
 from tests.bench import Figure, at_least, at_most
 from tests.drivers.doors import Door, firmware_door

@@ -11,7 +11,7 @@ import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from heli3dof.recording.reader import read_recording
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.profile import load_profile
 from tests.bench import Figure, Table, at_most

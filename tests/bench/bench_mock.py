@@ -9,7 +9,7 @@ import numpy as np
 
 from heli3dof.experiment.plan import load_plan
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Command
+from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
 from tests.bench import Figure, at_least
 from tests.drivers.flying import fit_percent, fly

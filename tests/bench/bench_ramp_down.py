@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from heli3dof.experiment.landing import HOVER_BAND, ramp_start
+from heli3dof.experiment.control_loop.ramp_down import HOVER_BAND, ramp_start
 from tests.bench import Figure, Table, at_least
 from tests.bench.emulated_trips import tripped
 from tests.bench.simulated_trips import (

@@ -11,7 +11,7 @@ import numpy as np
 
 import heli3dof as h3
 from heli3dof.comparison.prediction import HeldStill
-from heli3dof.comparison.shares import error_deg, shares
+from heli3dof.comparison.term_importance import error_deg, shares
 from heli3dof.diagnosis.backward import backward
 from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.document import document
@@ -24,11 +24,11 @@ from heli3dof.identification.greybox.freeflight import (
 )
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.identification.greybox.multistep import search
-from heli3dof.model.greybox import GreyBoxModel
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.report.comparison_tables import prediction_table
 from heli3dof.report.diagnosis_tables import diagnosis_tables
-from heli3dof.report.grid import Grid, to_markdown
 from heli3dof.report.identification_section import parameters_table
-from heli3dof.report.tables import prediction_table
+from heli3dof.report.text_table import Grid, to_markdown
 from tests.bench import Figure
 from tests.paths import REAL_DATA, ROOT
 

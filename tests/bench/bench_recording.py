@@ -11,8 +11,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from heli3dof.recording.reader import read_recording
-from heli3dof.recording.recover import recover
+from heli3dof.recording.mcap_files.reader import read_recording
+from heli3dof.recording.mcap_files.recover import recover
 from tests.bench import Figure, at_most
 from tests.recording.bench import append_seconds, read_seconds
 

@@ -65,8 +65,8 @@ WHY = {
     "device_reset": "firmware: the drill counts from the arming; emulated rig: any time",
     "kill_9": "needs a process",
     "stopped_process": "needs a process; SIGSTOP for 1 s",
-    "estop_from_a_second_terminal": "needs a process; `heli3dof.rig.stop.stop_rigs` is called in "
-    "another one",
+    "estop_from_a_second_terminal": "needs a process; another one calls "
+    "`heli3dof.rig.session.estop.stop_rigs`",
     "cable_out": "needs a line; the port disappears",
     "lost_frames": "needs a line; it is deaf or mute in turn for 0.45 s, `lost_max_s` is 0.2 s",
     "second_process": "needs a process",

@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from heli3dof.experiment.realtime import realtime
+from heli3dof.experiment.control_loop.realtime_priority import realtime
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Command
+from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
 from tests.bench import Figure, Table, at_most
 from tests.kernel_usb.packages import Missing

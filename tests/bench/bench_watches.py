@@ -15,17 +15,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from heli3dof.axes import AXES
+from heli3dof.experiment.control_loop.loop import fly
+from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.fly import prepare
-from heli3dof.experiment.loop import fly
-from heli3dof.experiment.outcome import Outcome
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
-from heli3dof.experiment.watches import watches_for
+from heli3dof.experiment.safety_monitors import watches_for
 from heli3dof.recording.row import CLOSED_LOOP, Row
 from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.profile import Profile, default_profile
 from tests.bench import Figure, at_most
 from tests.drivers.doors import firmware_door
-from tests.experiment.watches.hovering import hover, patient
+from tests.experiment.safety_monitors.hovering import hover, patient
 from tests.profiles import PATIENT, write_profile
 
 TITLE = "Frozen encoders"

@@ -1,4 +1,4 @@
-"""Emulated rigs, each with its own numbers, tripped in flight by `heli3dof.experiment.loop.fly`.
+"""Emulated rigs, each with its own numbers, tripped in flight by `control_loop.loop.fly`.
 
 The emulated plant shares no code with the model that `simulated_trips` uses, and its angles here
 are the true ones. It has the laboratory rig's stops: roll +36°, pitch ±32°.
@@ -14,14 +14,14 @@ import numpy as np
 from heli3dof_drivers.emulator.plant import Truth
 from heli3dof_drivers.mock import MockRig
 
-from heli3dof.experiment import landing
-from heli3dof.experiment.loop import fly
+from heli3dof.experiment.control_loop import ramp_down
+from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.plan import step_plan
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Command, Sample
+from heli3dof.rig.interface import Command, Sample
 from heli3dof.rig.profile import Profile, default_profile
 from tests.bench.simulated_trips import CLEAR, FALL_S, LAG_S, REST, SPREAD, Fall, Situation
-from tests.experiment.watches.test_false_alarms import Nowhere
+from tests.experiment.safety_monitors.test_false_alarms import Nowhere
 
 LATEST_S = 4.0
 """s by which a flight with a wrong sign has left the envelope"""
@@ -62,7 +62,7 @@ def tripped(situation: Situation, seed: int, band: float) -> Fall | None:
     if situation.volts is not None:
         # Whatever the controller adds, the sum is beyond the limit.
         signals.extra[begins:] = np.multiply(situation.volts, 10 * profile.motor.v_max)
-    with patch.object(landing, "HOVER_BAND", band):
+    with patch.object(ramp_down, "HOVER_BAND", band):
         flown = fly(
             rig, profile, signals, Nowhere(),
             watches=[lambda now: "tripped for the bench" if now.k >= ends else None],

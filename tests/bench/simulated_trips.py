@@ -1,11 +1,11 @@
 """Simulated flights that end in a trip, and the arm's motion under the voltages that follow.
 
-The plant is the profile's rigid body (`heli3dof.model.rigid_body`) with a table under the arm
-(inelastic) and pitch stops. Each flight draws its own thrust gain, front over back, T_g, inertias
-and rotor lag. A `Situation` is the flight until the trip: the default controller, with or without a
-fault, then perhaps fixed voltages. The trip comes at a random moment, or earlier: at the envelope,
-or where the true roll passes the envelope's. Roll's upper stop is far higher than a rig's, so that
-the height counts.
+The plant is the profile's rigid body (`heli3dof.model.physics.rigid_body`) with a table under the
+arm (inelastic) and pitch stops. Each flight draws its own thrust gain, front over back, T_g,
+inertias and rotor lag. A `Situation` is the flight until the trip: the default controller, with or
+without a fault, then perhaps fixed voltages. The trip comes at a random moment, or earlier: at the
+envelope, or where the true roll passes the envelope's. Roll's upper stop is far higher than a
+rig's, so that the height counts.
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.model import kalman, slots
 from heli3dof.model.compiled import compiled
-from heli3dof.model.controller import N_OUT, control_law, parameters, state_at_rest
-from heli3dof.model.rig_model import Structure
-from heli3dof.model.rotor import aim
-from heli3dof.model.stepping import step
+from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
+from heli3dof.model.estimation import ekf_quantised
+from heli3dof.model.physics import state_layout
+from heli3dof.model.physics.integrator import step
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.model.physics.rotor import aim
 from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.profile import default_profile
 
@@ -120,7 +121,7 @@ class Rig:
     """The numbers of one drawn rig."""
 
     s: np.ndarray
-    """the model's context, `heli3dof.model.slots`"""
+    """the model's context, `heli3dof.model.physics.state_layout`"""
     wires: np.ndarray
 
 
@@ -188,7 +189,7 @@ def _flight(situation: Situation, rng: np.random.Generator) -> Tripped | None:
         held[settle:] = np.multiply(situation.volts, v_max)
     state = np.zeros(8)
     if situation.level:
-        state[6:] = rig.s[slots.T_G] / (2 * rig.s[slots.L_A])
+        state[6:] = rig.s[state_layout.T_G] / (2 * rig.s[state_layout.L_A])
     else:
         state[0] = REST
     assert PROFILE.controller is not None
@@ -222,12 +223,12 @@ def _flight(situation: Situation, rng: np.random.Generator) -> Tripped | None:
 def _drawn(rng: np.random.Generator) -> np.ndarray:
     structure = _structure()
     s, _ = structure.arrays(structure.start)
-    for slot in (slots.T_G, slots.J_R, slots.J_P, slots.J_PSI):
+    for slot in (state_layout.T_G, state_layout.J_R, state_layout.J_P, state_layout.J_PSI):
         s[slot] *= 1 + SPREAD * rng.uniform(-1, 1)
-    s[slots.BODY_P], s[slots.BODY_PSI] = s[slots.J_P], s[slots.J_PSI]
+    s[state_layout.BODY_P], s[state_layout.BODY_PSI] = s[state_layout.J_P], s[state_layout.J_PSI]
     gain, half = 1 + SPREAD * rng.uniform(-1, 1), MISMATCH * rng.uniform(-1, 1)
-    s[slots.GAIN_FRONT], s[slots.GAIN_BACK] = gain * (1 + half), gain * (1 - half)
-    s[slots.TAU_M] = LAG_S * rng.uniform()
+    s[state_layout.GAIN_FRONT], s[state_layout.GAIN_BACK] = gain * (1 + half), gain * (1 - half)
+    s[state_layout.TAU_M] = LAG_S * rng.uniform()
     return s
 
 
@@ -240,7 +241,7 @@ def _no_effects() -> tuple[Any, ...]:
     """first, address, par, mem and free, as the kernels take them."""
     structure = _structure()
     hooks = structure.hooks
-    par = np.zeros((1, slots.PARAMETERS))
+    par = np.zeros((1, state_layout.PARAMETERS))
     return hooks.first, hooks.address, par, structure.memory, np.ones(3, dtype=bool)
 
 
@@ -313,7 +314,7 @@ def _fall(s, first, address, par, mem, free, state, low, stop, wires, host, dt, 
 
 
 law = compiled(control_law, leaf=True)
-_CALLS = (control_law, *kalman._CALLS)
+_CALLS = (control_law, *ekf_quantised._CALLS)
 move = compiled(_move, calls=_CALLS, leaf=True, error_model="numpy")
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from typer.testing import CliRunner
 
 from heli3dof.cli.app import app
-from heli3dof.rig.stop_stamp import start_command
+from heli3dof.rig.session.stop_stamp import start_command
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from mcap.writer import Writer
 
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
-from heli3dof.recording.store import write_recording
+from heli3dof.recording.write import write_recording
 from tests.cli.running import heli3dof
 
 RIG = Path(__file__).parents[2] / "recordings" / "rig.toml"

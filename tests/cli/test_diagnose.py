@@ -13,9 +13,9 @@ import pytest
 from heli3dof.diagnosis import diagnose as module
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
-from heli3dof.model.modelfile import load_model
-from heli3dof.recording.reader import read_recording
-from heli3dof.recording.store import write_recording
+from heli3dof.paper.models import load_model
+from heli3dof.recording.mcap_files.reader import read_recording
+from heli3dof.recording.write import write_recording
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import Said, heli3dof
 

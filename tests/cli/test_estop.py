@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import DeviceError
-from heli3dof.recording.reader import read_recording
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.row import RAMP_DOWN
-from heli3dof.rig.attach import Running, running, state
-from heli3dof.rig.hold import hold
-from heli3dof.rig.port import Flags
+from heli3dof.rig.interface import Flags
 from heli3dof.rig.profile import default_profile
-from heli3dof.rig.session import Session
+from heli3dof.rig.session.client import Running, running, state
+from heli3dof.rig.session.open_exclusive import hold
+from heli3dof.rig.session.server import Session
 from heli3dof.rig.url import DeviceUrl
 from tests.cli.running import heli3dof
 from tests.profiles import END_S, PATIENT, START_S, write_profile
@@ -44,7 +44,7 @@ def wait_for_flight(flight: subprocess.Popen[str]) -> Running:
 def test_a_flight_is_stopped_from_another_terminal(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("heli3dof.rig.stop.PATIENCE_S", 10.0)  # the machine may be busy
+    monkeypatch.setattr("heli3dof.rig.session.estop.PATIENCE_S", 10.0)  # the machine may be busy
     path = tmp_path / "flight.mcap"
     profile = write_profile(tmp_path / "rig.toml", **PATIENT)
     words = ["run-step", "--roll", "5", "--device", MOCK, "-o", str(path)]
@@ -184,7 +184,7 @@ def test_where_sessions_cannot_be_trusted_the_device_is_told(
 
     driver = FakeDriver()
     only_drivers(monkeypatch, fake=driver)
-    monkeypatch.setattr("heli3dof.rig.stop.listed", strangers)
+    monkeypatch.setattr("heli3dof.rig.session.estop.listed", strangers)
     assert heli3dof("estop").code == 0
     assert driver.stops == ["fake://1"]
 

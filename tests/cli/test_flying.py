@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heli3dof.recording.reader import read_recording
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.row import RAMP_DOWN
 from tests.cli.running import heli3dof
 from tests.profiles import END_S, STANDSTILL_S, START_S, write_profile

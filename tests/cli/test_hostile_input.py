@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from heli3dof.model.hover import hover_model
-from heli3dof.model.modelfile import save_model
+from heli3dof.model.linear.hover import hover_model
+from heli3dof.model.model_file import save_model
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import Said, heli3dof
 from tests.cli.test_bad_input import RIG, log, recording

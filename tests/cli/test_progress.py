@@ -14,9 +14,9 @@ from rich.cells import cached_cell_len, cell_len
 from rich.console import Console
 
 from heli3dof.cli import progress as module
-from heli3dof.cli.console import Talk
+from heli3dof.cli.output import Talk
 from heli3dof.cli.progress import FlightLine, progress
-from heli3dof.experiment.loop import Live
+from heli3dof.experiment.control_loop.loop import Live
 from tests.profiles import END_S
 
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")

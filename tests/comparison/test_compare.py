@@ -10,10 +10,10 @@ from heli3dof.axes import AXES
 from heli3dof.comparison.compare import compare
 from heli3dof.comparison.document import to_json
 from heli3dof.comparison.metrics import METRICS
-from heli3dof.comparison.reproduce import reproduce
 from heli3dof.experiment.plan import step_plan
 from heli3dof.experiment.simulate import simulate
-from heli3dof.model.hover import hover_model
+from heli3dof.model.linear.hover import hover_model
+from heli3dof.paper.reproduction import reproduce
 from heli3dof.recording.load import load
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import default_profile, load_profile

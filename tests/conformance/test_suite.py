@@ -14,7 +14,7 @@ from heli3dof.errors import UsageError
 from heli3dof.rig import drivers
 from heli3dof.rig.conformance import CASES, NotConforming, conforms
 from heli3dof.rig.conformance.__main__ import main
-from heli3dof.rig.port import Check, Command, Flags, Identity, Sample
+from heli3dof.rig.interface import Check, Command, Flags, Identity, Sample
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.url import DeviceUrl
 

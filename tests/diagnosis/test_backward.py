@@ -16,7 +16,7 @@ from heli3dof.diagnosis.refits import BLOCK_S, STAGE_S, WINDOW_S, halves, refit
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
 from heli3dof.identification.greybox.multistep import search
 from heli3dof.identification.greybox.weak_form import weak_start
-from heli3dof.model.greybox_windows import Flight
+from heli3dof.model.greybox.multistep import Flight
 from tests.identification.known_flights import fly
 
 

@@ -12,7 +12,8 @@ from heli3dof.errors import UsageError
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.model.base import Model
-from heli3dof.model.modelfile import load_model, save_model
+from heli3dof.model.model_file import save_model
+from heli3dof.paper.models import load_model
 from heli3dof.recording.recording import Recording
 
 

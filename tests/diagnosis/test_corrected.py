@@ -13,8 +13,8 @@ from heli3dof.diagnosis.tilted import Tilt, maximise_tilted
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.identification.greybox.method import fit_greybox, usable_runs
-from heli3dof.model.filtering import data_of
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.profile import default_profile, profile_from_dict

@@ -12,14 +12,14 @@ from heli3dof.diagnosis.looks import Look, look
 from heli3dof.diagnosis.tilted import maximise_tilted
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
-from heli3dof.identification.greybox.fit import NOISE_START
 from heli3dof.identification.greybox.likelihood import Likelihood, diverged
+from heli3dof.identification.greybox.maximum_likelihood import NOISE_START
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.effects import terms
-from heli3dof.model.filtering import data_of
-from heli3dof.model.greybox import GreyBoxModel
-from heli3dof.model.greybox_linear import balance
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.greybox.linearisation import balance
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.physics.parametrisation import Structure
 
 NOISE = np.array(NOISE_START)
 

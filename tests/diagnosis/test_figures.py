@@ -22,11 +22,11 @@ from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox, model_of
 from heli3dof.model.effects import effects, term
 from heli3dof.recording.recording import Recording
+from heli3dof.report.diagnosis_figure_data import Pictured
 from heli3dof.report.diagnosis_figures import evidence_figure, stretch_figure
-from heli3dof.report.diagnosis_pictured import Pictured
 from heli3dof.report.diagnosis_section import diagnosis_section
+from heli3dof.report.figure_style import to_svg
 from heli3dof.report.html import page
-from heli3dof.report.style import to_svg
 from tests.report.test_diagnosis_tables import DOCUMENT
 
 DAMPING = 0.1

@@ -33,9 +33,9 @@ from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.method import fit_greybox, model_of, usable_runs
 from heli3dof.model.effects import terms
-from heli3dof.model.filtering import Data, data_of
-from heli3dof.model.greybox import nominal
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.estimation.filter_data import Data, data_of
+from heli3dof.model.greybox.model import nominal
+from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 
 HIDDEN = "friction.viscous.yaw"

@@ -17,7 +17,7 @@ from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
 from heli3dof.model.effects import term
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 
 

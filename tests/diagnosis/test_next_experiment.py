@@ -24,7 +24,7 @@ from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.model.effects import term
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.physics.parametrisation import Structure
 
 
 @pytest.fixture(scope="module")

@@ -11,8 +11,8 @@ from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.plan_flights import fly_task, inside, stable, task_of
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.experiment.simulate import simulate
-from heli3dof.model.greybox import GreyBoxModel
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.rig.profile import default_profile
 
 PROFILE = default_profile()

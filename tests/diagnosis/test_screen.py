@@ -15,8 +15,8 @@ from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.effects import term
-from heli3dof.model.filtering import data_of
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 
 

@@ -21,8 +21,8 @@ from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.effects import term
-from heli3dof.model.filtering import data_of
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.physics.parametrisation import Structure
 
 NONE = cast(Any, None)
 

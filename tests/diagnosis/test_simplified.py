@@ -21,9 +21,9 @@ from heli3dof.diagnosis.steps import surely
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.model.effects import term
-from heli3dof.model.greybox import nominal
+from heli3dof.model.greybox.model import nominal
 from heli3dof.recording.recording import Recording
-from heli3dof.report import diagnosis_words as words
+from heli3dof.report import diagnosis_text as words
 
 WRITTEN = ("simplified.couplings", "simplified.yaw_inertia")
 

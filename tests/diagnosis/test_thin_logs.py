@@ -10,7 +10,7 @@ from heli3dof.diagnosis.diagnose import diagnose
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
-from heli3dof.model.greybox import nominal
+from heli3dof.model.greybox.model import nominal
 from heli3dof.recording.recording import Recording
 
 

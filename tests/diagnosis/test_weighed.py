@@ -14,7 +14,7 @@ from heli3dof.diagnosis.steps import Bench
 from heli3dof.diagnosis.weighed import edge_rates, jacobian, three, weighed, weights
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
-from heli3dof.model.filtering import Stretch, data_of
+from heli3dof.model.estimation.filter_data import Stretch, data_of
 from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.profile import default_profile
 

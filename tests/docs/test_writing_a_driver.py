@@ -14,7 +14,7 @@ import pytest
 
 from heli3dof.errors import DeviceError
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Command
+from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
 from tests.paths import ROOT
 from tests.profiles import END_S

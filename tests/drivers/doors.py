@@ -31,7 +31,7 @@ class Door:
 @contextmanager
 def python_door(device: str = "mock:?watchdog_s=0.3") -> Iterator[Door]:
     """The emulated rig in Python."""
-    module = "heli3dof_drivers.emulator.door_pty"
+    module = "heli3dof_drivers.emulator.transport_pty"
     door = Door([sys.executable, "-m", module, "--device", device, "--with-parent"])
     try:
         yield door

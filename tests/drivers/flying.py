@@ -1,6 +1,7 @@
 """A small closed loop for tests of the emulated rig: the contract's default controller by itself.
 
-Written from the contract, apart from heli3dof.model.controller, so that these tests stand alone.
+Written from the contract, apart from heli3dof.model.control.controller, so that these tests stand
+alone.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Command, Sample
+from heli3dof.rig.interface import Command, Sample
 from heli3dof.rig.profile import Profile, default_profile
 
 

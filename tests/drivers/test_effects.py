@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from heli3dof_drivers.emulator import slots
+from heli3dof_drivers.emulator import plant_layout
 from heli3dof_drivers.emulator.body import Setup, setup_of
+from heli3dof_drivers.emulator.effect_spec import parse_hide
 from heli3dof_drivers.emulator.effects import catalogue
-from heli3dof_drivers.emulator.hide import parse_hide
 from heli3dof_drivers.emulator.lagrange import energy
 from heli3dof_drivers.emulator.plant import Plant
 
@@ -203,7 +203,7 @@ def test_gyroscopic_torque_does_no_work():
     free = replace(LEVEL, low=(-math.inf,) * 3, high=(math.inf,) * 3)
     p = plant("aero.gyroscopic:0.01", angle=(0.2, 0.3, 0), rate=(0.5, 2, 1), setup=free)
     body = p.setup.body.vector()
-    p._body[slots.K_F] = 0.0  # propellers that turn and do not lift
+    p._body[plant_layout.K_F] = 0.0  # propellers that turn and do not lift
     before = energy(body, np.array(p.truth.angle), np.array(p.truth.rate))
     for _ in range(2000):
         p.step(10.0, 10.0)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from heli3dof_drivers.emulator.door import emulated
 from heli3dof_drivers.emulator.faults import KINDS, Fault, parse_faults
+from heli3dof_drivers.emulator.transport import emulated
 from heli3dof_drivers.link.frames import Arm, Cause, CommandFrame, SampleFrame, Splitter, wire
 
 from heli3dof.errors import UsageError
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Command, Flags, Sample
+from heli3dof.rig.interface import Command, Flags, Sample
 from heli3dof.rig.profile import default_profile
 
 PROFILE = default_profile()

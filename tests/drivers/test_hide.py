@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
+from heli3dof_drivers.emulator.effect_spec import parse_hide
 from heli3dof_drivers.emulator.effects import catalogue
-from heli3dof_drivers.emulator.hide import parse_hide
 
 from heli3dof.axes import AXES
 from heli3dof.errors import UsageError

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from heli3dof_drivers.emulator.body import Setup, setup_of
+from heli3dof_drivers.emulator.effect_spec import parse_hide
 from heli3dof_drivers.emulator.effects import catalogue
-from heli3dof_drivers.emulator.hide import parse_hide
 from heli3dof_drivers.emulator.lagrange import energy, travel_momentum
 from heli3dof_drivers.emulator.plant import Plant
 from hypothesis import given, settings

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from heli3dof_drivers.emulator import slots
+from heli3dof_drivers.emulator import plant_layout
 from heli3dof_drivers.emulator.body import body_of
 from heli3dof_drivers.emulator.lagrange import (
     accelerations,
@@ -130,7 +130,7 @@ def test_the_level_rigs_inertias_are_the_papers():
 def level(dq: tuple[float, float, float], V_f: float, V_b: float) -> np.ndarray:
     """q̈ at rest near level, from voltages."""
     body, acc = body_of(TABLE).vector(), np.empty(3)
-    K_f = body[slots.K_F]
+    K_f = body[plant_layout.K_F]
     accelerations(body, np.array(dq), np.zeros(3), K_f * V_f, K_f * V_b, np.zeros(3), acc)
     return acc
 

@@ -16,7 +16,7 @@ from heli3dof.errors import DeviceError, ProfileError, UsageError
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.rig.drivers import find_rigs, open_rig
-from heli3dof.rig.port import Command, Flags
+from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.profile import TABLE_I, default_profile, profile_from_dict
 from tests.clock import Clock
 from tests.drivers.flying import ContractController, fly
@@ -131,7 +131,7 @@ def test_all_that_needs_compiling_is_compiled_before_the_motors_turn(tmp_path: P
     script = (
         "from numba.core import event\n"
         "from heli3dof.rig.drivers import open_rig\n"
-        "from heli3dof.rig.port import Command\n"
+        "from heli3dof.rig.interface import Command\n"
         "from heli3dof.rig.profile import default_profile\n"
         "rig = open_rig('mock:?speed=max&hide=motor.lag:0.1,friction.coulomb.yaw:0.1', "
         "default_profile())\n"

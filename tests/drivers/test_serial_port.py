@@ -15,14 +15,14 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
-from heli3dof_drivers.emulator.door import serve
-from heli3dof_drivers.link import greeting, ports
-from heli3dof_drivers.link.ports import holders
-from heli3dof_drivers.link.statistics import LinkStatistics
+from heli3dof_drivers.emulator.transport import serve
+from heli3dof_drivers.link import handshake, serial_ports
+from heli3dof_drivers.link.link_statistics import LinkStatistics
+from heli3dof_drivers.link.serial_ports import holders
 
 from heli3dof.errors import DeviceError, UsageError
 from heli3dof.rig.drivers import load_driver, open_rig
-from heli3dof.rig.port import Command, Flags
+from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.url import parse_url
 from tests.drivers.doors import Door, python_door
@@ -88,7 +88,7 @@ def test_a_place_and_options_that_make_no_sense_are_usage_errors():
 HOLD = """
 import sys, time
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Command
+from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
 rig = open_rig(sys.argv[1], default_profile())
 rig.arm()
@@ -194,7 +194,7 @@ def test_a_socket_where_nobody_listens():
 
 
 def test_a_loop_answers_with_what_it_was_asked_and_that_is_no_rig(monkeypatch):
-    monkeypatch.setattr(greeting, "TRIES", 2)
+    monkeypatch.setattr(handshake, "TRIES", 2)
     with pytest.raises(DeviceError, match="not a rig"):
         open_rig("serial+loop://", PROFILE)
 
@@ -219,7 +219,7 @@ def test_what_doctor_is_told_of_a_port(door: Door, monkeypatch, tmp_path: Path):
 
     timer = tmp_path / "latency_timer"
     timer.write_text("16\n")
-    monkeypatch.setattr(ports, "LATENCY_FILES", (str(timer),))
+    monkeypatch.setattr(serial_ports, "LATENCY_FILES", (str(timer),))
     slow = {c.what: c for c in DRIVER.examine(parse_url(door.url()))}["latency timer"]
     assert slow.good is False
     assert slow.fix == f"echo 1 | sudo tee {timer}"
@@ -242,4 +242,4 @@ def test_the_page_names_every_option_and_every_count():
     assert set(DRIVER.options) <= named
     assert named - set(DRIVER.options) <= counted
     assert counted - named == {"sent", "received", "commands"}  # they speak for themselves
-    assert f"for {greeting.TRIES * greeting.PATIENCE_S:g} s" in page
+    assert f"for {handshake.TRIES * handshake.PATIENCE_S:g} s" in page

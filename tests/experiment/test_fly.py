@@ -9,8 +9,8 @@ import pytest
 
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
-from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.stoppable import StoppableRig
+from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
+from heli3dof.rig.session.stoppable_rig import StoppableRig
 
 SHORT = step_plan((None, None, None), settle_s=0.2, duration_s=0.2)
 

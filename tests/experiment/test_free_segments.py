@@ -9,9 +9,9 @@ from heli3dof.comparison.replay import replay
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.experiment.simulate import simulate
-from heli3dof.model.controller import Controller
-from heli3dof.model.greybox import GreyBoxModel, nominal
-from heli3dof.model.hover import hover_model
+from heli3dof.model.control.controller import Controller
+from heli3dof.model.greybox.model import GreyBoxModel, nominal
+from heli3dof.model.linear.hover import hover_model
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import CLOSED_LOOP
 from heli3dof.rig.profile import default_profile

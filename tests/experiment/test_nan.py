@@ -15,13 +15,13 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from heli3dof.errors import DeviceError
-from heli3dof.experiment.watches import watches_for
-from heli3dof.model.controller import Controller
+from heli3dof.experiment.safety_monitors import watches_for
+from heli3dof.model.control.controller import Controller
 from heli3dof.recording.row import RAMP_DOWN
-from heli3dof.rig.port import Flags, Sample
-from heli3dof.rig.stoppable import StoppableRig
+from heli3dof.rig.interface import Flags, Sample
+from heli3dof.rig.session.stoppable_rig import StoppableRig
 from tests.drivers.emulator.still import StillPlant
-from tests.experiment.test_loop import PROFILE, ScriptedRig, ends_at_zero, flown
+from tests.experiment.control_loop.test_loop import PROFILE, ScriptedRig, ends_at_zero, flown
 
 BAD: list[dict[str, Any]] = [
     {"counts": (nan, 0, 0)}, {"counts": (313, nan, 0)}, {"counts": (313, 0, inf)},

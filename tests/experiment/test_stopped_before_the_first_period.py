@@ -9,7 +9,7 @@ import pytest
 from heli3dof.errors import SafetyTrip
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
-from heli3dof.rig.stop import stop_rigs
+from heli3dof.rig.session.estop import stop_rigs
 from tests.cli.running import heli3dof
 
 PLAN = step_plan((1.0, None, None), settle_s=0.1, duration_s=0.2)

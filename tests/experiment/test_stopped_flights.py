@@ -10,9 +10,9 @@ from heli3dof.errors import SafetyTrip
 from heli3dof.experiment.fly import Flight, fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.recording.row import RAMP_DOWN
-from heli3dof.rig.attach import Question, running
-from heli3dof.rig.port import Command, Flags, Identity, Sample
-from heli3dof.rig.session import Session
+from heli3dof.rig.interface import Command, Flags, Identity, Sample
+from heli3dof.rig.session.client import Question, running
+from heli3dof.rig.session.server import Session
 from tests.rig.fakes import FakeDriver, FakeRig, only_drivers
 
 PERIODS = 50

@@ -13,7 +13,7 @@ from typing import Any
 
 from heli3dof_recordings import references
 
-from heli3dof.recording.reader import read_recording
+from heli3dof.recording.mcap_files.reader import read_recording
 from tests.cli.running import heli3dof
 
 KEPT = Path(__file__).parent / "documents"

@@ -15,8 +15,8 @@ from typing import Any
 
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.method import fit_greybox, innovations, model_of
-from heli3dof.identification.prepare import prepare
-from heli3dof.identification.residuals import past_inputs, whiteness
+from heli3dof.identification.preprocessing import prepare
+from heli3dof.identification.residual_tests import past_inputs, whiteness
 from heli3dof.recording.recording import Recording
 
 BOUNDS = {"whiteness": 5.0, "past inputs": 2.0}

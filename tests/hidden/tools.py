@@ -27,7 +27,7 @@ Document = dict[str, Any]
 
 FLIES = (
     "drivers", "heli3dof/experiment", "heli3dof/recording", "heli3dof/rig",
-    "heli3dof/model/controller.py", "tests/hidden/sizes.py", "tests/hidden/cases.py",
+    "heli3dof/model/control/controller.py", "tests/hidden/sizes.py", "tests/hidden/cases.py",
 )  # fmt: skip
 """What every flight depends on."""
 
@@ -95,7 +95,7 @@ def pysindy(recording: Recording) -> Document:
 
 def in_flight(recording: Recording) -> np.ndarray:
     """(N,) bool. Late and lost samples leave nothing out: a peer may interpolate."""
-    from heli3dof.identification.usable import unusable
+    from heli3dof.identification.row_selection import unusable
 
     return ~np.any(list(unusable(recording).values()), axis=0)
 
@@ -113,7 +113,7 @@ TOOLS = {
     "quick": Tool("**heli3dof diagnose --quick**", quick, ("heli3dof",)),
     "pysindy": Tool(
         "PySINDy, discrepancy recipe", pysindy,
-        ("heli3dof/identification/usable.py", "tests/hidden/tools.py",
+        ("heli3dof/identification/row_selection.py", "tests/hidden/tools.py",
          *(f"tests/bench/peers/{name}.py" for name in
            ("flights", "interface", "pysindy_discrepancy", "pysindy_library", "rigid")),
          "constraints-peers.txt"),

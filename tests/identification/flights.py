@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from heli3dof.model.convert import held
-from heli3dof.model.linear import LinearModel
+from heli3dof.model.discretisation import held
+from heli3dof.model.linear.model import LinearModel
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import Profile, default_profile
 

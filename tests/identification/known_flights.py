@@ -1,6 +1,7 @@
 """Flights of the mock rig with known parameters: a plant whose code is not the estimator's.
 
-Truth is told in units of the profile's K_f (`heli3dof.model.rigid_body`), as it is estimated.
+Truth is told in units of the profile's K_f (`heli3dof.model.physics.rigid_body`), as it is
+estimated.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from heli3dof.identification.subspace import Pair, StateSpace
+from heli3dof.identification.black_box.pbsid import Pair, StateSpace
 
 
 def integrating_system(sigma: float = 1e-3) -> StateSpace:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.identification.greybox.descent import Valley, descend, follow_on
+from heli3dof.identification.greybox.levenberg_marquardt import Valley, descend, follow_on
 
 WIDE = np.full(2, 10.0)
 

@@ -19,7 +19,8 @@ from heli3dof.identification.greybox.freeflight import (
 )
 from heli3dof.identification.greybox.method import DEFAULT_TERMS, clock_lies
 from heli3dof.identification.greybox.multistep import robust, scales
-from heli3dof.model.modelfile import load_model, save_model
+from heli3dof.model.model_file import save_model
+from heli3dof.paper.models import load_model
 from heli3dof.recording.recording import Recording
 from tests.identification.known_flights import fly
 from tests.paths import REAL_DATA

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import RecordingError
-from heli3dof.identification.api import identify
 from heli3dof.identification.greybox.estimate import Estimate, score_test
-from heli3dof.identification.greybox.fit import maximise
+from heli3dof.identification.greybox.maximum_likelihood import maximise
 from heli3dof.identification.greybox.method import (
     DEFAULT_TERMS,
     fit_greybox,
     model_of,
     warnings,
 )
+from heli3dof.identification.identify import identify
 from heli3dof.model.effects import term
 from heli3dof.recording.recording import Recording
 from tests.bench.bench_greybox import one_start

@@ -12,7 +12,7 @@ from heli3dof.errors import RecordingError, UsageError
 from heli3dof.identification import Identification
 from heli3dof.identification import identify as identify_any
 from heli3dof.identification.feedback import Feedback
-from heli3dof.identification.validate import metrics
+from heli3dof.identification.validation import metrics
 from heli3dof.recording.recording import Recording
 from tests.identification.flights import flight, linear_truth
 from tests.paths import needs_real_data

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.identification.greybox.method import usable_runs
-from heli3dof.model.filtering import data_of
-from tests.identification.test_prepare import flying
+from heli3dof.model.estimation.filter_data import data_of
+from tests.identification.test_preprocessing import flying
 
 
 def test_samples_that_are_late_by_most_of_a_period_cut_nothing() -> None:

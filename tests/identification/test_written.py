@@ -10,11 +10,11 @@ import pytest
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
-from heli3dof.identification.api import Identification, identify
 from heli3dof.identification.greybox.method import fit_greybox
-from heli3dof.identification.greybox.written import WAYS, as_written, left_out
+from heli3dof.identification.greybox.structure_test import WAYS, as_written, left_out
+from heli3dof.identification.identify import Identification, identify
 from heli3dof.model.effects import terms
-from heli3dof.model.greybox import nominal
+from heli3dof.model.greybox.model import nominal
 from heli3dof.recording.recording import Recording
 
 ALWAYS = ("motor.lag",)

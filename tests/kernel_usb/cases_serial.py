@@ -9,7 +9,7 @@ from typing import Any
 
 from heli3dof_drivers.serial_port import SerialDriver
 
-from heli3dof.rig.port import Flags
+from heli3dof.rig.interface import Flags
 from heli3dof.rig.url import parse_url
 
 from .gadget import FIRMWARE

@@ -11,7 +11,7 @@ from typing import Any
 
 from heli3dof_drivers.usb_bulk import UsbDriver
 
-from heli3dof.rig.port import Flags
+from heli3dof.rig.interface import Flags
 from heli3dof.rig.url import parse_url
 
 from .guest import PROFILE, RATE_HZ, Hand, case, failure, fly, in_another_process, until
@@ -189,7 +189,7 @@ def a_user_without_permission_is_told_the_rule() -> dict[str, Any]:
 
 @case
 def a_stall_of_either_pipe_is_cleared_in_flight() -> dict[str, Any]:
-    from heli3dof.rig.port import Command
+    from heli3dof.rig.interface import Command
 
     measured = {}
     for pipe in ("in", "out"):

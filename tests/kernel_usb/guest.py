@@ -70,7 +70,7 @@ def until(true: Callable[[], Any], what: str) -> Any:
 
 
 def fly(rig: Any, periods: int, volts: float = 5.0) -> list[Any]:
-    from heli3dof.rig.port import Command
+    from heli3dof.rig.interface import Command
 
     samples = [rig.arm()]
     start = time.monotonic()

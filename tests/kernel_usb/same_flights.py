@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from heli3dof.rig.port import Command, Flags
+from heli3dof.rig.interface import Command, Flags
 
 from .guest import RATE_HZ, Hand, failure, fly, flying_process, in_another_process, until
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.model.base import LoopTask
-from heli3dof.model.hover import quiescent_voltage
-from heli3dof.model.linear import LinearModel
+from heli3dof.model.linear.hover import quiescent_voltage
+from heli3dof.model.linear.model import LinearModel
 from heli3dof.rig.profile import ControllerSpec, Profile, default_profile
 
 PROFILE = default_profile()

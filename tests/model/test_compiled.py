@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.model import encoder_events, kalman, rigid_body, rotor
 from heli3dof.model.compiled import compiled
 from heli3dof.model.effects import terms
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.estimation import ekf_quantised, quantised_measurement
+from heli3dof.model.physics import rigid_body, rotor
+from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.rig.profile import default_profile
 
 
@@ -75,13 +76,15 @@ def test_what_the_filter_is_made_of_is_the_same_as_in_python() -> None:
     Phi = np.block([[eye, h * eye], [h * A[:, :3], eye + h * A[:, 3:]]])
     drive = np.kron([[h**3 / 3, h**2 / 2], [h**2 / 2, h]], np.diag(a2))
     whole = Phi @ one @ Phi.T + drive
-    kalman._grow(one, A, h, a2, np.zeros((3, 6)))
-    kalman.grow(other, A, h, a2, np.zeros((3, 6)))
+    ekf_quantised._grow(one, A, h, a2, np.zeros((3, 6)))
+    ekf_quantised.grow(other, A, h, a2, np.zeros((3, 6)))
     np.testing.assert_allclose(one, other, rtol=1e-12)
     np.testing.assert_allclose(one, whole, rtol=1e-12)
     for lo, hi, S in ((-0.2, 0.3, 0.04), (1.4, 1.9, 0.09)):
         np.testing.assert_allclose(
-            encoder_events._interval(lo, hi, S), encoder_events.interval(lo, hi, S), rtol=1e-10
+            quantised_measurement._interval(lo, hi, S),
+            quantised_measurement.interval(lo, hi, S),
+            rtol=1e-10,
         )
     # F rises 1 N in a straight line for 0.1 s at 10 N/s, the target being far.
     assert rotor.lagged(0.0, 100.0, 0.05, 10.0, 0.1) == 1.0

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import UsageError
-from heli3dof.model import slots
 from heli3dof.model.effects import all_names, effects, term, terms
-from heli3dof.model.hooks import address
-from heli3dof.model.rig_model import Structure, context
+from heli3dof.model.physics import state_layout as at
+from heli3dof.model.physics.compiled_effects import address
+from heli3dof.model.physics.parametrisation import Structure, context
 from heli3dof.rig.profile import default_profile
 
 CONTRACT = {
@@ -68,17 +68,17 @@ def test_the_other_words_for_the_axes_are_understood() -> None:
 def test_machine_code_does_what_the_python_says(name: str) -> None:
     t = term(name)
     s = context(default_profile())
-    s[slots.R : slots.R + 6] = [0.2, -0.1, 0.7, 0.3, -0.4, 0.2]
-    s[slots.F_FRONT], s[slots.F_BACK], s[slots.T] = 1.1, 0.8, 12.0
-    s[slots.SPEED_FRONT], s[slots.SPEED_BACK] = 9.0, 7.0
-    par = np.zeros(slots.PARAMETERS)
-    par[slots.AXIS] = t.axis_index
+    s[at.R : at.R + 6] = [0.2, -0.1, 0.7, 0.3, -0.4, 0.2]
+    s[at.F_FRONT], s[at.F_BACK], s[at.T] = 1.1, 0.8, 12.0
+    s[at.SPEED_FRONT], s[at.SPEED_BACK] = 9.0, 7.0
+    par = np.zeros(at.PARAMETERS)
+    par[at.AXIS] = t.axis_index
     for i, q in enumerate(t.effect.parameters):
-        par[slots.A + i] = q.null + 0.7 * q.typical
+        par[at.A + i] = q.null + 0.7 * q.typical
     proto = ctypes.CFUNCTYPE(None, *[ctypes.POINTER(ctypes.c_double)] * 4)
     for stage, hook in t.effect.hooks.items():
-        mine = s.copy() if stage is slots.Stage.SETUP else np.array([0.9, -0.6, 0.4])
-        theirs, mem = mine.copy(), np.zeros(slots.MEMORY)
+        mine = s.copy() if stage is at.Stage.SETUP else np.array([0.9, -0.6, 0.4])
+        theirs, mem = mine.copy(), np.zeros(at.MEMORY)
         hook(s, par, mem, mine)
         pointers = [
             a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in (s, par, mem, theirs)
@@ -97,16 +97,16 @@ def test_only_the_choice_of_the_base_is_a_switch_without_parameters() -> None:
 @pytest.mark.parametrize("name", sorted(set(all_names()) - set(SWITCHES)))
 def test_at_its_null_value_an_effect_changes_nothing(name: str) -> None:
     t = term(name)
-    par = np.zeros(slots.PARAMETERS)
-    par[slots.AXIS] = t.axis_index
+    par = np.zeros(at.PARAMETERS)
+    par[at.AXIS] = t.axis_index
     for i, q in enumerate(t.effect.parameters):
-        par[slots.A + i] = q.null
+        par[at.A + i] = q.null
     s = context(default_profile())
-    s[slots.R : slots.R + 6] = RNG.normal(0, 0.3, 6)
+    s[at.R : at.R + 6] = RNG.normal(0, 0.3, 6)
     for stage, hook in t.effect.hooks.items():
-        out = s.copy() if stage is slots.Stage.SETUP else np.array([0.9, 0.6, 0.4])
+        out = s.copy() if stage is at.Stage.SETUP else np.array([0.9, 0.6, 0.4])
         before = out.copy()
-        hook(s, par, np.zeros(slots.MEMORY), out)
+        hook(s, par, np.zeros(at.MEMORY), out)
         np.testing.assert_allclose(out, before, rtol=1e-14)
 
 
@@ -138,11 +138,11 @@ def test_a_plugin_that_cannot_be_loaded_is_left_out_with_a_warning(monkeypatch, 
 def test_a_mass_below_the_axis_is_thrown_out_where_the_arm_spins() -> None:
     """P = 0.1 kg·m² level, ψ̇ = 2 rad/s: 0.1·2² = 0.4 N·m on roll; rising at 1 rad/s, −2·0.1·1·2
     on yaw; none at 45°."""
-    torque = effects()["inertia.product"].hooks[slots.Stage.TORQUE]
+    torque = effects()["inertia.product"].hooks[at.Stage.TORQUE]
     for roll, expected in ((0.0, [0.4, 0.0, -0.4]), (np.pi / 4, [0.0, 0.0, 0.0])):
-        s, par, out = np.zeros(slots.SIZE), np.zeros(slots.PARAMETERS), np.zeros(3)
-        s[slots.R], s[slots.R_DOT], s[slots.PSI_DOT], par[slots.A] = roll, 1.0, 2.0, 0.1
-        torque(s, par, np.zeros(slots.MEMORY), out)
+        s, par, out = np.zeros(at.SIZE), np.zeros(at.PARAMETERS), np.zeros(3)
+        s[at.R], s[at.R_DOT], s[at.PSI_DOT], par[at.A] = roll, 1.0, 2.0, 0.1
+        torque(s, par, np.zeros(at.MEMORY), out)
         assert out == pytest.approx(expected, abs=1e-12)
 
 
@@ -152,12 +152,12 @@ def test_a_rotor_that_rises_at_twice_the_hover_thrust_loses_as_its_exponent_says
 ) -> None:
     """k = 0.3 s/m at 1 m/s, F = 2 F_h: 0.3 · 2ⁿ F_h. Rising at ṙ = 1/L_a: both rotors at 1 m/s."""
     profile = default_profile()
-    inflow = effects()["aero.inflow"].hooks[slots.Stage.THRUST]
-    s, par = context(profile), np.zeros(slots.PARAMETERS)
+    inflow = effects()["aero.inflow"].hooks[at.Stage.THRUST]
+    s, par = context(profile), np.zeros(at.PARAMETERS)
     F_h = profile.motor.K_f * profile.motor.V_o
-    s[slots.R : slots.R + 6] = 0.0
-    s[slots.R_DOT] = 1 / profile.geometry.L_a
-    par[slots.A], par[slots.B] = 0.3, n
+    s[at.R : at.R + 6] = 0.0
+    s[at.R_DOT] = 1 / profile.geometry.L_a
+    par[at.A], par[at.B] = 0.3, n
     out = np.array([2 * F_h, 2 * F_h, 0.0])
-    inflow(s, par, np.zeros(slots.MEMORY), out)
+    inflow(s, par, np.zeros(at.MEMORY), out)
     assert out[:2] == pytest.approx((2 - lost) * F_h, rel=1e-12)

@@ -12,16 +12,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.model.hover import (
+from heli3dof.model.control.closed_loop_poles import (
+    closed_loop,
+    ideal_loop_poles,
+    sampled_loop_poles,
+)
+from heli3dof.model.control.ideal_loop import loop_poles, paper_gain, step_response, with_rotor_lag
+from heli3dof.model.linear.hover import (
     g,
     hover,
     hover_model,
     quiescent_voltage,
 )
-from heli3dof.model.ideal_loop import loop_poles, paper_gain, step_response, with_rotor_lag
-from heli3dof.model.loops import closed_loop, ideal_loop_poles, sampled_loop_poles
-from heli3dof.model.paper17 import DENOMINATOR, NUMERATORS_PRINTED, paper17_model
-from heli3dof.model.paper_numbers import taken_literally
+from heli3dof.paper.eq17 import DENOMINATOR, NUMERATORS_PRINTED, paper17_model
+from heli3dof.paper.page import taken_literally
 from tests.model.examples import DEG, PRINTED_V_O, PROFILE, SPEC, K_g
 
 PRINTED, RIGHT = hover(PROFILE, printed=True), hover(PRINTED_V_O)

@@ -10,13 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from heli3dof.model import slots as s_
-from heli3dof.model.greybox import nominal
-from heli3dof.model.greybox_linear import _Plant
-from heli3dof.model.hover import hover
-from heli3dof.model.modelfile import load_model, save_model
-from heli3dof.model.rig_model import context
-from heli3dof.model.rigid_body import body_accelerations
+from heli3dof.model.greybox.linearisation import _Plant
+from heli3dof.model.greybox.model import nominal
+from heli3dof.model.linear.hover import hover
+from heli3dof.model.model_file import save_model
+from heli3dof.model.physics import state_layout as s_
+from heli3dof.model.physics.parametrisation import context
+from heli3dof.model.physics.rigid_body import body_accelerations
+from heli3dof.paper.models import load_model
 from heli3dof.rig.profile import default_profile
 
 PROFILE = default_profile()

@@ -12,10 +12,10 @@ import pytest
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import load_plan
 from heli3dof.experiment.simulate import simulate
-from heli3dof.model.greybox import GreyBoxModel, nominal
-from heli3dof.model.hover import hover_model
-from heli3dof.model.loops import sampled_loop_poles
-from heli3dof.model.modelfile import read_model, save_model
+from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
+from heli3dof.model.greybox.model import GreyBoxModel, nominal
+from heli3dof.model.linear.hover import hover_model
+from heli3dof.model.model_file import read_model, save_model
 from heli3dof.rig.profile import default_profile
 from tests.identification.known_flights import PARAMETERS, fly
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from heli3dof.model.paper_numbers import BLOCKS, regenerate
+from heli3dof.paper.page import BLOCKS, regenerate
 from tests.paths import ROOT
 
 PAGE = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
@@ -14,7 +14,7 @@ PROSE = re.sub(r"<!-- computed: .*?<!-- end -->", "", PAGE, flags=re.S)
 
 def test_the_computed_tables_are_what_is_computed_now() -> None:
     assert regenerate(PAGE) == PAGE, (
-        "python -m heli3dof.model.paper_numbers docs/paper.md makes the tables anew"
+        "python -m heli3dof.paper.page docs/paper.md makes the tables anew"
     )
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.model import slots
 from heli3dof.model.effects import terms
-from heli3dof.model.greybox import nominal
-from heli3dof.model.greybox_fly import true_angles
-from heli3dof.model.rig_model import Structure
-from heli3dof.model.stepping import flanks, readings
+from heli3dof.model.greybox.closed_loop import true_angles
+from heli3dof.model.greybox.model import nominal
+from heli3dof.model.physics import state_layout
+from heli3dof.model.physics.integrator import flanks, readings
+from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.rig.profile import default_profile
 
 NAME = "encoder.backlash.pitch"
@@ -25,7 +25,7 @@ def rig(angle_deg: float = 0.5):  # type: ignore[no-untyped-def]
 
 def test_in_flight_the_encoder_stays_until_the_other_flank_carries_it() -> None:
     hooks, s, par, mem = rig()
-    s[slots.FLANK : slots.FLANK + 3] = 2.0
+    s[state_layout.FLANK : state_layout.FLANK + 3] = 2.0
     m, slope, read = np.empty(3), np.empty(3), []
     way = np.radians([0.0, 1.0, 0.8, 0.4, 0.0, -1.0, -0.9])
     for p in way:

@@ -13,8 +13,8 @@ import pytest
 from heli3dof.errors import RecordingError, UsageError
 from heli3dof.model import effects as package
 from heli3dof.model.effects import effects, plug_ins, term
-from heli3dof.model.greybox import GreyBoxModel
-from heli3dof.model.modelfile import read_model, save_model
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.model_file import read_model, save_model
 from heli3dof.rig.profile import default_profile
 from tests.cli.running import heli3dof
 

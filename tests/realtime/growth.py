@@ -10,16 +10,16 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from heli3dof.experiment.control_loop.control_period import Period, Watch
+from heli3dof.experiment.control_loop.loop import fly
+from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.fly import prepare
-from heli3dof.experiment.loop import fly
-from heli3dof.experiment.outcome import Outcome
-from heli3dof.experiment.period import Period, Watch
 from heli3dof.experiment.plan import step_plan
-from heli3dof.experiment.watches import watches_for
+from heli3dof.experiment.safety_monitors import watches_for
+from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.provenance import provenance
-from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.hold import hold
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
+from heli3dof.rig.session.open_exclusive import hold
 from tests.profiles import END_S
 
 DEVICE = "mock:?speed=max&start=level"

@@ -17,8 +17,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from heli3dof.recording.reader import read_recording
-from heli3dof.recording.recover import recover
+from heli3dof.recording.mcap_files.reader import read_recording
+from heli3dof.recording.mcap_files.recover import recover
 from tests.profiles import PATIENT, START_S, write_profile
 from tests.realtime.flight import FlightProcess
 

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from heli3dof.recording import syncing
-from heli3dof.recording.writer import RecordingWriter
+from heli3dof.recording.mcap_files import fsync
+from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.rig.profile import default_profile
 from tests.recording.make import tick
 
@@ -27,7 +27,7 @@ def lost_to_a_power_cut(
     path: Path, seconds: float, *, sync: Callable[[int], object] | None = None
 ) -> float:
     """The most, in s, that a cut at the worst moment would have taken of ``seconds``."""
-    sync = syncing._sync if sync is None else sync
+    sync = fsync._sync if sync is None else sync
     synced: list[tuple[float, int]] = []
     appended: list[float] = []
     with pytest.MonkeyPatch.context() as patch:
@@ -38,7 +38,7 @@ def lost_to_a_power_cut(
             sync(descriptor)
             synced.append((time.monotonic(), rows))
 
-        patch.setattr(syncing, "_sync", counted)
+        patch.setattr(fsync, "_sync", counted)
         with RecordingWriter(path, default_profile(), force=True) as recording:
             writer.append(recording)
             start = time.monotonic()

@@ -16,9 +16,9 @@ import pytest
 from heli3dof_drivers.emulator.endpoint import Endpoint
 from heli3dof_drivers.link.rig import LinkRig
 
-from heli3dof.experiment.period import Period, Watch
-from heli3dof.recording.reader import read_recording
-from heli3dof.rig.port import Command
+from heli3dof.experiment.control_loop.control_period import Period, Watch
+from heli3dof.recording.mcap_files.reader import read_recording
+from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
 from tests.drivers.emulator.still import StillDevice
 from tests.drivers.link.lines import DirectLine

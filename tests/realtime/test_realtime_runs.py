@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heli3dof.recording.reader import read_recording
+from heli3dof.recording.mcap_files.reader import read_recording
 from tests.drivers.firmware.building import rig_program
 from tests.profiles import PATIENT, STANDSTILL_S, START_S, write_profile
 from tests.realtime.flight import LANDING_S, FlightProcess, firmware

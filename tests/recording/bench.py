@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from heli3dof.recording.reader import read_recording
-from heli3dof.recording.writer import RecordingWriter
+from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.profile import default_profile
 from tests.recording.make import flight, tick
 
@@ -26,7 +26,7 @@ def append_seconds(path: Path, ticks: int = 20000) -> list[float]:
 
 def read_seconds(path: Path, repeats: int = 11) -> list[float]:
     """What reading 60 s at 500 Hz into arrays takes, in seconds, again and again."""
-    from heli3dof.recording.store import write_recording
+    from heli3dof.recording.write import write_recording
 
     write_recording(flight(30000), path, force=True)
     costs: list[float] = []

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.recording.row import Row
-from heli3dof.recording.writer import RecordingWriter
-from heli3dof.rig.port import Flags, Sample
+from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
 
 STEP = 2 * np.pi / np.array([4096, 4096, 8192])
@@ -108,6 +108,6 @@ def csv_text(columns: dict[str, Any]) -> str:
 
 def log_columns(recording: Recording) -> dict[str, Any]:
     """The contract's columns of a recording, angles in degrees."""
-    from heli3dof.recording.exporting import contract_columns
+    from heli3dof.recording.logs.export import contract_columns
 
     return contract_columns(recording)

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import RecordingError
-from heli3dof.recording.exporting import export
 from heli3dof.recording.info import file_info, summary
-from heli3dof.recording.store import write_recording
+from heli3dof.recording.logs.export import export
+from heli3dof.recording.write import write_recording
 from tests.recording.make import flight, open_profile, write_flight
 
 

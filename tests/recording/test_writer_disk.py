@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import NoSpace, RecordingError
-from heli3dof.recording import syncing
-from heli3dof.recording import writer as writer_module
-from heli3dof.recording.container import MAGIC, McapFile
-from heli3dof.recording.reader import read_recording
-from heli3dof.recording.recover import recover
-from heli3dof.recording.writer import RecordingWriter
+from heli3dof.recording.mcap_files import flight_recorder as writer_module
+from heli3dof.recording.mcap_files import fsync
+from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
+from heli3dof.recording.mcap_files.mcap_writer import MAGIC, McapFile
+from heli3dof.recording.mcap_files.reader import read_recording
+from heli3dof.recording.mcap_files.recover import recover
 from heli3dof.rig.profile import default_profile
 from tests.profiles import END_S
 from tests.recording.make import tick
@@ -67,7 +67,7 @@ def test_a_full_disk_reaches_the_loop_and_everything_before_is_kept(
 FILL = """
 import resource, sys
 from heli3dof.errors import NoSpace
-from heli3dof.recording.writer import RecordingWriter
+from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.rig.profile import default_profile
 from tests.recording.make import tick
 resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
@@ -112,7 +112,7 @@ def test_the_disk_is_asked_to_keep_what_was_written_while_the_flight_goes_on(
 ) -> None:
     path = tmp_path / "a.mcap"
     synced: list[int] = []
-    monkeypatch.setattr(syncing, "_sync", lambda fd: synced.append(path.stat().st_size))
+    monkeypatch.setattr(fsync, "_sync", lambda fd: synced.append(path.stat().st_size))
     with RecordingWriter(path, default_profile()) as writer:
         for k in range(3):
             size, n = path.stat().st_size, len(synced)
@@ -126,7 +126,7 @@ def test_a_disk_that_is_slow_to_keep_holds_up_neither_loop_nor_recorder(
 ) -> None:
     path = tmp_path / "a.mcap"
     go = threading.Event()
-    monkeypatch.setattr(syncing, "_sync", lambda fd: go.wait(2 * END_S))
+    monkeypatch.setattr(fsync, "_sync", lambda fd: go.wait(2 * END_S))
     with RecordingWriter(path, default_profile()) as writer:
         for k in range(4):
             size = path.stat().st_size
@@ -142,7 +142,7 @@ def test_a_disk_that_fails_to_keep_is_told_to_the_loop(
     def broken(fd: int) -> None:
         raise OSError(errno.EIO, "Input/output error")
 
-    monkeypatch.setattr(syncing, "_sync", broken)
+    monkeypatch.setattr(fsync, "_sync", broken)
     writer = RecordingWriter(tmp_path / "a.mcap", default_profile())
     writer.append(tick(0))
     assert until(lambda: writer._failure is not None)
@@ -154,7 +154,7 @@ def test_a_disk_that_fails_to_keep_is_told_to_the_loop(
 
 def test_a_file_without_a_disk_is_no_failure() -> None:
     read, write = os.pipe()
-    syncer = syncing.Syncer(write)
+    syncer = fsync.Syncer(write)
     syncer.written()
     syncer.close()
     os.close(read), os.close(write)

@@ -8,8 +8,8 @@ from typing import Any
 
 from heli3dof.report import diagnosis_tables as module
 from heli3dof.report.diagnosis_tables import diagnosis_tables, split_unit
-from heli3dof.report.diagnosis_words import VERDICTS, summary_of
-from heli3dof.report.grid import Grid, to_markdown
+from heli3dof.report.diagnosis_text import VERDICTS, summary_of
+from heli3dof.report.text_table import Grid, to_markdown
 from tests.paths import ROOT
 
 ROLL_PITCH_YAW = ("roll", "pitch", "yaw")

@@ -12,10 +12,18 @@ from hypothesis import strategies as st
 from heli3dof.comparison.compare import compare
 from heli3dof.errors import OutputExists, UsageError
 from heli3dof.recording.recording import make_recording
-from heli3dof.report.curves import Curve, angle_figure, spread
+from heli3dof.report.figure_style import (
+    EXPERIMENT,
+    HOVER,
+    IDENTIFIED,
+    model_lines,
+    save,
+    to_png,
+    to_svg,
+)
 from heli3dof.report.figures import comparison_figure, comparison_figures, flight_figure
+from heli3dof.report.labelled_curves import Curve, angle_figure, spread
 from heli3dof.report.model_figures import BodeCurve, autocorrelation, bode_figure, residual_figure
-from heli3dof.report.style import EXPERIMENT, HOVER, IDENTIFIED, model_lines, save, to_png, to_svg
 from heli3dof.rig.profile import default_profile
 from tests.comparison.fakes import FakeHover, flight
 
@@ -148,7 +156,7 @@ def test_residuals_of_the_measured_axes_only_are_drawn() -> None:
 
 def test_importing_the_figures_does_not_import_matplotlib() -> None:
     code = (
-        "import sys, heli3dof.report.flight_report, heli3dof.report.tables; "
+        "import sys, heli3dof.report.flight_report, heli3dof.report.comparison_tables; "
         "sys.exit('matplotlib' in sys.modules or 'rich' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

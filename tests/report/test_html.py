@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from heli3dof.comparison.compare import compare
-from heli3dof.comparison.reproduce import reproduce
 from heli3dof.errors import OutputExists
-from heli3dof.model.hover import hover_model
+from heli3dof.model.linear.hover import hover_model
+from heli3dof.paper.reproduction import reproduce
 from heli3dof.report.flight_report import flight_report, in_a_sentence
 from heli3dof.report.html import Section, facts, paragraph, write_page
 from heli3dof.report.model_section import discrete_response, plant_poles, poles_text

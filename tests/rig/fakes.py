@@ -10,7 +10,7 @@ import pytest
 
 from heli3dof.errors import DeviceError
 from heli3dof.rig import drivers
-from heli3dof.rig.port import Check, Command, Flags, Identity, Sample
+from heli3dof.rig.interface import Check, Command, Flags, Identity, Sample
 
 IDENTITY = Identity(
     "fake", "fake rig", "F-1", "1.0", "1", (4096, 4096, 8192), 24.0, 0.1, "device", True, boot=7

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from heli3dof.errors import RecordingError
-from heli3dof.recording.reader import read_recording
-from heli3dof.rig.port import Flags
-from heli3dof.rig.stop import stop_rigs
+from heli3dof.recording.mcap_files.reader import read_recording
+from heli3dof.rig.interface import Flags
+from heli3dof.rig.session.estop import stop_rigs
 from tests.drivers.doors import firmware_door
 from tests.profiles import END_S, PATIENT, write_profile
 

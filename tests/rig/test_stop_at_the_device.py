@@ -11,15 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from heli3dof.rig.attach import running, state
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Flags
+from heli3dof.rig.interface import Flags
 from heli3dof.rig.profile import default_profile
+from heli3dof.rig.session.client import running, state
 from tests.cli.running import heli3dof
 from tests.profiles import END_S, PATIENT, START_S, write_profile
 from tests.rig.processes import suspend
 
-DOOR = [sys.executable, "-m", "heli3dof_drivers.emulator.door_pty", "--with-parent"]
+DOOR = [sys.executable, "-m", "heli3dof_drivers.emulator.transport_pty", "--with-parent"]
 pytestmark = pytest.mark.realtime
 
 
@@ -58,7 +58,7 @@ def is_stopped(device: str) -> bool:
 
 
 def test_a_flight_is_stopped_through_its_session(device, flight, monkeypatch):
-    monkeypatch.setattr("heli3dof.rig.stop.PATIENCE_S", 10.0)  # the machine may be busy
+    monkeypatch.setattr("heli3dof.rig.session.estop.PATIENCE_S", 10.0)  # the machine may be busy
     said = heli3dof("estop", "--device", device, "--json")
     (stopped,) = said.document["stopped"]
     assert f"pid {flight.pid}" in stopped["how"]

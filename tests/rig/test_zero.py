@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from heli3dof.errors import CheckFailed, SafetyTrip
-from heli3dof.rig.port import Flags
+from heli3dof.rig.interface import Flags
 from heli3dof.rig.profile import TABLE_I, default_profile, profile_from_dict
 from heli3dof.rig.zero import calibrate, watch_standing
 from tests.rig.fakes import FakeDriver, FakeRig

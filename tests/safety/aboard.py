@@ -11,11 +11,11 @@ import pytest
 from heli3dof_drivers.mock import MockRig
 
 from heli3dof.errors import SafetyTrip
-from heli3dof.recording.reader import read_recording
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import RAMP_DOWN
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Flags, Sample
+from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import Profile
 from tests.cli.running import Said, heli3dof
 from tests.safety.table import BY_NAME, STOPPED, Row
@@ -35,7 +35,7 @@ class Aboard:
         self.when_arming: list[Callable[[], Any]] = []
         self._path = folder / "flight.mcap"
         self._to_do: list[tuple[float, Callable[[], Any]]] = []
-        monkeypatch.setattr("heli3dof.rig.hold.open_rig", self._open)
+        monkeypatch.setattr("heli3dof.rig.session.open_exclusive.open_rig", self._open)
 
     def at(self, t_s: float, what: Callable[[], Any]) -> None:
         """Do this as the period begins that begins then."""

@@ -14,8 +14,8 @@ from collections.abc import Callable
 from math import inf
 from typing import NamedTuple
 
-from heli3dof_drivers.emulator.door import emulated, serve
 from heli3dof_drivers.emulator.endpoint import Endpoint
+from heli3dof_drivers.emulator.transport import emulated, serve
 
 from tests.profiles import START_S
 

@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from heli3dof_drivers.emulator.door import emulated as emulated_endpoint
 from heli3dof_drivers.emulator.endpoint import Endpoint
+from heli3dof_drivers.emulator.transport import emulated as emulated_endpoint
 from heli3dof_drivers.link.frames import (
     Ack,
     Cause,
@@ -40,18 +40,18 @@ from heli3dof_drivers.link.frames import (
 )
 from heli3dof_drivers.link.rig import LinkRig
 
-from heli3dof.cli.summary import flight_document, flight_table
+from heli3dof.cli.flight_summary import flight_document, flight_table
 from heli3dof.errors import DeviceError, Heli3dofError
+from heli3dof.experiment.control_loop.loop import Live
 from heli3dof.experiment.fly import Flight, _fly_in_memory, fly_plan, prepare
-from heli3dof.experiment.loop import Live
 from heli3dof.experiment.plan import step_plan
 from heli3dof.recording.info import summary
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.provenance import provenance
-from heli3dof.recording.reader import read_recording
 from heli3dof.rig.calibration import POWER_UP
 from heli3dof.rig.profile import default_profile
-from heli3dof.rig.session import Session
-from heli3dof.rig.stoppable import StoppableRig
+from heli3dof.rig.session.server import Session
+from heli3dof.rig.session.stoppable_rig import StoppableRig
 from tests.clock import Clock, installed
 from tests.drivers.doors import firmware_door
 from tests.drivers.link.lines import DirectLine
@@ -310,8 +310,10 @@ def virtual_time() -> Iterator[Clock]:
     """The clock of this process, for host and device; no real-time privileges are asked for."""
     with pytest.MonkeyPatch.context() as patch:
         clock = installed(patch)
-        patch.setattr("heli3dof.experiment.pacer.monotonic", clock.monotonic)
-        patch.setattr("heli3dof.experiment.loop._granted", lambda identity: nullcontext())
+        patch.setattr("heli3dof.experiment.control_loop.rig_exchange.monotonic", clock.monotonic)
+        patch.setattr(
+            "heli3dof.experiment.control_loop.loop._granted", lambda identity: nullcontext()
+        )
         yield clock
 
 

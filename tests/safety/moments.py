@@ -29,11 +29,11 @@ from typing import Any
 import pytest
 
 from heli3dof.errors import RecordingError
-from heli3dof.recording.reader import read_recording
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.profile import load_profile as profile_of
-from heli3dof.rig.stop import stop_rigs
-from heli3dof.rig.stop_stamp import start_command
+from heli3dof.rig.session.estop import stop_rigs
+from heli3dof.rig.session.stop_stamp import start_command
 from tests.cli.running import heli3dof
 from tests.profiles import END_S, PATIENT, STANDSTILL_S, START_S, write_profile
 from tests.safety.aboard import Aboard

@@ -21,12 +21,12 @@ from typing import Any
 
 from heli3dof.errors import NoSpace
 from heli3dof.experiment import fly
-from heli3dof.experiment.period import Period, Watch
-from heli3dof.experiment.watches import Watches, suspension, watches_for
-from heli3dof.model.opened import OpenedController
-from heli3dof.recording.container import McapFile
+from heli3dof.experiment.control_loop.control_period import Period, Watch
+from heli3dof.experiment.safety_monitors import Watches, host_suspend, watches_for
+from heli3dof.model.control.loop_opening import OpenedController
+from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
+from heli3dof.recording.mcap_files.mcap_writer import McapFile
 from heli3dof.recording.row import Row
-from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
 
@@ -157,7 +157,7 @@ def _fill_disk(on: Due, stamp: Stamp, put: Put) -> None:
 
 def _sleep(on: Due, halt: bool, put: Put) -> None:
     """As `tests.safety.test_in_process` has it: boottime goes on, and monotonic does not."""
-    real = suspension.ahead_s
+    real = host_suspend.ahead_s
     slept: list[float] = []
 
     def maybe() -> None:
@@ -166,7 +166,7 @@ def _sleep(on: Due, halt: bool, put: Put) -> None:
             if halt:
                 os.kill(os.getpid(), signal.SIGSTOP)
 
-    put(suspension, "ahead_s", lambda: real() + sum(slept))
+    put(host_suspend, "ahead_s", lambda: real() + sum(slept))
     _each_period(maybe, put)
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from heli3dof import pages
 from heli3dof.rig.profile import Limits, Profile, default_profile
-from heli3dof.rig.stop import PATIENCE_S
+from heli3dof.rig.session.estop import PATIENCE_S
 from tests.paths import ROOT
 
 BENCHMARKS = ROOT / "docs" / "benchmarks.json"

@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from heli3dof.errors import NoSpace
-from heli3dof.experiment.watches import suspension
-from heli3dof.model.opened import OpenedController
-from heli3dof.recording.container import McapFile
+from heli3dof.experiment.safety_monitors import host_suspend
+from heli3dof.model.control.loop_opening import OpenedController
+from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
+from heli3dof.recording.mcap_files.mcap_writer import McapFile
 from heli3dof.recording.row import Row
-from heli3dof.recording.writer import RecordingWriter
 from heli3dof.rig.profile import default_profile
 from tests.profiles import write_profile
 from tests.safety.aboard import Aboard
@@ -129,9 +129,9 @@ def test_late_ticks(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
 def test_laptop_suspend(aboard: Aboard, monkeypatch: pytest.MonkeyPatch, at_s: float) -> None:
-    real = suspension.ahead_s
+    real = host_suspend.ahead_s
     slept = [0.0]
-    monkeypatch.setattr(suspension, "ahead_s", lambda: real() + slept[0])
+    monkeypatch.setattr(host_suspend, "ahead_s", lambda: real() + slept[0])
     aboard.at(at_s, lambda: slept.append(slept.pop() + 600.0))
     said = aboard.flown(MOCK)
     aboard.shows("laptop_suspend", said, at_s)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import random
 
 import pytest
+from heli3dof_drivers.link.errors import not_arming
 from heli3dof_drivers.link.frames import Code
-from heli3dof_drivers.link.troubles import not_arming
 
 from tests.safety import misbehaviour
 from tests.safety.misbehaviour import ACTS, HARMS, STATES, Fault, NastyLine, emulated, firmware
@@ -53,7 +53,7 @@ def test_the_judge_sees_a_crash(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_judge_sees_a_fault_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(misbehaviour, "draw_faults", lambda rng: [])
-    monkeypatch.setattr("heli3dof.experiment.loop.Envelope.check", lambda *a: 1 / 0)
+    monkeypatch.setattr("heli3dof.experiment.control_loop.loop.Envelope.check", lambda *a: 1 / 0)
     assert any("a fault of ours" in w for w in emulated(1).wrong)
 
 

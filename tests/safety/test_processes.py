@@ -20,11 +20,11 @@ import pytest
 
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
-from heli3dof.recording.reader import read_recording
+from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.port import Flags
+from heli3dof.rig.interface import Flags
 from heli3dof.rig.profile import default_profile
-from heli3dof.rig.stop_stamp import start_command
+from heli3dof.rig.session.stop_stamp import start_command
 from tests.cli.running import heli3dof
 from tests.profiles import END_S, PATIENT, STANDSTILL_S, profile, write_profile
 from tests.safety.bench import Bench, Over
@@ -147,7 +147,7 @@ def test_stopped_process(bench: Bench, tmp_path: Path) -> None:
 def test_estop_from_a_second_terminal(
     bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("heli3dof.rig.stop.PATIENCE_S", 10.0)  # the machine may be busy
+    monkeypatch.setattr("heli3dof.rig.session.estop.PATIENCE_S", 10.0)  # the machine may be busy
     with flying(bench, tmp_path) as flight:
         asked_s = time.monotonic()
         assert heli3dof("estop", "--device", bench.url).code == 0

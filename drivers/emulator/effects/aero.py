@@ -16,8 +16,8 @@ import math
 
 import numpy as np
 
-from ..hooks import kernel
-from ..slots import (
+from ..plant_effects import kernel
+from ..plant_layout import (
     F_BACK,
     F_FRONT,
     L_A,

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from ..body import Setup
-from ..hooks import Kernel
-from ..slots import Stage
+from ..plant_effects import Kernel
+from ..plant_layout import Stage
 
 ALL_AXES = ("roll", "pitch", "yaw")
 

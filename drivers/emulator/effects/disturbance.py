@@ -9,8 +9,8 @@ import math
 
 import numpy as np
 
-from ..hooks import kernel
-from ..slots import AXIS, A, B, Stage, T
+from ..plant_effects import kernel
+from ..plant_layout import AXIS, A, B, Stage, T
 from .base import ALL_AXES, Effect, Parameter
 
 

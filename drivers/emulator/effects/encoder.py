@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..body import Setup
-from ..hooks import kernel
-from ..slots import AXIS, REST, A, Stage
+from ..plant_effects import kernel
+from ..plant_layout import AXIS, REST, A, Stage
 from .base import ALL_AXES, Effect, Parameter
 
 RAD_PER_DEG = np.pi / 180

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..hooks import kernel
-from ..slots import AXIS, R_DOT, A, Stage
+from ..plant_effects import kernel
+from ..plant_layout import AXIS, R_DOT, A, Stage
 from .base import ALL_AXES, Effect, Parameter
 
 

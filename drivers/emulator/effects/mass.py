@@ -14,8 +14,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..body import Setup, g
-from ..hooks import kernel
-from ..slots import I_BB, I_NN, L_A, T_G, A, B, Stage, T
+from ..plant_effects import kernel
+from ..plant_layout import I_BB, I_NN, L_A, T_G, A, B, Stage, T
 from .base import ALL_AXES, Effect, Parameter
 
 

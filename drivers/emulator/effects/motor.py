@@ -20,8 +20,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..body import Setup
-from ..hooks import kernel
-from ..slots import V_BACK, V_FRONT, V_REF, V_START, A, H, Stage
+from ..plant_effects import kernel
+from ..plant_layout import V_BACK, V_FRONT, V_REF, V_START, A, H, Stage
 from .base import Effect, Parameter
 
 LONGEST_DELAY_S = 0.1

@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from ..hooks import kernel
-from ..slots import P_DOT, PSI, R_DOT, V_BACK, V_FRONT, A, Stage
+from ..plant_effects import kernel
+from ..plant_layout import P_DOT, PSI, R_DOT, V_BACK, V_FRONT, A, Stage
 from .base import Effect, Parameter
 
 

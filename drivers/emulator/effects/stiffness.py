@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
-from ..hooks import kernel
-from ..slots import AXIS, A, R, Stage
+from ..plant_effects import kernel
+from ..plant_layout import AXIS, A, R, Stage
 from .base import Effect, Parameter
 
 

@@ -1,7 +1,7 @@
 """Are the angles radians, and counts of the profile's encoder?
 
-The grid is the strongest witness (`heli3dof.recording.units`): an encoder of N counts steps by
-2π/N rad. Here every recording passes it, flights too; imported logs have passed it once.
+The grid is the strongest witness (`heli3dof.recording.logs.angle_units`): an encoder of N counts
+steps by 2π/N rad. Here every recording passes it, flights too; imported logs have passed it once.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, refused
 from heli3dof.diagnosis.integrity.jump import FEW, leaps
 from heli3dof.diagnosis.integrity.view import View
 from heli3dof.errors import RecordingError
-from heli3dof.recording import units
+from heli3dof.recording.logs import angle_units
 
 
 def angles(view: View) -> Iterable[Fault]:
@@ -33,7 +33,7 @@ def unit(view: View, i: int) -> Iterable[Fault]:
     """Degrees or counts taken for radians, radians for degrees, on the axis of that index."""
     r, rows = view.recording, view.read
     axis, q = AXES[i], r.angle[rows, i]
-    if np.abs(q).max() > 10 and units.on_grid(q, 1.0, levels=10):
+    if np.abs(q).max() > 10 and angle_units.on_grid(q, 1.0, levels=10):
         counts = abs(int(getattr(r.profile.encoder, axis)))
         yield Fault(
             "angle.unit", Kind.BAD_DATA, r.name,
@@ -50,7 +50,7 @@ def unit(view: View, i: int) -> Iterable[Fault]:
     # The arrays are radians: whichever unit the file called them, the name must fit.
     for name, values in ((f"{axis}_rad", q), (f"{axis}_deg", np.degrees(q))):
         try:
-            units.check_angles(r.name, {**columns, name: values}, r.profile)
+            angle_units.check_angles(r.name, {**columns, name: values}, r.profile)
         except RecordingError as error:
             yield refused("angle.unit", view, error, axis)
             return
@@ -62,7 +62,7 @@ def grid(view: View, i: int) -> Iterable[Fault]:
     r, axis = view.recording, AXES[i]
     q = r.angle[view.read, i]
     counts = abs(int(getattr(r.profile.encoder, axis)))
-    seen = counts if np.ptp(q) == 0 else units.counts_seen(q, "rad", counts)
+    seen = counts if np.ptp(q) == 0 else angle_units.counts_seen(q, "rad", counts)
     if seen is None:
         yield Fault(
             "encoder.grid", Kind.NOTE, r.name,

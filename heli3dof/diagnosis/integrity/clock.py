@@ -15,7 +15,7 @@ import numpy as np
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, refused
 from heli3dof.diagnosis.integrity.view import View
 from heli3dof.errors import RecordingError
-from heli3dof.recording.checks import long_enough, time_increases
+from heli3dof.recording.logs.log_validation import long_enough, time_increases
 
 OFF, WORTH_SAYING = 0.02, 0.002
 """Share by which the rate may differ from the profile's, and from which on it is said."""

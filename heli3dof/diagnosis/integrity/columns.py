@@ -36,8 +36,8 @@ from heli3dof.axes import AXES, MOTORS
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.diagnosis.integrity.response import Response
 from heli3dof.diagnosis.integrity.view import View
+from heli3dof.recording.logs.angle_units import on_grid
 from heli3dof.recording.recording import Recording
-from heli3dof.recording.units import on_grid
 
 RANGE, SURE = (0.3, 3.3), 4.0
 EXPLAINED, UNEXPLAINED = 0.5, 0.4

@@ -1,8 +1,9 @@
 """``timing.jitter``: samples that are not taken when they are due.
 
 Seen in the stamps, where these tell the true instants (`ticks`), or behind an even clock in the
-motion (`heli3dof.recording.jitter`): there every axis is off by its rate times the same δ. Both
-may be there; then the motion's is what the stamps do not tell, and σ² = σ_stamps² + σ_motion².
+motion (`heli3dof.recording.logs.sampling_jitter`): there every axis is off by its rate times the
+same δ. Both may be there; then the motion's is what the stamps do not tell, and σ² = σ_stamps² +
+σ_motion².
 
 A host without real-time priority is late by tens of microseconds: at 100°/s that moves an angle
 by a tenth of a count. Such jitter is said and is no finding; from `WORTH_NAMING_S` on it is one.
@@ -16,7 +17,7 @@ import numpy as np
 
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.diagnosis.integrity.view import View
-from heli3dof.recording.jitter import motion_jitter
+from heli3dof.recording.logs.sampling_jitter import motion_jitter
 
 WORTH_NAMING_S = 8e-5
 """360°/4096 / 10 / 100°/s"""

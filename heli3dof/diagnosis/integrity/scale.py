@@ -36,7 +36,7 @@ from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage
 from heli3dof.diagnosis.integrity.response import Response
 from heli3dof.diagnosis.integrity.view import View
 from heli3dof.diagnosis.integrity.voltage import ANOTHER_UNIT
-from heli3dof.recording.units import counts_seen
+from heli3dof.recording.logs.angle_units import counts_seen
 
 GOOD, PRECISE = 0.7, 0.08
 """R² and relative standard deviation of an answer whose size is believed."""

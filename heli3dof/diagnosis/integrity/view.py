@@ -10,7 +10,7 @@ import numpy as np
 from heli3dof.axes import AXES, ROLL
 from heli3dof.diagnosis.integrity.response import Response, responses
 from heli3dof.diagnosis.integrity.ticks import Ticks, ticks
-from heli3dof.identification.usable import clipped, unusable
+from heli3dof.identification.row_selection import clipped, unusable
 from heli3dof.recording.recording import Recording
 
 GROUNDED = ("unread", "table", "stop", "motors_off", "falling", "ramp_down")
@@ -41,7 +41,7 @@ class View:
 
     @cached_property
     def why_not(self) -> dict[str, np.ndarray]:
-        """(N,) bool by reason; see `heli3dof.identification.usable`."""
+        """(N,) bool by reason; see `heli3dof.identification.row_selection`."""
         return unusable(self.recording)
 
     @cached_property

@@ -15,7 +15,7 @@ from heli3dof.axes import MOTORS
 from heli3dof.diagnosis.integrity.base import Check, Fault, Kind, Stage, refused
 from heli3dof.diagnosis.integrity.view import View
 from heli3dof.errors import RecordingError
-from heli3dof.recording import checks
+from heli3dof.recording.logs import log_validation
 
 BEYOND = 1.02
 ANOTHER_UNIT = 0.15
@@ -38,7 +38,7 @@ def limit(view: View) -> Iterable[Fault]:
         return
     front, back = np.nan_to_num(v).T
     try:
-        checks.voltages(r.name, front, back, v_max)
+        log_validation.voltages(r.name, front, back, v_max)
     except RecordingError as error:
         yield refused("voltage.limit", view, error)
         return

@@ -60,7 +60,7 @@ class BaseSegment(Section):
         """References (n, 3) in rad and extra voltages (n, 2) in V; ``before`` is (3,) rad."""
 
     def opened(self, clock: Clock) -> np.ndarray:
-        """(n, 3) int8: `heli3dof.model.opened`'s mode of each axis; all closed where not said."""
+        """(n, 3) int8: each axis's mode (`model.control.loop_opening`); closed by default."""
         return np.zeros((clock.n, 3), dtype=np.int8)
 
     def summary(self) -> str:

@@ -6,7 +6,7 @@
 
 Viscous friction shows as exponential decay, Coulomb friction as a straight one that ends in a stop,
 drag as one that is steep first. Roll and pitch stay under control; beyond a share of the
-envelope yaw is caught too (`heli3dof.model.opened`).
+envelope yaw is caught too (`heli3dof.model.control.loop_opening`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic import Field
 
 from heli3dof.axes import YAW
 from heli3dof.experiment.segments import BaseSegment, Clock
-from heli3dof.model.opened import LEARN, OPEN
+from heli3dof.model.control.loop_opening import LEARN, OPEN
 from heli3dof.toml_file import Finite, Key, Positive
 
 

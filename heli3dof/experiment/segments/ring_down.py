@@ -6,7 +6,7 @@
 
 What swings is the rig alone: a pendulum's stiffness is the swing's frequency √(k_r/J_roll), its
 friction the decay. Without stiffness roll stays, or drifts. Pitch and yaw stay under control;
-beyond a share of the envelope roll is caught too (`heli3dof.model.opened`).
+beyond a share of the envelope roll is caught too (`heli3dof.model.control.loop_opening`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pydantic import Field
 
 from heli3dof.axes import ROLL
 from heli3dof.experiment.segments import BaseSegment, Clock
-from heli3dof.model.opened import LEARN, OPEN
+from heli3dof.model.control.loop_opening import LEARN, OPEN
 from heli3dof.toml_file import Finite, Key, Positive
 
 

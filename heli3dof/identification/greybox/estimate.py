@@ -20,12 +20,12 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.identification.greybox.fit import OTHER_ROUNDS, Optimum, maximise
+from heli3dof.identification.greybox.initialisation import likeliest_start
 from heli3dof.identification.greybox.likelihood import Likelihood, score_and_information
-from heli3dof.identification.greybox.starts import likeliest_start
+from heli3dof.identification.greybox.maximum_likelihood import OTHER_ROUNDS, Optimum, maximise
 from heli3dof.model.effects import Term
-from heli3dof.model.filtering import Data
-from heli3dof.model.rig_model import Free, Structure
+from heli3dof.model.estimation.filter_data import Data
+from heli3dof.model.physics.parametrisation import Free, Structure
 
 BLOCK_S = 0.5
 TIED = 0.9

@@ -1,9 +1,10 @@
 """The method ``freeflight``: physical parameters from free flights of up to 3 s.
 
-For real rigs whose log's clock lies (`heli3dof.recording.jitter` finds that from the motion), or
-whose motion one step ahead is no white noise (`heli3dof.identification.greybox.noise_check`); what
-is minimised, and why, stands in `heli3dof.identification.greybox.multistep`. ``greybox`` hands over
-to it by itself where it finds either and no terms were asked for.
+For real rigs whose log's clock lies (`heli3dof.recording.logs.sampling_jitter` finds that from the
+motion), or whose motion one step ahead is no white noise
+(`heli3dof.identification.greybox.noise_check`); what is minimised, and why, stands in
+`heli3dof.identification.greybox.multistep`. ``greybox`` hands over to it by itself where it finds
+either and no terms were asked for.
 
 `REAL_TERMS` are what identified rigs were found to need beside the defaults: thrust as a power of
 the rotor's speed, a spin-up limit, dry friction, inflow, the propellers' momentum, flapping, what a
@@ -22,17 +23,17 @@ from dataclasses import replace
 import numpy as np
 
 from heli3dof.errors import RecordingError
-from heli3dof.identification.found import Found, Parameter, Request
+from heli3dof.identification.fit_result import Found, Parameter, Request
 from heli3dof.identification.greybox.multistep import Fitted, MultiStep, search
 from heli3dof.identification.greybox.weak_form import weak_start
-from heli3dof.identification.prepare import Prepared, Run
-from heli3dof.identification.usable import unusable
+from heli3dof.identification.preprocessing import Prepared, Run
+from heli3dof.identification.row_selection import unusable
 from heli3dof.model.effects import terms
-from heli3dof.model.filtering import GAP, Stretch, climb_rows, data_of, starts_on_table
-from heli3dof.model.greybox import GreyBoxModel
-from heli3dof.model.greybox_predict import held, table_of
-from heli3dof.model.greybox_windows import Flight
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.estimation.filter_data import GAP, Stretch, climb_rows, data_of, starts_on_table
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.greybox.multistep import Flight
+from heli3dof.model.greybox.prediction import held, table_of
+from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 
 REAL_TERMS = (
@@ -188,7 +189,8 @@ def flight_of(recording: Recording) -> Flight:
 def free_rows(recording: Recording) -> np.ndarray:
     """(N,) bool: usable, and a take-off counts from the end of its climb.
 
-    A linear model needs seconds more (`heli3dof.identification.usable`), the rigid body does not.
+    A linear model needs seconds more (`heli3dof.identification.row_selection`), the rigid body does
+    not.
     """
     masks = unusable(recording)
     bad = np.logical_or.reduce([m for reason, m in masks.items() if reason != "take_off"])

@@ -2,10 +2,10 @@
 
     ℓ(θ, a) = Σ_k Σ_i ln Z_ik + ln prior(θ)
 
-from the filter of `heli3dof.model.kalman`; θ in the coordinates of `Free.inward` (logarithms, or
-units of the typical size), a (4,) the noise: the intensities of the angular acceleration on roll,
-pitch and yaw, rad/s²/√Hz, and the jitter of the samples' instants, s.
-The prior is N(start, spread²) per parameter: weak, there only so that a parameter of which the
+from the filter of `heli3dof.model.estimation.ekf_quantised`; θ in the coordinates of `Free.inward`
+(logarithms, or units of the typical size), a (4,) the noise: the intensities of the angular
+acceleration on roll, pitch and yaw, rad/s²/√Hz, and the jitter of the samples' instants, s. The
+prior is N(start, spread²) per parameter: weak, there only so that a parameter of which the
 recordings say nothing stays where it was.
 
 Far from the rig a simulated one may diverge between two readings. Then ℓ = −∞, so that a search
@@ -20,8 +20,8 @@ from functools import cached_property
 
 import numpy as np
 
-from heli3dof.model.filtering import ENCODER_NOISE, Data, encoder_noise
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.estimation.filter_data import ENCODER_NOISE, Data, encoder_noise
+from heli3dof.model.physics.parametrisation import Structure
 
 DIFFERENCE = 1e-4
 """Step of the differences, in the coordinates (of the order of one)."""
@@ -39,7 +39,7 @@ class Pass:
     row: np.ndarray
     """(E,) the row of each event"""
     state: np.ndarray
-    """(E,) what it tells of; see `heli3dof.model.kalman`"""
+    """(E,) what it tells of; see `heli3dof.model.estimation.ekf_quantised`"""
     c: np.ndarray
     g: np.ndarray
     w: np.ndarray
@@ -93,7 +93,7 @@ class Likelihood:
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> Pass:
         """The filter at θ and a; ``keep`` 0 the likelihood alone, 1 what `tangents` needs, 2 X,
         3 X with the likelihood so far."""
-        from heli3dof.model.kalman import filter_blocks
+        from heli3dof.model.estimation.ekf_quantised import filter_blocks
 
         d = self.data
         hooks = self.structure.hooks
@@ -123,7 +123,7 @@ class Likelihood:
 
     def tangents(self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None) -> np.ndarray:
         """(n, E) ∂c/∂θ along the coordinates ``which`` (all), the gains held; 0 if `diverged`."""
-        from heli3dof.model.kalman import follow
+        from heli3dof.model.estimation.ekf_quantised import follow
 
         d = self.data
         hooks = self.structure.hooks

@@ -14,23 +14,23 @@ from typing import Any
 import numpy as np
 
 from heli3dof.errors import UsageError, did_you_mean
-from heli3dof.identification.found import Found, Innovations, Parameter, Request
+from heli3dof.identification.fit_result import Found, Innovations, Parameter, Request
 from heli3dof.identification.greybox.estimate import Estimate, estimate
-from heli3dof.identification.greybox.fit import NOISE_START
 from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.maximum_likelihood import NOISE_START
 from heli3dof.identification.greybox.multistep import Fitted
-from heli3dof.identification.greybox.written import as_written
-from heli3dof.identification.prepare import Prepared, Run
-from heli3dof.identification.statistics import Pole
-from heli3dof.identification.transfer import TransferFunctions
-from heli3dof.identification.usable import unusable
+from heli3dof.identification.greybox.structure_test import as_written
+from heli3dof.identification.preprocessing import Prepared, Run
+from heli3dof.identification.row_selection import unusable
+from heli3dof.identification.transfer_function import TransferFunctions
+from heli3dof.identification.uncertainty import Pole
 from heli3dof.model.compiled import announced
-from heli3dof.model.convert import numerators
+from heli3dof.model.discretisation import numerators
 from heli3dof.model.effects import terms
-from heli3dof.model.filtering import LOST, Stretch, data_of
-from heli3dof.model.greybox import GreyBoxModel
-from heli3dof.model.rig_model import Structure
-from heli3dof.recording.jitter import motion_jitter
+from heli3dof.model.estimation.filter_data import LOST, Stretch, data_of
+from heli3dof.model.greybox.model import GreyBoxModel
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.recording.logs.sampling_jitter import motion_jitter
 from heli3dof.recording.recording import Recording
 
 DEFAULT_TERMS = (
@@ -109,7 +109,7 @@ def clock_lies(recording: Recording) -> bool:
 
 def compile_first(problem: Likelihood) -> None:
     """Compile what the estimator runs, saying so where that takes a while; once per process."""
-    from heli3dof.model.kalman import filter_blocks
+    from heli3dof.model.estimation.ekf_quantised import filter_blocks
 
     if filter_blocks.signatures:
         return

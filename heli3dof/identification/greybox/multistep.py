@@ -2,8 +2,8 @@
 
 One step ahead, a sample that was taken at another time than it says is an error of the rate's size,
 and every parameter that acts through accelerations is pulled to zero. Over a second or more it is
-nothing. So the errors of free flights from the filter's states (`heli3dof.model.instants`) are
-minimised, at several horizons h_j from many starts k::
+nothing. So the errors of free flights from the filter's states
+(`heli3dof.model.estimation.ekf_jitter`) are minimised, at several horizons h_j from many starts k::
 
     Q(θ) = (T/τ)/(S M) Σ_k Σ_j Σ_i ρ(e_i[k, j]/s_i[j]) + (θ − θ_0)ᵀ Λ (θ − θ_0),
     ρ(u) = 2 c² (√(1 + (u/c)²) − 1),   c = `ROBUST`
@@ -11,7 +11,8 @@ minimised, at several horizons h_j from many starts k::
 with S starts, M horizons, and T/τ the number of independent windows in T seconds of flight
 (`WINDOW_S`). The scales s are the errors' own, taken again in each stage; the stages go from short
 horizons to long ones, because a poor start diverges over long ones. The descent is
-`heli3dof.identification.greybox.descent`'s; the filter's dependence on θ is in the tangents.
+`heli3dof.identification.greybox.levenberg_marquardt`'s; the filter's dependence on θ is in the
+tangents.
 
 Λ is the weak prior of every term, and of the inertias their geometry: their *ratios* follow from
 lengths and a few masses, their common factor (in units of K_f) from the thrust gain, which is off
@@ -31,11 +32,11 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.identification.greybox.descent import Valley, descend
-from heli3dof.model.filtering import Data
-from heli3dof.model.greybox_windows import Flight, errors
-from heli3dof.model.instants import follow
-from heli3dof.model.rig_model import Structure
+from heli3dof.identification.greybox.levenberg_marquardt import Valley, descend
+from heli3dof.model.estimation.ekf_jitter import follow
+from heli3dof.model.estimation.filter_data import Data
+from heli3dof.model.greybox.multistep import Flight, errors
+from heli3dof.model.physics.parametrisation import Structure
 
 STAGES_S = ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0))
 ROUNDS = 8

@@ -8,9 +8,9 @@ as large as that. White torque of intensity a accumulates: from a known state, a
 A rig that is predicted better than that was not driven by such noise: what changed sign from one
 sample to the next (a vibration, thrust that follows the voltage otherwise) was taken for it. The
 likelihood, its σ and its names with it, is not believed where on some axis a_i is `TIMES` larger
-than rigs are known to have it (`heli3dof.model.greybox_predict.NOISE`) *and* σ_i over `HORIZON_S`
-exceeds the error of the refitted rigid body by `OVER`: an encoder's play alone does the latter, a
-cause that is missing the former.
+than rigs are known to have it (`heli3dof.model.greybox.prediction.NOISE`) *and* σ_i over
+`HORIZON_S` exceeds the error of the refitted rigid body by `OVER`: an encoder's play alone does the
+latter, a cause that is missing the former.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from heli3dof.identification.greybox.method import (
     model_of,
     usable_runs,
 )
-from heli3dof.model.filtering import data_of
-from heli3dof.model.greybox_predict import NOISE, filtered
-from heli3dof.model.greybox_windows import errors
-from heli3dof.model.rig_model import Structure
+from heli3dof.model.estimation.filter_data import data_of
+from heli3dof.model.greybox.multistep import errors
+from heli3dof.model.greybox.prediction import NOISE, filtered
+from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 
 HORIZON_S = 1.0

@@ -26,15 +26,15 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.identification.greybox.descent import Valley, follow_on
+from heli3dof.identification.greybox.levenberg_marquardt import Valley, follow_on
 from heli3dof.identification.greybox.multistep import MultiStep
-from heli3dof.model import rigid_body, stepping
-from heli3dof.model import slots as _s
 from heli3dof.model.compiled import compiled
-from heli3dof.model.greybox_predict import impulse
-from heli3dof.model.greybox_windows import Flight
-from heli3dof.model.rigid_body import accelerations
-from heli3dof.model.stepping import readings, setup
+from heli3dof.model.greybox.multistep import Flight
+from heli3dof.model.greybox.prediction import impulse
+from heli3dof.model.physics import integrator, rigid_body
+from heli3dof.model.physics import state_layout as _s
+from heli3dof.model.physics.integrator import readings, setup
+from heli3dof.model.physics.rigid_body import accelerations
 
 R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
 SPANS_S = (0.4, 1.2)
@@ -78,7 +78,7 @@ def _along(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: 
 
 _along_compiled = compiled(
     _along,
-    calls=(rigid_body._accelerations, rigid_body._body_accelerations, stepping._readings),
+    calls=(rigid_body._accelerations, rigid_body._body_accelerations, integrator._readings),
     error_model="numpy",
     nogil=True,
 )

@@ -14,8 +14,8 @@ from importlib.metadata import EntryPoint, entry_points
 from heli3dof.axes import ALIASES, AXES
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects.base import Effect, Parameter, Term
-from heli3dof.model.hooks import HookError, address
-from heli3dof.model.slots import Stage
+from heli3dof.model.physics.compiled_effects import HookError, address
+from heli3dof.model.physics.state_layout import Stage
 
 __all__ = ["Effect", "Parameter", "Stage", "Term", "effects", "plug_ins", "term", "terms"]
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import PSI_DOT, A, Stage
+from heli3dof.model.physics.state_layout import PSI_DOT, A, Stage
 
 
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:

@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import L_A, REST, A, B, R, Stage
+from heli3dof.model.physics.state_layout import L_A, REST, A, B, R, Stage
 
 
 def thrust(s: Any, par: Any, mem: Any, out: Any) -> None:

@@ -13,7 +13,17 @@ import math
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import P_DOT, PSI_DOT, R_DOT, SPEED_BACK, SPEED_FRONT, A, P, R, Stage
+from heli3dof.model.physics.state_layout import (
+    P_DOT,
+    PSI_DOT,
+    R_DOT,
+    SPEED_BACK,
+    SPEED_FRONT,
+    A,
+    P,
+    R,
+    Stage,
+)
 
 
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:

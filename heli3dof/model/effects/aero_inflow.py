@@ -14,7 +14,20 @@ import math
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import K_F, L_A, L_H, P_DOT, PSI_DOT, R_DOT, V_O, A, B, P, R, Stage
+from heli3dof.model.physics.state_layout import (
+    K_F,
+    L_A,
+    L_H,
+    P_DOT,
+    PSI_DOT,
+    R_DOT,
+    V_O,
+    A,
+    B,
+    P,
+    R,
+    Stage,
+)
 
 LEAST = 1e-3
 """of F_h: below it the loss stays, for |F|ⁿ has no slope at zero"""

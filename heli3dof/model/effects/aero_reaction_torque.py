@@ -10,7 +10,7 @@ import math
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import F_BACK, F_FRONT, A, P, R, Stage
+from heli3dof.model.physics.state_layout import F_BACK, F_FRONT, A, P, R, Stage
 
 
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:

@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from heli3dof.axes import AXES
-from heli3dof.model.hooks import Hook
-from heli3dof.model.slots import Stage
+from heli3dof.model.physics.compiled_effects import Hook
+from heli3dof.model.physics.state_layout import Stage
 
 ABSCISSAE = (
     "roll", "pitch", "yaw", "roll_rate", "pitch_rate", "yaw_rate", "voltage_sum",

@@ -7,7 +7,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import AXIS, A, B, C, Stage, T
+from heli3dof.model.physics.state_layout import AXIS, A, B, C, Stage, T
 
 
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:

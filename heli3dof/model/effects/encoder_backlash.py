@@ -14,7 +14,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import AXIS, FLANK, A, Stage
+from heli3dof.model.physics.state_layout import AXIS, FLANK, A, Stage
 
 
 def measure(s: Any, par: Any, mem: Any, out: Any) -> None:

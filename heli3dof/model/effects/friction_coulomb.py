@@ -1,7 +1,8 @@
 """Dry friction: τ = −τ_c sgn(q̇), and in a joint at rest whatever holds it still, up to ±τ_c.
 
 Set-valued, with no smoothing of the step: a joint that sticks does not creep. How it is stepped,
-and what it does to a rate that is known only roughly, stands in `heli3dof.model.dry_friction`.
+and what it does to a rate that is known only roughly, stands in
+`heli3dof.model.physics.dry_friction`.
 
 Where accelerations are asked for and no step is taken (a trace of a small friction along a path
 that is known), it is the torque −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J: wide enough
@@ -15,7 +16,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import AXIS, J_R, R_DOT, STEPPED, A, Stage
+from heli3dof.model.physics.state_layout import AXIS, J_R, R_DOT, STEPPED, A, Stage
 
 NARROWEST = 0.002
 """rad/s"""

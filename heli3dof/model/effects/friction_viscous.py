@@ -6,7 +6,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import AXIS, R_DOT, A, Stage
+from heli3dof.model.physics.state_layout import AXIS, R_DOT, A, Stage
 
 
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:

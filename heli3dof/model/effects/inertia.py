@@ -9,7 +9,7 @@ from typing import Any
 
 from heli3dof.axes import AXES
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import AXIS, J_R, A, Stage
+from heli3dof.model.physics.state_layout import AXIS, J_R, A, Stage
 
 
 def setup(s: Any, par: Any, mem: Any, out: Any) -> None:

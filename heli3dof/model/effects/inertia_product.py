@@ -15,7 +15,7 @@ import math
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import PSI_DOT, R_DOT, A, R, Stage
+from heli3dof.model.physics.state_layout import PSI_DOT, R_DOT, A, R, Stage
 
 
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:

@@ -11,7 +11,7 @@ import math
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import L_A, A, B, R, Stage, T
+from heli3dof.model.physics.state_layout import L_A, A, B, R, Stage, T
 
 PUT_DOWN_S = 0.1
 

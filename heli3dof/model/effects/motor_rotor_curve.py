@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import K_F, V_O, A, Stage
+from heli3dof.model.physics.state_layout import K_F, V_O, A, Stage
 
 
 def thrust(s: Any, par: Any, mem: Any, out: Any) -> None:

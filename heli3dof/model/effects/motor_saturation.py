@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import A, Stage
+from heli3dof.model.physics.state_layout import A, Stage
 
 
 def voltage(s: Any, par: Any, mem: Any, out: Any) -> None:

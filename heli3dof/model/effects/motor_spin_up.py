@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import SLEW, A, Stage
+from heli3dof.model.physics.state_layout import SLEW, A, Stage
 
 
 def setup(s: Any, par: Any, mem: Any, out: Any) -> None:

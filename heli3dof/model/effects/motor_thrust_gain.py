@@ -1,7 +1,7 @@
 """Both motors thrust k times as much as the profile's K_f says.
 
 Not identifiable beside T_g and the three inertias, all of which are estimated in units of K_f
-(see `heli3dof.model.rigid_body`); it is here for simulating with it.
+(see `heli3dof.model.physics.rigid_body`); it is here for simulating with it.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.model.slots import GAIN_BACK, GAIN_FRONT, A, Stage
+from heli3dof.model.physics.state_layout import GAIN_BACK, GAIN_FRONT, A, Stage
 
 
 def setup(s: Any, par: Any, mem: Any, out: Any) -> None:

@@ -1,7 +1,7 @@
 """Products of rates are left out where the couplings are: no centrifugal and no Coriolis torques.
 
 What an arm that turns does to roll, −J_r sin r cos r ψ̇², and to pitch, J_p sin p cos p (ṙ² −
-cos² r ψ̇²), the simplest equations do not have (`heli3dof.model.rigid_body`). Like
+cos² r ψ̇²), the simplest equations do not have (`heli3dof.model.physics.rigid_body`). Like
 `simplified_couplings`, without which it means nothing, this belongs to the base and is never told
 as a cause.
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, share
-from heli3dof.model.slots import UNTHROWN, A, Stage
+from heli3dof.model.physics.state_layout import UNTHROWN, A, Stage
 
 
 def setup(s: Any, par: Any, mem: Any, out: Any) -> None:

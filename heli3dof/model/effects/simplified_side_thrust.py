@@ -1,8 +1,9 @@
 """The thrusts' difference turns the tilted rig: L_h sin r D on yaw, where couplings are left out.
 
 In the whole body M_pψ p̈ takes most of it away again: pitch follows D. Equations that project the
-thrusts but not the inertias keep it (`heli3dof.model.rigid_body`). Like `simplified_couplings`,
-without which it means nothing, this belongs to the base and is never told as a cause.
+thrusts but not the inertias keep it (`heli3dof.model.physics.rigid_body`). Like
+`simplified_couplings`, without which it means nothing, this belongs to the base and is never told
+as a cause.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, share
-from heli3dof.model.slots import SIDEWAYS, A, Stage
+from heli3dof.model.physics.state_layout import SIDEWAYS, A, Stage
 
 
 def setup(s: Any, par: Any, mem: Any, out: Any) -> None:

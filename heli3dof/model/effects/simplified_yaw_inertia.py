@@ -1,8 +1,8 @@
 """The arm's inertia about the vertical is taken as constant: J_ψ ψ̈ in place of a J_ψ(r) that turns.
 
 Tilted, the arm has (J_ψ − J_p) cos² r + J_p, 7 % less at 15°, and speeds up as it draws in,
-2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.rigid_body`). Simplified equations often leave out
-both. Like `simplified_couplings` this belongs to the base and is never told as a cause.
+2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). Simplified equations often
+leave out both. Like `simplified_couplings` this belongs to the base and is never told as a cause.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.model.effects.base import Effect, share
-from heli3dof.model.slots import CONSTANT, A, Stage
+from heli3dof.model.physics.state_layout import CONSTANT, A, Stage
 
 
 def setup(s: Any, par: Any, mem: Any, out: Any) -> None:

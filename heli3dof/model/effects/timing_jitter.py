@@ -2,7 +2,7 @@
 
 Seen in the time stamps where they tell the true instants; then a fit follows them and loses
 nothing. Where the stamps are a counter's, the readings are off by rate times ε, which the filter
-estimates as the jitter among its noises (`heli3dof.model.encoder_events`).
+estimates as the jitter among its noises (`heli3dof.model.estimation.quantised_measurement`).
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 from heli3dof.errors import CheckFailed, DeviceError
 from heli3dof.rig.drivers import is_private, load_driver, open_rig
-from heli3dof.rig.port import Command, Driver, Flags, Rig, Sample
+from heli3dof.rig.interface import Command, Driver, Flags, Rig, Sample
 from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.url import parse_url
 
@@ -129,7 +129,7 @@ def owed(ok: object, what: str, found: object) -> None:
         raise NotConforming(
             f"{what}; found: {found}",
             cause="the driver, or the device behind it, does otherwise than the port says.",
-            fix="read heli3dof/rig/port.py and docs/writing-a-driver.md",
+            fix="read heli3dof/rig/interface.py and docs/writing-a-driver.md",
         )
 
 

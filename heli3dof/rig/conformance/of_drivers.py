@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from heli3dof.errors import DeviceError, UsageError
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Flags
+from heli3dof.rig.interface import Flags
 from heli3dof.rig.url import parse_url
 
 from .bench import Bench, cases, owed, owed_error, owed_rest, owed_volts

@@ -9,7 +9,7 @@ from dataclasses import is_dataclass
 from itertools import pairwise
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.port import Flags, Sample
+from heli3dof.rig.interface import Flags, Sample
 
 from .bench import Bench, Case, Host, cases, owed, owed_rest, owed_volts
 

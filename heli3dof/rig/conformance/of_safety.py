@@ -7,7 +7,7 @@ import time
 import unittest
 from functools import partial
 
-from heli3dof.rig.port import Flags
+from heli3dof.rig.interface import Flags
 
 from .bench import Bench, Host, cases, owed, owed_error, owed_rest, owed_volts
 

@@ -6,6 +6,7 @@
 - `armed`: what only an armed rig shows, at zero volts, where the user asked for it
 
 What concerns a door before it is opened (permission, holder, latency timer) is the driver's to
-say (`heli3dof.rig.port.Driver.examine`); what the system grants the loop is said by
-`heli3dof.experiment.realtime`. A new check is a function in a file's ``CHECKS``.
+say (`heli3dof.rig.interface.Driver.examine`); what the system grants the loop is said by
+`heli3dof.experiment.control_loop.realtime_priority`. A new check is a function in a file's
+``CHECKS``.
 """

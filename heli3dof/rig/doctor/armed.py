@@ -12,9 +12,9 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 
-from heli3dof.rig.port import Check, Command, Flags, Sample
+from heli3dof.rig.interface import Check, Command, Flags, Sample
 from heli3dof.rig.profile import Profile
-from heli3dof.rig.stoppable import StoppableRig
+from heli3dof.rig.session.stoppable_rig import StoppableRig
 
 SECONDS = 1.0
 LONGEST_RAMP_S = 0.5

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from heli3dof.rig.port import Check
+from heli3dof.rig.interface import Check
 
 ROOM_BYTES = 1 << 30
 """A flight of ten minutes takes about 15 MB; the analysis writes as much again"""

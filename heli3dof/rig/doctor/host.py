@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from heli3dof.rig.clock import wait_until
-from heli3dof.rig.port import Check
+from heli3dof.rig.interface import Check
 from heli3dof.rig.profile import Profile
 
 SYSTEM = Path("/sys/devices/system")

@@ -12,9 +12,9 @@ from math import degrees
 
 from heli3dof.axes import AXES
 from heli3dof.rig.clock import wait_until
-from heli3dof.rig.port import Check, Flags, Sample
+from heli3dof.rig.interface import Check, Flags, Sample
 from heli3dof.rig.profile import Profile
-from heli3dof.rig.stoppable import StoppableRig
+from heli3dof.rig.session.stoppable_rig import StoppableRig
 
 POLLS = 500
 EVERY_S = 2e-3

@@ -18,14 +18,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.identification import validate
-from heli3dof.identification.prepare import Prepared, prepare
-from heli3dof.identification.rates import NoContinuousModel, at_rate
-from heli3dof.identification.subspace import StateSpace
+from heli3dof.identification import validation
+from heli3dof.identification.black_box.pbsid import StateSpace
+from heli3dof.identification.black_box.resampling import NoContinuousModel, at_rate
+from heli3dof.identification.preprocessing import Prepared, prepare
 from heli3dof.model.base import Model
-from heli3dof.model.convert import held
-from heli3dof.model.linear import LinearModel
-from heli3dof.model.modelfile import read_model
+from heli3dof.model.discretisation import held
+from heli3dof.model.linear.model import LinearModel
+from heli3dof.model.model_file import read_model
 from heli3dof.recording.recording import Recording
 from tests.bench.peers import rigid
 from tests.bench.peers.interface import Found
@@ -88,7 +88,7 @@ def flights(recordings: list[Recording]) -> Prepared:
 
 def replay_fit(model: object, held_out: Prepared) -> np.ndarray:
     """(3,) %, pooled over the flights."""
-    return validate.score(validate.replays(model, held_out, held_out.held_out)).fit_percent  # type: ignore[arg-type]
+    return validation.score(validation.replays(model, held_out, held_out.held_out)).fit_percent  # type: ignore[arg-type]
 
 
 def replay_of(quiet: list[Recording], held_out: Prepared) -> np.ndarray:
@@ -102,14 +102,14 @@ def replay_of(quiet: list[Recording], held_out: Prepared) -> np.ndarray:
                 quiet[run.source % len(quiet)].angle[rows],
             )
         )
-    return validate.score(pairs).fit_percent
+    return validation.score(pairs).fit_percent
 
 
 def one_step_fit(model: Model, held_out: Prepared) -> float:
     """%, the lowest axis."""
     with np.errstate(over="ignore", invalid="ignore"):
-        pairs = validate.predictions(model, held_out, held_out.held_out, ONE_STEP_S)
-    return float(validate.score(pairs).fit_percent.min())
+        pairs = validation.predictions(model, held_out, held_out.held_out, ONE_STEP_S)
+    return float(validation.score(pairs).fit_percent.min())
 
 
 def linear_model(found: Found, known: np.ndarray, dt: float) -> LinearModel:

@@ -37,9 +37,9 @@ PHYSICAL = dict(
 
 
 def main(method: str, flight_file: str, held_out_file: str, found_file: str) -> None:
-    from heli3dof.identification.api import identify
-    from heli3dof.model.modelfile import save_model
-    from heli3dof.recording.reader import read_recording
+    from heli3dof.identification.identify import identify
+    from heli3dof.model.model_file import save_model
+    from heli3dof.recording.mcap_files.reader import read_recording
 
     flight = read_recording(flight_file)
     held_out = read_recording(held_out_file)

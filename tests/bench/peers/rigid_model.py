@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.model.base import LoopResult, LoopTask
-from heli3dof.model.controller import N_OUT, control_law, parameters, state_at_rest
+from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
 from tests.bench.peers import rigid
 
 SUBSTEPS = 4

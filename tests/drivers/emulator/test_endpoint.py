@@ -8,8 +8,8 @@ from itertools import groupby, pairwise
 import pytest
 from cobs.cobs import encode
 from heli3dof_drivers.emulator.amplifier import FAULT, Amplifier
-from heli3dof_drivers.emulator.door import emulated
 from heli3dof_drivers.emulator.endpoint import Endpoint
+from heli3dof_drivers.emulator.transport import emulated
 from heli3dof_drivers.link.checksum import check
 from heli3dof_drivers.link.frames import (
     Ack,
@@ -29,7 +29,7 @@ from heli3dof_drivers.link.frames import (
     Status,
     wire,
 )
-from heli3dof_drivers.link.golden import TRANSCRIPTS, Line
+from heli3dof_drivers.link.golden_transcripts import TRANSCRIPTS, Line
 from hypothesis import given
 from hypothesis import strategies as st
 

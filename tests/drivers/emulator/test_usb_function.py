@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from heli3dof_drivers.emulator.usb_function import FIFO, IN, OUT, Setup, UsbFunction
 from heli3dof_drivers.link.frames import Arm, Cause, Splitter, wire
-from heli3dof_drivers.link.golden import TRANSCRIPTS, Line
+from heli3dof_drivers.link.golden_transcripts import TRANSCRIPTS, Line
 
 from tests.drivers.emulator.still import still_endpoint
 

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Command, Flags
+from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.profile import default_profile
 from tests.drivers.firmware.building import rig_program
 

@@ -30,8 +30,8 @@ from heli3dof_drivers.link.frames import (
     Splitter,
     wire,
 )
-from heli3dof_drivers.link.intake import Intake
-from heli3dof_drivers.link.statistics import LinkStatistics
+from heli3dof_drivers.link.link_statistics import LinkStatistics
+from heli3dof_drivers.link.sample_validation import Intake
 
 from tests.drivers.emulator.still import still_endpoint
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pytest
 from heli3dof_drivers.emulator.amplifier import Amplifier
-from heli3dof_drivers.link import frames, intake
+from heli3dof_drivers.link import frames, sample_validation
 
 from tests.drivers.link.faults import KINDS, Trial
 
@@ -60,7 +60,7 @@ def test_the_judge_sees_a_receiver_that_checks_less(monkeypatch: pytest.MonkeyPa
 
 
 def test_the_judge_sees_a_host_that_believes_old_samples(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(intake, "_HALF", 2**33)
+    monkeypatch.setattr(sample_validation, "_HALF", 2**33)
     assert Trial(seed=1).run(faults=2000).wrong_samples > 0
 
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 import pytest
 from heli3dof_drivers.link.rig import LinkRig
 
-from heli3dof.rig.port import Command, Flags
+from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.profile import default_profile
 from tests.drivers.emulator.still import still_endpoint
 from tests.drivers.link.faults import HarmfulLine, Tally

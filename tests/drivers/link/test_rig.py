@@ -19,11 +19,11 @@ from heli3dof_drivers.link.frames import (
     parse,
     wire,
 )
-from heli3dof_drivers.link.intake import cause_name
 from heli3dof_drivers.link.rig import LinkRig, stop_over
+from heli3dof_drivers.link.sample_validation import cause_name
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.port import Command, Flags, Sample
+from heli3dof.rig.interface import Command, Flags, Sample
 from heli3dof.rig.profile import default_profile
 from tests.drivers.emulator.still import still_endpoint
 from tests.drivers.link.lines import DirectLine

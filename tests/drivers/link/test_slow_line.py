@@ -8,7 +8,7 @@ import pytest
 from heli3dof_drivers.link.rig import LinkRig
 from heli3dof_drivers.link.sampling import SOONEST_AGAIN_S
 
-from heli3dof.rig.port import Command, Flags
+from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.profile import default_profile
 from tests.drivers.emulator.still import still_endpoint
 from tests.drivers.link.lines import DirectLine

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from heli3dof.rig.port import Command, Flags
+from heli3dof.rig.interface import Command, Flags
 from tests.clock import Clock
 
 from .conftest import Open

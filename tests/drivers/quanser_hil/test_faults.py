@@ -7,11 +7,11 @@ from types import ModuleType
 
 import pytest
 from heli3dof_drivers.quanser_hil import QuanserDriver
-from heli3dof_drivers.quanser_hil.card import library
-from heli3dof_drivers.quanser_hil.errors import Qerr, explain
+from heli3dof_drivers.quanser_hil.board import library
+from heli3dof_drivers.quanser_hil.error_codes import Qerr, explain
 
 from heli3dof.errors import DeviceError, UsageError
-from heli3dof.rig.port import Command, Flags
+from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.url import parse_url
 from tests.clock import Clock
 

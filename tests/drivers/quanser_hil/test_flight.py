@@ -15,7 +15,7 @@ from .stand_in import install
 @pytest.mark.usefixtures("own_clock")
 def test_a_step_of_ten_degrees_flies(monkeypatch: pytest.MonkeyPatch):
     # Nor is the computer taken for one that slept, by how far our clock runs ahead of its own.
-    monkeypatch.setattr("heli3dof.experiment.watches.suspension.ahead_s", lambda: 0.0)
+    monkeypatch.setattr("heli3dof.experiment.safety_monitors.host_suspend.ahead_s", lambda: 0.0)
     lab = install(monkeypatch)
     patient = profile(**PATIENT, landing_s=0.5)
     plan = step_plan((10.0, None, None), settle_s=2.0, duration_s=2.5)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 
-from heli3dof_drivers.emulator.door_usb import BusFault, EmulatedBus, Rig
+from heli3dof_drivers.emulator.transport_usb import BusFault, EmulatedBus, Rig
 from heli3dof_drivers.emulator.usb_mock import rig_of
 from heli3dof_drivers.mock import Options
 from heli3dof_drivers.usb_bulk import UsbDriver
 from heli3dof_drivers.usb_bulk.rig import UsbRig
 
-from heli3dof.rig.port import Command, Sample
+from heli3dof.rig.interface import Command, Sample
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.url import parse_url
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from heli3dof_drivers.emulator.door_usb import BusFault
+from heli3dof_drivers.emulator.transport_usb import BusFault
 from heli3dof_drivers.emulator.usb_mock import UsbMockDriver
 from heli3dof_drivers.mock import OPTIONS
 from heli3dof_drivers.udev import RULES

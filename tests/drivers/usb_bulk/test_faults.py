@@ -14,7 +14,7 @@ from heli3dof_drivers.usb_bulk.errors import explain
 from heli3dof_drivers.usb_bulk.transport import STOP
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.port import Command, Flags
+from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.url import parse_url
 
 from .laboratory import Lab, fly

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from heli3dof_drivers.link.statistics import LinkStatistics
+from heli3dof_drivers.link.link_statistics import LinkStatistics
 
 from heli3dof.rig.doctor import armed
 from heli3dof.rig.drivers import open_rig
-from heli3dof.rig.port import Check, Command, Flags, Sample
+from heli3dof.rig.interface import Check, Command, Flags, Sample
 from heli3dof.rig.profile import default_profile
-from heli3dof.rig.session import Session
-from heli3dof.rig.stoppable import StoppableRig
+from heli3dof.rig.session.server import Session
+from heli3dof.rig.session.stoppable_rig import StoppableRig
 from tests.rig.fakes import IDENTITY, FakeDriver, FakeRig
 
 PROFILE = default_profile()

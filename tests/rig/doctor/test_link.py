@@ -9,10 +9,10 @@ import pytest
 
 from heli3dof.rig.calibration import Rest
 from heli3dof.rig.doctor import link
-from heli3dof.rig.port import Check, Flags
+from heli3dof.rig.interface import Check, Flags
 from heli3dof.rig.profile import default_profile
-from heli3dof.rig.session import Session
-from heli3dof.rig.stoppable import StoppableRig
+from heli3dof.rig.session.server import Session
+from heli3dof.rig.session.stoppable_rig import StoppableRig
 from tests.rig.fakes import IDENTITY, FakeDriver, FakeRig
 
 PROFILE = default_profile()

@@ -1,0 +1,244 @@
+"""What the HIL library says by number, and what that means to whoever stands at the rig.
+
+Its functions raise HILError with a negative ``error_code``; the numbers are those of the vendor's
+quanser_errors.h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import IntEnum
+
+from heli3dof.errors import DeviceError
+
+from ..error_table import Trouble, Troubles, each
+
+
+class Qerr(IntEnum):
+    """The codes that this driver tells apart, without their sign."""
+
+    NO_PERMISSION = 11
+    TIMED_OUT = 14
+    LIBRARY_NOT_FOUND = 15
+    FUNCTION_NOT_SUPPORTED = 94
+    UNABLE_TO_OPEN_DRIVER = 107
+    BOARD_NOT_FOUND = 108
+    BOARD_IN_USE = 109
+    UNABLE_TO_LOCK_DEVICE = 110
+    BUFFER_OVERFLOW = 111
+    INVALID_BOARD_HANDLE = 113
+    INVALID_ANALOG_INPUT_CHANNEL = 121
+    INVALID_ENCODER_INPUT_CHANNEL = 124
+    INVALID_ANALOG_OUTPUT_CHANNEL = 133
+    INVALID_DIGITAL_OUTPUT_CHANNEL = 139
+    CLOCK_NOT_SUPPORTED = 144
+    HARDWARE_CLOCK_IN_USE = 145
+    CLOCK_FREQUENCY_TOO_HIGH = 150
+    CLOCK_FREQUENCY_TOO_LOW = 151
+    CLOCK_FREQUENCY_INVALID = 152
+    UNRECOGNIZED_BOARD_TYPE = 179
+    OVERSAMPLING_DETECTED = 190
+    INVALID_LICENSE = 194
+    MISSING_LICENSE_FILE = 195
+    INVALID_BOARD_IDENTIFIER = 401
+    INVALID_DEVICE_HANDLE = 402
+    SET_ANALOG_OUTPUT_RANGES_NOT_SUPPORTED = 461
+    SET_DIGITAL_DIRECTIONS_NOT_SUPPORTED = 464
+    SET_ENCODER_QUADRATURE_MODE_NOT_SUPPORTED = 466
+    EXCLUSIVE_ACCESS_ALREADY_GRANTED = 540
+    ANALOG_EXPIRATION_NOT_SUPPORTED = 591
+    DIGITAL_EXPIRATION_NOT_SUPPORTED = 592
+    WATCHDOG_START_NOT_SUPPORTED = 595
+    WATCHDOG_STOP_NOT_SUPPORTED = 596
+    WATCHDOG_RELOAD_NOT_SUPPORTED = 597
+    WATCHDOG_CLEAR_NOT_SUPPORTED = 599
+    DIGITAL_EXPIRATION_STATE_NOT_TRISTATE = 602
+    ANALOG_EXPIRATIONS_NOT_CONFIGURED = 604
+    DIGITAL_EXPIRATIONS_NOT_CONFIGURED = 605
+    Q8_SERIES_EXPIRATIONS_NOT_CONFIGURED = 614
+    NO_SUCH_DEVICE = 670
+
+
+OVERRUN = (Qerr.BUFFER_OVERFLOW, Qerr.OVERSAMPLING_DETECTED)
+_GONE = (Qerr.NO_SUCH_DEVICE, Qerr.INVALID_BOARD_HANDLE, Qerr.INVALID_DEVICE_HANDLE)
+_BUSY = (
+    Qerr.BOARD_IN_USE, Qerr.UNABLE_TO_LOCK_DEVICE, Qerr.EXCLUSIVE_ACCESS_ALREADY_GRANTED,
+)  # fmt: skip
+_NO_WATCHDOG = (
+    Qerr.ANALOG_EXPIRATION_NOT_SUPPORTED, Qerr.DIGITAL_EXPIRATION_NOT_SUPPORTED,
+    Qerr.WATCHDOG_START_NOT_SUPPORTED, Qerr.WATCHDOG_RELOAD_NOT_SUPPORTED,
+)  # fmt: skip
+EVERY_OUTPUT = (
+    Qerr.ANALOG_EXPIRATIONS_NOT_CONFIGURED, Qerr.DIGITAL_EXPIRATIONS_NOT_CONFIGURED,
+    Qerr.Q8_SERIES_EXPIRATIONS_NOT_CONFIGURED,
+)  # fmt: skip
+"""The board wants the expiration states of all its outputs, not of some"""
+_CLOCK = (
+    Qerr.CLOCK_NOT_SUPPORTED, Qerr.CLOCK_FREQUENCY_TOO_HIGH, Qerr.CLOCK_FREQUENCY_TOO_LOW,
+    Qerr.CLOCK_FREQUENCY_INVALID,
+)  # fmt: skip
+_CHANNEL = {
+    Qerr.INVALID_ANALOG_INPUT_CHANNEL: "current",
+    Qerr.INVALID_ENCODER_INPUT_CHANNEL: "roll, pitch, yaw",
+    Qerr.INVALID_ANALOG_OUTPUT_CHANNEL: "front, back",
+    Qerr.INVALID_DIGITAL_OUTPUT_CHANNEL: "enable",
+}
+TROUBLES: Troubles = {
+    Qerr.BOARD_NOT_FOUND: Trouble(
+        "{name}: there is no such board.",
+        "it is not plugged in or has no power, or it is a board of another type.",
+        "plug it in and wait for its light; the URL is quanser://BOARD/NUMBER, "
+        "e.g. quanser://q8_usb/0",
+    ),
+    **each(
+        (Qerr.UNRECOGNIZED_BOARD_TYPE, Qerr.INVALID_BOARD_IDENTIFIER),
+        Trouble(
+            "{name}: the HIL library knows no board of this name.",
+            "a typing error, or a board that this system's library does not support "
+            "(on Linux it supports fewer than on Windows).",
+            "the names are in the HIL documentation: q8_usb, q2_usb, qpid_e, ...",
+        ),
+    ),
+    **each(
+        _BUSY,
+        Trouble(
+            "{name} is in use.",
+            "another program holds the board: QUARC, Simulink, or another flight.",
+            "stop that program. The red button of the amplifier stops the motors meanwhile",
+        ),
+    ),
+    Qerr.NO_PERMISSION: Trouble(
+        "{name} may not be opened by this user.",
+        "the system does not let this user reach the board.",
+        "sudo apt-get install --reinstall quanser-sdk, then plug the board in again",
+    ),
+    **each(
+        (Qerr.UNABLE_TO_OPEN_DRIVER, Qerr.LIBRARY_NOT_FOUND),
+        Trouble(
+            "{name}: the board's driver does not load.",
+            "the HIL library is there and what it needs for this board is not.",
+            "install the Quanser SDK again, for this board's type",
+        ),
+    ),
+    **each(
+        (Qerr.INVALID_LICENSE, Qerr.MISSING_LICENSE_FILE),
+        Trouble(
+            "{name}: the HIL library refuses for want of a licence.",
+            "QUARC is installed and its licence is missing or has run out.",
+            "renew the licence, or install the Quanser SDK instead of QUARC",
+        ),
+    ),
+    **each(
+        OVERRUN,
+        Trouble(
+            "{name}: samples were lost: the board's buffer ran over while {doing}.",
+            "the host was away for longer than the buffer holds; the motors were stopped.",
+            "heli3dof doctor; close what keeps this machine busy",
+        ),
+    ),
+    **each(
+        (*_GONE, Qerr.TIMED_OUT),
+        Trouble(
+            "{name} was lost while {doing}.",
+            "its cable came out or it lost its power. The board's watchdog puts the "
+            "outputs to rest.",
+            "plug it in and secure the cable; then open it again",
+        ),
+    ),
+    Qerr.HARDWARE_CLOCK_IN_USE: Trouble(
+        "{name}: the board's clock is in use.",
+        "another program times its samples with it.",
+        "end that program, or another clock: clock=1",
+    ),
+    **each(
+        _CLOCK,
+        Trouble(
+            "{name}: the board's clock cannot run at the profile's rate.",
+            "the rate is beyond this board, or the clock is not one that times samples.",
+            "a lower [loop] rate_hz in the profile, or another clock: clock=1",
+        ),
+    ),
+    **each(
+        _CHANNEL,
+        Trouble(
+            "{name}: the board has no such channel.",
+            "one of {channels} in the URL is beyond what this board has.",
+            "look at the terminal board and write each channel into the URL",
+        ),
+    ),
+    **each(
+        EVERY_OUTPUT,
+        Trouble(
+            "{name} cannot be flown: its watchdog wants to be told of every output.",
+            "the board does not say how many outputs it has.",
+            "update the board's firmware and the HIL library",
+        ),
+    ),
+    **each(
+        _NO_WATCHDOG,
+        Trouble(
+            "{name} cannot be flown: its watchdog cannot put the outputs to rest.",
+            "this type of board has no expiration states: if this computer hangs, the "
+            "motors go on at the last voltage.",
+            "a board whose watchdog has them, e.g. a q8_usb",
+        ),
+    ),
+}
+"""The library's, by their number without its sign"""
+
+
+def code_of(error: BaseException) -> int:
+    """The number of a HILError, without its sign; 0 for any other error."""
+    return abs(int(getattr(error, "error_code", 0)))
+
+
+def explain(error: BaseException, name: str, doing: str) -> DeviceError:
+    """The error for a user. ``name``: the rig's URL; ``doing``: "starting its watchdog", say."""
+    code = code_of(error)
+    known = TROUBLES.get(code)
+    if known is not None:
+        channels = _CHANNEL[Qerr(code)] if code in _CHANNEL else ""
+        return known.error(name=name, doing=doing, channels=channels)
+    return DeviceError(
+        f"{name}: {_message(error)} while {doing}.",
+        cause=f"the HIL library reports error {code}, which this driver does not know."
+        if code
+        else "the HIL library failed in a way that it does not name.",
+        fix="heli3dof doctor; the number stands in the HIL documentation, Quanser Error Codes",
+    )
+
+
+def _message(error: BaseException) -> str:
+    try:
+        said = str(error.get_error_message())  # type: ignore[attr-defined]
+    except Exception:
+        said = str(error) or type(error).__name__
+    return said.strip().rstrip(".")
+
+
+@contextmanager
+def explained(hil_error: type[Exception], name: str, doing: str) -> Iterator[None]:
+    """Every HILError within becomes a DeviceError."""
+    try:
+        yield
+    except hil_error as error:
+        raise explain(error, name, doing) from error
+
+
+def no_library(error: BaseException) -> DeviceError:
+    """The vendor's Python package, or the library beneath it, is not there."""
+    if isinstance(error, ImportError):
+        return DeviceError(
+            "No Quanser board can be opened: the Python package quanser.hardware is not there.",
+            cause="it comes with the vendor's SDK, not from PyPI; or it was installed for "
+            "another Python than this one.",
+            fix="install the Quanser SDK (github.com/quanser/quanser_sdk) or QUARC, then with "
+            "this Python: pip install the quanser_api wheel from the SDK's python folder",
+        )
+    return DeviceError(
+        f"No Quanser board can be opened: the HIL library does not load ({error}).",
+        cause="the Python package is there, and the vendor's library beneath it is not.",
+        fix="Linux: sudo apt-get install quanser-sdk (github.com/quanser/quanser_sdk_linux); "
+        "Windows: install_quanser_sdk.exe (github.com/quanser/quanser_sdk_win64)",
+    )

@@ -1,0 +1,95 @@
+"""What is said at the end of a flight: peak, overshoot, error per axis, late periods."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from heli3dof.axes import AXES
+from heli3dof.cli.timing_summary import punctuality_note
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from rich.console import Group
+
+    from heli3dof.comparison.metrics import AxisMetrics
+    from heli3dof.experiment.fly import Flight
+    from heli3dof.recording.recording import Recording
+
+
+def metrics_of(recording: Recording) -> Mapping[str, AxisMetrics]:
+    """Step metrics of what the controller flew (the ramp to zero left out)."""
+    from heli3dof.comparison.metrics import flight_metrics
+    from heli3dof.comparison.replay import under_control
+
+    flown = under_control(recording)
+    grain = recording.profile.encoder.rad_per_count
+    return flight_metrics(flown.t, flown.angle, flown.reference, resolution=grain)
+
+
+def recording_table(recording: Recording, title: str, note: str | None = None) -> Group:
+    """Step metrics for the terminal, a row for every step of every axis."""
+    from heli3dof.report.comparison_tables import metrics_of as metrics_grid
+    from heli3dof.report.text_table import to_rich
+
+    grid = metrics_grid(metrics_of(recording), title)
+    return to_rich(replace(grid, notes=[*grid.notes, note]) if note else grid)
+
+
+def recording_document(recording: Recording) -> dict[str, Any]:
+    """The step metrics of each axis, as JSON keys with units."""
+    found = metrics_of(recording)
+    return {
+        axis: {"set_deg": found[axis].reported.set_deg, **found[axis].reported.values()}
+        for axis in AXES
+    }
+
+
+def flight_table(flight: Flight) -> Group | str:
+    """The metrics, how the flight ended, and how punctual the loop was."""
+    outcome = flight.outcome
+    if not outcome.periods:
+        return f"Nothing was flown: {outcome.detail}"
+    seconds = outcome.periods * flight.recording.profile.dt
+    return recording_table(
+        flight.recording,
+        f"{flight.recording.name}: {outcome.ending}, {seconds:.1f} s in closed loop",
+        punctuality_note(outcome),
+    )
+
+
+def flight_warnings(flight: Flight) -> list[str]:
+    """What the flight's link did that the user must know of."""
+    from heli3dof.recording.link_quality import link_warnings
+
+    return link_warnings(flight.outcome.details(), flight.recording.profile.dt)
+
+
+def flight_document(flight: Flight) -> dict[str, Any]:
+    """``run-step --json`` and ``run --json``."""
+    outcome = flight.outcome
+    details = outcome.details()
+    return {
+        "schema": "heli3dof.flight/1",
+        "recording": str(flight.path),
+        "outcome": outcome.ending,
+        "detail": outcome.detail,
+        **outcome.advice(),
+        "device_cause": outcome.device_cause,
+        "periods": outcome.periods,
+        "late_periods": outcome.late,
+        "missed_periods": outcome.missed,
+        "lost_periods": outcome.lost,
+        "left_out_periods": outcome.left_out,
+        "worst_lateness_s": outcome.worst_lateness_s,
+        "punctuality": details["punctuality"],
+        "realtime": details["realtime"],
+        "link": details["link"],
+        "latency": details["latency"],
+        "warnings": flight_warnings(flight),
+        "landed": outcome.landed,
+        "ramped": outcome.ramped,
+        "digest": flight.recording.digest,
+        "axes": recording_document(flight.recording) if outcome.periods else {},
+    }

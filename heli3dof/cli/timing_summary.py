@@ -1,0 +1,110 @@
+"""How punctual a flight's loop was, in the words of ``info`` and of a flight's end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from heli3dof.experiment.control_loop.outcome import Outcome
+
+
+def punctuality_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Rows for a recording, of `heli3dof.recording.info.summary`'s dictionary."""
+    rows: list[tuple[str, str]] = []
+    late, details = about["lateness"], about["outcome_details"]
+    if late:
+        rows.append(("lateness", _quantiles(late["median_s"], late["p999_s"], late["max_s"])))
+        rows.append(("late by over 1 ms", f"{late['late_ticks']} of {about['samples']} periods"))
+    skipped = _skipped(*(details.get(name, 0) for name in ("missed", "lost", "left_out")))
+    if skipped:
+        rows.append(("skipped", skipped))
+    kept = details.get("punctuality")
+    if kept:
+        turn = (kept[f"turnaround_{q}_s"] for q in ("median", "p999", "worst"))
+        rows.append(("sample to command", _quantiles(*turn)))
+    latency = details.get("latency")
+    if latency:
+        if latency["median_s"] is not None:
+            rows.append(("command to echo", latency_text(latency)))
+        rows.append(("unacknowledged", unacknowledged_text(latency)))
+    realtime = details.get("realtime")
+    if realtime:
+        scheduled, locked = realtime["scheduled"], realtime["memory_locked"]
+        granted = f"scheduled {_yes(scheduled)}, memory locked {_yes(locked)}"
+        rows.append(("real time", granted))
+    return rows
+
+
+def punctuality_note(outcome: Outcome) -> str:
+    """What is said under the table at a flight's end."""
+    parts = [f"late by more than 1 ms: {outcome.late} of {outcome.periods} periods"]
+    skipped = _skipped(outcome.missed, outcome.lost, outcome.left_out)
+    if skipped:
+        parts.append(skipped)
+    found = outcome.punctuality
+    if found:
+        parts.append(f"lateness {_quantiles(found.median_s, found.p999_s, found.worst_s)}")
+    if outcome.latency:
+        latency = outcome.latency.to_dict()
+        if outcome.latency.median_s is not None:
+            parts.append(f"command to echo {latency_text(latency)}")
+        if outcome.latency.median_s is not None or outcome.latency.commands_unacknowledged:
+            parts.append(unacknowledged_text(latency))
+    return "; ".join(parts)
+
+
+def latency_text(latency: Mapping[str, Any]) -> str:
+    """Command-to-echo latency: median, 99.9 %, worst, in ms and whole periods."""
+    return ", ".join(
+        f"{name} {_ms(latency[f'{key}_s'])} ({_periods(latency[f'{key}_periods'])})"
+        for name, key in (("median", "median"), ("99.9 %", "p999"), ("at most", "worst"))
+    )
+
+
+def unacknowledged_text(latency: Mapping[str, Any]) -> str:
+    """How many commands the sample after them did not echo."""
+    never = latency["commands_never_echoed"]
+    return (
+        f"{latency['commands_unacknowledged']} of {latency['commands']} commands not echoed by "
+        f"the next sample, {never} never"
+    )
+
+
+def realtime_advice(outcome: Outcome) -> str | None:
+    """What would make a loop that was late more punctual; None where it was not, or has it all."""
+    if outcome.realtime is None or not (outcome.late or outcome.missed):
+        return None
+    refused = outcome.realtime.refused
+    if not refused:
+        return None
+    whats = " and ".join(check.what for check in refused)
+    return f"Some periods were late, and {whats} was not granted. Try: {refused[0].fix}"
+
+
+def _skipped(missed: int, lost: int, left_out: int) -> str:
+    return ", ".join(
+        text
+        for count, text in (
+            (missed, f"{missed} missed by this computer"),
+            (lost, f"{lost} lost on the line"),
+            (left_out, f"{left_out} left out by the device"),
+        )
+        if count
+    )
+
+
+def _quantiles(median_s: float, p999_s: float, worst_s: float) -> str:
+    return f"median {_ms(median_s)}, 99.9 % {_ms(p999_s)}, at most {_ms(worst_s)}"
+
+
+def _ms(seconds: float) -> str:
+    return f"{seconds * 1e3:.2f} ms" if seconds >= 1e-4 else f"{seconds * 1e6:.0f} µs"
+
+
+def _periods(count: int) -> str:
+    return "1 period" if count == 1 else f"{count} periods"
+
+
+def _yes(granted: bool) -> str:
+    return "yes" if granted else "no"

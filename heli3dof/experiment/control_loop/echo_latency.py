@@ -1,0 +1,96 @@
+"""Command-to-echo latency: from sending a command to the first sample that echoes it.
+
+Both times are the host's monotonic clock. Command c is sent at s_c; sample k arrives at h_k and
+echoes command e_k (``Sample.sequence``)::
+
+    latency(c) = h_k − s_c,   k the first sample with e_k = c
+
+It is the dead time that the controller sees: the way there, the wait for the next sampling instant,
+and the way back. On a rig that answers at once it is one period less the time the controller takes.
+A device that measures this delay by itself can do so only modulo its period.
+
+A command is **unacknowledged** when the sample after it (the one that ends its control period) does
+not echo it: it was lost, refused, or is still on its way. It was **never echoed** when a later
+command was echoed first. Both are counted while the device is enabled; a stopped device refuses
+every command.
+"""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from heli3dof.rig.histogram import Histogram
+from heli3dof.rig.interface import Flags, Sample
+
+PENDING = 4096
+"""Commands whose sending time is kept: 8 s at 500 Hz, longer than any watchdog (1 s at most)."""
+_MASK = 0xFFFFFFFF
+
+
+@dataclass(frozen=True, slots=True)
+class EchoLatency:
+    """What `EchoMeter` measured in one flight; None for a time that was never measured."""
+
+    commands: int
+    commands_unacknowledged: int
+    commands_never_echoed: int
+    median_s: float | None
+    p999_s: float | None
+    worst_s: float | None
+    median_periods: int | None
+    """The same in whole control periods, rounded, at least 1"""
+    p999_periods: int | None
+    worst_periods: int | None
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+class EchoMeter:
+    """Fed by every exchange of one flight; a microsecond each, in constant memory.
+
+    ``clocked``: False where the rig's clock is virtual; then commands are counted, not timed.
+    """
+
+    def __init__(self, dt: float, *, clocked: bool = True) -> None:
+        self._dt = dt
+        self._clocked = clocked
+        self._sent_s = array("d", bytes(8 * PENDING))
+        self._echo = 0
+        """Sequence of the newest command that was echoed"""
+        self.latency = Histogram()
+        self.commands = self.unacknowledged = self.never_echoed = 0
+        self.last_s = 0.0
+        """s, of the newest command that the last sample echoes; 0: it echoed no new one"""
+
+    def exchanged(self, sequence: int, sent_s: float, sample: Sample) -> None:
+        """Command ``sequence`` went out at ``sent_s``; ``sample`` ended its control period."""
+        self._sent_s[sequence % PENDING] = sent_s
+        self.last_s = 0.0
+        if not sample.flags & Flags.ENABLED:
+            return
+        self.commands += 1
+        echo = sample.sequence
+        self.unacknowledged += echo != sequence
+        ahead = (echo - self._echo) & _MASK
+        if not 0 < ahead <= (sequence - self._echo) & _MASK:
+            return  # nothing new
+        if ahead < PENDING and self._clocked:
+            self.last_s = sample.host_time_s - self._sent_s[echo % PENDING]
+            self.latency.add(self.last_s)
+        self.never_echoed += ahead - 1
+        self._echo = echo
+
+    def measured(self) -> EchoLatency | None:
+        """None where no command went out to an enabled device."""
+        if not self.commands:
+            return None
+        counts = (self.commands, self.unacknowledged, self.never_echoed)
+        found = self.latency
+        if not found.n:
+            return EchoLatency(*counts, None, None, None, None, None, None)
+        times = (found.quantile_s(0.5), found.quantile_s(0.999), found.worst_s)
+        median, p999, worst = (max(1, round(t / self._dt)) for t in times)
+        return EchoLatency(*counts, *times, median, p999, worst)

@@ -1,0 +1,155 @@
+"""How a flight ended, and how punctual its loop was."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from heli3dof.rig.histogram import Histogram
+from heli3dof.rig.trip import Trip
+
+if TYPE_CHECKING:
+    from heli3dof.experiment.control_loop.echo_latency import EchoLatency
+    from heli3dof.experiment.control_loop.realtime_priority import Realtime
+
+LATE_S = 1e-3
+"""A period whose sample came later than this after its deadline counts as late."""
+
+Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
+
+
+@dataclass(frozen=True)
+class Punctuality:
+    """How late the samples were, and how long the loop took over each; seconds."""
+
+    median_s: float
+    p99_s: float
+    p999_s: float
+    worst_s: float
+    late_share: float
+    """Of all periods: those later than `LATE_S`, and those missed altogether"""
+    turnaround_median_s: float
+    """From a sample's arrival to the command that follows from it"""
+    turnaround_p999_s: float
+    turnaround_worst_s: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a flight ended; written into the recording last."""
+
+    ending: Ending
+    detail: str
+    """A `Trip` where something ended it whose likely cause is known"""
+    periods: int
+    """Control periods flown in closed loop."""
+    late: int
+    """Periods later than `LATE_S`."""
+    missed: int
+    """Periods skipped because the host was too late for them."""
+    worst_lateness_s: float
+    landed: bool
+    """True when the commands that take the motors to zero were carried out."""
+    error: BaseException | None = field(default=None, compare=False)
+    lost: int = 0
+    """Periods skipped because their samples were lost on the line."""
+    punctuality: Punctuality | None = None
+    """None where nothing was flown, or on a virtual clock"""
+    realtime: Realtime | None = None
+    """What the system granted the loop; None on a virtual clock"""
+    link: dict[str, Any] | None = None
+    """What the rig's link counted (see `link_counts`); None where it has none"""
+    left_out: int = 0
+    """Periods skipped because the device, held up itself, made no samples of them."""
+    latency: EchoLatency | None = None
+    """Command-to-echo latency; None where nothing was flown"""
+    device_cause: str | None = None
+    """Why the device held its output at zero, in its own word; None: it did not, or did not say"""
+    ramped: bool = False
+    """True when they were a ramp from the last voltages; False: zero volts at once"""
+
+    def advice(self) -> dict[str, str]:
+        """What it likely came from and what to do; empty where nothing is known."""
+        if not isinstance(self.detail, Trip):
+            return {}
+        return {"likely_cause": self.detail.cause, "fix": self.detail.fix}
+
+    def details(self) -> dict[str, Any]:
+        """The outcome as the recording keeps it, units in the keys."""
+        return {
+            "detail": self.detail,
+            **self.advice(),
+            "device_cause": self.device_cause,
+            "periods": self.periods,
+            "late": self.late,
+            "missed": self.missed,
+            "lost": self.lost,
+            "left_out": self.left_out,
+            "worst_lateness_s": self.worst_lateness_s,
+            "landed": self.landed,
+            "ramped": self.ramped,
+            "punctuality": asdict(self.punctuality) if self.punctuality else None,
+            "realtime": self.realtime.to_dict() if self.realtime else None,
+            "link": self.link,
+            "latency": self.latency.to_dict() if self.latency else None,
+        }
+
+
+def link_counts(rig: Any) -> dict[str, Any] | None:
+    """What ``rig.statistics`` counted, as JSON keys: numbers, and histograms by their quantiles."""
+    statistics = getattr(rig, "statistics", None)
+    if not is_dataclass(statistics) or isinstance(statistics, type):
+        return None
+    kept: dict[str, Any] = {}
+    for name in (f.name for f in fields(statistics)):
+        value = getattr(statistics, name)
+        if isinstance(value, int | float):
+            kept[name] = value
+        elif hasattr(value, "quantile_s") and value.n:
+            kept[f"{name}_median_s"] = value.quantile_s(0.5)
+            kept[f"{name}_p999_s"] = value.quantile_s(0.999)
+            kept[f"{name}_worst_s"] = value.worst_s
+    return kept
+
+
+class Tally:
+    """Counts period by period, in the room of the first."""
+
+    def __init__(self) -> None:
+        self.late = self.missed = self.lost = self.left_out = 0
+        self.lateness = Histogram()
+        self.turnaround = Histogram()
+
+    @property
+    def worst(self) -> float:
+        """s, the latest sample's lateness"""
+        return self.lateness.worst_s
+
+    def count(
+        self, lateness: float, turnaround: float, missed: int, lost: int, left_out: int
+    ) -> None:
+        """One period more: s, s, periods skipped before it."""
+        if lateness > LATE_S:
+            self.late += 1
+        self.missed += missed
+        self.lost += lost
+        self.lateness.add(lateness)
+        self.turnaround.add(turnaround)
+        self.left_out += left_out
+
+    def punctuality(self) -> Punctuality | None:
+        """Quantiles of what was counted (see `Histogram`); None for nothing."""
+        late, turn = self.lateness, self.turnaround
+        n = late.n
+        if not n:
+            return None
+        return Punctuality(
+            late.quantile_s(0.5),
+            late.quantile_s(0.99),
+            late.quantile_s(0.999),
+            late.worst_s,
+            (self.late + self.missed) / (n + self.missed),
+            turn.quantile_s(0.5),
+            turn.quantile_s(0.999),
+            turn.worst_s,
+        )

@@ -1,0 +1,296 @@
+"""An encoder whose count stands still although its axis must be turning.
+
+While a count stands still, a model of the axis runs on from the state that the observer had when
+the count last changed (`heli3dof.experiment.safety_monitors.axis_observer`). The model is given
+more dry friction than the axis has shown so far in this flight, so a live axis turns at least as
+far::
+
+    ω̇ = α + b − f sgn(ω)      at rest while |α + b| ≤ f       f = F + 0.25 |α + b|      (rad/s²)
+
+α is the expected acceleration under the voltages at the motors, b the mean of what the
+observer found unmodelled, 0.25 |α + b| covers a thrust or an inertia that is wrong by a quarter.
+The encoder is reported as frozen when the model has turned further than the clearance C.
+
+F starts at the largest value of known rigs, C at 1.2°, more than their backlash. Both then follow
+what the axis shows of itself:
+
+* Moving up and moving down differ in unmodelled acceleration by twice the friction F₀, whatever the
+  bias. F = F_min + 3 |F₀| once each direction was seen for half a second.
+* To turn back, an axis needs a change of α of at least 2 F₀. F is at most the third-smallest change
+  that turned it back.
+* F is at least the largest deviation of the unmodelled acceleration from b while the axis moved
+  (rotor lag, thrust curve, aerodynamics), forgotten within seconds.
+* Before each turn the model has moved s while the count stood still (backlash, delay). C is at
+  least twice the largest such s.
+
+On the table pitch and yaw may be held and are not judged; roll is judged there only under a thrust
+that lifts every known rig. An axis at a mechanical stop is reported as that, and not judged while
+the motors are ramped down.
+
+False alarms: 0 in 10 h of calm and rich flight on rigs that differ by ±15 % from their profile;
+detection times: docs/benchmarks.md, `make bench TOPIC=watches`.
+"""
+
+from __future__ import annotations
+
+from math import degrees, inf, radians
+
+from heli3dof.axes import AXES
+from heli3dof.experiment.control_loop.control_period import Period
+from heli3dof.experiment.safety_monitors.axis_observer import (
+    BANDWIDTH,
+    LONGEST_GAP_S,
+    AxisObserver,
+    ExpectedAcceleration,
+)
+from heli3dof.rig.profile import Profile
+from heli3dof.rig.trip import Trip
+
+ON_TABLE = radians(3.0)
+"""rad above the rest angle: a roll angle below it may be on the table"""
+LIFTS = 3.2
+"""times the hover voltage, both motors together: lifts a rig with 0.6 of its nominal thrust"""
+ROLL_STOP, PITCH_STOP = radians(30.0), radians(25.0)
+"""rad: an axis that stands beyond it may be at its stop (known rigs: +36° and ±32°)"""
+AT_STOP_S = 0.5
+"""s that an axis may be pushed against its stop: a large step on a slow rig touches it"""
+F_MIN = tuple(radians(a) for a in (3.0, 10.0, 0.5))
+"""rad/s², roll, pitch, yaw: what random torques and a count's quantisation leave of F₀"""
+MISMATCH = 0.25
+"""share of the expected acceleration that a wrong gain or inertia may take: ±15 % of each"""
+CLEARANCE = radians(1.2)
+"""rad, the least C: couplings have up to 1° of backlash"""
+SMALLEST = 3
+"""Which of the smallest changes of α that turned an axis back bounds F"""
+MOVING = 25
+"""counts/s: three standard deviations of the observer's rate on an axis at rest"""
+RATE_ERROR = (7, 13, 7)
+"""counts/s, two standard deviations of the rate at the last change of a count"""
+KNOWN_S = 0.5
+"""s of motion, in either direction, from which F₀ is taken"""
+BIAS_S = 2.0
+"""s over which the unmodelled acceleration is averaged"""
+PEAK_S = 3.0
+"""s in which the largest unmodelled acceleration is forgotten to 1/e: longer than a step lasts"""
+LIVE_S = 0.3
+"""s: a count that stood still for longer gives no news of the unmodelled acceleration"""
+BLOCK_S = 0.05
+"""s over which α is averaged before its range between two turns is taken"""
+MOST_V = (1.0, 1.0)
+"""of the hover voltage: the largest known friction, as the voltage that overcomes it (roll: both
+motors, times 0.7; pitch: front − back)"""
+MOST_TILT = radians(10.0)
+"""rad: the largest known friction of yaw, as the pitch angle that overcomes it in hover"""
+
+
+class FrozenEncoder:
+    """Judges each axis in every control period, the ramp to zero included."""
+
+    def __init__(self, profile: Profile) -> None:
+        expected = self._expected = ExpectedAcceleration(profile)
+        hover = expected.hover_V
+        most = (
+            0.7 * expected.roll_per_V * hover,
+            expected.pitch_per_V * hover,
+            2 * expected.yaw_per_V * hover * MOST_TILT,
+        )
+        q = abs(profile.encoder.rad_per_count).tolist()
+        self._axes = tuple(_Axis(i, q[i], most[i]) for i in range(3))
+        self._low = profile.encoder.rest_rad.tolist()[0] + ON_TABLE
+        self._lifts = LIFTS * hover
+        self._t: float | None = None
+        self._airborne = False
+
+    def __call__(self, now: Period) -> str | None:
+        t, angle, counts = now.t, now.angle, now.sample.counts
+        axes = self._axes
+        h = 0.0 if self._t is None else t - self._t
+        self._t = t
+        if not 0.0 < h < LONGEST_GAP_S:
+            for i in range(3):
+                axes[i].restart(counts[i], angle[i])
+            return None
+        front, back = now.motor_V
+        alpha = self._expected(angle, front, back)
+        self._airborne = angle[0] > self._low
+        if not self._airborne:
+            lift = self._expected.roll_per_V * (front + back - self._lifts)
+            axes[0].on_table(h, counts[0], angle[0], lift)
+            axes[1].restart(counts[1], angle[1])
+            axes[2].restart(counts[2], angle[2])
+        else:
+            for i in range(3):
+                axes[i].step(h, alpha[i], counts[i], angle[i])
+        for i in range(3):
+            if axes[i].turned > axes[i].clearance and (why := self._reason(i, now)):
+                return why
+        return None
+
+    def must_still_fall(self) -> bool:
+        """Roll stands still above the table. Without thrust a live axis falls from there."""
+        return self._airborne and self._axes[0].still_s > LIVE_S
+
+    def _reason(self, i: int, now: Period) -> str | None:
+        axis, at = self._axes[i], now.angle[i]
+        name, seconds = AXES[i], axis.still_s
+        outward = at * axis.moved > 0
+        if outward and ((i == 0 and at > ROLL_STOP) or (i == 1 and abs(at) > PITCH_STOP)):
+            if now.ramping_down or seconds < AT_STOP_S:
+                return None
+            return Trip(
+                f"{name} stood at {degrees(at):.1f}° for {seconds:.2g} s while the motors pushed "
+                "it further: it is at its mechanical stop",
+                "control was lost: the sign of an encoder, the sign or the order of the motors' "
+                "leads, or a motor that does not pull.",
+                f"heli3dof monitor and turn {name} by hand: does its angle follow, with its sign?",
+                by_motion=True,
+            )
+        return Trip(
+            f"the {name} encoder's count stood at {axis.count} for {seconds:.2g} s while the "
+            f"voltages turned the axis by {degrees(axis.turned):.2g}° at least",
+            "the encoder is frozen: its cable is out, its supply is gone, or its disc slips on the "
+            "shaft; or something holds the axis.",
+            f"heli3dof monitor and turn {name} by hand: does its angle follow?",
+            by_motion=True,
+        )
+
+
+class _Axis:
+    """One axis: its observer, what it has shown of friction and clearance, and its standstill."""
+
+    def __init__(self, i: int, q: float, most: float) -> None:
+        self._observer = AxisObserver(BANDWIDTH[i])
+        self._q, self._most, self._f_min = q, most, F_MIN[i]
+        self._moving, self._rate_error = MOVING * q, RATE_ERROR[i] * q
+        self._by_direction = self._by_turns = most
+        self._friction = most
+        self._peak = self._peak_now = 0.0
+        """rad/s²: the largest unmodelled acceleration besides b; since the count last changed"""
+        self._direction = [0.0, 0.0]
+        """∫ b dt while moving down, and up"""
+        self._direction_s = [0.0, 0.0]
+        self._smallest = [inf] * SMALLEST
+        self._largest = 0.0
+        self.clearance = CLEARANCE
+        """C in rad"""
+        self.restart(0, 0.0)
+
+    def restart(self, count: int, angle: float) -> None:
+        """Standing still; of the bias nothing is known, and of friction what was known."""
+        self._observer.restart(angle)
+        self.count = count
+        self._bias = self._bias_s = 0.0
+        self._extreme, self._way = count, 0
+        self._low, self._high = inf, -inf
+        self._sum = self._sum_s = 0.0
+        self._swing = 0.0
+        self._begin_standstill()
+
+    def _begin_standstill(self) -> None:
+        self.still_s = 0.0
+        self.moved = 0.0
+        """rad that the model has turned since the count last changed"""
+        rate, error = self._observer.rate, self._rate_error
+        self._rate = rate - error if rate > error else rate + error if rate < -error else 0.0
+        self._centre = self._bias
+        self._mean = 0.0
+        self._peak, self._peak_now = max(self._peak, self._peak_now), 0.0
+        self._held = max(self._friction, self._peak)
+
+    @property
+    def turned(self) -> float:
+        """rad, without its sign"""
+        return abs(self.moved)
+
+    def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
+        """Roll near its rest angle: only a thrust beyond every known rig's weight moves it."""
+        if count != self.count:
+            self.restart(count, angle)
+            return
+        self.still_s += h
+        self._rate = max(0.0, self._rate + lift * h)
+        self.moved += self._rate * h
+
+    def step(self, h: float, alpha: float, count: int, angle: float) -> None:
+        """One control period in the air."""
+        observer = self._observer
+        observer.step(h, alpha, angle)
+        if self.still_s < LIVE_S:
+            self._observe(h, observer.rate, observer.unmodelled)
+        self._range_of_drive(h, alpha)
+        if count != self.count:
+            self._count_changed(count)
+            return
+        self.still_s += h
+        if self._bias_s < KNOWN_S:
+            # Nothing known of the balance: what held the axis at first, holds it.
+            if self.still_s < KNOWN_S:
+                self._mean += (alpha - self._mean) * h / self.still_s
+            drive = alpha - self._mean
+        else:
+            drive = alpha + self._centre
+        friction = self._held + MISMATCH * abs(drive)
+        rate = self._rate
+        if rate > 0.0:
+            rate = max(0.0, rate + (drive - friction) * h)
+        elif rate < 0.0:
+            rate = min(0.0, rate + (drive + friction) * h)
+        elif drive > friction:
+            rate = (drive - friction) * h
+        elif drive < -friction:
+            rate = (drive + friction) * h
+        self._rate = rate
+        self.moved += rate * h
+        if abs(self.moved) > self._swing:
+            self._swing = abs(self.moved)
+
+    def _observe(self, h: float, rate: float, unmodelled: float) -> None:
+        """The bias, and the friction by the direction of motion."""
+        self._bias_s += h
+        self._bias += (unmodelled - self._bias) * h / min(self._bias_s, BIAS_S)
+        self._peak -= self._peak * h / PEAK_S
+        self._peak_now = max(self._peak_now, abs(unmodelled - self._bias))
+        if abs(rate) > self._moving:
+            up = 1 if rate > 0 else 0
+            self._direction[up] += unmodelled * h
+            self._direction_s[up] += h
+            down_s, up_s = self._direction_s
+            if down_s > KNOWN_S and up_s > KNOWN_S:
+                f0 = 0.5 * (self._direction[0] / down_s - self._direction[1] / up_s)
+                self._by_direction = self._f_min + 3.0 * abs(f0)
+                self._friction = min(self._most, self._by_direction, self._by_turns)
+
+    def _range_of_drive(self, h: float, alpha: float) -> None:
+        self._sum += alpha * h
+        self._sum_s += h
+        if self._sum_s >= BLOCK_S:
+            mean = self._sum / self._sum_s
+            self._sum = self._sum_s = 0.0
+            self._low, self._high = min(self._low, mean), max(self._high, mean)
+            self._last_mean = mean
+
+    def _count_changed(self, count: int) -> None:
+        self.count = count
+        if (count - self._extreme) * self._way > 0:
+            self._extreme = count
+        elif abs(count - self._extreme) >= 2:
+            self._turn(count)
+        self._begin_standstill()
+
+    def _turn(self, count: int) -> None:
+        """The axis has turned back, by two counts: one may chatter on an edge."""
+        if self._way and self._high >= self._low:
+            change = self._high - self._low
+            if change < self._smallest[-1]:
+                self._smallest[-1] = change
+                self._smallest.sort()
+                self._by_turns = max(self._f_min, self._smallest[-1])
+                self._friction = min(self._most, self._by_direction, self._by_turns)
+            self._largest = max(0.98 * self._largest, self._swing)
+            self.clearance = max(CLEARANCE, 2.0 * self._largest + 3 * self._q)
+            self._low = self._high = self._last_mean
+        else:
+            self._low, self._high = inf, -inf
+        self._swing = 0.0
+        self._way = 1 if count > self._extreme else -1
+        self._extreme = count

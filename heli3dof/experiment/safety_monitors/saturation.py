@@ -1,0 +1,47 @@
+"""Saturated: a motor was asked for more than the limit for longer than ``saturated_max_s``.
+
+While |command| > v_max the loop is open and the integrators wind: what is flown is not the plan.
+A command below the limit for a tenth of that time starts the clock anew.
+"""
+
+from __future__ import annotations
+
+from heli3dof.axes import MOTORS
+from heli3dof.experiment.control_loop.control_period import Period
+from heli3dof.rig.interface import Flags
+from heli3dof.rig.profile import Profile
+from heli3dof.rig.trip import Trip
+
+_SATURATED = int(Flags.SATURATED)
+
+
+class Saturated:
+    """Counts the time for which each motor was at its limit without a break."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._v_max = profile.motor.v_max
+        self._longest_s = profile.limits.saturated_max_s
+        self._since: list[float | None] = [None, None]
+        self._last = [0.0, 0.0]
+
+    def __call__(self, now: Period) -> str | None:
+        t = now.t
+        clipped = int(now.sample.flags) & _SATURATED
+        for i in range(2):
+            if clipped or abs(now.command[i]) > self._v_max:
+                self._last[i] = t
+                since = self._since[i]
+                if since is None:
+                    self._since[i] = t
+                elif t - since > self._longest_s:
+                    return Trip(
+                        f"the {MOTORS[i]} motor was at its limit of {self._v_max:g} V for "
+                        f"{t - since:.2g} s",
+                        "the plan asks for more than the rig has, or a rotor does not pull.",
+                        "look at both rotors; then a smaller or slower step: heli3dof simulate "
+                        "PLAN --model M shows the volts that it needs",
+                        by_motion=True,
+                    )
+            elif t - self._last[i] > 0.1 * self._longest_s:
+                self._since[i] = None
+        return None

@@ -1,0 +1,95 @@
+"""State-space black boxes: ``pem``, ``pbsid`` and ``oe``, order and interval chosen by search."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from heli3dof.identification.black_box.one_step_predictor import filter_states
+from heli3dof.identification.black_box.order_selection import (
+    ORDERS,
+    StateSpaceFit,
+    decimated,
+    search,
+)
+from heli3dof.identification.black_box.pbsid import StateSpace
+from heli3dof.identification.black_box.stabilisation import with_stable_predictor
+from heli3dof.identification.fit_result import Found, Innovations, Request
+from heli3dof.identification.preprocessing import Prepared, Run
+from heli3dof.identification.transfer_function import TransferFunctions
+from heli3dof.identification.uncertainty import (
+    Pole,
+    poles,
+    polynomials,
+    propagate,
+    response,
+    response_std,
+)
+
+OPEN_RHO = 1 - 1e-6
+
+
+def fit(prepared: Prepared, request: Request) -> Found:
+    """The chosen state-space model, with standard deviations where the method has any."""
+    orders = ORDERS if request.order is None else (request.order,)
+    chosen, tried = search(
+        request.method, prepared, orders=orders, intervals_s=request.intervals_s, name=request.name
+    )
+    T = chosen.interval_s
+    num, den = polynomials(chosen.state_space, T)
+    covariance = None
+    said = []
+    if chosen.pem is None:
+        lam = np.linalg.eigvals(chosen.state_space.A).astype(complex)
+        found = [Pole(complex(np.log(z)) / T, np.nan, np.nan) for z in lam]
+        found.sort(key=lambda p: (-p.value.real, p.value.imag))
+        said.append("PBSID gives no standard deviations; pem, which starts from it, does.")
+    else:
+        if not chosen.pem.converged:
+            said.append(
+                f"The fit had not settled after {chosen.pem.iterations} steps; more data, or a "
+                "lower order, would make it better determined."
+            )
+        found = poles(chosen.pem, T)
+        covariance = propagate(chosen.pem, lambda model: _coefficients(model, T))
+    return Found(
+        model=chosen.model,
+        order=chosen.model.order,
+        interval_s=T,
+        innovations=lambda p, runs: innovations(chosen, p, runs),
+        poles=tuple(found),
+        transfer=TransferFunctions(num, den, covariance),
+        candidates=tuple(tried),
+        warnings=tuple(said),
+        response=lambda omega: _response(chosen, omega),
+    )
+
+
+def _coefficients(model: StateSpace, T: float) -> np.ndarray:
+    num, den = polynomials(model, T)
+    return np.concatenate([den[1:], num.ravel()])
+
+
+def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    G = response(chosen.state_space, chosen.interval_s, omega)
+    if chosen.pem is None:
+        return G, np.full(G.shape, np.nan)
+    return G, response_std(chosen.pem, chosen.interval_s, omega)
+
+
+def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
+    """One-step errors at the interval of the fit, where innovations claim to be white."""
+    ss = chosen.state_space
+    if ss.K.any():
+        ss = with_stable_predictor(ss, rho=OPEN_RHO)
+    d = decimated(prepared, runs, chosen.interval_s)
+    E, U = [], []
+    for u, y in d.data:
+        u1 = np.ascontiguousarray(u + d.u_mean - chosen.u_mean)
+        y1 = np.ascontiguousarray(y + d.y_mean - chosen.y_mean)
+        At, B, K = (np.ascontiguousarray(a) for a in (ss.At, ss.B, ss.K))
+        x = filter_states(At, B, K, u1, y1, np.zeros(ss.order))
+        E.append(y1 - x @ ss.C.T - ss.d)
+        U.append(u1)
+    return E, U

@@ -1,0 +1,211 @@
+"""Fits of every order and interval that is tried, and the choice among them.
+
+Two things decide how good a black box is in the loop, its order and the interval it is fitted at.
+Every 2 ms the encoder's grid is most of what an innovation holds; over 40 to 80 ms the rig's own
+motion is, and the voltages enter by their exact means. What is fitted is always the likelihood of
+the innovations (`heli3dof.identification.black_box.pem`); what *chooses* among the fits is the use
+that the model is made for:
+
+* predictions 1 s ahead, and
+* where the loop is known, its replay,
+
+both of the *training* flights, mean fit over the axes. Neither is what was minimised, so in spite
+of being in-sample they do not flatter the larger order; replay finds the fits that are fine one
+step ahead and fall apart in the loop, and prediction the ones whose noise model is poor.
+
+The smallest order within `TIE` points of the best is taken. Held-out data have no say.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from heli3dof.errors import RecordingError
+from heli3dof.identification import validation
+from heli3dof.identification.black_box.pbsid import Pair, StateSpace, realise, states, varx
+from heli3dof.identification.black_box.pem import PemFit, pem
+from heli3dof.identification.black_box.resampling import NoContinuousModel, at_rate, trims
+from heli3dof.identification.preprocessing import Prepared, Run, segments
+from heli3dof.model.linear.model import LinearModel
+
+INTERVALS_S = (0.04, 0.08)
+ORDERS = (6, 7, 8, 9, 10)
+PAST_S = 0.5
+TIE = 0.2
+MEMORY_S = 2.0
+"""The longest time constant that a predictor may have. Nearly undisturbed data let it grow to
+tens of seconds, a memory of one flight's trim that misleads on the next."""
+SELECT_HORIZON_S = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One fit that was tried. ``score`` is the mean fit % that the choice was made by."""
+
+    order: int
+    interval_s: float
+    score: float
+    log_likelihood: float
+    bic: float
+    problem: str
+    """Why it cannot be used, or empty."""
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "order": self.order,
+            "interval_s": self.interval_s,
+            "score_percent": self.score,
+            "log_likelihood": self.log_likelihood,
+            "bic": self.bic,
+            "problem": self.problem,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpaceFit:
+    """A model at the control rate, and the fit behind it at ``interval_s``."""
+
+    model: LinearModel
+    state_space: StateSpace
+    pem: PemFit | None
+    interval_s: float
+    u_mean: np.ndarray
+    y_mean: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Decimated:
+    """Training segments as deviations from their means, every ``interval_s``."""
+
+    data: tuple[Pair, ...]
+    u_mean: np.ndarray
+    y_mean: np.ndarray
+    interval_s: float
+
+
+def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Decimated:
+    """Segments at the multiple of the control period that is nearest to ``interval_s``."""
+    factor = max(1, round(interval_s / prepared.dt))
+    cut = segments(prepared, runs, factor)
+    u_mean = np.vstack([s.u for s in cut]).mean(axis=0)
+    y_mean = np.vstack([s.y for s in cut]).mean(axis=0)
+    data = tuple((s.u - u_mean, s.y - y_mean) for s in cut)
+    return Decimated(data, u_mean, y_mean, factor * prepared.dt)
+
+
+def past_window(d: Decimated, largest_order: int) -> int:
+    """The VARX order: `PAST_S` long, no shorter than the states need, no longer than data bear."""
+    rows = sum(len(u) for u, _ in d.data)
+    want = max(round(PAST_S / d.interval_s), -(-largest_order // 3) + 2)
+    bearable = max(2, rows // 30)
+    return min(want, bearable)
+
+
+def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
+    """PBSID-opt models of several orders from one VARX."""
+    orders = sorted(orders)
+    p = past_window(d, orders[-1])
+    usable = [(u, y) for u, y in d.data if len(u) > p]
+    fit = varx(usable, p)
+    x, _ = states(usable, fit, min(orders[-1], 3 * p))
+    return {n: realise(usable, x, p, n) for n in orders if n <= x[0].shape[1]}
+
+
+def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str) -> StateSpaceFit:
+    """The fit by ``method`` (pem, oe or pbsid) from a PBSID start, brought to the interval dt.
+
+    Raises NoContinuousModel where it cannot be.
+    """
+    found = None
+    model = start
+    if method in ("pem", "oe"):
+        oe = method == "oe"
+        rho = 1 - 1e-6 if oe else float(np.exp(-d.interval_s / MEMORY_S))
+        found = pem(d.data, start, output_error=oe, rho_max=rho)
+        model = found.model
+    u0, y0 = trims(model, d.u_mean, d.y_mean)
+    fast = at_rate(model, d.interval_s, dt)
+    linear = LinearModel(
+        name=name,
+        kind="oe" if method == "oe" else "statespace",
+        A=fast.A,
+        B=fast.B,
+        C=fast.C,
+        K=fast.K,
+        S=fast.S,
+        u0=u0,
+        y0=y0,
+        dt=dt,
+    )
+    return StateSpaceFit(linear, model, found, d.interval_s, d.u_mean, d.y_mean)
+
+
+def selection_score(model: LinearModel, prepared: Prepared) -> float:
+    """Mean fit % on the training flights, over axes: 1 s ahead and, where it can be, replayed."""
+    runs = prepared.train
+    scores = [validation.score(validation.predictions(model, prepared, runs, SELECT_HORIZON_S))]
+    if not validation.replay_obstacle(prepared, sorted({r.source for r in runs})):
+        scores.append(validation.score(validation.replays(model, prepared, runs)))
+    fit = np.array([s.fit_percent for s in scores])
+    return float(fit.mean()) if np.isfinite(fit).all() else -np.inf
+
+
+def search(
+    method: str,
+    prepared: Prepared,
+    *,
+    orders: Sequence[int] = ORDERS,
+    intervals_s: Sequence[float] = INTERVALS_S,
+    name: str = "black box",
+) -> tuple[StateSpaceFit, list[Candidate]]:
+    """The chosen fit, and everything that was tried, in the order tried.
+
+    Raises RecordingError where nothing can be used.
+    """
+    tried: list[tuple[Candidate, StateSpaceFit | None]] = []
+    for interval_s in intervals_s:
+        d = decimated(prepared, prepared.train, interval_s)
+        rows = sum(len(u) for u, _ in d.data)
+        try:
+            begun = starts(d, orders)
+        except ValueError as error:
+            tried += [(_failed(n, d.interval_s, str(error)), None) for n in orders]
+            continue
+        for n, start in begun.items():
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RuntimeWarning)
+                try:
+                    fit = refine(method, d, start, dt=prepared.dt, name=name)
+                except NoContinuousModel as error:
+                    tried.append((_failed(n, d.interval_s, f"no continuous form: {error}"), None))
+                    continue
+                except np.linalg.LinAlgError as error:
+                    tried.append((_failed(n, d.interval_s, f"did not converge: {error}"), None))
+                    continue
+                value = selection_score(fit.model, prepared)
+            S = fit.pem.model.S if fit.pem is not None else start.S
+            likelihood = -0.5 * rows * (float(np.linalg.slogdet(S)[1]) + 3 * np.log(2 * np.pi) + 3)
+            free = n * (2 + 3 * (1 if method == "oe" else 2)) + 3
+            bic = -2 * likelihood + free * np.log(rows)
+            tried.append((Candidate(n, d.interval_s, value, likelihood, bic, ""), fit))
+    usable = [(c, f) for c, f in tried if f is not None and np.isfinite(c.score)]
+    if not usable:
+        why = "; ".join(sorted({c.problem for c, _ in tried if c.problem})) or "none predicts"
+        raise RecordingError(
+            f"No {method} model can be fitted to these recordings ({why}).",
+            cause="too little data, or too little motion in it, for the order asked for.",
+            fix="heli3dof run multisine for 60 s or more, or a lower --order",
+        )
+    best = max(c.score for c, _ in usable)
+    near = [(c, f) for c, f in usable if c.score >= best - TIE]
+    _, chosen = min(near, key=lambda cf: (cf[0].order, -cf[0].score))
+    return chosen, [c for c, _ in tried]
+
+
+def _failed(order: int, interval_s: float, problem: str) -> Candidate:
+    return Candidate(order, interval_s, -np.inf, -np.inf, np.inf, problem)

@@ -1,0 +1,261 @@
+"""Prediction-error identification in innovation form, with exact sensitivities.
+
+The criterion is the Gaussian likelihood with the innovations' covariance eliminated,
+
+    V(θ) = ½ log det S(θ),      S = (1/N) Σ e[k] e[k]ᵀ
+
+minimised by Levenberg–Marquardt steps in the tangent space of (Ã, B, K, C): of all n(n+m+2l)
+entries only n(m+2l) directions change the predictor, the rest is a change of state coordinates
+(Ã → TÃT⁻¹ …). Those directions are removed at each iterate by a QR ("data-driven local
+coordinates", McKelvey, Helmersson & Ribarits, Automatica 40 (2004) 1629–1635). The initial state of
+each segment enters linearly and is eliminated exactly (variable projection); the offset d is a
+parameter like the others. Working with Ã, K rather than A, K keeps the predictor's stability one
+inequality, ρ(Ã) < 1, and lets A have integrators or unstable poles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from heli3dof.identification.black_box.one_step_predictor import (
+    filter_states,
+    free_responses,
+    output_sensitivities,
+)
+from heli3dof.identification.black_box.pbsid import Pair, StateSpace
+from heli3dof.identification.black_box.stabilisation import stable_plant, with_stable_predictor
+
+CHUNK = 4096
+RHO_MAX = 1 - 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class PemFit:
+    """The fit and its statistics, in the coordinates of `model`."""
+
+    model: StateSpace
+    innovations: tuple[np.ndarray, ...]
+    tangent: np.ndarray
+    """(n(n+m+2l), p): columns are the directions ∂vec([Ã B K], C) of the parameters."""
+    covariance: np.ndarray
+    """(p, p): of the parameters along those directions, sandwich form."""
+    cost: float
+    iterations: int
+    converged: bool
+
+
+@dataclass(eq=False)
+class _Point:
+    W: np.ndarray  # [Ã B K], (n, n+m+l)
+    C: np.ndarray
+    d: np.ndarray
+    x: list[np.ndarray]
+    e: list[np.ndarray]
+    S: np.ndarray
+    cost: float
+
+
+def pem(
+    data: Sequence[Pair],
+    start: StateSpace,
+    *,
+    max_iterations: int = 40,
+    tolerance: float = 1e-5,
+    output_error: bool = False,
+    rho_max: float = RHO_MAX,
+) -> PemFit:
+    """Refine ``start`` (its K made stable if need be) on the segments ``data``.
+
+    Args:
+        data: segments at one rate, u (N, m) and y (N, l), deviations from fixed trims.
+        start: for instance from `heli3dof.identification.black_box.pbsid.pbsid`.
+        max_iterations: accepted steps at most.
+        tolerance: stop when a step lowers V by less.
+        rho_max: the largest ρ(Ã) allowed; steps beyond it are refused.
+        output_error: hold K = 0, so that e is a simulation error. Biased under feedback.
+    """
+    u_s = np.vstack([u for u, _ in data]).std(axis=0) + 1e-12
+    y_s = np.vstack([y for _, y in data]).std(axis=0) + 1e-12
+    scaled = [(np.ascontiguousarray(u / u_s), np.ascontiguousarray(y / y_s)) for u, y in data]
+    n = start.order
+    l = len(y_s)
+    start = stable_plant(start, rho_max) if output_error else with_stable_predictor(start, rho_max)
+    W = np.hstack([start.At, start.B * u_s, start.K * y_s])
+    C = start.C / y_s[:, None]
+    W, C = _balanced(W, C, n)
+    point = _evaluate(scaled, W, C, start.d / y_s, np.diag(np.diag(start.S) / y_s**2), rho_max)
+    lam, converged, iterations = 1e-3, False, 0
+    while iterations < max_iterations:
+        iterations += 1
+        T = _tangent(point.W, point.C, output_error, len(u_s))
+        H, g = _gram(scaled, point, T)
+        scale = 1 / np.sqrt(np.maximum(np.diag(H), 1e-12 * np.diag(H).max()))
+        Hs = H * scale[:, None] * scale
+        new = point
+        while lam < 1e8:
+            step = scale * np.linalg.solve(Hs + lam * np.eye(len(g)), scale * g)
+            W2, C2, d2 = _move(point, T, step, l)
+            new = _evaluate(scaled, W2, C2, d2, point.S, rho_max)
+            if new.cost < point.cost:
+                break
+            lam *= 4
+        if not new.cost < point.cost:
+            converged = True
+            break
+        gain = point.cost - new.cost
+        point = new
+        lam = max(lam / 5, 1e-9)
+        if gain < tolerance:
+            converged = True
+            break
+    T = _tangent(point.W, point.C, output_error, len(u_s))
+    H, _, M = _gram(scaled, point, T, scores=True)
+    Hi = np.linalg.pinv(H, rcond=1e-12, hermitian=True)
+    cov = Hi @ M @ Hi
+    # Back to V and rad: columns of the tangent scale like the entries they move.
+    m = len(u_s)
+    unit_W = np.hstack([np.ones((n, n)), np.ones((n, 1)) / u_s, np.ones((n, 1)) / y_s])
+    unit = np.concatenate([unit_W.ravel(), np.repeat(y_s, n)])
+    Wp, Cp = point.W * unit_W, point.C * y_s[:, None]
+    K = Wp[:, n + m :]
+    model = StateSpace(
+        Wp[:, :n] + K @ Cp, Wp[:, n : n + m], Cp, K, point.d * y_s, point.S * np.outer(y_s, y_s)
+    )
+    return PemFit(
+        model,
+        tuple(e * y_s for e in point.e),
+        T * unit[:, None],
+        cov[: T.shape[1], : T.shape[1]],
+        point.cost + float(np.log(y_s).sum()),
+        iterations,
+        converged,
+    )
+
+
+def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """The predictor in balanced coordinates: no state much larger or fainter than its effect."""
+    from scipy.linalg import cholesky, solve_discrete_lyapunov, svd
+
+    At = W[:, :n]
+    rho = np.abs(np.linalg.eigvals(At)).max()
+    shrunk = At * min(1.0, 0.999 / rho) if rho > 0 else At
+    P = solve_discrete_lyapunov(shrunk, W[:, n:] @ W[:, n:].T)
+    Q = solve_discrete_lyapunov(shrunk.T, C.T @ C)
+    eye = np.eye(n)
+    P = (P + P.T) / 2 + 1e-10 * np.trace(P) * eye
+    Q = (Q + Q.T) / 2 + 1e-10 * np.trace(Q) * eye
+    R = cholesky(P, lower=True)
+    L = cholesky(Q, lower=True)
+    U, s, Vt = svd(L.T @ R)
+    T = R @ Vt.T / np.sqrt(s)
+    Ti = (U / np.sqrt(s)).T @ L.T
+    return np.hstack([Ti @ At @ T, Ti @ W[:, n:]]), C @ T
+
+
+def _evaluate(data, W, C, d, S, rho_max) -> _Point:  # type: ignore[no-untyped-def]
+    """Innovations with the best initial states, and the criterion (inf where Ã is unstable)."""
+    n = W.shape[0]
+    m = data[0][0].shape[1]
+    At, B, K = (np.ascontiguousarray(a) for a in np.split(W, [n, n + m], axis=1))
+    C = np.ascontiguousarray(C)
+    bad = _Point(W, C, d, [], [], S, np.inf)
+    if not np.all(np.isfinite(W)) or np.abs(np.linalg.eigvals(At)).max() > rho_max:
+        return bad
+    xs, es = [], []
+    Wh = np.linalg.cholesky(np.linalg.inv(S)).T
+    for u, y in data:
+        x = filter_states(At, B, K, u, y, np.zeros(n))
+        e = y - x @ C.T - d
+        O = free_responses(At, C, len(u))
+        x0, *_ = np.linalg.lstsq(
+            np.einsum("ij,kjq->kiq", Wh, O).reshape(-1, n), (e @ Wh.T).ravel(), rcond=1e-10
+        )
+        es.append(e - O @ x0)
+        xs.append(filter_states(At, B, K, u, y, x0))
+    e = np.vstack(es)
+    S = e.T @ e / len(e)
+    sign, logdet = np.linalg.slogdet(S)
+    if sign <= 0 or not np.isfinite(logdet):
+        return bad
+    return _Point(W, C, d, xs, es, S, 0.5 * float(logdet))
+
+
+def _tangent(W: np.ndarray, C: np.ndarray, output_error: bool, m: int) -> np.ndarray:
+    """(entries, p): an orthonormal basis of the directions that change the predictor."""
+    n, l, w = W.shape[0], C.shape[0], W.shape[1]
+    entries = n * w + l * n
+    At, eye = W[:, :n], np.eye(n)
+    # Gauge directions X ↦ (X Ã − Ã X, X B, X K, −C X), one column per entry of X.
+    gauge = np.empty((entries, n * n))
+    for i in range(n):
+        for j in range(n):
+            dW = np.zeros((n, w))
+            dW[i] = W[j]
+            dW[:, j] -= At[:, i]
+            gauge[:, i * n + j] = np.concatenate([dW.ravel(), -(C[:, i, None] * eye[j]).ravel()])
+    mask = np.ones(entries, dtype=bool)
+    if output_error:
+        mask[: n * w] = np.tile(np.arange(w) < n + m, n)
+    Q, _ = np.linalg.qr(gauge[mask], mode="complete")
+    T = np.zeros((entries, int(mask.sum()) - n * n))
+    T[mask] = Q[:, n * n :]
+    return T
+
+
+def _move(point: _Point, T: np.ndarray, step: np.ndarray, l: int):  # type: ignore[no-untyped-def]
+    delta = T @ step[:-l]
+    w = point.W.size
+    W = point.W + delta[:w].reshape(point.W.shape)
+    C = point.C + delta[w:].reshape(point.C.shape)
+    return W, C, point.d + step[-l:]
+
+
+def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ignore[no-untyped-def]
+    """Information H (p+l, p+l) and gradient g of (θ, d), the initial states projected out."""
+    n, l = point.W.shape[0], point.C.shape[0]
+    p = T.shape[1]
+    w = point.W.size
+    dW = np.ascontiguousarray(T[:w].reshape(*point.W.shape, p))
+    dC = np.ascontiguousarray(T[w:].reshape(l, n, p))
+    At = np.ascontiguousarray(point.W[:, :n])
+    Wh = np.linalg.cholesky(np.linalg.inv(point.S)).T
+    H, g = np.zeros((p + l, p + l)), np.zeros(p + l)
+    M = np.zeros((p + l, p + l))
+    for (u, y), x, e in zip(data, point.x, point.e, strict=True):
+        N = len(u)
+        O = free_responses(At, point.C, N)
+        xi = np.zeros((n, p))
+        G = np.zeros((n + p + l + 1,) * 2)
+        kept = []
+        for a in range(0, N, CHUNK):
+            b = min(a + CHUNK, N)
+            J = np.empty((b - a, l, p))
+            output_sensitivities(At, point.C, dW, dC, xi, x[a:b], u[a:b], y[a:b], J)
+            F = np.empty((b - a, l, n + p + l + 1))
+            F[:, :, :n] = O[a:b]
+            F[:, :, n : n + p] = J
+            F[:, :, n + p : n + p + l] = np.eye(l)
+            F[:, :, -1] = e[a:b]
+            F = np.einsum("ij,kjq->kiq", Wh, F)
+            flat = F.reshape(-1, F.shape[2])
+            G += flat.T @ flat
+            if scores:
+                kept.append(F)
+        back = np.linalg.pinv(G[:n, :n], rcond=1e-12, hermitian=True) @ G[:n, n:]
+        Sch = G[n:, n:] - G[:n, n:].T @ back
+        H += Sch[:-1, :-1]
+        g += Sch[:-1, -1]
+        if scores:
+            M += _score_blocks(np.vstack(kept), back, n)
+    return (H, g, M) if scores else (H, g)
+
+
+def _score_blocks(F: np.ndarray, back: np.ndarray, n: int, block: int = 50) -> np.ndarray:
+    """Σ s sᵀ over blocks of scores s: honest where innovations are not quite white."""
+    F = F[:, :, n:] - F[:, :, :n] @ back
+    s = np.einsum("kiq,ki->kq", F[:, :, :-1], F[:, :, -1])
+    s = np.add.reduceat(s, np.arange(0, len(s), block), axis=0)
+    return np.asarray(s.T @ s)

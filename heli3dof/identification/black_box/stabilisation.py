@@ -1,0 +1,55 @@
+"""Starts that an iteration may begin from: a predictor that forgets, or a plant that stays put."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from heli3dof.identification.black_box.pbsid import StateSpace
+
+RHO = 0.999
+
+
+def spectral_radius(A: np.ndarray) -> float:
+    """The largest |λ| of A."""
+    return float(np.abs(np.linalg.eigvals(A)).max())
+
+
+def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray | None:
+    """(n, l): the stationary predictor gain, or None where the Riccati equation has none."""
+    from scipy.linalg import LinAlgError, solve_discrete_are
+
+    try:
+        P = solve_discrete_are(A.T, C.T, Q, R)
+    except (LinAlgError, ValueError):
+        return None
+    return np.asarray(np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T).T)
+
+
+def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
+    """The model with K replaced by a Kalman gain where ρ(A − K C) exceeds ``rho``.
+
+    Regression on estimated states (PBSID) does not promise a stable predictor. The process noise
+    is K S Kᵀ, inflated as little as makes the filter forget even the modes that noise does not
+    reach.
+    """
+    if spectral_radius(model.At) <= rho:
+        return model
+    Q = model.K @ model.S @ model.K.T
+    for inflate in (1e-6, 1e-4, 1e-2, 1.0, 1e2, 1e4):
+        noise = Q + inflate * np.trace(Q) * np.eye(model.order)
+        K = kalman_gain(model.A, model.C, noise, model.S)
+        if K is not None and spectral_radius(model.A - K @ model.C) <= rho:
+            return replace(model, K=K)
+    return stable_plant(model, rho)
+
+
+def stable_plant(model: StateSpace, rho: float = RHO) -> StateSpace:
+    """K = 0, and poles of A beyond ``rho`` drawn back to it: what output error can simulate."""
+    lam, V = np.linalg.eig(model.A)
+    size = np.maximum(np.abs(lam), 1e-300)
+    # A hair inside, so that rounding cannot put it outside.
+    inside = rho * (1 - 1e-4)
+    A = np.real(V * (lam * np.minimum(1.0, inside / size)) @ np.linalg.inv(V))
+    return replace(model, A=A, K=np.zeros_like(model.K))

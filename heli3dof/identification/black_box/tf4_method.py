@@ -1,0 +1,93 @@
+"""Method ``tf4``: the paper's form as a model that can fly; see `black_box.tf4`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from heli3dof.errors import UsageError
+from heli3dof.identification.black_box.one_step_predictor import filter_states, free_responses
+from heli3dof.identification.black_box.order_selection import decimated
+from heli3dof.identification.black_box.tf4 import fit_tf4, state_space
+from heli3dof.identification.fit_result import Found, Innovations, Request
+from heli3dof.identification.preprocessing import Prepared, Run
+from heli3dof.identification.uncertainty import Pole
+from heli3dof.model.linear.model import LinearModel
+
+INTERVAL_S = 0.04
+FOURTH_ORDER = (
+    "Fourth order cannot hold this plant, which has at least six states and an integrator in yaw "
+    "(erratum E14 of the paper)."
+)
+
+
+def fit(prepared: Prepared, request: Request) -> Found:
+    """Eq (17)'s form. Raises UsageError where another order is asked for."""
+    if request.order not in (None, 4):
+        raise UsageError(
+            f"--method tf4 has order 4, not {request.order}.",
+            cause="it is the paper's form, eq (17), with a fourth-order denominator.",
+            fix=f"--method pem --order {request.order}",
+        )
+    d = decimated(prepared, prepared.train, INTERVAL_S)
+    fitted = fit_tf4(d.data, d.interval_s)
+    A, B, C = state_space(fitted, prepared.dt)
+    model = LinearModel(
+        name=request.name,
+        kind="tf4",
+        A=A,
+        B=B,
+        C=C,
+        K=np.zeros((len(A), 3)),
+        S=fitted.S,
+        u0=d.u_mean,
+        y0=d.y_mean + fitted.offset,
+        dt=prepared.dt,
+        exact_hold=True,
+    )
+    den, cov = fitted.transfer.den, fitted.transfer.covariance
+    assert cov is not None
+    found = []
+    for s in np.roots(den):
+        # D(s) = 0: ∂s = −Σ s^{4−k} ∂d_k / D′(s)
+        g = -(s ** np.arange(3, -1, -1)) / np.polyval(np.polyder(den), s)
+        std = [float(np.sqrt(max(part @ cov[:4, :4] @ part, 0))) for part in (g.real, g.imag)]
+        found.append(Pole(complex(s), *std))
+    found.sort(key=lambda p: (-p.value.real, p.value.imag))
+    return Found(
+        model=model,
+        order=4,
+        interval_s=d.interval_s,
+        innovations=lambda p, runs: simulation_errors(model, p, runs, d.interval_s),
+        poles=tuple(found),
+        transfer=fitted.transfer,
+        warnings=(FOURTH_ORDER,),
+        response=lambda omega: _response(model, omega),
+    )
+
+
+def _response(model: LinearModel, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    c = model.continuous()
+    eye = np.eye(model.order)
+    G = np.array([c.C @ np.linalg.solve(1j * w * eye - c.A, c.B) for w in omega])
+    return G, np.full(G.shape, np.nan)
+
+
+def simulation_errors(
+    model: LinearModel, prepared: Prepared, runs: Sequence[Run], interval_s: float
+) -> Innovations:
+    """y minus the simulation from the best initial state of each segment."""
+    d = decimated(prepared, runs, interval_s)
+    at = model.at(interval_s)
+    A, B, C = (np.ascontiguousarray(a) for a in (at.A, at.B, at.C))
+    none = np.zeros((len(A), 3))
+    E, U = [], []
+    for u, y in d.data:
+        u1, y1 = np.ascontiguousarray(u + d.u_mean - at.u0), y + d.y_mean - at.y0
+        e = y1 - filter_states(A, B, none, u1, np.ascontiguousarray(y1), np.zeros(len(A))) @ C.T
+        O = free_responses(A, C, len(u1)).reshape(-1, len(A))
+        x0 = np.linalg.lstsq(O, e.ravel(), rcond=1e-10)[0]
+        E.append(e - (O @ x0).reshape(e.shape))
+        U.append(u1)
+    return E, U

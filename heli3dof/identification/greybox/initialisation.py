@@ -1,0 +1,49 @@
+"""Where to start a fit whose likelihood has no slope at the start: at the likeliest of some values.
+
+A play of an encoder (`encoder.backlash`) is such a one: a filter that believes in none puts all of
+it down to process noise, and then sees nothing. So the likelihood is evaluated at the values that
+the effect names in ``starts``, all of them, for there are several hills; the noise settles at each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from heli3dof.identification.greybox.likelihood import Likelihood
+from heli3dof.identification.greybox.maximum_likelihood import NOISE_START, better_noise
+
+SETTLING = 3
+"""Rounds of the noise at each value."""
+
+
+def likeliest_start(
+    problem: Likelihood, theta: np.ndarray, noise: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """(coordinates (n,), noise (4,)): ``theta`` with each such effect at the likeliest value.
+
+    What ``theta`` says is one of the values.
+    """
+    a = np.array(NOISE_START if noise is None else noise, dtype=float)
+    theta = theta.copy()
+    for term in problem.structure.terms:
+        if not term.effect.starts:
+            continue
+        j = problem.structure.names.index(f"{term.name}.{term.effect.parameters[0].name}")
+        best, chosen = -np.inf, theta[j]
+        settled = a
+        for coordinate in (
+            theta[j],
+            *(problem.structure.free[j].inward(v) for v in term.effect.starts),
+        ):
+            theta[j] = coordinate
+            loglik, a = _at(problem, theta, a)
+            if loglik > best:
+                best, chosen, settled = loglik, coordinate, a
+        theta[j], a = chosen, settled
+    return theta, a
+
+
+def _at(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> tuple[float, np.ndarray]:
+    for _ in range(SETTLING):
+        a, _ = better_noise(problem, theta, a, problem.data.axes)
+    return float(problem.run(theta, a, keep=0).loglik.sum()) + problem.log_prior(theta), a

@@ -1,0 +1,107 @@
+"""Standard deviations of poles, transfer functions and frequency responses (delta method).
+
+A fit's parameters move (Ã, B, K, C) along the columns of its tangent T with covariance P, so any
+smooth function f of the model has
+
+    cov f = F P Fᵀ,      F = ∂f/∂θ = ∂f/∂(Ã, B, K, C) · T
+
+For a simple pole λ of A = Ã + K C with left and right eigenvectors w, v (wᴴv = 1),
+∂λ = wᴴ (∂Ã + ∂K C + K ∂C) v, and s = log(λ)/T gives ∂s = ∂λ/(λ T). The rest is differentiated
+numerically. P holds the spread from noise; it knows nothing of a wrong order or of nonlinearity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from heli3dof.identification.black_box.pbsid import StateSpace
+from heli3dof.identification.black_box.pem import PemFit
+from heli3dof.identification.black_box.resampling import continuous
+from heli3dof.model.discretisation import Continuous, numerators
+
+
+@dataclass(frozen=True)
+class Pole:
+    """A pole in continuous time (1/s) and its standard deviations (NaN where unknown)."""
+
+    value: complex
+    std_real: float
+    std_imag: float
+
+
+def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
+    """The model with vec([Ã B K], C) changed by ``delta``."""
+    n, m, l = model.order, model.B.shape[1], len(model.C)
+    dW = delta[: n * (n + m + l)].reshape(n, n + m + l)
+    C = model.C + delta[n * (n + m + l) :].reshape(l, n)
+    K = model.K + dW[:, n + m :]
+    return replace(model, A=model.At + dW[:, :n] + K @ C, B=model.B + dW[:, n : n + m], C=C, K=K)
+
+
+def poles(fit: PemFit, T: float) -> list[Pole]:
+    """Poles log(λ)/T with standard deviations, rightmost first; T in s.
+
+    A mode that the model's continuous form replaces (z at or below zero) is left as log|z|/T.
+    """
+    model = fit.model
+    n, m, l = model.order, model.B.shape[1], len(model.C)
+    lam, V = np.linalg.eig(model.A)
+    W = np.linalg.inv(V)
+    found = []
+    for i in range(n):
+        v, w = V[:, i], W[i]
+        # Row vector of ∂λ/∂[Ã B K] and ∂λ/∂C
+        rows = np.zeros((n, n + m + l), dtype=complex)
+        rows[:, :n] = np.outer(w, v)
+        rows[:, n + m :] = np.outer(w, model.C @ v)
+        gradient = np.concatenate([rows.ravel(), np.outer(w @ model.K, v).ravel()])
+        ds = (gradient @ fit.tangent) / (lam[i] * T)
+        cov = np.vstack([ds.real, ds.imag]) @ fit.covariance @ np.vstack([ds.real, ds.imag]).T
+        real = abs(lam[i].imag) <= 1e-9 * max(1, abs(lam[i]))
+        z = max(abs(lam[i]), 1e-300) if real else lam[i]
+        s = complex(np.log(z)) / T
+        std = np.sqrt(np.maximum(np.diag(cov), 0))
+        found.append(Pole(s, float(std[0]), 0.0 if real else float(std[1])))
+    return sorted(found, key=lambda p: (-p.value.real, p.value.imag))
+
+
+def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:
+    """(q, q) covariance of f(model) (q,), by central differences along the parameters."""
+    std = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
+    columns = []
+    for j, s in enumerate(std):
+        h = 1e-3 * s if s > 0 else 0.0
+        if h == 0.0:
+            columns.append(np.zeros_like(f(fit.model)))
+            continue
+        up, down = (f(moved(fit.model, sign * h * fit.tangent[:, j])) for sign in (1, -1))
+        columns.append((up - down) / (2 * h))
+    F = np.array(columns).T
+    return np.asarray(F @ fit.covariance @ F.T)
+
+
+def polynomials(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
+    """(num (3, 2, n+1), den (n+1,)) in continuous time, rad/V; see `model.convert.numerators`."""
+    A, B = continuous(model, T)
+    return numerators(Continuous(A, B, model.C, np.zeros((len(model.C), B.shape[1])), "hold"))
+
+
+def response(model: StateSpace, T: float, omega: np.ndarray) -> np.ndarray:
+    """(F, 3, 2) rad/V: C (jωI − A)⁻¹ B at ω (F,) rad/s."""
+    A, B = continuous(model, T)
+    eye = np.eye(model.order)
+    return np.array([model.C @ np.linalg.solve(1j * w * eye - A, B) for w in omega])
+
+
+def response_std(fit: PemFit, T: float, omega: np.ndarray) -> np.ndarray:
+    """(F, 3, 2) rad/V: standard deviation of |G − Ĝ|, √(var Re + var Im), at ω (F,) rad/s."""
+
+    def parts(model: StateSpace) -> np.ndarray:
+        G = response(model, T, omega).ravel()
+        return np.concatenate([G.real, G.imag])
+
+    var = np.diag(propagate(fit, parts)).reshape(2, len(omega), len(fit.model.C), -1).sum(axis=0)
+    return np.asarray(np.sqrt(np.maximum(var, 0)))

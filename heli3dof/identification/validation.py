@@ -1,0 +1,181 @@
+"""How good a model is on data that no fit has seen.
+
+    fit = 100 (1 − ‖y − ŷ‖ / ‖y − ȳ‖)  %
+
+per axis, for predictions made one sample, 0.1, 0.5, 1 and 3 s earlier and for the replayed loop:
+the model flown through the same references by the same controller. One-step figures are near 100
+for any model of a smooth motion sampled fast, the bad ones too; 0.5 s and more, and the replay,
+tell models apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.identification.preprocessing import Prepared, Run
+from heli3dof.model.base import Model
+from heli3dof.model.control.loop_task import instants, loop_task, why_not_replayed
+from heli3dof.model.estimation.filter_data import LOST
+
+HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
+WARM_UP_S = 2.0
+"""The filter finds the state in this time where no usable rows lead in."""
+LEAD_IN_S = 10.0
+AFTER_TAKE_OFF_S = 2.0
+"""Seconds of a flight from the table that are left out of the replay's score, besides those of
+take-off itself: a linear model knows no table, and how it came up from −27.5° echoes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """fit_percent (3,) and rmse (3,) rad over ``rows`` rows; NaN where nothing can be said."""
+
+    fit_percent: np.ndarray
+    rmse: np.ndarray
+    rows: int
+
+    def to_json(self) -> dict[str, Any]:
+        """By axis, degrees."""
+        return {
+            axis: {"fit_percent": float(f), "rmse_deg": float(np.rad2deg(e))}
+            for axis, f, e in zip(AXES, self.fit_percent, self.rmse, strict=True)
+        }
+
+
+NO_SCORE = Score(np.full(3, np.nan), np.full(3, np.nan), 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Metrics:
+    """Scores on held-out data. ``prediction`` is keyed by horizon in s; 0.0 is one sample."""
+
+    prediction: dict[float, Score]
+    replay: Score
+    replay_note: str
+    """Empty, or why there is no replay."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Keys ``one_step``, ``0.1_s``, …, ``closed_loop_replay``; null where not available."""
+        named = {("one_step" if h == 0 else f"{h:g}_s"): s for h, s in self.prediction.items()}
+        fit = {
+            axis: {
+                **{name: float(s.fit_percent[i]) for name, s in named.items()},
+                "closed_loop_replay": float(self.replay.fit_percent[i]),
+            }
+            for i, axis in enumerate(AXES)
+        }
+        rmse = {
+            axis: {
+                **{name: float(np.rad2deg(s.rmse[i])) for name, s in named.items()},
+                "closed_loop_replay": float(np.rad2deg(self.replay.rmse[i])),
+            }
+            for i, axis in enumerate(AXES)
+        }
+        return {"fit_percent": fit, "rmse_deg": rmse, "replay_note": self.replay_note}
+
+
+def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
+    """Pool pairs of measured and predicted (N, 3) rad; a NaN row of either is left out.
+
+    Each pair is measured against its own mean.
+    """
+    error, spread, rows = np.zeros(3), np.zeros(3), 0
+    for y, predicted in pairs:
+        ok = np.isfinite(y).all(axis=1) & ~np.isnan(predicted).any(axis=1)
+        if not ok.any():
+            continue
+        error += ((y - predicted)[ok] ** 2).sum(axis=0)
+        spread += ((y[ok] - y[ok].mean(axis=0)) ** 2).sum(axis=0)
+        rows += int(ok.sum())
+    if rows == 0:
+        return NO_SCORE
+    with np.errstate(divide="ignore", invalid="ignore"):
+        fit = 100 * (1 - np.sqrt(error / spread))
+    return Score(fit, np.sqrt(error / rows), rows)
+
+
+def predictions(
+    model: Model, prepared: Prepared, runs: Sequence[Run], horizon_s: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Measured and predicted angles over runs; rows before the filter has settled are NaN."""
+    out = []
+    for run in runs:
+        recording = prepared.recordings[run.source]
+        lead = _lead_in(prepared, run, round(LEAD_IN_S / prepared.dt))
+        part = recording.rows(slice(run.start - lead, run.stop))
+        predicted = model.predict(part, horizon_s)[lead:].copy()
+        settle = round((WARM_UP_S + horizon_s) / prepared.dt) - lead
+        if settle > 0:
+            predicted[:settle] = np.nan
+        out.append((recording.angle[run.start : run.stop], predicted))
+    return out
+
+
+def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
+    """Usable rows right before the run, where the filter may settle."""
+    for other in (*prepared.train, *prepared.held_out):
+        if other.source == run.source and other.stop == run.start:
+            t = prepared.recordings[run.source].t
+            if t[run.start] - t[run.start - 1] > LOST * prepared.dt:
+                return 0
+            return min(most, other.stop - other.start)
+    return 0
+
+
+def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
+    """Why the loop of these recordings cannot be replayed, or an empty string."""
+    for i in sources:
+        r = prepared.recordings[i]
+        if why := why_not_replayed(r):
+            return f"not available: {r.name}: {why}"
+        if prepared.reports[i].clock.long_gaps:
+            return f"not available: {r.name} has long gaps, so references are missing"
+        if abs(r.dt / r.profile.dt - 1) > 0.01:
+            return f"not available: {r.name} was not logged at the control rate"
+    return ""
+
+
+def replays(
+    model: Model, prepared: Prepared, runs: Sequence[Run]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Measured angles over the runs, and the loop replayed from each recording's first row."""
+    out = []
+    settle = round(AFTER_TAKE_OFF_S / prepared.dt)
+    for source in sorted({r.source for r in runs}):
+        recording = prepared.recordings[source]
+        task = loop_task(recording)
+        with np.errstate(over="ignore", invalid="ignore"):
+            flown = model.fly(task).angle
+        grid = instants(recording.t, task.dt)
+        angle = np.column_stack([np.interp(recording.t, grid, a) for a in flown.T])
+        # A loop that diverged is infinitely wrong, not missing.
+        angle = np.where(np.isfinite(angle) & (np.abs(angle) < 1e6), angle, 1e6)
+        mine = np.zeros(len(recording), dtype=bool)
+        for r in runs:
+            if r.source == source:
+                mine[r.start : r.stop] = True
+        if prepared.reports[source].left_out["table"] > 0:
+            first = min(r.start for r in runs if r.source == source)
+            mine[: _first_usable(prepared, source, first) + settle] = False
+        out.append((recording.angle[mine], angle[mine]))
+    return out
+
+
+def _first_usable(prepared: Prepared, source: int, otherwise: int) -> int:
+    runs = [r.start for r in (*prepared.train, *prepared.held_out) if r.source == source]
+    return min(runs, default=otherwise)
+
+
+def metrics(model: Model, prepared: Prepared, runs: Sequence[Run]) -> Metrics:
+    """All scores of a model over runs, usually ``prepared.held_out``."""
+    prediction = {h: score(predictions(model, prepared, runs, h)) for h in (0.0, *HORIZONS_S)}
+    note = replay_obstacle(prepared, sorted({r.source for r in runs}))
+    replay = NO_SCORE if note else score(replays(model, prepared, runs))
+    if not note and not (replay.rmse < 10.0).all():
+        note = "the loop with this model diverges"
+    return Metrics(prediction, replay, note)

@@ -1,0 +1,102 @@
+"""Poles of a model in the loop with the gain K (2 × 8), limits aside.
+
+Continuous, with ideal rates (the paper's loop; E6 adds the two integrals ξ)::
+
+    ẋ = A x + B u,   ξ̇_r = r_ref − r,   ξ̇_ψ = ψ_ref − ψ
+    u = K_p (y_ref − y) − K_d ẏ + K_i ξ          K = [K_p (2×3)  K_d (2×3)  K_i (2×2)]
+
+Sampled, as flown: the rates are the Tustin-filtered derivatives of `controller`, and the integrals
+advance by dt × error after use. An integral whose column of K is zero, or whose axis is not
+modelled, has no part in the loop and is left out.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from heli3dof.model.control.controller import derivative_filter
+from heli3dof.model.discretisation import continuous
+from heli3dof.rig.profile import ControllerSpec
+
+if TYPE_CHECKING:
+    from heli3dof.model.linear.model import LinearModel
+
+INTEGRATED = (0, 2)
+"""The axes whose error is integrated: roll and yaw."""
+
+
+def closed_loop(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, K: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The continuous loop with ideal rates, states (x, ξ_r, ξ_ψ), input y_ref (3,) rad.
+
+    Returns A_cl (n+2, n+2), B_cl (n+2, 3) and F (2, n+2) with u = F [x; ξ] + K_p y_ref. Where
+    C B ≠ 0 the rate ẏ = C A x + C B u answers the voltage at once, and the equation is solved
+    for u.
+    """
+    n = A.shape[0]
+    Kp, Kd, Ki = K[:, :3], K[:, 3:6], K[:, 6:]
+    well_posed = np.linalg.inv(np.eye(2) + Kd @ C @ B)
+    F = well_posed @ np.hstack([-Kp @ C - Kd @ C @ A, Ki])
+    A_cl = np.zeros((n + 2, n + 2))
+    B_cl = np.zeros((n + 2, 3))
+    A_cl[:n] = np.hstack([A, np.zeros((n, 2))]) + B @ F
+    B_cl[:n] = B @ well_posed @ Kp
+    for row, axis in enumerate(INTEGRATED):
+        A_cl[n + row, :n] = -C[axis]
+        B_cl[n + row, axis] = 1.0
+    return A_cl, B_cl, F
+
+
+def ideal_loop_poles(model: LinearModel, controller: ControllerSpec) -> np.ndarray:
+    """Poles (rad/s, rightmost first) of the continuous loop with ideal rates."""
+    c = continuous(model)
+    C = np.where(model.modelled[:, None], c.C, 0.0)
+    A_cl, _, _ = closed_loop(c.A, c.B, C, controller.K_g)
+    keep = np.r_[np.ones(model.order, bool), _integrals_in_the_loop(model, controller)]
+    return rightmost_first(np.linalg.eigvals(A_cl[np.ix_(keep, keep)]))
+
+
+def sampled_loop_poles(model: LinearModel, controller: ControllerSpec, dt: float) -> np.ndarray:
+    """Poles (rad/s, rightmost first) of the loop as flown every dt s, s = log(z)/dt.
+
+    A pole at z = 0 (a pure delay) has no s and is left out. States: model, two per derivative
+    filter, one per integral.
+    """
+    model = model.at(dt)
+    axes = [i for i in range(3) if model.modelled[i]]
+    n, m = model.order, len(axes)
+    K = controller.K_g
+    b0, a1, a2 = derivative_filter(controller, dt)
+    integrals = [i for i, there in enumerate(_integrals_in_the_loop(model, controller)) if there]
+    q = len(integrals)
+    # Every signal is a row over the state [x, f1, f2, ξ].
+    size = n + 2 * m + q
+    row = np.eye(size)
+    y = np.zeros((m, size))
+    y[:, :n] = model.C[axes]
+    f1, f2, xi = row[n : n + m], row[n + m : n + 2 * m], row[n + 2 * m :]
+    rate = b0 * y + f1
+    u = -K[:, axes] @ y - K[:, [3 + i for i in axes]] @ rate + K[:, [6 + i for i in integrals]] @ xi
+    step = np.empty((size, size))
+    step[:n] = np.hstack([model.A, np.zeros((n, size - n))]) + model.B @ u
+    step[n : n + m] = f2 - a1 * rate
+    step[n + m : n + 2 * m] = -b0 * y - a2 * rate
+    for i, which in enumerate(integrals):
+        step[n + 2 * m + i] = xi[i] - dt * y[axes.index(INTEGRATED[which])]
+    z = np.linalg.eigvals(step)
+    z = z[abs(z) > 1e-9].astype(complex)
+    return rightmost_first(np.log(z) / dt)
+
+
+def _integrals_in_the_loop(model: LinearModel, controller: ControllerSpec) -> np.ndarray:
+    """(2,) bool"""
+    return np.asarray((controller.K_g[:, 6:] != 0).any(axis=0) & model.modelled[list(INTEGRATED)])
+
+
+def rightmost_first(poles: np.ndarray) -> np.ndarray:
+    """Sorted by falling real part; of a pair, the one with the positive imaginary part first."""
+    poles = np.asarray(poles, dtype=complex)
+    return poles[np.lexsort((-poles.imag, -poles.real.round(9)))]

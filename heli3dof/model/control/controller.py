@@ -1,0 +1,196 @@
+"""The contract's default controller: eq (7) with the gain (14), sampled, as rigs really run it.
+
+::
+
+    V = V_o + K_g [r_ref − r, p_ref − p, ψ_ref − ψ, −ṙ, −ṗ, −ψ̇, ∫(r_ref − r), ∫(ψ_ref − ψ)] + extra
+    v = clip(V, ±v_max)
+
+radians, seconds and volts (E5, E6, E7 mended). At sample k:
+
+1. each reference passes a rate limiter that starts from the angle at `Controller.reset`;
+2. each rate is the encoder angle through ω² s / (s² + 2 ζ ω s + ω²) by Tustin, at rest at reset;
+3. each integral's contribution to each motor, ``K[i, 6] ξ_r`` and ``K[i, 7] ξ_ψ``, is clamped
+   to ±``integrator_clamp_V``, and the integral stops growing where its contribution has reached
+   the clamp on every motor, so that it leaves the clamp as soon as its error changes sign;
+4. the voltage follows from sample k's angles; only then do the integrals advance, by
+   ``dt × error`` (forward Euler: they hold ∫ from the start to sample k).
+
+`control_law` is the only source of this law. It is written on plain sequences of floats, so that
+flight runs it as it stands on Python lists (a few µs a tick, and numba is never imported) and
+`heli3dof.model.linear.closed_loop` compiles the very same function.
+
+An angle that is not a number (a reading lost) is replaced by the last good one, a reference or
+extra voltage that is not a number counts as zero, and a voltage that is not finite goes out as
+0 V: nothing poisons the filters for the rest of a flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import MutableSequence, Sequence
+from typing import Any
+
+import numpy as np
+
+from heli3dof.rig.profile import ControllerSpec
+
+# Layout of the parameters p, the state s and the output out: flat, so that one function serves
+# Python lists and compiled arrays alike.
+_DT, _V_O, _V_MAX, _REF_STEP, _CLAMP, _B0, _A1, _A2, _XI_MAX = range(9)
+_K = _XI_MAX + 2
+N_PARAMETERS = _K + 16
+_LIMITED, _FILTER, _RATE, _XI, _GOOD = 0, 3, 9, 12, 14
+N_STATE = 17
+N_OUT = 4  # voltage asked for (front, back), then after the limiter
+_BELIEVABLE = 1e6  # rad; a reading beyond it (infinity, NaN) is a lost one
+
+
+def control_law(
+    p: Sequence[float],
+    s: MutableSequence[float],
+    angle: Sequence[float],
+    reference: Sequence[float],
+    extra: Sequence[float],
+    out: MutableSequence[float],
+) -> None:
+    """One tick: reads angle (3) rad, reference (3) rad, extra (2) V; updates s, fills out (4) V.
+
+    Runs unchanged in Python on lists and under ``numba.njit`` on float64 arrays.
+    """
+    for i in range(3):
+        y = angle[i]
+        if not abs(y) < _BELIEVABLE:
+            y = s[_GOOD + i]
+        s[_GOOD + i] = y
+        # 1. The reference, no faster than the limiter lets it.
+        r = reference[i]
+        if r != r:
+            r = 0.0
+        s[_LIMITED + i] += min(max(r - s[_LIMITED + i], -p[_REF_STEP]), p[_REF_STEP])
+        # 2. The rate, by direct form II transposed; the numerator is b0 (1 − z⁻²).
+        j = _FILTER + 2 * i
+        rate = p[_B0] * y + s[j]
+        s[j] = s[j + 1] - p[_A1] * rate
+        s[j + 1] = -p[_B0] * y - p[_A2] * rate
+        s[_RATE + i] = rate
+    # 3. The gain, with each integral's contribution clamped.
+    for m in range(2):
+        k = _K + 8 * m
+        v = p[_V_O]
+        for i in range(3):
+            v += p[k + i] * (s[_LIMITED + i] - s[_GOOD + i]) - p[k + 3 + i] * s[_RATE + i]
+        for i in range(2):
+            v += min(max(p[k + 6 + i] * s[_XI + i], -p[_CLAMP]), p[_CLAMP])
+        if extra[m] == extra[m]:
+            v += extra[m]
+        out[m] = v
+        if v - v != 0.0:  # NaN or infinite
+            v = 0.0
+        out[2 + m] = min(max(v, -p[_V_MAX]), p[_V_MAX])
+    # 4. The integrals of the roll and the yaw error.
+    for i in range(2):
+        xi = s[_XI + i] + p[_DT] * (s[_LIMITED + 2 * i] - s[_GOOD + 2 * i])
+        s[_XI + i] = min(max(xi, -p[_XI_MAX + i]), p[_XI_MAX + i])
+
+
+def parameters(spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> list[float]:
+    """The flat parameter list that `control_law` reads. V_o, v_max in V, dt in s."""
+    b0, a1, a2 = derivative_filter(spec, dt)
+    ref_step = float(np.deg2rad(spec.reference_rate_limit_deg_per_s)) * dt
+    # Where the weaker motor's contribution reaches the clamp, the stronger one's has as well.
+    weaker = [min((abs(row[j]) for row in spec.K if row[j]), default=0.0) for j in (6, 7)]
+    xi_max = [spec.integrator_clamp_V / gain if gain else np.inf for gain in weaker]
+    head = [dt, V_o, v_max, ref_step, spec.integrator_clamp_V, b0, a1, a2, *xi_max]
+    return [float(x) for x in head] + [float(x) for row in spec.K for x in row]
+
+
+def derivative_filter(spec: ControllerSpec, dt: float) -> tuple[float, float, float]:
+    """(b0, a1, a2) of ω² s / (s² + 2 ζ ω s + ω²) by Tustin, s = (2/dt)(z − 1)/(z + 1).
+
+    H(z) = b0 (1 − z⁻²) / (1 + a1 z⁻¹ + a2 z⁻²); angle in rad, rate in rad/s.
+    """
+    w = 2 * np.pi * spec.derivative_cutoff_hz
+    zeta = spec.derivative_damping
+    c = 2 / dt
+    a0 = c**2 + 2 * zeta * w * c + w**2
+    return (
+        float(w**2 * c / a0),
+        float((2 * w**2 - 2 * c**2) / a0),
+        float((c**2 - 2 * zeta * w * c + w**2) / a0),
+    )
+
+
+def state_at_rest(p: Sequence[float], angle: Sequence[float]) -> list[float]:
+    """The controller's state at rest at an angle (3,) rad: references there, rates and ∫ zero."""
+    angle = [a if abs(a) < _BELIEVABLE else 0.0 for a in angle]
+    s = [0.0] * N_STATE
+    for i in range(3):
+        s[_LIMITED + i] = s[_GOOD + i] = angle[i]
+        s[_FILTER + 2 * i] = s[_FILTER + 2 * i + 1] = -p[_B0] * angle[i]
+    return s
+
+
+class Controller:
+    """The default controller in flight: plain Python, a few µs a tick.
+
+    >>> from heli3dof.rig.profile import default_profile
+    >>> c = Controller.of(default_profile())
+    >>> c.reset((0.0, 0.0, 0.0))
+    >>> c.step((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    ((7.456, 7.456), (7.456, 7.456))
+    """
+
+    def __init__(self, spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> None:
+        self.spec = spec
+        self.dt = dt
+        self._p = parameters(spec, V_o, v_max, dt)
+        self._s = state_at_rest(self._p, (0.0, 0.0, 0.0))
+        self._out = [0.0] * N_OUT
+
+    @classmethod
+    def of(cls, profile: Any) -> Controller:
+        """The controller of a `Profile` (the default one where it names none), at its rate."""
+        profile = profile.with_controller()
+        return cls(profile.controller, profile.motor.V_o, profile.motor.v_max, profile.dt)
+
+    def reset(self, angle: Sequence[float] | np.ndarray) -> None:
+        """At rest at ``angle`` (3,) rad: references start there, rates and integrals are zero."""
+        self._s = state_at_rest(self._p, [float(a) for a in angle])
+
+    def step(
+        self,
+        angle: Sequence[float] | np.ndarray,
+        reference: Sequence[float] | np.ndarray,
+        extra: Sequence[float] | np.ndarray = (0.0, 0.0),
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        """One control period: angle (3,) rad, reference (3,) rad, extra (2,) V.
+
+        Returns (v_cmd, v), each (front, back) in V: before and after the ±v_max limiter.
+        """
+        out = self._out
+        # Python floats: numpy scalars would be several times slower in the law.
+        control_law(
+            self._p,
+            self._s,
+            (float(angle[0]), float(angle[1]), float(angle[2])),
+            (float(reference[0]), float(reference[1]), float(reference[2])),
+            (float(extra[0]), float(extra[1])),
+            out,
+        )
+        return (out[0], out[1]), (out[2], out[3])
+
+    @property
+    def limited_reference(self) -> tuple[float, float, float]:
+        """(3,) rad: the references after the rate limiter, at the last step."""
+        s = self._s
+        return s[_LIMITED], s[_LIMITED + 1], s[_LIMITED + 2]
+
+    @property
+    def rates(self) -> tuple[float, float, float]:
+        """(3,) rad/s: the filtered derivatives at the last step."""
+        s = self._s
+        return s[_RATE], s[_RATE + 1], s[_RATE + 2]
+
+    @property
+    def integrals(self) -> tuple[float, float]:
+        """(∫ roll error, ∫ yaw error) in rad·s, after the last step."""
+        return self._s[_XI], self._s[_XI + 1]

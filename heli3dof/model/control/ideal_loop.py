@@ -1,0 +1,175 @@
+"""The paper's closed loop in continuous time: eq (7) with the gain (14), mended by E5 and E6.
+
+::
+
+    V − V_o = K_p (y_ref − y) − K_d ẏ + K_i ξ,    ξ̇ = (r_ref − r, ψ_ref − ψ)
+
+Rates are ideal and of the measurement, not of the error; no clamp on the integrals. This is the
+loop behind the paper's hover column; the one that flies is `heli3dof.model.control.controller`.
+Without a voltage limit the response is exact: a matrix exponential from one corner of the reference
+to the next. `paper_gain` is the design that K_g came from.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as la
+
+from heli3dof.model.control.closed_loop_poles import INTEGRATED, closed_loop
+from heli3dof.model.linear.hover import Hover
+
+LQR_Q = (100.0, 1.0, 10.0, 0.0, 0.0, 2.0, 10.0, 0.1)
+"""Weights on r, p, ψ, ṙ, ṗ, ψ̇, ∫r, ∫ψ: with LQR_R they give the paper's K_g."""
+LQR_R = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """A response over N instants."""
+
+    t: np.ndarray
+    """(N,) s"""
+    angle: np.ndarray
+    """(N, 3) rad"""
+    voltage: np.ndarray
+    """(N, 2) V above V_o, after the limit where there is one"""
+
+
+def paper_gain(hover: Hover) -> np.ndarray:
+    """(2, 8) the LQR gain of the six states and the two integrals, Q and R as above.
+
+    For the corrected model with V_o by (6) it reproduces (14), which the paper truncates. That is
+    the evidence for E3 and E4. From the Riccati equation AᵀP + PA − PBR⁻¹BᵀP + Q = 0, K = R⁻¹BᵀP.
+    """
+    A = np.zeros((8, 8))
+    A[:6, :6] = hover.A
+    for row, axis in enumerate(INTEGRATED):
+        A[6 + row, axis] = 1.0  # ξ̇ = +y here, as lqr designs about zero
+    B = np.vstack([hover.B, np.zeros((2, 2))])
+    P = la.solve_continuous_are(A, B, np.diag(LQR_Q), LQR_R * np.eye(2))
+    return np.asarray(B.T @ P / LQR_R)
+
+
+def with_rotor_lag(hover: Hover, tau: float) -> Hover:
+    """The model with first-order rotors, τ V̇_r = V − V_r: two more states, V_r − V_o in V.
+
+    Not in the paper; one guess at why its rig overshot so much more than its model. tau in s.
+    """
+    A, B = np.zeros((8, 8)), np.zeros((8, 2))
+    A[:6, :6], A[:6, 6:], A[6:, 6:] = hover.A, hover.B, -np.eye(2) / tau
+    B[6:] = np.eye(2) / tau
+    return replace(hover, A=A, B=B, C=np.eye(3, 8))
+
+
+def loop_poles(hover: Hover, K: np.ndarray) -> np.ndarray:
+    """(8,) rad/s, rightmost first: the poles of the loop with the gain K (2, 8)."""
+    from heli3dof.model.control.closed_loop_poles import rightmost_first
+
+    return rightmost_first(la.eigvals(closed_loop(hover.A, hover.B, hover.C, K)[0]))
+
+
+def step_response(
+    hover: Hover,
+    K: np.ndarray,
+    target: np.ndarray,
+    *,
+    duration_s: float = 20.0,
+    dt: float = 1e-3,
+    rate_limit: float | None = None,
+    angle0: np.ndarray | None = None,
+    x0: np.ndarray | None = None,
+    v_max: float | None = None,
+) -> Response:
+    """The loop's answer to a step of the references to ``target`` (3,) rad at t = 0.
+
+    From rest at ``angle0`` (3,) rad, level by default, or from the state ``x0``. ``rate_limit``
+    (rad/s) makes the references ramp from there. ``v_max`` (V, total) limits the voltages; then
+    the response is by Runge–Kutta 4 every ``dt``, otherwise it is exact.
+    """
+    if x0 is None:
+        x0 = np.zeros(len(hover.A))
+        x0[:3] = 0.0 if angle0 is None else angle0
+    angle0 = hover.C @ x0
+    target = np.asarray(target, dtype=float)
+    corners = np.zeros(3) if rate_limit is None else abs(target - angle0) / rate_limit
+    slope = np.zeros(3) if rate_limit is None else np.sign(target - angle0) * rate_limit
+    t = np.arange(round(duration_s / dt) + 1) * dt
+
+    def reference(at: float) -> np.ndarray:
+        return np.where(at < corners, angle0 + slope * at, target)
+
+    A, B, F = closed_loop(hover.A, hover.B, hover.C, K)
+    x0 = np.concatenate([x0, np.zeros(2)])
+    if v_max is None:
+        x = _exact(A, B, x0, t, corners, reference, slope)
+    else:
+        x = _limited(hover, K, F, x0, t, reference, v_max)
+    r = np.array([reference(at) for at in t])
+    u = x @ F.T + r @ K[:, :3].T
+    if v_max is not None:
+        u = np.clip(u + hover.V_o, -v_max, v_max) - hover.V_o
+    return Response(t, x[:, : len(hover.A)] @ hover.C.T, u)
+
+
+def _exact(
+    A: np.ndarray,
+    B: np.ndarray,
+    x0: np.ndarray,
+    t: np.ndarray,
+    corners: np.ndarray,
+    reference: Callable[[float], np.ndarray],
+    slope: np.ndarray,
+) -> np.ndarray:
+    """ẋ = A x + B r, ṙ piecewise constant: one matrix exponential per corner and per step."""
+    n = len(A)
+    M = np.zeros((n + 6, n + 6))
+    M[:n, :n], M[:n, n : n + 3] = A, B
+    M[n : n + 3, n + 3 :] = np.eye(3)
+    step = la.expm(M * (t[1] - t[0]))
+    x = np.empty((len(t), n))
+    starts = [0.0, *sorted({float(c) for c in corners if 0 < c < t[-1]}), np.inf]
+    start_state = x0
+    for start, stop in itertools.pairwise(starts):
+        z = np.concatenate([start_state, reference(start), np.where(start < corners, slope, 0.0)])
+        inside = np.nonzero((t >= start) & (t < stop))[0]
+        z_at = la.expm(M * (t[inside[0]] - start)) @ z if len(inside) else z
+        for k in inside:
+            x[k] = z_at[:n]
+            z_at = step @ z_at
+        if np.isfinite(stop):
+            start_state = (la.expm(M * (stop - start)) @ z)[:n]
+    return x
+
+
+def _limited(
+    hover: Hover,
+    K: np.ndarray,
+    F: np.ndarray,
+    x0: np.ndarray,
+    t: np.ndarray,
+    reference: Callable[[float], np.ndarray],
+    v_max: float,
+) -> np.ndarray:
+    A, B, C, V_o, Kp = hover.A, hover.B, hover.C, hover.V_o, K[:, :3]
+    n = len(A)
+
+    def slope(at: float, x: np.ndarray) -> np.ndarray:
+        r = reference(at)
+        u = np.clip(F @ x + Kp @ r + V_o, -v_max, v_max) - V_o
+        e = r - C @ x[:n]
+        return np.concatenate([A @ x[:n] + B @ u, [e[i] for i in INTEGRATED]])
+
+    dt = t[1] - t[0]
+    x = np.empty((len(t), len(x0)))
+    x[0] = x0
+    for k, at in enumerate(t[:-1]):
+        k1 = slope(at, x[k])
+        k2 = slope(at + dt / 2, x[k] + dt / 2 * k1)
+        k3 = slope(at + dt / 2, x[k] + dt / 2 * k2)
+        k4 = slope(at + dt, x[k] + dt * k3)
+        x[k + 1] = x[k] + dt / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return x

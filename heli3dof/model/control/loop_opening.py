@@ -1,0 +1,203 @@
+"""The law with the loop of some axes opened: their share of the voltage frozen where it was level.
+
+`control_law` adds up what each axis i asks of motor m,
+
+    c_im = K_mi (i_ref − i) − K_m,3+i i̇ + clamp(K_m,6+j ξ_j)        (j: roll and yaw only)
+
+A mode per axis and period says what happens to it:
+
+    CLOSED  nothing
+    LEARN   nothing, but the mean c̄_im of this stretch is kept: what the axis needs at its trim
+            (until the next stretch of learning, in the same flight)
+    OPEN    c_im is replaced by c̄_im, so the voltage no longer answers to the axis
+
+The replacement goes out as extra voltage, extra_m += Σ_i (c̄_im − c_im), and the reference of an
+open axis is its own angle, so that its integral rests; once the loop is closed it goes back to
+the plan's at `RETURN`, so that nothing jolts. Both are
+recorded as they flew: what is recorded obeys V = law(angle, reference) + extra to the last bit, and
+can be replayed like any flight.
+
+The plans that ship open roll or yaw and keep pitch: with both voltages frozen, 1 % of difference
+between the motors tips a body without pitch stiffness over in seconds. A flight that leaves
+`SHARE` of the envelope's half width is handed back to the controller until the segment ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import MutableSequence, Sequence
+from math import radians
+from typing import Any
+
+import numpy as np
+
+from heli3dof.model.base import LoopTask
+from heli3dof.model.control.controller import (
+    _CLAMP,
+    _DT,
+    _GOOD,
+    _K,
+    _LIMITED,
+    _RATE,
+    _V_MAX,
+    _XI,
+    Controller,
+    control_law,
+)
+from heli3dof.rig.profile import ControllerSpec, Limits
+
+CLOSED, LEARN, OPEN = 0, 1, 2
+SHARE = 0.7
+"""Of the envelope's half width"""
+RETURN = radians(10.0)
+"""rad/s: how fast the reference goes back to the plan's once a loop is closed"""
+FADE_S = 0.03
+"""s: how fast a frozen voltage gives way to the controller's, so that it does not jump"""
+_SUM, _COUNT, _BEFORE, _BACK, _OPEN, _XI_BEFORE = 0, 6, 9, 12, 13, 14
+_ADDED, _OFFSET, _HELD, _FADING = 16, 18, 21, 24
+N_OPENING = 26
+
+
+def free_within(limits: Limits) -> list[float]:
+    """[roll low, high; pitch; yaw; three rates], rad and rad/s: where an open loop may be."""
+    middle = (limits.roll_max_deg + limits.roll_min_deg) / 2
+    half = SHARE * (limits.roll_max_deg - limits.roll_min_deg) / 2
+    rest = (
+        limits.pitch_max_deg,
+        limits.yaw_max_deg,
+        limits.roll_rate_max_deg_per_s,
+        limits.pitch_rate_max_deg_per_s,
+        limits.yaw_rate_max_deg_per_s,
+    )
+    return [radians(v) for v in (middle - half, middle + half, *(SHARE * r for r in rest))]
+
+
+def opening(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What a compiled loop needs of a task: modes (N, 3), none where all stay closed; room; z."""
+    modes = np.zeros((0, 3), dtype=np.int8) if task.opened is None else task.opened
+    return (
+        np.ascontiguousarray(modes, dtype=np.int8),
+        np.array(free_within(task.limits)),
+        np.zeros(N_OPENING),
+    )
+
+
+def before_law(
+    p: Sequence[float],
+    s: Sequence[float],
+    room: Sequence[float],
+    z: MutableSequence[float],
+    mode: Sequence[int],
+    angle: Sequence[float],
+    reference: MutableSequence[float],
+    extra: MutableSequence[float],
+) -> None:
+    """What comes before `control_law` in a period: whether an axis is open, and its reference.
+
+    ``p`` and ``s`` are the law's parameters and state; ``mode`` (3), ``angle`` and ``reference``
+    (3) rad, ``extra`` (2) V; ``room`` `free_within`'s, ``z`` the opening's state (`N_OPENING` zeros
+    at the start). The references are rewritten as flown; the extra voltage is set to zero and kept
+    for `after_law`. Both run on Python lists and under ``numba.njit`` on float64 arrays.
+    """
+    anything = False
+    for i in range(3):
+        if mode[i] == 1 and z[_BEFORE + i] != 1.0:
+            z[_COUNT + i] = z[_SUM + 2 * i] = z[_SUM + 2 * i + 1] = 0.0
+        z[_BEFORE + i] = mode[i]
+        anything = anything or mode[i] == 2
+    inside = room[0] <= angle[0] <= room[1]
+    for i in range(3):
+        inside = inside and (i == 0 or abs(angle[i]) <= room[1 + i])
+        inside = inside and abs(s[_RATE + i]) <= room[4 + i]
+    if not anything:
+        z[_BACK] = 0.0
+    elif not inside:
+        z[_BACK] = 1.0
+    z[_OPEN] = 1.0 if anything and z[_BACK] == 0.0 else 0.0
+    for i in range(3):
+        if mode[i] == 2 and z[_OPEN] == 1.0:
+            reference[i] = angle[i]
+            z[_HELD + i] = 1.0
+        else:
+            if z[_HELD + i] == 1.0:
+                z[_OFFSET + i] = angle[i] - reference[i]
+                z[_HELD + i] = 0.0
+            step, offset = RETURN * p[_DT], z[_OFFSET + i]
+            z[_OFFSET + i] = min(max(0.0, offset - step), offset + step)
+            reference[i] += z[_OFFSET + i]
+    for i in range(2):
+        z[_XI_BEFORE + i] = s[_XI + i]
+        z[_ADDED + i] = extra[i] if extra[i] == extra[i] else 0.0
+        extra[i] = 0.0
+
+
+def after_law(
+    p: Sequence[float],
+    s: Sequence[float],
+    z: MutableSequence[float],
+    mode: Sequence[int],
+    extra: MutableSequence[float],
+    out: MutableSequence[float],
+) -> None:
+    """What comes after `control_law`: learns, replaces, and adds the extra voltage last.
+
+    ``extra`` (2) V and ``out`` (4) V, as of the law, are rewritten as flown; ``p`` is the law's.
+    """
+    for m in range(2):
+        replaced = 0.0
+        for i in range(3):
+            if mode[i] == 0 or (mode[i] == 2 and z[_OPEN] == 0.0):
+                continue
+            k = _K + 8 * m
+            c = p[k + i] * (s[_LIMITED + i] - s[_GOOD + i]) - p[k + 3 + i] * s[_RATE + i]
+            if i != 1:
+                j = i // 2
+                c += min(max(p[k + 6 + j] * z[_XI_BEFORE + j], -p[_CLAMP]), p[_CLAMP])
+            if mode[i] == 1:
+                z[_SUM + 2 * i + m] += c
+                z[_COUNT + i] += 0.5
+            else:
+                replaced += z[_SUM + 2 * i + m] / max(z[_COUNT + i], 1.0) - c
+        if z[_OPEN] == 0.0:
+            replaced = z[_FADING + m] * max(0.0, 1.0 - p[_DT] / FADE_S)
+            if abs(replaced) < 1e-3:
+                replaced = 0.0
+        z[_FADING + m] = replaced
+        extra[m] = z[_ADDED + m] + replaced
+        v = out[m] + extra[m]
+        out[m] = v
+        if v - v != 0.0:  # NaN or infinite
+            v = 0.0
+        out[2 + m] = min(max(v, -p[_V_MAX]), p[_V_MAX])
+
+
+class OpenedController(Controller):
+    """The controller in flight, with loops that a plan may open."""
+
+    def __init__(self, spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> None:
+        super().__init__(spec, V_o, v_max, dt)
+        self._room = free_within(Limits())
+        self._z = [0.0] * N_OPENING
+
+    @classmethod
+    def of(cls, profile: Any) -> OpenedController:
+        """The controller of a `Profile`, handing back where the profile's envelope says so."""
+        made = super().of(profile)
+        assert isinstance(made, cls)
+        made._room = free_within(profile.limits)
+        return made
+
+    def step_opened(
+        self,
+        mode: Sequence[int],
+        angle: Sequence[float],
+        reference: Sequence[float],
+        extra: Sequence[float],
+    ) -> tuple[
+        tuple[float, float, float], tuple[float, float], tuple[float, float], tuple[float, float]
+    ]:
+        """One period with the modes (3): (reference rad, extra V, v_cmd V, v V) as flown."""
+        r, e, out = list(reference), list(extra), self._out
+        before_law(self._p, self._s, self._room, self._z, mode, angle, r, e)
+        control_law(self._p, self._s, angle, r, e, out)
+        after_law(self._p, self._s, self._z, mode, e, out)
+        return (r[0], r[1], r[2]), (e[0], e[1]), (out[0], out[1]), (out[2], out[3])

@@ -1,0 +1,67 @@
+"""A gain that does not stabilise the chosen model is refused before anything moves (exit 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from heli3dof.errors import UnstableLoop
+from heli3dof.model.base import Model
+from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
+from heli3dof.model.linear.model import LinearModel
+from heli3dof.rig.profile import ControllerSpec
+
+MARGIN = 1e-4
+"""rad/s; a pole slower than this counts as an integrator that the gain leaves free."""
+
+
+def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarray:
+    """The loop's poles (rad/s, rightmost first) where it is stable.
+
+    Raises UnstableLoop naming every pole in the right half plane or on its edge. Linear models
+    are checked twice: as the paper writes the loop, and as it is flown, sampled every ``dt`` s
+    with the filtered derivative, where a slow rate alone can upset it.
+    """
+    poles = model.loop_poles(controller, dt)
+    unstable = poles[~(poles.real < -MARGIN)]
+    if len(unstable):
+        raise UnstableLoop(
+            f"The gain does not stabilise the model {model.name!r}: "
+            f"{_poles(unstable)} not left of zero.",
+            cause=_cause(model),
+            fix="fly another gain ([controller] K in the profile) or check it on the corrected "
+            "model (--model hover)",
+        )
+    if isinstance(model, LinearModel):
+        sampled = sampled_loop_poles(model, controller, dt)
+        unstable = sampled[~(sampled.real < -MARGIN)]
+        if len(unstable):
+            raise UnstableLoop(
+                f"The gain does not stabilise the model {model.name!r} at {1 / dt:g} Hz: "
+                f"{_poles(unstable)} not left of zero.",
+                cause="the loop, or its derivative filter, is too slow for this gain.",
+                fix="raise [loop] rate_hz or [controller] derivative_cutoff_hz in the profile",
+            )
+    return poles
+
+
+def _cause(model: Model) -> str:
+    if model.kind == "hover_printed":
+        return "eq (10) as printed has the wrong sign at A[6,2] (erratum E3); K_g is right."
+    if model.kind == "paper17":
+        return "eq (17) is defective (erratum E14): no reading of it is stable with K_g."
+    return "the gain has a wrong sign or was designed for another rig, or the model is poor."
+
+
+def _poles(poles: Sequence[complex] | np.ndarray) -> str:
+    """'the pole +1.469 is', 'the poles +0.2 ± 1.1j rad/s are': for the middle of a sentence."""
+    words = []
+    for s in poles:
+        if abs(s.imag) < 1e-9:
+            words.append(f"{s.real:+.3f}")
+        elif s.imag > 0:
+            words.append(f"{s.real:+.3f} ± {s.imag:.3f}j")
+    one = len(words) == 1 and "±" not in words[0]
+    shown = ", ".join(words[:4]) + (", …" if len(words) > 4 else "")
+    return f"the pole {shown} rad/s is" if one else f"the poles {shown} rad/s are"

@@ -1,0 +1,139 @@
+"""From continuous to discrete time and back, and transfer functions.
+
+Zero-order hold, dt in s::
+
+    [A_d B_d]        ( [A B]    )
+    [ 0   I ]  = exp ( [0 0] dt )        (`held`; `released` takes the logarithm instead)
+
+The logarithm exists where no pole lies on the negative real axis or at zero; a pole there (a
+delay, an oscillation at half the sample rate) has no counterpart in continuous time, and the
+bilinear rule z = (1 + s dt/2)/(1 − s dt/2) is used instead, which then has a feedthrough D.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import scipy.linalg as la
+
+if TYPE_CHECKING:
+    import control
+
+    from heli3dof.model.linear.model import LinearModel
+
+_NAMES = {"inputs": ["v_front_V", "v_back_V"], "outputs": ["roll_rad", "pitch_rad", "yaw_rad"]}
+
+
+@dataclass(frozen=True, eq=False)
+class Continuous:
+    """ẋ = A x + B ũ, ỹ = C x + D ũ about the model's trim; rad, V, s.
+
+    ``method`` says how it was found: ``hold`` (exact at the samples) or ``bilinear``.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    method: Literal["hold", "bilinear"]
+
+
+def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """(A_d, B_d): the exact discretisation of ẋ = A x + B u with u held for dt (s)."""
+    n, m = B.shape
+    M = np.zeros((n + m, n + m))
+    M[:n, :n], M[:n, n:] = A, B
+    E = la.expm(M * dt)
+    return E[:n, :n], E[:n, n:]
+
+
+def released(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray] | None:
+    """(A, B) of which A_d, B_d are the zero-order hold at dt (s), or None where there is none."""
+    z: np.ndarray = np.linalg.eigvals(A_d)
+    if np.any((z.real <= 0) & (abs(z.imag) <= 1e-9 * np.maximum(1, abs(z)))):
+        return None
+    n, m = B_d.shape
+    M = np.zeros((n + m, n + m))
+    M[:n, :n], M[:n, n:] = A_d, B_d
+    M[n:, n:] = np.eye(m)
+    L = la.logm(M) / dt
+    if np.iscomplexobj(L):
+        if abs(L.imag).max() > 1e-6 * max(1.0, abs(L.real).max()):
+            return None
+        L = L.real
+    return L[:n, :n], L[:n, n:]
+
+
+def continuous(model: LinearModel) -> Continuous:
+    """The continuous-time model of a discrete one: zero-order hold undone, else bilinear."""
+    zoh = released(model.A, model.B, model.dt)
+    if zoh is not None:
+        return Continuous(*zoh, model.C, np.zeros((3, 2)), "hold")
+    # z = (1 + s dt/2)/(1 − s dt/2), with P = (A_d + I)⁻¹
+    n = model.order
+    P = la.pinv(model.A + np.eye(n))
+    A = (2 / model.dt) * P @ (model.A - np.eye(n))
+    B = (2 / np.sqrt(model.dt)) * P @ model.B
+    C = (2 / np.sqrt(model.dt)) * model.C @ P
+    return Continuous(A, B, C, -model.C @ P @ model.B, "bilinear")
+
+
+def numerators(model: Continuous) -> tuple[np.ndarray, np.ndarray]:
+    """(num, den) over the common denominator det(sI − A), highest power first.
+
+    num is (3, 2, n + 1): from motor j (V) to axis i (rad); den is (n + 1,).
+    By det(sI − A + B_j C_i) = den · (1 + T_ij) for a strictly proper T_ij, D added after.
+    """
+    den = np.real(np.poly(model.A))
+    num = np.zeros((3, 2, len(den)))
+    for i in range(3):
+        for j in range(2):
+            closed = np.real(np.poly(model.A - np.outer(model.B[:, j], model.C[i])))
+            num[i, j] = closed - den + model.D[i, j] * den
+    return num, den
+
+
+def to_control(model: LinearModel, *, in_continuous_time: bool = False) -> control.StateSpace:
+    """A python-control ``StateSpace`` about the trim: V − u0 in V, y − y0 in rad.
+
+    Discrete at the model's dt, or in continuous time (see `continuous`).
+    """
+    import control
+
+    if in_continuous_time:
+        c = continuous(model)
+        return control.ss(c.A, c.B, c.C, c.D, name=model.name, **_NAMES)
+    return control.ss(
+        model.A, model.B, model.C, np.zeros((3, 2)), model.dt, name=model.name, **_NAMES
+    )
+
+
+def to_transfer_function(model: LinearModel) -> control.TransferFunction:
+    """The continuous-time transfer functions, rad per V, as python-control's 3 × 2 object.
+
+    Powers of s common to numerator and denominator are cancelled; `numerators` keeps the one
+    common denominator, as the paper prints (17).
+    """
+    import control
+
+    num, den = numerators(continuous(model))
+    pairs = [[_reduced(num[i, j], den) for j in range(2)] for i in range(3)]
+    return control.tf(
+        [[pair[0] for pair in row] for row in pairs],
+        [[pair[1] for pair in row] for row in pairs],
+        name=model.name,
+        **_NAMES,
+    )
+
+
+def _reduced(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Without leading zeros, and without the powers of s that both have, up to rounding."""
+    num = np.where(abs(num) > 1e-12 * np.max(abs(den)), num, 0.0)
+    if not num.any():
+        return np.zeros(1), np.ones(1)
+    num = np.trim_zeros(num, "f")
+    while len(num) > 1 and num[-1] == 0 and abs(den[-1]) <= 1e-12 * np.max(abs(den)):
+        num, den = num[:-1], den[:-1]
+    return num, den

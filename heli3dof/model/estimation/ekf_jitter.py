@@ -1,0 +1,292 @@
+"""The filter for logs whose samples were not taken when they say, and for what a rig forgets.
+
+Sample k was taken δ_k late, white of standard deviation σ_t: by then *every* angle has moved on,
+
+    y_i[k] = m_i(x_k) + ṁ_i δ_k + ε_i,       ε_i white of variance Δ_i²/12
+
+so the readings of one instant are off together. Each sample carries δ_k as one more state, of no
+memory, and takes its readings one after the other; that is the exact update, by the joint
+covariance diag(Δ²/12) + σ_t² ṁ ṁᵀ. (The filter of `heli3dof.model.estimation.ekf_quantised`, which
+reads edges, and for which instants are off axis by axis, is sharper where the clock is true.)
+
+b: numbers of the effects that are constant in a recording and differ from one to the next (the
+angle at which an encoder was switched on). They stand in the state, x = (q, q̇, b), with ḃ = 0 and
+b ~ N(b_0, σ_b²) at the start of each run, and are re-estimated from what has been read so far.
+P grows as in `heli3dof.model.estimation.ekf_quantised`, with ∂q̈/∂(q, q̇, b); x by the midpoint
+rule, whose error over the few milliseconds of one sample (h³ q⃛/24) is a thousandth of an encoder's
+step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from heli3dof.model.compiled import compiled
+from heli3dof.model.estimation import ekf_quantised
+from heli3dof.model.estimation.filter_data import Data
+from heli3dof.model.physics import dry_friction, integrator, rigid_body, rotor
+from heli3dof.model.physics import state_layout as _s
+from heli3dof.model.physics.integrator import glide, readings, setup
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.model.physics.rigid_body import accelerations
+from heli3dof.model.physics.rotor import thrusts
+
+R, T, F_FRONT, F_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK
+RELINEARISE_S, RATE_0 = ekf_quantised.RELINEARISE_S, ekf_quantised.RATE_0
+SIGHT = 1e-6
+"""Step of the differences along b, in its unit."""
+
+
+def _filter(  # type: ignore[no-untyped-def]
+    s0, first, address, par0, mem0, where, b_std, blocks, free, t, h, V, y, a2, jitter, R2,
+    loglik, X,
+):  # fmt: skip
+    """X (N, 6 + B) states after each row's update, NaN where there are none; ``loglik`` (3,).
+
+    ``where`` (W, 3): hook, column and number (0 … B − 1) of each place that a b stands in;
+    ``b_std`` (B,) σ_b.
+    """
+    N, B = V.shape[0], b_std.shape[0]
+    n = 6 + B
+    L = n  # the place of δ
+    target, F = np.empty((N, 2)), np.empty((N, 2))
+    x, P = np.empty(n + 1), np.zeros((n + 1, n + 1))
+    A, AP, W = np.empty((3, n)), np.empty((n, n)), np.empty((n, n))
+    m, slope, w = np.empty(3), np.empty(3), np.zeros((8, 3))
+    m_b, PH, ignored = np.empty((B, 3)), np.empty(n + 1), np.empty(3)
+    decay = np.full(3, -1.0)
+    for block in range(blocks.shape[0]):
+        s, mem, par = s0.copy(), mem0.copy(), par0.copy()
+        axes = free[block]
+        setup(s, first, address, par, mem)
+        lead, start, stop = blocks[block, 0], blocks[block, 1], blocks[block, 2]
+        thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
+        decay[0] = -1.0
+        P[:, :] = 0.0
+        for i in range(3):
+            x[i] = y[start, i] if y[start, i] == y[start, i] else 0.0
+            x[3 + i] = 0.0
+            if axes[i]:
+                P[3 + i, 3 + i] = RATE_0**2
+        for q in range(where.shape[0]):
+            x[6 + where[q, 2]] = par0[where[q, 0], where[q, 1]]
+        for q in range(B):
+            P[6 + q, 6 + q] = b_std[q] ** 2
+        readings(s, x, first, address, par, mem, m, slope)
+        for i in range(3):
+            x[i] -= (m[i] - x[i]) / slope[i]
+            if axes[i]:
+                P[i, i] = 100.0 * R2[i]
+        # An angle is as unsure as what it is read with; the first readings say what they can.
+        for q in range(B):
+            for z in range(where.shape[0]):
+                if where[z, 2] == q:
+                    par[where[z, 0], where[z, 1]] = x[6 + q] + SIGHT
+            readings(s, x, first, address, par, mem, m_b[q], ignored)
+            for z in range(where.shape[0]):
+                if where[z, 2] == q:
+                    par[where[z, 0], where[z, 1]] = x[6 + q]
+            readings(s, x, first, address, par, mem, m, slope)
+            for i in range(3):
+                if axes[i]:
+                    P[i, i] += ((m_b[q, i] - m[i]) / SIGHT / slope[i] * b_std[q]) ** 2
+                    P[i, 6 + q] = -(m_b[q, i] - m[i]) / SIGHT / slope[i] * b_std[q] ** 2
+                    P[6 + q, i] = P[i, 6 + q]
+        driven = a2 * axes
+        since = 1e9
+        for k in range(start, stop):
+            for q in range(where.shape[0]):
+                par[where[q, 0], where[q, 1]] = x[6 + where[q, 2]]
+            readings(s, x, first, address, par, mem, m, slope)
+            for q in range(B):
+                for z in range(where.shape[0]):
+                    if where[z, 2] == q:
+                        par[where[z, 0], where[z, 1]] = x[6 + q] + SIGHT
+                readings(s, x, first, address, par, mem, m_b[q], ignored)
+                for z in range(where.shape[0]):
+                    if where[z, 2] == q:
+                        par[where[z, 0], where[z, 1]] = x[6 + q]
+                for i in range(3):
+                    m_b[q, i] = (m_b[q, i] - m[i]) / SIGHT
+            for j in range(n + 1):
+                P[L, j] = 0.0
+                P[j, L] = 0.0
+            P[L, L] = jitter * jitter
+            x_0, x_1, x_2 = x[0], x[1], x[2]
+            v_0, v_1, v_2 = slope[0] * x[3], slope[1] * x[4], slope[2] * x[5]
+            x[L] = 0.0
+            for i in range(3):
+                if y[k, i] != y[k, i] or not axes[i]:
+                    continue
+                # What is read follows from the angle, δ and b alone: the rest of H is zero.
+                H_q = slope[i]
+                H_L = v_0 if i == 0 else (v_1 if i == 1 else v_2)
+                at = m[i] + H_q * (x[i] - (x_0 if i == 0 else (x_1 if i == 1 else x_2)))
+                at += H_L * x[L]
+                for q in range(B):
+                    for z in range(where.shape[0]):
+                        if where[z, 2] == q:
+                            at += m_b[q, i] * (x[6 + q] - par[where[z, 0], where[z, 1]])
+                            break
+                for j in range(n + 1):
+                    acc = P[j, i] * H_q + P[j, L] * H_L
+                    for q in range(B):
+                        acc += P[j, 6 + q] * m_b[q, i]
+                    PH[j] = acc
+                S = R2[i] + H_q * PH[i] + H_L * PH[L]
+                for q in range(B):
+                    S += m_b[q, i] * PH[6 + q]
+                e = y[k, i] - at
+                loglik[i] -= 0.5 * (e * e / S + math.log(2.0 * math.pi * S))
+                for j in range(n + 1):
+                    gain = PH[j] / S
+                    x[j] += gain * e
+                    for z in range(j + 1):
+                        P[j, z] -= gain * PH[z]
+                        P[z, j] = P[j, z]
+            for j in range(n):
+                X[k, j] = x[j]
+            if k + 1 == stop:
+                continue
+            for q in range(where.shape[0]):
+                par[where[q, 0], where[q, 1]] = x[6 + where[q, 2]]
+            if since >= RELINEARISE_S:
+                since = 0.0
+                s[T] = t[k]
+                _slopes(s, x, F[k], first, address, par, mem, axes, where, w, A)
+            since += h[k]
+            glide(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
+            _grown(P, A, h[k], driven, AP, W, n)
+
+
+def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: ignore[no-untyped-def]
+    """∂q̈/∂(q, q̇, b) (3, 6 + B) into A, by differences."""
+    s[F_FRONT], s[F_BACK] = F[0], F[1]
+    for i in range(6):
+        s[R + i] = x[i]
+    accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
+    for j in range(A.shape[1]):
+        e = 1e-5
+        s[F_FRONT], s[F_BACK] = F[0], F[1]
+        if j < 6:
+            s[R + j] = x[j] + e
+        for z in range(where.shape[0]):
+            if where[z, 2] == j - 6:
+                par[where[z, 0], where[z, 1]] = x[j] + e
+        accelerations(s, first, address, par, mem, free, w[0], w[1], w[3])
+        if j < 6:
+            s[R + j] = x[j]
+        for z in range(where.shape[0]):
+            if where[z, 2] == j - 6:
+                par[where[z, 0], where[z, 1]] = x[j]
+        for i in range(3):
+            A[i, j] = (w[3, i] - w[2, i]) / e
+
+
+_slopes = compiled(_slopes_py, calls=(rigid_body._accelerations,), error_model="numpy")
+
+
+def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
+    """P's first n rows and columns one step on; `model.estimation.ekf_quantised` has the equation.
+
+    Φ = 1 + h·(q ← q̇) + (½h², h)·A in the rows of (q, q̇): only A's three rows are multiplied out.
+    ``AP`` and ``W`` (n, n) are room.
+    """
+    half = 0.5 * h * h
+    for i in range(3):
+        for j in range(n):
+            acc = 0.0
+            for z in range(n):
+                acc += A[i, z] * P[z, j]
+            AP[i, j] = acc
+    for j in range(n):
+        for i in range(3):
+            W[i, j] = P[i, j] + h * P[3 + i, j] + half * AP[i, j]
+            W[3 + i, j] = P[3 + i, j] + h * AP[i, j]
+        for i in range(6, n):
+            W[i, j] = P[i, j]
+    for i in range(n):
+        for j in range(min(i + 1, 3)):
+            acc = 0.0
+            for z in range(n):
+                acc += W[i, z] * A[j, z]
+            P[i, j] = W[i, j] + h * W[i, 3 + j] + half * acc
+            P[j, i] = P[i, j]
+            if 3 + j <= i:
+                P[i, 3 + j] = W[i, 3 + j] + h * acc
+                P[3 + j, i] = P[i, 3 + j]
+        for j in range(6, i + 1):
+            P[i, j] = W[i, j]
+            P[j, i] = P[i, j]
+    for i in range(3):
+        P[i, i] += a2[i] * h * h * h / 3.0
+        P[i, 3 + i] += a2[i] * h * h / 2.0
+        P[3 + i, i] = P[i, 3 + i]
+        P[3 + i, 3 + i] += a2[i] * h
+
+
+_grown = compiled(_grown_py, error_model="numpy")
+_filter_compiled = compiled(
+    _filter,
+    calls=(
+        rigid_body._accelerations, rigid_body._body_accelerations,
+        rotor._lagged, rotor._aim, rotor._thrusts, integrator._setup, integrator._glide,
+        dry_friction._settle,
+        integrator._readings, _slopes_py, _grown_py,
+    ),
+    error_model="numpy",
+    nogil=True,
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """States x̂ (N, 6 + B) after each row's readings, and the readings' log-likelihood by axis."""
+
+    states: np.ndarray
+    loglik: np.ndarray
+
+
+def follow(
+    structure: Structure,
+    values: np.ndarray,
+    data: Data,
+    noise: np.ndarray,
+    jitter_s: float,
+    varying: Mapping[str, float] | None = None,
+) -> Followed:
+    """The filter over ``data`` at ``values`` (n,); noise (3,) rad/s²/√Hz; σ_b by parameter."""
+    varying = varying or {}
+    hooks = structure.hooks
+    s, par = structure.arrays(values)
+    places = positions(structure, tuple(varying))
+    X = np.full((len(data.t), 6 + len(varying)), np.nan)
+    loglik = np.zeros(3)
+    _filter_compiled(
+        s, hooks.first, hooks.address, par, structure.memory, places,
+        np.array(list(varying.values()), dtype=float), data.blocks, data.free, data.t, data.h,
+        data.V, data.y, np.asarray(noise, dtype=float) ** 2, float(jitter_s),
+        data.rad_per_count**2 / 12, loglik, X,
+    )  # fmt: skip
+    return Followed(X, loglik)
+
+
+def positions(structure: Structure, names: tuple[str, ...]) -> np.ndarray:
+    """(W, 3) int64: hook, column and number of each place where these parameters stand."""
+    out = []
+    at = 4
+    for i, term in enumerate(structure.terms):
+        for column in range(len(term.effect.parameters)):
+            name = structure.names[at]
+            at += 1
+            if name in names:
+                out += [
+                    (hook, _s.A + column, names.index(name))
+                    for hook, owner in enumerate(structure.hooks.owner)
+                    if owner == i
+                ]
+    return np.array(out, dtype=np.int64).reshape(-1, 3)

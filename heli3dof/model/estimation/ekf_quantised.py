@@ -1,0 +1,324 @@
+"""The extended Kalman filter at the control rate, with encoders read as what they are: intervals.
+
+State x = (r, p, ψ, ṙ, ṗ, ψ̇); the rotors' thrusts are known from the voltages (their equation has
+no noise), so they are computed beforehand, exactly. White angular acceleration of intensity a_i²
+((rad/s²)²/Hz) drives each axis, so over a step h the covariance P grows by
+
+    P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ]
+
+(its derivatives anew every 20 ms), and dry friction then stops what it can
+(`heli3dof.model.physics.dry_friction`). An encoder that reads k times its angle counts a² in its
+own units, a²/k² of the angle's: so what it says of k is in the motion alone, not in how noisy the
+rig would have to be.
+
+What the encoders say acts on x and P as events (`heli3dof.model.estimation.quantised_measurement`),
+each on one number c of the state, with a score g = ∂ ln Z/∂c and an information w = −∂² ln Z/∂c²: x
+← x + P_c g, P ← P − P_c P_cᵀ w, P_c being P's column.
+
+Σ ln Z is the likelihood. Along a change of the parameters, with the gains P_c held, the predictor
+obeys x ← x + P_c (g − w δc): `follow` runs it for any number of changed parameter sets and so
+gives ∂c/∂θ at the events, the only thing that Gauss–Newton needs. The gains are held in what is
+read, not in what is behind it (they differ by k).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from heli3dof.model.compiled import compiled
+from heli3dof.model.estimation import quantised_measurement
+from heli3dof.model.estimation.quantised_measurement import NEWS, flux, interval, learn
+from heli3dof.model.physics import dry_friction, integrator, rigid_body, rotor
+from heli3dof.model.physics import state_layout as _s
+from heli3dof.model.physics.dry_friction import settle, shrink
+from heli3dof.model.physics.integrator import flanks, glide, leap, readings, setup
+from heli3dof.model.physics.rigid_body import accelerations
+from heli3dof.model.physics.rotor import thrusts
+
+R, T, F_FRONT, F_BACK, FLANK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.FLANK
+STEPPED = _s.STEPPED
+MEASURE, DRY = int(_s.Stage.MEASURE), int(_s.Stage.DRY)
+RELINEARISE_S = 0.02
+RATE_0 = 1.0
+"""rad/s, how uncertain the rates are where a run starts."""
+STILL = 1e-5
+"""rad, a smaller change of a reading than any encoder's step."""
+
+
+def _grow(P, A, h, a2, W):  # type: ignore[no-untyped-def]
+    """P (6, 6) one step on; A (3, 6) = ∂q̈/∂(q, q̇); W (3, 6) is work space.
+
+    Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ], to first order in h.
+    """
+    for i in range(3):
+        for j in range(6):
+            acc = 0.0
+            for n in range(6):
+                acc += A[i, n] * P[n, j]
+            W[i, j] = P[3 + i, j] + h * acc
+    for i in range(3):
+        for j in range(6):
+            P[i, j] += h * P[3 + i, j]
+    for i in range(3):
+        for j in range(i + 1):
+            P[i, j] += h * P[i, 3 + j]
+            P[j, i] = P[i, j]
+    for i in range(3):
+        for j in range(3):
+            P[3 + i, j] = W[i, j] + h * W[i, 3 + j]
+            P[j, 3 + i] = P[3 + i, j]
+        for j in range(i + 1):
+            acc = 0.0
+            for n in range(6):
+                acc += W[i, n] * A[j, n]
+            P[3 + i, 3 + j] = W[i, 3 + j] + h * acc
+            P[3 + j, 3 + i] = P[3 + i, 3 + j]
+    for i in range(3):
+        P[i, i] += a2[i] * h * h * h / 3.0
+        P[i, 3 + i] += a2[i] * h * h / 2.0
+        P[3 + i, i] = P[i, 3 + i]
+        P[3 + i, 3 + i] += a2[i] * h
+
+
+grow = compiled(_grow, leaf=True, error_model="numpy")
+
+
+def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
+    """∂q̈/∂(q, q̇) (3, 6) into A, by differences."""
+    s[F_FRONT], s[F_BACK] = F[0], F[1]
+    for i in range(6):
+        s[R + i] = x[i]
+    accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
+    for j in range(6):
+        s[R + j] = x[j] + 1e-5
+        s[F_FRONT], s[F_BACK] = F[0], F[1]
+        accelerations(s, first, address, par, mem, free, w[0], w[1], w[3])
+        for i in range(3):
+            A[i, j] = (w[3, i] - w[2, i]) / 1e-5
+        s[R + j] = x[j]
+
+
+linearise = compiled(_linearise, calls=(rigid_body._accelerations,), leaf=True, error_model="numpy")
+
+
+def _filter(  # type: ignore[no-untyped-def]
+    s0, first, address, par, mem0, blocks, free, grid, t, h, V, y, a2, jitter, R2, keep,
+    loglik, row, state, C, G, W, K, X,
+):  # fmt: skip
+    """All blocks through the filter; see the module. Returns the number of events E.
+
+    ``loglik`` (3,) sums ln Z by axis. With keep ≥ 1, for each event: its ``row``, its ``state``
+    (0–2 an angle's reading, 3–5 a rate's, 6–8 a rate's the other way), its prediction C, score G,
+    information W and gain K (6,); with keep ≥ 2: X (N, 6) states after the updates of a row;
+    with keep ≥ 3: X (N, 9), its last columns ``loglik`` up to and with that row.
+    """
+    N = V.shape[0]
+    target, F = np.empty((N, 2)), np.empty((N, 2))
+    x, P, A = np.empty(6), np.empty((6, 6)), np.empty((3, 6))
+    work = np.empty((3, 6))
+    m, slope, w = np.empty(3), np.empty(3), np.zeros((8, 3))
+    column, decay = np.empty(6), np.full(3, -1.0)
+    last, logZ0 = np.empty(3), np.zeros(3)
+    seen, dry = first[MEASURE + 1] > first[MEASURE], first[DRY + 1] > first[DRY]
+    E = 0
+    for b in range(blocks.shape[0]):
+        s = s0.copy()
+        mem = mem0.copy()
+        axes = free[b]
+        setup(s, first, address, par, mem)
+        s[STEPPED] = 1.0
+        lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
+        thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
+        decay[0] = -1.0
+        P[:, :] = 0.0
+        for i in range(3):
+            x[i] = y[start, i] if y[start, i] == y[start, i] else 0.0
+            x[3 + i] = 0.0
+            last[i] = y[start, i]
+            logZ0[i] = 0.0
+            s[FLANK + i] = 0.0
+        readings(s, x, first, address, par, mem, m, slope)
+        for i in range(3):
+            x[i] -= (m[i] - x[i]) / slope[i]
+        driven = a2 * axes  # a bearing that holds an axis takes its noise too
+        for i in range(3):
+            play = 0.0
+            if seen:
+                rising, falling, _ = flanks(s, x, i, first, address, par, mem, m, slope)
+                play = falling - rising
+            if axes[i]:
+                unit = slope[i] * slope[i]
+                P[i, i] = (grid[b, i] ** 2 if grid[b, i] > 0.0 else 12.0 * R2[i]) + play * play
+                P[i, i] /= 12.0 * unit
+                P[3 + i, 3 + i] = RATE_0**2 / unit
+                driven[i] /= unit
+        since = 1e9
+        for k in range(start, stop):
+            for i in range(3):
+                if y[k, i] != y[k, i] or not axes[i]:
+                    continue
+                D = grid[b, i]
+                over = y[k, i] - last[i]
+                last[i] = y[k, i]
+                at, scale, play = x[i], 1.0, 0.0
+                rising = falling = x[i]
+                if seen:
+                    rising, falling, scale = flanks(s, x, i, first, address, par, mem, m, slope)
+                    if D > 0.0 and abs(over) < 0.5 * D:
+                        at, play = 0.5 * (rising + falling), falling - rising
+                    else:
+                        at = rising if over > 0.0 else falling
+                v = scale * x[3 + i]
+                S = scale * scale * P[i, i] + jitter * jitter * v * v
+                e = y[k, i] - at
+                rate = 0.0
+                if D == 0.0:
+                    S += R2[i]
+                    logZ = -0.5 * (e * e / S + math.log(2.0 * math.pi * S))
+                    g, info = e / S, 1.0 / S
+                elif abs(over) < 0.5 * D:
+                    half = 0.5 * (D + play)  # either flank may be the one that is nearly there
+                    room = half - abs(e)
+                    if room > 0.0 and room * room > 1.5 * S:
+                        continue
+                    S += R2[i]
+                    logZ, g, info = interval(e - half, e + half, S)
+                    if logZ - logZ0[i] > NEWS:
+                        continue
+                    logZ -= logZ0[i]
+                    at = falling if g > 0.0 else rising  # the flank that is near
+                    left = max(S * (1.0 - S * info), 1e-6 * S)
+                    logZ0[i] = interval(e - S * g - half, e - S * g + half, left)[0]
+                else:
+                    rate = 1.0 if over > 0.0 else -1.0
+                    speed = abs(scale * x[3 + i]) * h[k]
+                    if abs(over) < 1.5 * D and speed < 0.5 * D:
+                        e += rate * 0.5 * (speed - D)
+                        S += R2[i] + speed * speed / 12.0
+                        logZ = -0.5 * (e * e / S + math.log(2.0 * math.pi * S)) - logZ0[i]
+                        g, info = e / S, 1.0 / S
+                    else:
+                        rate = 0.0
+                        S += R2[i]
+                        logZ, g, info = interval(e - 0.5 * D, e + 0.5 * D, S)
+                    logZ0[i] = 0.0
+                loglik[i] += logZ
+                learn(x, P, i, scale, g, info, column)
+                if keep >= 1:
+                    row[E], state[E], C[E], G[E], W[E] = k, i, at, g, info
+                    for j in range(6):
+                        K[E, j] = column[j]
+                E += 1
+                if rate != 0.0:
+                    scale *= rate
+                    at = scale * x[3 + i]
+                    logZ, g, info = flux(at, scale * scale * P[3 + i, 3 + i])
+                    loglik[i] += logZ + math.log(h[k])
+                    learn(x, P, 3 + i, scale, g, info, column)
+                    if keep >= 1:
+                        up = 3 + i if rate > 0.0 else 6 + i
+                        row[E], state[E], C[E], G[E], W[E] = k, up, at, g, info
+                        for j in range(6):
+                            K[E, j] = column[j]
+                    E += 1
+            if keep >= 2:
+                for j in range(6):
+                    X[k, j] = x[j]
+            if keep >= 3:
+                for i in range(3):
+                    X[k, 6 + i] = loglik[i]
+            if k + 1 < stop:
+                if since >= RELINEARISE_S:
+                    since = 0.0
+                    s[T] = t[k]
+                    linearise(s, x, F[k], first, address, par, mem, axes, w, A)
+                since += h[k]
+                leap(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
+                grow(P, A, h[k], driven, work)
+                if dry:
+                    for i in range(3):
+                        w[3, i] = math.sqrt(P[3 + i, 3 + i])
+                    if settle(s, x, h[k], first, address, par, mem, axes, w):
+                        shrink(P, h[k], w, column)
+    return E
+
+
+_CALLS = (
+    rigid_body._advance, rigid_body._accelerations, rigid_body._body_accelerations,
+    rotor._lagged, rotor._aim, rotor._thrusts,
+    integrator._setup, integrator._step, integrator._glide,
+    integrator._readings, quantised_measurement._interval, dry_friction._settle, _grow, _linearise,
+)  # fmt: skip
+filter_blocks = compiled(_filter, calls=_CALLS, error_model="numpy", nogil=True)
+
+
+def _follow(  # type: ignore[no-untyped-def]
+    s0, first, address, pars, mem0, blocks, free, t, h, V, y, row, state, C, G, W, K, D
+):  # fmt: skip
+    """Other parameter sets under the filter's gains: D (J, E) becomes c_j − c at each event.
+
+    Integrated more coarsely than the filter does: take the difference from a set that is the
+    filter's own, followed likewise.
+
+    s0 (J, SIZE) and pars (J, hooks, PARAMETERS) hold the sets.
+    """
+    N, E = V.shape[0], row.shape[0]
+    seen = first[MEASURE + 1] > first[MEASURE]
+    target, F = np.empty((N, 2)), np.empty((N, 2))
+    x = np.empty(6)
+    m, slope, w = np.empty(3), np.ones(3), np.zeros((8, 3))
+    decay, last = np.full(3, -1.0), np.empty(3)
+    own, ratio = np.ones((blocks.shape[0], 3)), np.ones(3)
+    for v in range(s0.shape[0]):
+        par = pars[v]
+        n = 0
+        for b in range(blocks.shape[0]):
+            s = s0[v].copy()
+            mem = mem0.copy()
+            axes = free[b]
+            setup(s, first, address, par, mem)
+            lead, start, stop = blocks[b, 0], blocks[b, 1], blocks[b, 2]
+            thrusts(s, V, h, lead, stop, first, address, par, mem, target, F)
+            decay[0] = -1.0
+            for i in range(3):
+                x[i] = y[start, i] if y[start, i] == y[start, i] else 0.0
+                x[3 + i] = 0.0
+                s[FLANK + i] = 0.0
+                last[i] = y[start, i]
+            readings(s, x, first, address, par, mem, m, slope)
+            for i in range(3):
+                x[i] -= (m[i] - x[i]) / slope[i]
+                if v == 0:
+                    own[b, i] = slope[i]
+                ratio[i] = own[b, i] / slope[i]
+            for k in range(start, stop):
+                while n < E and row[n] == k:
+                    c = state[n]
+                    if c < 3 and not seen:
+                        d = x[c] - C[n]
+                    elif c < 3:
+                        over = y[k, c] - last[c]
+                        rising, falling, _ = flanks(s, x, c, first, address, par, mem, m, slope)
+                        if abs(over) < STILL:
+                            over = -G[n]
+                        d = (rising if over > 0.0 else falling) - C[n]
+                    elif c < 6:
+                        d = slope[c - 3] * x[c] - C[n]
+                    else:
+                        d = -slope[c - 6] * x[c - 3] - C[n]
+                    D[v, n] = d
+                    g = G[n] - W[n] * d
+                    for j in range(6):
+                        x[j] += K[n, j] * g * ratio[j % 3]
+                    n += 1
+                if seen:
+                    for i in range(3):
+                        if y[k, i] == y[k, i]:
+                            last[i] = y[k, i]
+                if k + 1 < stop:
+                    glide(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
+
+
+follow = compiled(_follow, calls=_CALLS, error_model="numpy", nogil=True)

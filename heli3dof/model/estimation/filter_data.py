@@ -1,0 +1,187 @@
+"""Recordings as the filter reads them: runs of usable rows, encoder grids, and what led up to them.
+
+A run is preceded by up to a second of its recording, so that the rotors' thrusts at its start are
+known from the voltages. An axis that was not measured is taken as held still.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from heli3dof.errors import RecordingError
+from heli3dof.model.estimation.decimated_log import mean_voltage
+from heli3dof.recording.recording import Recording
+
+GAP = 1.5
+"""A step of the clock longer than this many periods is a gap."""
+LOST = 6.5
+"""A filter steps over lost and late samples, the voltage held, up to a step of this many periods:
+what it does not know of the voltage meanwhile is less than what starting anew would cost."""
+LEAD_S = 1.0
+ON_TABLE_BELOW = math.radians(-15.0)
+"""A flight whose roll never falls below this has no table in it."""
+CLIMB_S = 0.1
+AT_REST_S = 0.02
+"""A rig that lies on its table that long at the start had not begun to fly."""
+ENCODER_NOISE = 0.06
+"""How well an encoder's edges lie where they should, standard deviation in encoder steps; of an
+angle that is on no grid, the noise of a reading in steps of the profile's encoder."""
+ON_GRID = 0.03
+"""A reading this near a whole count, as a share of one, lies on the grid."""
+
+
+class Run(Protocol):
+    """Rows [start, stop) of recording number ``source``."""
+
+    @property
+    def source(self) -> int: ...
+    @property
+    def start(self) -> int: ...
+    @property
+    def stop(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """The plainest `Run`."""
+
+    source: int
+    start: int
+    stop: int
+
+
+@dataclass(frozen=True, eq=False)
+class Data:
+    """Runs laid end to end: N rows in B blocks."""
+
+    t: np.ndarray
+    """(N,) s since the first sample of the recording."""
+    h: np.ndarray
+    """(N,) s to the next row."""
+    V: np.ndarray
+    """(N, 2) V"""
+    y: np.ndarray
+    """(N, 3) rad; NaN where not read, and in the rows that only lead up to a run."""
+    blocks: np.ndarray
+    """(B, 3) int64: the first row leading up, the first and the last + 1 of the run."""
+    free: np.ndarray
+    """(B, 3) bool: the axes that move (those that were measured)."""
+    grid: np.ndarray
+    """(B, 3) rad: encoder step, 0 where the angles do not lie on the grid."""
+    runs: tuple[Run, ...]
+    rad_per_count: np.ndarray
+    """(3,) rad, positive"""
+
+    @property
+    def rows(self) -> int:
+        """Rows that count."""
+        return int((self.blocks[:, 2] - self.blocks[:, 1]).sum())
+
+    @property
+    def axes(self) -> np.ndarray:
+        """(3,) bool: measured in any run."""
+        return np.asarray(self.free.any(axis=0))
+
+
+def data_of(
+    recordings: Sequence[Recording], runs: Sequence[Run], *, read_every_s: float = 0.0
+) -> Data:
+    """The runs of these recordings. Raises RecordingError where there are none.
+
+    With ``read_every_s`` the angles are read that often only (the voltages count all the same):
+    for logs whose sampling instants are off by more than their period.
+    """
+    if not runs:
+        raise RecordingError(
+            "There are no usable rows to fit.",
+            cause="the rig never left its table, or the flight was too short.",
+            fix="heli3dof info on the recording; then fly longer: heli3dof run rich",
+        )
+    parts: list[tuple[np.ndarray, ...]] = []
+    blocks, free, grid = [], [], []
+    at = 0
+    for run in runs:
+        rec = recordings[run.source]
+        start = _lead(rec, run.start)
+        rows = slice(start, run.stop)
+        t = rec.t[rows]
+        h = np.append(np.diff(t), rec.dt)
+        typical = rec.profile.dt if abs(rec.dt / rec.profile.dt - 1) < 1e-3 else rec.dt
+        h = np.where(np.abs(h - typical) < 2e-3 * typical, typical, h)
+        y = rec.angle[rows].copy()
+        y[: run.start - start] = np.nan
+        if (every := round(read_every_s / rec.dt)) > 1:
+            y[(np.arange(len(y)) - (run.start - start)) % every != 0] = np.nan
+        v, t = mean_voltage(rec)[rows], t - rec.t[0]
+        if start == 0 and starts_on_table(rec):
+            # One row before the first, without voltage: the rotors stood still.
+            t, h = np.append(t[0] - h[0], t), np.append(h[0], h)
+            v, y = np.vstack([np.zeros(2), v]), np.vstack([np.full(3, np.nan), y])
+        parts.append((t, h, v, y))
+        n = len(t)
+        blocks.append((at, at + n - (run.stop - run.start), at + n))
+        at += n
+        free.append([not np.isnan(y[:, i]).all() for i in range(3)])
+        grid.append(
+            [
+                q if there and _on_grid(y[:, i], q) else 0.0
+                for i, (q, there) in enumerate(
+                    zip(np.abs(rec.profile.encoder.rad_per_count), free[-1], strict=True)
+                )
+            ]
+        )
+    t, h, V, y = (np.ascontiguousarray(np.concatenate(c)) for c in zip(*parts, strict=True))
+    return Data(
+        t, h, V, y,
+        np.array(blocks, dtype=np.int64),
+        np.array(free, dtype=bool),
+        np.array(grid, dtype=float),
+        tuple(runs),
+        np.abs(recordings[0].profile.encoder.rad_per_count),
+    )  # fmt: skip
+
+
+def encoder_noise(data: Data, steps: float = ENCODER_NOISE) -> np.ndarray:
+    """(3,) rad², the variance R of what an event tells of the angle: that many steps squared."""
+    return np.asarray((steps * data.rad_per_count) ** 2)
+
+
+def starts_on_table(recording: Recording) -> bool:
+    """True where the first row finds the rig at rest on its table, its rotors not yet turning."""
+    roll = recording.angle[:, 0]
+    if np.isnan(roll[0]) or not roll[0] < ON_TABLE_BELOW:
+        return False
+    near = 2.5 * abs(recording.profile.encoder.rad_per_count[0])
+    first = recording.t < recording.t[0] + AT_REST_S
+    return bool(roll[0] <= np.nanmin(roll) + near and np.ptp(roll[first]) <= near)
+
+
+def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
+    """How many rows after lift-off the climb ends: above half of ``rest`` (rad), roll has not
+    risen for `CLIMB_S`. Until then rotors spin up from nothing, and clocks stumble most."""
+    ahead = max(1, round(CLIMB_S / dt))
+    later = roll[np.minimum(np.arange(len(roll)) + ahead, len(roll) - 1)]
+    done = np.flatnonzero((later <= roll) & (roll > 0.5 * rest))
+    return min(int(done[0]) + ahead, len(roll)) if len(done) else len(roll)
+
+
+def _lead(recording: Recording, start: int) -> int:
+    """The first row of those that lead up to ``start`` without a long gap."""
+    dt = recording.dt
+    first = max(0, start - round(LEAD_S / dt))
+    t, v = recording.t[first : start + 1], recording.voltage[first : start + 1]
+    broken = np.flatnonzero(np.diff(t) > LOST * dt)
+    lost = np.flatnonzero(np.isnan(v).any(axis=1))
+    skip = max(broken[-1] + 1 if len(broken) else 0, lost[-1] + 1 if len(lost) else 0)
+    return min(start, first + int(skip))
+
+
+def _on_grid(y: np.ndarray, step: float) -> bool:
+    y = y[np.isfinite(y)]
+    counts = (y - y[0]) / step
+    return bool((np.abs(counts - np.round(counts)) < ON_GRID).mean() > 0.98)

@@ -1,0 +1,135 @@
+"""The closed loop of the sampled controller on a `GreyBoxModel`, compiled.
+
+Per control period k, as in `heli3dof.model.linear.closed_loop`: the encoders read the angles
+(rounded to their grid where there is one), the law that flies computes the voltage, and the rig
+moves on with it held. A flight that starts on the table (roll below −15°) starts with rotors at
+rest and a table under it, one-sided and inelastic; any other start is held by the thrusts that
+balance it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from heli3dof.model.base import LoopResult, LoopTask
+from heli3dof.model.compiled import compiled
+from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
+from heli3dof.model.control.loop_opening import after_law, before_law, opening
+from heli3dof.model.estimation import ekf_quantised
+from heli3dof.model.physics.integrator import readings, setup, step
+from heli3dof.model.physics.rotor import aim
+from heli3dof.model.physics.state_layout import FLANK
+
+if TYPE_CHECKING:
+    from heli3dof.model.greybox.model import GreyBoxModel
+
+ON_TABLE_BELOW = math.radians(-15.0)
+_law = compiled(control_law, leaf=True)
+_before, _after = compiled(before_law, leaf=True), compiled(after_law, leaf=True)
+
+
+def _fly(  # type: ignore[no-untyped-def]
+    s, first, address, par, mem, free, x, F, low, p, c, opened, room, z, reference, extra,
+    grid0, grid, t, h, angle, voltage, cmd, limited,
+):  # fmt: skip
+    setup(s, first, address, par, mem)
+    s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
+    y, slope, out, force = np.empty(3), np.empty(3), np.empty(N_OUT), np.empty(2)
+    w, decay = np.zeros((8, 3)), np.full(3, -1.0)
+    N = reference.shape[0]
+    target = np.empty((N, 2))
+    for k in range(N):
+        readings(s, x, first, address, par, mem, y, slope)
+        for i in range(3):
+            angle[k, i] = y[i]
+            if grid[i] > 0.0:
+                y[i] = grid0[i] + np.rint((y[i] - grid0[i]) / grid[i]) * grid[i]
+        if opened.shape[0] > 0:
+            _before(p, c, room, z, opened[k], y, reference[k], extra[k])
+        _law(p, c, y, reference[k], extra[k], out)
+        if opened.shape[0] > 0:
+            _after(p, c, z, opened[k], extra[k], out)
+        for i in range(3):
+            limited[k, i] = c[i]
+        for i in range(2):
+            cmd[k, i] = out[i]
+            voltage[k, i] = out[2 + i]
+        aim(s, voltage, h, 0, k, first, address, par, mem, force)
+        target[k, 0], target[k, 1] = force[0], force[1]
+        step(s, x, k, t, h, voltage, target, F, first, address, par, mem, free, w, decay)
+        if k + 1 < N:
+            F[k + 1, 0], F[k + 1, 1] = w[7, 0], w[7, 1]
+        if x[0] < low:
+            x[0] = low
+            if x[3] < 0.0:
+                x[3] = 0.0
+
+
+_fly_compiled = compiled(
+    _fly,
+    calls=(control_law, before_law, after_law, *ekf_quantised._CALLS),
+    error_model="numpy",
+    nogil=True,
+)
+
+
+def fly(model: GreyBoxModel, task: LoopTask) -> LoopResult:
+    """Fly the task on the model from rest at ``task.angle0``.
+
+    A NaN in angle0 counts as zero. A diverging loop gives inf and NaN.
+    """
+    from heli3dof.model.greybox.linearisation import balance
+
+    N = len(task.reference)
+    read0 = np.nan_to_num(np.asarray(task.angle0, dtype=float))
+    hooks = model.structure.hooks
+    s, par = model.structure.arrays(model.values)
+    mem = model.structure.memory
+    on_table = bool(read0[0] < ON_TABLE_BELOW)
+    x = np.concatenate([true_angles(model, read0), np.zeros(3)])
+    F = np.zeros((max(N, 1), 2))
+    if not on_table:
+        F[0] = balance(model, x[:3])
+    grid = np.zeros(3) if task.rad_per_count is None else np.abs(task.rad_per_count)
+    p = parameters(task.controller, task.V_o, task.v_max, task.dt)
+    angle, limited = np.empty((N, 3)), np.empty((N, 3))
+    voltage, cmd = np.empty((N, 2)), np.empty((N, 2))
+    t = np.arange(N) * task.dt
+    reference = np.ascontiguousarray(np.nan_to_num(task.reference, nan=0.0))
+    extra = np.ascontiguousarray(np.nan_to_num(task.extra, nan=0.0))
+    _fly_compiled(
+        s, hooks.first, hooks.address, par, mem, np.ones(3, dtype=bool), x, F,
+        x[0] if on_table else -np.inf,
+        np.array(p),
+        np.array(state_at_rest(p, [float(a) for a in read0])),
+        *opening(task),
+        reference, extra,
+        read0, np.ascontiguousarray(grid, dtype=float), t, np.full(N, task.dt),
+        angle, voltage, cmd, limited,
+    )  # fmt: skip
+    return LoopResult(
+        t=t,
+        angle=angle,
+        voltage=voltage,
+        voltage_cmd=cmd,
+        reference_limited=limited,
+        reference=None if task.opened is None else reference,
+        extra=None if task.opened is None else extra,
+    )
+
+
+def true_angles(model: GreyBoxModel, read: np.ndarray) -> np.ndarray:
+    """(3,) rad: the angles at which the encoders read ``read`` (3,) rad."""
+    hooks = model.structure.hooks
+    s, par = model.structure.arrays(model.values)
+    mem = model.structure.memory
+    setup(s, hooks.first, hooks.address, par, mem)
+    q, m, slope = np.array(read, dtype=float), np.empty(3), np.empty(3)
+    for _ in range(3):
+        x = np.concatenate([q, np.zeros(3)])
+        readings(s, x, hooks.first, hooks.address, par, mem, m, slope)
+        q = q - (m - read) / slope
+    return q

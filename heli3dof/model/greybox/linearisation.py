@@ -1,0 +1,180 @@
+"""A `GreyBoxModel` linearised at level hover, sampled: for poles, Bode plots and loop checks.
+
+    z = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) − trim,      z[k+1] = A z[k] + B (V[k] − u0)
+
+by central differences of the step that flies. A delay appends the voltages still on their way.
+Dry friction has no linearisation, so it is left out; a play's encoder is in its middle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from heli3dof.errors import CheckFailed
+from heli3dof.model.linear.model import LinearModel
+from heli3dof.model.physics import state_layout
+from heli3dof.model.physics.integrator import readings, setup, step
+from heli3dof.model.physics.rigid_body import accelerations
+from heli3dof.model.physics.rotor import aim
+
+if TYPE_CHECKING:
+    from heli3dof.model.greybox.model import GreyBoxModel
+
+
+class _Plant:
+    """The model's step with everything at hand."""
+
+    def __init__(self, model: GreyBoxModel, *, delayed: bool = True) -> None:
+        structure = model.structure
+        self.hooks = structure.hooks
+        self.s, self.par = structure.arrays(model.values)
+        self.mem = structure.memory
+        setup(self.s, self.hooks.first, self.hooks.address, self.par, self.mem)
+        self.delay = float(self.s[state_layout.DELAY])
+        if not delayed:
+            self.s[state_layout.DELAY] = 0.0
+        self.free = np.ones(3, dtype=bool)
+
+    def acceleration(self, q: np.ndarray, F: np.ndarray) -> np.ndarray:
+        """q̈ (3,) at rest at q (3,) with thrusts F (2,) N."""
+        a = np.empty(3)
+        self.s[state_layout.R : state_layout.R + 3] = q
+        self.s[state_layout.R_DOT : state_layout.R_DOT + 3] = 0.0
+        self.s[state_layout.F_FRONT : state_layout.F_FRONT + 2] = F
+        h = self.hooks
+        accelerations(
+            self.s, h.first, h.address, self.par, self.mem, self.free, np.empty(3), np.empty(3), a
+        )
+        return a
+
+    def aim(self, V: np.ndarray) -> np.ndarray:
+        """The thrusts (2,) N that V (2,) aims at."""
+        out = np.empty(2)
+        h = self.hooks
+        aim(self.s, V.reshape(1, 2), np.ones(1), 0, 0, h.first, h.address, self.par, self.mem, out)
+        return out
+
+    def step(self, z: np.ndarray, V: np.ndarray, dt: float) -> np.ndarray:
+        x, F = z[:6].copy(), z[6:8].reshape(1, 2).copy()
+        w, decay = np.zeros((8, 3)), np.full(3, -1.0)
+        h = self.hooks
+        step(
+            self.s, x, 0, np.zeros(1), np.array([dt]), V.reshape(1, 2), self.aim(V).reshape(1, 2),
+            F, h.first, h.address, self.par, self.mem, self.free, w, decay,
+        )  # fmt: skip
+        return np.concatenate([x, w[7, :2]])
+
+
+def balance(model: GreyBoxModel, q: np.ndarray) -> np.ndarray:
+    """(2,) N: the thrusts that hold roll and pitch still at the angles q (3,) rad.
+
+    Where the search for them diverges, as for a fit that no thrust holds, the last finite ones.
+    """
+    plant = _Plant(model)
+    F = np.full(2, 0.5 * plant.s[state_layout.T_G] / plant.s[state_layout.L_A])
+    for _ in range(20):
+        a = plant.acceleration(q, F)[:2]
+        J = np.column_stack(
+            [(plant.acceleration(q, F + e)[:2] - a) / 1e-4 for e in 1e-4 * np.eye(2)]
+        )
+        if not (np.isfinite(J).all() and np.isfinite(a).all()):
+            break
+        change = np.linalg.lstsq(J, -a, rcond=None)[0]
+        F = F + change
+        if np.abs(change).max() < 1e-12:
+            break
+    return np.asarray(F)
+
+
+def trim_voltage(model: GreyBoxModel, F: np.ndarray) -> np.ndarray:
+    """(2,) V whose thrusts are F (2,) N. Raises CheckFailed where no voltage gives them."""
+    plant = _Plant(model, delayed=False)
+    V = np.full(2, model.profile.motor.V_o)
+    for _ in range(60):
+        miss = plant.aim(V) - F
+        J = np.column_stack(
+            [(plant.aim(V + e) - plant.aim(V - e)) / 2e-3 for e in 1e-3 * np.eye(2)]
+        )
+        if not (np.isfinite(J).all() and np.isfinite(miss).all()):
+            break
+        change = np.linalg.lstsq(J, -miss, rcond=1e-6)[0]
+        V = V + np.clip(change, -3.0, 3.0)
+        if np.abs(miss).max() < 1e-10:
+            return np.asarray(V)
+    if np.abs(plant.aim(V) - F).max() < 1e-6:
+        return np.asarray(V)
+    raise CheckFailed(
+        f"The model {model.name!r} cannot hover level: no voltage gives the thrusts "
+        f"{F[0]:.3g} and {F[1]:.3g} N.",
+        cause="a fit to too little data, or a thrust curve that bends back.",
+        fix="identify from a recording with larger motion (heli3dof run large)",
+    )
+
+
+def linear(model: GreyBoxModel, dt: float) -> LinearModel:
+    """The `LinearModel` every ``dt`` s about level hover, where readings are zero in roll, pitch.
+
+    Raises CheckFailed where the model cannot hover level.
+    """
+    from heli3dof.model.greybox.closed_loop import true_angles
+
+    terms = model.structure.terms
+    keep = tuple(t.name for t in terms if state_layout.Stage.DRY not in t.effect.hooks)
+    if len(keep) < len(terms):
+        given = model.parameters
+        smaller = replace(model, terms=keep, values=np.zeros(0))
+        model = replace(smaller, values=smaller.structure.values_of(given))
+    plant = _Plant(model, delayed=False)
+    q = true_angles(model, np.zeros(3))
+    F = balance(model, q)
+    u0 = trim_voltage(model, F)
+    z0 = np.concatenate([q, np.zeros(3), F])
+    e = np.concatenate([np.full(6, 1e-5), np.full(2, 1e-4)])
+    A = np.column_stack(
+        [
+            (plant.step(z0 + d, u0, dt) - plant.step(z0 - d, u0, dt)) / (2 * e[j])
+            for j, d in enumerate(np.diag(e))
+        ]
+    )
+    B = np.column_stack(
+        [(plant.step(z0, u0 + d, dt) - plant.step(z0, u0 - d, dt)) / 2e-3 for d in 1e-3 * np.eye(2)]
+    )
+    h = plant.hooks
+    m, slope = np.empty(3), np.empty(3)
+    readings(plant.s, z0[:6].copy(), h.first, h.address, plant.par, plant.mem, m, slope)
+    C = np.zeros((3, 8))
+    C[:, :3] = np.diag(slope)
+    if plant.s[state_layout.TAU_M] <= 0.0:  # the thrusts follow at once: they are no states
+        A, B, C = A[:6, :6], B[:6], C[:, :6]
+    A, B, C = _delayed(A, B, C, plant.delay / dt)
+    return LinearModel(
+        name=model.name, kind=model.kind, A=A, B=B, C=C, K=np.zeros((len(A), 3)),
+        S=np.full((3, 3), np.nan), u0=u0, y0=m, dt=dt,
+    )  # fmt: skip
+
+
+def _delayed(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, periods: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same with its voltages that many periods late, in a chain of states."""
+    if periods <= 0.0:
+        return A, B, C
+    whole = int(periods)
+    part = periods - whole
+    n, m = len(A), whole + 1
+    big = np.zeros((n + 2 * m, n + 2 * m))
+    big[:n, :n] = A
+    # Chain i holds V[k−1−i]. The rig gets (1 − part) V[k − whole] + part V[k − whole − 1].
+    into = np.zeros((n + 2 * m, 2))
+    if whole == 0:
+        into[:n] = (1 - part) * B
+    else:
+        big[:n, n + 2 * (whole - 1) : n + 2 * whole] += (1 - part) * B
+    big[:n, n + 2 * whole : n + 2 * whole + 2] += part * B
+    into[n : n + 2] = np.eye(2)
+    for i in range(1, m):
+        big[n + 2 * i : n + 2 * i + 2, n + 2 * i - 2 : n + 2 * i] = np.eye(2)
+    return big, into, np.hstack([C, np.zeros((3, 2 * m))])

@@ -1,0 +1,226 @@
+"""Prediction by a `GreyBoxModel`: the filter's states, rolled forward through what was put out.
+
+The states come from the filter that the model was fitted with
+(`heli3dof.model.estimation.ekf_quantised`), each from readings up to its own row only. From each
+the rig runs free for the horizon, in steps of at most 20 ms with the thrusts' exact mean over each
+step. On the table, where the readings say all, the state is the reading at rest, and no prediction
+falls through it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from heli3dof.model.compiled import compiled
+from heli3dof.model.estimation.decimated_log import mean_voltage
+from heli3dof.model.estimation.ekf_jitter import follow, positions
+from heli3dof.model.estimation.ekf_quantised import filter_blocks
+from heli3dof.model.estimation.filter_data import (
+    ON_TABLE_BELOW,
+    Data,
+    Stretch,
+    climb_rows,
+    data_of,
+    encoder_noise,
+    starts_on_table,
+)
+from heli3dof.model.physics import dry_friction, integrator, rigid_body
+from heli3dof.model.physics import state_layout as _s
+from heli3dof.model.physics.dry_friction import settle
+from heli3dof.model.physics.integrator import coast, readings, setup
+from heli3dof.model.physics.parametrisation import Structure
+from heli3dof.model.physics.rotor import thrusts
+from heli3dof.recording.recording import Recording
+
+if TYPE_CHECKING:
+    from heli3dof.model.greybox.model import GreyBoxModel
+
+STEP_S = 0.02
+NOISE = np.array([0.05, 0.15, 0.05])
+"""(3,) rad/s²/√Hz where the model knows of none; see `heli3dof.model.linear.prediction`."""
+R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
+TAU_M, SLEW = _s.TAU_M, _s.SLEW
+FLANK, STEPPED = _s.FLANK, _s.STEPPED
+
+
+def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]
+    """out[k + n]: readings n rows after X[k]; ``mean`` (N + 1, 2): the thrusts' integral."""
+    setup(s, first, address, par, mem)
+    x, w = np.empty(6), np.zeros((8, 3))
+    m, slope = np.empty(3), np.empty(3)
+    for k in range(X.shape[0] - n):
+        if X[k, 0] != X[k, 0]:
+            continue
+        for j in range(6):
+            x[j] = X[k, j]
+        for j in range(where.shape[0]):
+            par[where[j, 0], where[j, 1]] = X[k, 6 + where[j, 2]]
+        a = k
+        while a < k + n:
+            b = min(a + stride, k + n)
+            h = t[b] - t[a]
+            s[T], s[STEPPED] = t[a], 1.0
+            coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w)
+            w[3, 0] = w[3, 1] = w[3, 2] = 0.0
+            settle(s, x, h, first, address, par, mem, free, w)
+            if x[0] < low:
+                x[0] = low
+                if x[3] < 0.0:
+                    x[3] = 0.0
+            a = b
+        for i in range(3):  # a play's flank, where it went
+            s[FLANK + i] = 1.0 if x[i] > X[k, i] else -1.0
+        readings(s, x, first, address, par, mem, m, slope)
+        for i in range(3):
+            out[k + n, i] = m[i]
+
+
+_roll_compiled = compiled(
+    _roll,
+    calls=(
+        rigid_body._accelerations,
+        rigid_body._body_accelerations,
+        integrator._readings,
+        integrator._coast,
+        dry_friction._settle,
+    ),
+    error_model="numpy",
+)
+
+
+def predict(model: GreyBoxModel, recording: Recording, horizon_s: float) -> np.ndarray:
+    """(N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
+
+    NaN where there is none yet, and on an axis that was not measured.
+    """
+    N = len(recording)
+    n = max(1, round(horizon_s / recording.dt))
+    out = np.full((N, 3), np.nan)
+    if n >= N:
+        return out
+    if recording not in model._filtered:
+        model._filtered[recording] = filtered(model, recording)
+    t, V, mean, X, low, free = model._filtered[recording]
+    hooks = model.structure.hooks
+    s, par = model.structure.arrays(model.values)
+    stride = max(1, round(STEP_S / recording.dt))
+    _roll_compiled(
+        s, hooks.first, hooks.address, par, model.structure.memory,
+        positions(model.structure, tuple(model.varying)), free, t, V, mean, X, low, n, stride, out,
+    )  # fmt: skip
+    out[:, ~free] = np.nan
+    return out
+
+
+def filtered(
+    model: GreyBoxModel, recording: Recording
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
+    """(t, V, the thrusts' running integral, states X (N, 6 + B), lowest roll, axes that move).
+
+    B numbers of the model's differ from recording to recording and are re-estimated.
+    """
+    N = len(recording)
+    y, recording = recording.angle, replace(recording, voltage=held(recording.voltage))
+    V = np.ascontiguousarray(mean_voltage(recording))
+    t = recording.t - recording.t[0]
+    h = np.append(np.diff(t), recording.dt)
+    low, table = table_of(recording)
+    off = ~table & np.isfinite(y).any(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], off.astype(int), [0]])))
+    spans = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    if model.varying:
+        # What the climb would teach of them is wrong: they are learnt from its end on.
+        cut = [
+            a + climb_rows(y[a:b, 0], low, recording.dt) if math.isfinite(low) else a
+            for a, b in spans
+        ]
+        spans = [part for (a, b), c in zip(spans, cut, strict=True) for part in ((a, c), (c, b))]
+    runs = [Stretch(0, a, b) for a, b in spans if b - a > 2]
+    X = np.full((N, 6 + len(model.varying)), np.nan)
+    X[table, :3] = y[table]
+    X[table, 3:6] = 0.0
+    X[:, 6:] = [model.parameters[name] for name in model.varying]
+    hooks = model.structure.hooks
+    s, par = model.structure.arrays(model.values)
+    free = np.isfinite(y).any(axis=0)
+    m, slope = np.empty(3), np.empty(3)
+    for k in np.flatnonzero(table):  # what lies there is not what is read, where a zero is off
+        readings(s, X[k], hooks.first, hooks.address, par, model.structure.memory, m, slope)
+        X[k, :3] -= (m - X[k, :3]) / slope
+    if runs:
+        d = data_of([recording], runs)
+        a = np.where(model.noise > 0, model.noise, NOISE)
+        if model.varying:
+            found = follow(model.structure, model.values, d, a, model.jitter_s, model.varying)
+            states = found.states
+        else:
+            states = _by_edges(model, d, a)
+        for run, (_, start, stop) in zip(runs, d.blocks, strict=True):
+            X[run.start : run.stop] = states[start:stop]
+    X[:, :3][:, ~free] = 0.0  # an axis that was not measured is held level
+    X[:, 3:6][:, ~free] = 0.0
+    mean = impulse(model.structure, model.values, V, h, still=starts_on_table(recording))
+    return t, V, mean, X, low, free
+
+
+def _by_edges(model: GreyBoxModel, d: Data, a: np.ndarray) -> np.ndarray:
+    """(rows, 6) states of the filter that reads encoder edges (`estimation.ekf_quantised`)."""
+    hooks = model.structure.hooks
+    s, par = model.structure.arrays(model.values)
+    states = np.zeros((len(d.t), 6))
+    n = 6 * len(d.t)
+    filter_blocks(
+        s, hooks.first, hooks.address, par, model.structure.memory, d.blocks, d.free, d.grid,
+        d.t, d.h, d.V, d.y, a**2, model.jitter_s, encoder_noise(d), 2,
+        np.zeros(3), np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64),
+        np.empty(n), np.empty(n), np.empty(n), np.empty((n, 6)), states,
+    )  # fmt: skip
+    return states
+
+
+def impulse(
+    structure: Structure, values: np.ndarray, V: np.ndarray, h: np.ndarray, *, still: bool = False
+) -> np.ndarray:
+    """(N + 1, 2) N·s: the integral of the rotors' thrusts up to each row, voltages V (N, 2).
+
+    At the first row the rotors turn as its voltages would keep them, or stand ``still``.
+    """
+    if still:
+        V, h = np.vstack([np.zeros(2), V]), np.concatenate([h[:1], h])
+    hooks = structure.hooks
+    s, par = structure.arrays(values)
+    mem = structure.memory
+    setup(s, hooks.first, hooks.address, par, mem)
+    N = len(V)
+    target, F = np.empty((N, 2)), np.empty((N, 2))
+    thrusts(s, V, h, 0, N, hooks.first, hooks.address, par, mem, target, F)
+    tau = float(s[TAU_M])
+    late = tau * (1 - np.exp(-h / tau)) if tau > 0 else np.zeros(N)
+    step = target * h[:, None] + (F - target) * late[:, None]
+    if s[SLEW] > 0:
+        step = 0.5 * (F + np.vstack([F[1:], target[-1:]])) * h[:, None]
+    return np.vstack([np.zeros(2), np.cumsum(step[still:], axis=0)])
+
+
+def table_of(recording: Recording) -> tuple[float, np.ndarray]:
+    """Where the table is (rad; −∞: nowhere), and the rows on it."""
+    roll = recording.angle[:, 0]
+    if np.isnan(roll).all() or not np.nanmin(roll) < ON_TABLE_BELOW:
+        return -math.inf, np.zeros(len(roll), dtype=bool)
+    low = float(np.nanmin(roll))
+    with np.errstate(invalid="ignore"):
+        return low, np.asarray(roll <= low + 2.5 * abs(recording.profile.encoder.rad_per_count[0]))
+
+
+def held(voltage: np.ndarray) -> np.ndarray:
+    """(N, 2) V, contiguous; what was not read stays at the last value."""
+    v = np.array(voltage, dtype=float, order="C")
+    for j in range(v.shape[1]):
+        good = np.isfinite(v[:, j])
+        index = np.maximum.accumulate(np.where(good, np.arange(len(v)), -1))
+        v[:, j] = np.where(index >= 0, v[index, j], 0.0)
+    return v

@@ -1,0 +1,146 @@
+"""The paper's hover model, eqs (3)–(14): as printed, and corrected.
+
+At hover the torques balance (4), ``2 L_a K_f V_o = (L_w m_w − L_a m_f − L_a m_b) g`` (5), and small
+motions about it obey ``ẋ = A x + B (V − V_o)``, ``y = C x`` (1) with x = (r, p, ψ, ṙ, ṗ, ψ̇) (8)::
+
+    J_roll  r̈ =  L_a K_f (V_F + V_B − 2 V_o)       J_roll  = m_w L_w² + (m_f + m_b) L_a²
+    J_pitch p̈ =  L_h K_f (V_F − V_B)               J_pitch = (m_f + m_b) L_h²
+    J_yaw   ψ̈ = −2 L_a K_f V_o p                   J_yaw   = J_roll + J_pitch
+
+=====================  =================  =======================================================
+symbol                 unit               meaning
+=====================  =================  =======================================================
+r, p, ψ                rad                roll (elevation), pitch (tilt), yaw (travel)
+V_F, V_B               V                  front and back motor voltage
+V_o                    V                  voltage per motor at hover, eq (6)
+K_f                    N/V                thrust per volt
+J_roll, J_pitch, J_yaw kg·m²              moments of inertia, the denominators of (10) and (11)
+=====================  =================  =======================================================
+
+``printed=True`` gives (10) and (11) exactly as the paper prints them: A[6,2] with a plus sign
+(E3), and B[5,·] divided by L_h once too often (E4). Corrected, A[6,2] is −2 L_a K_f V_o / J_yaw
+with the *profile's* V_o, because the torque that lifts the arm at hover is what tilting turns
+into travel, whatever its origin (E2). The paper takes both motors for equal and writes 2 m_f
+where the corrected model has m_f + m_b.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from heli3dof.model.linear.model import LinearModel
+from heli3dof.rig.profile import Profile, g
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclass(frozen=True, eq=False)
+class Hover:
+    """The hover model in continuous time, with the numbers it is made of.
+
+    A (6, 6), B (6, 2), C (3, 6), D (3, 2); states in rad and rad/s, input V − V_o in V.
+    """
+
+    printed: bool
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    V_o: float
+    """V per motor"""
+    J_roll: float
+    """kg·m²"""
+    J_pitch: float
+    """kg·m²"""
+    J_yaw: float
+    """kg·m²"""
+
+
+def quiescent_voltage(profile: Profile) -> float:
+    """V_o in V per motor by eq (6), from the masses. Its sign is not to be trusted (E2)."""
+    return profile.gravity_torque / (2 * profile.geometry.L_a * profile.motor.K_f)
+
+
+def hover(profile: Profile, *, printed: bool = False) -> Hover:
+    """The matrices (10)–(13) of the hover model for a rig.
+
+    ``printed`` gives them as the paper prints them, errata and all, with V_o from (6);
+    otherwise they are corrected and V_o is the profile's. See the module's docstring.
+    """
+    if printed:
+        return _as_printed(profile)
+    L_a, L_h, K_f = profile.geometry.L_a, profile.geometry.L_h, profile.motor.K_f
+    V_o = profile.motor.V_o
+    J_roll, J_pitch, J_yaw = profile.inertias
+    A = np.zeros((6, 6))
+    A[0:3, 3:6] = np.eye(3)
+    A[5, 1] = -2 * L_a * K_f * V_o / J_yaw  # (10), sign corrected: E3
+    B = np.zeros((6, 2))
+    B[3, :] = L_a * K_f / J_roll  # (11)
+    B[4, :] = L_h * K_f / J_pitch, -L_h * K_f / J_pitch  # (11), = K_f / (2 m_f L_h): E4
+    return Hover(False, A, B, np.eye(3, 6), np.zeros((3, 2)), V_o, J_roll, J_pitch, J_yaw)
+
+
+def _as_printed(profile: Profile) -> Hover:
+    L_w, L_a, L_h = profile.geometry.L_w, profile.geometry.L_a, profile.geometry.L_h
+    m_w, m_f, m_b = profile.mass.m_w, profile.mass.m_f, profile.mass.m_b
+    K_f = profile.motor.K_f
+    # Letter by letter, row 6 of (10) and rows 4 and 5 of (11).
+    J_roll = m_w * L_w**2 + 2 * m_f * L_a**2
+    J_pitch = 2 * m_f * L_h**2
+    J_yaw = m_w * L_w**2 + 2 * m_f * L_h**2 + 2 * m_f * L_a**2
+    A = np.zeros((6, 6))
+    A[0:3, 3:6] = np.eye(3)
+    A[5, 1] = (L_w * m_w - L_a * m_f - L_a * m_b) * g / J_yaw
+    B = np.zeros((6, 2))
+    B[3, :] = L_a * K_f / J_roll
+    B[4, :] = K_f / (2 * m_f * L_h**2), -K_f / (2 * m_f * L_h**2)
+    V_o = quiescent_voltage(profile)
+    return Hover(True, A, B, np.eye(3, 6), np.zeros((3, 2)), V_o, J_roll, J_pitch, J_yaw)
+
+
+def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = None) -> LinearModel:
+    """The hover model at the control rate (or every ``dt`` s), by exact zero-order hold.
+
+    States (rad, rad/s) as in (8); trim u0 = V_o per motor, y0 = 0. K is zero, S unknown (NaN):
+    the paper says nothing of noise.
+    """
+    from heli3dof.model.discretisation import held
+
+    h = hover(profile, printed=printed)
+    dt = profile.dt if dt is None else dt
+    A, B = held(h.A, h.B, dt)
+    return LinearModel(
+        name="hover-printed" if printed else "hover",
+        kind="hover_printed" if printed else "hover",
+        A=A,
+        B=B,
+        C=h.C,
+        K=np.zeros((6, 3)),
+        S=np.full((3, 3), np.nan),
+        u0=np.full(2, h.V_o),
+        y0=np.zeros(3),
+        dt=dt,
+        exact_hold=True,
+    )
+
+
+def hover_state_space(profile: Profile, *, printed: bool = False) -> control.StateSpace:
+    """The hover model as a continuous python-control ``StateSpace``, inputs V − V_o."""
+    import control
+
+    h = hover(profile, printed=printed)
+    return control.ss(
+        h.A,
+        h.B,
+        h.C,
+        h.D,
+        name="hover",
+        inputs=["v_front_V", "v_back_V"],
+        outputs=["roll_rad", "pitch_rad", "yaw_rad"],
+        states=["r", "p", "psi", "r_rate", "p_rate", "psi_rate"],
+    )

@@ -1,0 +1,145 @@
+"""Model files: JSON, schema ``heli3dof.model/1``; the format is in ``docs/model-file.md``.
+
+`save_model` and `read_model` hold any `Model`. `heli3dof.paper.models.load_model` also takes the
+names of the paper's models.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import math
+import pkgutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from heli3dof.errors import RecordingError, UsageError, did_you_mean
+from heli3dof.model import serialization
+from heli3dof.model.base import Model
+from heli3dof.recording.atomic_write import write_file
+
+SCHEMA = "heli3dof.model/1"
+
+
+def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
+    """Write the model's file, whole or not at all, and return its path.
+
+    Raises OutputExists where the file is there already and ``force`` is not set, UsageError or
+    NoSpace where it cannot be written.
+    """
+    return write_document({"schema": SCHEMA, **model.to_dict()}, Path(path), force=force)
+
+
+def write_document(data: Mapping[str, Any], path: Path, *, force: bool) -> Path:
+    """Write a JSON document atomically: a crash leaves the old file or the new one."""
+    text = json.dumps(jsonable(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return write_file(path, text.encode("utf-8", "backslashreplace"), force=force)
+
+
+def read_model(path: str | Path) -> Model:
+    """The model in a file. Raises RecordingError saying what about the file cannot be used."""
+    path = Path(path)
+    data = _read_json(path)
+    schema = data.get("schema")
+    if schema != SCHEMA:
+        name, _, version = str(schema).partition("/")
+        if name == SCHEMA.partition("/")[0]:
+            raise _unusable(
+                path,
+                f"is version {version!r} of the model file; this heli3dof reads {SCHEMA!r}",
+                "it was written by another version of heli3dof.",
+                "pip install --upgrade heli3dof, or heli3dof identify again",
+            )
+        raise _unusable(
+            path,
+            "is not a model file: its 'schema' is "
+            + (f"{schema!r}" if schema is not None else "missing")
+            + f", not {SCHEMA!r}",
+            "it is some other JSON document, for instance what --json printed.",
+            "give the .json that heli3dof identify wrote",
+        )
+    form = data.get("form")
+    known = sorted(m.name for m in pkgutil.iter_modules(serialization.__path__))
+    if form not in known:
+        raise _unusable(
+            path,
+            f"holds a model of the unknown form {form!r}",
+            f"a newer heli3dof wrote it, or a typing error; {did_you_mean(str(form), known)}",
+            "pip install --upgrade heli3dof",
+        )
+    reader = importlib.import_module(f"{serialization.__name__}.{form}")
+    try:
+        model: Model = reader.from_dict(data)
+    except KeyError as error:
+        raise _unusable(
+            path,
+            f"lacks the key {error.args[0]!r}",
+            "it was cut short or edited by hand.",
+            "docs/model-file.md lists the keys; heli3dof identify writes a whole one",
+        ) from None
+    except UsageError as error:
+        raise RecordingError(
+            f"{path} cannot be used here: {error.what}", cause=error.cause, fix=error.fix
+        ) from error
+    except (TypeError, ValueError) as error:
+        raise _unusable(
+            path,
+            f"does not hold together: {error}",
+            "it was edited by hand.",
+            "docs/model-file.md lists the shapes; heli3dof identify writes a whole one",
+        ) from None
+    return model
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise RecordingError(
+            f"There is no model file {path}.",
+            cause="a typing error in the path, or another working directory.",
+            fix=f"ls {path.parent}",
+        ) from None
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise _unusable(
+            path,
+            f"is not JSON ({error})",
+            "it is another kind of file (a recording?) or was cut short.",
+            "give the .json that heli3dof identify wrote",
+        ) from None
+    except OSError as error:
+        raise _unusable(
+            path, f"cannot be read: {error.strerror}", "permissions.", f"ls -l {path}"
+        ) from error
+    if not isinstance(data, dict):
+        raise _unusable(
+            path,
+            "holds no JSON object",
+            "it is some other JSON document.",
+            "give the .json that heli3dof identify wrote",
+        )
+    return data
+
+
+def _unusable(path: Path, what: str, cause: str, fix: str) -> RecordingError:
+    return RecordingError(f"{path} {what}.", cause=cause, fix=fix)
+
+
+def jsonable(value: Any) -> Any:
+    """Plain JSON content: arrays and numpy scalars as lists and numbers, NaN and ∞ as null."""
+    if isinstance(value, Mapping):
+        return {str(k): jsonable(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return jsonable(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [jsonable(v) for v in value]
+    if isinstance(value, np.generic):
+        return jsonable(value.item())
+    if isinstance(value, complex):
+        return [jsonable(value.real), jsonable(value.imag)]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

@@ -1,0 +1,81 @@
+"""Effects as machine code behind an address, so that no combination of them is ever recompiled.
+
+A kernel that knew its effects at compile time would cost seconds for every candidate that a
+diagnosis tries. Here each effect's function is compiled once, by itself, and cached on disk
+(0.2 s the first time, milliseconds after); the kernels are compiled once for all and call the
+effects that are switched on through their addresses, about 2 ns a call.
+
+Every such function has the signature ``f(s, par, mem, out) -> None`` on flat arrays of float64
+(`heli3dof.model.physics.state_layout`), and runs in plain Python on numpy arrays too, which is how
+it is tested.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+Hook = Callable[[Any, Any, Any, Any], None]
+
+
+class HookError(Exception):
+    """A function of an effect that cannot be compiled, and ``where`` it stands: ``file:line``."""
+
+    def __init__(self, what: str, where: str) -> None:
+        super().__init__(what)
+        self.where = where
+
+
+@cache
+def _code(function: Hook) -> Any:
+    import numba
+
+    pointer = numba.types.CPointer(numba.types.float64)  # type: ignore[no-untyped-call]
+    signature = numba.types.void(pointer, pointer, pointer, pointer)
+    try:
+        return numba.cfunc(signature, cache=True, error_model="numpy")(function)
+    except Exception as error:  # numba's own, and whatever its passes stumble over
+        code = getattr(function, "__code__", None)
+        where = f"{code.co_filename}:{code.co_firstlineno}" if code else repr(function)
+        raise HookError(f"{where} does not compile: {error}", where) from error
+
+
+def address(function: Hook) -> int:
+    """Where the compiled function lies in memory; compiled, or read from disk, when first asked."""
+    return int(_code(function).address)
+
+
+@cache
+def caller() -> Any:
+    """The intrinsic ``call(address, i, s, par, mem, out)`` for use in compiled kernels.
+
+    Calls ``address[i]`` with rows i of ``par`` and ``mem``; pointers, because slicing arrays in an
+    inner loop costs more than the effects do.
+    """
+    import numba
+    from llvmlite import ir
+    from numba.extending import intrinsic
+
+    def call(typingctx: Any, address: Any, i: Any, s: Any, par: Any, mem: Any, out: Any) -> Any:
+        index = numba.types.intp
+
+        def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            def array(n: int) -> Any:
+                return context.make_array(signature.args[n])(context, builder, args[n])
+
+            def row(n: int) -> Any:
+                a = array(n)
+                width = builder.extract_value(a.shape, 1)
+                return builder.gep(a.data, [builder.mul(args[1], width)])
+
+            where = builder.load(builder.gep(array(0).data, [args[1]]))
+            data = [array(2).data, row(3), row(4), array(5).data]
+            function = ir.FunctionType(ir.VoidType(), [d.type for d in data])
+            # A cfunc follows C's calling convention and returns nothing.
+            builder.call(builder.inttoptr(where, function.as_pointer()), data)
+            return context.get_dummy_value()
+
+        return numba.types.void(address, index, s, par, mem, out), generate
+
+    return intrinsic(call)

@@ -1,0 +1,171 @@
+"""Dry friction as it is: set-valued, sticking and slipping, without smoothing.
+
+A step of h s is taken without it and ends at the rates v. Then the joint i, whose friction is τ_c
+at most (N·m), gets the impulse that stops it, or as much of it as friction can give; with W = M⁻¹
+
+    λ = −clip(v_i/W_ii, ±τ_c h)        v_j ← v_j + W_ji λ        q_j ← q_j + ½ h W_ji λ
+
+which in the joint itself is the soft threshold S(v) = sgn(v) max(|v| − b, 0), b = τ_c h W_ii: a
+joint that rests under less than τ_c stays where it is, to the last digit, and a reversal cannot
+overshoot. Joints that share W are gone through until nothing changes.
+
+W is diag(1/J) for the hover model (`state_layout.LINEAR`), and diagonal for uncoupled axes
+(`state_layout.UNCOUPLED`, `CONSTANT`; `heli3dof.model.physics.rigid_body`).
+
+In the filter a rate is N(v, σ²), and what friction does to it is S averaged over that: with
+α = (b − v)/σ, β = (b + v)/σ, φ and Q the normal density and its upper tail, u(α) = φ(α) − αQ(α)
+
+    E S = σ (u(α) − u(β))              E S² = σ² (Q(α) − αu(α) + Q(β) − βu(β))
+    ρ = E S′ = Q(α) + Q(β)
+
+so a rate of uncertain sign is braked less than τ_c, and a joint that sticks has little uncertainty
+left: ρ is what its row of the covariance shrinks by. σ = 0 gives S itself.
+"""
+
+from __future__ import annotations
+
+import math
+
+from heli3dof.model.compiled import compiled
+from heli3dof.model.physics import state_layout as _s
+from heli3dof.model.physics.compiled_effects import caller
+
+R, P, J_R, J_P, J_PSI, LINEAR = _s.R, _s.P, _s.J_R, _s.J_P, _s.J_PSI, _s.LINEAR
+BODY_P, BODY_PSI = _s.BODY_P, _s.BODY_PSI
+UNCOUPLED, CONSTANT = _s.UNCOUPLED, _s.CONSTANT
+DRY = int(_s.Stage.DRY)
+SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
+SURE = 6.0
+"""Standard deviations beyond which the other side is not thought of."""
+SWEEPS = 20
+
+call = caller()
+
+
+def _soft(v: float, sd: float, b: float) -> tuple[float, float, float]:
+    """(E S, ρ, Var S) of a rate N(v, sd²) that friction slows by b, all in rad/s.
+
+    b < 0, which no friction is but a fit about zero tries, pushes: v − b sgn v.
+    """
+    if abs(v) > max(b, 0.0) + SURE * sd:
+        return (v - b if v > 0.0 else v + b), 1.0, sd * sd
+    if sd <= 0.0:
+        return 0.0, 0.0 if b > 0.0 else 1.0, 0.0
+    if b <= 0.0:
+        slope = 1.0 - 2.0 * b * math.exp(-0.5 * (v / sd) ** 2) / (SQRT2PI * sd)
+        return v - b * math.erf(v / (SQRT2 * sd)), slope, (slope * sd) ** 2
+    a, c = (b - v) / sd, (b + v) / sd
+    Qa, Qc = 0.5 * math.erfc(a / SQRT2), 0.5 * math.erfc(c / SQRT2)
+    ua = math.exp(-0.5 * a * a) / SQRT2PI - a * Qa
+    uc = math.exp(-0.5 * c * c) / SQRT2PI - c * Qc
+    mean = sd * (ua - uc)
+    return mean, Qa + Qc, max(sd * sd * (Qa - a * ua + Qc - c * uc) - mean * mean, 0.0)
+
+
+soft = compiled(_soft, leaf=True, error_model="numpy")
+
+
+def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
+    """Dry friction's impulses after a step of h s to x (6,). w (≥ 8, 3): row 3 the rates' σ.
+
+    Leaves ρ in row 2, W_ji/W_ii of joint i in row 4 + i, Var S in row 3; True where it acted.
+    """
+    if first[DRY + 1] == first[DRY]:
+        return False
+    for i in range(3):
+        w[0, i] = w[1, i] = 0.0
+        w[2, i] = 1.0
+    for e in range(first[DRY], first[DRY + 1]):
+        call(address, e, s, par, mem, w[0])
+    sr, cr, sp, cp = math.sin(x[0]), math.cos(x[0]), math.sin(x[1]), math.cos(x[1])
+    Jp, Ja, m_pp = s[BODY_P], s[BODY_PSI] - s[BODY_P], s[J_P]
+    m_rr = s[J_R] + Jp * sp * sp
+    u = Jp * cr * sp * cp / m_rr if free[0] else 0.0
+    v = Jp * sr / m_pp if free[1] else 0.0
+    yy = Ja * cr * cr + Jp * (sr * sr + cr * cr * cp * cp) + s[J_PSI] - s[BODY_PSI]
+    yy -= u * u * m_rr + v * v * m_pp
+    yy = 1.0 / yy if free[2] else 0.0
+    rr = u * u * yy + (1.0 / m_rr if free[0] else 0.0)
+    pp = v * v * yy + (1.0 / m_pp if free[1] else 0.0)
+    w[4, 0], w[4, 1], w[4, 2] = 1.0, u * v * yy / rr if rr > 0.0 else 0.0, 0.0
+    w[4, 2] = -u * yy / rr if rr > 0.0 else 0.0
+    w[5, 0], w[5, 1], w[5, 2] = u * v * yy / pp if pp > 0.0 else 0.0, 1.0, 0.0
+    w[5, 2] = -v * yy / pp if pp > 0.0 else 0.0
+    w[6, 0], w[6, 1], w[6, 2] = -u, -v, 1.0
+    if s[LINEAR] != 0.0 or s[UNCOUPLED] != 0.0 or s[CONSTANT] != 0.0:
+        shared = (1.0 - s[LINEAR]) * (1.0 - s[UNCOUPLED])
+        for i in range(3):
+            was = rr if i == 0 else (pp if i == 1 else yy)
+            level = 1.0 / s[J_R + i]
+            by_itself, body = level, was
+            if i == 2:
+                by_itself = 1.0 / ((s[J_PSI] - s[J_P]) * cr * cr + s[J_P])
+                body += s[CONSTANT] * (level - by_itself)
+            body += s[UNCOUPLED] * (by_itself - was)
+            now = body + s[LINEAR] * (level - body) if free[i] else 0.0
+            for j in range(3):
+                if j != i and now > 0.0:
+                    w[4 + i, j] *= shared * was / now
+            if i == 0:
+                rr = now
+            elif i == 1:
+                pp = now
+            else:
+                yy = now
+    dry = 0
+    for i in range(3):
+        if w[0, i] != 0.0 and free[i]:
+            dry += 1
+            w[0, i] *= h * (rr if i == 0 else (pp if i == 1 else yy))
+        else:
+            w[0, i] = 0.0
+    if dry == 0:
+        return False
+    for _ in range(SWEEPS if dry > 1 else 1):
+        change = 0.0
+        for i in range(3):
+            if w[0, i] == 0.0:
+                continue
+            # w[1]: the change of each joint's rate by its own friction so far
+            alone = x[3 + i] - w[1, i]
+            mean, w[2, i], _ = soft(alone, w[3, i], w[0, i])
+            move = mean - x[3 + i]
+            w[1, i] += move
+            for j in range(3):
+                x[3 + j] += w[4 + i, j] * move
+            change += abs(move)
+        if change < 1e-12:
+            break
+    for i in range(3):
+        if w[0, i] != 0.0:
+            _, _, w[3, i] = soft(x[3 + i] - w[1, i], w[3, i], w[0, i])
+            for j in range(3):
+                x[j] += 0.5 * h * w[4 + i, j] * w[1, i]
+    return True
+
+
+settle = compiled(_settle, calls=(_soft,), leaf=True, error_model="numpy")
+
+
+def _shrink(P, h, w, row):  # type: ignore[no-untyped-def]
+    """What `_settle` did to x, done to its covariance P (6, 6); row (6,) is work space.
+
+    P ← T P Tᵀ, T = I + t e_iᵀ, t the change of x per change of v_i; then Var S.
+    """
+    for i in range(3):
+        rho = w[2, i]
+        if rho == 1.0:
+            continue
+        c = 3 + i
+        for n in range(6):
+            row[n] = P[c, n]
+        for n in range(6):
+            t_n = (rho - 1.0) * (w[4 + i, n - 3] if n >= 3 else 0.5 * h * w[4 + i, n])
+            for j in range(n + 1):
+                t_j = (rho - 1.0) * (w[4 + i, j - 3] if j >= 3 else 0.5 * h * w[4 + i, j])
+                P[n, j] += t_n * row[j] + t_j * row[n] + t_n * t_j * row[c]
+                P[j, n] = P[n, j]
+        P[c, c] += w[3, i] - rho * rho * row[c]
+
+
+shrink = compiled(_shrink, leaf=True, error_model="numpy")

@@ -1,0 +1,195 @@
+"""A rig as a set of terms: the rigid body with the effects that are switched on.
+
+`Structure` knows the parameters of a profile and a choice of terms; with values for them it makes
+the flat arrays that the compiled kernels read. Base parameters, in units of the profile's K_f
+(see `heli3dof.model.physics.rigid_body`):
+
+=========  ======  =======================================================================
+T_g        N·m     gravity's torque on the level arm; nominal 2 L_a K_f V_o
+J_roll     kg·m²   inertias of the level rig; nominal from the profile: [inertia], else its masses
+J_pitch    kg·m²
+J_yaw      kg·m²
+=========  ======  =======================================================================
+
+An effect's parameter is named ``<effect>[.<axis>].<parameter>``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.model.effects import Term
+from heli3dof.model.physics import state_layout as _s
+from heli3dof.model.physics.compiled_effects import address
+from heli3dof.rig.profile import Profile, g
+
+INERTIA_PRIOR = 0.7
+"""Standard deviation of an inertia's logarithm about nominal: a factor of two either way."""
+
+
+@dataclass(frozen=True)
+class Free:
+    """One number to estimate: bounds, prior and scale in ``unit``; see `effects.base.Parameter`."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    start: float
+    prior_std: float
+    """In ``unit``, or of the logarithm where ``log``."""
+    typical: float
+    null: float
+    log: bool
+    term: str | None = None
+    """The term it belongs to; None for the rigid body's own."""
+
+    def inward(self, value: float) -> float:
+        """To the coordinate in which it is estimated."""
+        return math.log(value) if self.log else value / self.typical
+
+    def outward(self, coordinate: float) -> float:
+        return math.exp(coordinate) if self.log else coordinate * self.typical
+
+    def slope(self, value: float) -> float:
+        """∂value/∂coordinate."""
+        return value if self.log else self.typical
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """The effects that are on, as the kernels read them: by stage, then along the signal's path."""
+
+    first: np.ndarray
+    """(6,) int64: hooks first[stage] … first[stage + 1] − 1 belong to a stage."""
+    address: np.ndarray
+    """(H,) int64"""
+    owner: tuple[int, ...]
+    """Which term each hook belongs to."""
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A profile and its terms. Order of terms: the parameters follow it."""
+
+    profile: Profile
+    terms: tuple[Term, ...]
+
+    @cached_property
+    def free(self) -> tuple[Free, ...]:
+        """Every parameter, the rigid body's four first."""
+        p = self.profile
+        T_g = p.trim_torque
+        size = max(abs(T_g), 0.1)
+        out = [Free("T_g", "N·m", -10 * size, 10 * size, T_g, size, size, T_g, False)]
+        for axis, J in zip(AXES, p.inertias, strict=True):
+            name = f"J_{axis}"
+            out.append(Free(name, "kg·m²", J / 8, J * 8, J, INERTIA_PRIOR, J, J, True))
+        for t in self.terms:
+            for q in t.effect.parameters:
+                out.append(
+                    Free(
+                        f"{t.name}.{q.name}", q.unit, q.low, q.high, q.started, q.spread,
+                        q.typical, q.null, q.log, t.name,
+                    )
+                )  # fmt: skip
+        return tuple(out)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        return tuple(f.name for f in self.free)
+
+    @property
+    def formal(self) -> tuple[Term, ...]:
+        """The terms that say how the body's equations are written."""
+        return tuple(t for t in self.terms if t.effect.formal)
+
+    @property
+    def start(self) -> np.ndarray:
+        """(n,) the values at which a fit starts."""
+        return np.array([f.start for f in self.free])
+
+    @cached_property
+    def hooks(self) -> Hooks:
+        calls = [
+            (stage, t.effect.order, i)
+            for stage in _s.Stage
+            for i, t in enumerate(self.terms)
+            if stage in t.effect.hooks
+        ]
+        calls.sort()
+        count = [sum(1 for c in calls if c[0] is stage) for stage in _s.Stage]
+        where = [address(self.terms[i].effect.hooks[stage]) for stage, _, i in calls]
+        return Hooks(
+            np.concatenate([[0], np.cumsum(count)]).astype(np.int64),
+            np.array([*where, 0], dtype=np.int64),
+            tuple(i for _, _, i in calls),
+        )
+
+    def arrays(self, values: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(s (SIZE,), par (H + 1, PARAMETERS)) for these values (n,), in their units."""
+        s = context(self.profile)
+        s[_s.T_G] = values[0]
+        s[_s.J_R : _s.J_R + 3] = values[1:4]
+        unit = unit_of(self.profile, values)
+        s[_s.BODY_P] *= unit
+        s[_s.BODY_PSI] *= unit
+        rows = np.zeros((len(self.terms), _s.PARAMETERS))
+        at = 4
+        for i, t in enumerate(self.terms):
+            n = len(t.effect.parameters)
+            rows[i, _s.AXIS] = t.axis_index
+            rows[i, _s.A : _s.A + n] = values[at : at + n]
+            at += n
+        owner = self.hooks.owner
+        par = np.zeros((len(owner) + 1, _s.PARAMETERS))
+        for h, i in enumerate(owner):
+            par[h] = rows[i]
+        return s, par
+
+    @property
+    def memory(self) -> np.ndarray:
+        """(H + 1, MEMORY) what the effects remember, empty."""
+        return np.zeros((len(self.hooks.owner) + 1, _s.MEMORY))
+
+    def values_of(self, given: Mapping[str, float]) -> np.ndarray:
+        """(n,) from a mapping of names; what is not given is at its start."""
+        return np.array([given.get(f.name, f.start) for f in self.free])
+
+
+def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
+    """What all of T_g, J_r, J_p, J_ψ are off nominal by: the profile's K_f over the true one.
+
+    They are estimated in units of K_f, and so are the inertias that the masses have. The median of
+    the four ratios: one that is off by itself says nothing of the unit.
+    """
+    nominal = (profile.trim_torque, *profile.inertias)
+    ratio = sorted(v / n for v, n in zip(values[:4], nominal, strict=True) if n and v / n > 0)
+    if not ratio:
+        return 1.0
+    middle = (len(ratio) - 1) // 2
+    return float((ratio[middle] + ratio[len(ratio) // 2]) / 2)
+
+
+def context(profile: Profile) -> np.ndarray:
+    """(SIZE,) the context of a nominal rig at rest: rotors without lag, both alike."""
+    p = profile
+    s = np.zeros(_s.SIZE)
+    s[_s.L_A], s[_s.L_H], s[_s.L_W] = p.geometry.L_a, p.geometry.L_h, p.geometry.L_w
+    s[_s.K_F] = p.motor.K_f
+    s[_s.T_G] = p.trim_torque
+    s[_s.J_R : _s.J_R + 3] = p.inertias
+    # What the masses do not have of a measured inertia turns with the joint (`rigid_body`).
+    s[_s.BODY_P], s[_s.BODY_PSI] = p.mass_inertias[1:]
+    s[_s.GAIN_FRONT] = s[_s.GAIN_BACK] = 1.0
+    s[_s.V_O], s[_s.V_MAX] = p.motor.V_o, p.motor.v_max
+    s[_s.M_W], s[_s.M_F], s[_s.M_B] = p.mass.m_w, p.mass.m_f, p.mass.m_b
+    s[_s.REST : _s.REST + 3] = p.encoder.rest_rad
+    s[_s.G_P] = (p.mass.m_f - p.mass.m_b) * g * p.geometry.L_h
+    return s

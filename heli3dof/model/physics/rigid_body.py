@@ -1,0 +1,224 @@
+"""The nonlinear rigid body: an arm that turns in roll and yaw and carries a bar that tilts.
+
+The bar (two motors at ±L_h) turns about its own axes only across itself, so all its rotation is in
+
+    ω_a = ṗ + sin r ψ̇                    along the arm
+    ω_n = sin p ṙ + cos r cos p ψ̇        along the body's normal
+
+and what moves with the arm, the bar's own mass included, in ṙ and cos r ψ̇. With J_a = J_ψ − J_p::
+
+    2 T = J_r ṙ² + J_a cos² r ψ̇² + J_p (ω_a² + ω_n²)        U = T_g sin r + G_p cos r sin p
+
+so J_r, J_p, J_ψ are the inertias about the three axes of the level rig (kg·m²). The profile's
+masses give their shape above; what J_p and J_ψ differ from that, δJ_p and δJ_ψ, turns with the
+joint alone (a rotor, a drum, a counterweight on the shaft) and stands in M_pp and M_ψψ only. T_g
+is the level arm's gravity torque and G_p = (m_f − m_b) g L_h the level body's (N·m). Lagrange's
+equations M(q) q̈ + h(q, q̇) = Q with
+
+    M_rr = J_r + J_p sin² p           M_rψ = J_p cos r sin p cos p
+    M_pp = J_p + δJ_p                 M_pψ = J_p sin r              M_rp = 0
+    M_ψψ = J_a cos² r + J_p (sin² r + cos² r cos² p) + δJ_ψ
+
+and, ω̇ at q̈ = 0 written α_a = cos r ṙ ψ̇ and α_n = cos p ṗ ṙ − (sin r cos p ṙ + cos r sin p ṗ) ψ̇,
+
+    h_r = J_p (sin p α_n + ω_n (cos p ṗ + sin r cos p ψ̇) − ω_a cos r ψ̇) + J_a cos r sin r ψ̇²
+    h_p = J_p (α_a − ω_n (cos p ṙ − cos r sin p ψ̇))
+    h_ψ = J_p (sin r α_a + ω_a cos r ṙ + cos r cos p α_n − ω_n (sin r cos p ṙ + cos r sin p ṗ))
+          − 2 J_a cos r sin r ṙ ψ̇
+
+The thrusts act along the normal at the bar's ends; with F = F_f + F_b, D = F_f − F_b (N)::
+
+    Q_r = L_a cos p F − T_g cos r + G_p sin r sin p + effects
+    Q_p = L_h D − G_p cos r cos p + effects
+    Q_ψ = −L_a cos r sin p F + L_h sin r D + effects
+
+For small pitch and slow yaw these are the equations that most texts print, J_roll r̈ = L_a cos p F
+− T_g cos r and so on. The motors' difference in mass acts through its weight only; its product of
+inertia, (m_f − m_b) L_a L_h, is left out. Rotors: τ_m Ḟ_i = K_f g_i f(V_i) − F_i, solved exactly.
+
+The paper's hover model is the same body to first order about level hover, F = T_g/L_a and
+D = G_p/L_h; with what effects exert (τ) it reads
+
+    J_r r̈ = L_a F − T_g + τ_r      J_p p̈ = L_h D − G_p + τ_p      J_ψ ψ̈ = −T_g p + G_p r + τ_ψ
+
+(its eqs (10), (11), errata E3 and E4 mended; T_g = 2 L_a K_f V_o, and G_p = 0 as the paper takes
+both motors for equal). With s[LINEAR] = λ the body accelerates (1 − λ) times as the rigid body and
+λ times as this; λ is zero unless `heli3dof.model.effects.base_hover` is on.
+
+Equations of such rigs are often written one axis by itself. With s[UNCOUPLED] = κ
+and s[CONSTANT] = ν the body accelerates, a straight line in each, as
+
+    q̈ = (1 − κ) q̈_rigid + κ q̈_alone + ν (0, 0, τ_y/J_ψ − ψ̈_alone)
+
+where, μ = s[UNTHROWN] and η = s[SIDEWAYS], q̈_alone is
+
+    J_r r̈ = L_a cos p F − T_g cos r + G_p sin r sin p + τ_r − (1 − μ) J_r sin r cos r ψ̇²
+    J_p p̈ = L_h D − G_p cos r cos p + τ_p + (1 − μ) J_p sin p cos p (ṙ² − cos² r ψ̇²)
+    ((J_ψ − J_p) cos² r + J_p) ψ̈ = τ_y + (1 − μ) 2 (J_ψ − J_p) sin r cos r ṙ ψ̇
+    τ_y = −L_a cos r sin p F + η L_h sin r D + τ_ψ
+
+κ leaves out M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates (what is
+missed most is M_pψ ψ̈, up to 0.01 N·m on pitch); ν, what the arm's tilt does to J_ψ; μ, all products
+of rates; and η puts L_h sin r D back. All are zero unless one of the effects `simplified.*` is on
+(`heli3dof.model.effects.simplified_couplings` and its neighbours). λ counts from there.
+
+What no flight can tell: all torques and inertias multiplied by one factor move the same way. So
+K_f stays at the profile's value as the unit, and T_g, J_r, J_p, J_ψ and every effect's torque are
+estimated *in units of it*: if the true K_f is 1.1 times the profile's, they are all 1.1 times too.
+Weighing one part (or the table that the profile gives of the masses) settles the factor.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from heli3dof.model.compiled import compiled
+from heli3dof.model.physics import state_layout as _s
+from heli3dof.model.physics.compiled_effects import caller
+
+R, P, R_DOT, P_DOT, PSI_DOT = _s.R, _s.P, _s.R_DOT, _s.P_DOT, _s.PSI_DOT
+L_A, L_H, T_G, G_P, LINEAR = _s.L_A, _s.L_H, _s.T_G, _s.G_P, _s.LINEAR
+UNCOUPLED, CONSTANT, UNTHROWN, SIDEWAYS = _s.UNCOUPLED, _s.CONSTANT, _s.UNTHROWN, _s.SIDEWAYS
+J_R, J_P, J_PSI = _s.J_R, _s.J_P, _s.J_PSI
+BODY_P, BODY_PSI = _s.BODY_P, _s.BODY_PSI
+F_FRONT, F_BACK = _s.F_FRONT, _s.F_BACK
+SPEED_FRONT, SPEED_BACK = _s.SPEED_FRONT, _s.SPEED_BACK
+K_F, GAIN_FRONT, GAIN_BACK = _s.K_F, _s.GAIN_FRONT, _s.GAIN_BACK
+THRUST, TORQUE = int(_s.Stage.THRUST), int(_s.Stage.TORQUE)
+
+call = caller()
+
+
+def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
+    """q̈ (3,) of the rigid body in ``a``, moved κ of the way to q̈_alone and by ν; see the module."""
+    sr, cr = math.sin(s[R]), math.cos(s[R])
+    sp, cp = math.sin(s[P]), math.cos(s[P])
+    rd, yd = s[R_DOT], s[PSI_DOT]
+    F, D = force[0] + force[1], force[0] - force[1]
+    J_a = s[J_PSI] - s[J_P]
+    roll = (s[L_A] * cp * F - s[T_G] * cr + s[G_P] * sr * sp + torque[0]) / s[J_R]
+    thrown = 1.0 - s[UNTHROWN]
+    roll -= thrown * sr * cr * yd * yd
+    pitch = (s[L_H] * D - s[G_P] * cr * cp + torque[1]) / s[J_P]
+    pitch += thrown * sp * cp * (rd * rd - cr * cr * yd * yd)
+    t_y = -s[L_A] * cr * sp * F + s[SIDEWAYS] * s[L_H] * sr * D + torque[2]
+    yaw = (t_y + thrown * 2.0 * J_a * sr * cr * rd * yd) / (J_a * cr * cr + s[J_P])
+    if free[0]:
+        a[0] += s[UNCOUPLED] * (roll - a[0])
+    if free[1]:
+        a[1] += s[UNCOUPLED] * (pitch - a[1])
+    if free[2]:
+        a[2] += s[UNCOUPLED] * (yaw - a[2]) + s[CONSTANT] * (t_y / s[J_PSI] - yaw)
+
+
+alone = compiled(_alone, leaf=True, error_model="numpy")
+
+
+def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
+    """q̈ (3,) rad/s² into ``a`` from s, thrusts (2,) N and effects' torques (3,) N·m.
+
+    An axis that is not ``free`` is held still by its bearing: its acceleration is zero.
+    """
+    sr, cr = math.sin(s[R]), math.cos(s[R])
+    sp, cp = math.sin(s[P]), math.cos(s[P])
+    rd, pd, yd = s[R_DOT], s[P_DOT], s[PSI_DOT]
+    Jr, Jp, Ja = s[J_R], s[BODY_P], s[BODY_PSI] - s[BODY_P]
+    L_a, L_h = s[L_A], s[L_H]
+    F, D = force[0] + force[1], force[0] - force[1]
+    w_a = pd + sr * yd
+    w_n = sp * rd + cr * cp * yd
+    a_a = cr * rd * yd
+    turn = sr * cp * rd + cr * sp * pd
+    a_n = cp * pd * rd - turn * yd
+    h_r = Jp * (sp * a_n + w_n * (cp * pd + sr * cp * yd) - w_a * cr * yd) + Ja * cr * sr * yd * yd
+    h_p = Jp * (a_a - w_n * (cp * rd - cr * sp * yd))
+    h_y = Jp * (sr * a_a + w_a * cr * rd + cr * cp * a_n - w_n * turn)
+    h_y -= 2.0 * Ja * cr * sr * rd * yd
+    b_r = L_a * cp * F - s[T_G] * cr + s[G_P] * sr * sp + torque[0] - h_r
+    b_p = L_h * D - s[G_P] * cr * cp + torque[1] - h_p
+    b_y = -L_a * cr * sp * F + L_h * sr * D + torque[2] - h_y
+    m_rr = Jr + Jp * sp * sp
+    m_ry = Jp * cr * sp * cp
+    m_pp = s[J_P]
+    m_py = Jp * sr
+    m_yy = Ja * cr * cr + Jp * (sr * sr + cr * cr * cp * cp) + s[J_PSI] - s[BODY_PSI]
+    if not free[0]:
+        m_ry, b_r = 0.0, 0.0
+    if not free[1]:
+        m_py, b_p = 0.0, 0.0
+    if not free[2]:
+        m_ry, m_py, b_y = 0.0, 0.0, 0.0
+    # M_rp = 0: eliminate roll and pitch from the yaw row.
+    u, v = m_ry / m_rr, m_py / m_pp
+    yaw = (b_y - u * b_r - v * b_p) / (m_yy - u * m_ry - v * m_py)
+    a[0] = (b_r - m_ry * yaw) / m_rr
+    a[1] = (b_p - m_py * yaw) / m_pp
+    a[2] = yaw
+    if s[UNCOUPLED] != 0.0 or s[CONSTANT] != 0.0:
+        alone(s, force, torque, free, a)
+    if s[LINEAR] != 0.0:
+        hover = (L_a * F - s[T_G] + torque[0]) / Jr if free[0] else 0.0
+        a[0] += s[LINEAR] * (hover - a[0])
+        hover = (L_h * D - s[G_P] + torque[1]) / m_pp if free[1] else 0.0
+        a[1] += s[LINEAR] * (hover - a[1])
+        hover = (-s[T_G] * s[P] + s[G_P] * s[R] + torque[2]) / s[J_PSI] if free[2] else 0.0
+        a[2] += s[LINEAR] * (hover - a[2])
+
+
+body_accelerations = compiled(_body_accelerations, leaf=True, error_model="numpy")
+
+
+def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type: ignore[no-untyped-def]
+    force[0], force[1] = s[F_FRONT], s[F_BACK]
+    s[SPEED_FRONT] = s[F_FRONT] / (s[K_F] * s[GAIN_FRONT])
+    s[SPEED_BACK] = s[F_BACK] / (s[K_F] * s[GAIN_BACK])
+    for i in range(first[THRUST], first[THRUST + 1]):
+        call(address, i, s, par, mem, force)
+    torque[0] = torque[1] = torque[2] = 0.0
+    if first[TORQUE + 1] > first[TORQUE]:
+        # Effects that depend on thrust see it as it really is.
+        s[F_FRONT], s[F_BACK] = force[0], force[1]
+        for i in range(first[TORQUE], first[TORQUE + 1]):
+            call(address, i, s, par, mem, torque)
+    body_accelerations(s, force, torque, free, a)
+
+
+accelerations = compiled(
+    _accelerations, calls=(_body_accelerations,), leaf=True, error_model="numpy"
+)
+"""``accelerations(s, first, address, par, mem, free, force, torque, a)``: q̈ with effects.
+
+``first``, ``address``, ``par``, ``mem`` are the effects that are on
+(`heli3dof.model.physics.parametrisation`); ``force`` (2,) and ``torque`` (3,) are work space."""
+
+
+def _advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
+    """One step of h s: angles and rates x (6,), thrusts at its start, middle and end, each (2,)."""
+    force, torque, a0, am, a1 = w[0], w[1], w[2], w[3], w[4]
+    for i in range(6):
+        s[R + i] = x[i]
+    s[F_FRONT], s[F_BACK] = F0[0], F0[1]
+    accelerations(s, first, address, par, mem, free, force, torque, a0)
+    for i in range(3):
+        s[R + i] = x[i] + 0.5 * h * x[3 + i] + 0.125 * h * h * a0[i]
+        s[R_DOT + i] = x[3 + i] + 0.5 * h * a0[i]
+    s[F_FRONT], s[F_BACK] = Fm[0], Fm[1]
+    accelerations(s, first, address, par, mem, free, force, torque, am)
+    for i in range(3):
+        s[R + i] = x[i] + h * x[3 + i] + 0.5 * h * h * am[i]
+        s[R_DOT + i] = x[3 + i] + h * am[i]
+    s[F_FRONT], s[F_BACK] = F1[0], F1[1]
+    accelerations(s, first, address, par, mem, free, force, torque, a1)
+    for i in range(3):
+        x[i] += h * x[3 + i] + h * h / 6.0 * (a0[i] + 2.0 * am[i])
+        x[3 + i] += h / 6.0 * (a0[i] + 4.0 * am[i] + a1[i])
+
+
+advance = compiled(
+    _advance, calls=(_accelerations, _body_accelerations), leaf=True, error_model="numpy"
+)
+"""``advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w)``: x (6,) one step further.
+
+Runge, Kutta and Nyström with Simpson's weights: the thrusts, which are known exactly at the start,
+middle and end, enter with an error of h⁵; w (5, 3) is work space."""

@@ -1,0 +1,83 @@
+"""The rotors: from the recorded voltages to the thrusts, exactly, before any filtering.
+
+    τ_m Ḟ_i = K_f g_i f(V_i(t − T)) − F_i,      dF_i/dt ≤ K_f g_i · slew  where a slew is set
+
+The voltage is held between samples, so F approaches its target as exp(−t/τ_m), in a straight line
+while the slew binds. The equation holds no noise: the thrusts follow from the voltages alone.
+"""
+
+from __future__ import annotations
+
+import math
+
+from heli3dof.model.compiled import compiled
+from heli3dof.model.physics import state_layout as _s
+from heli3dof.model.physics.compiled_effects import caller
+
+call = caller()
+V_FRONT = _s.V_FRONT
+TAU_M, DELAY, K_F, GAIN_FRONT, GAIN_BACK = _s.TAU_M, _s.DELAY, _s.K_F, _s.GAIN_FRONT, _s.GAIN_BACK
+SLEW = _s.SLEW
+VOLTAGE = int(_s.Stage.VOLTAGE)
+
+
+def _lagged(F: float, target: float, tau: float, slew: float, h: float) -> float:
+    """The rotor's F after h s of τ Ḟ = target − F, rising no faster than ``slew`` (0: as it likes).
+
+    Exact: where the limit binds, F rises in a straight line until target − F = slew τ.
+    """
+    if slew > 0.0 and target - F > slew * tau:
+        line = (target - F) / slew - tau
+        if h <= line:
+            return F + slew * h
+        F += slew * line
+        h -= line
+    if tau <= 0.0:
+        return target
+    return target + (F - target) * math.exp(-h / tau)
+
+
+lagged = compiled(_lagged, leaf=True, error_model="numpy")
+
+
+def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
+    """The thrusts (2,) N that row k's voltages aim at, rows from ``lead`` on being known."""
+    whole, part = 0, 0.0
+    if s[DELAY] > 0.0:
+        back = s[DELAY] / h[k]
+        whole = int(back)
+        part = back - whole
+    i = max(lead, k - whole)
+    j = max(lead, i - 1)
+    for m in range(2):
+        out[m] = (1.0 - part) * V[i, m] + part * V[j, m]
+        s[V_FRONT + m] = out[m]
+    for e in range(first[VOLTAGE], first[VOLTAGE + 1]):
+        call(address, e, s, par, mem, out)
+    out[0] *= s[K_F] * s[GAIN_FRONT]
+    out[1] *= s[K_F] * s[GAIN_BACK]
+
+
+aim = compiled(_aim, leaf=True, error_model="numpy")
+
+
+def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
+    """Rows lead … stop: what the voltages aim at, and the thrusts at each row's start, (N, 2) N."""
+    tau = s[TAU_M]
+    left, at = 0.0, -1.0
+    for k in range(lead, stop):
+        aim(s, V, h, lead, k, first, address, par, mem, target[k])
+        for m in range(2):
+            if k == lead:
+                F[k, m] = target[k, m]
+            elif s[SLEW] > 0.0:
+                slew = s[SLEW] * s[K_F] * s[GAIN_FRONT + m]
+                F[k, m] = lagged(F[k - 1, m], target[k - 1, m], tau, slew, h[k - 1])
+            else:
+                if h[k - 1] != at:
+                    at = h[k - 1]
+                    left = math.exp(-at / tau) if tau > 0.0 else 0.0
+                F[k, m] = target[k - 1, m] + (F[k - 1, m] - target[k - 1, m]) * left
+
+
+thrusts = compiled(_thrusts, calls=(_lagged, _aim), leaf=True, error_model="numpy")

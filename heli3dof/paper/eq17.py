@@ -1,0 +1,95 @@
+"""Eq (17), the paper's identified model: data, flagged as defective; never a default plant.
+
+One denominator, T(s)_{i,j} from motor i (1 front, 2 back) to angle j (1 roll, 2 pitch, 3 yaw);
+the indices are (input, output). Degrees per volt. What is wrong with it (E14):
+
+* T_11 begins with 52 s³. T_1j ≈ −T_2j elsewhere, and T_21 begins with −2.537 s³, so 2.52 s³ is
+  almost surely meant: the reading called *mended*.
+* T_12 and T_13 end without a constant term, where T_22 and T_23 have one.
+* a fourth-order model cannot hold the plant, which has six states and a free integrator in yaw.
+* every reading of it is unstable in the loop with K_g.
+
+The model is a `LinearModel` in rad and V, exact zero-order hold of an eight-state realisation:
+the printed numerators do not share four states.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+
+from heli3dof.model.discretisation import held
+from heli3dof.model.linear.model import LinearModel
+from heli3dof.rig.profile import Profile
+
+DENOMINATOR = (1.0, 1.379, 2.01, 1.072, 0.3533)
+"""s⁴ … s⁰"""
+NUMERATORS_PRINTED = (
+    ((52.0, 6.568, 7.539, 3.989), (0.2395, -0.827, 1.139, 0.0), (-2.821, 0.3479, 1.807, 0.0)),
+    (
+        (-2.537, -6.706, -8.267, -3.854),
+        (-0.6011, 0.5048, -1.381, -0.314),
+        (2.19, -0.3158, -1.801, -1.047),
+    ),
+)
+"""[motor][angle] → s³ … s⁰, °/V, as printed."""
+T11_MENDED = 2.52
+"""The s³ coefficient of T_11 that is almost surely meant."""
+
+
+def numerators_deg(*, mended: bool = False) -> np.ndarray:
+    """(2, 3, 4): motor, angle, coefficients of s³ … s⁰, °/V."""
+    num = np.array(NUMERATORS_PRINTED)
+    if mended:
+        num[0, 0, 0] = T11_MENDED
+    return num
+
+
+def poles() -> np.ndarray:
+    """(4,) rad/s: the roots of the common denominator, rightmost first."""
+    from heli3dof.model.control.closed_loop_poles import rightmost_first
+
+    return rightmost_first(np.roots(DENOMINATOR))
+
+
+def dc_gains_deg() -> np.ndarray:
+    """(2, 3): motor, angle; °/V. The two readings differ in s³ only, so these are the same."""
+    return numerators_deg()[:, :, -1] / DENOMINATOR[-1]
+
+
+def realisation(*, mended: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(A (8, 8), B (8, 2), C (3, 8)) in rad and V: one controllable canonical form per motor."""
+    num = np.deg2rad(numerators_deg(mended=mended))
+    companion = np.zeros((4, 4))
+    companion[0] = -np.array(DENOMINATOR[1:])
+    companion[1:, :-1] = np.eye(3)
+    B = np.zeros((8, 2))
+    B[0, 0] = B[4, 1] = 1.0
+    return la.block_diag(companion, companion), B, np.hstack([num[0], num[1]])
+
+
+def paper17_model(
+    profile: Profile, *, mended: bool = False, dt: float | None = None
+) -> LinearModel:
+    """Eq (17) as printed, or with T_11 mended, about the profile's V_o; see the module."""
+    dt = profile.dt if dt is None else dt
+    A, B, C = realisation(mended=mended)
+    A_d, B_d = held(A, B, dt)
+    return LinearModel(
+        name="paper-17-mended" if mended else "paper-17",
+        kind="paper17",
+        A=A_d,
+        B=B_d,
+        C=C,
+        K=np.zeros((8, 3)),
+        S=np.full((3, 3), np.nan),
+        u0=np.full(2, profile.motor.V_o),
+        y0=np.zeros(3),
+        dt=dt,
+        extra={
+            "defective": "eq (17) of the paper (erratum E14): unstable in the loop with K_g in "
+            "every reading, and its fourth order cannot hold the plant",
+            "T11_s3": T11_MENDED if mended else 52.0,
+        },
+        exact_hold=True,
+    )

@@ -1,0 +1,239 @@
+"""CSV logs: quick where they are as the contract says, and exact about where they are not.
+
+The body goes through numpy's reader in one go; only when that fails is the text taken apart
+line by line, to say which line and column is to blame. Semicolons, tabs and spaces between the
+columns, and decimal commas, are understood and said.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import re
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from heli3dof.errors import RecordingError
+from heli3dof.recording.logs.column_table import KNOWN, Table
+from heli3dof.recording.mcap_files.mcap_scan import read_bytes, what_is
+
+SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
+EMPTY = {"", "nan", "na", "n/a", "null", "none", "-"}
+
+
+def read_csv(path: Path) -> Table:
+    """Read a CSV log, gzipped or not. Raises RecordingError naming line and column."""
+    text = _text(path)
+    lines = text.splitlines()
+    first = next((i for i, x in enumerate(lines) if x.strip() and x.lstrip()[0] != "#"), None)
+    if first is None:
+        raise RecordingError(
+            f"{path} holds no table.",
+            cause="the logging program was stopped before its first line.",
+            fix="record again",
+        )
+    separator, names = _header(path, lines[first])
+    warnings: list[str] = []
+    body = lines[first + 1 :]
+    numbers = [first + 2 + i for i, x in enumerate(body) if x.strip()]
+    body = [x for x in body if x.strip()]
+    if separator != ",":
+        warnings.append(f"Columns are separated by {SEPARATORS[separator]}, not commas.")
+    if separator == ";" and any("," in x for x in body[:50]):
+        warnings.append("Numbers have decimal commas; they were read as such.")
+        body = [x.replace(",", ".") for x in body]
+    if names[-1] == "" and all(x.rstrip().endswith(separator) for x in body):
+        names = names[:-1]
+        body = [x.rstrip().removesuffix(separator) for x in body]
+    _check_header(path, names, separator)
+    if len(body) > 1 and not text.endswith(("\n", "\r")):
+        cells = len(_cells(body[-1], separator))
+        if cells < len(names):
+            warnings.append(f"The last line ({numbers[-1]}) is cut short; it was left out.")
+            body, numbers = body[:-1], numbers[:-1]
+
+    columns = _fast(body, separator, names)
+    if columns is None:
+        columns = _exact(path, body, numbers, separator, names, warnings)
+    return Table(path.name, columns, lambda k: f"line {numbers[k]}", warnings)
+
+
+def _text(path: Path) -> str:
+    data = read_bytes(path)
+    if data.startswith(b"\x1f\x8b"):
+        try:
+            data = gzip.decompress(data)
+        except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+            raise RecordingError(
+                f"{path} does not unpack: {error}.",
+                cause="the copy was cut short, or the log was still being written.",
+                fix=f"gzip -t {path}; copy it again",
+            ) from error
+    if encoding := _two_bytes(data):
+        try:
+            return data[: len(data) // 2 * 2].decode(encoding)  # a copy may be cut in a character
+        except UnicodeDecodeError as error:
+            raise RecordingError(
+                f"{path} begins as UTF-16 text and does not go on so at byte {error.start}.",
+                cause="the file was changed on the way, or two logs were joined.",
+                fix="export the log again as CSV in UTF-8",
+            ) from error
+    if b"\0" in data[:4096]:
+        raise RecordingError(
+            f"{path} is not a CSV log; it is {what_is(data)}.",
+            cause="the name's ending does not tell what is inside.",
+            fix="name it by what it is: .mcap, .mat or .csv",
+        )
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")  # a ° or µ in a heading; names of ours are plain ASCII
+
+
+def _two_bytes(data: bytes) -> str | None:
+    """The name of UTF-16, with its mark or without: every other byte of plain text is zero."""
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    first = data[:512]
+    for k, name in ((1, "utf-16-le"), (0, "utf-16-be")):
+        if len(first) > 7 and not any(first[k::2]) and all(first[1 - k :: 2]):
+            return name
+    return None
+
+
+def _header(path: Path, line: str) -> tuple[str, list[str]]:
+    counts = {s: line.count(s) for s in ",;\t"}
+    separator = max(counts, key=lambda s: counts[s])
+    if counts[separator] == 0:
+        separator = " "
+    names = [name.strip().strip("\"'").strip() for name in _cells(line, separator)]
+    numeric = [_is_number(name.replace(",", ".")) for name in names]
+    if names and all(numeric):
+        raise RecordingError(
+            f"{path} has no header line: it begins with the number {names[0]}.",
+            cause="the logging program writes bare numbers.",
+            fix="add a first line with the columns' names: t_s,v_front_V,v_back_V,roll_deg,…",
+        )
+    return separator, names
+
+
+def _check_header(path: Path, names: list[str], separator: str) -> None:
+    for i, name in enumerate(names):
+        if name == "":
+            raise RecordingError(
+                f"{path}: column {i + 1} of the header line has no name.",
+                cause=f"two {SEPARATORS[separator]} in a row, or one too many at the end.",
+                fix="name every column",
+            )
+        if name in names[:i]:
+            raise RecordingError(
+                f"{path}: the column {name} is there twice.",
+                cause="two signals were given the same name.",
+                fix="rename one of them in the header line",
+            )
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return line.split()
+    return next(csv.reader([line], delimiter=separator), [])
+
+
+def _fast(body: list[str], separator: str, names: list[str]) -> dict[str, np.ndarray] | None:
+    if not body:
+        return {name: np.empty(0) for name in names}
+    try:
+        table = np.loadtxt(
+            body, delimiter=None if separator == " " else separator, comments=None, ndmin=2
+        )
+    except ValueError:
+        return None
+    if table.shape[1] != len(names):
+        return None
+    return {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(names)}
+
+
+def _exact(
+    path: Path,
+    body: list[str],
+    numbers: list[int],
+    separator: str,
+    names: list[str],
+    warnings: list[str],
+) -> dict[str, np.ndarray]:
+    """Cell by cell: empty cells are NaN, text in an unknown column drops it, else an error."""
+    rows = [_cells(line, separator) for line in body]
+    for number, row in zip(numbers, rows, strict=True):
+        if len(row) != len(names):
+            raise _ragged(path, number, row, names, separator)
+    columns: dict[str, np.ndarray] = {}
+    for i, name in enumerate(names):
+        values = np.full(len(rows), np.nan)
+        text: tuple[int, str] | None = None
+        for k, row in enumerate(rows):
+            cell = row[i].strip()
+            try:
+                values[k] = float(cell)
+            except ValueError:
+                if cell.lower() not in EMPTY:
+                    text = (k, cell)
+                    break
+        if text is None:
+            columns[name] = values
+        elif name in KNOWN:
+            raise RecordingError(
+                f"{path}: line {numbers[text[0]]}, column {name}, holds {text[1]!r}, "
+                "which is no number.",
+                cause="a unit, a comment or an error message among the numbers.",
+                fix=f"remove line {numbers[text[0]]}, or write a number there",
+            )
+        else:
+            warnings.append(
+                f"The column {name} holds text ({text[1]!r} in line {numbers[text[0]]}); "
+                "only numbers can be kept, it was left out."
+            )
+    return columns
+
+
+def _ragged(
+    path: Path, number: int, row: list[str], names: list[str], separator: str
+) -> RecordingError:
+    line = separator.join(row)
+    others = [s for s in SEPARATORS if s != separator and len(_cells(line, s)) == len(names)]
+    if others:
+        cause = f"its cells are separated by {SEPARATORS[others[0]]}, the header's by " + (
+            f"{SEPARATORS[separator]}."
+        )
+        fix = "write the same separator in every line"
+    elif separator == "," and len(row) > len(names) and not any("." in cell for cell in row):
+        cause = "decimal commas in a table separated by commas."
+        fix = "export with decimal points, or with semicolons between the columns"
+    else:
+        cause = "a line that was written by two programs at once, or cut short."
+        fix = f"look at line {number} of {path.name}"
+    return RecordingError(
+        f"{path}: line {number} has {len(row)} cell{'s' * (len(row) != 1)}, "
+        f"the header line {len(names)}.",
+        cause=cause,
+        fix=fix,
+    )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def write_csv(columns: dict[str, np.ndarray]) -> bytes:
+    """CSV text of columns, integers as integers and floats with every digit they have."""
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerow(re.sub(r"\s+", " ", name) for name in columns)
+    cells = [map(repr, values.tolist()) for values in columns.values()]
+    out.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
+    return out.getvalue().encode()

@@ -1,0 +1,271 @@
+"""Walking through an MCAP file, whole or torn, and telling what a file is that is none.
+
+The ``mcap`` library's readers go message by message, or stop at the first damage with an
+exception; here the records are found first, and whoever asked decides what a tear means.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import struct
+import threading
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Metadata, Schema
+
+from heli3dof.errors import RecordingError
+from heli3dof.recording.mcap_files.mcap_writer import MAGIC
+
+_RECORD = struct.Struct("<BQ")
+_CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, length of the codec's name
+_MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
+_thread = threading.local()  # a decompressor is quick to use again, and belongs to one thread
+LARGEST_CHUNK = 1 << 30
+"""bytes; a chunk that claims more is taken for damaged rather than given the memory."""
+
+
+class Damaged(Exception):
+    """Bytes that are not what was written."""
+
+
+@dataclass(frozen=True)
+class Scan:
+    """The records of an MCAP file's data section: opcode, start and end of each content."""
+
+    data: bytes
+    records: list[tuple[int, int, int]]
+    whole: bool
+    """True when the file ends as it should: footer and magic."""
+    good: int
+    """Offset behind the last whole record."""
+
+    def of(self, opcode: int) -> Iterator[bytes]:
+        """The contents of all records of one kind, in order."""
+        return (self.data[a:b] for kind, a, b in self.records if kind == opcode)
+
+    @property
+    def intact(self) -> bool:
+        """True when the checksum over the data section, where there is one, is right."""
+        if not self.records or self.records[-1][0] != Opcode.DATA_END:
+            return True
+        _, start, end = self.records[-1]
+        expected = int.from_bytes(self.data[start:end], "little")
+        return expected in (0, zlib.crc32(memoryview(self.data)[: start - 9]))
+
+    @cached_property
+    def metadata(self) -> dict[str, dict[str, Any]]:
+        """Name → contents of the metadata records, their JSON values decoded.
+
+        Records that make no sense are passed over, so that samples can be had without them;
+        ``intact`` tells that something is wrong.
+        """
+        found: dict[str, dict[str, Any]] = {}
+        for content in self.of(Opcode.METADATA):
+            try:
+                record = _read(Metadata, content)
+            except Damaged:
+                continue
+            found[record.name] = {k: _from_json(v) for k, v in record.metadata.items()}
+        return found
+
+    @cached_property
+    def schemas(self) -> dict[int, Schema]:
+        """Id → schema, wherever it stands (chunks are only opened where they must be)."""
+        return {s.id: s for s in (_read(Schema, c) for c in self._anywhere(Opcode.SCHEMA))}
+
+    @cached_property
+    def channels(self) -> dict[int, Channel]:
+        """Id → channel."""
+        return {c.id: c for c in (_read(Channel, c) for c in self._anywhere(Opcode.CHANNEL))}
+
+    def _anywhere(self, opcode: int) -> Iterator[bytes]:
+        found = list(self.of(opcode))
+        if found:
+            return iter(found)
+        return (
+            data[a:b]
+            for chunk in self.of(Opcode.CHUNK)
+            for data in (decode_chunk(chunk),)
+            for kind, a, b in records_in(data)[0]
+            if kind == opcode
+        )
+
+    def messages(self) -> Iterator[tuple[int, int, bytes]]:
+        """(channel id, log time, payload) of every message, one by one, in the file's order."""
+        for kind, a, b in self.records:
+            if kind == Opcode.MESSAGE:
+                yield _message(self.data[a:b])
+            elif kind == Opcode.CHUNK:
+                data = decode_chunk(self.data[a:b])
+                for inner, c, d in records_in(data)[0]:
+                    if inner == Opcode.MESSAGE:
+                        yield _message(data[c:d])
+
+
+def scan(data: bytes) -> Scan:
+    """Find the records of an MCAP file's data section; ``data`` starts with MCAP's magic."""
+    records, good = records_in(data, len(MAGIC))
+    end = next((i for i, r in enumerate(records) if r[0] == Opcode.DATA_END), None)
+    ended = end is not None and records[-1][0] == Opcode.FOOTER and data[good:] == MAGIC
+    # The summary repeats schemas and channels without our checksum: it is not looked at.
+    return Scan(data, records if end is None else records[: end + 1], ended, good)
+
+
+def records_in(data: bytes, at: int = 0) -> tuple[list[tuple[int, int, int]], int]:
+    """The whole records from offset ``at``, up to a footer, and the offset behind the last."""
+    records: list[tuple[int, int, int]] = []
+    size, unpack = len(data), _RECORD.unpack_from
+    while at + 9 <= size:
+        opcode, length = unpack(data, at)
+        end = at + 9 + length
+        if opcode == 0 or end > size:
+            break
+        records.append((opcode, at + 9, end))
+        at = end
+        if opcode == Opcode.FOOTER:
+            break
+    return records, at
+
+
+def decode_chunk(content: bytes) -> bytes:
+    """The records inside a chunk, uncompressed. Raises Damaged."""
+    try:
+        _, _, size, crc, name_length = _CHUNK.unpack_from(content)
+        codec = content[32 : 32 + name_length].decode()
+        packed = content[32 + name_length + 8 :]
+        if size > LARGEST_CHUNK:
+            raise Damaged(f"a chunk claims {size} bytes")
+        data = _uncompress(codec, packed, size)
+    except (struct.error, UnicodeDecodeError, zstandard.ZstdError) as error:
+        raise Damaged(f"a chunk does not decompress: {error}") from error
+    if len(data) != size or (crc and zlib.crc32(data) != crc):
+        raise Damaged("a chunk's checksum is wrong")
+    return data
+
+
+def _uncompress(codec: str, packed: bytes, size: int) -> bytes:
+    if codec == "":
+        return packed
+    if codec == "zstd":
+        if zstandard.frame_content_size(packed) > size:
+            raise Damaged("a chunk is longer than it says")
+        if not hasattr(_thread, "decompress"):
+            _thread.decompress = zstandard.ZstdDecompressor().decompress
+        data: bytes = _thread.decompress(packed, size)
+        return data
+    if codec == "lz4":
+        from lz4 import frame
+
+        try:
+            plain: bytes = frame.decompress(packed)
+        except RuntimeError as error:
+            raise Damaged(f"a chunk does not decompress: {error}") from error
+        return plain
+    raise Damaged(f"a chunk is compressed with {codec!r}")
+
+
+def _message(content: bytes) -> tuple[int, int, bytes]:
+    if len(content) < _MESSAGE.size:
+        raise Damaged("a message is shorter than its header")
+    channel, _, log_time, _ = _MESSAGE.unpack_from(content)
+    return channel, log_time, content[_MESSAGE.size :]
+
+
+def _read(kind: Any, content: bytes) -> Any:
+    """One record by the library. Raises Damaged where its bytes make no sense."""
+    try:
+        return kind.read(ReadDataStream(BytesIO(content)))
+    except (McapError, struct.error, UnicodeDecodeError) as error:
+        raise Damaged(f"a {kind.__name__} record makes no sense: {error}") from error
+
+
+def _from_json(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return text  # another program's metadata
+
+
+def read_bytes(path: Path) -> bytes:
+    """A file's bytes. Raises RecordingError naming the nearest file where there is none."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise missing(path) from None
+    except IsADirectoryError:
+        raise RecordingError(
+            f"{path} is a folder, not a recording.",
+            cause="the file's name is missing after the folder.",
+            fix=f"ls {path}",
+        ) from None
+    except OSError as error:
+        raise RecordingError(
+            f"{path} cannot be read: {error.strerror}.",
+            cause="the file belongs to someone else, or the disk has a fault.",
+            fix=f"ls -l {path}",
+        ) from error
+
+
+def missing(path: Path) -> RecordingError:
+    """The error for a recording that is not there, with the nearest name in its folder."""
+    near: list[str] = []
+    if path.parent.is_dir():
+        names = [p.name for p in path.parent.iterdir() if p.is_file()]
+        near = difflib.get_close_matches(path.name, names, n=1, cutoff=0.6)
+    return RecordingError(
+        f"There is no recording {path}.",
+        cause=f"a typing error; did you mean {path.parent / near[0]}?"
+        if near
+        else "a typing error in the path, or another working directory.",
+        fix=f"ls {path.parent}",
+    )
+
+
+_SIGNATURES = (
+    (b"\x89HDF\r\n\x1a\n", "an HDF5 file (a MAT-file of version 7.3, perhaps)"),
+    (b"MATLAB 7.3", "a MAT-file of version 7.3"),
+    (b"MATLAB 5.0", "a MAT-file"),
+    (b"\x1f\x8b", "a gzip-compressed file"),
+    (b"PK\x03\x04", "a ZIP archive or a spreadsheet"),
+    (b"PAR1", "a Parquet file"),
+    (b"SQLite format 3", "an SQLite database (a ROS 2 bag, perhaps)"),
+    (b"#ROSBAG", "a ROS 1 bag"),
+    (b"\x89PNG", "a PNG picture"),
+    (b"%PDF", "a PDF document"),
+)
+
+
+def what_is(data: bytes) -> str:
+    """What a file is, from its first bytes: half a sentence for an error message."""
+    if not data:
+        return "an empty file"
+    for signature, name in _SIGNATURES:
+        if data.startswith(signature):
+            return name
+    if data.startswith(MAGIC[:5]):
+        return "the beginning of an MCAP file, or of another version of it"
+    try:
+        text = data[:4096].decode("utf-8-sig", errors="strict")
+    except UnicodeDecodeError as error:
+        if error.start < len(data[:4096]) - 4:
+            return "a binary file of an unknown kind"
+        text = data[: error.start].decode("utf-8-sig")
+    if "\0" in text:
+        return "a binary file of an unknown kind"
+    line = text.split("\n", 1)[0]
+    if line.lstrip().startswith(("{", "[")) and not line.count(","):
+        return "text, perhaps JSON or TOML"
+    if any(line.count(separator) >= 2 for separator in ",;\t"):
+        return "a table in text, perhaps CSV"
+    return "text"

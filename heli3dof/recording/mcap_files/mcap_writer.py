@@ -1,0 +1,194 @@
+"""The MCAP file around the rows: header, metadata, schemas, chunks of whole rows, summary.
+
+The records are the ``mcap`` library's; only chunks are ours
+(`heli3dof.recording.mcap_files.chunk`), because their messages come as whole packed rows. A chunk
+with its message indexes is one write, so that a process that is killed leaves whole chunks behind,
+and the bulk of the work (compression, checksum, disk) runs without the interpreter's lock: the
+control loop in the same process keeps its deadlines.
+"""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, BinaryIO
+
+import numpy as np
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import (
+    Channel,
+    DataEnd,
+    Footer,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+from heli3dof.recording.mcap_files.chunk import ChunkMaker
+from heli3dof.recording.mcap_files.chunk_index import chunk_indexes
+from heli3dof.recording.mcap_files.schema import RowFormat
+
+MAGIC = b"\x89MCAP0\r\n"
+LIBRARY = "heli3dof"
+
+PROFILE = "heli3dof.profile"
+PROVENANCE = "heli3dof.provenance"
+OUTCOME = "heli3dof.outcome"
+SUMMARY_BYTES = 64 * 1024
+"""The summary is written in pieces of this size."""
+
+
+class McapFile:
+    """Writes one recording to an unbuffered binary stream, and keeps nothing of what it wrote.
+
+    Where the stream can be read, `finish` finds the chunks in it and adds their index; a pipe has
+    to do without. ``good`` is the offset behind the last record that was written whole: what lies
+    beyond it after a failed write may be cut off.
+    """
+
+    def __init__(
+        self,
+        stream: BinaryIO,
+        rows: RowFormat,
+        channel_names: Mapping[str, list[str]] | None = None,
+    ) -> None:
+        self._stream = stream
+        self._rows = rows
+        self._chunks = ChunkMaker(rows)
+        self._metadata: list[MetadataIndex] = []
+        self._first = 0
+        """Where the first chunk may stand"""
+        self._times: tuple[int, int] | None = None
+        """Of the first and the last message"""
+        self.chunk_count = 0
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
+        self._crc = 0
+        self.good = 0
+        self.row_count = 0
+        for number, layout in enumerate(rows.layouts, 1):
+            self._schemas.append(
+                Schema(number, layout.descriptor_set, "protobuf", layout.full_name)
+            )
+            names = (channel_names or {}).get(layout.name)
+            about = {} if names is None else {"columns": json.dumps(names)}
+            self._channels.append(Channel(number, layout.topic, "protobuf", about, number))
+
+    def start(self, metadata: Mapping[str, Mapping[str, Any]]) -> None:
+        """Magic, header and the metadata that stand first, then schemas and channels."""
+        builder = RecordBuilder()
+        builder.write(MAGIC)
+        Header(profile="", library=LIBRARY).write(builder)
+        self._put(builder)
+        for name, data in metadata.items():
+            self.add_metadata(name, data)
+        for record in (*self._schemas, *self._channels):
+            record.write(builder)
+        self._put(builder)
+        self._first = self.good
+
+    def add_metadata(self, name: str, data: Mapping[str, Any]) -> None:
+        """A Metadata record; every value is JSON text."""
+        builder = RecordBuilder()
+        Metadata(name, {k: to_json(v) for k, v in data.items()}).write(builder)
+        offset, length = self.good, builder.count
+        self._put(builder)
+        self._metadata.append(MetadataIndex(offset, length, name))
+
+    def write_chunk(self, data: bytes | memoryview) -> None:
+        """One chunk of whole rows, with its message indexes, in one write."""
+        chunk, rows, (start, end) = self._chunks.make(data)
+        self._write(chunk)
+        before = self._times or (start, end)
+        self._times = min(before[0], start), max(before[1], end)
+        self.chunk_count += 1
+        self.row_count += rows
+
+    def finish(self) -> None:
+        """The summary and the closing magic."""
+        before = self.good
+        try:
+            self._finish()
+        except OSError:
+            self.good = before  # a data section that was declared ended is of no use alone
+            raise
+
+    def _finish(self) -> None:
+        chunks = (self._first, self.good)
+        builder = RecordBuilder()
+        DataEnd(self._crc).write(builder)
+        self._put(builder)
+        self._crc = 0  # from here on of the summary
+        start = self.good
+        offsets: list[SummaryOffset] = []
+        groups: tuple[tuple[Opcode, Iterable[Any]], ...] = (
+            (Opcode.SCHEMA, self._schemas),
+            (Opcode.CHANNEL, self._channels),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, self._chunk_indexes(chunks)),
+            (Opcode.METADATA_INDEX, self._metadata),
+        )
+        for opcode, records in groups:
+            group = self.good
+            for record in records:
+                record.write(builder)
+                if builder.count > SUMMARY_BYTES:
+                    self._put(builder)
+            self._put(builder)
+            if self.good > group:
+                offsets.append(SummaryOffset(opcode, group, self.good - group))
+        offset_start = self.good
+        for offset in offsets:
+            offset.write(builder)
+        self._put(builder)
+        footer = RecordBuilder()
+        Footer(start, offset_start, 0).write(footer)
+        head = footer.end()[:-4]  # type: ignore[no-untyped-call]  # the checksum covers the footer up to itself
+        Footer(start, offset_start, zlib.crc32(head, self._crc)).write(builder)
+        builder.write(MAGIC)
+        self._put(builder)
+
+    def _chunk_indexes(self, span: tuple[int, int]) -> Iterator[Any]:
+        if not (self._stream.readable() and self._stream.seekable()):
+            return iter(())
+        return chunk_indexes(self._stream, span, self.chunk_count, self._rows)
+
+    def _statistics(self) -> Statistics:
+        start, end = self._times or (0, 0)
+        return Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts={c.id: self.row_count for c in self._channels},
+            chunk_count=self.chunk_count,
+            message_count=self.row_count * len(self._channels),
+            metadata_count=len(self._metadata),
+            message_start_time=start,
+            message_end_time=end,
+            schema_count=len(self._schemas),
+        )
+
+    def _put(self, builder: RecordBuilder) -> None:
+        self._write(memoryview(builder.end()))  # type: ignore[no-untyped-call]
+
+    def _write(self, data: memoryview) -> None:
+        left = data
+        while left:
+            left = left[self._stream.write(left) :]
+        self.good += len(data)
+        self._crc = zlib.crc32(data, self._crc)
+
+
+def to_json(value: Any) -> str:
+    """JSON text of a value of ``Recording.meta``; numpy's scalars and arrays are allowed."""
+    return json.dumps(value, default=_plain, ensure_ascii=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    return str(value)

@@ -1,0 +1,120 @@
+"""`write_recording`: any `Recording` into a file, whole or not at all.
+
+What the recording does not have is NaN in the fixed layout and listed in the metadata record
+``heli3dof.columns``, so that reading gives back exactly what was written.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from heli3dof.errors import UsageError
+from heli3dof.recording.atomic_write import new_file
+from heli3dof.recording.mcap_files.chunk import rows_of_chunk
+from heli3dof.recording.mcap_files.flight_recorder import profile_record
+from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, PROFILE, PROVENANCE, McapFile
+from heli3dof.recording.mcap_files.schema import (
+    COMMAND,
+    FORMAT,
+    MAX_CHANNELS,
+    SAMPLE,
+    Layout,
+    RowFormat,
+    channels_layout,
+)
+from heli3dof.recording.recording import Recording
+
+COLUMNS = "heli3dof.columns"
+ARRAYS: dict[str, tuple[str, ...]] = {
+    "t": ("t_s",),
+    "voltage": ("v_front_V", "v_back_V"),
+    "angle": ("roll_rad", "pitch_rad", "yaw_rad"),
+    "reference": ("roll_ref_rad", "pitch_ref_rad", "yaw_ref_rad"),
+    "voltage_cmd": ("v_front_cmd_V", "v_back_cmd_V"),
+    "voltage_extra": ("v_front_extra_V", "v_back_extra_V"),
+}
+"""Which columns of the messages make up which array of a `Recording`."""
+CORE = {name for names in ARRAYS.values() for name in names}
+INTEGER_RANGE = {"fixed32": (0, 2**32 - 1), "sfixed32": (-(2**31), 2**31 - 1)}
+
+
+def write_recording(recording: Recording, path: str | Path, *, force: bool = False) -> Path:
+    """Store a recording as MCAP; `read_recording` gives back equal arrays, channels and meta.
+
+    Raises OutputExists (without ``force``), UsageError, NoSpace.
+    """
+    rows, names, absent = encode(recording)
+    layouts = [SAMPLE, COMMAND] + ([channels_layout(names)] if names else [])
+    form = RowFormat(layouts)
+    meta = {k: v for k, v in recording.meta.items() if k not in {"outcome", "outcome_details"}}
+    outcome: dict[str, Any] = {"rows": len(recording)}
+    if "outcome" in recording.meta:
+        outcome["outcome"] = recording.meta["outcome"]
+    outcome |= dict(recording.meta.get("outcome_details", {}))
+    path = Path(path)
+    with new_file(path, force=force) as stream:
+        file = McapFile(stream, form, {"Channels": names} if names else None)
+        file.start(
+            {
+                PROFILE: profile_record(recording.profile),
+                PROVENANCE: {"format": FORMAT, **meta},
+                COLUMNS: {"absent": absent},
+            }
+        )
+        step = rows_of_chunk(form)
+        for i in range(0, len(rows), step):
+            file.write_chunk(rows[i : i + step].tobytes())
+        file.add_metadata(OUTCOME, outcome)
+        file.finish()
+    return path
+
+
+def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
+    """The rows of a recording, the names of its further channels, and the absent columns."""
+    channels = {name: np.asarray(column) for name, column in recording.channels.items()}
+    known: dict[str, np.ndarray] = {}
+    absent: list[str] = []
+    for array, columns in ARRAYS.items():
+        values = getattr(recording, array).reshape(len(recording), -1)
+        known |= {name: values[:, i] for i, name in enumerate(columns)}
+    for layout in (SAMPLE, COMMAND):
+        for column in layout.columns:
+            if column.name in CORE:
+                continue
+            if column.name in channels and _fits(channels[column.name], column.kind):
+                known[column.name] = channels.pop(column.name)
+            else:
+                absent.append(column.name)
+    extra = list(channels)
+    if len(extra) > MAX_CHANNELS:
+        raise UsageError(
+            f"The recording has {len(extra)} further channels; a file holds {MAX_CHANNELS}.",
+            cause="a log that was transposed, with a column per sample.",
+            fix="keep only the columns that are needed",
+        )
+    layouts: list[Layout] = [SAMPLE, COMMAND] + ([channels_layout(extra)] if extra else [])
+    rows = RowFormat(layouts).empty(len(recording))
+    start = int(recording.meta.get("start_ns", 0))
+    since = np.rint((recording.t - min(0.0, float(recording.t[0]))) * 1e9).astype("<u8")
+    for layout in layouts:
+        part = rows[layout.name]
+        part["mcap_sequence"] = np.arange(len(rows)) & 0xFFFFFFFF
+        part["log_time"] = part["publish_time"] = since + np.uint64(start)
+    for layout in (SAMPLE, COMMAND):
+        for column in layout.columns:
+            missing = np.nan if column.kind == "double" else 0
+            rows[layout.name][column.name] = known.get(column.name, missing)
+    for number, name in enumerate(extra, 1):
+        rows["Channels"][f"column{number}"] = channels[name]
+    return rows, extra, absent
+
+
+def _fits(values: np.ndarray, kind: str) -> bool:
+    """Whether a channel with a known name also has that column's type."""
+    if kind == "double":
+        return True
+    low, high = INTEGER_RANGE[kind]
+    return bool(((values >= low) & (values <= high) & (values == np.floor(values))).all())

@@ -1,0 +1,239 @@
+"""The tables: step metrics, predictions, Table II beside the published one, the published numbers.
+
+Each function takes what `compare` found and returns a `Grid`; ``heli3dof.report.text_table`` shows
+it in a terminal, in Markdown or in HTML.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.comparison.compare import (
+    Comparison,
+    FlightComparison,
+    ModelComparison,
+    PredictionError,
+)
+from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
+from heli3dof.paper.published import CAVEATS, NO_EXPERIMENT, Quantity, Subject, published
+from heli3dof.paper.reproduction import Reproduced
+from heli3dof.report.text_table import NONE, Grid, fixed, short, to_rich
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+EXPERIMENT = "experiment"
+DIFFERENCE = "  Δ"
+DELTA = "Δ: model minus experiment, of which the paper prints the magnitude."
+QUANTITIES = {
+    "peak": "peak",
+    "error": "error",
+    "peak_difference": "Δ peak",
+    "error_difference": "Δ error",
+}
+
+
+def step_name(step: StepMetrics) -> str:
+    """What the numbers of an axis are about: ``0 → 10° at 5 s``, ``held at 0° from 5 s``."""
+    when = short(step.start_s, " s")
+    if step.kind in ("step", "start"):
+        return f"{short(step.from_deg)} → {short(step.set_deg, '°')} at {when}"
+    if step.kind == "hold":
+        return f"held at {short(step.set_deg, '°')} from {when}"
+    return "moving reference" if step.kind == "moving" else "no reference"
+
+
+def metrics_table(flight: FlightComparison) -> Grid:
+    """The six metrics of the experiment and of every model, and model minus experiment."""
+    rows = []
+    for i, axis in enumerate(AXES):
+        measured = flight.experiment[axis].reported
+        rows.append([axis, EXPERIMENT, *_metric_cells(measured.values()), NONE])
+        for m in flight.models:
+            if m.metrics is None:
+                continue
+            rmse = np.nan if m.replay_rmse_deg is None else m.replay_rmse_deg[i]
+            ours = m.metrics[axis].reported.values()
+            away = flight.difference(m, axis)
+            rows.append([axis, m.name, *_metric_cells(ours), fixed(rmse)])
+            if any(np.isfinite(v) for v in away.values()):
+                rows.append([axis, DIFFERENCE, *_metric_cells(away, sign=True), ""])
+    about = "; ".join(f"{axis} {step_name(flight.experiment[axis].reported)}" for axis in AXES)
+    return Grid(
+        f"In closed loop · {flight.recording.name}",
+        ["axis", "", *METRIC_HEADS, "RMSE °"],
+        rows,
+        notes=[
+            f"Steps: {about}.",
+            "Δ: model minus experiment. Peak is what the paper prints as overshoot; overshoot here "
+            "is peak minus set value (E10), on a held axis the largest difference from it.",
+            *_model_notes(flight),
+        ],
+        text_columns=2,
+    )
+
+
+METRIC_HEADS = ("peak °", "overshoot °", "overshoot %", "error °", "rise s", "settling s")
+
+
+def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:
+    """The six metrics of one flight, one row for every step of every axis."""
+    rows = [
+        [axis, step_name(step), *_metric_cells(step.values())]
+        for axis in AXES
+        for step in metrics[axis].steps
+        if step.kind != "none"
+    ]
+    return Grid(title, ["axis", "step", *METRIC_HEADS], rows, text_columns=2)
+
+
+def _metric_cells(values: Mapping[str, float], *, sign: bool = False) -> list[str]:
+    return [
+        fixed(value, 1 if name == "overshoot_percent" else 2, sign=sign)
+        for name, value in values.items()
+    ]
+
+
+def prediction_table(flight: FlightComparison) -> Grid | None:
+    """RMSE of the free predictions, by model, axis and horizon; None where none was made."""
+    if flight.held_still is None:
+        return None
+    horizons = list(flight.held_still.ahead_deg)
+    window = flight.held_still.window_s
+    rows = []
+    for axis in flight.flown.axes:
+        for m in flight.models:
+            rows.append([axis, m.name, *_prediction_cells(m.prediction, axis, horizons)])
+        held = _prediction_cells(flight.held_still, axis, horizons)
+        rows.append([axis, "angles held still", *held])
+    heads = [f"{h:g} s ahead" for h in horizons]
+    return Grid(
+        f"Free prediction, RMSE in degrees · {flight.recording.name}",
+        ["axis", "", *heads, f"over {window:g} s"],
+        rows,
+        notes=[
+            "States re-estimated from the data up to the start of each prediction; the measured "
+            "voltages throughout. Every model is judged on the same samples.",
+            *([] if flight.why is None else [f"Not replayed, for {flight.why}."]),
+            *([] if flight.why is None else _model_notes(flight)),
+        ],
+        text_columns=2,
+    )
+
+
+def _prediction_cells(
+    error: PredictionError | None, axis: str, horizons: Sequence[float]
+) -> list[str]:
+    if error is None:
+        return [NONE] * (len(horizons) + 1)
+    i = AXES.index(axis)
+    return [*(fixed(error.ahead_deg[h][i]) for h in horizons), fixed(error.over_window_deg[i])]
+
+
+def table_ii(flight: FlightComparison) -> Grid | None:
+    """Table II in its own shape: differences from the experiment, the published ones beside ours.
+
+    As in the paper, magnitudes of model minus experiment: of the peak value ("overshoot", E10)
+    and of the error. None where the loop was not replayed.
+    """
+    if flight.why is not None:
+        return None
+    rows = []
+    for axis in AXES:
+        for m in flight.models:
+            subject = _subject(m, flight.models)
+            difference = flight.difference(m, axis)
+            peak, error = difference["peak_deg"], difference["steady_error_deg"]
+            rows.append(
+                [
+                    axis,
+                    m.name,
+                    fixed(abs(peak), 1),
+                    _printed(axis, subject, "peak_difference"),
+                    fixed(abs(error), 1),
+                    _printed(axis, subject, "error_difference"),
+                ]
+            )
+    return Grid(
+        f"Table II · {flight.recording.name}: difference from the experiment, in degrees",
+        ["axis", "model", "peak: here", "paper†", "error: here", "paper†"],
+        rows,
+        notes=[
+            f"† Cannot be reproduced: {NO_EXPERIMENT}; this is another flight, so the columns "
+            "need not agree.",
+            *CAVEATS[:2],
+        ],
+        text_columns=2,
+    )
+
+
+def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
+    """Which of the paper's two models this one stands for: hover, or the first identified one."""
+    if model.kind == "hover":
+        return "hover"
+    identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]
+    return "identification" if identified and model is identified[0] else None
+
+
+def _printed(axis: str, subject: Subject | None, quantity: Quantity) -> str:
+    number = None if subject is None else published(axis, subject, quantity)
+    return NONE if number is None else f"{number.value_deg:g}"
+
+
+def published_table(rows: Iterable[Reproduced]) -> Grid:
+    """Every printed number with ours beside it, or why there can be none."""
+    cells = []
+    reasons: dict[str, str] = {}
+    for r in rows:
+        p = r.published
+        mark = reasons.setdefault(p.why, "abcdefgh"[len(reasons)])
+        cells.append(
+            [
+                p.axis,
+                p.subject,
+                QUANTITIES[p.quantity],
+                f"{p.value_deg:g}",
+                fixed(r.ours_deg),
+                f"{'yes' if p.reproducible else 'no'} ({mark})",
+                p.where,
+            ]
+        )
+    return Grid(
+        "What the paper prints, and what of it can be reproduced",
+        ["axis", "of", "quantity", "paper °", "ours °", "reproducible", "where"],
+        cells,
+        notes=[*(f"({mark}) {why}." for why, mark in reasons.items()), DELTA, *CAVEATS],
+        text_columns=3,
+        prose_columns=2,
+    )
+
+
+def flight_grids(flight: FlightComparison) -> list[Grid]:
+    """The tables of one flight: step metrics and Table II where it was replayed, predictions."""
+    replayed = metrics_table(flight) if flight.why is None else None
+    grids = (replayed, table_ii(flight), prediction_table(flight))
+    return [g for g in grids if g is not None]
+
+
+def comparison_grids(comparison: Comparison, reproduced: Sequence[Reproduced] = ()) -> list[Grid]:
+    """Every table of a comparison, flight by flight, and the published numbers last."""
+    grids = [g for flight in comparison.flights for g in flight_grids(flight)]
+    return [*grids, published_table(reproduced)] if reproduced else grids
+
+
+def comparison_renderables(
+    comparison: Comparison, reproduced: Sequence[Reproduced] = ()
+) -> list[RenderableType]:
+    """The same for a terminal, with a blank line after each."""
+    from rich.padding import Padding
+
+    below = (0, 0, 1, 0)
+    return [Padding(to_rich(g), below) for g in comparison_grids(comparison, reproduced)]
+
+
+def _model_notes(flight: FlightComparison) -> list[str]:
+    return [f"{m.name}: {reason}" for m in flight.models for reason in m.cannot]

@@ -1,0 +1,196 @@
+"""Curves over time with their names at their ends: what the figures here are drawn with.
+
+A name beside its curve needs no legend and no colour to be read. Where ends meet, the names move
+apart; where a curve leaves the picture or stops because its model diverged, its name stands there.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from heli3dof.report.figure_style import RC, SOFT, Line, plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LABEL_GAP = 0.062
+"""Room for one label at the right edge, as a share of the axes' height."""
+
+TITLE_WIDTH, SUBTITLE_WIDTH, LABEL_WIDTH = 74, 120, 20
+"""Characters that fit in a title, on a line of the subtitle, and beside a curve."""
+MIN_SPAN = 2.0
+"""No vertical axis shows less than this, in degrees or volts."""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """One curve: t (M,) s, y (M,) in the figure's unit; NaN breaks it."""
+
+    label: str
+    t: np.ndarray
+    y: np.ndarray
+    line: Line
+    cut_short: bool = False
+    """A cross at its last point: it diverged there."""
+    dotted_starts: bool = False
+    """A dot where each unbroken stretch begins: a prediction sets out from the data there."""
+
+
+def angle_figure(
+    curves: Sequence[Curve], *, title: str, subtitle: str, ylabel: str, frame: Sequence[str] = ()
+) -> Figure:
+    """Angles over time with a label at each curve's end.
+
+    ``frame`` names the curves that must be seen whole; the others may leave the picture, so that
+    one model which runs away does not press the rest flat.
+    """
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    said = textwrap.wrap(plain(subtitle, 4 * SUBTITLE_WIDTH), SUBTITLE_WIDTH) or [""]
+    with matplotlib.rc_context(RC):
+        height = 3.75 + 0.18 * len(said)
+        top = 0.52 + 0.18 * len(said)
+        figure = Figure(figsize=(8.6, height))
+        axes = figure.add_axes((0.085, 0.52 / height, 0.735, (height - top - 0.52) / height))
+        for c in curves:
+            axes.plot(c.t, c.y, **c.line.kwargs())
+            _marks(axes, c)
+        axes.set_ylim(*limits(curves, frame))
+        times = np.concatenate([c.t for c in curves])
+        axes.set_xlim(float(np.nanmin(times)), float(np.nanmax(times)))
+        axes.set_xlabel("time (s)")
+        axes.set_ylabel(ylabel)
+        label_ends(axes, curves)
+        headline(figure, title, height)
+        for i, line in enumerate(said):
+            y = 1 - (0.46 + 0.18 * i) / height
+            figure.text(0.015, y, line, fontsize=9, color=SOFT, va="center")
+    return figure
+
+
+def headline(figure: Figure, title: str, height: float) -> None:
+    """The title of a figure ``height`` inches high, at its upper left."""
+    said = plain(title, TITLE_WIDTH)
+    figure.text(0.015, 1 - 0.21 / height, said, fontsize=11.5, fontweight="bold", va="center")
+
+
+def _marks(axes: Axes, c: Curve) -> None:
+    """Dots where predictions set out from the data, a cross where a model diverged."""
+    style: dict[str, Any] = {"color": c.line.color, "zorder": c.line.z + 1, "clip_on": True}
+    finite = np.isfinite(c.y)
+    if c.dotted_starts:
+        start = finite & ~np.concatenate([[False], finite[:-1]])
+        axes.plot(c.t[start], c.y[start], "o", markersize=4.5, markeredgecolor="white", **style)
+    if c.cut_short and finite.any():
+        last = int(np.flatnonzero(finite)[-1])
+        axes.plot(c.t[last], c.y[last], "x", markersize=7, markeredgewidth=2, **style)
+
+
+def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]:
+    """The y range: the framed curves whole, the others as far as one framed range beyond."""
+    framed = [c.y[np.isfinite(c.y)] for c in curves if not frame or c.label in frame]
+    framed = [y for y in framed if len(y)]
+    low = min((float(y.min()) for y in framed), default=-1.0)
+    high = max((float(y.max()) for y in framed), default=1.0)
+    room = max(high - low, 1.0)
+    everything = [c.y[np.isfinite(c.y)] for c in curves if np.isfinite(c.y).any()]
+    low_all = min((float(y.min()) for y in everything), default=low)
+    high_all = max((float(y.max()) for y in everything), default=high)
+    low, high = max(low_all, low - room), min(high_all, high + room)
+    # An axis at rest shall look at rest: its encoder's counts are no event.
+    short = max(0.0, MIN_SPAN - (high - low)) / 2
+    margin = 0.06 * (high - low + 2 * short)
+    return low - short - margin, high + short + margin
+
+
+def label_ends(axes: Axes, curves: Sequence[Curve], gap: float = LABEL_GAP) -> None:
+    """Each curve's name at the right edge beside its end, moved apart where they would meet."""
+    low, high = axes.get_ylim()
+    ends: list[tuple[float, Curve]] = []
+    for c in curves:
+        finite = c.y[np.isfinite(c.y)]
+        if c.cut_short:
+            _label_exit(axes, c)
+        elif len(finite):
+            ends.append((float(np.clip((finite[-1] - low) / (high - low), 0, 1)), c))
+    ends.sort(key=lambda e: e[0])
+    places = spread(np.array([e[0] for e in ends]), gap)
+    for (end, c), place in zip(ends, places, strict=True):
+        axes.annotate(
+            plain(c.label, LABEL_WIDTH),
+            xy=(1.0, end),
+            xytext=(1.035, place),
+            xycoords="axes fraction",
+            color=c.line.color,
+            fontsize=9,
+            va="center",
+            annotation_clip=False,
+            arrowprops={
+                "arrowstyle": "-",
+                "color": c.line.color,
+                "linewidth": 0.7,
+                "relpos": (0.0, 0.5),
+                "shrinkA": 1,
+                "shrinkB": 1,
+            },
+        )
+
+
+def _label_exit(axes: Axes, c: Curve) -> None:
+    """The name of a curve that stops early, where it leaves the picture."""
+    from matplotlib import patheffects
+
+    low, high = axes.get_ylim()
+    with np.errstate(invalid="ignore"):
+        seen = np.flatnonzero((c.y >= low) & (c.y <= high))
+    if not len(seen):
+        return
+    t, y = float(c.t[seen[-1]]), float(c.y[seen[-1]])
+    below = y > low + 0.15 * (high - low)
+    halo = patheffects.withStroke(linewidth=3, foreground="white")
+    axes.annotate(
+        plain(c.label, LABEL_WIDTH),
+        xy=(t, y),
+        xytext=(9, -22 if below else 9),
+        textcoords="offset points",
+        color=c.line.color,
+        fontsize=9,
+        va="center",
+        zorder=9,
+        path_effects=[halo],
+    )
+
+
+def spread(places: np.ndarray, gap: float) -> np.ndarray:
+    """Sorted places moved apart by at least ``gap``, within 0…1 where there is room, and little.
+
+    >>> spread(np.array([0.5, 0.5]), 0.1).tolist()
+    [0.45, 0.55]
+    """
+    if not len(places):
+        return places
+    # Blocks of touching labels, each centred on the mean of where its labels would be.
+    blocks: list[list[float]] = []
+    for place in places:
+        blocks.append([float(place)])
+        while len(blocks) > 1 and _start(blocks[-1], gap) < _end(blocks[-2], gap) + gap:
+            last = blocks.pop()
+            blocks[-1] += last
+    return np.concatenate([_start(b, gap) + gap * np.arange(len(b), dtype=float) for b in blocks])
+
+
+def _start(block: list[float], gap: float) -> float:
+    """Where a block's first label stands: centred, but not below 0 nor above 1."""
+    length = gap * (len(block) - 1)
+    return float(np.clip(np.mean(block) - length / 2, 0.0, max(1.0 - length, 0.0)))
+
+
+def _end(block: list[float], gap: float) -> float:
+    return _start(block, gap) + gap * (len(block) - 1)

@@ -1,0 +1,97 @@
+"""Open a rig and hold it: locked against others, to be stopped and watched from outside.
+
+    with hold("serial:///dev/ttyACM0", profile) as rig:
+        sample = rig.read()
+
+Whoever moves or reads a rig opens it here; `heli3dof.rig.drivers.open_rig` alone neither locks
+it nor lets ``heli3dof estop`` in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from math import degrees, isfinite
+from typing import Any
+
+from heli3dof.axes import AXES, MOTORS
+from heli3dof.errors import DeviceError
+from heli3dof.rig.calibration import POWER_UP, rest_of
+from heli3dof.rig.drivers import is_private, open_rig
+from heli3dof.rig.interface import Flags, Sample
+from heli3dof.rig.profile import Profile
+from heli3dof.rig.session.known_devices import remember
+from heli3dof.rig.session.server import Session
+from heli3dof.rig.session.stoppable_rig import StoppableRig
+
+
+@contextmanager
+def hold(
+    device: str,
+    profile: Profile,
+    *,
+    doing: str | None = None,
+    also: Callable[[], Mapping[str, Any]] = dict,
+    began_ns: int | None = None,
+) -> Iterator[StoppableRig]:
+    """The open rig; closed and let go at the end. ``also`` adds to what onlookers see.
+
+    ``began_ns``: when the command was given that moves it (`heli3dof.rig.session.stop_stamp`).
+    Counts are taken from the stored rest angles; what the user should know of these is in
+    ``rig.rest.note``. Raises DeviceError where the rig is missing, not permitted, busy (naming the
+    other session), or has no serial number.
+    """
+    with Session(device, private=is_private(device), doing=doing, began_ns=began_ns) as session:
+        opened = open_rig(device, profile)
+        try:
+            if not opened.identity.serial.strip():
+                raise _no_serial_number(device)
+            session.claim(opened.identity)
+        except BaseException:
+            opened.close()  # it was never armed, so this leaves it as its holder has it
+            raise
+        if not session.private:
+            remember(device, opened.identity.serial)
+        rest = POWER_UP if session.private else rest_of(opened.identity)
+        rig = StoppableRig(opened, session, rest)
+        try:
+            session.state = lambda: {**state_of(rig, profile), **also()}
+            yield rig
+        finally:
+            rig.close()
+
+
+def _no_serial_number(device: str) -> DeviceError:
+    return DeviceError(
+        f"{device}: the device has no serial number.",
+        cause="its firmware leaves the field empty: rest angles and locks go by it.",
+        fix="give it one in its firmware; docs/protocol.md, IDENTITY",
+    )
+
+
+def state_of(rig: StoppableRig, profile: Profile) -> dict[str, Any]:
+    """The rig's last sample for onlookers: degrees, volts, flags by name."""
+    sample, identity = rig.last, rig.identity
+    about = {"driver": identity.driver, "serial": identity.serial, "boot": identity.boot}
+    if sample is None:
+        return about
+    return {**about, **reading(sample, profile)}
+
+
+def reading(sample: Sample, profile: Profile) -> dict[str, Any]:
+    """A sample as people and scripts read it."""
+    rest, per_count = profile.encoder.rest_rad, profile.encoder.rad_per_count
+    found: dict[str, Any] = {
+        f"{axis}_deg": degrees(rest[i] + sample.counts[i] * per_count[i])
+        for i, axis in enumerate(AXES)
+    }
+    found |= {f"{axis}_counts": sample.counts[i] for i, axis in enumerate(AXES)}
+    found |= {f"v_{motor}_V": sample.v_applied[i] for i, motor in enumerate(MOTORS)}
+    for motor, current in zip(MOTORS, sample.current, strict=True):
+        found[f"i_{motor}_A"] = current if isfinite(current) else None
+    return found | {
+        "device_time_s": sample.device_time_s,
+        "host_time_s": sample.host_time_s,
+        "sequence": sample.sequence,
+        "flags": [flag.name for flag in Flags if sample.flags & flag],
+    }

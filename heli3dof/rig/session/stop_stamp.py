@@ -1,0 +1,121 @@
+"""What an emergency stop leaves behind, so that nothing begun before it arms a rig after it.
+
+    <runtime>/<name>@<time>.stop      name: of a device, of a serial number, or ``all``
+                                      time: of the stop, ns on the host's monotonic clock
+
+A flight must not arm where   its command began ≤ time of a stop of its rig ≤ now.
+
+A stop leaves its stamp before it looks for sessions. A flight looks for stamps after its session
+can be seen. So either the stop sees the session, or the flight sees the stamp.
+
+When a command began:
+
+==============================  ==================================================================
+a program: ``heli3dof``, a      the start of its process, as the system knows it; so all flights
+script                          of ``run --auto`` or of a loop in a script began with it
+an interactive interpreter,     the call
+a notebook
+a server, a window, a test run  the program's last call of `start_command`
+==============================  ==================================================================
+
+The monotonic clock is one for all processes of a computer and is never set. A stamp of before a
+restart of the computer lies in the future, or its boot identifier is another one: it is ignored.
+"""
+
+from __future__ import annotations
+
+import binascii
+import json
+import os
+import sys
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from datetime import datetime
+from pathlib import Path
+
+from heli3dof.rig.session.paths import device_name, runtime_folder
+
+ALL = "all"
+_IMPORTED_NS = time.monotonic_ns()
+_began_ns: int | None = None
+
+
+def start_command() -> None:
+    """A command of this program begins now: what it flies is not bound by stops of before.
+
+    For programs that take commands of their own: a server, a window, a test run.
+    """
+    global _began_ns
+    _began_ns = time.monotonic_ns()
+
+
+def command_began_ns() -> int:
+    """When the command that runs now was given; ns on the monotonic clock."""
+    global _began_ns
+    if hasattr(sys, "ps1"):  # an interactive interpreter has a prompt
+        return time.monotonic_ns()
+    if _began_ns is None:
+        _began_ns = min(_IMPORTED_NS, _process_start_ns())
+    return _began_ns
+
+
+def leave_stamp(names: Iterable[str], reason: str) -> None:
+    """Forbid every command begun until now to arm the rigs of these names (see `names_of`)."""
+    folder, now = runtime_folder(), time.monotonic_ns()
+    about = {"reason": reason, "at": datetime.now().strftime("%H:%M:%S"), "boot": _boot()}
+    for name in names:
+        older = list(folder.glob(f"{name}@*.stop"))
+        (folder / f"{name}@{now}.stop").write_text(json.dumps(about), encoding="utf-8")
+        for stamp in older:  # what it forbids, the new one forbids too
+            with suppress(OSError):
+                stamp.unlink()
+
+
+def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
+    """Why a command that began then must not arm these rigs; None where it may."""
+    now, wanted = time.monotonic_ns(), {ALL, *names}
+    for stamp in runtime_folder().glob("*.stop"):
+        name, _, time_ns = stamp.stem.rpartition("@")
+        if name not in wanted or not time_ns.isdigit() or not began_ns <= int(time_ns) <= now:
+            continue
+        try:
+            about = json.loads(stamp.read_text(encoding="utf-8"))
+        except (OSError, ValueError):  # it is just being written, or replaced by a later one
+            return "a stop that came after this was begun"
+        if about.get("boot") == _boot():
+            return f"{about.get('reason')}, at {about.get('at')}"
+    return None
+
+
+def names_of(device: str, serials: Iterable[str] = ()) -> list[str]:
+    """The names under which a rig is stopped: its place, and each serial number it may have."""
+    numbers = [f"serial-{binascii.crc32(s.encode()):08x}" for s in serials if s]
+    return [device_name(device), *numbers]
+
+
+def _process_start_ns() -> int:
+    """When this process started, and never later.
+
+    Too early by 10 ms at most on Linux. Elsewhere psutil says it, and is wrong by what the wall
+    clock was set since then; where there is no psutil, this module's import has to do.
+    """
+    try:
+        fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+        started_ns = int(fields[19]) * 1_000_000_000 // os.sysconf("SC_CLK_TCK")
+        age_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - started_ns
+    except (OSError, ValueError, IndexError, AttributeError):
+        try:
+            import psutil
+        except ImportError:
+            return _IMPORTED_NS
+        age_ns = int((time.time() - psutil.Process().create_time()) * 1e9)
+    return time.monotonic_ns() - age_ns
+
+
+def _boot() -> str:
+    """Differs after every start of the computer, where the system says so."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    except OSError:
+        return ""

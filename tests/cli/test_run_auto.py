@@ -1,0 +1,123 @@
+"""``run --auto``: flies what the diagnosis asks for, until it asks for nothing or time is up.
+
+What is diagnosed is given here; that a diagnosis is right is tested where it is made.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from heli3dof.diagnosis import diagnose as diagnosing
+from heli3dof.diagnosis import next_experiment as asking
+from heli3dof.diagnosis.outlook import NextExperiment
+from heli3dof.experiment.fly import fly_plan
+from heli3dof.experiment.plan import load_plan
+from heli3dof.recording.mcap_files.reader import read_recording
+from tests.cli.running import heli3dof
+
+LEVEL = "mock:?speed=max&start=level"
+SHORT = """
+name = "{name}"
+description = "a step, short enough for a test"
+[[segment]]
+kind = "hold"
+duration_s = 3.0
+[[segment]]
+kind = "step"
+roll_deg = 8.0
+duration_s = 9.0
+"""
+
+
+@pytest.fixture
+def plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a short plan, where flights go; every named plan is that short one."""
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT.format(name="short"))
+    monkeypatch.chdir(tmp_path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole() -> diagnosing.Diagnosis:
+    """A real diagnosis, to be told otherwise."""
+    flown = fly_plan(load_plan("steps"), device=LEVEL, seed=1250).recording
+    with pytest.MonkeyPatch.context() as few:
+        few.setattr(diagnosing, "QUICK_FLIGHTS", 4)
+        few.setattr(diagnosing, "QUICK_PILOTS", 2)
+        return diagnosing.diagnose(flown.between(8.0, 22.0), quick=True)
+
+
+def answering(
+    monkeypatch: pytest.MonkeyPatch, whole: diagnosing.Diagnosis, asks: list[str | None], plan: Path
+) -> list[int]:
+    """Diagnoses that ask for the plan to part ``asks[k]`` after flight k; how many they saw."""
+    seen: list[int] = []
+
+    def diagnose(recordings: list[Any], **options: Any) -> diagnosing.Diagnosis:
+        seen.append(len(recordings))
+        names = tuple(r.name for r in recordings)
+        open_ = asks[len(seen) - 1]
+        return replace(whole, recordings=names, verdict="ambiguous" if open_ else "explained")
+
+    def next_of(found: diagnosing.Diagnosis, **options: Any) -> NextExperiment | None:
+        open_ = asks[len(seen) - 1]
+        both = ("motor.lag", "motor.delay")
+        return NextExperiment(open_, both, "they tie", 0.9) if open_ else None
+
+    monkeypatch.setattr(diagnosing, "diagnose", diagnose)
+    monkeypatch.setattr(asking, "next_of", next_of)
+    return seen
+
+
+def test_it_flies_what_separates_until_nothing_is_tied(
+    plans: Path, whole: diagnosing.Diagnosis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = answering(monkeypatch, whole, [str(plans), None], plans)
+    said = heli3dof("run", plans, "--auto", "--device", LEVEL, "-o", "auto", "--json")
+    assert said.code == 0, said.err
+    d = said.document
+    assert seen == [1, 2]  # every diagnosis is of all flights so far
+    assert d["ended"] == "settled"
+    assert "Ended: settled." in said.err
+    assert "Verdict" in said.err
+    assert [Path(p).name for p in d["flights"]] == ["1-short.mcap", "2-short.mcap"]
+    for path in d["flights"]:
+        assert read_recording(path).meta["outcome"] == "completed"
+    assert d["diagnosis"]["schema"] == "heli3dof.diagnosis/1"
+    page = Path(d["report"]).read_text(encoding="utf-8")
+    assert "Verdict" in page
+    assert "1-short" in page
+    assert "2-short" in page
+
+
+def test_it_stops_where_the_next_flight_would_exceed_the_budget(
+    plans: Path, whole: diagnosing.Diagnosis, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answering(monkeypatch, whole, [str(plans)] * 9, plans)
+    words = ("run", plans, "--auto", "--budget", "0.5", "--device", LEVEL, "-o", "auto", "--json")
+    d = heli3dof(*words).document
+    assert len(d["flights"]) == 2  # 2 × 12 s in 30 s
+    assert d["ended"].startswith("out of budget")
+    assert d["diagnosis"]["next_experiment"]["separates"] == ["motor.lag", "motor.delay"]
+
+
+def test_a_budget_below_the_first_plan_and_a_folder_in_use_are_refused(plans: Path) -> None:
+    short = heli3dof("run", plans, "--auto", "--budget", "0.15", "--device", LEVEL, "-o", "a")
+    assert short.code == 2
+    assert "does not hold" in short.err
+    again = heli3dof("run", plans, "--auto", "--device", LEVEL, "-o", plans.parent)
+    assert again.code == 2
+    assert "exists" in again.err
+    assert heli3dof("run").code == 2
+
+
+def test_a_dry_run_says_the_plan_and_flies_nothing(plans: Path) -> None:
+    said = heli3dof("run", plans, "--auto", "--dry-run", "--device", LEVEL)
+    assert said.code == 0
+    assert "Automatic: short first" in said.out
+    assert list(plans.parent.iterdir()) == [plans]

@@ -1,0 +1,20 @@
+"""Each term's share: the model without it, nothing else touched."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from heli3dof.comparison.term_importance import without
+from heli3dof.model.greybox.model import nominal
+from heli3dof.rig.profile import default_profile
+
+
+def test_a_term_left_out_is_at_its_absence_and_the_rest_stays() -> None:
+    model = nominal(default_profile(), ("bias.torque.yaw", "motor.lag"))
+    model = replace(model, values=model.values + 0.01, varying={"bias.torque.yaw.torque_Nm": 1.0})
+    bare = without(model, "bias.torque.yaw")
+    assert bare.parameters["bias.torque.yaw.torque_Nm"] == 0.0
+    assert bare.varying == {}
+    assert bare.parameters["motor.lag.time_constant_s"] == pytest.approx(0.09)

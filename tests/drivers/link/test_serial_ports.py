@@ -1,0 +1,120 @@
+"""What the system tells of a port, and what a user is told when one does not open."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from heli3dof_drivers.link.serial_line import pyserial_url, refused
+from heli3dof_drivers.link.serial_ports import (
+    held_by,
+    holders,
+    is_known,
+    lockers,
+    permission_fix,
+    plugged_in,
+)
+
+from heli3dof.errors import UsageError
+
+
+@pytest.mark.parametrize(
+    ("number", "what", "fix"),
+    [
+        (errno.EACCES, "not permitted", "usermod|udevadm"),
+        (errno.EPERM, "not permitted", "usermod|udevadm"),
+        (errno.EBUSY, "is busy", "heli3dof estop"),
+        (errno.EAGAIN, "is busy", "heli3dof estop"),
+        (errno.ENOENT, "no such port", "heli3dof devices"),
+        (errno.ENODEV, "no such port", "heli3dof devices"),
+        (errno.EIO, "does not open", "heli3dof devices"),
+    ],
+)
+def test_each_refusal_has_its_own_cause_and_fix(number: int, what: str, fix: str):
+    error = refused("/dev/ttyUSB9", OSError(number, os.strerror(number)))
+    assert what in error.what
+    assert error.cause
+    assert any(word in error.fix for word in fix.split("|"))
+    assert error.exit_code == 3
+
+
+def test_the_group_of_the_port_is_the_one_to_join(tmp_path: Path):
+    port = tmp_path / "port"
+    port.touch()
+    assert "usermod -aG dialout" in permission_fix("/dev/ttyNONE")
+    if os.stat(port).st_gid == 0:
+        assert "udevadm" in permission_fix(str(port))  # nobody should join the group root
+
+
+def test_who_has_locked_a_port_is_told_from_who_has_it_open(tmp_path: Path):
+    port = tmp_path / "port"
+    port.touch()
+    assert lockers(str(port)) == []
+    with port.open() as file:
+        assert holders(str(port)) == []  # ourselves do not count
+        fcntl.flock(file, fcntl.LOCK_EX)
+        assert [pid for pid, _ in lockers(str(port))] in ([os.getpid()], [])
+    assert held_by("/dev/ttyNONE") == "a process of another user"
+
+
+def test_pyserials_name_of_a_place():
+    assert pyserial_url("serial", "/dev/ttyACM0") == "/dev/ttyACM0"
+    assert pyserial_url("serial", "COM3") == "COM3"
+    assert pyserial_url("serial+spy", "/dev/ttyACM0") == "spy:///dev/ttyACM0"
+    assert pyserial_url("serial+loop", "") == "loop://"
+    with pytest.raises(UsageError, match="names no port"):
+        pyserial_url("serial", "")
+
+
+def on_usb(monkeypatch: pytest.MonkeyPatch, path: Path, **port: object) -> None:
+    """A port on USB and no other."""
+    said = SimpleNamespace(**{"device": str(path), "serial_number": None, "location": "1-2"} | port)
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [said])
+
+
+def test_what_is_plugged_in_is_called_by_its_serial_number(monkeypatch, tmp_path):
+    port, link = tmp_path / "ttyACM0", tmp_path / "by-id"
+    port.touch()
+    link.symlink_to(port)
+    on_usb(monkeypatch, port, vid=0x2341, pid=0x43, serial_number="A1")
+    assert plugged_in(str(port)) == plugged_in(str(link)) == "2341:0043 A1"
+    on_usb(monkeypatch, port, vid=0x1A86, pid=0x7523)
+    assert plugged_in(str(port)) == "1a86:7523 at 1-2"
+    assert plugged_in("/dev/ttyS0") == "/dev/ttyS0"
+
+
+def test_a_pseudo_terminal_is_told_from_a_later_one_of_its_number():
+    ours, theirs = os.openpty()
+    path = os.ttyname(theirs)
+    first = plugged_in(path)
+    assert first.startswith(f"{path} of ")
+    assert plugged_in(path) == first
+    os.close(ours)
+    os.close(theirs)
+    assert plugged_in(path) != first
+
+
+def test_a_rig_is_known_by_the_usb_numbers_of_the_rule(monkeypatch, tmp_path):
+    on_usb(monkeypatch, tmp_path, vid=0x1209, pid=0x0001)
+    assert is_known(str(tmp_path))
+    on_usb(monkeypatch, tmp_path, vid=0x2341, pid=0x0043)
+    assert not is_known(str(tmp_path))
+
+
+def test_a_port_that_heli3dof_holds_is_a_rigs_and_anothers_is_not(tmp_path):
+    port = tmp_path / "port"
+    port.touch()
+    take = f"import fcntl, time; f = open({str(port)!r}, 'r+'); fcntl.flock(f, 2)"
+    for name, known in (("heli3dof", True), ("octoprint", False)):
+        command = [sys.executable, "-c", f"{take}; print(flush=True); time.sleep(600)", name]
+        with subprocess.Popen(command, stdout=subprocess.PIPE) as holder:
+            assert holder.stdout is not None
+            holder.stdout.readline()
+            assert is_known(str(port)) is known
+            holder.kill()

@@ -1,0 +1,339 @@
+"""Whatever ends a flight, the motors end at zero and the recording says why."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from heli3dof_drivers.link.link_statistics import LinkStatistics
+
+from heli3dof.errors import DeviceError
+from heli3dof.experiment.control_loop.control_period import Period
+from heli3dof.experiment.control_loop.loop import fly
+from heli3dof.experiment.control_loop.outcome import Outcome
+from heli3dof.experiment.plan import step_plan
+from heli3dof.model.control.controller import Controller
+from heli3dof.recording.memory import MemoryRecorder
+from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN
+from heli3dof.rig.interface import Command, Flags, Identity, Sample
+from heli3dof.rig.profile import Profile, default_profile
+
+PROFILE = default_profile()
+DT = PROFILE.dt
+ROLL_UP_ONE_DEGREE = 4096 / 360
+
+
+class ScriptedRig:
+    """A rig that stands still at level, until a script changes a sample or raises."""
+
+    def __init__(
+        self,
+        script: Callable[[int, Sample], Sample] = lambda k, s: s,
+        *,
+        late: Callable[[int], float] = lambda k: 0.0,
+        timebase: str = "device",
+    ) -> None:
+        self.script, self.late = script, late
+        self.identity = Identity(
+            "test", "scripted", "0", "0", "0", (4096, 4096, 8192), 24.0, 0.1, timebase, True
+        )
+        self.commands: list[Command] = []
+        self.stopped: list[str] = []
+        self.now = 0.0
+
+    def sample(self, sequence: int, applied: tuple[float, float]) -> Sample:
+        level = round(27.5 * ROLL_UP_ONE_DEGREE)
+        return Sample(
+            sequence, self.now, (level, 0, 0), applied, (np.nan, np.nan), Flags.ENABLED, self.now
+        )
+
+    def arm(self) -> Sample:
+        return self.script(0, self.sample(0, (0.0, 0.0)))
+
+    def exchange(self, command: Command, due_s: float) -> Sample:
+        self.commands.append(command)
+        k = len(self.commands)
+        device_timed = self.identity.timebase == "device"
+        self.now = (self.now + DT if device_timed else due_s) + self.late(k)
+        return self.script(k, self.sample(command.sequence, (command.v_front, command.v_back)))
+
+    def estop(self, reason: str) -> None:
+        self.stopped.append(reason)
+
+    def close(self) -> None:
+        pass
+
+
+def flown(
+    rig: ScriptedRig, *, profile: Profile = PROFILE, periods: int = 100, **keys: object
+) -> tuple[Outcome, MemoryRecorder]:
+    plan = step_plan((0.0, None, None), settle_s=0, duration_s=periods * profile.dt)
+    sink = MemoryRecorder()
+    outcome = fly(rig, profile, plan.render(profile.dt, 0), sink, **keys)
+    return outcome, sink
+
+
+def ends_at_zero(rig: ScriptedRig) -> bool:
+    last = rig.commands[-1]
+    return (last.v_front, last.v_back) == (0.0, 0.0)
+
+
+def test_a_plan_is_flown_to_its_end_and_landed_gently() -> None:
+    rig = ScriptedRig()
+    outcome, sink = flown(rig)
+    assert (outcome.ending, outcome.periods, outcome.landed) == ("completed", 100, True)
+    assert ends_at_zero(rig)
+    landing = [r for r in sink.rows if r.phase == RAMP_DOWN]
+    assert len(landing) == round(PROFILE.limits.landing_s / DT)
+    volts = [r.voltage[0] for r in landing]
+    assert volts == sorted(volts, reverse=True)
+    assert not rig.stopped
+
+
+def test_a_row_holds_the_sample_and_the_voltage_that_follows_from_it() -> None:
+    rig = ScriptedRig()
+    _, sink = flown(rig)
+    row = sink.rows[5]
+    assert row.sample.sequence == 5  # the sample that the fifth command brought
+    assert row.command_sequence == 6
+    assert row.voltage == (rig.commands[5].v_front, rig.commands[5].v_back)
+    assert row.applied == row.voltage
+    assert row.t == pytest.approx(5 * DT)
+
+
+def test_the_voltage_is_the_contracts_controller() -> None:
+    rig = ScriptedRig()
+    _, sink = flown(rig)
+    controller = Controller.of(PROFILE)
+    controller.reset(sink.rows[0].angle)
+    for row in sink.rows[:100]:
+        assert controller.step(row.angle, row.reference, row.extra) == (row.command, row.voltage)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda k, s: replace(s, counts=(s.counts[0] + 400, 0, 0)), "roll reached 35.17°"),
+        (lambda k, s: replace(s, counts=(s.counts[0], 0, 12 * (k - 39))), "yaw turned at"),
+        (lambda k, s: replace(s, counts=(s.counts[0], 200, 0)), "voltage jumped"),
+        (lambda k, s: replace(s, flags=s.flags | Flags.ESTOP), "emergency stop"),
+        (lambda k, s: replace(s, flags=s.flags | Flags.LATCHED), "watchdog"),
+        (lambda k, s: replace(s, flags=s.flags | Flags.FAULT), "fault"),
+        (lambda k, s: replace(s, flags=s.flags | Flags.STALL), "stalled"),
+    ],
+)
+def test_a_trip_ends_the_flight_with_a_ramp_to_zero(change: Callable, said: str) -> None:
+    rig = ScriptedRig(lambda k, s: change(k, s) if k >= 40 else s)
+    outcome, sink = flown(rig)
+    assert outcome.ending == "tripped"
+    assert said in outcome.detail
+    assert 40 <= outcome.periods < 60
+    assert ends_at_zero(rig)
+    ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
+    assert len(ramp) == round(PROFILE.limits.ramp_down_s / DT)
+
+
+def test_a_watch_is_asked_in_every_period_and_ends_the_flight_when_it_says_why() -> None:
+    rig = ScriptedRig()
+    seen = []
+
+    def watch(now: Period) -> str | None:
+        seen.append(now)
+        return "the watch has seen enough" if now.k == 40 else None
+
+    outcome, sink = flown(rig, watches=[watch, lambda now: None])
+    assert (outcome.ending, outcome.detail) == ("tripped", "the watch has seen enough")
+    assert [now.k for now in seen] == list(range(41))
+    assert ends_at_zero(rig)
+    last = seen[-1]
+    assert last.sample.sequence == last.command_sequence == 40
+    assert last.sent == sink.rows[39].voltage
+    assert (last.t, last.missed) == (pytest.approx(40 * DT), 0)
+
+
+def test_a_watch_that_fails_ends_the_flight_with_a_ramp_to_zero() -> None:
+    rig = ScriptedRig()
+    outcome, _ = flown(rig, watches=[lambda now: "" * (1 // (now.k - 10)) or None])
+    assert (outcome.ending, outcome.periods, outcome.landed) == ("error", 10, True)
+    assert ends_at_zero(rig)
+
+
+def test_being_asked_to_stop_ends_the_flight_with_a_ramp_to_zero() -> None:
+    rig = ScriptedRig()
+    asked = iter([None] * 10 + ["stopped with Ctrl-C"] * 1000)
+    outcome, _ = flown(rig, stop=lambda: next(asked))
+    assert (outcome.ending, outcome.detail) == ("interrupted", "stopped with Ctrl-C")
+    assert ends_at_zero(rig)
+
+
+def test_a_fault_in_the_controller_ends_the_flight_with_a_ramp_to_zero(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    calls = iter(range(1000))
+    step = Controller.step
+
+    def broken(self: Controller, *a: object) -> object:
+        if next(calls) == 20:
+            raise ZeroDivisionError("division by zero")
+        return step(self, *a)
+
+    monkeypatch.setattr(Controller, "step", broken)
+    rig = ScriptedRig()
+    outcome, _ = flown(rig)
+    assert outcome.ending == "error"
+    assert "ZeroDivisionError" in outcome.detail
+    assert outcome.periods == 20
+    assert ends_at_zero(rig)
+
+
+def test_a_controller_that_asks_for_no_number_ends_the_flight(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    nothing = ((float("nan"), 0.0), (0.0, 0.0))
+    monkeypatch.setattr(Controller, "step", lambda self, *a: nothing)
+    rig = ScriptedRig()
+    outcome, _ = flown(rig)
+    assert outcome.ending == "tripped"
+    assert "nan V on the front motor" in outcome.detail
+
+
+def test_a_recorder_that_fails_never_keeps_the_motors_from_being_ramped_to_zero() -> None:
+    class Full(MemoryRecorder):
+        def append(self, row: object) -> None:
+            if len(self.rows) == 30:
+                raise OSError("no space left")
+            super().append(row)
+
+    rig = ScriptedRig()
+    plan = step_plan((0.0, None, None), settle_s=0, duration_s=0.2)
+    outcome = fly(rig, PROFILE, plan.render(DT, 0), Full())
+    assert outcome.ending == "error"
+    assert "no space left" in outcome.detail
+    assert ends_at_zero(rig)
+    assert outcome.landed
+
+
+def test_a_device_that_falls_silent_is_stopped_since_it_cannot_be_ramped() -> None:
+    def gone(k: int, sample: Sample) -> Sample:
+        if k == 30:
+            raise DeviceError("the cable is out")
+        return sample
+
+    rig = ScriptedRig(gone)
+    outcome, sink = flown(rig)
+    assert (outcome.ending, outcome.detail, outcome.landed) == ("device", "the cable is out", False)
+    assert rig.stopped
+    assert all(r.phase == CLOSED_LOOP for r in sink.rows)
+
+
+def test_missed_periods_are_skipped_and_never_flown_in_a_burst() -> None:
+    # The sample of period 10 comes 5.5 periods late, on a rig that the host times.
+    rig = ScriptedRig(late=lambda k: 5.5 * DT if k == 10 else 0.0, timebase="host")
+    outcome, sink = flown(rig)
+    assert outcome.missed == 5
+    assert outcome.late == 1
+    assert outcome.periods == 95
+    assert outcome.worst_lateness_s == pytest.approx(5.5 * DT)
+    t = np.array([r.t for r in sink.rows if r.phase == CLOSED_LOOP])
+    assert np.diff(t).min() > 0.4 * DT
+    # afterwards the samples are on the old grid again
+    np.testing.assert_allclose(np.mod(t[12:] + DT / 2, DT), DT / 2, atol=1e-9)
+
+
+def test_samples_lost_on_the_line_are_skipped_so_that_the_references_keep_wall_time() -> None:
+    # A device-timed stream: of periods 10 and 11 no sample ever comes.
+    rig = ScriptedRig(late=lambda k: 2 * DT if k == 10 else 0.0)
+    ramp = step_plan((5.0, None, None), settle_s=0, duration_s=100 * DT).render(DT, 0)
+    ramp.reference[:, 0] = np.arange(len(ramp.reference)) * 1e-4
+    sink = MemoryRecorder()
+    outcome = fly(rig, PROFILE, ramp, sink)
+    assert (outcome.lost + outcome.missed, outcome.periods) == (2, 98)
+    rows = [r for r in sink.rows if r.phase == CLOSED_LOOP]
+    t = np.array([r.t for r in rows])
+    np.testing.assert_allclose([r.reference[0] for r in rows], t / DT * 1e-4, atol=1e-12)
+
+
+@pytest.mark.parametrize(("skipped", "bridged"), [(15, 500), (40, 30)])
+def test_an_axis_that_turns_steadily_turns_no_faster_after_skipped_periods(
+    skipped: int, bridged: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Yaw turns at 40°/s; after 15 periods without a sample it has come 15 steps further.
+    monkeypatch.setattr("heli3dof.experiment.control_loop.loop.BRIDGED", bridged)
+
+    def turning(k: int, s: Sample) -> Sample:
+        yaw = round(np.radians(40.0) * s.device_time_s / abs(PROFILE.encoder.rad_per_count[2]))
+        return replace(s, counts=(s.counts[0], s.counts[1], yaw))
+
+    rig = ScriptedRig(turning, late=lambda k: skipped * DT if k == 50 else 0.0)
+    seen: list[float] = []
+    loose = PROFILE.limits.model_copy(update={"slew_max_V_per_s": 1e6})
+    loose = PROFILE.model_copy(update={"limits": loose})
+    flown(rig, profile=loose, watches=[lambda now: seen.append(now.rate[2])])
+    after = np.degrees(np.abs(seen[50:60]))
+    assert abs(after - 40.0).max() < 8.0  # counts are 0.044° apart, 22°/s in one period
+
+
+def test_a_ramp_through_lost_samples_takes_no_longer() -> None:
+    rig = ScriptedRig(late=lambda k: 20 * DT if k == 60 else 0.0)
+    asked = iter([None] * 50 + ["stopped with Ctrl-C"] * 1000)
+    _, sink = flown(rig, stop=lambda: next(asked))
+    ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
+    assert ends_at_zero(rig)
+    # The period in which the samples were lost is the only one that the ramp cannot foresee.
+    assert ramp[-1].t - ramp[0].t <= PROFILE.limits.ramp_down_s + DT
+    assert len(ramp) == round(PROFILE.limits.ramp_down_s / DT) - 20
+
+
+def test_a_ramp_after_lost_samples_begins_at_the_last_voltage() -> None:
+    # What ends the flight is seen in the first sample that comes after 200 lost ones.
+    rig = ScriptedRig(late=lambda k: 200 * DT if k == 60 else 0.0)
+    _, sink = flown(rig, periods=500, watches=[lambda now: "lost" if now.missed else None])
+    ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
+    n = round(PROFILE.limits.ramp_down_s / DT)
+    front = [r.voltage[0] for r in sink.rows if r.phase == CLOSED_LOOP][-1]
+    np.testing.assert_allclose([r.voltage[0] for r in ramp], front * (1 - np.arange(1, n + 1) / n))
+
+
+def test_a_landing_that_fails_is_how_the_flight_ended() -> None:
+    def gone(k: int, sample: Sample) -> Sample:
+        if k == 150:
+            raise DeviceError("the cable is out")
+        return sample
+
+    rig = ScriptedRig(gone)
+    outcome, _ = flown(rig)
+    assert (outcome.ending, outcome.landed) == ("device", False)
+    assert outcome.detail == "the ramp to zero failed: the cable is out"
+    assert rig.stopped
+
+
+def test_the_outcome_says_how_punctual_the_loop_was() -> None:
+    rig = ScriptedRig(late=lambda k: 0.0005 if k % 10 == 0 else 0.0, timebase="host")
+    outcome, _ = flown(rig)
+    found = outcome.punctuality
+    assert found.median_s == pytest.approx(0, abs=1e-9)
+    assert found.p99_s == found.worst_s == pytest.approx(0.0005)
+    assert found.late_share == 0
+    assert outcome.realtime is not None
+    kept = outcome.details()
+    assert kept["punctuality"]["worst_s"] == found.worst_s
+    assert set(kept["realtime"]) == {"scheduled", "memory_locked", "found", "refused"}
+
+
+def test_on_a_virtual_clock_nothing_is_asked_of_the_system_and_nothing_is_late() -> None:
+    outcome, _ = flown(ScriptedRig(timebase="virtual"))
+    assert (outcome.realtime, outcome.punctuality, outcome.late) == (None, None, 0)
+
+
+def test_what_the_link_counted_is_kept_with_the_outcome() -> None:
+    class Rig(ScriptedRig):
+        statistics = LinkStatistics(lost=3, damaged=2)
+
+    Rig.statistics.delay.add(120e-6)
+    link = flown(Rig())[0].details()["link"]
+    assert (link["lost"], link["damaged"]) == (3, 2)
+    assert link["delay_median_s"] == pytest.approx(120e-6)
+    assert "round_trip_median_s" not in link, "nothing was counted"
+    assert flown(ScriptedRig())[0].link is None

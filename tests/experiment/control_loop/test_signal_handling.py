@@ -1,0 +1,103 @@
+"""One signal asks for a ramp to zero, a second for zero at once, and more tear nothing."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from heli3dof.experiment.control_loop.loop import fly
+from heli3dof.experiment.control_loop.outcome import Outcome
+from heli3dof.experiment.control_loop.signal_handling import asked_to_stop
+from heli3dof.experiment.plan import step_plan
+from heli3dof.recording.memory import MemoryRecorder
+from heli3dof.rig.interface import Sample
+from tests.experiment.control_loop.test_loop import DT, PROFILE, ScriptedRig, ends_at_zero
+
+
+def send(number: signal.Signals) -> None:
+    os.kill(os.getpid(), number)
+
+
+def flown_with_signals(at: dict[int, tuple[signal.Signals, ...]]) -> tuple[ScriptedRig, Outcome]:
+    """A flight during which these signals come, by the number of the exchange."""
+
+    def script(k: int, sample: Sample) -> Sample:
+        for number in at.get(k, ()):
+            send(number)
+        return sample
+
+    rig, sink = ScriptedRig(script), MemoryRecorder()
+    plan = step_plan((0.0, None, None), settle_s=0, duration_s=100 * DT)
+    with asked_to_stop() as asked:
+        outcome = fly(rig, PROFILE, plan.render(DT, 0), sink, stop=asked.why, at_once=asked.at_once)
+    return rig, outcome
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (signal.SIGINT, "stopped with Ctrl-C"),
+        (signal.SIGTERM, "stopped by a request to terminate (SIGTERM)"),
+        (signal.SIGHUP, "stopped since the terminal was closed (SIGHUP)"),
+    ],
+)
+def test_one_signal_ends_the_flight_with_a_ramp_to_zero(number: signal.Signals, said: str) -> None:
+    before = signal.signal(number, signal.default_int_handler)  # nohup has it ignored
+    try:
+        rig, outcome = flown_with_signals({20: (number,)})
+    finally:
+        signal.signal(number, before)
+    assert (outcome.ending, outcome.detail, outcome.periods) == ("interrupted", said, 20)
+    assert outcome.landed
+    assert ends_at_zero(rig)
+    assert not rig.stopped
+
+
+def test_a_second_ctrl_c_stops_the_rig_at_once() -> None:
+    rig, outcome = flown_with_signals({20: (signal.SIGINT,), 30: (signal.SIGINT,)})
+    assert outcome.ending == "tripped"
+    assert outcome.detail == "stopped with Ctrl-C; emergency stop, by a second Ctrl-C"
+    assert not outcome.landed
+    assert len(rig.commands) == 30, "not one command after it"
+    assert rig.stopped == ["emergency stop, by a second Ctrl-C"]
+
+
+def test_two_signals_between_two_periods_leave_no_ramp() -> None:
+    rig, outcome = flown_with_signals({20: (signal.SIGINT, signal.SIGTERM)})
+    assert outcome.detail == "stopped with Ctrl-C; emergency stop, by a second SIGTERM"
+    assert len(rig.commands) == 20
+    assert rig.stopped
+
+
+def test_the_handlers_are_put_back() -> None:
+    before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
+    with asked_to_stop() as asked:
+        assert (asked.why(), asked.at_once()) == (None, None)
+    assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == before
+
+
+def test_a_program_started_with_nohup_flies_on_when_its_terminal_closes() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with asked_to_stop() as asked:
+            send(signal.SIGHUP)
+            assert asked.why() is None
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_outside_the_main_thread_nothing_is_caught() -> None:
+    said: list[Callable] = []
+
+    def elsewhere() -> None:
+        with asked_to_stop() as asked:
+            said.append(asked.why)
+
+    thread = threading.Thread(target=elsewhere)
+    thread.start()
+    thread.join()
+    assert said[0]() is None

@@ -1,0 +1,187 @@
+"""What each of the three clocks makes of a sample: on time, late, missed, lost."""
+
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from heli3dof.experiment.control_loop.timekeeping import (
+    DeviceTime,
+    HostTime,
+    Timekeeper,
+    VirtualTime,
+    timekeeper,
+)
+from heli3dof.rig.interface import Flags, Identity, Sample
+
+DT = 0.002
+IDENTITY = Identity("t", "t", "1", "1", "1", (1, 1, 1), 24.0, 0.1, "host", True)
+NOTHING = 0.0, 0, 0
+
+
+def sample(device_s: float, host_s: float) -> Sample:
+    return Sample(0, device_s, (0, 0, 0), (0.0, 0.0), (0.0, 0.0), Flags(0), host_s)
+
+
+def judged(time: Timekeeper) -> tuple[float, int, int]:
+    return pytest.approx(time.lateness, abs=2e-6), time.missed, time.lost
+
+
+def started(kind: type, host_s: float = 100.0) -> Timekeeper:
+    time = kind(DT)
+    time.start(sample(7.0, host_s))
+    return time
+
+
+@pytest.mark.parametrize(
+    ("timebase", "kind"), [("host", HostTime), ("device", DeviceTime), ("virtual", VirtualTime)]
+)
+def test_a_rig_says_which_clock_is_its(timebase: str, kind: type) -> None:
+    rig = SimpleNamespace(identity=replace(IDENTITY, timebase=timebase))
+    assert type(timekeeper(rig, DT)) is kind
+
+
+def test_on_a_virtual_clock_nothing_is_late() -> None:
+    time = started(VirtualTime)
+    time.next()
+    time.arrived(sample(7 + DT, 500.0), 100.0)
+    assert judged(time) == NOTHING
+
+
+def test_the_hosts_deadlines_are_absolute() -> None:
+    time = started(HostTime)
+    for k, late in enumerate([0.0, 0.0015, 0.0, 0.001], 1):
+        due = time.next()
+        assert due == pytest.approx(100 + k * DT)
+        time.arrived(sample(7 + k * DT, due + late), due - DT)
+        assert judged(time) == (late, 0, 0)
+
+
+def test_what_the_host_missed_is_skipped_and_the_grid_stays() -> None:
+    time = started(HostTime)
+    due = time.next()
+    time.arrived(sample(7.013, due + 5.5 * DT), due - DT)
+    assert judged(time) == (5.5 * DT, 5, 0)
+    assert time.next() == pytest.approx(100 + 7 * DT)
+
+
+def stream(time: Timekeeper, first: int, last: int, way_s: float = 0.0) -> None:
+    """Punctual samples of a device-timed stream."""
+    for k in range(first, last + 1):
+        time.next()
+        time.arrived(sample(7 + k * DT, 100 + k * DT + way_s), 100 + (k - 1) * DT + 1e-4)
+
+
+def test_a_late_sample_of_a_stream_is_told_by_the_devices_clock() -> None:
+    time = started(DeviceTime)
+    stream(time, 1, 100)
+    assert judged(time) == NOTHING
+    time.arrived(sample(7 + 101 * DT, 100 + 101 * DT + 0.0013), 100 + 100 * DT + 1e-4)
+    assert judged(time) == (0.0013, 0, 0)
+    stream(time, 102, 110)
+    assert judged(time) == NOTHING
+
+
+def test_samples_that_did_not_come_while_the_host_waited_are_lost() -> None:
+    time = started(DeviceTime)
+    stream(time, 1, 10)
+    time.arrived(sample(7 + 13 * DT, 100 + 13 * DT), 100 + 10 * DT + 1e-4)
+    assert judged(time) == (0.0, 0, 2)
+
+
+def test_samples_that_came_while_the_host_was_away_are_missed() -> None:
+    time = started(DeviceTime)
+    stream(time, 1, 10)
+    # It asks 3.3 periods later than it should have, and is given the newest that waits.
+    asked = 100 + 13.3 * DT
+    time.arrived(sample(7 + 13 * DT, asked + 1e-5), asked)
+    late, missed, lost = judged(time)
+    assert (missed, lost) == (2, 0)
+    assert late == pytest.approx(2.3 * DT + 1e-5, abs=2e-6), "since the first deadline not met"
+    stream(time, 14, 20)
+    assert judged(time) == NOTHING
+
+
+def test_a_link_that_counts_what_it_lost_is_believed() -> None:
+    # The host slept in its wait: two samples came, were passed over, and one was lost.
+    link = SimpleNamespace(lost=7)
+    rig = SimpleNamespace(identity=replace(IDENTITY, timebase="device"), statistics=link)
+    time = timekeeper(rig, DT)
+    time.start(sample(7.0, 100.0))
+    stream(time, 1, 10)
+    link.lost = 8
+    time.arrived(sample(7 + 14 * DT, 100 + 14 * DT + 0.0004), 100 + 10 * DT + 1e-4)
+    assert judged(time) == (2 * DT + 0.0004, 2, 1)
+    time.arrived(sample(7 + 16 * DT, 100 + 16 * DT), 100 + 14 * DT + 1e-3)
+    assert judged(time) == (DT, 1, 0)
+
+
+def test_what_the_device_left_out_is_neither_lost_nor_missed() -> None:
+    # One sample was lost, three the device never made, and one came while the host was away.
+    link = SimpleNamespace(lost=7, left_out=2, passed_over=1)
+    rig = SimpleNamespace(identity=replace(IDENTITY, timebase="device"), statistics=link)
+    time = timekeeper(rig, DT)
+    time.start(sample(7.0, 100.0))
+    stream(time, 1, 10)
+    link.lost, link.left_out, link.passed_over = 8, 5, 2
+    time.arrived(sample(7 + 16 * DT, 100 + 16 * DT + 0.0004), 100 + 10 * DT + 1e-4)
+    assert (*judged(time), time.left_out) == (DT + 0.0004, 1, 1, 3)
+    stream(time, 17, 18)
+    assert (*judged(time), time.left_out) == (*NOTHING, 0)
+
+
+def test_the_same_absence_is_told_alike_by_host_and_device() -> None:
+    away = 4.4 * DT
+    host, device = started(HostTime), started(DeviceTime)
+    due = host.next()
+    host.arrived(sample(7 + DT + away, due + away), due - DT)
+    device.next()
+    device.arrived(sample(7 + 5 * DT, 100 + DT + away), 100 + DT + away - 1e-5)
+    assert host.missed == device.missed == 4
+    assert device.lateness == pytest.approx(host.lateness, abs=2e-6)
+
+
+def test_a_slow_device_is_neither_late_nor_losing() -> None:
+    time = started(DeviceTime)
+    for k in range(1, 20_000):
+        at = 100 + k * DT * (1 + 80e-6)
+        time.next()
+        time.arrived(sample(7 + k * DT, at), at - 0.9 * DT)
+        assert (time.missed, time.lost) == (0, 0)
+    assert judged(time) == NOTHING
+
+
+@pytest.mark.parametrize("first_late", [0.0, 0.3, 0.5, 0.85])
+def test_a_device_that_takes_samples_late_now_and_then_loses_none(first_late: float) -> None:
+    draw = random.Random(3)
+    time = DeviceTime(DT)
+    time.start(sample(7 + first_late * DT, 100.0))
+    for k in range(1, 5000):
+        taken = k + (draw.uniform(0, 0.85) if draw.random() < 0.3 else draw.uniform(0, 0.002))
+        time.arrived(sample(7 + taken * DT, 100 + taken * DT + 1e-4), 100 + (k - 0.9) * DT)
+        assert (time.missed, time.lost) == (0, 0), k
+
+
+@pytest.mark.parametrize("longer", [-3e-4, 3e-4])
+def test_a_period_in_whole_microseconds_is_no_loss(longer: float) -> None:
+    time = started(DeviceTime)
+    for k in range(1, 20_000):
+        at = k * DT * (1 + longer)
+        time.arrived(sample(7 + at, 100 + at), 100 + at - 0.9 * DT)
+        assert (time.missed, time.lost) == (0, 0), k
+
+
+def test_losses_are_counted_one_by_one_among_samples_taken_late() -> None:
+    draw = random.Random(4)
+    time = started(DeviceTime)
+    k = lost = 0
+    for _ in range(5000):
+        gone = draw.choice([0, 0, 0, 0, 1, 2])
+        k, lost = k + 1 + gone, lost + gone
+        taken = k + draw.uniform(0, 0.3)
+        time.arrived(sample(7 + taken * DT, 100 + taken * DT), 100 + (k - gone - 0.95) * DT)
+        lost -= time.missed + time.lost
+        assert lost == 0, k

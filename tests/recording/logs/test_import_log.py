@@ -1,0 +1,330 @@
+"""Logs of other programs: what is read, what is warned of, what is refused."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from heli3dof.errors import RecordingError, UsageError
+from heli3dof.recording.load import load
+from heli3dof.recording.logs.import_log import import_log
+from heli3dof.recording.write import write_recording
+from heli3dof.rig.profile import load_profile
+from tests.paths import REAL_DATA, needs_real_data
+from tests.recording.make import csv_text, flight, log_columns, open_profile
+
+PROFILE = open_profile()
+
+
+def columns(n: int = 1500) -> dict[str, Any]:
+    return {name: np.array(values) for name, values in log_columns(flight(n)).items()}
+
+
+def write(tmp_path: Path, content: dict[str, Any] | str | bytes, name: str = "log.csv") -> Path:
+    path = tmp_path / name
+    if isinstance(content, dict):
+        content = csv_text(content)
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def warned(path: Path, words: str) -> bool:
+    return any(words in w for w in import_log(path, PROFILE).meta["warnings"])
+
+
+def test_a_clean_log_is_read_without_a_warning(tmp_path: Path) -> None:
+    made = flight(1500)
+    r = import_log(write(tmp_path, columns()), PROFILE)
+    np.testing.assert_array_equal(r.t, made.t)
+    np.testing.assert_array_equal(r.voltage, made.voltage)
+    np.testing.assert_allclose(r.angle, made.angle, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(r.reference, made.reference, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(r.voltage_cmd, made.voltage_cmd)
+    assert np.isnan(r.voltage_extra).all()
+    assert r.meta["warnings"] == []
+    assert r.meta["name"] == "log"
+    assert len(r.meta["log"]["sha256"]) == 64
+
+
+def test_order_is_free_unknown_columns_are_kept_and_an_angle_may_be_absent(tmp_path: Path) -> None:
+    data = columns()
+    del data["pitch_deg"], data["pitch_ref_deg"]
+    data["gust m/s"] = np.linspace(0, 1, 1500)
+    r = import_log(write(tmp_path, dict(reversed(data.items()))), PROFILE)
+    assert r.axes == ("roll", "yaw")
+    assert r.has_reference("yaw")
+    assert not r.has_reference("pitch")
+    np.testing.assert_array_equal(r.channels["gust m/s"], data["gust m/s"])
+
+
+def test_radians_are_accepted_for_degrees(tmp_path: Path) -> None:
+    data = columns()
+    for name in [n for n in data if n.endswith("_deg")]:
+        data[name.replace("_deg", "_rad")] = np.deg2rad(data.pop(name))
+    r = import_log(write(tmp_path, data), PROFILE)
+    np.testing.assert_allclose(r.angle, flight(1500).angle, rtol=0, atol=1e-12)
+    assert r.meta["warnings"] == []
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t.replace(",", ";"), "semicolons"),
+        (lambda t: t.replace(",", ";").replace(".", ","), "decimal commas"),
+        (lambda t: t.replace(",", "\t"), "tabs"),
+        (lambda t: t.replace(",", " "), "spaces"),
+    ],
+)
+def test_other_separators_are_understood_and_said(tmp_path: Path, change, words: str) -> None:
+    path = write(tmp_path, change(csv_text(columns())))
+    assert warned(path, words)
+    np.testing.assert_array_equal(import_log(path, PROFILE).voltage, flight(1500).voltage)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda t: ("\ufeff" + t).encode(),
+        lambda t: t.replace("\n", "\r\n").encode(),
+        lambda t: ("# logged in room 3\n\n" + t).encode(),
+        lambda t: t.encode("utf-16"),
+        lambda t: t.replace("\n", ",\n").encode(),
+        lambda t: (t + "\n\n").encode(),
+        lambda t: t.rstrip("\n").encode(),
+        lambda t: t.replace("t_s,v_front_V", '"t_s", "v_front_V"', 1).encode(),
+        lambda t: gzip.compress(t.encode()),
+    ],
+)
+def test_harmless_differences_between_programs_do_not_matter(tmp_path: Path, change) -> None:
+    r = import_log(write(tmp_path, change(csv_text(columns()))), PROFILE)
+    np.testing.assert_array_equal(r.voltage, flight(1500).voltage)
+    assert r.meta["warnings"] == []
+
+
+def test_a_gzipped_log_is_read(tmp_path: Path) -> None:
+    path = write(tmp_path, gzip.compress(csv_text(columns()).encode()), "log.csv.gz")
+    assert import_log(path, PROFILE).name == "log"
+    path.write_bytes(path.read_bytes()[:-2000])
+    with pytest.raises(RecordingError, match="does not unpack"):
+        import_log(path, PROFILE)
+
+
+def changed(name: str, k: int, value: Any) -> dict[str, Any]:
+    data = columns()
+    data[name] = data[name].astype(object)
+    data[name][k] = value
+    return data
+
+
+def renamed(old: str, new: str) -> dict[str, Any]:
+    return {new if name == old else name: v for name, v in columns().items()}
+
+
+def swapped_time(k: int) -> dict[str, Any]:
+    data = columns()
+    data["t_s"][[k, k + 1]] = data["t_s"][[k + 1, k]]
+    return data
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (lambda: renamed("v_front_V", "Vfront"), r"no column v_front_V; the nearest is 'Vfront'"),
+        (lambda: renamed("t_s", "time"), r"no column t_s"),
+        (lambda: columns() | {"roll_rad": np.deg2rad(columns()["roll_deg"])}, "which one counts"),
+        (lambda: changed("roll_deg", 10, float("nan")), "line 12, column roll_deg, holds NaN"),
+        (lambda: changed("yaw_deg", 0, float("inf")), "line 2, column yaw_deg, holds infinity"),
+        (lambda: changed("v_back_V", 7, ""), "line 9, column v_back_V, holds NaN or nothing"),
+        (lambda: changed("v_back_V", 7, "OL"), "line 9, column v_back_V, holds 'OL'"),
+        (lambda: swapped_time(99), "does not increase at line 102"),
+        (lambda: columns() | {"t_s": np.round(columns()["t_s"], 2)}, "time does not increase"),
+        (lambda: columns() | {"t_s": 1000 * columns()["t_s"]}, "steps by 2,"),
+        (lambda: columns(2), "has 2 samples"),
+        (lambda: columns(1), "has 1 sample;"),
+        (
+            lambda: {k: v for k, v in columns().items() if k[:3] in ("t_s", "v_f", "v_b")},
+            "no angle",
+        ),
+        (lambda: columns() | {"v_front_V": 1000 * columns()["v_front_V"]}, "reaches"),
+        (lambda: "", "holds no table"),
+        (lambda: "0,1,1,2\n0.002,1,1,2\n", "no header line"),
+        (lambda: "t_s,v_front_V,v_back_V,roll_deg\n", "has 0 samples"),
+        (lambda: "t_s,v_front_V,t_s,roll_deg\n0,0,0,0\n", "the column t_s is there twice"),
+        (lambda: "t_s,,v_back_V,roll_deg\n0,0,0,0\n", "column 2 of the header line has no name"),
+        (lambda: csv_text(columns()).replace("\n", "\n1,2,3\n", 1), "line 2 has 3 cells"),
+        (
+            lambda: "t_s,v_front_V,v_back_V,roll_deg\n0,000,1,5,2,5,3,5\n0,002,1,5,2,5,3,5\n",
+            "line 2 has 8 cells, the header line 4",
+        ),
+        (lambda: b"\x89HDF\r\n\x1a\n" + bytes(600), "HDF5"),
+    ],
+)
+def test_what_cannot_be_used_is_refused_with_its_place(tmp_path: Path, content, said: str) -> None:
+    with pytest.raises(RecordingError, match=said) as caught:
+        import_log(write(tmp_path, content()), PROFILE)
+    assert caught.value.exit_code == 5
+    assert caught.value.cause
+    assert caught.value.fix
+
+
+def test_decimal_commas_in_a_comma_table_are_named_as_the_cause(tmp_path: Path) -> None:
+    text = "t_s,v_front_V,v_back_V,roll_deg\n0,000,1,5,2,5,3,5\n0,002,1,5,2,5,3,5\n"
+    with pytest.raises(RecordingError) as caught:
+        import_log(write(tmp_path, text), PROFILE)
+    assert "decimal commas" in caught.value.cause
+
+
+def test_another_separator_than_the_headers_is_named_as_the_cause(tmp_path: Path) -> None:
+    text = "t_s,v_front_V,v_back_V,roll_deg\n0 1 2 3\n0.002 1 2 3\n"
+    with pytest.raises(RecordingError, match="line 2 has 1 cell, the header line 4") as caught:
+        import_log(write(tmp_path, text), PROFILE)
+    assert "separated by spaces, the header's by commas" in caught.value.cause
+
+
+def gappy() -> dict[str, Any]:
+    keep = np.ones(1500, bool)
+    keep[100:110] = keep[700] = False
+    return {name: v[keep] for name, v in columns().items()}
+
+
+def jittery() -> dict[str, Any]:
+    rng = np.random.default_rng(1)
+    return columns() | {"t_s": columns()["t_s"] + rng.uniform(-2e-4, 2e-4, 1500)}
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (gappy, "2 gaps in time (0.73 % of the samples are missing, the longest is 0.022 s)"),
+        (jittery, "Time is jittery"),
+        (lambda: columns() | {"t_s": 2 * columns()["t_s"]}, "Sampled at 250 Hz"),
+        (
+            lambda: columns() | {"v_front_V": np.full(1500, 3.0), "v_back_V": np.full(1500, 3.0)},
+            "The input is constant",
+        ),
+        (lambda: columns() | {"v_front_V": columns()["v_front_V"] + 20}, "beyond the profile's"),
+        (lambda: columns() | {"yaw_deg": np.full(1500, 1.0)}, "yaw_deg never changes"),
+        (lambda: columns() | {"mode": ["auto"] * 1500}, "column mode holds text"),
+        (lambda: columns() | {"yaw_deg": [""] * 1500}, "column yaw_deg is empty"),
+        (
+            lambda: {k: v for k, v in columns().items() if k != "v_back_cmd_V"},
+            "Only one of the two columns v_*_cmd_V",
+        ),
+        (lambda: csv_text(columns())[:-30], "is cut short; it was left out"),
+    ],
+)
+def test_what_is_odd_but_usable_is_a_warning_that_stays(tmp_path: Path, content, said: str) -> None:
+    path = write(tmp_path, content())
+    assert warned(path, said)
+    stored = load(write_recording(import_log(path, PROFILE), tmp_path / "a.mcap"))
+    assert any(said in w for w in stored.meta["warnings"])
+
+
+MAT_NAMES = ("t_s", "v_front_V", "v_back_V", "roll_deg", "pitch_deg", "yaw_deg")
+
+
+def matrix(n: int = 500) -> np.ndarray:
+    data = columns(n)
+    return np.column_stack([data[name] for name in MAT_NAMES])
+
+
+@pytest.mark.parametrize("transpose", [False, True])
+def test_a_matrix_is_named_by_columns_whichever_way_it_lies(
+    tmp_path: Path, transpose: bool
+) -> None:
+    path = tmp_path / "log.mat"
+    savemat(path, {"data": matrix().T if transpose else matrix(), "fs": 500.0})
+    r = import_log(path, PROFILE, columns=",".join(MAT_NAMES))
+    np.testing.assert_allclose(r.angle, flight(500).angle, atol=1e-12)
+    short = import_log(path, PROFILE, columns="t_s,v_front_V,v_back_V,roll_deg,-,-")
+    assert short.axes == ("roll",)
+
+
+def test_vectors_and_structures_are_named_by_themselves(tmp_path: Path) -> None:
+    vectors = {name: matrix()[:, i] for i, name in enumerate(MAT_NAMES)}
+    savemat(tmp_path / "a.mat", {**vectors, "gust": vectors["t_s"] * 2, "note": "windy", "g": 9.81})
+    savemat(tmp_path / "b.mat", {"log": vectors}, oned_as="column")
+    a, b = (import_log(tmp_path / name, PROFILE) for name in ("a.mat", "b.mat"))
+    assert a.digest == b.digest
+    assert list(a.channels) == ["gust"]
+
+
+def test_mat_files_that_do_not_say_what_is_what_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "log.mat"
+    savemat(path, {"data": matrix()})
+    with pytest.raises(RecordingError, match=r"It holds data \(500 × 6\)") as caught:
+        import_log(path, PROFILE)
+    assert "--columns" in caught.value.fix
+    with pytest.raises(RecordingError, match="names 4 columns, but no matrix"):
+        import_log(path, PROFILE, columns="t_s,v_front_V,v_back_V,roll_deg")
+    savemat(path, {"one": matrix(), "two": matrix()})
+    with pytest.raises(RecordingError, match="several matrices that fit"):
+        import_log(path, PROFILE, columns=",".join(MAT_NAMES))
+    assert len(import_log(path, PROFILE, columns="two:" + ",".join(MAT_NAMES))) == 500
+    with pytest.raises(UsageError, match="names t_s twice"):
+        import_log(path, PROFILE, columns="two:t_s,t_s,v_front_V,v_back_V,roll_deg,pitch_deg")
+    savemat(path, {"t_s": np.arange(20.0), "v_front_V": np.ones(19), "v_back_V": np.ones(20)})
+    with pytest.raises(RecordingError, match="differ in length"):
+        import_log(path, PROFILE)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"MATLAB 7.3 MAT-file" + bytes(493) + b"\x89HDF\r\n\x1a\n", "version 7.3"),
+        (b"t_s,v_front_V,v_back_V\n1,2,3\n", "CSV"),
+        (b"MATLAB 5.0 MAT-file" + bytes(300), "cannot be read"),
+        (b"", "an empty file"),
+    ],
+)
+def test_a_mat_file_that_is_none_is_called_by_its_name(
+    tmp_path: Path, content: bytes, said: str
+) -> None:
+    with pytest.raises(RecordingError, match=said):
+        import_log(write(tmp_path, content, "log.mat"), PROFILE)
+
+
+def test_a_log_needs_a_profile_and_a_recording_carries_its_own(tmp_path: Path) -> None:
+    path = write(tmp_path, columns())
+    with pytest.raises(UsageError, match="which rig it is from") as caught:
+        load(path)
+    assert "--profile" in caught.value.fix
+    stored = write_recording(load(path, PROFILE), tmp_path / "a.mcap")
+    assert load(stored).digest == load(path, PROFILE).digest
+    other = open_profile(motor={"V_o": 3.0})
+    assert load(stored, other).profile.motor.V_o == 3.0
+    with pytest.raises(RecordingError, match="There is no recording"):
+        load(tmp_path / "nothing.csv")
+    with pytest.raises(UsageError, match="--columns is for MAT"):
+        load(path, PROFILE, columns="t_s")
+    with pytest.raises(RecordingError, match="not an MCAP recording; it is a table"):
+        load(write(tmp_path, columns(), "log.txt"), PROFILE)
+
+
+def real_logs() -> list[Path]:
+    return sorted(REAL_DATA.glob("rig-*/*.csv")) if REAL_DATA.is_dir() else []
+
+
+@needs_real_data
+@pytest.mark.real_data
+@pytest.mark.parametrize("path", real_logs(), ids=lambda p: f"{p.parent.name}/{p.stem}")
+def test_every_real_log_imports_and_only_rig_a_s_bursts_are_warned_of(
+    path: Path, tmp_path: Path
+) -> None:
+    r = import_log(path, load_profile(path.parent / "profile.toml"))
+    bursts = path.parent.name == "rig-a" and path.stem.startswith("closed")
+    assert ["sampled ±" in w for w in r.meta["warnings"]] == [True] * bursts
+    if path.stem.startswith("closed"):
+        assert r.axes == ("roll", "pitch", "yaw")
+        assert r.has_cmd
+    else:
+        assert r.axes == (path.stem.split("-")[1],)
+        assert not r.has_cmd
+    stored = load(write_recording(r, tmp_path / "a.mcap"))
+    assert stored.digest == r.digest
+    assert not stored.profile.loop_is_known

@@ -1,0 +1,104 @@
+"""Samples that were not taken when the log says are found from the motion, and only then."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import t as student
+
+import heli3dof as h3
+from heli3dof.recording.logs.sampling_jitter import motion_jitter
+from heli3dof.rig.profile import default_profile
+from tests.paths import REAL_DATA, needs_real_data
+
+STEP = default_profile().encoder.rad_per_count
+
+
+def motion(t: np.ndarray) -> np.ndarray:
+    """Three angles that move at up to 40°/s, (N, 3) rad."""
+    return np.column_stack([0.4 * np.sin(1.5 * t), 0.3 * np.sin(2.3 * t), 0.8 * np.sin(0.9 * t)])
+
+
+def sampled(sigma: float, *, seed: int = 0, dt: float = 0.002) -> tuple[np.ndarray, np.ndarray]:
+    """An even clock and what encoders read at t + δ."""
+    t = np.arange(20_000) * dt
+    late = sigma * np.random.default_rng(seed).standard_normal(len(t))
+    return t, np.round(motion(t + late) / STEP) * STEP
+
+
+@pytest.mark.parametrize("sigma", [0.0005, 0.001, 0.002])
+@pytest.mark.parametrize("dt", [0.002, 0.005])
+def test_the_size_of_the_jitter_is_right(sigma: float, dt: float) -> None:
+    t, angle = sampled(sigma, dt=dt)
+    found = motion_jitter(t, angle, STEP)
+    assert found.found
+    assert found.sigma_s == pytest.approx(sigma, rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_punctual_log_is_left_alone(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    t, _ = sampled(0.0)
+    noise = np.cumsum(rng.standard_normal((len(t), 3)), axis=0) * 2e-5
+    angle = np.round((motion(t) + noise) / STEP) * STEP
+    assert not motion_jitter(t, angle, STEP).found
+
+
+def test_two_axes_that_move_together_for_a_moment_are_as_sure_as_they_say() -> None:
+    """Of punctual logs one in twenty is beyond Student's t of one in twenty, and none is named."""
+    surest = []
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        t = np.arange(10_000) * 0.002
+        together = np.exp(-(((t - 10) / 1.0) ** 2))
+        waves = np.sin(np.outer(t, rng.uniform(1.5, 6, 3)) + rng.uniform(0, 6, 3))
+        alone = 0.2 * np.sin(np.outer(t, [0.3, 0.0, 0.0]))  # the third axis stands still
+        angle = alone + 0.3 * together[:, None] * waves * [1.0, 1.0, 0.0]
+        found = motion_jitter(t, np.round(angle / STEP) * STEP, STEP)
+        assert not found.found
+        assert found.freedom < 20
+        surest.append(student.sf(found.sigma_s**2 / found.variance_std_s2, found.freedom))
+    assert np.mean(np.array(surest) < 0.05) == pytest.approx(0.05, abs=0.05)
+    assert min(surest) > 5e-4
+
+
+def test_a_log_that_carries_its_true_times_is_left_alone() -> None:
+    t = np.arange(20_000) * 0.002 + 0.0005 * np.random.default_rng(1).standard_normal(20_000)
+    angle = np.round(motion(t) / STEP) * STEP
+    assert not motion_jitter(t, angle, STEP).found
+
+
+def test_one_angle_is_enough() -> None:
+    t, angle = sampled(0.002)
+    angle[:, 1:] = np.nan
+    found = motion_jitter(t, angle, STEP)
+    assert found.found
+    assert found.sigma_s == pytest.approx(0.002, rel=0.2)
+
+
+def test_a_rig_that_stands_still_says_nothing() -> None:
+    t = np.arange(20_000) * 0.002
+    assert not motion_jitter(t, np.zeros((20_000, 3)), STEP).found
+
+
+@pytest.mark.parametrize(
+    "hide", ["", "motor.lag:0.1", "friction.coulomb.yaw:0.05", "motor.delay:0.02"]
+)
+def test_the_emulated_rig_is_punctual_whatever_else_it_hides(hide: str) -> None:
+    device = f"mock:?speed=max&hide={hide}"
+    r = h3.fly_plan(h3.load_plan("rich"), device=device, seed=1).recording
+    assert not motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count).found
+
+
+@needs_real_data
+def test_rig_a_sampled_in_bursts_behind_an_even_clock_and_rig_b_did_not() -> None:
+    for rig, names, expected in (
+        ("rig-a", ("closed-1a", "closed-1b", "closed-2a"), True),
+        ("rig-b", ("closed-03", "closed-05", "closed-09", "closed-13"), False),
+    ):
+        profile = h3.load_profile(REAL_DATA / rig / "profile.toml")
+        for name in names:
+            r = h3.load(REAL_DATA / rig / f"{name}.csv", profile)
+            assert np.ptp(np.diff(r.t)) < 1e-6  # the clock itself looks perfect
+            found = motion_jitter(r.t, r.angle, profile.encoder.rad_per_count)
+            assert found.found is expected, (name, found)

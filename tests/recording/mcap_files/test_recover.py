@@ -1,0 +1,182 @@
+"""What a torn recording still holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from heli3dof.errors import OutputExists, RecordingError
+from heli3dof.recording.mcap_files.mcap_scan import decode_chunk, scan
+from heli3dof.recording.mcap_files.mcap_writer import OUTCOME
+from heli3dof.recording.mcap_files.reader import read_recording
+from heli3dof.recording.mcap_files.recover import recover
+from heli3dof.recording.mcap_files.schema import COMMAND, SAMPLE, RowFormat, channels_layout
+from heli3dof.recording.write import write_recording
+from tests.recording.make import flight, write_flight
+
+CHUNK_OPCODE = 0x06
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> Path:
+    """A flight with further channels: every kind of record that our files have."""
+    recording = flight(400)
+    recording.channels["gust m/s"] = np.arange(400.0)  # type: ignore[index]
+    recording.meta["outcome"] = "completed"  # type: ignore[index]
+    return write_recording(recording, tmp_path_factory.mktemp("whole") / "whole.mcap")
+
+
+@settings(max_examples=200, deadline=None)
+@given(data=st.data())
+def test_cut_anywhere_it_gives_back_a_prefix_or_says_why_not(
+    tmp_path_factory, whole: Path, data
+) -> None:
+    content = whole.read_bytes()
+    cut = data.draw(st.integers(0, len(content) - 1))
+    garbage = data.draw(st.binary(max_size=20))
+    path = tmp_path_factory.getbasetemp() / "cut.mcap"
+    path.write_bytes(content[:cut] + garbage)
+    if path.read_bytes() == content:
+        return
+    good = read_recording(whole)
+    try:
+        result = recover(path, force=True)
+    except RecordingError as error:
+        assert error.fix  # noqa: PT017
+        return
+    back = read_recording(result.path)
+    n = len(back)
+    assert n == result.samples
+    np.testing.assert_array_equal(back.t, good.t[:n])
+    np.testing.assert_array_equal(back.angle, good.angle[:n])
+    np.testing.assert_array_equal(back.channels["gust m/s"], np.arange(n))
+    assert back.profile == good.profile
+    assert back.meta["outcome"] == "recovered"
+    assert path.read_bytes() == content[:cut] + garbage
+
+
+def test_everything_before_the_tear_comes_back(tmp_path: Path, whole: Path) -> None:
+    content = whole.read_bytes()
+    chunks = [(a, b) for kind, a, b in scan(content).records if kind == CHUNK_OPCODE]
+    assert len(chunks) > 3
+    path = tmp_path / "torn.mcap"
+    path.write_bytes(content[: chunks[2][1] - 5])
+    with pytest.raises(RecordingError, match="torn") as caught:
+        read_recording(path)
+    assert caught.value.fix == f"heli3dof recover {path}"
+    result = recover(path)
+    kept = sum(len(decode_chunk(content[a:b])) for a, b in chunks[:2])
+    stride = RowFormat((SAMPLE, COMMAND, channels_layout(["gust m/s"]))).stride
+    rows = read_recording(result.path)
+    assert result.path == tmp_path / "torn.recovered.mcap"
+    assert result.samples == len(rows) == kept // stride
+    assert result.bytes_lost == chunks[2][1] - 5 - (chunks[2][0] - 9)
+    assert rows.meta["outcome_details"]["bytes_lost"] == result.bytes_lost
+
+
+def test_a_cut_at_any_records_edge_keeps_every_chunk_before_it(tmp_path: Path, whole: Path) -> None:
+    content = whole.read_bytes()
+    found = scan(content)
+    stride = RowFormat((SAMPLE, COMMAND, channels_layout(["gust m/s"]))).stride
+    path = tmp_path / "cut.mcap"
+    before = 0
+    for kind, start, end in found.records:
+        if kind == CHUNK_OPCODE:
+            before += len(decode_chunk(content[start:end])) // stride
+        if not before:
+            continue
+        for cut in (end, end + 1, end + 9):
+            path.write_bytes(content[: min(cut, len(content) - 1)])
+            assert recover(path, force=True).samples == before
+    assert before == 400
+
+
+def test_a_missing_end_loses_no_sample(tmp_path: Path, whole: Path) -> None:
+    content = whole.read_bytes()
+    path = tmp_path / "torn.mcap"
+    path.write_bytes(content[:-1])
+    result = recover(path, tmp_path / "mended.mcap")
+    back = read_recording(result.path)
+    assert len(back) == 400
+    assert back.digest == read_recording(whole).digest
+    assert back.meta["outcome_details"]["outcome_before"] == "completed"
+
+
+def test_a_damaged_chunk_is_left_out_and_counted(tmp_path: Path, whole: Path) -> None:
+    content = bytearray(whole.read_bytes())
+    chunks = [(a, b) for kind, a, b in scan(bytes(content)).records if kind == CHUNK_OPCODE]
+    content[chunks[1][1] - 20] ^= 0xFF
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match="damaged") as caught:
+        read_recording(path)
+    assert "heli3dof recover" in caught.value.fix
+    result = recover(path)
+    assert result.chunks_damaged == 1
+    assert result.bytes_lost == 0
+    back = read_recording(result.path)
+    good = read_recording(whole)
+    assert 0 < len(back) < len(good)
+    assert np.isin(back.t, good.t).all()
+    assert np.diff(back.t).max() > 0.1, "the gap stays a gap"
+
+
+def test_samples_are_saved_even_where_the_profile_is_lost(tmp_path: Path, whole: Path) -> None:
+    content = whole.read_bytes()
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content.replace(b"heli3dof.profile", b"heli3dof.\xffrofile", 1))
+    with pytest.raises(RecordingError, match="damaged"):
+        read_recording(path)
+    result = recover(path)
+    assert result.samples == 400
+    with pytest.raises(RecordingError, match="no profile") as caught:
+        read_recording(result.path)
+    assert "--profile" in caught.value.fix
+    good = read_recording(whole)
+    assert read_recording(result.path, good.profile).digest == good.digest
+
+
+def test_a_whole_file_needs_no_recovery(whole: Path) -> None:
+    with pytest.raises(RecordingError, match="is whole"):
+        recover(whole)
+
+
+def test_recovering_never_overwrites(tmp_path: Path, whole: Path) -> None:
+    path = tmp_path / "torn.mcap"
+    path.write_bytes(whole.read_bytes()[:-9])
+    recover(path)
+    with pytest.raises(OutputExists):
+        recover(path)
+
+
+def test_a_flight_killed_at_once_says_that_nothing_is_there(tmp_path: Path) -> None:
+    content = write_flight(tmp_path / "a.mcap", 0).read_bytes()
+    outcome = next(
+        a
+        for kind, a, b in scan(content).records
+        if kind == 0x0C and OUTCOME.encode() in content[a:b]
+    )
+    path = tmp_path / "torn.mcap"
+    path.write_bytes(content[: outcome - 9])
+    with pytest.raises(RecordingError, match="ends before its first samples"):
+        recover(path)
+
+
+def test_another_programs_file_is_left_to_mcaps_own_tool(tmp_path: Path) -> None:
+    from mcap.writer import Writer
+
+    path = tmp_path / "other.mcap"
+    with path.open("wb") as out:
+        writer = Writer(out)
+        writer.start()
+        channel = writer.register_channel("/imu", "json", 0)
+        writer.add_message(channel, 0, b"{}", 0)
+        writer.finish()
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(RecordingError, match="another program") as caught:
+        recover(path)
+    assert caught.value.fix.startswith("mcap recover")

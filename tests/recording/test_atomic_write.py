@@ -1,0 +1,87 @@
+"""New files."""
+
+from __future__ import annotations
+
+import errno
+import os
+import threading
+from pathlib import Path
+
+import pytest
+
+from heli3dof.errors import NoSpace, OutputExists, UsageError
+from heli3dof.recording.atomic_write import new_file, stem, unused
+
+
+@pytest.mark.parametrize(
+    ("name", "plain"),
+    [("cable.yaw:0.1.mcap", "cable.yaw:0.1"), ("log.CSV.gz", "log"), ("flight", "flight")],
+)
+def test_what_comes_of_a_recording_keeps_the_dots_of_its_name(name: str, plain: str) -> None:
+    assert stem(Path(name)) == plain
+
+
+def test_a_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    with pytest.raises(ZeroDivisionError), new_file(path) as stream:  # noqa: PT012
+        stream.write(b"half")
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+    with new_file(path) as stream:
+        stream.write(b"whole")
+        assert not path.exists()
+    assert path.read_bytes() == b"whole"
+
+
+def test_what_appeared_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    with pytest.raises(OutputExists), new_file(path) as stream:  # noqa: PT012
+        stream.write(b"ours")
+        path.write_bytes(b"theirs")
+    assert path.read_bytes() == b"theirs"
+    assert [p.name for p in tmp_path.iterdir()] == ["a"]
+
+
+def test_a_replacement_that_fails_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / "a"
+    path.write_bytes(b"old")
+    with pytest.raises(NoSpace, match="no space left") as caught, new_file(path, force=True):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert caught.value.exit_code == 5
+    assert path.read_bytes() == b"old"
+
+
+def test_a_folder_is_not_a_file_and_a_missing_one_is_named(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="is a folder"), new_file(tmp_path):
+        pass
+    with pytest.raises(UsageError, match="mkdir -p"), new_file(tmp_path / "b" / "a"):
+        pass
+
+
+def test_a_link_stays_a_link_and_a_pipe_stays_a_pipe(tmp_path: Path) -> None:
+    target, link, pipe = (tmp_path / name for name in ("target", "link", "pipe"))
+    target.write_bytes(b"old")
+    link.symlink_to(target)
+    with new_file(link, force=True) as stream:
+        stream.write(b"new")
+    assert link.is_symlink()
+    assert target.read_bytes() == b"new"
+
+    os.mkfifo(pipe)
+    got: list[bytes] = []
+    reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()))
+    reader.start()
+    with new_file(pipe, force=True) as stream:
+        stream.write(b"rows")
+    reader.join(10)
+    assert pipe.is_fifo()
+    assert got == [b"rows"]
+
+
+def test_a_name_of_our_own_making_makes_way_for_what_is_there(tmp_path: Path) -> None:
+    ours = tmp_path / "a-extended.json"
+    assert unused(ours) == ours
+    ours.touch()
+    assert unused(ours).name == "a-extended-2.json"
+    unused(ours).touch()
+    assert unused(ours).name == "a-extended-3.json"

@@ -1,0 +1,60 @@
+"""Lost samples get their rows back, late ones none, and a long gap stays a gap."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from heli3dof.recording.gap_filling import bridged, missing
+from heli3dof.recording.recording import Recording, make_recording
+from heli3dof.rig.profile import default_profile
+
+DT = 0.002
+
+
+def counting(t: np.ndarray) -> Recording:
+    """Row k holds k in every column."""
+    k = np.arange(len(t), dtype=float)[:, None]
+    return make_recording(
+        t, k * [1, 1], k * [1, 1, 1], default_profile(), reference=k * [1, 1, 1],
+        voltage_extra=k * [1, 1], channels={"phase": k[:, 0]},
+    )  # fmt: skip
+
+
+def test_two_lost_samples_get_rows_with_the_voltage_held_and_no_angle() -> None:
+    rec = counting(DT * np.delete(np.arange(100), [40, 41]))
+    whole, own = bridged(rec, 6.5)
+    np.testing.assert_allclose(whole.t, DT * np.arange(100), atol=1e-15)
+    assert whole.voltage[38:43, 0].tolist() == [38.0, 39.0, 39.0, 39.0, 40.0]
+    assert whole.reference[41, 2] == 39.0
+    assert whole.channels["phase"][41] == 39.0
+    assert np.isnan(whole.angle[40:42]).all()
+    np.testing.assert_array_equal(whole.angle[own], rec.angle)
+    np.testing.assert_array_equal(whole.t[own], rec.t)
+
+
+def test_a_late_sample_is_not_a_lost_one() -> None:
+    t = DT * np.arange(100.0)
+    t[50] += 0.8 * DT
+    assert bridged(counting(t), 6.5)[0].t is t
+    # Lost and late at once: sample 49 is missing, 50 came late.
+    assert missing(np.delete(t, 49), DT).tolist() == [0] * 48 + [1] + [0] * 49
+
+
+def test_a_long_gap_is_left_alone() -> None:
+    rec = counting(DT * np.delete(np.arange(100), np.arange(40, 50)))
+    whole, own = bridged(rec, 6.5)
+    assert whole is rec
+    assert len(own) == 90
+
+
+@given(st.sets(st.integers(1, 198), max_size=60))
+def test_whatever_is_lost_every_row_finds_its_period_again(lost: set[int]) -> None:
+    there = np.delete(np.arange(200), sorted(lost))
+    rec = counting(DT * there)
+    if abs(rec.dt - DT) > 1e-9:  # more steps are long than short: nobody knows the period
+        return
+    whole, own = bridged(rec, 1000.0)
+    np.testing.assert_array_equal(own, there)
+    np.testing.assert_allclose(whole.t, DT * np.arange(200), atol=1e-12)

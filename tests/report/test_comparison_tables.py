@@ -1,0 +1,112 @@
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+
+from heli3dof.comparison.compare import FlightComparison, compare
+from heli3dof.paper.reproduction import reproduce
+from heli3dof.report.comparison_tables import (
+    comparison_grids,
+    comparison_renderables,
+    metrics_table,
+    prediction_table,
+    published_table,
+    step_name,
+    table_ii,
+)
+from heli3dof.report.text_table import to_markdown, to_rich
+from heli3dof.rig.profile import default_profile
+from tests.comparison.fakes import FakeHover, WrongRate, flight
+
+IDENTIFIED = FakeHover(name="pbsid", kind="statespace", thrust=0.85)
+
+
+@pytest.fixture(scope="module")
+def compared() -> FlightComparison:
+    recording = flight(truth=FakeHover(thrust=0.8), noise_deg=0.02)
+    return compare([recording], [FakeHover(), IDENTIFIED]).flights[0]
+
+
+def cell(grid, row_start: list[str], column: str) -> str:  # type: ignore[no-untyped-def]
+    (row,) = [r for r in grid.rows if list(r[: len(row_start)]) == row_start]
+    return str(row[list(grid.columns).index(column)])
+
+
+def test_both_readings_of_overshoot_stand_in_the_metrics_table(compared: FlightComparison) -> None:
+    grid = metrics_table(compared)
+    step = compared.models[0].metrics["roll"].reported  # type: ignore[index]
+    assert cell(grid, ["roll", "hover"], "peak °") == f"{step.peak_deg:.2f}"
+    assert cell(grid, ["roll", "hover"], "overshoot °") == f"{step.overshoot_deg:.2f}"
+    assert cell(grid, ["pitch", "hover"], "rise s") == "–"
+
+
+def test_a_difference_stands_under_its_model_with_its_sign(compared: FlightComparison) -> None:
+    rows = [list(r) for r in metrics_table(compared).rows]
+    k = next(i for i, r in enumerate(rows) if r[:2] == ["roll", "hover"])
+    peak = compared.difference(compared.models[0], "roll")["peak_deg"]
+    assert rows[k + 1][1].strip() == "Δ"
+    assert rows[k + 1][2] == f"{peak:+.2f}".replace("-", "−")
+
+
+def test_table_ii_puts_the_published_difference_beside_ours(compared: FlightComparison) -> None:
+    grid = table_ii(compared)
+    assert grid is not None
+    printed = {r[0]: (r[3], r[5]) for r in grid.rows if r[1] == "hover"}
+    assert printed == {"roll": ("11", "0"), "pitch": ("13", "2"), "yaw": ("23", "7")}
+    printed = {r[0]: (r[3], r[5]) for r in grid.rows if r[1] == "pbsid"}
+    assert printed == {"roll": ("1", "1"), "pitch": ("8", "1"), "yaw": ("3", "0")}
+    assert "Cannot be reproduced" in grid.notes[0]
+
+
+def test_the_published_table_says_of_every_number_whether_and_why() -> None:
+    grid = published_table(reproduce(FakeHover()))
+    assert len(grid.rows) == 25
+    verdicts = [row[5] for row in grid.rows]
+    assert sum(v.startswith("yes") for v in verdicts) == 6
+    for verdict in verdicts:
+        mark = verdict.split()[1]
+        assert any(note.startswith(mark) for note in grid.notes)
+    for row in grid.rows:
+        assert (row[4] == "–") == row[5].startswith("no")
+
+
+def test_an_unknown_loop_has_no_table_ii_and_says_why_beside_its_predictions() -> None:
+    profile = default_profile().model_copy(update={"controller": None})
+    log = replace(flight(duration_s=8.0), profile=profile)
+    only = compare([log], [FakeHover(), WrongRate()]).flights[0]
+    assert table_ii(only) is None
+    grid = prediction_table(only)
+    assert grid is not None
+    assert any("loop is unknown" in n for n in grid.notes)
+    assert any("200 Hz" in n for n in grid.notes)
+    assert cell(grid, ["roll", "wrong-rate"], "1 s ahead") == "–"
+
+
+def test_every_table_renders_in_a_terminal_and_in_markdown(compared: FlightComparison) -> None:
+    result = compare([compared.recording], [FakeHover()])
+    published = reproduce(FakeHover())
+    grids = comparison_grids(result, published)
+    assert len(grids) == 4
+    assert len(comparison_renderables(result, published)) == 4
+    for grid in grids:
+        lines = to_markdown(grid).splitlines()
+        body = [line for line in lines if line.startswith("|")]
+        assert len(body) == len(grid.rows) + 2
+
+
+def test_the_widest_table_fits_a_terminal_of_80_columns(compared: FlightComparison) -> None:
+    out = io.StringIO()
+    Console(file=out, width=80, no_color=True).print(to_rich(metrics_table(compared)))
+    text = out.getvalue()
+    assert "experiment" in text
+    assert "…" not in text
+    peak = compared.experiment["roll"].reported.peak_deg
+    assert f"{peak:.2f}" in text
+
+
+def test_a_step_is_named_by_where_it_goes_and_when(compared: FlightComparison) -> None:
+    assert step_name(compared.experiment["roll"].reported) == "0 → 10° at 0 s"
+    assert step_name(compared.experiment["yaw"].reported) == "held at 0° from 0 s"

@@ -1,0 +1,291 @@
+"""A session locks its rig and answers a second terminal, whatever else goes on."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from heli3dof.errors import DeviceError
+from heli3dof.rig.session.client import Question, Running, lives, running, state
+from heli3dof.rig.session.paths import device_name, runtime_folder
+from heli3dof.rig.session.server import BACKLOG, Session
+from heli3dof.rig.session.stop_stamp import ALL, leave_stamp, stopped_since
+from tests.rig.processes import suspend
+
+DEVICE = "serial:///dev/null?baud=9600"
+HOLDER = f"""
+import sys, time
+from heli3dof.rig.session.server import BACKLOG, Session
+from heli3dof.rig.session.stop_stamp import ALL, leave_stamp, stopped_since
+from tests.rig.processes import suspend
+session = Session({DEVICE!r}, doing="heli3dof run rich")
+print("held", flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.fixture
+def session() -> Iterator[Session]:
+    with Session(DEVICE, doing="heli3dof run rich") as held:
+        yield held
+
+
+@pytest.fixture
+def other_process() -> Iterator[subprocess.Popen[str]]:
+    with subprocess.Popen([sys.executable, "-c", HOLDER], stdout=subprocess.PIPE, text=True) as p:
+        assert p.stdout is not None
+        assert p.stdout.readline() == "held\n"
+        yield p
+        p.kill()
+
+
+def test_options_and_links_do_not_make_another_device(tmp_path):
+    link = tmp_path / "by-id"
+    link.symlink_to("/dev/null")
+    assert device_name(DEVICE) == device_name(f"serial://{link}")
+    assert device_name(DEVICE) != device_name("serial:///dev/zero")
+    assert device_name(DEVICE) != device_name("usb:///dev/null")
+
+
+@pytest.fixture
+def runtime(monkeypatch, tmp_path) -> Path:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    return tmp_path
+
+
+def test_the_runtime_folder_is_its_owners_alone(runtime):
+    (runtime / "heli3dof").mkdir(mode=0o755)
+    assert runtime_folder() == runtime / "heli3dof"
+    assert runtime_folder().stat().st_mode & 0o777 == 0o700
+
+
+def test_a_runtime_folder_that_is_a_link_is_not_trusted(runtime, tmp_path_factory):
+    (runtime / "heli3dof").symlink_to(tmp_path_factory.mktemp("elsewhere"))
+    with pytest.raises(DeviceError, match="somebody else"):
+        runtime_folder()
+
+
+def test_without_a_folder_of_the_system_it_is_among_the_temporary_files(monkeypatch, tmp_path):
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    assert runtime_folder() == tmp_path / f"heli3dof-{os.getuid()}"
+    monkeypatch.delattr(os, "getuid")  # temporary files are a user's own there
+    assert runtime_folder() == tmp_path / "heli3dof"
+
+
+def test_a_second_session_is_told_who_holds_the_rig(session):
+    with pytest.raises(DeviceError) as caught:
+        Session("serial:///dev/null")
+    assert f"pid {os.getpid()} runs `heli3dof run rich` since 2" in caught.value.what
+    assert caught.value.exit_code == 3
+
+
+def test_a_rig_is_free_again_after_its_session(session):
+    session.close()
+    session.close()
+    Session(DEVICE).close()
+
+
+def test_a_killed_session_leaves_the_rig_free_and_nothing_listed(other_process):
+    assert [s.pid for s in running(DEVICE)] == [other_process.pid]
+    with pytest.raises(DeviceError, match=f"pid {other_process.pid} runs"):
+        Session(DEVICE)
+    other_process.send_signal(signal.SIGKILL)
+    other_process.wait()
+    assert running(DEVICE) == []
+    Session(DEVICE).close()
+
+
+def test_sessions_are_listed_with_what_they_do(session):
+    (found,) = running(DEVICE)
+    assert (found.device, found.pid, found.doing) == (DEVICE, os.getpid(), "heli3dof run rich")
+    assert running("serial:///dev/zero") == []
+
+
+def test_private_rigs_do_not_lock_each_other_out(runtime):
+    with Session("mock:", private=True) as one, Session("mock:?seed=2", private=True) as two:
+        assert (one.device, two.device) == ("mock:", "mock:?seed=2")
+        assert sorted(s.device for s in running("mock:")) == ["mock:", "mock:?seed=2"]
+    assert running("mock:") == []
+    assert not list(runtime_folder().iterdir())
+
+
+def test_a_stop_of_a_private_rig_is_confirmed_before_it_is_armed_and_forbids_it(runtime):
+    with Session("mock:", private=True) as session:
+        (found,) = running("mock:")
+        question = Question(found, {"do": "estop", "reason": "smoke"})
+        assert question.answer(5) == {"stopped": "before it had armed its emulated rig"}
+        assert session.begin_to_arm() == "smoke"
+
+
+def test_a_stop_of_a_private_rig_that_is_being_armed_is_the_loops_to_confirm(runtime):
+    with Session("mock:", private=True) as session:
+        assert session.begin_to_arm() is None
+        (found,) = running("mock:")
+        assert Question(found, {"do": "estop", "reason": "smoke"}).answer(0.2) is None
+        assert session.begin_to_arm() == "smoke"
+
+
+def test_a_system_that_removes_no_open_file_hinders_no_session(runtime, monkeypatch):
+    """As Windows does while another process reads it."""
+
+    def refuse(path: Path, missing_ok: bool = False) -> None:
+        raise PermissionError(f"{path} is open")
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    monkeypatch.setattr(Path, "replace", refuse)
+    for _ in range(2):
+        with Session(DEVICE), Session("mock:", private=True):
+            assert len(running()) == 2
+            leave_stamp([ALL], "smoke")
+        assert running() == []
+    assert stopped_since(0, []) is not None
+
+
+def test_a_session_hears_nobody_without_its_key(session):
+    (found,) = running(DEVICE)
+    stranger = replace(found, key="another")
+    assert Question(stranger, {"do": "estop"}).answer(5) is None
+    assert session.asked is None
+
+
+def test_the_state_is_what_the_session_says(session):
+    session.state = lambda: {"roll_deg": 1.5}
+    (found,) = running(DEVICE)
+    assert state(found, timeout_s=5) == {"roll_deg": 1.5}
+
+
+def test_a_state_that_fails_is_no_answer_and_ends_nothing(session):
+    def broken() -> dict[str, float]:
+        raise ValueError("no sample yet")
+
+    session.state = broken
+    (found,) = running(DEVICE)
+    assert state(found, timeout_s=5) is None
+    assert Question(found, {"do": "state"}).answer(5) == {"error": "ValueError: no sample yet"}
+
+
+def test_a_stop_is_answered_when_it_has_been_carried_out(session):
+    (found,) = running(DEVICE)
+    question = Question(found, {"do": "estop", "reason": "smoke"})
+    deadline = time.monotonic() + 60
+    while session.asked is None and time.monotonic() < deadline:
+        time.sleep(1e-3)
+    assert session.asked == "smoke"
+    threading.Timer(0.05, session.confirm, ["by the loop"]).start()
+    assert question.answer(5) == {"stopped": "by the loop"}
+
+
+def test_a_session_that_never_confirms_is_given_up_in_time(session):
+    (found,) = running(DEVICE)
+    start = time.monotonic()
+    assert Question(found, {"do": "estop"}).answer(0.2) is None
+    assert time.monotonic() - start < 10
+
+
+def test_who_waits_for_a_stop_is_told_when_the_session_ends(session):
+    (found,) = running(DEVICE)
+    question = Question(found, {"do": "estop"})
+    while session.asked is None:
+        time.sleep(1e-3)
+    session.close()
+    assert "over" in question.answer(5)
+
+
+def connected(session: Running) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", session.port))
+
+
+@pytest.mark.parametrize("rubbish", [b"", b"\n", b"{", b"[1]", b'{"do": 1}\n', b"\xff" * 9000])
+def test_rubbish_is_dropped_and_the_next_one_is_answered(session, rubbish):
+    (found,) = running(DEVICE)
+    with connected(found) as line:
+        line.sendall(rubbish)
+        with contextlib.suppress(OSError):  # it may have hung up already
+            line.shutdown(socket.SHUT_WR)
+        assert state(found, timeout_s=5) == {}
+
+
+def test_silent_callers_keep_nobody_waiting(session):
+    (found,) = running(DEVICE)
+    lines = [connected(found) for _ in range(8)]
+    assert state(found, timeout_s=5) == {}
+    for line in lines:
+        line.close()
+
+
+def test_a_session_that_hangs_lives_and_answers_nothing(other_process):
+    (found,) = running(DEVICE)
+    suspend(other_process)
+    try:
+        assert lives(found)
+        assert state(found, timeout_s=0.1) is None
+        with pytest.raises(DeviceError, match="busy"):
+            Session(DEVICE)
+    finally:
+        other_process.send_signal(signal.SIGCONT)
+    assert state(found, timeout_s=5) == {}
+
+
+def test_a_session_that_hangs_for_long_still_lives(other_process):
+    (found,) = running(DEVICE)
+    suspend(other_process)
+    lines = []
+    try:
+        with contextlib.suppress(TimeoutError):
+            for _ in range(2 * BACKLOG):
+                lines.append(socket.create_connection(("127.0.0.1", found.port), 0.2))
+        assert len(lines) < 2 * BACKLOG
+        assert lives(found)
+        assert [s.pid for s in running(DEVICE)] == [other_process.pid]
+    finally:
+        for line in lines:
+            line.close()
+        other_process.kill()
+    other_process.wait()
+    assert not lives(found)
+
+
+def test_of_many_that_want_the_rig_at_once_one_gets_it():
+    together = threading.Barrier(8)
+    won: list[Session] = []
+
+    def want() -> None:
+        together.wait()
+        with contextlib.suppress(DeviceError):
+            won.append(Session(DEVICE))
+
+    threads = [threading.Thread(target=want) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(won) == 1
+    won[0].close()
+
+
+@settings(
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+    max_examples=50,
+)
+@given(noise=st.binary(max_size=6000))
+def test_no_bytes_stop_a_session_from_answering(session, noise):
+    (found,) = running(DEVICE)
+    with connected(found) as line, contextlib.suppress(BrokenPipeError, ConnectionResetError):
+        line.sendall(noise)
+    assert state(found, timeout_s=5) == {}
+    assert session.asked is None

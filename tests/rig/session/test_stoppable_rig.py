@@ -1,0 +1,144 @@
+"""A held rig heeds a stop in every call, and counts from its rest angles."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+
+import pytest
+
+from heli3dof.errors import DeviceError, SafetyTrip
+from heli3dof.rig.calibration import Rest
+from heli3dof.rig.interface import Command, Flags
+from heli3dof.rig.profile import default_profile
+from heli3dof.rig.session.open_exclusive import hold
+from heli3dof.rig.session.server import Session
+from heli3dof.rig.session.stoppable_rig import StoppableRig
+from tests.rig.fakes import IDENTITY, FakeDriver, FakeRig, only_drivers
+
+
+@pytest.fixture
+def rig():
+    with Session("fake://1") as session:
+        yield StoppableRig(FakeRig(FakeDriver(counts=(10, 20, 30))), session)
+
+
+def test_without_a_stop_commands_pass_as_they_are(rig):
+    rig.arm()
+    assert rig.exchange(Command(1, 3.0, 4.0), 0.0).v_applied == (3.0, 4.0)
+    assert rig.inner.stopped == []
+
+
+def test_a_stop_is_carried_out_once_and_confirmed_before_the_next_command(rig):
+    rig.arm()
+    rig.session.ask_estop("smoke")
+    assert rig.session.stopped is None
+    sample = rig.exchange(Command(1, 3.0, 4.0), 0.0)
+    assert sample.v_applied == (0.0, 0.0)
+    assert sample.flags & Flags.ESTOP
+    assert rig.session.stopped
+    rig.exchange(Command(2, 3.0, 4.0), 0.0)
+    assert rig.inner.stopped == ["smoke"]
+
+
+def test_a_stop_before_arming_keeps_the_rig_from_being_armed(rig):
+    rig.session.ask_estop("smoke")
+    for _ in range(2):
+        with pytest.raises(SafetyTrip, match="smoke"):
+            rig.arm()
+    assert rig.inner.armed == 0
+    assert rig.inner.stopped == ["smoke"]
+
+
+def test_a_stop_that_the_device_does_not_acknowledge_is_not_confirmed(rig):
+    def deaf(reason: str) -> None:
+        raise DeviceError("not acknowledged")
+
+    rig.inner.estop = deaf
+    rig.session.ask_estop("smoke")
+    with pytest.raises(DeviceError):
+        rig.exchange(Command(1, 3.0, 4.0), 0.0)
+    assert rig.session.stopped is None
+
+
+def test_reading_heeds_a_stop_too(rig):
+    rig.session.ask_estop("smoke")
+    rig.read()
+    assert rig.session.stopped
+
+
+def test_counts_are_taken_from_the_rest_angles(rig):
+    rig.rest = Rest((1, 2, 3), "zero")
+    assert rig.arm().counts == rig.read().counts == (9, 18, 27)
+    sample = rig.exchange(Command(1, 3.0, 4.0), 0.0)
+    assert sample.counts == (9, 18, 27)
+    assert (sample.sequence, sample.v_applied) == (1, (3.0, 4.0))
+
+
+def test_a_held_rig_is_locked(monkeypatch):
+    only_drivers(monkeypatch, fake=FakeDriver())
+    with (
+        hold("fake://1", default_profile()),
+        pytest.raises(DeviceError, match="busy"),
+        hold("fake://1", default_profile()),
+    ):
+        pass
+
+
+def test_a_rig_is_not_flown_through_two_doors(monkeypatch):
+    pipe, port = FakeDriver(), FakeDriver(scheme="port")
+    only_drivers(monkeypatch, pipe=pipe, port=port)
+    for _ in range(2):
+        with hold("pipe://1", default_profile(), doing="heli3dof run rich"):
+            with (
+                pytest.raises(DeviceError) as caught,
+                hold("port:///dev/null", default_profile()),
+            ):
+                pass
+            assert caught.value.exit_code == 3
+            assert f"pid {os.getpid()} runs `heli3dof run rich`" in caught.value.what
+            assert "through pipe://1" in caught.value.what
+    assert port.closed == 2
+    with hold("port:///dev/null", default_profile()):
+        pass
+
+
+def test_rigs_of_one_serial_number_are_told_apart_by_their_boot(monkeypatch):
+    one, two = FakeDriver(), FakeDriver(identity=replace(IDENTITY, boot=8))
+    only_drivers(monkeypatch, one=one, two=two)
+    with hold("one://1", default_profile()), hold("two://1", default_profile()):
+        pass
+
+
+def test_a_rig_is_closed_and_let_go_whatever_happens(monkeypatch):
+    driver = FakeDriver()
+    only_drivers(monkeypatch, fake=driver)
+    with pytest.raises(ZeroDivisionError), hold("fake://1", default_profile()):
+        raise ZeroDivisionError
+    assert driver.closed == 1
+    with hold("fake://1", default_profile()):
+        pass
+
+
+def test_a_rig_that_does_not_open_is_let_go(monkeypatch):
+    only_drivers(monkeypatch)
+    for _ in range(2):
+        with pytest.raises(Exception, match="no driver"), hold("fake://1", default_profile()):
+            pass
+
+
+def test_the_devices_own_cause_passes(rig):
+    assert rig.device_cause is None
+    rig.inner.device_cause = "BUTTON"
+    assert rig.device_cause == "BUTTON"
+    rig.inner.device_cause = 4
+    assert rig.device_cause is None
+
+
+@pytest.mark.parametrize("serial", ["", "  "])
+def test_a_device_without_a_serial_number_is_refused(serial, monkeypatch):
+    driver = FakeDriver(identity=replace(IDENTITY, serial=serial))
+    only_drivers(monkeypatch, fake=driver)
+    with pytest.raises(DeviceError, match="no serial number"), hold("fake://1", default_profile()):
+        pass
+    assert driver.closed == 1

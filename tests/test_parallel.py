@@ -1,0 +1,100 @@
+"""Threads keep the order of things, and say how far they have come."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from heli3dof import parallel
+from heli3dof.diagnosis import diagnose as stages
+from heli3dof.diagnosis.diagnose import Clock
+from heli3dof.parallel import in_threads, watched
+
+
+def test_results_come_in_the_order_of_the_pieces_whichever_is_done_first() -> None:
+    def slow_at_first(i: int) -> int:
+        time.sleep(0.02 if i == 0 else 0.0)
+        return i * i
+
+    assert in_threads(slow_at_first, 5) == [0, 1, 4, 9, 16]
+
+
+def test_a_watcher_is_told_of_every_piece_of_what_has_a_name_and_of_nothing_else() -> None:
+    told: list[tuple[str, int, int]] = []
+    with watched(lambda what, done, of: told.append((what, done, of))):
+        in_threads(abs, 3, what="flights")
+        in_threads(abs, 3)
+    in_threads(abs, 3, what="flights")
+    assert told == [("flights", 1, 3), ("flights", 2, 3), ("flights", 3, 3)]
+
+
+@pytest.fixture
+def two_hands(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parallel, "hands", lambda: 2)
+    monkeypatch.setattr(parallel, "_free", parallel._Free())
+
+
+@pytest.mark.usefixtures("two_hands")
+def test_work_within_work_is_never_done_by_more_hands_than_there_are() -> None:
+    at_work, most, lock = [0], [0], threading.Lock()
+
+    def part(i: int) -> int:
+        with lock:
+            at_work[0] += 1
+            most[0] = max(most[0], at_work[0])
+        time.sleep(0.002)
+        with lock:
+            at_work[0] -= 1
+        return i
+
+    sums = in_threads(lambda i: sum(in_threads(part, 4)), 5)
+    assert sums == [6] * 5
+    assert most == [2]
+    assert in_threads(part, 3) == [0, 1, 2]
+    assert most == [2], "and every hand was given back"
+
+
+@pytest.mark.usefixtures("two_hands")
+def test_who_ran_out_of_pieces_helps_with_the_parts_of_the_last() -> None:
+    by: set[int] = set()
+
+    def part(k: int) -> None:
+        time.sleep(0.002)
+        by.add(threading.get_ident())
+
+    in_threads(lambda i: [] if i else in_threads(part, 100), 2)
+    assert len(by) == 2
+
+
+def test_nobody_is_told_of_a_piece_s_parts() -> None:
+    told: list[str] = []
+    with watched(lambda what, done, of: told.append(what)):
+        in_threads(lambda i: in_threads(abs, 2, what="parts"), 2, what="pieces")
+    assert told == ["pieces"] * 2
+
+
+def test_a_piece_that_fails_fails_the_whole() -> None:
+    def breaks(i: int) -> int:
+        return 1 // (2 - i)
+
+    with pytest.raises(ZeroDivisionError):
+        in_threads(breaks, 4)
+    assert in_threads(abs, 3) == [0, 1, 2], "and the next work is done"
+
+
+def test_a_long_stage_says_how_far_it_is_and_a_short_one_does_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(stages.time, "perf_counter", lambda: now[0])
+    said: list[str] = []
+    clock = Clock(said.append)
+    clock.start("screen 1", "Screening …")
+    for done, at in ((1, 0.4), (2, 0.9), (3, 1.3), (4, 1.8), (5, 2.4)):
+        now[0] = at
+        clock.counts("flights", done, 8)
+    assert said == ["Screening …", "Screening … flights: 3 of 8", "Screening … flights: 5 of 8"]
+    clock.stop()
+    assert clock.seconds == {"screen 1": 2.4}
