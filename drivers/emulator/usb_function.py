@@ -5,7 +5,7 @@
 
 What a bus does to a device happens here: halted pipes, pipes that answer nothing, lost power.
 The clock is the caller's, in whole microseconds; nothing waits. Both doors use it: pyusb's backend
-in this process (door_usb.py) and a real Linux USB stack (tests/kernel_usb).
+in this process (transport_usb.py) and a real Linux USB stack (tests/kernel_usb).
 """
 
 from __future__ import annotations

@@ -11,10 +11,10 @@ import pytest
 
 from heli3dof.errors import SafetyTrip
 from heli3dof.rig.profile import default_profile
+from heli3dof.rig.session import stop_stamp
 from heli3dof.rig.session.estop import stop_rigs
 from heli3dof.rig.session.open_exclusive import hold
 from heli3dof.rig.session.paths import runtime_folder
-from heli3dof.rig.session.server import stop_stamp
 from heli3dof.rig.session.stop_stamp import (
     ALL,
     command_began_ns,
