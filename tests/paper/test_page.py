@@ -29,7 +29,7 @@ def test_decimals_outside_the_computed_tables_are_the_papers_own() -> None:
 
 
 def test_every_test_that_the_page_names_exists() -> None:
-    tests = "".join(p.read_text(encoding="utf-8") for p in (ROOT / "tests/model").glob("test_*.py"))
+    tests = "".join(p.read_text(encoding="utf-8") for p in (ROOT / "tests").rglob("test_*.py"))
     named = set(re.findall(r"`(test_\w+)`", PAGE))
     assert len(named) >= 18
     for name in named:
