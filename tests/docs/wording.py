@@ -72,9 +72,7 @@ def words_in(file: str, text: str) -> Iterator[Place]:
 
 
 def _instead(word: str) -> str:
-    return next(
-        better for old, better in INSTEAD.items() if re.fullmatch(old, word, re.IGNORECASE)
-    )
+    return next(better for old, better in INSTEAD.items() if re.fullmatch(old, word, re.IGNORECASE))
 
 
 def long_sentences_in(file: str, text: str) -> Iterator[Place]:
