@@ -19,7 +19,7 @@ what the axis shows of itself:
 * To turn back, an axis needs a change of α of at least 2 F₀. F is at most the third-smallest change
   that turned it back.
 * F is at least the largest deviation of the unmodelled acceleration from b while the axis moved
-  (rotor lag, thrust curve, aerodynamics), forgotten within seconds.
+  (rotor lag, thrust curve, aerodynamics), forgotten within seconds of motion or standstill.
 * Before each turn the model has moved s while the count stood still (backlash, delay). C is at
   least twice the largest such s.
 
@@ -195,7 +195,7 @@ class _Axis:
         self._centre = self._bias
         self._mean = 0.0
         self._peak, self._peak_now = max(self._peak, self._peak_now), 0.0
-        self._held = max(self._friction, self._peak)
+        self._held = self._friction
 
     @property
     def turned(self) -> float:
@@ -215,6 +215,7 @@ class _Axis:
         """One control period in the air."""
         observer = self._observer
         observer.step(h, alpha, angle)
+        self._peak -= self._peak * h / PEAK_S
         if self.still_s < LIVE_S:
             self._observe(h, observer.rate, observer.unmodelled)
         self._range_of_drive(h, alpha)
@@ -229,7 +230,7 @@ class _Axis:
             drive = alpha - self._mean
         else:
             drive = alpha + self._centre
-        friction = self._held + MISMATCH * abs(drive)
+        friction = max(self._held, self._peak) + MISMATCH * abs(drive)
         rate = self._rate
         if rate > 0.0:
             rate = max(0.0, rate + (drive - friction) * h)
@@ -248,7 +249,6 @@ class _Axis:
         """The bias, and the friction by the direction of motion."""
         self._bias_s += h
         self._bias += (unmodelled - self._bias) * h / min(self._bias_s, BIAS_S)
-        self._peak -= self._peak * h / PEAK_S
         self._peak_now = max(self._peak_now, abs(unmodelled - self._bias))
         if abs(rate) > self._moving:
             up = 1 if rate > 0 else 0
