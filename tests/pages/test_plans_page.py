@@ -1,21 +1,12 @@
-"""docs/plans.md holds every plan and every key of a segment, and each says what it is."""
+"""The tables of docs/plans.md have a text for every plan and key."""
 
 from __future__ import annotations
 
 import pytest
 
 from heli3dof.experiment.plan import load_plan, named_plans
-from heli3dof.experiment.plans_page import PAGE as MADE
 from heli3dof.experiment.segments import kinds
 from heli3dof.toml_file import key_of
-from tests.paths import ROOT
-
-PAGE = (ROOT / "docs" / "plans.md").read_text(encoding="utf-8")
-
-
-def test_the_tables_are_the_plans() -> None:
-    fix = "run: python -m heli3dof.experiment.plans_page docs/plans.md"
-    assert MADE.renewed(PAGE) == PAGE, fix
 
 
 @pytest.mark.parametrize("kind", sorted(kinds()))

@@ -1,21 +1,12 @@
-"""docs/effects.md says what the catalogue holds, and the catalogue says all that the page needs."""
+"""The table of docs/effects.md has a text for every effect."""
 
 from __future__ import annotations
 
 import pytest
 
-from heli3dof.diagnosis.catalogue_page import PAGE as MADE
 from heli3dof.experiment.plan import load_plan
 from heli3dof.model.effects import effects, term
 from heli3dof.model.effects.base import ABSCISSAE
-from tests.paths import ROOT
-
-PAGE = (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
-
-
-def test_the_table_is_the_catalogues() -> None:
-    fix = "run: python -m heli3dof.diagnosis.catalogue_page docs/effects.md"
-    assert MADE.renewed(PAGE) == PAGE, fix
 
 
 @pytest.mark.parametrize("name", effects())

@@ -1,12 +1,9 @@
-"""The table of integrity checks in docs/diagnosis.md, made from the checks themselves.
-
-``python -m heli3dof.diagnosis.integrity_page docs/diagnosis.md`` rewrites it between its markers.
-"""
+"""The table of integrity checks in docs/diagnosis.md, made from the checks themselves."""
 
 from __future__ import annotations
 
 from heli3dof.diagnosis.integrity import Stage, checks
-from heli3dof.pages import Page, table
+from tests.pages.page import Page, table
 
 LOOKS_AT = {
     Stage.CLOCK: "the clock",
@@ -22,7 +19,4 @@ def checks_table() -> str:
     return table(["check", "looks at", "tells"], rows)
 
 
-PAGE = Page("heli3dof.diagnosis.integrity_page", {"integrity": checks_table})
-
-if __name__ == "__main__":
-    PAGE.main()
+PAGE = Page("docs/diagnosis.md", {"integrity": checks_table})
