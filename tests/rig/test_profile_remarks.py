@@ -29,7 +29,7 @@ def test_nothing_is_unusual_about_a_rig_whose_masses_agree_with_its_hover_voltag
         ("motor.K_f=0.6", "motor.K_f = 0.6 N/V is unusual"),
         ("motor.K_f=0.02", "motor.K_f = 0.02 N/V is unusual"),
         ("encoder.yaw=100", "encoder.yaw = 100 counts/rev is unusual"),
-        ("encoder.yaw=4097", "no multiple of 4"),
+        ("encoder.yaw=4097", "not a multiple of 4"),
         ("motor.V_o=-3.94", "wrong sign for a rig that rests body down"),
         ("motor.V_o=-3.94", "the masses give 3.9"),
         ("motor.V_o=19", "79 % of motor.v_max"),

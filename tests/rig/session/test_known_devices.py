@@ -14,10 +14,10 @@ class Ports(FakeDriver):
 
     boards: dict[str, str]
 
-    def surely(self, url: DeviceUrl) -> bool:
+    def is_rig(self, url: DeviceUrl) -> bool:
         return False
 
-    def lasting(self, url: DeviceUrl) -> str:
+    def persistent_name(self, url: DeviceUrl) -> str:
         return self.boards[url.where]
 
 

@@ -75,7 +75,7 @@ def test_the_runtime_folder_is_its_owners_alone(runtime):
 
 def test_a_runtime_folder_that_is_a_link_is_not_trusted(runtime, tmp_path_factory):
     (runtime / "heli3dof").symlink_to(tmp_path_factory.mktemp("elsewhere"))
-    with pytest.raises(DeviceError, match="somebody else"):
+    with pytest.raises(DeviceError, match="another user"):
         runtime_folder()
 
 

@@ -90,13 +90,13 @@ def test_a_stop_while_the_rig_is_being_armed_stops_it(monkeypatch: pytest.Monkey
 
 def test_each_attempt_to_arm_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     class Insisting(FakeRig):
-        def permit(self) -> None:
+        def check_permission(self) -> None:
             raise AssertionError("its holder sets this")
 
         def arm(self):  # type: ignore[no-untyped-def]
-            self.permit()
+            self.check_permission()
             leave_stamp([ALL], "smoke")
-            self.permit()
+            self.check_permission()
             raise AssertionError("it went on")
 
     driver = FakeDriver()
