@@ -5,7 +5,7 @@ from __future__ import annotations
 from heli3dof.diagnosis.integrity import Stage, checks
 from tests.pages.page import Page, table
 
-LOOKS_AT = {
+EXAMINES = {
     Stage.CLOCK: "the clock",
     Stage.COLUMNS: "the columns",
     Stage.VALUES: "the values",
@@ -15,8 +15,8 @@ LOOKS_AT = {
 
 def checks_table() -> str:
     """Markdown: a row for every check, in the order in which they run."""
-    rows = [[f"`{c.name}`", LOOKS_AT[c.stage], c.tells] for c in checks()]
-    return table(["check", "looks at", "tells"], rows)
+    rows = [[f"`{c.name}`", EXAMINES[c.stage], c.tells] for c in checks()]
+    return table(["check", "examines", "reports"], rows)
 
 
 PAGE = Page("docs/diagnosis.md", {"integrity": checks_table})

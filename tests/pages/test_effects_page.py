@@ -10,7 +10,7 @@ from heli3dof.model.effects.base import ABSCISSAE
 
 
 @pytest.mark.parametrize("name", effects())
-def test_an_effect_says_what_shows_it_what_it_is_taken_for_and_how_it_is_drawn(name: str) -> None:
+def test_an_effect_has_its_experiment_its_confusions_and_its_figure(name: str) -> None:
     effect = effects()[name]
     assert effect.identifiable
     load_plan(effect.separated_by)

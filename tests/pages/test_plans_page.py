@@ -10,14 +10,14 @@ from heli3dof.toml_file import key_of
 
 
 @pytest.mark.parametrize("kind", sorted(kinds()))
-def test_every_key_of_a_segment_says_what_it_is(kind: str) -> None:
+def test_every_key_of_a_segment_has_a_meaning(kind: str) -> None:
     for name, field in kinds()[kind].model_fields.items():
         key = key_of(field)
         assert name == "kind" or (key is not None and key.meaning), name
 
 
 @pytest.mark.parametrize("name", named_plans())
-def test_every_plan_says_what_it_flies_and_what_it_is_good_for(name: str) -> None:
+def test_every_plan_has_a_description_and_a_purpose(name: str) -> None:
     plan = load_plan(name)
     assert plan.description
     assert plan.purpose

@@ -9,7 +9,7 @@ from heli3dof.toml_file import key_of, keys
 
 
 @pytest.mark.parametrize("name", [name for name, _ in keys(Profile)])
-def test_a_key_says_what_it_is_and_a_required_one_how_to_measure_it(name: str) -> None:
+def test_every_key_has_a_meaning_and_a_required_one_a_measurement(name: str) -> None:
     field = dict(keys(Profile))[name]
     key = key_of(field)
     assert key is not None

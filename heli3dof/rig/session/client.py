@@ -43,26 +43,26 @@ class Running:
 def listed(device: str | None = None) -> list[Running]:
     """The recorded sessions, or those on one device; killed ones are still among them."""
     pattern = "*.lock" if device is None else f"{device_name(device)}*.lock"
-    found = []
+    sessions = []
     for holder in sorted(runtime_folder().glob(pattern + HOLDER)):
         lock = holder.with_name(holder.name.removesuffix(HOLDER))
         with contextlib.suppress(TypeError):
-            found.append(Running(**read_holder(lock), lock=lock))
-    return found
+            sessions.append(Running(**read_holder(lock), lock=lock))
+    return sessions
 
 
 def running(device: str | None = None) -> list[Running]:
     """The sessions that are alive, or those on one device; `mock:` means every emulated rig."""
-    found = []
+    alive = []
     for session in listed(device):
         if lives(session):
-            found.append(session)
+            alive.append(session)
         elif session.private:
             # The name of a private session is never used again: delete a killed one's files.
             for left in (session.lock, holder_path(session.lock)):
                 with contextlib.suppress(OSError):
                     left.unlink()
-    return found
+    return alive
 
 
 class Question:
@@ -131,5 +131,5 @@ def lives(session: Running) -> bool:
 def state(session: Running, timeout_s: float = 0.2) -> dict[str, Any] | None:
     """The state of a session's rig now; None without an answer."""
     answer = Question(session, {"do": "state"}).answer(timeout_s)
-    found = None if answer is None else answer.get("state")
-    return found if isinstance(found, dict) else None
+    content = None if answer is None else answer.get("state")
+    return content if isinstance(content, dict) else None

@@ -65,11 +65,11 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
         sessions = []
     requests = [Question(s, {"do": "estop", "reason": reason}) for s in sessions]
     questions = [q for q in requests if q.taken]
-    found = [stopped for q in questions if (stopped := _await(q, start)) is not None]
+    results = [stopped for q in questions if (stopped := _await(q, start)) is not None]
     if device is not None:
-        if not found and not is_private(device):
-            found = [_directly(device, start)]
-        return found, []
+        if not results and not is_private(device):
+            results = [_directly(device, start)]
+        return results, []
     held = {device_name(q.session.device) for q in questions}
     found_now = [url for _, urls, problem in find_rigs() if problem is None for url in urls]
     # A remembered URL replaces a found one: it has the options that the device needs.
@@ -79,7 +79,7 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
     for name, url in free.items():
         if name not in held:
             (known if is_known(url) else left_out).append(url)
-    return found + _all_directly(known, start), left_out
+    return results + _all_directly(known, start), left_out
 
 
 def _await(question: Question, start: float) -> Stopped | None:
@@ -105,20 +105,20 @@ def _await(question: Question, start: float) -> Stopped | None:
 
 def _all_directly(devices: Sequence[str], start: float) -> list[Stopped]:
     """Stop each device in its own thread: an unreachable host takes seconds to fail."""
-    found: dict[str, Stopped] = {}
+    results: dict[str, Stopped] = {}
 
     def stop(device: str) -> None:
         try:
-            found[device] = _directly(device, start)
+            results[device] = _directly(device, start)
         except UsageError as problem:
-            found[device] = Stopped(device, False, problem.what, time.monotonic() - start, False)
+            results[device] = Stopped(device, False, problem.what, time.monotonic() - start, False)
 
     threads = [threading.Thread(target=stop, args=(each,), daemon=True) for each in devices]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    return [found[device] for device in devices]
+    return [results[device] for device in devices]
 
 
 def _directly(device: str, start: float) -> Stopped:

@@ -75,10 +75,10 @@ def holder_path(lock: Path) -> Path:
 def read_holder(lock: Path) -> dict[str, Any]:
     """The content of the holder file; empty if it is missing or incomplete."""
     try:
-        found = json.loads(holder_path(lock).read_bytes())
+        content = json.loads(holder_path(lock).read_bytes())
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return content if isinstance(content, dict) else {}
 
 
 def device_lock_path(serial: str, boot: int | None) -> Path:

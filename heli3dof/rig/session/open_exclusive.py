@@ -82,15 +82,15 @@ def state_of(rig: StoppableRig, profile: Profile) -> dict[str, Any]:
 def reading(sample: Sample, profile: Profile) -> dict[str, Any]:
     """A sample in degrees, volts and amperes, with flags by name."""
     rest, per_count = profile.encoder.rest_rad, profile.encoder.rad_per_count
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         f"{axis}_deg": degrees(rest[i] + sample.counts[i] * per_count[i])
         for i, axis in enumerate(AXES)
     }
-    found |= {f"{axis}_counts": sample.counts[i] for i, axis in enumerate(AXES)}
-    found |= {f"v_{motor}_V": sample.v_applied[i] for i, motor in enumerate(MOTORS)}
+    values |= {f"{axis}_counts": sample.counts[i] for i, axis in enumerate(AXES)}
+    values |= {f"v_{motor}_V": sample.v_applied[i] for i, motor in enumerate(MOTORS)}
     for motor, current in zip(MOTORS, sample.current, strict=True):
-        found[f"i_{motor}_A"] = current if isfinite(current) else None
-    return found | {
+        values[f"i_{motor}_A"] = current if isfinite(current) else None
+    return values | {
         "device_time_s": sample.device_time_s,
         "host_time_s": sample.host_time_s,
         "sequence": sample.sequence,

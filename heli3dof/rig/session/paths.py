@@ -37,7 +37,7 @@ def runtime_folder() -> Path:
         folder = Path(tempfile.gettempdir()) / name
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
+        status = folder.lstat()
     except OSError as problem:
         raise DeviceError(
             f"{folder} cannot be created: {problem.strerror}.",
@@ -46,13 +46,13 @@ def runtime_folder() -> Path:
         ) from problem
     if user is None:
         return folder
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != user:
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != user:
         raise DeviceError(
             f"{folder} belongs to another user.",
             cause="another user created it first; its content cannot be trusted.",
             fix=f"sudo rm -r {folder}, or set XDG_RUNTIME_DIR to a folder of your own",
         )
-    if found.st_mode & 0o077:
+    if status.st_mode & 0o077:
         folder.chmod(0o700)
     return folder
 
