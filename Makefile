@@ -66,15 +66,9 @@ bench-peers: $(STAMP) $(PEERS)/.installed
 bench-hidden: $(STAMP) $(PEERS)/.installed
 	$(BIN)/python -m tests.bench hidden
 
-# The computed parts of the pages; tests hold the committed text to what these write.
+# The computed blocks of the pages; tests compare the committed text with them.
 pages: $(STAMP)
-	$(BIN)/python -m heli3dof.paper.page docs/paper.md
-	$(BIN)/python -m heli3dof_drivers.emulator.page docs/mock.md
-	$(BIN)/python -m heli3dof.diagnosis.catalogue_page docs/effects.md
-	$(BIN)/python -m heli3dof.diagnosis.integrity_page docs/diagnosis.md
-	$(BIN)/python -m heli3dof.rig.profile_page docs/profile.md
-	$(BIN)/python -m heli3dof.experiment.plans_page docs/plans.md
-	$(BIN)/python -m tests.report.comparison_page
+	$(BIN)/python -m tests.pages
 
 recordings: $(STAMP)
 	$(BIN)/python -m heli3dof_recordings.make

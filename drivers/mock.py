@@ -42,8 +42,8 @@ class MockDriver:
 
     scheme = "mock"
     options: Sequence[str] = OPTIONS
-    private = True
-    """Every opening makes a rig of its own: see `heli3dof.rig.drivers.is_private`."""
+    private_to_process = True
+    """See `heli3dof.rig.interface.PrivateToProcess`."""
 
     def find(self) -> Sequence[str]:
         return ["mock:"]

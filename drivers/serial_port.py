@@ -40,13 +40,13 @@ class SerialDriver:
 
         return [f"serial://{port}" for port in usb_ports()]
 
-    def surely(self, url: DeviceUrl) -> bool:
+    def is_rig(self, url: DeviceUrl) -> bool:
         """Whether a rig is there: by its USB number, or since a heli3dof holds the port now."""
         from .link.serial_ports import is_known
 
         return is_known(url.where)
 
-    def lasting(self, url: DeviceUrl) -> str:
+    def persistent_name(self, url: DeviceUrl) -> str:
         """What is plugged in there, by its USB serial number; ttyUSB0 may be another one's soon."""
         from .link.serial_ports import plugged_in
 

@@ -1,7 +1,7 @@
 """The three axes and two motors, in the order every array uses.
 
-The paper's words: roll *r* is the elevation of the arm (+ body up), pitch *p* the tilt of the
-body (+ front motor up), yaw *ψ* the travel (+ counter-clockwise). Columns of an angle array are
+Roll *r* is the elevation of the arm (+ body up), pitch *p* the tilt of the body (+ front motor
+up), yaw *ψ* the travel (+ counter-clockwise), as in the paper. Columns of an angle array are
 ``(roll, pitch, yaw)``; columns of a voltage array are ``(front, back)``.
 """
 

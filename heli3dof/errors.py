@@ -1,20 +1,20 @@
-"""The errors of heli3dof: what happened, the likely cause, what to do.
+"""The errors of heli3dof: what happened, the likely cause, and what to do.
 
 ::
 
-    Heli3dofError              1    a fault of ours
+    Heli3dofError              1    a fault in heli3dof
     ├── UsageError             2    a wrong option, plan or value
     │   ├── ProfileError       2    a profile with an unknown, missing or impossible key
-    │   ├── PlanError          2    an experiment plan that makes no sense or leaves the envelope
-    │   └── OutputExists       2    we never overwrite without --force
+    │   ├── PlanError          2    an experiment plan that is invalid or leaves the envelope
+    │   └── OutputExists       2    the output file exists and --force was not given
     ├── DeviceError            3    device missing, busy or not permitted
     ├── SafetyTrip             4    the envelope or an e-stop ended the flight
     ├── RecordingError         5    a recording or model file cannot be used
-    │   └── NoSpace            5    the disk is full: nothing more can be kept
-    └── CheckFailed            6    the thing asked for does not hold
+    │   └── NoSpace            5    the disk is full
+    └── CheckFailed            6    a check failed
         └── UnstableLoop       6    the gain does not stabilise the chosen model
 
-Every error carries three sentences, and the command line prints all three.
+Every error has three sentences, and the command line prints all three.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from collections.abc import Iterable
 
 
 class Heli3dofError(Exception):
-    """Base of all our errors: ``what`` happened, its likely ``cause`` and the ``fix`` to try.
+    """Base of all errors of heli3dof: ``what`` happened, the likely ``cause``, the ``fix`` to try.
 
     ``exit_code`` is the process's exit status when the error reaches the command line.
     """
@@ -87,17 +87,16 @@ class UnstableLoop(CheckFailed):
 
 
 def nearest(word: str, known: Iterable[str]) -> str | None:
-    """The known word nearest to ``word``, or None when nothing is near.
+    """The known word nearest to ``word``; None if none is similar.
 
     >>> nearest("motr", ["mass", "motor", "loop"])
     'motor'
     """
-    matches = difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)
-    return matches[0] if matches else None
+    return next(iter(difflib.get_close_matches(word, list(known), n=1, cutoff=0.5)), None)
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A half sentence for error messages: the nearest known word, else all of them."""
+    """A clause for error messages: the nearest known word, else all of them."""
     known = list(known)
     match = nearest(word, known)
     if match is not None:

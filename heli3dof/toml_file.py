@@ -1,22 +1,22 @@
-"""TOML files that people write: read, checked against a model, and explained where wrong.
+"""Read TOML files that people write, and check them against a pydantic model.
 
-Profiles and plans share this. An unknown, missing or impossible key is an error that names the key,
-the file and the nearest known key; all such errors of a file are reported at once. `Key` gives a
-field its meaning, unit, ranges and how it is measured: errors, prompts, comments in written files
-and the documentation's tables all come from it.
+Profiles and plans use this. An unknown, missing or impossible key is an error that names the key,
+the file and the nearest known key; all errors of a file are reported at once. `Key` holds a field's
+meaning, unit, ranges and measurement. Errors, prompts, comments in written files and the
+documentation's tables come from it.
 """
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, ValidationError
 from pydantic.fields import FieldInfo
-from pydantic_core import PydanticCustomError, core_schema
+from pydantic_core import ErrorDetails, PydanticCustomError, core_schema
 
 from heli3dof.errors import UsageError, did_you_mean, nearest
 
@@ -24,7 +24,7 @@ Positive = Annotated[float, Field(strict=True, gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 RECORDED = "recorded"
-"""Key of pydantic's context: the data was accepted once and is read back, whatever its ranges."""
+"""Key of pydantic's context: an earlier version accepted the data, so ranges are not checked"""
 
 Range = tuple[float, float]
 
@@ -38,23 +38,23 @@ SLIPS: Mapping[str, tuple[tuple[str, float], ...]] = {
     "°": (("radians", 57.29578),),
     "s": (("milliseconds", 0.001),),
 }
-"""unit → (what was typed instead, its size in that unit)"""
+"""unit → (another unit that people type, its size in the unit)"""
 
 
 @dataclass(frozen=True)
 class Key:
-    """What a key of a TOML file means. Ranges are closed, in ``unit``, of the number's size."""
+    """The meaning of a TOML key. Ranges are closed, in ``unit``, for the absolute value."""
 
     meaning: str
     unit: str = "–"
     measure: str = ""
     """How to measure or choose it"""
     typical: str = ""
-    """What it is on a common rig, for a prompt"""
+    """Its value on a common rig, for a prompt"""
     usual: Range | None = None
-    """Outside it the number is legal but unusual."""
+    """Outside this range the number is legal but unusual."""
     plausible: Range | None = None
-    """Outside it the number is refused."""
+    """Outside this range the number is refused."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -78,7 +78,7 @@ class Key:
         return value
 
     def slip(self, value: float) -> str:
-        """The unit that was likely meant, as a sentence; empty where no other unit fits."""
+        """The unit that the user likely meant, as a question; empty where no other unit fits."""
         expected = self.usual or self.plausible
         if expected is None:
             return ""
@@ -89,29 +89,29 @@ class Key:
 
 
 def within(value: Any, bounds: Range) -> bool:
-    """Whether the size of a number lies in a range; what is no number does."""
+    """Whether a number's absolute value lies in a range; true for anything but a number."""
     return not isinstance(value, (int, float)) or bounds[0] <= abs(value) <= bounds[1]
 
 
 def key_of(field: FieldInfo) -> Key | None:
-    """What a field's annotation says of it."""
+    """The `Key` in a field's annotation."""
     return next((m for m in field.metadata if isinstance(m, Key)), None)
 
 
 class Section(BaseModel):
-    """A table of a TOML file: immutable, and no key that it does not know."""
+    """A table of a TOML file: immutable; unknown keys are errors."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 def section_of(field: FieldInfo) -> type[Section] | None:
-    """The section that a field holds, optional or not; None for a plain value."""
+    """The section class of a field, optional or not; None for a plain value."""
     options = [field.annotation, *getattr(field.annotation, "__args__", ())]
     return next((o for o in options if isinstance(o, type) and issubclass(o, Section)), None)
 
 
 def keys(model: type[Section], prefix: str = "") -> Iterator[tuple[str, FieldInfo]]:
-    """Dotted name and field of every key, sections' in their order."""
+    """Dotted name and field of every key, in the order of the file."""
     for name, field in model.model_fields.items():
         inner = section_of(field)
         if inner is None:
@@ -136,7 +136,7 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError) as problem:
         raise error(
             f"The {what} {path} cannot be read: {problem}.",
-            cause="it is a folder, not text, or not yours to read.",
+            cause="it is a folder, not text, or not readable for you.",
             fix=f"ls -l {path}",
         ) from problem
     except (tomllib.TOMLDecodeError, RecursionError) as problem:
@@ -149,7 +149,7 @@ def read_toml(path: Path, what: str, error: type[UsageError]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong in a file; ``key`` is dotted, empty for the file as a whole."""
+    """One error in a file; ``key`` is dotted, empty for the file as a whole."""
 
     key: str
     what: str
@@ -167,109 +167,99 @@ def check(
 ) -> M:
     """Build ``model`` from nested dicts; raise ``error`` naming every wrong key.
 
-    ``recorded``: data that an earlier version accepted, read back from a recording or a model
-    file; implausible numbers are no reason to lose it.
+    ``recorded``: the data comes from a recording or a model file, so implausible numbers pass.
     """
     try:
         return model.model_validate(data, context={RECORDED: True} if recorded else None)
     except ValidationError as problem:
-        found = problems_of(problem, model, source)
-    first = found[0]
-    if len(found) == 1:
+        problems = problems_of(problem, model, source)
+    first = problems[0]
+    if len(problems) == 1:
         raise error(f"{source}: {first.what}.", cause=first.cause, fix=first.fix)
+    lines = [p.what + (f" ({p.cause})" if "?" in p.cause else "") for p in problems]
     raise error(
-        f"{source}: {len(found)} keys are wrong:"
-        + "".join(f"\n  {p.what}" + (f" ({hint})" if (hint := _hint(p)) else "") for p in found),
-        cause="see each key." if len({p.cause for p in found}) > 1 else first.cause,
-        fix=first.fix if len({p.fix for p in found}) == 1 else f"edit {source}",
+        "\n  ".join([f"{source}: {len(problems)} keys are wrong:", *lines]),
+        cause="see each key." if len({p.cause for p in problems}) > 1 else first.cause,
+        fix=first.fix if len({p.fix for p in problems}) == 1 else f"edit {source}",
     )
 
 
-def _hint(p: Problem) -> str:
-    return p.cause if "?" in p.cause else ""
-
-
 def problems_of(problem: ValidationError, model: type[BaseModel], source: str) -> list[Problem]:
-    """All that is wrong, unknown keys first, then missing ones in one entry, then values.
+    """Every error: unknown keys first, then all missing keys in one entry, then values.
 
     A misspelt key is both unknown and missing; only the unknown one is reported.
     """
     errors = problem.errors(include_url=False)
-    unknown = [e["loc"] for e in errors if e["type"] == "extra_forbidden"]
     out: list[Problem] = []
     misspelt = set()
-    for loc in unknown:
-        *above, name = (str(part) for part in loc)
-        section, known = _known_keys(model, above)
-        if (meant := nearest(name, known)) is not None:
-            misspelt.add((*above, meant))
-        where = f"in [{section}]" if section else "at the top level"
+    missing = list[tuple[str, ...]]()
+    for e in errors:
+        path = tuple(str(part) for part in e["loc"])
+        if e["type"] == "missing":
+            missing.append(path)
+        if e["type"] != "extra_forbidden":
+            continue
+        known, where = _keys_at(model, path[:-1])
+        if (meant := nearest(path[-1], known)) is not None:
+            misspelt.add((*path[:-1], meant))
         out.append(
             Problem(
-                ".".join([*above, name]),
-                f"unknown key {'.'.join([*above, name])!r}",
-                f"a typing error; {did_you_mean(name, known)}",
+                ".".join(path),
+                f"unknown key {'.'.join(path)!r}",
+                f"a typing error; {did_you_mean(path[-1], known)}",
                 f"edit {source}; keys {where}: {', '.join(known)}",
             )
         )
-    missing = [tuple(str(part) for part in e["loc"]) for e in errors if e["type"] == "missing"]
-    missing = [loc for loc in missing if loc not in misspelt]
+    missing = [path for path in missing if path not in misspelt]
     if missing:
-        names = [name for loc in missing for name in _required(model, list(loc))]
-        section, known = _known_keys(model, list(missing[0][:-1]))
-        where = f"in [{section}]" if section else "at the top level"
-        one = len(names) == 1
-        out.append(
-            Problem(
-                names[0],
-                f"the key {names[0]!r} is missing"
-                if one
-                else f"the keys {', '.join(repr(n) for n in names)} are missing",
-                "the file was cut short or written for another version.",
-                f"add it to {source}; keys {where}: {', '.join(known)}"
-                if one
-                else f"add them to {source}",
-            )
-        )
-    for e in errors:
-        if e["type"] in ("extra_forbidden", "missing"):
-            continue
-        name = ".".join(str(part) for part in e["loc"])
-        slip = str(e.get("ctx", {}).get("slip", ""))
-        verb = "is" if e["type"] in ("implausible", "conflict") else "cannot be:"
-        shown = f"{name or 'the file'} = {e['input']!r} " if e["type"] != "conflict" else ""
-        out.append(
-            Problem(
-                name,
-                f"{shown}{verb if shown else ''} {e['msg']}".strip(),
-                slip or "a wrong unit or sign, or text where a number belongs.",
-                f"edit {source}",
-            )
-        )
+        out.append(_missing_keys([n for p in missing for n in _required(model, p)],
+                                 *_keys_at(model, missing[0][:-1]), source))  # fmt: skip
+    out += [_wrong_value(e, source) for e in errors if e["type"] not in _KEY_ERRORS]
     return out
 
 
-def _required(model: type[BaseModel], loc: list[str]) -> list[str]:
-    """The keys that are missing with ``loc``: itself, or a section's required ones."""
-    field = _model_at(model, loc[:-1]).model_fields.get(loc[-1])
+_KEY_ERRORS = ("extra_forbidden", "missing")
+
+
+def _missing_keys(names: list[str], known: list[str], where: str, source: str) -> Problem:
+    if len(names) == 1:
+        what = f"the key {names[0]!r} is missing"
+        fix = f"add it to {source}; keys {where}: {', '.join(known)}"
+    else:
+        what = f"the keys {', '.join(map(repr, names))} are missing"
+        fix = f"add them to {source}"
+    cause = "the file was cut short or written for another version."
+    return Problem(names[0], what, cause, fix)
+
+
+def _wrong_value(e: ErrorDetails, source: str) -> Problem:
+    name = ".".join(str(part) for part in e["loc"])
+    what = e["msg"]
+    if e["type"] != "conflict":
+        verb = "is" if e["type"] == "implausible" else "cannot be:"
+        what = f"{name or 'the file'} = {e['input']!r} {verb} {what}"
+    unit = str(e.get("ctx", {}).get("slip", ""))
+    cause = unit or "a wrong unit or sign, or text where a number belongs."
+    return Problem(name, what, cause, f"edit {source}")
+
+
+def _required(model: type[BaseModel], path: Sequence[str]) -> list[str]:
+    """The missing keys at ``path``: itself, or a section's required ones."""
+    field = _section_at(model, path[:-1])[0].model_fields.get(path[-1])
     inner = None if field is None else section_of(field)
     if inner is None:
-        return [".".join(loc)]
-    return [".".join([*loc, n]) for n, f in inner.model_fields.items() if f.is_required()]
+        return [".".join(path)]
+    return [".".join([*path, n]) for n, f in inner.model_fields.items() if f.is_required()]
 
 
-def _model_at(model: type[BaseModel], path: list[str]) -> type[BaseModel]:
-    for part in path:
-        field = model.model_fields.get(part)
-        inner = None if field is None else section_of(field)
-        if inner is None:
-            break
-        model = inner
-    return model
+def _keys_at(model: type[BaseModel], path: Sequence[str]) -> tuple[list[str], str]:
+    """The keys of the section at ``path``, and the section in words."""
+    section, name = _section_at(model, path)
+    return list(section.model_fields), f"in [{name}]" if name else "at the top level"
 
 
-def _known_keys(model: type[BaseModel], path: list[str]) -> tuple[str, list[str]]:
-    """The section that a path leads to, and its keys."""
+def _section_at(model: type[BaseModel], path: Sequence[str]) -> tuple[type[BaseModel], str]:
+    """The section that a path leads to, and its dotted name."""
     names: list[str] = []
     for part in path:
         field = model.model_fields.get(part)
@@ -278,4 +268,4 @@ def _known_keys(model: type[BaseModel], path: list[str]) -> tuple[str, list[str]
             break
         model = inner
         names.append(part)
-    return ".".join(names), list(model.model_fields)
+    return model, ".".join(names)

@@ -1,7 +1,7 @@
-"""What the system answers where a file cannot be written, as errors that say what to do.
+"""Turn the system's errors about writing a file into ours.
 
 ==========================================  ===============  ====
-the system                                  error            exit
+cause                                       error            exit
 ==========================================  ===============  ====
 disk, quota or largest file is full         `NoSpace`        5
 not permitted, read-only                    `UsageError`     2
@@ -19,35 +19,35 @@ from pathlib import Path
 from heli3dof.errors import Heli3dofError, NoSpace, UsageError
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
-"""Nothing more fits: disk, quota, largest file"""
-REFUSED = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ETXTBSY}
-NO_PLACE = {
+"""Limits reached: disk, quota, largest file"""
+_REFUSED = {errno.EACCES, errno.EPERM, errno.EROFS, errno.ETXTBSY}
+_NO_PLACE = {
     errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP,
     errno.ENXIO, errno.EINVAL, errno.EIO, errno.ESTALE,
 }  # fmt: skip
-"""No file can be there at all"""
+"""The path cannot hold a file"""
 ELSEWHERE = "another place with -o"
 
 
 def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofError | None:
-    """Our error for the system's about writing ``path``; None for one that means something else."""
+    """Our error for an OSError about writing ``path``; None for an unrelated one."""
     if error.errno in FULL:
         return NoSpace(
             f"There is no space left for {path}.",
             cause="the disk or the quota is full.",
             fix=f"df -h {path.parent}; free some space, or {fix}",
         )
-    if error.errno in REFUSED:
+    if error.errno in _REFUSED:
         return UsageError(
             f"{path} may not be written: {error.strerror}.",
             cause="the folder belongs to someone else or is read-only.",
             fix=fix,
         )
-    if error.errno in NO_PLACE:
+    if error.errno in _NO_PLACE:
         return UsageError(
             f"{path} cannot be written: {error.strerror}.",
-            cause="the folder takes no new files, as /proc does and a network drive that has "
-            "gone; or the name is too long, or a part of the path is no folder.",
+            cause="the folder takes no new files (/proc, a lost network drive), the name is too "
+            "long, or a part of the path is not a folder.",
             fix=fix,
         )
     return None
@@ -55,7 +55,7 @@ def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofErro
 
 @contextlib.contextmanager
 def explained(path: Path, *, fix: str = ELSEWHERE) -> Iterator[None]:
-    """Turn the system's errors about writing ``path`` into ours."""
+    """Raise the system's errors about writing ``path`` as ours."""
     try:
         yield
     except OSError as error:

@@ -31,8 +31,8 @@ class UsbMockDriver:
     """Opens emulated rigs through pyusb."""
 
     scheme = "usb+mock"
-    private = True
-    """Every opening makes a rig of its own: see `heli3dof.rig.drivers.is_private`."""
+    private_to_process = True
+    """See `heli3dof.rig.interface.PrivateToProcess`."""
     options: Sequence[str] = tuple(dict.fromkeys((*OF_THE_RIG, *USB_OPTIONS, "bus")))
 
     def find(self) -> Sequence[str]:

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 from heli3dof.errors import DeviceError
 from heli3dof.rig.clock import wait_until
 from heli3dof.rig.interface import Command, Flags, Identity, Sample
+from heli3dof.rig.uptime import CLOCK_TOLERANCE, wrapped_difference_s
 
 from .emergency_stop import BESIDE_TRIES, STOP_TRIES, ack_of, stop, stop_over
 from .errors import (
@@ -65,9 +66,6 @@ LARGEST_uV = 2_000_000_000
 RESTART_S = 0.7
 """s by which the uptime must fall short of what it should be: a STATUS is asked `TRIES` times at
 most, 0.6 s in all, before it is answered"""
-CLOCK_TOLERANCE = 5e-3
-"""s per s: a ceramic resonator, the worst clock of a microcontroller board, is within 0.5 %"""
-_UPTIME_WRAP_S = 2**32 / 1000
 EMULATED = "emulated"
 """How the model of a device without motors begins"""
 
@@ -99,8 +97,8 @@ class LinkRig:
         self._streaming = False
         self._gone = self._ours = False
         self._open = True
-        self.permit: Callable[[], None] = lambda: None
-        """Called in each attempt to arm, with its ticket known; raises where a stop forbids it."""
+        self.check_permission: Callable[[], None] = lambda: None
+        """See `heli3dof.rig.interface.ArmsWithPermission`; called once the ticket is known."""
         try:
             said = greet(self._dialogue)
             check_profile(said, profile, transport.name, signs=signs)
@@ -142,7 +140,7 @@ class LinkRig:
         for _ in range(TRIES):
             disarmed = self._request(Disarm)
             # A stop later than this changes the ticket: the device then refuses to arm.
-            self.permit()
+            self.check_permission()
             self._samples.pass_over()
             said = self._ask_to_arm(disarmed.ticket)
             if said is None:
@@ -283,7 +281,7 @@ class LinkRig:
         if uptime_s is None or self._started_s is None:
             return False
         expected_s = time.monotonic() - self._started_s
-        short_s = (expected_s - uptime_s + _UPTIME_WRAP_S / 2) % _UPTIME_WRAP_S - _UPTIME_WRAP_S / 2
+        short_s = wrapped_difference_s(expected_s, uptime_s)
         return short_s > RESTART_S + CLOCK_TOLERANCE * expected_s
 
     def _check_open(self) -> None:

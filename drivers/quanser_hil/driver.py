@@ -37,7 +37,7 @@ class QuanserDriver:
         """None: the library cannot list boards, and opening one to see may disturb a flight."""
         return ()
 
-    def lasting(self, url: DeviceUrl) -> str:
+    def persistent_name(self, url: DeviceUrl) -> str:
         """The board's place: `heli3dof estop` reaches a board that was opened there before."""
         return url.where
 

@@ -1,11 +1,11 @@
-"""Where a rig's encoders stand when it rests, stored under its serial number by ``heli3dof zero``.
+"""Encoder counts at the rest angles, stored per serial number by ``heli3dof zero``.
 
     angle = rest + (count − counts_at_rest) · 2π / counts per revolution
 
-Counts begin at zero when the device starts (docs/protocol.md), so counts_at_rest holds for one
-start of the device. Two things tell a restart: another boot number, and another start instant
+Counts are zero when the device starts (docs/protocol.md), so counts_at_rest holds until the next
+start. Two numbers detect a restart: the boot number, and the start instant
 s = (host's time) − (device's uptime). A board without a random source or flash repeats its boot
-number, so both are compared. With W the time since ``zero``, the start is the same where
+number, so both are compared. With W the time since ``zero``, the device has not restarted if
 
     |s_now − s_zero| ≤ START_TOLERANCE_S + CLOCK_TOLERANCE · W        modulo UPTIME_WRAP_S
 
@@ -38,20 +38,17 @@ from typing import Any
 
 from heli3dof.rig.interface import Identity
 from heli3dof.rig.session.paths import state_folder
+from heli3dof.rig.uptime import CLOCK_TOLERANCE, wrapped_difference_s
 from heli3dof.write_errors import explained
 
 Counts = tuple[int, int, int]
-UPTIME_WRAP_S = 2**32 / 1000
-"""s: a device states its uptime in ms modulo 2³², 49.7 days (docs/protocol.md, REPORT)"""
 START_TOLERANCE_S = 2.0
 """s: a HELLO and a STATUS on a slow line, and an NTP step of the host's clock"""
-CLOCK_TOLERANCE = 5e-3
-"""s per s: a ceramic resonator, the worst clock of a microcontroller board, is within 0.5 %"""
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What ``zero`` measured."""
+    """The result of ``zero``."""
 
     serial: str
     boot: int | None
@@ -66,16 +63,16 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """What a session goes by: the counts at the rest angles, and what that rests on."""
+    """The counts at the rest angles that a session uses, and where they come from."""
 
     counts_at_rest: Counts
     known_from: str
-    """``zero``: measured; ``power-up``: the device is taken to have started at rest"""
+    """``zero``: measured; ``power-up``: the device is assumed to have started at rest"""
     note: str = ""
-    """What the user should know; empty where there is nothing to be said"""
+    """What the user should know; empty if nothing"""
 
     def to_dict(self) -> dict[str, Any]:
-        """As a recording's provenance keeps it."""
+        """For a recording's provenance."""
         about: dict[str, Any] = {
             "counts_at_rest": list(self.counts_at_rest),
             "known_from": self.known_from,
@@ -87,7 +84,7 @@ POWER_UP = Rest((0, 0, 0), "power-up")
 
 
 def rest_of(identity: Identity) -> Rest:
-    """What to go by for the rig that answered so."""
+    """The counts at rest of the device with this identity; see the table above."""
     try:
         stored = load_calibration(identity.serial)
     except ValueError as problem:
@@ -103,43 +100,45 @@ def rest_of(identity: Identity) -> Rest:
         return replace(POWER_UP, note=note)
     same_start = _same_start(stored, identity)
     if stored.boot != identity.boot or same_start is False:
-        repeated = f" (it repeats its boot number {identity.boot}, but its uptime shows it)"
+        repeated = identity.boot is not None and stored.boot == identity.boot
+        evidence = (
+            f" (its boot number {identity.boot} is the same, but its uptime shows the restart)"
+        )
         note = (
             f"the device has restarted since heli3dof zero on {stored.zeroed_utc}"
-            f"{repeated if identity.boot is not None and stored.boot == identity.boot else ''}: "
-            "the stored rest angles are not used, and the rig is assumed to have rested when the "
-            "device started; if it did not, run heli3dof zero again"
+            f"{evidence if repeated else ''}: the stored rest angles are not used. heli3dof "
+            "assumes that the rig was at rest when the device started; if it was not, run "
+            "heli3dof zero again"
         )
         return replace(POWER_UP, note=note)
     note = ""
     if identity.boot is None and same_start is None:
         note = (
-            f"rest angles as of heli3dof zero on {stored.zeroed_utc}; this device does not state "
-            "whether it was switched off since: if it was, run heli3dof zero again"
+            f"rest angles of heli3dof zero on {stored.zeroed_utc}; this device does not report "
+            "restarts: if it was switched off since, run heli3dof zero again"
         )
     return Rest(stored.counts_at_rest, "zero", note)
 
 
 def _same_start(stored: Calibration, identity: Identity) -> bool | None:
-    """Whether the device has run since it was zeroed, by its uptime; None: it cannot be known."""
+    """Whether the device has run without a restart since ``zero``, by its uptime; None: unknown."""
     if stored.started_s is None or identity.started_s is None:
         return None
     try:
         since_s = abs(time.time() - datetime.fromisoformat(stored.zeroed_utc).timestamp())
     except ValueError:
         return None
-    half = UPTIME_WRAP_S / 2
-    apart_s = (identity.started_s - stored.started_s + half) % UPTIME_WRAP_S - half
+    apart_s = wrapped_difference_s(identity.started_s, stored.started_s)
     return abs(apart_s) <= START_TOLERANCE_S + CLOCK_TOLERANCE * since_s
 
 
 def calibration_path(serial: str) -> Path:
-    """The file of one rig."""
+    """The file with one rig's calibration."""
     return state_folder() / "rigs" / (re.sub(r"[^A-Za-z0-9._-]", "_", serial) + ".toml")
 
 
 def load_calibration(serial: str) -> Calibration | None:
-    """What was stored for a rig; None: nothing. Raises ValueError for a file that is damaged."""
+    """The stored calibration of a rig, or None. Raises ValueError for a damaged file."""
     try:
         path = calibration_path(serial)
     except OSError as problem:
@@ -156,22 +155,22 @@ def load_calibration(serial: str) -> Calibration | None:
     per_rev, at_rest = (_counts(data.get(key)) for key in ("counts_per_rev", "counts_at_rest"))
     texts = isinstance(serial_, str) and isinstance(zeroed, str) and isinstance(device, str)
     if not texts or per_rev is None or at_rest is None or not isinstance(boot, int | None):
-        raise ValueError(f"{path}: a key is missing or of another kind")
+        raise ValueError(f"{path}: a key is missing or has a wrong type")
     if not isinstance(started, int | float | None) or isinstance(started, bool):
-        raise ValueError(f"{path}: started_s is no time")
+        raise ValueError(f"{path}: started_s is not a number")
     if serial_ != serial:
-        raise ValueError(f"{path}: is for the rig {serial_}")
+        raise ValueError(f"{path} belongs to the rig {serial_}")
     return Calibration(serial, boot, per_rev, at_rest, str(zeroed), str(device), started)
 
 
 def store_calibration(calibration: Calibration) -> Path:
-    """Write it, whole or not at all; returns the file. Raises UsageError or NoSpace."""
+    """Write the calibration atomically; returns the file. Raises UsageError or NoSpace."""
     own = "set XDG_STATE_HOME to a folder of your own"
     with explained(Path("~/.local/state"), fix=own):
         path = calibration_path(calibration.serial)
     c = calibration
     lines = [
-        "# Where this rig's encoders stand at its rest angles. Made by heli3dof zero.",
+        "# Encoder counts of this rig at its rest angles. Written by heli3dof zero.",
         f"serial = {_text(c.serial)}",
         *([] if c.boot is None else [f"boot = {c.boot}"]),
         *([] if c.started_s is None else [f"started_s = {c.started_s:.3f}"]),
@@ -189,7 +188,7 @@ def store_calibration(calibration: Calibration) -> Path:
 
 
 def now_utc() -> str:
-    """The time of a calibration."""
+    """The time now, as `Calibration.zeroed_utc` states it."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
@@ -200,7 +199,7 @@ def _counts(value: object) -> Counts | None:
 
 
 def _text(value: str) -> str:
-    """A TOML basic string: JSON's escapes are a part of TOML's."""
+    """A TOML basic string: JSON's escapes are valid in TOML."""
     import json
 
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

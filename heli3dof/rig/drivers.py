@@ -1,8 +1,7 @@
 """Drivers, found through the entry-point group ``heli3dof.drivers``.
 
-heli3dof never imports a driver package by name: ours and third parties' are found alike. A
-driver that fails to import is a warning when rigs are listed and an error only when it is asked
-for.
+heli3dof never imports a driver package by name, so third-party drivers work like ours. A driver
+that fails to import is a warning when rigs are listed, and an error only when its URL is used.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING
 
 from heli3dof.errors import DeviceError, UsageError, did_you_mean
-from heli3dof.rig.interface import Driver, Rig
+from heli3dof.rig.interface import Driver, PrivateToProcess, Rig
 from heli3dof.rig.url import DeviceUrl, parse_url
 
 if TYPE_CHECKING:
@@ -29,8 +28,8 @@ def registered() -> dict[str, EntryPoint]:
 def load_driver(scheme: str) -> Driver:
     """The driver for a URL scheme. Raises UsageError for an unknown one, naming the nearest.
 
-    A scheme that is not registered itself belongs to the driver of what stands before its ``+``:
-    ``serial+socket`` to ``serial``.
+    An unregistered scheme belongs to the driver of the part before its ``+``: ``serial+socket`` to
+    ``serial``.
     """
     known = registered()
     if scheme not in known:
@@ -54,7 +53,7 @@ def load_driver(scheme: str) -> Driver:
 
 
 def open_rig(url: str | DeviceUrl, profile: Profile) -> Rig:
-    """Open the rig that a device URL names."""
+    """Open the rig of a device URL, without a lock: see `heli3dof.rig.session.open_exclusive`."""
     parsed = parse_url(url) if isinstance(url, str) else url
     driver = load_driver(parsed.scheme)
     parsed.check_options(driver.options)
@@ -62,18 +61,14 @@ def open_rig(url: str | DeviceUrl, profile: Profile) -> Rig:
 
 
 def is_private(url: str | DeviceUrl) -> bool:
-    """True where every opening of the URL makes a rig of its own, that no other process can hold.
-
-    An emulated rig in this process is; its driver says so with ``private = True``, or with the
-    URL schemes of which that holds: ``private = ("usb+mock",)``.
-    """
+    """True where the driver is `PrivateToProcess`: every opening makes a rig of its own."""
     parsed = parse_url(url) if isinstance(url, str) else url
-    private = getattr(load_driver(parsed.scheme), "private", False)
-    return private if isinstance(private, bool) else parsed.scheme in private
+    driver = load_driver(parsed.scheme)
+    return isinstance(driver, PrivateToProcess) and driver.private_to_process
 
 
 def with_seed(url: str, seed: int) -> str:
-    """The URL with ``seed`` for a driver that draws at random and was given none."""
+    """The URL with ``seed`` added, for a driver with that option where the URL has none."""
     parsed = parse_url(url)
     if "seed" not in load_driver(parsed.scheme).options or "seed" in parsed.options:
         return url
@@ -81,7 +76,7 @@ def with_seed(url: str, seed: int) -> str:
 
 
 def seed_of(url: str) -> int | None:
-    """The seed that an emulated rig draws from; None for one that draws nothing."""
+    """The seed in the URL of an emulated rig; None without one."""
     parsed = parse_url(url)
     if "seed" not in load_driver(parsed.scheme).options:
         return None
@@ -90,7 +85,7 @@ def seed_of(url: str) -> int | None:
 
 
 def find_rigs() -> Iterator[tuple[str, list[str], str | None]]:
-    """For each driver: its scheme, the URLs of the rigs present, and why it failed, if it did."""
+    """For each driver: its scheme, the URLs of the rigs present, and its error, if any."""
     for scheme in sorted(registered()):
         try:
             yield scheme, list(load_driver(scheme).find()), None

@@ -1,4 +1,4 @@
-"""The safety envelope: what may be, checked in every control period.
+"""The safety envelope, checked in every control period.
 
 A flight ends (exit 4, motors ramped to zero) as soon as
 
@@ -6,8 +6,8 @@ A flight ends (exit 4, motors ramped to zero) as soon as
     |rate| > its limit,  a voltage is not a number or beyond v_max,
     |V[k] − V[k−1]| / (t[k] − t[k−1]) > slew_max,  or  t > duration_max
 
-with the numbers of the profile's ``[limits]``. The envelope never changes a command: the
-recorded voltage is always what the controller's law says, or the flight is over.
+with the numbers of the profile's ``[limits]``. The envelope never changes a command: the recorded
+voltage follows the control law until the flight ends.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from heli3dof.axes import AXES, MOTORS
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
-ROAMS = (
+_TOO_FAR = (
     "the reference goes further than the envelope, the gain does not fit this rig, or an encoder "
     "counts the wrong way."
 )
-LOOK = "heli3dof monitor and turn it by hand: do angles and signs agree? If they do"
-NO_VOLTAGE = "the controller's gains, the references or an angle are not finite."
+_CHECK_SIGNS = "heli3dof monitor and turn it by hand: do angles and signs agree? If they do"
+_NOT_FINITE = "the controller's gains, the references or an angle are not finite."
 
 
 class Envelope:
-    """Checks one control period after another; plain floats, a few microseconds a call."""
+    """Checks the control periods of one flight; plain floats, a few microseconds a call."""
 
     def __init__(self, profile: Profile) -> None:
         limits = profile.limits
@@ -61,7 +61,7 @@ class Envelope:
         command: Sequence[float],
         voltage: Sequence[float],
     ) -> str | None:
-        """Why the flight must end now, or None.
+        """Why the flight must end now; None where it may go on.
 
         t in s; angle and rate (3,) in rad and rad/s; command and voltage (2,) in V, before and
         after the controller's limiter.
@@ -73,34 +73,35 @@ class Envelope:
                 return Trip(
                     f"{AXES[i]} reached {degrees(angle[i]):.2f}°, beyond the envelope's "
                     f"{degrees(side):g}°",
-                    ROAMS,
-                    f"{LOOK}: a smaller reference, or limits.{limit} where the rig has the room",
+                    _TOO_FAR,
+                    f"{_CHECK_SIGNS}: a smaller reference, or limits.{limit} if the rig has "
+                    "the room",
                     by_motion=True,
                 )
             if not abs(rate[i]) <= self._rate[i]:
                 return Trip(
                     f"{AXES[i]} turned at {degrees(rate[i]):.0f}°/s, faster than the envelope's "
                     f"{degrees(self._rate[i]):.0f}°/s",
-                    "the loop is hardly stable on this rig, somebody pushed it, or the reference "
+                    "the loop is barely stable on this rig, someone pushed it, or the reference "
                     "is too fast.",
-                    f"{LOOK}: a smaller step, a slower reference, or "
+                    f"{_CHECK_SIGNS}: a smaller step, a slower reference, or "
                     f"limits.{AXES[i]}_rate_max_deg_per_s",
                     by_motion=True,
                 )
-        # Where periods were skipped, the voltage has had that much longer to change.
+        # After skipped periods the voltage has had longer to change.
         elapsed = max(self._dt, t - self._t)
         for i in range(2):
             if not isfinite(command[i]):
                 return Trip(
-                    f"the controller asked for {command[i]} V on the {MOTORS[i]} motor",
-                    NO_VOLTAGE,
+                    f"the controller's output is {command[i]} V on the {MOTORS[i]} motor",
+                    _NOT_FINITE,
                     "heli3dof run PLAN --dry-run with this profile; [controller] and the plan",
                 )
             if not abs(voltage[i]) <= self._v_max * (1 + 1e-9):
                 return Trip(
-                    f"the {MOTORS[i]} motor was asked for {voltage[i]:.2f} V, beyond the "
+                    f"the {MOTORS[i]} motor's command is {voltage[i]:.2f} V, beyond the "
                     f"amplifier's {self._v_max:g} V",
-                    "a controller of your own has no limiter.",
+                    "the controller has no limiter.",
                     "clip its voltages to motor.v_max",
                 )
             if self._before is not None:
@@ -109,15 +110,14 @@ class Envelope:
                     return Trip(
                         f"the {MOTORS[i]} motor's voltage jumped at {slew:.0f} V/s, faster than "
                         f"the envelope's {self._slew:.0f} V/s",
-                        "the gains of the rates make encoder noise a large voltage, or the plan "
-                        "adds a step to it.",
+                        "the rate gains amplify encoder noise, or the plan adds a voltage step.",
                         "a lower derivative filter or gain in [controller], a smaller step in the "
                         "plan, or limits.slew_max_V_per_s",
                     )
         if t > self._duration:
             return Trip(
                 f"the flight lasted longer than the envelope's {self._duration:g} s",
-                "periods were lost, or the plan is longer than it said.",
+                "periods were lost, or the plan is longer than it states.",
                 "heli3dof doctor; or limits.duration_max_s in the profile",
             )
         self._before, self._t = (voltage[0], voltage[1]), t

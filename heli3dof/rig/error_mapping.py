@@ -1,4 +1,4 @@
-"""What goes wrong at a line or in a vendor's library, said as a driver owes it."""
+"""Turn the errors of a port or a vendor's library into DeviceError."""
 
 from __future__ import annotations
 
@@ -10,16 +10,13 @@ from heli3dof.errors import DeviceError
 
 @contextmanager
 def device_errors(name: str, fix: str = "heli3dof doctor", cause: str = "") -> Iterator[None]:
-    """Every OSError and ValueError within becomes a DeviceError about the rig ``name``.
-
-    ``fix``: the command to run, or the thing to do; ``cause``: the likely one.
-    """
+    """Raise every OSError and ValueError within as a DeviceError about the rig ``name``."""
     try:
         yield
     except (OSError, ValueError) as error:
-        said = str(error).strip().rstrip(".") or type(error).__name__
+        message = str(error).strip().rstrip(".") or type(error).__name__
         raise DeviceError(
-            f"{name}: {said}.",
+            f"{name}: {message}.",
             cause=cause or "it is switched off, out of reach, or held by another program.",
             fix=fix,
         ) from error

@@ -1,9 +1,9 @@
-"""Times in bins of a fixed ratio: quantiles of however many, in constant memory.
+"""A histogram of times with bins of a constant ratio: quantiles in constant memory.
 
-    bin(t) = ⌈ln(t / SHORTEST_S) / ln(1 + RATIO)⌉     0 up to SHORTEST_S, the last from 85 s on
+    bin(t) = ⌈ln(t / SHORTEST_S) / ln(1 + RATIO)⌉     bin 0: up to SHORTEST_S; the last: from 85 s
 
-A quantile is told by the upper edge of its bin, at most 1 % too long and never too short; in the
-first bin it is told as 0. The longest time is kept as it is.
+A quantile is reported as the upper edge of its bin, at most 1 % too long and never too short; in
+bin 0 as 0. The longest time is kept exactly.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from itertools import accumulate
 from math import ceil, log, nan
 
 SHORTEST_S = 1e-7
-"""s; what is less is nothing to any clock here"""
+"""s: below the resolution of every clock used here"""
 RATIO = 0.01
-"""A bin's upper edge is this much longer than its lower one."""
+"""A bin's upper edge exceeds its lower one by this share"""
 BINS = 2068
 _STEP = log(1 + RATIO)
 
 
 class Histogram:
-    """Counts of times, s."""
+    """Counts times, in s."""
 
     def __init__(self) -> None:
         self.counts = array("Q", bytes(8 * BINS))
         self.worst_s = 0.0
 
     def add(self, time_s: float) -> None:
-        """One more. What is below zero counts as zero."""
+        """Count one time; a negative one counts as zero."""
         at = 0
         if time_s > SHORTEST_S:
             at = min(ceil(log(time_s / SHORTEST_S) / _STEP), BINS - 1)
@@ -41,7 +41,7 @@ class Histogram:
         return sum(self.counts)
 
     def quantile_s(self, share: float) -> float:
-        """What this share of the times does not exceed, s; NaN where there is none.
+        """The time that this share of the times does not exceed, s; NaN for an empty histogram.
 
         >>> h = Histogram(); h.add(12e-6); h.add(80e-6); round(h.quantile_s(0.5) * 1e6, 1)
         12.1

@@ -1,26 +1,31 @@
-"""The rig's port: what the loop asks of any rig, on the bench or emulated.
+"""The interface between the control loop and a rig, real or emulated.
 
-One exchange is one control period: the command takes effect at once, the sample is taken at the
-period's end. So sample k's voltage follows from sample k's angles and is held until k+1::
+One exchange is one control period. The command takes effect at once, and the sample is taken at
+the end of the period. So sample k's voltage follows from sample k's angles and is held until k+1::
 
     sample = rig.arm()
     while flying:
         command = controller(sample)
         sample = rig.exchange(command, due_s)
 
-Where the device times the stream (``Identity.timebase == "device"``), ``due_s`` is ignored and
-the call returns with the device's next sample. Where the host does, the driver waits until
-``due_s`` with `heli3dof.rig.clock.wait_until` and asks then. A ``"virtual"`` clock runs as fast as
-the host asks: nothing can be late. Drivers register a `Driver` under the entry-point group
-``heli3dof.drivers``, by the scheme of their URLs.
+``Identity.timebase`` states who keeps time:
+
+==========  =====================================================================================
+host        the driver waits until ``due_s`` (`heli3dof.rig.clock.wait_until`), then samples
+device      ``due_s`` is ignored; `Rig.exchange` returns the device's next sample
+virtual     the clock runs as fast as the host exchanges; no sample is ever late
+==========  =====================================================================================
+
+A driver package registers a `Driver` under the entry-point group ``heli3dof.drivers``, by the
+scheme of its URLs. Optional abilities of drivers and rigs are protocols of their own, below.
 """
 
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -28,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class Flags(enum.IntFlag):
-    """What a sample says of the device's state."""
+    """The device's state, as a sample reports it."""
 
     ENABLED = 1
     """The amplifier is enabled: voltages reach the motors."""
@@ -46,7 +51,7 @@ class Flags(enum.IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who answers: printed by ``heli3dof devices`` and written into every recording."""
+    """The connected device; ``heli3dof devices`` prints it and every recording keeps it."""
 
     driver: str
     model: str
@@ -62,8 +67,8 @@ class Identity:
     timebase: Literal["host", "device", "virtual"]
     emulated: bool
     boot: int | None = None
-    """Differs after every start of the device, whose counts began at zero then; None: unknown. A
-    board without a random source or flash may repeat it: ``started_s`` tells then."""
+    """Changes at every start of the device, when its counts begin at zero; None: unknown. A board
+    without a random source or flash may repeat it; ``started_s`` then detects the restart."""
     started_s: float | None = None
     """When the device started, s since 1970 by the host's clock, from its uptime; None: unknown"""
 
@@ -84,13 +89,13 @@ class Sample:
     """One reading of the rig."""
 
     sequence: int
-    """The sequence of the last command that the device carried out."""
+    """The sequence of the last command that the device executed."""
     device_time_s: float
     """s on the device's clock."""
     counts: tuple[int, int, int]
     """Roll, pitch, yaw encoder counts since power-up (zero at the rest angles)."""
     v_applied: tuple[float, float]
-    """V, front and back: what the device put out during the period that ended now."""
+    """V, front and back: the device's output during the period that ended now."""
     current: tuple[float, float]
     """A, front and back; NaN where not measured."""
     flags: Flags
@@ -100,25 +105,20 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One line of ``heli3dof doctor``: what was looked at, what was found, what mends it."""
+    """One line of ``heli3dof doctor``."""
 
     what: str
+    """What was examined"""
     found: str
+    """The result, with its numbers"""
     good: bool | None
-    """None: cannot tell"""
+    """None: not known"""
     fix: str = ""
-    """The command to run, or the thing to do; empty where nothing is to be done"""
+    """The command to run or the thing to do; empty where there is nothing to do"""
 
 
 class Rig(Protocol):
-    """An open connection to one rig. Every method may raise DeviceError.
-
-    A rig at a line may have ``statistics``, a dataclass of counters since it was opened, which the
-    recording's outcome keeps; ``lost`` among them, the samples that were made and never came, and
-    ``left_out``, those that a device that was held up never made.
-
-    A rig whose device states why it holds its output at zero may have ``device_cause``, see there.
-    """
+    """An open connection to one rig. Every method may raise DeviceError."""
 
     @property
     def identity(self) -> Identity: ...
@@ -128,44 +128,67 @@ class Rig(Protocol):
         ...
 
     def read(self) -> Sample:
-        """A sample now, without arming or moving anything; of a rig that is not armed."""
+        """A sample now, of a rig that is not armed; nothing moves."""
         ...
 
     def exchange(self, command: Command, due_s: float) -> Sample:
-        """Put out the command now; return the sample at the period's end.
+        """Apply the command now; return the sample at the period's end.
 
         Where the host keeps time, ``due_s`` (host monotonic) is that end.
         """
         ...
 
     def estop(self, reason: str) -> None:
-        """Zero volts now, whatever the state. Idempotent; holds until `arm`."""
+        """Zero volts now, in any state. Idempotent; holds until `arm`."""
         ...
 
     def close(self) -> None:
-        """Zero volts, disable the amplifier, release the port. Idempotent."""
+        """Zero volts, disable the amplifier, release the device. Idempotent."""
         ...
 
 
-def device_cause(rig: object) -> str | None:
-    """Why the device holds its output at zero, in its own word; None where it states nothing.
+@runtime_checkable
+class HasLinkStatistics(Protocol):
+    """A rig whose link counts what it transfers and loses."""
 
-    The word is the rig's attribute ``device_cause``, as of the last sample: ``OVERCURRENT``,
-    ``BUTTON``, ``WATCHDOG`` and the others of docs/protocol.md, or the driver's own.
+    @property
+    def statistics(self) -> object:
+        """A dataclass of counters since the rig was opened; the recording's outcome keeps it.
+
+        ``lost``: samples that the device sent and the host never got. ``left_out``: samples that
+        the device, being held up, never took.
+        """
+        ...
+
+
+@runtime_checkable
+class ReportsDeviceCause(Protocol):
+    """A rig whose device states why it holds its output at zero."""
+
+    @property
+    def device_cause(self) -> str | None:
+        """The cause as of the last sample, or None.
+
+        ``OVERCURRENT``, ``BUTTON``, ``WATCHDOG`` and the others of docs/protocol.md, or the
+        driver's own word.
+        """
+        ...
+
+
+@runtime_checkable
+class ArmsWithPermission(Protocol):
+    """A rig whose `Rig.arm` makes several attempts.
+
+    The session sets ``check_permission``. `Rig.arm` must call it in every attempt, after which a
+    later emergency stop makes the device refuse the attempt.
     """
-    stated = getattr(rig, "device_cause", None)
-    return stated if isinstance(stated, str) and stated else None
+
+    check_permission: Callable[[], None]
+    """Raises SafetyTrip where an emergency stop forbids to arm"""
 
 
 class Driver(Protocol):
-    """What a driver package registers: how to find its rigs and how to open one.
-
-    One whose every opening makes a rig of its own, inside the process (an emulated one), adds
-    ``private = True``: such a rig is neither locked nor taken for one that is there. One whose
-    ``find`` lists what may be no rig adds ``surely(url) -> bool``; one that does not list all adds
-    ``lasting(url) -> str``, and ``heli3dof estop`` reaches what was opened before: see
-    `heli3dof.rig.session.known_devices`.
-    """
+    """What a driver package registers: how to find its rigs and how to open one."""
 
     scheme: str
     """The URL scheme, e.g. ``mock``."""
@@ -181,12 +204,50 @@ class Driver(Protocol):
         ...
 
     def estop(self, url: DeviceUrl) -> str:
-        """Zero volts on the rig of that URL, though another process may hold it. What was done.
+        """Set the rig of that URL to zero volts, even while another process holds it.
 
-        Raises DeviceError where the rig cannot be reached.
+        Returns what was done. Raises DeviceError where the rig cannot be reached.
         """
         ...
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """What ``doctor`` should know of this door before it is opened: permission, latency."""
+        """``doctor``'s checks of the port before it is opened: permission, holder, latency."""
         ...
+
+
+@runtime_checkable
+class PrivateToProcess(Protocol):
+    """A driver whose every opening makes a new rig inside the process: an emulated rig.
+
+    Such a rig is not locked, not listed as present, and has no stored rest angles.
+    """
+
+    private_to_process: bool
+
+
+@runtime_checkable
+class RecognisesRigs(Protocol):
+    """A driver whose `Driver.find` may list ports with no rig behind them."""
+
+    def is_rig(self, url: DeviceUrl) -> bool:
+        """True where a rig is certainly behind that URL now."""
+        ...
+
+
+@runtime_checkable
+class NamesPlaces(Protocol):
+    """A driver whose `Driver.find` does not list every rig.
+
+    ``heli3dof estop`` then also reaches the rigs that were opened before
+    (`heli3dof.rig.session.known_devices`).
+    """
+
+    def persistent_name(self, url: DeviceUrl) -> str:
+        """A name of what is plugged in at that URL, the same at any other port."""
+        ...
+
+
+def device_cause(rig: object) -> str | None:
+    """Why the device holds its output at zero; None where it states nothing."""
+    cause = rig.device_cause if isinstance(rig, ReportsDeviceCause) else None
+    return cause if isinstance(cause, str) and cause else None

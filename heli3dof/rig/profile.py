@@ -1,8 +1,8 @@
 """A rig's profile: the numbers of Table I and of its loop, read from TOML and checked.
 
-The keys are the contract's. Masses, lengths and gains carry the paper's symbols; what people
-type as angles is in degrees and says so in its name. ``Profile.controller`` is None where the
-file has no ``[controller]``: on an imported log that means *the loop is unknown*.
+Masses, lengths and gains carry the paper's symbols; the names of angles in degrees say so.
+``Profile.controller`` is None where the file has no ``[controller]``: the controller of an imported
+log is then unknown.
 
 =========  =======================  ==========================================================
 symbol     key                      unit
@@ -18,16 +18,16 @@ v_max      motor.v_max              V, amplifier limit
 J          inertia.roll pitch yaw   kg·m², of the level rig; optional
 =========  =======================  ==========================================================
 
-What follows from them, for every model of the rig::
+Every model of the rig derives from them::
 
     T_g     = 2 L_a K_f V_o                            gravity's torque on the level arm, N·m
-    J_roll  = m_w L_w² + (m_f + m_b) L_a²              kg·m², where ``[inertia]`` does not say
+    J_roll  = m_w L_w² + (m_f + m_b) L_a²              kg·m², unless ``[inertia]`` gives it
     J_pitch = (m_f + m_b) L_h²
     J_yaw   = J_roll + J_pitch
 
-Three inertias cannot be written as three point masses (J_yaw would always be the sum of the other
-two), so measured ones have keys of their own. `heli3dof.toml_file.Key` gives each key's unit,
-range and measurement; docs/profile.md is made from it.
+Three point masses cannot represent three measured inertias (J_yaw would always be the sum of the
+other two), so measured ones have keys of their own. `heli3dof.toml_file.Key` holds each key's unit,
+range and measurement; the table in docs/profile.md comes from it.
 """
 
 from __future__ import annotations
@@ -37,11 +37,21 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from heli3dof.errors import ProfileError
-from heli3dof.toml_file import RECORDED, Finite, Key, Positive, Section, check, read_toml
+from heli3dof.toml_file import (
+    RECORDED,
+    Finite,
+    Key,
+    Positive,
+    Range,
+    Section,
+    check,
+    read_toml,
+)
 
 Counts = Annotated[int, Field(strict=True)]
 
@@ -144,34 +154,27 @@ class Motor(Section):
 
     @property
     def hover_V(self) -> float:
-        """Size of the hover voltage in V: max(|V_o|, v_max/8), since a balanced arm has V_o = 0."""
+        """Scale of the hover voltage, V: max(|V_o|, v_max/8), since a balanced arm has V_o = 0."""
         return max(abs(self.V_o), self.v_max / 8)
 
 
+def _moment(axis: str, typical: str, usual: Range, plausible: Range) -> Key:
+    measure = "heli3dof profile update, from a diagnosis"
+    return Key(f"about the {axis} axis", "kg·m²", measure, typical, usual, plausible)
+
+
 class Inertia(Section):
-    """Moments of inertia of the level rig in kg·m²; one that is absent follows from the masses."""
+    """Moments of inertia of the level rig in kg·m²; an absent one follows from the masses."""
 
     roll: Annotated[
-        Positive | None,
-        Key(
-            "about the roll (elevation) axis", "kg·m²",
-            "heli3dof profile update, from a diagnosis", "0.91", (0.02, 5.0), (1e-4, 100.0),
-        ),
-    ] = None  # fmt: skip
+        Positive | None, _moment("roll (elevation)", "0.91", (0.02, 5.0), (1e-4, 100.0))
+    ] = None
     pitch: Annotated[
-        Positive | None,
-        Key(
-            "about the pitch (tilt) axis", "kg·m²",
-            "heli3dof profile update, from a diagnosis", "0.036", (0.001, 0.5), (1e-6, 10.0),
-        ),
-    ] = None  # fmt: skip
-    yaw: Annotated[
-        Positive | None,
-        Key(
-            "about the yaw (travel) axis", "kg·m²",
-            "heli3dof profile update, from a diagnosis", "0.95", (0.02, 5.0), (1e-4, 100.0),
-        ),
-    ] = None  # fmt: skip
+        Positive | None, _moment("pitch (tilt)", "0.036", (0.001, 0.5), (1e-6, 10.0))
+    ] = None
+    yaw: Annotated[Positive | None, _moment("yaw (travel)", "0.95", (0.02, 5.0), (1e-4, 100.0))] = (
+        None
+    )
 
 
 COUNT = "data sheet (lines × 4); or turn the axis once by hand: heli3dof monitor --json"
@@ -238,8 +241,8 @@ class Loop(Section):
     rate_hz: Annotated[
         Positive,
         Key(
-            "control periods per second", "Hz", "choose 500; heli3dof doctor says what this "
-            "computer keeps up with", "500", (100.0, 2000.0), (1.0, 50000.0),
+            "control periods per second", "Hz", "choose 500; heli3dof doctor reports whether "
+            "this computer keeps up", "500", (100.0, 2000.0), (1.0, 50000.0),
         ),
     ]  # fmt: skip
 
@@ -251,7 +254,7 @@ class Limits(Section):
     lies below the table (−27.5°), so that a start from rest is inside. The motors are ramped to
     zero over ``ramp_down_s`` after a trip or an interrupt, over ``landing_s`` at a plan's end; at
     once where they are far from the hover voltage (`heli3dof.experiment.control_loop.ramp_down`).
-    What the last four mean stands in ``heli3dof.experiment.safety_monitors``.
+    `heli3dof.experiment.safety_monitors` explains the last four.
     """
 
     roll_min_deg: Annotated[
@@ -294,7 +297,7 @@ class Limits(Section):
 
 
 class ControllerSpec(Section):
-    """Gains and filters of the contract's default controller; see ``model.control.controller``.
+    """Gains and filters of the default controller; see `heli3dof.model.control.controller`.
 
     ``K`` is 2 × 8, rows front and back, columns V per (r, p, ψ error; ṙ, ṗ, ψ̇; ∫r, ∫ψ error),
     radians and seconds.
@@ -332,7 +335,7 @@ class ControllerSpec(Section):
 
 
 class Profile(Section):
-    """Everything about a rig that is known before a flight."""
+    """All parameters of a rig that are known before a flight."""
 
     name: Annotated[str, Key("the rig's name, shown in tables and recordings")] = "unnamed"
     geometry: Geometry
@@ -354,7 +357,7 @@ class Profile(Section):
 
     @property
     def trim_torque(self) -> float:
-        """T_g = 2 L_a K_f V_o in N·m: what the thrusts balance at level hover."""
+        """T_g = 2 L_a K_f V_o in N·m: the torque that the thrusts balance at level hover."""
         return 2 * self.geometry.L_a * self.motor.K_f * self.motor.V_o
 
     @property
@@ -390,17 +393,48 @@ class Profile(Section):
 
     @property
     def loop_is_known(self) -> bool:
-        """True when the recording's controller is known, so that the loop may be replayed."""
+        """True where the controller is known, so that the closed loop can be replayed."""
         return self.controller is not None
 
     def with_controller(self) -> Profile:
-        """This profile, with the default controller where none was given (for flights)."""
+        """This profile, with the default controller if it has none."""
         if self.controller is not None:
             return self
         return self.model_copy(update={"controller": ControllerSpec()})
 
+    def with_gain(self, K: ArrayLike) -> Profile:
+        """This profile with the controller gain K; the controller's other keys stay.
+
+        K: (2, 8), rows front and back, columns as in `ControllerSpec`. Raises ProfileError for
+        another shape or a gain that is not finite.
+        """
+        gain = np.asarray(K, dtype=float)
+        if gain.shape != (2, 8) or not np.isfinite(gain).all():
+            raise ProfileError(
+                f"The gain K has the shape {gain.shape} or is not finite; it needs 2 × 8 numbers.",
+                cause="it is transposed, or designed for another state.",
+                fix="rows front, back; columns r, p, ψ errors, rates ṙ, ṗ, ψ̇, integrals ∫r, ∫ψ",
+            )
+        front, back = gain.tolist()
+        controller = self.controller or ControllerSpec()
+        controller = controller.model_copy(update={"K": (tuple(front), tuple(back))})
+        return self.model_copy(update={"controller": controller})
+
+    def __repr__(self) -> str:
+        L, m, motor, e = self.geometry, self.mass, self.motor, self.encoder
+        return (
+            f"Profile {self.name!r}: L_w {L.L_w:g}, L_a {L.L_a:g}, L_h {L.L_h:g} m; "
+            f"m_w {m.m_w:g}, m_f {m.m_f:g}, m_b {m.m_b:g} kg\n"
+            f"  K_f {motor.K_f:g} N/V, V_o {motor.V_o:g} V, v_max {motor.v_max:g} V; "
+            f"{e.roll}, {e.pitch}, {e.yaw} counts/rev; {self.loop.rate_hz:g} Hz\n"
+            f"  controller {'known' if self.controller else 'unknown'}; "
+            f"tolerance {100 * self.tolerance:g} %"
+        )
+
+    __str__ = __repr__
+
     def to_dict(self) -> dict[str, Any]:
-        """Plain nested dict, as the TOML file would hold it (None dropped)."""
+        """Nested dict with the content of a TOML file; keys that are None are left out."""
         return self.model_dump(mode="json", exclude_none=True)
 
 
@@ -418,7 +452,7 @@ def profile_from_dict(
 ) -> Profile:
     """Check a nested mapping (as TOML gives it) and build the profile.
 
-    ``recorded``: it was flown or fitted with already, and is read whatever its numbers' ranges.
+    ``recorded``: it comes from a recording or a model file, so implausible numbers pass.
     """
     return check(Profile, data, source, ProfileError, recorded=recorded)
 

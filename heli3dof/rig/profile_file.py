@@ -1,7 +1,7 @@
-"""Profiles as files: written with a comment on every key, and changed with the comments kept.
+"""Write profiles as commented TOML files, and edit them without losing comments.
 
-A new file lists every key there is: the given ones as values, the others commented out with their
-defaults. `changed_text` edits a file's text by tomlkit, so that comments and order survive.
+A new file lists every key: the given ones as values, the others commented out with their defaults.
+`changed_text` edits with tomlkit, which keeps comments and order.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 
 TITLE = (
     "A 3-DOF helicopter's profile. docs/profile.md says how to measure each number.",
-    "heli3dof profile check FILE looks for what is unusual. A commented key has its default.",
+    "heli3dof profile check FILE reports unusual values. A commented key has its default.",
 )
 SECTIONS = {
-    "inertia": "of the level rig; a key that is absent follows from the masses",
-    "limits": "a flight that leaves them ends, and the motors are ramped to zero",
-    "controller": "without this table the loop of an imported log is unknown",
+    "inertia": "of the level rig; an absent key follows from the masses",
+    "limits": "outside them a flight ends, and the motors are ramped to zero",
+    "controller": "without this table the controller of an imported log is unknown",
 }
 
 
 @dataclass(frozen=True)
 class Change:
-    """A key's new value and why."""
+    """A key's new value and the comment that explains it."""
 
     key: str
     value: float | int
@@ -59,13 +59,13 @@ def settings(words: Iterable[str]) -> dict[str, Any]:
 
 
 def toml_value(text: str) -> Any:
-    """What a TOML file would hold after an equals sign; the text itself where it is not TOML."""
+    """The value of a TOML expression; the text itself where it is not TOML."""
     try:
         return tomllib.loads(f"x = {text}")["x"]
     except tomllib.TOMLDecodeError:
         pass
     try:
-        return float(text)  # .25, as people type it
+        return float(text)  # .25 is not TOML
     except ValueError:
         return text
 
@@ -92,7 +92,7 @@ def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]
 
 
 def new_text(data: Mapping[str, Any], remarks: Mapping[str, str] | None = None) -> str:
-    """A commented TOML file of these values; ``remarks`` are added to single keys' comments."""
+    """A commented TOML file with these values; ``remarks`` extend single keys' comments."""
     remarks = remarks or {}
     lines = [f"# {line}" for line in TITLE]
     plain = {n: f for n, f in Profile.model_fields.items() if section_of(f) is None}
@@ -135,7 +135,7 @@ def _entry(name: str, field: FieldInfo, value: Any, remark: str | None) -> Itera
 
 
 def literal(value: Any) -> str:
-    """A value as TOML writes it; a matrix has a line for each row."""
+    """A value in TOML; a matrix has a line for each row."""
     import tomlkit
 
     if isinstance(value, (list, tuple)) and value and isinstance(value[0], (list, tuple)):

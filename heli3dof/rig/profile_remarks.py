@@ -1,13 +1,14 @@
-"""What is legal in a profile and yet unusual: sentences for ``profile check`` and ``profile new``.
+"""Report legal but unusual values of a profile, for ``profile check`` and ``profile new``.
 
-The masses' own hover voltage follows from the balance of the level arm::
+The balance of the level arm gives a hover voltage from the masses::
 
     V_m = (L_a (m_f + m_b) − L_w m_w) g / (2 L_a K_f)        positive: body-heavy, rests body down
 
-It is a small difference of two large torques. With each known to a share ε (the profile's
-tolerance), V_m is known to ε √((L_a m_h)² + (L_w m_w)²) g / (2 L_a K_f), often half of itself, and
-the arm's own mass is not in it. So V_o is measured, and V_m only contradicts it when far off. Its
-sign must be that of −(rest angle): an arm that rests body down needs thrust to rise.
+It is a small difference of two large torques. If each is known to a share ε (the profile's
+tolerance), the standard deviation of V_m is ε √((L_a m_h)² + (L_w m_w)²) g / (2 L_a K_f), with
+m_h = m_f + m_b. That is often half of V_m, and the arm's own mass is missing. So V_o is measured,
+and V_m contradicts it only when far off. The sign of V_o must be that of −(rest angle): an arm that
+rests body down needs thrust to rise.
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from heli3dof.rig.profile import Profile, g
 from heli3dof.toml_file import key_of, keys, within
 
 FAR = 2.0
-"""Standard deviations by which V_o and the masses may differ; a different sign always counts."""
+"""standard deviations by which V_o and V_m may differ; different signs are always reported"""
 MOST_OF_THE_AMPLIFIER = 0.6
-"""Share of v_max at hover above which little is left to control with."""
+"""share of v_max at hover, above which too little is left for control"""
 INERTIA_RATIO = 1.5
-"""Of a measured inertia to the masses' own, either way."""
+"""largest ratio of a measured inertia to that of the masses, either way"""
 
 
 def mass_hover_voltage(profile: Profile) -> float:
@@ -34,14 +35,14 @@ def mass_hover_voltage(profile: Profile) -> float:
 
 
 def estimated_hover_voltage(profile: Profile) -> float:
-    """|V_m| with the sign of −(rest angle): what to fly with before V_o is measured."""
+    """|V_m| with the sign of −(rest angle): a first value until V_o is measured."""
     size = mass_hover_voltage(profile)
     rest = profile.encoder.roll_rest_deg
     return size if rest == 0 else abs(size) * (-1 if rest > 0 else 1)
 
 
 def unusual(profile: Profile) -> Iterator[str]:
-    """One sentence for each number that is worth a second look."""
+    """One sentence for each unusual value."""
     for name, field in keys(Profile):
         key, value = key_of(field), value_at(profile, name)
         if key is None or key.usual is None or value is None or within(value, key.usual):
@@ -55,14 +56,14 @@ def unusual(profile: Profile) -> Iterator[str]:
     for axis in AXES:
         counts = getattr(profile.encoder, axis)
         if counts % 4:
-            yield (f"encoder.{axis} = {counts} is no multiple of 4: is it the lines × 4?")
+            yield (f"encoder.{axis} = {counts} is not a multiple of 4: is it the lines × 4?")
     yield from _hover(profile)
     if profile.inertia is not None:
         for axis, J, masses in zip(AXES, profile.inertias, profile.mass_inertias, strict=True):
             if not 1 / INERTIA_RATIO <= J / masses <= INERTIA_RATIO:
                 yield (
-                    f"inertia.{axis} = {J:.4g} kg·m² is {J / masses:.2f} times what the masses "
-                    f"give ({masses:.4g})"
+                    f"inertia.{axis} = {J:.4g} kg·m² is {J / masses:.2f} times that of the masses "
+                    f"({masses:.4g})"
                 )
     low, high = profile.limits.roll_min_deg, profile.limits.roll_max_deg
     if not low < profile.encoder.roll_rest_deg < high:
@@ -73,8 +74,8 @@ def unusual(profile: Profile) -> Iterator[str]:
         )
     if profile.controller is None:
         yield (
-            "there is no [controller]: flights use the default gain, and the loop of imported logs "
-            "counts as unknown"
+            "there is no [controller]: flights use the default gain, and the controller of "
+            "imported logs is unknown"
         )
 
 
@@ -83,7 +84,7 @@ def _hover(profile: Profile) -> Iterator[str]:
     if abs(V_o) > MOST_OF_THE_AMPLIFIER * v_max:
         yield (
             f"motor.V_o = {V_o:g} V takes {100 * abs(V_o) / v_max:.0f} % of motor.v_max: little is "
-            "left to control with"
+            "left for control"
         )
     L, m = profile.geometry, profile.mass
     masses = mass_hover_voltage(profile)
@@ -101,7 +102,7 @@ def _hover(profile: Profile) -> Iterator[str]:
         yield (
             f"motor.V_o = {V_o:g} V, but the masses give {masses:.3g} ± {std:.2g} V "
             f"({heavier}-heavy): measure V_o, and weigh the parts again"
-            + ("; the paper's Table I has this very contradiction (erratum E2)"
+            + ("; the paper's Table I has the same contradiction (erratum E2)"
                if masses * V_o < 0 else "")
         )  # fmt: skip
 

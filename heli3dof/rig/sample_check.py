@@ -1,8 +1,8 @@
-"""Is a driver's sample made of numbers? Counts and flags whole ones, times finite ones.
+"""Check that a driver's sample consists of numbers.
 
-A NaN compares false with everything, so ``min(max(v, −v_max), v_max)`` of one may be v_max. A
-sample that holds one must therefore never reach a controller. Voltages and currents may be NaN:
-"not measured"; nothing is computed from them in flight.
+A NaN compares false with everything, so ``min(max(v, −v_max), v_max)`` of a NaN may be v_max. No
+sample with a NaN may therefore reach a controller. Voltages and currents may be NaN, "not
+measured": the control law does not use them.
 """
 
 from __future__ import annotations
@@ -11,14 +11,37 @@ from math import isfinite
 from operator import index
 from typing import Any
 
+from heli3dof.axes import AXES
+from heli3dof.errors import DeviceError
 from heli3dof.rig.interface import Sample
+from heli3dof.rig.trip import Trip
 
 LARGEST_COUNT = 1 << 62
-"""Counts: what a signed 64-bit integer holds, with room for a difference"""
+"""counts: the range of a signed 64-bit integer, with room for a difference"""
+_CAUSE = "a mistake in the driver, or a reading that failed and was passed on."
+_FIX = "python -m heli3dof.rig.conformance URL, which examines a driver"
+
+
+def check_sample(sample: Any) -> None:
+    """Raise DeviceError for a sample that cannot be used."""
+    trip = unusable_sample(sample)
+    if trip is not None:
+        raise DeviceError(f"{trip[0].upper()}{trip[1:]}.", cause=trip.cause, fix=trip.fix)
+
+
+def unusable_sample(sample: Any) -> Trip | None:
+    """Why a sample cannot be used, as the trip that ends the flight; None for a good sample."""
+    problem = unreadable(sample)
+    if problem is None:
+        return None
+    return Trip(f"the rig's driver gave a sample that cannot be used: {problem}", _CAUSE, _FIX)
 
 
 def unreadable(sample: Any) -> str | None:
-    """The first field that is no number, in words; None for a sound sample. About 1 µs."""
+    """The first field that is not a number, in words; None for a good sample. About 1 µs.
+
+    Counts and flags must be whole numbers, times finite ones.
+    """
     if not isinstance(sample, Sample):
         return f"{sample!r} is no Sample"
     for name, value in (("sequence", sample.sequence), ("flags", sample.flags)):
@@ -27,7 +50,7 @@ def unreadable(sample: Any) -> str | None:
         except TypeError:
             return f"{name} = {value!r} is not a whole number"
     counts: tuple[Any, ...] = sample.counts
-    for axis, count in zip(("roll", "pitch", "yaw"), counts, strict=False):
+    for axis, count in zip(AXES, counts, strict=False):
         try:
             in_range = abs(index(count)) < LARGEST_COUNT
         except TypeError:
@@ -41,9 +64,9 @@ def unreadable(sample: Any) -> str | None:
         ("host_time_s", sample.host_time_s),
     ):
         try:
-            good = isfinite(time_s)
+            finite = isfinite(time_s)
         except TypeError:
-            good = False
-        if not good:
+            finite = False
+        if not finite:
             return f"{name} = {time_s!r} is not a time"
     return None

@@ -1,18 +1,19 @@
-"""Which instant of a stream a sample belongs to, by the device's clock alone.
+"""The instant of a stream that a sample belongs to, by the device's clock alone.
+
+A device takes a sample at its instant, or a little later when it is busy, never earlier:
 
     sample of instant i:  base + i·dt ≤ d < base + (i + 1)·dt
 
-Samples are taken at their instants, or a little after where the device was busy; never before. So
-base is the earliest that fits. It may creep, where dt is not exactly the device's own period (one
-of whole µs, on a crystal of its own).
+So base is the earliest value that fits. It may creep, since dt need not be exactly the device's own
+period (whole µs, on its own crystal).
 """
 
 from __future__ import annotations
 
 BUSY = 0.9
-"""Of a period: by how much a device may take a sample too late before it is the next one's"""
+"""periods: a sample that is later than this belongs to the next instant"""
 CREEP = 1e-3
-"""Of a period, in each: how much longer the device's may be"""
+"""periods per period: by how much the device's period may exceed dt"""
 
 
 class Instants:
@@ -25,7 +26,7 @@ class Instants:
         self._base, self._k = first_s, 0
 
     def skipped(self, device_s: float) -> int:
-        """Take in the next sample; whole periods by which the time jumped beyond one."""
+        """Add the next sample; returns the number of instants without a sample before it."""
         dt = self._dt
         behind = (device_s - self._base) / dt - (self._k + 1)
         skipped = max(0, int(behind + 1 - self._busy))

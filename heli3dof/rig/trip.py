@@ -1,16 +1,16 @@
-"""Why a flight must end, in words; with what it likely comes from, and what to do then.
+"""Why a flight must end: what was observed, the likely cause, and what to do.
 
-A watch may return a plain string as well: then nothing is known of its cause.
+A safety monitor may also return a plain string; then cause and fix are unknown.
 """
 
 from __future__ import annotations
 
 
 class Trip(str):
-    """What was seen, as text. ``cause``: the likely one; ``fix``: the command or thing to do.
+    """What was observed, as text. ``cause``: the likely one; ``fix``: the command or thing to do.
 
-    ``by_motion``: the rig moved otherwise than its voltages demand, so that the motion before may
-    show which fault it is (`heli3dof.experiment.safety_monitors.wiring_fault`).
+    ``by_motion``: the rig moved differently from what its voltages demand, so the motion before the
+    trip may show the fault (`heli3dof.experiment.safety_monitors.wiring_fault`).
     """
 
     cause: str
@@ -23,11 +23,11 @@ class Trip(str):
         return trip
 
     @staticmethod
-    def first(*seen: str | None) -> Trip | None:
-        """All that was seen, in one sentence; cause and fix are the first one's that has any."""
-        said = [each for each in seen if each]
-        if not said:
+    def first(*reasons: str | None) -> Trip | None:
+        """All reasons in one sentence, with the first known cause and fix; None without any."""
+        given = [each for each in reasons if each]
+        if not given:
             return None
-        known = next((s for s in said if isinstance(s, Trip) and s.cause), Trip(""))
-        by_motion = any(getattr(s, "by_motion", False) for s in said)
-        return Trip("; ".join(said), known.cause, known.fix, by_motion=by_motion)
+        explained = next((r for r in given if isinstance(r, Trip) and r.cause), Trip(""))
+        by_motion = any(getattr(r, "by_motion", False) for r in given)
+        return Trip("; ".join(given), explained.cause, explained.fix, by_motion=by_motion)

@@ -15,7 +15,7 @@ from heli3dof.errors import UsageError, did_you_mean
 
 @dataclass(frozen=True, slots=True)
 class DeviceUrl:
-    """A device URL taken apart; ``options`` keeps every value of a repeated option."""
+    """A parsed device URL; ``options`` keeps every value of a repeated option."""
 
     text: str
     scheme: str
@@ -40,7 +40,7 @@ class DeviceUrl:
 
 
 def parse_url(text: str) -> DeviceUrl:
-    """Take a device URL apart. Raises UsageError when it has no scheme.
+    """Parse a device URL. Raises UsageError without a scheme.
 
     >>> parse_url("mock:?seed=1").one("seed")
     '1'
@@ -49,7 +49,7 @@ def parse_url(text: str) -> DeviceUrl:
     if not colon or not scheme:
         raise UsageError(
             f"{text!r} is not a device URL.",
-            cause="the scheme is missing; a device is named by scheme and place.",
+            cause="the scheme is missing; a device URL is SCHEME:PLACE.",
             fix="--device mock: or --device serial:///dev/ttyACM0; heli3dof devices lists them",
         )
     where, _, query = rest.partition("?")

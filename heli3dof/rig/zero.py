@@ -1,9 +1,9 @@
-"""Measure where the encoders stand at known angles, with a rig that stands still.
+"""Measure the encoder counts at known angles, with the rig at rest.
 
     counts_at_rest = median(count) − (angle now − rest angle) · counts per revolution / 2π
 
-rounded to whole counts. The rig stands still when no axis moved by more than `STILL_DEG` or
-`STILL_COUNTS` within the time of the measurement.
+rounded to whole counts. The rig is at rest if no axis moves by more than `STILL_DEG` and
+`STILL_COUNTS` during the measurement.
 """
 
 from __future__ import annotations
@@ -20,23 +20,26 @@ from heli3dof.rig.interface import Flags, Rig
 from heli3dof.rig.profile import Profile
 
 STILL_DEG = 0.2
+"""°: a rig that swings moves further"""
 STILL_COUNTS = 2
+"""counts: an encoder between two counts moves by one"""
 EVERY_S = 0.01
+"""s between readings"""
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """How a rig stood for a while."""
+    """Encoder readings over a while."""
 
     counts: Counts
-    """The median of each axis, as the device counts"""
+    """The median of each axis, in the device's counts"""
     moved: Counts
-    """Largest less smallest"""
+    """Largest minus smallest"""
     readings: int
 
 
 def watch_standing(rig: Rig, seconds: float) -> Standing:
-    """Read without arming for so long. Raises SafetyTrip where the rig is enabled."""
+    """Read the unarmed rig for so long. Raises SafetyTrip where it is armed."""
     rows = []
     until = time.monotonic() + seconds
     while True:
@@ -44,7 +47,7 @@ def watch_standing(rig: Rig, seconds: float) -> Standing:
         if sample.flags & Flags.ENABLED:
             raise SafetyTrip(
                 "The rig is armed: its motors may turn.",
-                cause="another program flies it, or left it armed.",
+                cause="another program controls it, or left it armed.",
                 fix="heli3dof estop",
             )
         rows.append(sample.counts)
@@ -64,9 +67,9 @@ def calibrate(
     device: str,
     angles_deg: tuple[float | None, float | None, float | None],
 ) -> Calibration:
-    """The calibration of a rig that stands at these angles; None: at that axis's rest angle.
+    """The calibration of a rig at these angles; None: that axis is at its rest angle.
 
-    Raises CheckFailed where it did not stand still.
+    Raises CheckFailed if the rig moved.
     """
     per_count = profile.encoder.rad_per_count
     rest = profile.encoder.rest_rad
@@ -75,14 +78,14 @@ def calibrate(
         moved_deg = abs(degrees(standing.moved[i] * per_count[i]))
         if standing.moved[i] > STILL_COUNTS and moved_deg > STILL_DEG:
             raise CheckFailed(
-                f"The rig does not stand still: {axis} moved by {moved_deg:.2f}° "
+                f"The rig is not at rest: {axis} moved by {moved_deg:.2f}° "
                 f"({standing.moved[i]} counts).",
-                cause="it still swings, somebody touches it, or the encoder picks up noise.",
+                cause="it still swings, someone touches it, or the encoder picks up noise.",
                 fix="let it come to rest; heli3dof monitor shows the angles",
             )
         angle = angles_deg[i]
-        away = 0.0 if angle is None else (radians(angle) - rest[i]) / per_count[i]
-        at_rest.append(standing.counts[i] - round(away))
+        offset = 0.0 if angle is None else (radians(angle) - rest[i]) / per_count[i]
+        at_rest.append(standing.counts[i] - round(offset))
     identity = rig.identity
     return Calibration(
         identity.serial,

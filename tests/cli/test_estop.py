@@ -117,10 +117,10 @@ def test_a_port_that_is_only_found_may_be_no_rig(monkeypatch: pytest.MonkeyPatch
 class Ports(FakeDriver):
     """Finds what may be no rig, as serial ports may."""
 
-    def surely(self, url: DeviceUrl) -> bool:
+    def is_rig(self, url: DeviceUrl) -> bool:
         return url.where == "3"
 
-    def lasting(self, url: DeviceUrl) -> str:
+    def persistent_name(self, url: DeviceUrl) -> str:
         return f"board {url.where}"
 
 

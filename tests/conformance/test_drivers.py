@@ -1,7 +1,7 @@
-"""What every driver owes the port, on every rig that can be opened without hardware.
+"""The conformance suite on every rig that can be opened without hardware.
 
-A driver that is registered stands either in `WITHOUT_HARDWARE`, with the URLs to open, or in
-`NEEDS_HARDWARE`; a new one that stands in neither fails here.
+Every registered driver is listed in `WITHOUT_HARDWARE`, with the URLs to open, or in
+`NEEDS_HARDWARE`; a test fails for one that is in neither.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from heli3dof.rig.drivers import load_driver, registered
 from tests.drivers.doors import Door, firmware_door, python_door
 
 WITHOUT_HARDWARE = {
-    # A watchdog of 0.3 s: a busy test machine may well be silent for 0.1 s.
+    # A watchdog of 0.3 s: a busy computer may be silent for 0.1 s.
     "mock": (
         "mock:?speed=max",
         "mock:?speed=real&watchdog_s=0.3",
@@ -40,39 +40,39 @@ WITHOUT_HARDWARE = {
     ),
 }
 NEEDS_HARDWARE = {"usb"}
-"""Flown as ``usb+mock``, and by `make test-kernel-usb`"""
+"""Tested as ``usb+mock``, and by `make test-kernel-usb`"""
 URLS = [url for urls in WITHOUT_HARDWARE.values() for url in urls]
 
-DOORS: dict[str, Callable[[], AbstractContextManager[Door]]] = {
+EMULATED: dict[str, Callable[[], AbstractContextManager[Door]]] = {
     "python": python_door,
     "firmware": firmware_door,
 }
-"""Emulated rigs that stand in a process of their own, by the name in their URLs' braces."""
+"""Emulated rigs in a process of their own, by the name in the URLs' braces"""
 
 
-class Doors:
-    """Opens the door that a URL names, once, and puts its path into the URL."""
+class Ports:
+    """Starts the emulated rig that a URL names, once, and fills its path into the URL."""
 
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
         self._paths: dict[str, str] = {}
 
-    def through(self, url: str) -> str:
-        for name, door in DOORS.items():
+    def fill_in(self, url: str) -> str:
+        for name, start in EMULATED.items():
             if f"{{{name}}}" in url and name not in self._paths:
-                self._paths[name] = self._stack.enter_context(door()).path
+                self._paths[name] = self._stack.enter_context(start()).path
         return url.format(**self._paths)
 
 
 @pytest.fixture(scope="session")
-def doors() -> Iterator[Doors]:
+def ports() -> Iterator[Ports]:
     with ExitStack() as stack:
-        yield Doors(stack)
+        yield Ports(stack)
 
 
 @pytest.fixture
 def laboratory(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A computer with the vendor's library and a board of each type in the URLs."""
+    """Install a stand-in for the vendor's library, with a board of each type in the URLs."""
     from tests.drivers.quanser_hil.stand_in import install
 
     install(monkeypatch)
@@ -80,15 +80,13 @@ def laboratory(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("url", URLS)
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_every_driver_does_what_the_port_says(
-    case: Case, url: str, doors: Doors, laboratory: None
-) -> None:
+def test_every_driver_conforms(case: Case, url: str, ports: Ports, laboratory: None) -> None:
     with ExitStack() as stack:
-        place = Doors(stack) if case.at_rest else doors
-        conforms(case, place.through(url), moves=True)
+        opened = Ports(stack) if case.at_rest else ports
+        conforms(case, opened.fill_in(url), moves=True)
 
 
-def test_every_registered_driver_says_whether_it_needs_hardware():
+def test_every_registered_driver_is_listed():
     known = set(WITHOUT_HARDWARE) | NEEDS_HARDWARE
     assert {name for name, e in registered().items() if e.module.startswith("heli3dof")} <= known
 

@@ -1,4 +1,4 @@
-"""The conformance suite can fail: drivers that err in one way each, and the case that sees it."""
+"""The conformance suite detects faulty drivers: one fault each, and the case that fails."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ CASE = {case.name: case for case in CASES}
 
 
 class Rig(MockRig):
-    """A rig that conforms, to be spoilt."""
+    """A conforming rig; subclasses have one fault."""
 
 
 class Driver(MockDriver):
-    """A driver that conforms, to be spoilt."""
+    """A conforming driver; subclasses have one fault."""
 
     scheme = "spoilt"
     rig: type[Rig] = Rig
@@ -40,50 +40,50 @@ class Driver(MockDriver):
         return self.rig(profile, Options.of(url))
 
 
-class NamesAnotherScheme(Driver):
+class FindsAnotherScheme(Driver):
     def find(self) -> Sequence[str]:
         return ["mock:"]
 
 
-class KeepsItsOptionsToItself(Driver):
+class HidesAnOption(Driver):
     options = ("watchdog_s", "speed", "seed", "secret")
 
     def open(self, url: DeviceUrl, profile: Profile) -> MockRig:
         raise AssertionError
 
 
-class ComplainsWithoutHelp(Driver):
+class ChecksWithoutFix(Driver):
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
         return [Check("latency", "16 ms", False)]
 
 
 class CanBeOpenedTwice(Driver):
-    private = False
+    private_to_process = False
 
 
-class SaysNothingOfItsStop(Driver):
+class DoesNotReportItsStop(Driver):
     def estop(self, url: DeviceUrl) -> str:
         return ""
 
 
-class StopsNobody(Driver):
-    """Whatever the URL says, there is something that it stops."""
+class StopsMissingRigs(Driver):
+    """Reports a stop for every URL."""
 
-    private = False
+    private_to_process = False
 
     def estop(self, url: DeviceUrl) -> str:
         return "stopped"
 
 
-class PretendsToStop(Driver):
-    private = False
+class OnlyReportsItsStop(Driver):
+    private_to_process = False
 
     def estop(self, url: DeviceUrl) -> str:
-        return "stopped, they say"
+        return "stopped"
 
 
 class OneFixedRig(Driver):
-    """A rig that outlives its closing: it is still armed when it is opened again."""
+    """Its rig is still armed when it is opened again."""
 
     class rig(Rig):
         def close(self) -> None:
@@ -99,7 +99,7 @@ class OneFixedRig(Driver):
 
 
 def spoilt(name: str, **methods: object) -> type[Driver]:
-    """A driver whose rig does one thing wrong."""
+    """A driver whose rig has one fault."""
     return type(name, (Driver,), {"rig": type(name, (Rig,), methods)})
 
 
@@ -198,30 +198,28 @@ def _stopped_for_good(self: Rig) -> Sample:
 
 
 SPOILT = {
-    NamesAnotherScheme: "a_driver_finds_its_rigs_in_no_time_by_urls_of_its_scheme",
-    ComplainsWithoutHelp: "what_is_examined_before_opening_says_what_mends_it",
-    CanBeOpenedTwice: "a_rig_that_is_open_is_busy_and_goes_on_undisturbed",
-    SaysNothingOfItsStop: "the_drivers_stop_reaches_a_rig_that_another_holds",
-    PretendsToStop: "the_drivers_stop_reaches_a_rig_that_another_holds",
-    StopsNobody: "a_stop_of_a_rig_that_is_not_there_is_an_error",
-    OneFixedRig: "a_closed_rig_can_be_opened_again_and_is_at_rest",
+    FindsAnotherScheme: "find_returns_urls_of_the_drivers_scheme_within_a_second",
+    ChecksWithoutFix: "a_failed_check_before_opening_names_its_fix",
+    CanBeOpenedTwice: "opening_an_open_rig_fails_and_does_not_disturb_it",
+    DoesNotReportItsStop: "the_drivers_estop_stops_a_rig_that_is_open_elsewhere",
+    OnlyReportsItsStop: "the_drivers_estop_stops_a_rig_that_is_open_elsewhere",
+    StopsMissingRigs: "the_drivers_estop_of_a_missing_rig_is_an_error",
+    OneFixedRig: "a_closed_rig_can_be_opened_again_at_zero_volts",
     spoilt("NoFirmware", identity=property(_no_firmware)): (
-        "the_identity_is_complete_and_fits_the_profile"
+        "the_identity_is_complete_and_agrees_with_the_profile"
     ),
     spoilt("OtherCounts", identity=property(_other_counts)): (
-        "the_identity_is_complete_and_fits_the_profile"
+        "the_identity_is_complete_and_agrees_with_the_profile"
     ),
-    spoilt("ArmedUnasked", exchange=_armed_unasked): "before_arming_no_volt_gets_out",
-    spoilt("ReadingArms", read=_reading_arms): (
-        "reading_shows_a_rig_that_is_not_armed_and_leaves_it_so"
-    ),
-    spoilt("DeafWhenRead", estop=_deaf): "reading_after_a_flight_shows_where_the_rig_is",
+    spoilt("ArmedUnasked", exchange=_armed_unasked): "the_output_is_zero_before_arming",
+    spoilt("ReadingArms", read=_reading_arms): ("reading_does_not_arm"),
+    spoilt("DeafWhenRead", estop=_deaf): "reading_after_a_stop_returns_the_present_state",
     spoilt("ArmsWithVolts", arm=_arms_with_volts): "arming_enables_at_zero_volts",
     spoilt("OneBehind", exchange=_one_behind): (
-        "a_sample_echoes_the_commands_sequence_and_its_volts"
+        "a_sample_echoes_the_commands_sequence_and_voltages"
     ),
     spoilt("WrongVolts", exchange=_wrong_volts): (
-        "a_sample_echoes_the_commands_sequence_and_its_volts"
+        "a_sample_echoes_the_commands_sequence_and_voltages"
     ),
     spoilt("HalfAClock", exchange=_half_a_clock): (
         "the_devices_clock_advances_by_the_control_period"
@@ -230,32 +228,32 @@ SPOILT = {
         "the_devices_clock_advances_by_the_control_period"
     ),
     spoilt("SilentAboutClipping", exchange=_silent_about_clipping): (
-        "volts_stay_within_the_limit_and_the_sample_owns_up_to_it"
+        "voltages_are_clipped_and_the_sample_is_flagged_saturated"
     ),
     spoilt("CurrentsBackwards", exchange=_currents_backwards): (
-        "currents_are_numbers_of_the_voltages_sign_or_nan"
+        "currents_have_the_voltages_signs_or_are_nan"
     ),
     spoilt("MotorsSwapped", exchange=_motors_swapped): (
-        "equal_volts_lift_the_body_and_more_in_front_raises_the_front"
+        "equal_voltages_lift_the_body_and_a_larger_front_voltage_raises_the_front"
     ),
-    spoilt("Deaf", estop=_deaf): (
-        "an_emergency_stop_is_zero_volts_until_armed_however_often_it_is_called"
-    ),
+    spoilt("Deaf", estop=_deaf): ("an_emergency_stop_holds_until_arming_and_may_be_repeated"),
     spoilt("StoppedForGood", arm=_stopped_for_good): (
-        "an_emergency_stop_is_heard_before_arming_too"
+        "an_emergency_stop_before_arming_is_cleared_by_arming"
     ),
     spoilt("TakesAnything", exchange=_takes_anything): (
-        "a_voltage_that_is_not_a_number_never_reaches_the_motors"
+        "a_voltage_that_is_not_finite_never_reaches_the_motors"
     ),
     spoilt("OpenAfterClosing", close=_open_after_closing): "closing_is_idempotent_and_final",
     spoilt("ForgivesSilence", exchange=_forgives_silence): (
-        "a_silent_host_is_latched_out_until_it_arms_again"
+        "the_watchdog_latches_a_silent_host_until_it_arms"
     ),
-    spoilt("NeverWaits", exchange=_never_waits): "a_host_that_was_away_flies_no_burst",
+    spoilt(
+        "NeverWaits", exchange=_never_waits
+    ): "missed_periods_are_skipped_not_executed_in_a_burst",
     spoilt("CountsInWords", statistics={"lost": "some"}): (
-        "what_a_rig_counts_are_numbers_that_recordings_can_keep"
+        "link_statistics_are_a_dataclass_of_counts"
     ),
-    spoilt("ArmsOnce", arm=_arms_once): "arming_while_armed_starts_again_at_zero_volts",
+    spoilt("ArmsOnce", arm=_arms_once): "arming_while_armed_restarts_at_zero_volts",
 }
 
 
@@ -275,22 +273,20 @@ def use(monkeypatch: pytest.MonkeyPatch, driver: type[Driver]) -> None:
 
 def url_of(case: str) -> str:
     timed = (
-        "a_silent_host_is_latched_out_until_it_arms_again",
-        "a_host_that_was_away_flies_no_burst",
+        "the_watchdog_latches_a_silent_host_until_it_arms",
+        "missed_periods_are_skipped_not_executed_in_a_burst",
     )
     return "spoilt:?watchdog_s=0.3" if case in timed else "spoilt:?speed=max"
 
 
 @pytest.mark.parametrize("case", CASES, ids=str)
-def test_the_driver_that_is_spoilt_below_conforms(monkeypatch: pytest.MonkeyPatch, case):
+def test_the_driver_without_a_fault_conforms(monkeypatch: pytest.MonkeyPatch, case):
     use(monkeypatch, Driver)
     conforms(case, url_of(case.name))
 
 
 @pytest.mark.parametrize("driver", SPOILT, ids=lambda d: d.__name__)
-def test_what_a_driver_does_wrong_is_seen_and_named(
-    monkeypatch: pytest.MonkeyPatch, driver: type[Driver]
-):
+def test_each_fault_fails_its_case(monkeypatch: pytest.MonkeyPatch, driver: type[Driver]):
     use(monkeypatch, driver)
     with pytest.raises(NotConforming) as caught:
         conforms(CASE[SPOILT[driver]], url_of(SPOILT[driver]))
@@ -299,23 +295,23 @@ def test_what_a_driver_does_wrong_is_seen_and_named(
 
 
 def test_an_error_for_a_wrong_option_names_every_option(monkeypatch: pytest.MonkeyPatch):
-    use(monkeypatch, KeepsItsOptionsToItself)
+    use(monkeypatch, HidesAnOption)
 
-    def forgetful(url: DeviceUrl, known: Sequence[str]) -> None:
+    def silent(url: DeviceUrl, known: Sequence[str]) -> None:
         raise UsageError(f"{url.text}: there is no such option.")
 
-    monkeypatch.setattr(DeviceUrl, "check_options", forgetful)
-    case = CASE["an_option_that_it_does_not_know_is_an_error_that_names_those_it_knows"]
+    monkeypatch.setattr(DeviceUrl, "check_options", silent)
+    case = CASE["an_unknown_option_is_an_error_that_names_the_known_ones"]
     with pytest.raises(NotConforming, match="secret"):
         conforms(case, "spoilt:")
 
 
-def test_every_case_is_seen_to_fail():
-    above = "an_option_that_it_does_not_know_is_an_error_that_names_those_it_knows"
+def test_every_case_can_fail():
+    above = "an_unknown_option_is_an_error_that_names_the_known_ones"
     assert {case.name for case in CASES} == {*SPOILT.values(), above}
 
 
-def test_a_real_rig_is_not_moved_unless_that_is_asked_for(monkeypatch: pytest.MonkeyPatch):
+def test_a_real_rig_does_not_move_by_default(monkeypatch: pytest.MonkeyPatch):
     def real(self: Rig) -> Identity:
         return replace(MockRig.identity.fget(self), emulated=False)  # type: ignore[attr-defined]
 
@@ -332,19 +328,19 @@ def test_a_real_rig_is_not_moved_unless_that_is_asked_for(monkeypatch: pytest.Mo
     assert 10 < skipped < len(CASES)
 
 
-def test_at_the_bench_each_case_has_a_line_and_the_exit_code_says_whether_all_hold(
+def test_the_command_prints_a_line_for_each_case_and_exits_6_on_a_failure(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     use(monkeypatch, Driver)
     assert main(["spoilt:?speed=max"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == len(CASES)
-    left_out = [line for line in lines if ": left out: " in line]
-    assert sum(line.endswith(": holds") for line in lines) == len(CASES) - len(left_out)
-    assert len(left_out) == 3
-    assert "a virtual clock" in left_out[-1]
+    skipped = [line for line in lines if ": skipped: " in line]
+    assert sum(line.endswith(": holds") for line in lines) == len(CASES) - len(skipped)
+    assert len(skipped) == 3
+    assert "a virtual clock" in skipped[-1]
     use(monkeypatch, spoilt("Deaf", estop=_deaf))
     assert main(["spoilt:?speed=max"]) == 6
-    assert "DOES NOT HOLD: zero volts after an emergency stop" in capsys.readouterr().out
+    assert "FAILS: zero volts after an emergency stop" in capsys.readouterr().out
     assert main(["spolt:"]) == 2
     assert "There is no driver for 'spolt:'" in capsys.readouterr().err

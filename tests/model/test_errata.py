@@ -25,8 +25,8 @@ from heli3dof.model.linear.hover import (
     quiescent_voltage,
 )
 from heli3dof.paper.eq17 import DENOMINATOR, NUMERATORS_PRINTED, paper17_model
-from heli3dof.paper.page import taken_literally
 from tests.model.examples import DEG, PRINTED_V_O, PROFILE, SPEC, K_g
+from tests.pages.paper_page import taken_literally
 
 PRINTED, RIGHT = hover(PROFILE, printed=True), hover(PRINTED_V_O)
 

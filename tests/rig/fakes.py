@@ -1,4 +1,4 @@
-"""A driver without hardware whose rigs other processes could hold: it keeps what it was told."""
+"""A driver without hardware whose rigs are not private; it records its calls."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class FakeRig:
 
 @dataclass
 class FakeDriver:
-    """`find` finds `urls`; `estop` fails where told."""
+    """`find` finds `urls`; `estop` fails with `cannot_stop`."""
 
     scheme: str = "fake"
     options: Sequence[str] = ("speed",)

@@ -53,8 +53,8 @@ def race(kind: str, moment_s: float, *, everything: bool) -> Race:
     with _own_folders() as folder:
         log = folder / "volts"
         if kind == "firmware":
-            with firmware_door("--log", str(log)) as door:
-                return _race(door.url("watchdog_s=1"), moment_s, folder, log, everything)
+            with firmware_door("--log", str(log)) as rig:
+                return _race(rig.url("watchdog_s=1"), moment_s, folder, log, everything)
         return _race("mock:?watchdog_s=1", moment_s, folder, None, everything)
 
 
@@ -93,7 +93,7 @@ def _of_log(path: Path) -> list[tuple[float, float]]:
 
 
 def _of_recording(path: Path) -> list[tuple[float, float]]:
-    """When the samples said that the amplifier was enabled."""
+    """When the samples reported that the amplifier was enabled."""
     try:
         channels = read_recording(path).channels
     except RecordingError:

@@ -1,4 +1,4 @@
-"""Rest angles are stored by serial number, and hold for the start of the device they are of."""
+"""Rest angles are stored per serial number, and hold until the device restarts."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from heli3dof.rig.calibration import (
-    UPTIME_WRAP_S,
     Calibration,
     calibration_path,
     load_calibration,
     rest_of,
     store_calibration,
 )
+from heli3dof.rig.uptime import UPTIME_WRAP_S
 from tests.rig.fakes import IDENTITY
 
 FOUND = Calibration(
@@ -31,33 +31,33 @@ def state(monkeypatch, tmp_path):
     return tmp_path
 
 
-def test_a_rig_that_was_never_zeroed_is_taken_to_have_started_at_rest():
+def test_a_rig_without_a_calibration_is_assumed_to_have_started_at_rest():
     rest = rest_of(IDENTITY)
     assert (rest.counts_at_rest, rest.known_from, rest.note) == ((0, 0, 0), "power-up", "")
 
 
-def test_what_was_stored_is_gone_by_without_a_word(state):
+def test_stored_counts_are_used_without_a_note(state):
     path = store_calibration(FOUND)
     assert path == state / "heli3dof" / "rigs" / "F-1.toml"
     rest = rest_of(IDENTITY)
     assert (rest.counts_at_rest, rest.known_from, rest.note) == ((12, -3, 40), "zero", "")
 
 
-def test_after_another_start_of_the_device_it_is_not_used_and_that_is_said():
+def test_after_a_restart_of_the_device_stored_counts_are_not_used_and_a_note_says_so():
     store_calibration(FOUND)
     rest = rest_of(replace(IDENTITY, boot=8))
     assert rest.counts_at_rest == (0, 0, 0)
     assert "has restarted since heli3dof zero on 2026-11-21" in rest.note
 
 
-def test_where_the_device_tells_no_starts_it_is_used_and_the_time_is_said():
+def test_without_boot_numbers_stored_counts_are_used_and_a_note_names_their_date():
     store_calibration(replace(FOUND, boot=None))
     rest = rest_of(replace(IDENTITY, boot=None))
     assert rest.counts_at_rest == (12, -3, 40)
     assert "2026-11-21" in rest.note
 
 
-def test_other_encoders_make_it_void():
+def test_stored_counts_of_other_encoders_are_not_used():
     store_calibration(FOUND)
     rest = rest_of(replace(IDENTITY, counts_per_rev=(-4096, 4096, 8192)))
     assert rest.counts_at_rest == (0, 0, 0)
@@ -68,7 +68,7 @@ def test_other_encoders_make_it_void():
     "text",
     ["", "serial = ", "serial = 'F-1'\n", "\x00", "serial = 'F-2'\n" + "x = 1\n"],
 )
-def test_a_damaged_file_is_not_used_and_that_is_said(text):
+def test_a_damaged_file_is_not_used_and_a_note_says_so(text):
     path = store_calibration(FOUND)
     path.write_text(text)
     rest = rest_of(IDENTITY)
@@ -82,14 +82,14 @@ def test_a_damaged_file_is_not_used_and_that_is_said(text):
     boot=st.none() | st.integers(0, 2**32 - 1),
     counts=st.tuples(*[st.integers(-(2**31), 2**31 - 1)] * 3),
 )
-def test_whatever_is_stored_comes_back(serial, boot, counts):
+def test_a_stored_calibration_is_read_back(serial, boot, counts):
     stored = replace(FOUND, serial=serial, boot=boot, counts_at_rest=counts, started_s=1.5e9)
     path = store_calibration(stored)
     assert load_calibration(serial) == stored
     path.unlink()
 
 
-def test_a_serial_number_stays_in_its_folder(state):
+def test_a_serial_number_cannot_leave_its_folder(state):
     assert calibration_path("../../etc/passwd").parent == state / "heli3dof" / "rigs"
     assert calibration_path("..").name == "...toml"
 
@@ -106,22 +106,24 @@ def test_a_repeated_boot_number_does_not_hide_a_restart(up_before_s: float, ago_
     zeroed(now - ago_s - up_before_s, ago_s)
     rest = rest_of(replace(IDENTITY, started_s=now - ago_s / 2))
     assert rest.counts_at_rest == (0, 0, 0)
-    assert "repeats its boot number 7" in rest.note
+    assert "its boot number 7 is the same" in rest.note
     assert "run heli3dof zero again" in rest.note
 
 
 @pytest.mark.parametrize("ago_s", [1.0, 3600.0, 86400.0, 40 * 86400.0, 60 * 86400.0])
 @pytest.mark.parametrize("off", [-4e-3, 0.0, 4e-3])
-def test_a_device_that_ran_on_keeps_its_rest_angles_whatever_its_crystal(ago_s: float, off: float):
+def test_a_device_without_a_restart_keeps_its_rest_angles_with_any_crystal(
+    ago_s: float, off: float
+):
     started = time.time() - ago_s - 100
     zeroed(started, ago_s)
-    # A slow clock states a shorter uptime: it seems to have started later. Modulo 49.7 days.
+    # A slow clock states a shorter uptime, as if it had started later. Modulo 49.7 days.
     stated = (ago_s + 100) * (1 - off) % UPTIME_WRAP_S
     rest = rest_of(replace(IDENTITY, started_s=time.time() - stated))
     assert (rest.counts_at_rest, rest.note) == ((12, -3, 40), "")
 
 
-def test_without_boot_numbers_the_uptime_alone_tells():
+def test_without_boot_numbers_the_uptime_detects_a_restart():
     now = time.time()
     zeroed(now - 500, 100, boot=None)
     same = replace(IDENTITY, boot=None, started_s=now - 500)
@@ -133,7 +135,7 @@ def test_without_boot_numbers_the_uptime_alone_tells():
 
 
 @pytest.mark.parametrize("text", ["started_s = 'noon'", "started_s = true"])
-def test_a_start_that_is_no_time_is_damage(text: str):
+def test_a_start_that_is_not_a_number_is_damage(text: str):
     path = store_calibration(FOUND)
     path.write_text(path.read_text() + text + "\n")
     assert "cannot be read" in rest_of(IDENTITY).note

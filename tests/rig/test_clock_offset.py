@@ -1,4 +1,4 @@
-"""The map of a device's clock follows drift and ignores delay."""
+"""The estimated clock offset follows drift and ignores delays."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_a_punctual_stream_is_never_late() -> None:
     assert max(late) < 1e-9
 
 
-def test_a_delayed_sample_is_late_by_its_delay_and_does_not_move_the_map() -> None:
+def test_a_delayed_sample_is_late_by_its_delay_and_does_not_move_the_offset() -> None:
     clock = ClockMap(0.0, WAY)
     for k in range(1, 500):
         clock.arrived(k * DT, k * DT + WAY)
@@ -28,7 +28,7 @@ def test_a_delayed_sample_is_late_by_its_delay_and_does_not_move_the_map() -> No
     assert clock.host(2.0) == pytest.approx(2.0 + WAY, abs=1e-6)
 
 
-def test_a_first_sample_that_was_late_is_mended_by_the_next() -> None:
+def test_the_next_sample_corrects_a_late_first_one() -> None:
     clock = ClockMap(0.0, 0.050)
     clock.arrived(DT, DT + WAY)
     assert clock.arrived(2 * DT, 2 * DT + WAY + 0.003) == pytest.approx(0.003, abs=1e-6)
@@ -42,7 +42,7 @@ def test_a_drifting_clock_is_followed_for_an_hour(ppm: float) -> None:
     assert max(late) < 1e-9
 
 
-def test_a_clock_beyond_what_a_crystal_does_shows_as_growing_lateness() -> None:
+def test_a_clock_slower_than_any_crystal_gives_growing_lateness() -> None:
     clock = ClockMap(0.0, WAY)
     late = [clock.arrived(k * DT, k * DT * (1 + 300e-6) + WAY) for k in range(1, 5000)]
     assert late[-1] == pytest.approx(200e-6 * 5000 * DT, rel=1e-3)
@@ -53,7 +53,7 @@ def test_a_clock_beyond_what_a_crystal_does_shows_as_growing_lateness() -> None:
     delays=st.lists(st.floats(0, 0.05), min_size=2, max_size=200),
     ppm=st.floats(-80, 80),
 )
-def test_lateness_is_the_delay_beyond_the_quickest_within_what_drift_allows(
+def test_lateness_is_the_delay_beyond_the_smallest_within_the_drift(
     delays: list[float], ppm: float
 ) -> None:
     clock = ClockMap(0.0, WAY + delays[0])

@@ -1,4 +1,4 @@
-"""The envelope ends a flight for each of its reasons, and names it."""
+"""The envelope ends a flight at each of its limits, and names the limit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_rest_on_the_table_is_inside() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "words"),
     [
         ({"angle": (radians(34.1), 0, 0)}, "roll reached 34.10°"),
         ({"angle": (radians(-33), 0, 0)}, "roll reached -33.00°"),
@@ -37,15 +37,15 @@ def test_rest_on_the_table_is_inside() -> None:
         ({"rate": (0, nan, 0)}, "pitch turned at nan"),
         ({"command": (nan, 0)}, "nan V on the front motor"),
         ({"command": (0, inf)}, "inf V on the back motor"),
-        ({"voltage": (nan, 0)}, "front motor was asked for nan V"),
-        ({"voltage": (0, -24.1)}, "back motor was asked for -24.10 V"),
+        ({"voltage": (nan, 0)}, "front motor's command is nan V"),
+        ({"voltage": (0, -24.1)}, "back motor's command is -24.10 V"),
         ({"t": 600.1}, "longer than the envelope's 600 s"),
     ],
 )
-def test_each_limit_ends_the_flight_and_says_so(change: dict, said: str) -> None:
-    why = check(**change)
-    assert why is not None
-    assert said in why
+def test_each_limit_ends_the_flight_and_is_named(change: dict, words: str) -> None:
+    trip = check(**change)
+    assert trip is not None
+    assert words in trip
 
 
 def test_a_voltage_that_jumps_faster_than_the_slew_limit_ends_the_flight() -> None:
@@ -60,5 +60,5 @@ def test_after_skipped_periods_the_voltage_has_had_longer_to_change() -> None:
     assert envelope.check(1.0, LEVEL, LEVEL, HOVER, (0.0, 0.0)) is None
     assert envelope.check(1.010, LEVEL, LEVEL, HOVER, (20.0, 0.0)) is None  # five periods
     assert "jumped at" in (envelope.check(1.012, LEVEL, LEVEL, HOVER, (9.9, 0.0)) or "")
-    # A clock that jitters makes no slew out of nothing.
+    # Clock jitter does not raise the slew rate.
     assert envelope.check(1.0101, LEVEL, LEVEL, HOVER, (20.0, 9.9)) is None

@@ -1,4 +1,4 @@
-"""Times counted in bins: quantiles within 1 %, whatever the times and however many."""
+"""Quantiles of the histogram are within 1 %."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_four_times_by_hand() -> None:
     assert histogram.quantile_s(1.0) == histogram.worst_s == 1.0
 
 
-def test_of_no_times_there_is_no_quantile() -> None:
+def test_an_empty_histogram_has_no_quantile() -> None:
     assert math.isnan(Histogram().quantile_s(0.5))
 
 
@@ -44,24 +44,24 @@ def test_a_quantile_is_at_most_a_bin_too_long_and_never_too_short(
 
 
 @given(st.lists(times, min_size=1))
-def test_the_longest_time_is_kept_as_it_is(values: list[float]) -> None:
+def test_the_longest_time_is_exact(values: list[float]) -> None:
     histogram = filled(values)
     assert histogram.worst_s == max(values)
     assert histogram.quantile_s(1.0) <= max(values)
 
 
 @pytest.mark.parametrize("time_s", [-1.0, 0.0, 1e-9, SHORTEST_S])
-def test_what_no_clock_tells_from_nothing_is_told_as_nothing(time_s: float) -> None:
+def test_times_below_a_clocks_resolution_are_reported_as_zero(time_s: float) -> None:
     histogram = filled([time_s])
     assert histogram.quantile_s(0.5) == 0.0
     assert histogram.n == 1
 
 
-def test_what_is_longer_than_the_last_bin_is_told_by_the_longest() -> None:
+def test_times_beyond_the_last_bin_are_reported_as_the_longest() -> None:
     assert filled([100.0, 3600.0]).quantile_s(0.5) == 3600.0
 
 
-def test_a_million_times_take_the_room_of_one() -> None:
+def test_memory_does_not_grow_with_the_number_of_times() -> None:
     one, many = filled([1e-3]), Histogram()
     for k in range(1, 1_000_001):
         many.add(k * 1e-6)

@@ -1,4 +1,4 @@
-"""Which rigs live inside the process that opens them, and are neither locked nor looked for."""
+"""Rigs that are private to the process that opens them."""
 
 from __future__ import annotations
 
@@ -18,5 +18,5 @@ from heli3dof.rig.drivers import is_private
         ("quanser://q8_usb/0", False),
     ],
 )
-def test_a_rig_is_private_where_every_opening_makes_one(url: str, private: bool):
+def test_only_emulated_rigs_inside_the_process_are_private(url: str, private: bool):
     assert is_private(url) is private

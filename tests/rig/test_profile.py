@@ -1,13 +1,15 @@
-"""A profile is read exactly, or the wrong key is named with the file and the nearest known key."""
+"""A profile is read exactly; an error names the wrong key, the file and the nearest key."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from heli3dof.errors import ProfileError
 from heli3dof.rig.profile import TABLE_I, default_profile, load_profile, profile_from_dict
+from heli3dof.rig.profile_file import merged
 from tests.paths import REAL_DATA, needs_real_data
 
 GOOD = """
@@ -50,11 +52,11 @@ def test_an_encoder_that_counts_down_has_a_negative_step(tmp_path: Path) -> None
     assert profile.encoder.rad_per_count[0] == pytest.approx(-2 * 3.141592653589793 / 4096)
 
 
-def test_without_a_controller_the_loop_is_unknown(tmp_path: Path) -> None:
+def test_without_a_controller_section_the_controller_is_unknown(tmp_path: Path) -> None:
     assert not load_profile(write(tmp_path, GOOD)).loop_is_known
 
 
-def test_an_empty_controller_section_is_the_contracts_default(tmp_path: Path) -> None:
+def test_an_empty_controller_section_is_the_default_controller(tmp_path: Path) -> None:
     profile = load_profile(write(tmp_path, GOOD + "[controller]\n"))
     assert profile.loop_is_known
     assert profile.controller is not None
@@ -62,7 +64,7 @@ def test_an_empty_controller_section_is_the_contracts_default(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "words"),
     [
         (("L_w = 0.4699", "L_ww = 0.4699"), ["geometry.L_ww", "L_w"]),
         (("K_f = 0.1188\n", ""), ["motor.K_f", "missing"]),
@@ -75,17 +77,17 @@ def test_an_empty_controller_section_is_the_contracts_default(tmp_path: Path) ->
         (("rate_hz = 500", "rate_hz ="), ["not valid TOML"]),
     ],
 )
-def test_a_wrong_key_is_named_with_its_file(tmp_path: Path, change: tuple, said: list) -> None:
+def test_a_wrong_key_is_named_with_its_file(tmp_path: Path, change: tuple, words: list) -> None:
     path = write(tmp_path, GOOD.replace(*change))
     with pytest.raises(ProfileError) as caught:
         load_profile(path)
     assert caught.value.exit_code == 2
-    for part in [*said, str(path)]:
+    for part in [*words, str(path)]:
         assert part in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "words"),
     [
         (("L_a = 0.6604", "L_a = 66.04"), ["geometry.L_a = 66.04", "0.05 to 3 m", "centimetres"]),
         (("L_h = 0.1778", "L_h = 177.8"), ["geometry.L_h", "millimetres"]),
@@ -95,20 +97,20 @@ def test_a_wrong_key_is_named_with_its_file(tmp_path: Path, change: tuple, said:
     ],
 )
 def test_an_implausible_number_is_refused_with_the_likely_unit(
-    tmp_path: Path, change: tuple, said: list
+    tmp_path: Path, change: tuple, words: list
 ) -> None:
     with pytest.raises(ProfileError) as caught:
         load_profile(write(tmp_path, GOOD.replace(*change)))
-    for part in said:
+    for part in words:
         assert part in str(caught.value)
 
 
-def test_what_was_flown_with_an_implausible_number_is_still_read() -> None:
+def test_a_recorded_profile_may_have_an_implausible_number() -> None:
     data = {**TABLE_I, "geometry": {"L_w": 0.4699, "L_a": 66.04, "L_h": 0.1778}}
     assert profile_from_dict(data, recorded=True).geometry.L_a == 66.04
 
 
-def test_everything_that_is_wrong_is_said_at_once(tmp_path: Path) -> None:
+def test_all_wrong_keys_are_reported_at_once(tmp_path: Path) -> None:
     text = GOOD.replace("m_f = 0.575\n", "").replace("[loop]\nrate_hz = 500\n", "")
     with pytest.raises(ProfileError) as caught:
         load_profile(write(tmp_path, text.replace("L_a =", "L_aa =").replace("1.87", "-1.87")))
@@ -117,7 +119,7 @@ def test_everything_that_is_wrong_is_said_at_once(tmp_path: Path) -> None:
     assert "'geometry.L_a'" not in str(caught.value), "misspelt is not missing as well"
 
 
-def test_inertias_are_the_masses_unless_measured() -> None:
+def test_inertias_follow_from_the_masses_unless_given() -> None:
     assert default_profile().inertias == default_profile().mass_inertias
     measured = profile_from_dict({**TABLE_I, "inertia": {"yaw": 1.2}})
     assert measured.inertias == (*default_profile().inertias[:2], 1.2)
@@ -134,7 +136,7 @@ def test_a_profile_that_does_not_exist_is_named(tmp_path: Path) -> None:
         load_profile(tmp_path / "none.toml")
 
 
-def test_a_profile_survives_the_trip_into_a_recording() -> None:
+def test_a_profile_is_read_back_from_its_dict() -> None:
     profile = profile_from_dict(TABLE_I)
     assert profile_from_dict(profile.to_dict()) == profile
 
@@ -145,3 +147,26 @@ def test_the_real_profiles_load(rig: str) -> None:
     profile = load_profile(REAL_DATA / rig / "profile.toml")
     assert profile.name == rig
     assert not profile.loop_is_known
+
+
+def test_with_gain_changes_only_the_gain() -> None:
+    profile = default_profile()
+    K = 2 * profile.with_controller().controller.K_g
+    changed = profile.with_gain(K)
+    np.testing.assert_array_equal(changed.controller.K_g, K)
+    rest = {"controller": {"K": profile.to_dict()["controller"]["K"]}}
+    assert merged(changed.to_dict(), rest) == profile.to_dict()
+    unknown = profile.model_copy(update={"controller": None})
+    assert unknown.with_gain(profile.controller.K_g) == profile
+
+
+@pytest.mark.parametrize("K", [np.ones(8), np.ones((8, 2)), np.full((2, 8), np.nan)])
+def test_a_gain_of_the_wrong_shape_or_not_finite_is_an_error(K: np.ndarray) -> None:
+    with pytest.raises(ProfileError, match="2 × 8"):
+        default_profile().with_gain(K)
+
+
+def test_the_repr_has_at_most_three_lines() -> None:
+    text = repr(default_profile())
+    assert "table-1" in text
+    assert len(text.splitlines()) <= 3

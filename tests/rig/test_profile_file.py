@@ -1,4 +1,4 @@
-"""A written profile reads back as what was given, and a changed one keeps its comments."""
+"""A written profile reads back unchanged, and an edited one keeps its comments."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_uncommenting_every_default_changes_nothing() -> None:
     assert profile_from_dict(tomllib.loads("\n".join(defaults))) == default_profile()
 
 
-def test_a_change_keeps_comments_and_says_where_the_number_is_from() -> None:
+def test_a_change_keeps_comments_and_adds_its_own() -> None:
     text = "# my rig\n[motor]\nK_f = 0.12   # from the data sheet\nv_max = 24.0   # the supply\n"
     changed = changed_text(
         text,
@@ -57,7 +57,7 @@ def test_a_change_keeps_comments_and_says_where_the_number_is_from() -> None:
 @pytest.mark.parametrize(
     ("word", "value"), [("a=.25", 0.25), ("a=-8192", -8192), ("a=lab 2", "lab 2")]
 )
-def test_a_setting_is_read_as_people_type_it(word: str, value: object) -> None:
+def test_a_setting_is_toml_or_plain_text(word: str, value: object) -> None:
     assert settings([word]) == {"a": value}
 
 

@@ -1,4 +1,4 @@
-"""What is legal and unusual in a profile is said, and nothing of a common rig is."""
+"""Unusual values of a profile are reported, usual ones are not."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ def rig(*changes: str, base: dict[str, Any] = BODY_HEAVY) -> Profile:
     return profile_from_dict(merged(merged(TABLE_I, base), settings(changes)))
 
 
-def test_nothing_is_unusual_about_a_rig_whose_masses_agree_with_its_hover_voltage() -> None:
+def test_a_consistent_profile_has_no_remarks() -> None:
     assert list(unusual(rig())) == []
     assert mass_hover_voltage(rig()) == pytest.approx(3.94, abs=0.05)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "words"),
     [
         ("motor.K_f=0.6", "motor.K_f = 0.6 N/V is unusual"),
         ("motor.K_f=0.02", "motor.K_f = 0.02 N/V is unusual"),
         ("encoder.yaw=100", "encoder.yaw = 100 counts/rev is unusual"),
-        ("encoder.yaw=4097", "no multiple of 4"),
+        ("encoder.yaw=4097", "not a multiple of 4"),
         ("motor.V_o=-3.94", "wrong sign for a rig that rests body down"),
         ("motor.V_o=-3.94", "the masses give 3.9"),
         ("motor.V_o=19", "79 % of motor.v_max"),
@@ -38,23 +38,23 @@ def test_nothing_is_unusual_about_a_rig_whose_masses_agree_with_its_hover_voltag
         ("limits.roll_min_deg=-20", "would trip at once"),
     ],
 )
-def test_an_unusual_number_is_said(change: str, said: str) -> None:
-    assert said in "\n".join(unusual(rig(change)))
+def test_an_unusual_value_is_reported(change: str, words: str) -> None:
+    assert words in "\n".join(unusual(rig(change)))
 
 
-def test_the_papers_own_contradiction_is_said() -> None:
+def test_the_papers_contradiction_is_reported() -> None:
     remarks = "\n".join(unusual(profile_from_dict(TABLE_I)))
     assert "the masses give -7.46" in remarks
     assert "erratum E2" in remarks
 
 
-def test_a_rig_without_a_controller_is_told_what_that_means() -> None:
+def test_a_missing_controller_is_reported() -> None:
     data = {k: v for k, v in merged(TABLE_I, BODY_HEAVY).items() if k != "controller"}
     assert "no [controller]" in "\n".join(unusual(profile_from_dict(data)))
 
 
 @pytest.mark.parametrize(("rest_deg", "sign"), [(-27.5, 1), (20.0, -1)])
-def test_the_estimated_hover_voltage_has_the_sign_that_the_rest_angle_asks_for(
+def test_the_estimated_hover_voltage_has_the_sign_of_minus_the_rest_angle(
     rest_deg: float, sign: int
 ) -> None:
     profile = rig(f"encoder.roll_rest_deg={rest_deg}", base={})

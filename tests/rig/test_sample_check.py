@@ -1,4 +1,4 @@
-"""A sample is made of numbers, or it says which field is none."""
+"""A sample consists of numbers; otherwise the check names the field."""
 
 from __future__ import annotations
 
@@ -8,26 +8,29 @@ from math import inf, nan
 import numpy as np
 import pytest
 
+from heli3dof.errors import DeviceError
 from heli3dof.rig.interface import Flags, Sample
-from heli3dof.rig.sample_check import unreadable
+from heli3dof.rig.sample_check import check_sample, unreadable, unusable_sample
 
 GOOD = Sample(7, 1.5, (1, -2, 3), (5.0, 5.0), (nan, nan), Flags.ENABLED, 12.0)
 
 
-def test_a_sound_sample_says_nothing() -> None:
+def test_a_good_sample_passes() -> None:
     assert unreadable(GOOD) is None
+    assert unusable_sample(GOOD) is None
+    check_sample(GOOD)
     assert unreadable(replace(GOOD, counts=(np.int64(1), np.int32(2), 3))) is None
     assert unreadable(replace(GOOD, v_applied=(nan, nan))) is None
 
 
 @pytest.mark.parametrize("bad", [nan, inf, 1.5, None, "12", 1 << 63, np.float64(nan)])
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_a_count_that_is_no_whole_number_is_named(bad: object, axis: int) -> None:
+def test_a_count_that_is_not_a_whole_number_is_named(bad: object, axis: int) -> None:
     counts = [1, 2, 3]
     counts[axis] = bad  # type: ignore[call-overload]
-    said = unreadable(replace(GOOD, counts=tuple(counts)))
-    assert said is not None
-    assert ("roll", "pitch", "yaw")[axis] in said
+    problem = unreadable(replace(GOOD, counts=tuple(counts)))
+    assert problem is not None
+    assert ("roll", "pitch", "yaw")[axis] in problem
 
 
 @pytest.mark.parametrize(
@@ -37,9 +40,18 @@ def test_a_count_that_is_no_whole_number_is_named(bad: object, axis: int) -> Non
         ("host_time_s", nan), ("host_time_s", None), ("counts", (1, 2)), ("counts", (1, 2, 3, 4)),
     ],
 )  # fmt: skip
-def test_every_other_field_is_named_too(field: str, value: object) -> None:
+def test_every_other_field_is_checked(field: str, value: object) -> None:
     assert unreadable(replace(GOOD, **{field: value})) is not None  # type: ignore[arg-type]
 
 
-def test_what_is_no_sample_at_all_is_said_to_be_none() -> None:
+def test_another_object_is_not_a_sample() -> None:
     assert unreadable(None) == "None is no Sample"
+
+
+def test_the_trip_and_the_error_have_the_same_words() -> None:
+    bad = replace(GOOD, counts=(1, 2))
+    trip = unusable_sample(bad)
+    assert trip == "the rig's driver gave a sample that cannot be used: 2 counts instead of 3"
+    with pytest.raises(DeviceError, match=r"The rig.s driver gave .* 2 counts instead of 3") as e:
+        check_sample(bad)
+    assert (e.value.cause, e.value.fix) == (trip.cause, trip.fix)

@@ -1,4 +1,4 @@
-"""Which instant of a stream a sample belongs to, by hand."""
+"""The instant of a stream that a sample belongs to, computed by hand."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ def skipped(periods: list[float], **how: float) -> list[int]:
     return [instants.skipped(5.0 + k * DT) for k in periods]
 
 
-def test_a_stream_on_its_grid_skips_nothing() -> None:
+def test_a_regular_stream_skips_no_instant() -> None:
     assert skipped([1, 2, 3]) == [0, 0, 0]
 
 
-def test_a_jump_of_time_is_whole_periods_and_the_grid_stays() -> None:
+def test_a_jump_skips_whole_periods_and_keeps_the_grid() -> None:
     assert skipped([1, 4.3, 5, 6]) == [0, 2, 0, 0]
 
 
-def test_a_sample_that_was_taken_late_is_not_the_next_ones() -> None:
+def test_a_late_sample_belongs_to_its_own_instant() -> None:
     assert skipped([1, 2.85, 3, 4.85, 5]) == [0, 0, 0, 0, 0]
 
 
-def test_how_late_is_the_next_ones_may_be_said() -> None:
+def test_the_limit_between_late_and_next_can_be_set() -> None:
     assert skipped([1, 2.95, 3.5]) == [0, 1, 0]
     assert skipped([1, 2.95, 3.5], busy=0.99) == [0, 0, 0]
 
 
-def test_a_first_sample_that_was_late_itself_is_found_out() -> None:
+def test_the_grid_is_corrected_after_a_late_first_sample() -> None:
     # It was taken 0.8 of a period late: what follows on the grid comes 0.8 early.
     assert skipped([0.2, 1.2, 4.2]) == [0, 0, 2]
 
 
-def test_without_creep_periods_that_are_longer_add_up_to_one() -> None:
+def test_without_creep_longer_periods_add_up_to_one() -> None:
     longer = [1.0005 * k for k in range(1, 4001)]
     assert sum(skipped(longer)) == 0
     assert sum(skipped(longer, creep=0.0)) == 2

@@ -1,4 +1,4 @@
-"""An emergency stop reaches the device itself: an emulated rig behind a pseudo-terminal."""
+"""An emergency stop reaches the device: an emulated rig behind a pseudo-terminal."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from tests.cli.running import heli3dof
 from tests.profiles import END_S, PATIENT, START_S, write_profile
 from tests.rig.processes import suspend
 
-DOOR = [sys.executable, "-m", "heli3dof_drivers.emulator.transport_pty", "--with-parent"]
+EMULATED_RIG = [sys.executable, "-m", "heli3dof_drivers.emulator.transport_pty", "--with-parent"]
 pytestmark = pytest.mark.realtime
 
 
 @pytest.fixture
 def device() -> Iterator[str]:
     """A rig held level whose watchdog bears a busy machine: only a stop takes its volts away."""
-    rig = [*DOOR, "--device", "mock:?noise=0&start=level"]
-    with subprocess.Popen(rig, stdout=subprocess.PIPE, text=True) as door:
-        assert door.stdout is not None
-        yield f"serial://{door.stdout.readline().strip()}?watchdog_s=1"
-        door.kill()
+    rig = [*EMULATED_RIG, "--device", "mock:?noise=0&start=level"]
+    with subprocess.Popen(rig, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        yield f"serial://{process.stdout.readline().strip()}?watchdog_s=1"
+        process.kill()
 
 
 @pytest.fixture
@@ -59,8 +59,8 @@ def is_stopped(device: str) -> bool:
 
 def test_a_flight_is_stopped_through_its_session(device, flight, monkeypatch):
     monkeypatch.setattr("heli3dof.rig.session.estop.PATIENCE_S", 10.0)  # the machine may be busy
-    said = heli3dof("estop", "--device", device, "--json")
-    (stopped,) = said.document["stopped"]
+    result = heli3dof("estop", "--device", device, "--json")
+    (stopped,) = result.document["stopped"]
     assert f"pid {flight.pid}" in stopped["how"]
     out, err = flight.communicate(timeout=END_S)
     assert flight.returncode == 4, err
@@ -68,21 +68,21 @@ def test_a_flight_is_stopped_through_its_session(device, flight, monkeypatch):
     assert is_stopped(device)
 
 
-def test_a_flight_that_hangs_is_stopped_past_it(device, flight):
+def test_a_hanging_flight_is_stopped_directly(device, flight):
     suspend(flight)
-    said = heli3dof("estop", "--device", device)
-    assert said.code == 0
-    assert "did not answer" in said.out
+    result = heli3dof("estop", "--device", device)
+    assert result.code == 0
+    assert "did not answer" in result.out
     flight.kill()
     flight.wait()
     assert is_stopped(device)
 
 
-def test_a_second_flight_is_refused_and_the_first_goes_on(device, flight, tmp_path):
+def test_a_second_flight_is_refused_and_the_first_continues(device, flight, tmp_path):
     other = tmp_path / "other.mcap"
-    said = heli3dof("run-step", "--roll", "3", "--device", device, "-o", other)
-    assert said.code == 3
-    assert f"pid {flight.pid} runs `" in said.err
+    result = heli3dof("run-step", "--roll", "3", "--device", device, "-o", other)
+    assert result.code == 3
+    assert f"pid {flight.pid} runs `" in result.err
     assert not other.exists()
     assert flight.poll() is None
 

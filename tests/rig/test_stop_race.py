@@ -14,7 +14,7 @@ pytestmark = pytest.mark.realtime
 
 @pytest.mark.parametrize("kind", ["mock", "firmware"])
 @pytest.mark.parametrize(("moment_s", "everything"), [(0.0, False), (0.4, True), (0.9, False)])
-def test_a_stop_wins_against_a_flight_that_is_just_starting(
+def test_a_stop_wins_against_a_starting_flight(
     kind: str, moment_s: float, everything: bool
 ) -> None:
     seen = race(kind, moment_s, everything=everything)

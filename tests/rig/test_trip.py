@@ -1,4 +1,4 @@
-"""A trip says what was seen, what it likely comes from, and what to do; each its own."""
+"""A trip states what was observed, the likely cause and a fix."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ def trips() -> list[tuple[str, ast.Call]]:
     return [(where, call) for where, call in found if not where.startswith("trip.py")]
 
 
-def test_every_trip_says_its_cause_and_what_to_do() -> None:
+def test_every_trip_has_a_cause_and_a_fix() -> None:
     assert len(trips()) > 10
     assert [where for where, call in trips() if len(call.args) != 3] == []
 
 
-def test_no_cause_serves_more_than_two_trips() -> None:
+def test_at_most_two_trips_share_a_cause() -> None:
     causes = Counter(ast.dump(call.args[1]) for _, call in trips())
     assert max(causes.values()) <= 2
 
 
-def test_it_is_its_text() -> None:
-    assert Trip("the rig is upside down", "somebody turned it.", "turn it back") == (
+def test_a_trip_is_a_string() -> None:
+    assert Trip("the rig is upside down", "someone turned it.", "turn it back") == (
         "the rig is upside down"
     )
 
 
-def test_of_several_all_is_said_and_the_first_known_cause_stands() -> None:
+def test_several_trips_are_joined_with_the_first_known_cause() -> None:
     seen = Trip.first("it is dark", None, Trip("it is cold", "winter.", "wait"), Trip("?", "x"))
     assert seen == "it is dark; it is cold; ?"
     assert seen is not None

@@ -1,4 +1,4 @@
-"""Rest angles come from a rig that stands still, and from nothing else."""
+"""Calibration needs a rig at rest."""
 
 from __future__ import annotations
 
@@ -25,30 +25,30 @@ def test_at_rest_the_counts_are_the_medians():
     assert (found.serial, found.boot, found.device) == ("F-1", 7, "fake://1")
 
 
-def test_held_level_the_rest_lies_27_and_a_half_degrees_below():
+def test_at_level_the_rest_angle_is_27_and_a_half_degrees_below():
     # 27.5° of 4096 counts a revolution are 312.9 counts.
     assert zeroed(FakeDriver(counts=(100, 5, 7)), (0.0, None, None)).counts_at_rest == (-213, 5, 7)
 
 
-def test_an_encoder_that_counts_down_is_zeroed_alike():
+def test_an_encoder_that_counts_down_is_zeroed_too():
     data = {**TABLE_I, "encoder": {"roll": -4096, "pitch": 4096, "yaw": 8192}}
     profile = profile_from_dict(data)
     assert zeroed(FakeDriver(), (0.0, None, None), profile).counts_at_rest == (313, 0, 0)
 
 
-def test_a_rig_that_swings_is_refused_with_the_axis_and_how_far():
+def test_a_swinging_rig_is_refused_with_the_axis_and_its_motion():
     driver = FakeDriver(script={3: {"counts": (0, 30, 0)}})
     with pytest.raises(CheckFailed, match=r"pitch moved by 2\.64° \(30 counts\)"):
         zeroed(driver)
 
 
-def test_an_armed_rig_is_refused_and_left_alone():
+def test_an_armed_rig_is_refused_and_not_changed():
     driver = FakeDriver(script={1: {"flags": Flags.ENABLED}})
     with pytest.raises(SafetyTrip, match="armed"):
         zeroed(driver)
 
 
-def test_it_never_arms():
+def test_zero_never_arms():
     rig = FakeRig(FakeDriver())
     watch_standing(rig, 0.05)
     assert rig.armed == 0

@@ -1,8 +1,8 @@
 """docs/safety.md's table: what may go wrong, what becomes of it, and when the volts are gone.
 
 The rows are data: a test of the same name (`test_` and the row's name) shows each one, and takes
-its exit code, outcome, words and time from here. ``python -m tests.safety.table docs/safety.md``
-writes the page's tables anew.
+its exit code, outcome, words and time from here. ``python -m tests.pages`` writes
+the page's tables.
 """
 
 from __future__ import annotations
@@ -11,9 +11,10 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from heli3dof import pages
 from heli3dof.rig.profile import Limits, Profile, default_profile
 from heli3dof.rig.session.estop import PATIENCE_S
+from tests.pages.page import Page
+from tests.pages.page import table as markdown_table
 from tests.paths import ROOT
 
 BENCHMARKS = ROOT / "docs" / "benchmarks.json"
@@ -162,25 +163,22 @@ LIMITS = {
 
 def table() -> str:
     """The table in Markdown."""
-    return pages.table(HEAD, [row.cells() for row in ROWS])
+    return markdown_table(HEAD, [row.cells() for row in ROWS])
 
 
 def limits() -> str:
     """What a profile may set of the watches' numbers."""
     given = Limits()
     rows = [[f"`{key}`", f"{getattr(given, key):g}", LIMITS[key]] for key in LIMITS]
-    return pages.table(["key", "default", "meaning"], rows)
+    return markdown_table(["key", "default", "meaning"], rows)
 
 
 def ramp_down() -> str:
     """The laws of the way to zero side by side, as `make bench TOPIC=ramp_down` measured them."""
     measured = json.loads(BENCHMARKS.read_text(encoding="utf-8"))["ramp_down"]["tables"]
     return "\n\n".join(
-        f"{each['caption']}:\n\n{pages.table(each['head'], each['rows'])}" for each in measured
+        f"{each['caption']}:\n\n{markdown_table(each['head'], each['rows'])}" for each in measured
     )
 
 
-PAGE = pages.Page("tests.safety.table", {"table": table, "ramp_down": ramp_down, "limits": limits})
-
-if __name__ == "__main__":
-    PAGE.main()
+PAGE = Page("docs/safety.md", {"table": table, "ramp_down": ramp_down, "limits": limits})

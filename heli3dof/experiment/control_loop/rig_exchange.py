@@ -5,17 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from time import monotonic
 
-from heli3dof.errors import DeviceError
 from heli3dof.experiment.control_loop.echo_latency import EchoMeter
 from heli3dof.experiment.control_loop.outcome import Tally
 from heli3dof.experiment.control_loop.timekeeping import timekeeper
 from heli3dof.rig.interface import Command, Rig, Sample, device_cause
-from heli3dof.rig.sample_check import unreadable
+from heli3dof.rig.sample_check import check_sample, unusable_sample
 from heli3dof.rig.trip import Trip
-
-_UNREADABLE = "the rig's driver gave a sample that cannot be used: {}"
-_CAUSE = "a mistake in the driver, or a reading that failed and was passed on."
-_FIX = "python -m heli3dof.rig.conformance URL, which examines a driver"
 
 
 class Pacer:
@@ -44,8 +39,7 @@ class Pacer:
     def start(self) -> Sample:
         """Arm the rig; its first sample begins the flight."""
         sample = self._rig.arm()
-        if (what := unreadable(sample)) is not None:
-            raise DeviceError(_UNREADABLE.format(what) + ".", cause=_CAUSE, fix=_FIX)
+        check_sample(sample)
         self._time.start(sample)
         return sample
 
@@ -58,13 +52,11 @@ class Pacer:
         command = Command(self.sequence, voltage[0], voltage[1])
         asked = monotonic()
         sample = self._rig.exchange(command, due)
-        if (what := unreadable(sample)) is not None:
-            self.unreadable = Trip(_UNREADABLE.format(what), _CAUSE, _FIX)
+        self.unreadable = unusable_sample(sample)
+        if self.unreadable is not None:
             sample = replace(
                 since, device_time_s=since.device_time_s + self.dt, host_time_s=monotonic()
             )
-        else:
-            self.unreadable = None
         time.arrived(sample, asked)
         self.echo.exchanged(self.sequence, asked, sample)
         self.lateness = time.lateness

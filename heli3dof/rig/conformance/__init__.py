@@ -1,4 +1,4 @@
-"""What every driver owes the port, as cases that run over any device URL.
+"""The requirements on every driver, as cases that run on any device URL.
 
 In a driver's own tests::
 
@@ -8,18 +8,18 @@ In a driver's own tests::
     def test_my_driver(case):
         conforms(case, "lab://bench-7")
 
-or without pytest: ``python -m heli3dof.rig.conformance lab://bench-7``. A case that does not
-hold raises `NotConforming`; one that says nothing of this rig raises `unittest.SkipTest`, which
-pytest counts as skipped. Cases that move motors run on emulated rigs only, unless asked for:
-on a real one they put out the amplifier's limit for a period, and lift the body.
+or without pytest: ``python -m heli3dof.rig.conformance lab://bench-7``. A failed case raises
+`NotConforming`; one that does not apply to this rig raises `unittest.SkipTest`, which pytest counts
+as skipped. Cases that move motors run on emulated rigs only, unless ``moves=True``: on a real rig
+they apply the amplifier's limit for a period and lift the body.
 """
 
 from .bench import Bench, Case, Host, NotConforming, conforms
-from .of_drivers import CASES as _OF_DRIVERS
-from .of_rigs import CASES as _OF_RIGS
-from .of_safety import CASES as _OF_SAFETY
+from .driver_cases import CASES as _DRIVER_CASES
+from .rig_cases import CASES as _RIG_CASES
+from .safety_cases import CASES as _SAFETY_CASES
 
-CASES: tuple[Case, ...] = (*_OF_DRIVERS, *_OF_RIGS, *_OF_SAFETY)
-"""Every case, in the order in which they are best read"""
+CASES: tuple[Case, ...] = (*_DRIVER_CASES, *_RIG_CASES, *_SAFETY_CASES)
+"""Every case, in reading order"""
 
 __all__ = ["CASES", "Bench", "Case", "Host", "NotConforming", "conforms"]

@@ -1,6 +1,6 @@
-"""``python -m heli3dof.rig.conformance URL``: every case over one rig, a line for each.
+"""``python -m heli3dof.rig.conformance URL``: run every case on one rig, one line each.
 
-Exit 0: every case holds · 6: one does not · 2, 3: the URL or its rig cannot be used.
+Exit 0: every case holds · 6: one fails · 2, 3: the URL or its rig cannot be used.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from heli3dof.rig.url import parse_url
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Print how each case went; the exit code."""
+    """Print the result of each case; returns the exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m heli3dof.rig.conformance",
-        description="What every driver owes the port, checked on one rig.",
+        description="Check the requirements on a driver, on one rig.",
     )
     parser.add_argument("url", help="the device URL")
     parser.add_argument("--profile", type=Path, help="the rig's profile (TOML)")
@@ -41,14 +41,13 @@ def main(arguments: list[str] | None = None) -> int:
     for case in CASES:
         try:
             conforms(case, given.url, profile, moves=True if given.moves else None)
-            how = "holds"
-        except unittest.SkipTest as why:
-            how = f"left out: {why}"
-        except NotConforming as problem:
-            how, worst = f"DOES NOT HOLD: {problem.what}", max(worst, problem.exit_code)
+            result = "holds"
+        except unittest.SkipTest as reason:
+            result = f"skipped: {reason}"
         except Heli3dofError as problem:
-            how, worst = f"DOES NOT HOLD: {problem}", max(worst, problem.exit_code)
-        print(f"{str(case).replace('_', ' ')}: {how}", flush=True)
+            message = problem.what if isinstance(problem, NotConforming) else str(problem)
+            result, worst = f"FAILS: {message}", max(worst, problem.exit_code)
+        print(f"{str(case).replace('_', ' ')}: {result}", flush=True)
     return worst
 
 

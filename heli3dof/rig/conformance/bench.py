@@ -1,4 +1,4 @@
-"""The bench that a case stands at: one rig's URL, and a host that keeps its deadlines."""
+"""What a conformance case uses: a device URL, its driver, and a host that keeps deadlines."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.url import parse_url
 
 PATIENCE = 20
-"""Periods in which one command must arrive"""
+"""periods in which one command must arrive"""
 NEAR_V = 0.01
-"""V by which a voltage may differ from the one that was asked for"""
+"""V by which an applied voltage may differ from the command"""
 
 
 class NotConforming(CheckFailed):
-    """A driver does not do what the port asks of it."""
+    """A driver violates a requirement of `heli3dof.rig.interface`."""
 
 
 class Host:
-    """A rig, and a host that meets its absolute deadlines."""
+    """A host that commands a rig at absolute deadlines."""
 
     def __init__(self, rig: Rig, dt: float) -> None:
         self.rig, self.dt = rig, dt
@@ -40,29 +40,29 @@ class Host:
         return sample
 
     def send(self, v_front: float, v_back: float) -> Sample:
-        """One period; deadlines that were missed altogether are skipped."""
+        """One period; missed deadlines are skipped."""
         self.sequence += 1
         self.due += self.dt * max(1, math.ceil((time.monotonic() - self.due) / self.dt))
         return self.rig.exchange(Command(self.sequence, v_front, v_back), self.due)
 
     def hold(self, v_front: float, v_back: float) -> Sample:
-        """Send until a sample echoes it: on a busy machine a command may miss its period."""
+        """Send until a sample echoes it: on a busy computer a command may miss its period."""
         for _ in range(PATIENCE):
             sample = self.send(v_front, v_back)
             if sample.sequence == self.sequence:
                 return sample
-        owed(False, f"a command carried out, of {PATIENCE} that were sent", sample)
+        require(False, f"a command executed, of {PATIENCE} sent", sample)
         raise AssertionError
 
 
 @dataclass
 class Bench:
-    """Where a case stands. Rigs that it opens are closed when it is over."""
+    """One case's access to the driver. Rigs that it opens are closed at its end."""
 
     url: str
     profile: Profile
     moves: bool | None = None
-    """May motors move? None: of emulated rigs only"""
+    """Whether motors may move; None: of emulated rigs only"""
     _rigs: ExitStack = field(default_factory=ExitStack)
 
     @property
@@ -71,7 +71,7 @@ class Bench:
 
     @property
     def private(self) -> bool:
-        """Nobody else can hold this rig: every opening makes one."""
+        """See `heli3dof.rig.interface.PrivateToProcess`."""
         return is_private(self.url)
 
     def open(self) -> Host:
@@ -83,7 +83,7 @@ class Bench:
         self._rigs.close()
 
     def open_to_move(self) -> Host:
-        """Open, for a case that moves the motors; skip it where they must not move."""
+        """Open, for a case that moves the motors. Raises SkipTest where they must not move."""
         host = self.open()
         moves = host.rig.identity.emulated if self.moves is None else self.moves
         if not moves:
@@ -93,7 +93,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class Case:
-    """One thing that is owed. ``at_rest``: of a rig that nobody has flown since its start."""
+    """One requirement. ``at_rest``: the rig must not have moved since its start."""
 
     name: str
     check: Callable[[Bench], None]
@@ -104,17 +104,17 @@ class Case:
 
 
 def cases(*checks: Callable[[Bench], None]) -> tuple[Case, ...]:
-    """Cases of functions, which are named as the statement that they check."""
+    """The cases of these functions, by their names."""
     return tuple(Case(c.__name__, c) for c in checks)
 
 
 def conforms(
     case: Case, url: str, profile: Profile | None = None, *, moves: bool | None = None
 ) -> None:
-    """Run one case over a device URL. Raises NotConforming, SkipTest, or the driver's own error.
+    """Run one case on a device URL. Raises NotConforming, SkipTest, or the driver's own error.
 
-    ``profile``: the rig's, the paper's unless given. ``moves``: may motors move? Emulated ones
-    may unless said otherwise; a real rig stands free of people then.
+    ``profile``: the rig's; default: the paper's. ``moves``: whether motors may move; default: only
+    emulated ones. Keep people away from a real rig.
     """
     bench = Bench(url, profile or default_profile(), moves)
     try:
@@ -123,36 +123,34 @@ def conforms(
         bench.close()
 
 
-def owed(ok: object, what: str, found: object) -> None:
-    """Raise NotConforming unless ``ok``: ``what`` is owed, and ``found`` is what there was."""
+def require(ok: object, what: str, found: object) -> None:
+    """Raise NotConforming unless ``ok``. ``what``: the requirement; ``found``: the result."""
     if not ok:
         raise NotConforming(
             f"{what}; found: {found}",
-            cause="the driver, or the device behind it, does otherwise than the port says.",
+            cause="the driver, or the device behind it, violates the rig interface.",
             fix="read heli3dof/rig/interface.py and docs/writing-a-driver.md",
         )
 
 
-def owed_volts(sample: Sample, v_front: float, v_back: float, when: str) -> None:
+def require_volts(sample: Sample, v_front: float, v_back: float, when: str) -> None:
     front, back = sample.v_applied
     near = abs(front - v_front) <= NEAR_V and abs(back - v_back) <= NEAR_V
-    owed(near, f"{v_front:g} V and {v_back:g} V applied {when}", sample.v_applied)
+    require(near, f"{v_front:g} V and {v_back:g} V applied {when}", sample.v_applied)
 
 
-def owed_rest(sample: Sample, when: str) -> None:
+def require_rest(sample: Sample, when: str) -> None:
     """Zero volts, exactly, and not enabled."""
-    owed(sample.v_applied == (0.0, 0.0), f"zero volts {when}", sample.v_applied)
-    owed(not sample.flags & Flags.ENABLED, f"not enabled {when}", sample.flags)
+    require(sample.v_applied == (0.0, 0.0), f"zero volts {when}", sample.v_applied)
+    require(not sample.flags & Flags.ENABLED, f"not enabled {when}", sample.flags)
 
 
-def owed_error(call: Callable[[], object], when: str) -> DeviceError:
-    """The DeviceError that is owed, with what to do in it."""
+def require_error(call: Callable[[], object], when: str) -> DeviceError:
+    """The DeviceError that ``call`` must raise, with cause and fix."""
     try:
         found = call()
     except DeviceError as problem:
-        owed(
-            problem.fix and problem.cause, f"an error that says why and what to do {when}", problem
-        )
+        require(problem.fix and problem.cause, f"an error with cause and fix {when}", problem)
         return problem
-    owed(False, f"a DeviceError {when}", found)
+    require(False, f"a DeviceError {when}", found)
     raise AssertionError

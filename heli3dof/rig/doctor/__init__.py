@@ -1,12 +1,11 @@
-"""What ``heli3dof doctor`` looks at: a function for each thing, returning a `Check`.
+"""The checks of ``heli3dof doctor``: one function each, returning a `Check`.
 
-- `host`: the computer: its clock, how it wakes up, its cores' frequency
-- `folder`: where recordings go: room, and how long it takes to be safe on the disk
-- `link`: the open rig: who it is, how fast and how surely it answers, what it says of itself
-- `armed`: what only an armed rig shows, at zero volts, where the user asked for it
+- `host`: the computer's clock, wake-up latency, load, memory, frequency governors
+- `folder`: where recordings go: free space and time to synchronise
+- `link`: the open rig: identity, round trip, loss, clock, state, rest angles
+- `armed`: an armed rig at zero volts, on request (``--arm``)
 
-What concerns a door before it is opened (permission, holder, latency timer) is the driver's to
-say (`heli3dof.rig.interface.Driver.examine`); what the system grants the loop is said by
-`heli3dof.experiment.control_loop.realtime_priority`. A new check is a function in a file's
-``CHECKS``.
+The driver checks its port before it is opened: permission, holder, latency timer
+(`heli3dof.rig.interface.Driver.examine`). `heli3dof.experiment.control_loop.realtime_priority`
+checks what the system grants the loop. To add a check, add a function to a file's ``CHECKS``.
 """

@@ -1,7 +1,7 @@
-"""What only an armed rig shows: the loop's own traffic, the watchdog, the emergency stop.
+"""Checks that need an armed rig: the loop's traffic, the watchdog, the emergency stop.
 
-Asked for with ``doctor --arm``. Every command is zero volts, so nothing turns unless the amplifier
-is broken: hands off the propellers all the same.
+For ``doctor --arm``. Every command is zero volts, so nothing turns unless the amplifier is broken.
+Keep your hands off the propellers.
 
     arm → zero volts at the control rate for a second → silence until the watchdog must have
     expired → arm → emergency stop → arm → close
@@ -18,14 +18,15 @@ from heli3dof.rig.session.stoppable_rig import StoppableRig
 
 SECONDS = 1.0
 LONGEST_RAMP_S = 0.5
-"""s that any device may take from the watchdog's expiry to zero volts"""
+"""s: the longest ramp from the watchdog's expiry to zero volts"""
 LOST_SHARE = 1e-3
+"""share of samples that may be missing"""
 WHERE = {
     "lost": "lost on the line",
-    "left_out": "left out by the device",
-    "passed_over": "came too late for this computer",
+    "left_out": "not taken by the device",
+    "passed_over": "read too late by this computer",
 }
-"""What a link counts of samples that are not flown, in words"""
+"""The link's counters of missing samples (`HasLinkStatistics`), in words"""
 FIXES = {
     "lost": "a shorter, shielded cable away from the motors' leads; ground at one end; lower baud",
     "left_out": "a lower loop.rate_hz in the profile: the device does not keep up with this one",
@@ -34,7 +35,7 @@ FIXES = {
 
 
 class Armed:
-    """An open rig, driven with zero volts only."""
+    """An open rig that gets zero volts only."""
 
     def __init__(self, rig: StoppableRig, profile: Profile) -> None:
         self.rig, self.dt = rig, profile.dt
@@ -47,16 +48,16 @@ class Armed:
         return sample
 
     def zero_volts(self) -> Sample:
-        """One control period of the loop, with nothing to do."""
+        """One control period at zero volts."""
         self.sequence += 1
         self.due = max(self.due + self.dt, time.monotonic())
         return self.rig.exchange(Command(self.sequence, 0.0, 0.0), self.due)
 
 
 def traffic(armed: Armed) -> Check:
-    """Samples that came, against those that were due by the device's clock; where the rest went."""
+    """Samples that came against those due by the device's clock, and where the rest was lost."""
     first = last = armed.arm()
-    before_counts = _gone(armed.rig)
+    counts_before = _missing(armed.rig)
     came = 0
     until = time.monotonic() + SECONDS
     worst = 0.0
@@ -66,58 +67,58 @@ def traffic(armed: Armed) -> Check:
         worst = max(worst, last.host_time_s - before.host_time_s)
     due = max(came, round((last.device_time_s - first.device_time_s) / armed.dt))
     found = (
-        f"{came} of {due} samples came at {1 / armed.dt:g} Hz; {worst * 1e3:.1f} ms between two "
-        "at worst"
+        f"{came} of {due} samples came at {1 / armed.dt:g} Hz; at most "
+        f"{worst * 1e3:.1f} ms between two"
     )
     if last.v_applied != (0.0, 0.0):
         volts = "{:g} and {:g} V".format(*last.v_applied)
         fix = "switch off; have the amplifier repaired"
-        return Check("zero volts", f"{volts} put out where zero was asked for", False, fix)
+        return Check("zero volts", f"the output is {volts}; zero was commanded", False, fix)
     if due - came <= LOST_SHARE * due:
         return Check("traffic of the loop", found, True)
-    gone = {why: n - before_counts[why] for why, n in _gone(armed.rig).items()}
-    if not gone:
+    missing = {why: n - counts_before[why] for why, n in _missing(armed.rig).items()}
+    if not missing:
         fix = "see wake-up and round trip above: this computer or the line pauses"
         return Check("traffic of the loop", found, False, fix)
-    counted = ", ".join(f"{n} {WHERE[why]}" for why, n in gone.items() if n)
-    fix = FIXES[max(gone, key=lambda why: gone[why])]
+    counted = ", ".join(f"{n} {WHERE[why]}" for why, n in missing.items() if n)
+    fix = FIXES[max(missing, key=lambda why: missing[why])]
     return Check("traffic of the loop", f"{found}; {counted}" if counted else found, False, fix)
 
 
-def _gone(rig: StoppableRig) -> dict[str, int]:
-    """What a link counted of samples that were not flown; empty where it does not."""
-    counts = getattr(rig.inner, "statistics", None)
+def _missing(rig: StoppableRig) -> dict[str, int]:
+    """The link's counts of missing samples; empty for a rig without them."""
+    counts = rig.statistics
     if not all(hasattr(counts, why) for why in WHERE):
         return {}
     return {why: int(getattr(counts, why)) for why in WHERE}
 
 
 def watchdog_expires(armed: Armed) -> Check:
-    """Silence must latch the device out."""
+    """Silence must expire the watchdog and latch the device."""
     what, rig = "watchdog at work", armed.rig
     if rig.identity.timebase == "virtual":
-        return Check(what, "not asked: a virtual clock stands still in the silence", None)
+        return Check(what, "not checked: a virtual clock does not advance in the silence", None)
     armed.arm()
     armed.zero_volts()
     time.sleep(rig.identity.watchdog_s + LONGEST_RAMP_S)
-    # The first exchange after the silence ends a period that the device had begun before it.
+    # The first exchange after the silence ends a period that began before it.
     armed.zero_volts()
     flags = armed.zero_volts().flags
     if flags & Flags.LATCHED and not flags & Flags.ENABLED:
         return Check(what, "expired in the silence, and latched", True)
-    fix = "do not fly this device: nothing stops it when the cable comes out; mend its firmware"
+    fix = "do not fly this device: nothing stops it when the cable comes out; correct its firmware"
     return Check(what, "DID NOT EXPIRE in the silence", False, fix)
 
 
 def stop_holds(armed: Armed) -> Check:
-    """An emergency stop must hold against commands, and end with arming."""
+    """An emergency stop must hold against commands, and arming must clear it."""
     what = "emergency stop at work"
     armed.arm()
     armed.zero_volts()
     armed.rig.estop("heli3dof doctor")
     flags = armed.zero_volts().flags
     if not flags & Flags.ESTOP or flags & Flags.ENABLED:
-        fix = "do not fly this device: mend its firmware"
+        fix = "do not fly this device: correct its firmware"
         return Check(what, "the device did not stay stopped", False, fix)
     again = armed.arm().flags
     if not again & Flags.ENABLED or again & Flags.ESTOP:
@@ -129,7 +130,7 @@ CHECKS: tuple[Callable[[Armed], Check], ...] = (traffic, watchdog_expires, stop_
 
 
 def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
-    """Every check of this file; the rig is stopped at the end."""
+    """Run every check of this file; the rig is stopped at the end."""
     armed = Armed(rig, profile)
     for check in CHECKS:
         yield check(armed)

@@ -1,4 +1,4 @@
-"""Where recordings go: may we write there, is there room, how long until data is safe on disk."""
+"""Check the folder of recordings: permission, free space, time to synchronise."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from heli3dof.rig.interface import Check
 ROOM_BYTES = 1 << 30
 """A flight of ten minutes takes about 15 MB; the analysis writes as much again"""
 PIECE_BYTES = 32 * 1024
-"""About what the recorder hands over at a time"""
+"""About what the recorder writes at a time"""
 TRIES = 20
 SLOW_S = 0.3
-"""s: data that takes longer than this to reach the disk would be lost with the power"""
+"""s: a longer median is reported; data that is not yet on the disk is lost with the power"""
 
 
 def room(folder: Path) -> Check:
@@ -31,17 +31,17 @@ def room(folder: Path) -> Check:
 
 
 def to_disk(folder: Path) -> Check:
-    """Write and synchronise as the recorder does."""
+    """Time to write and synchronise, as the recorder does."""
     what = "time to the disk"
     try:
         with tempfile.TemporaryFile(dir=folder) as file:
             took = sorted(_once(file.fileno()) for _ in range(TRIES))
     except OSError as problem:
-        why = (problem.strerror or str(problem)).lower()
-        return Check(what, f"{folder} cannot be written: {why}", False, f"ls -ld {folder}")
+        reason = (problem.strerror or str(problem)).lower()
+        return Check(what, f"{folder} cannot be written: {reason}", False, f"ls -ld {folder}")
     found = f"{took[TRIES // 2] * 1e3:.1f} ms at the median, {took[-1] * 1e3:.0f} ms at worst"
     if took[TRIES // 2] > SLOW_S:
-        fix = "record to a local disk with -o: this one is a network's, a card, or very busy"
+        fix = "record to a local disk with -o: this one is a network drive, a card, or very busy"
         return Check(what, found, False, fix)
     return Check(what, found, True)
 
@@ -50,7 +50,7 @@ CHECKS: tuple[Callable[[Path], Check], ...] = (room, to_disk)
 
 
 def checks(folder: Path) -> Iterator[Check]:
-    """Every check of this file; of the nearest folder that exists, for one that is not made yet."""
+    """Run every check of this file; of the nearest parent, for a folder that does not exist yet."""
     folder = folder.absolute()
     while not folder.is_dir():
         folder = folder.parent

@@ -1,4 +1,4 @@
-"""The computer: its clock, how late it wakes up, its cores' frequency, what else it does."""
+"""Check the computer: clock, wake-up latency, frequency governors, load, memory."""
 
 from __future__ import annotations
 
@@ -13,20 +13,22 @@ from heli3dof.rig.profile import Profile
 
 SYSTEM = Path("/sys/devices/system")
 QUICK_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "timebase", "riscv_clocksource")
-"""Read without leaving the program, or nearly so"""
+"""Clock sources that are read without a system call"""
 WAKE_SECONDS = 1.0
 LATE_S = 1e-3
+"""s: a wake-up later than this is counted"""
 RESOLUTION_S = 1e-6
+"""s: a coarser clock is reported"""
 
 
 def clock(profile: Profile) -> Check:
-    """The clock that deadlines are kept with: its resolution and where it comes from."""
+    """The monotonic clock: its resolution and source."""
     what = "clock"
     resolution = time.get_clock_info("monotonic").resolution
     source = _text(SYSTEM / "clocksource/clocksource0/current_clocksource")
     found = f"{source or 'of the system'}, resolution {resolution * 1e9:.0f} ns"
     if resolution > RESOLUTION_S:
-        # On Windows, Python reads the fine clock since 3.13 only.
+        # Python reads the fine clock of Windows since 3.13.
         fix = "Python 3.13 or newer" if os.name == "nt" else "a kernel with high-resolution timers"
         return Check(what, found, False, fix)
     if source is None or source in QUICK_CLOCKS:
@@ -40,7 +42,7 @@ def clock(profile: Profile) -> Check:
 
 
 def wake_up(profile: Profile) -> Check:
-    """How late this process is at absolute deadlines of the control period, for a second."""
+    """Wake-up latency at absolute deadlines of the control period, for a second."""
     dt = profile.dt
     n = max(10, round(WAKE_SECONDS / dt))
     start = time.monotonic() + dt
@@ -52,13 +54,13 @@ def wake_up(profile: Profile) -> Check:
         f"worst; {over} of {n} by more than 1 ms"
     )
     if over > 0.001 * n:
-        fix = "end what else runs (top shows it), then permit real-time scheduling (above)"
+        fix = "end other programs (top shows them), then permit real-time scheduling (above)"
         return Check("wake-up", found, False, fix)
     return Check("wake-up", found, True)
 
 
 def frequency(profile: Profile) -> Check:
-    """The cores' frequency governors: a core that has clocked down is late."""
+    """The frequency governors: a core at a low clock wakes up late."""
     what = "frequency governor"
     files = sorted((SYSTEM / "cpu").glob("cpu[0-9]*/cpufreq/scaling_governor"))
     found = sorted({text for file in files if (text := _text(file)) is not None})
@@ -71,23 +73,23 @@ def frequency(profile: Profile) -> Check:
 
 
 def load(profile: Profile) -> Check:
-    """What else this computer does."""
+    """The load of this computer."""
     what = "other work"
     if not hasattr(os, "getloadavg"):
-        return Check(what, "this system does not tell", None)
+        return Check(what, "this system does not report it", None)
     busy, cores = os.getloadavg()[0], os.cpu_count() or 1
-    found = f"{busy:.1f} programs want to run, on {cores} cores"
+    found = f"{busy:.1f} programs ready to run, on {cores} cores"
     if busy > cores - 0.5:
-        return Check(what, found, False, "top shows them; end what is not needed in flight")
+        return Check(what, found, False, "top shows them; end what the flight does not need")
     return Check(what, found, True)
 
 
 def memory(profile: Profile) -> Check:
-    """Memory that is free: without, pages go to the disk and come back in flight."""
+    """Available memory: without it, pages are swapped during the flight."""
     what = "memory"
     text = _text(Path("/proc/meminfo"))
     if text is None:
-        return Check(what, "this system does not tell", None)
+        return Check(what, "this system does not report it", None)
     free_kB = next((int(line.split()[1]) for line in text.splitlines() if "MemAvail" in line), 0)
     found = f"{free_kB / 1024:.0f} MiB available"
     if free_kB < 512 * 1024:
@@ -96,11 +98,11 @@ def memory(profile: Profile) -> Check:
 
 
 CHECKS: tuple[Callable[[Profile], Check], ...] = (clock, frequency, load, memory)
-"""`wake_up` is not among them: it is asked with what the system grants a flight."""
+"""Without `wake_up`: it runs with the real-time priority of a flight."""
 
 
 def checks(profile: Profile) -> Iterator[Check]:
-    """Every check of this file, one after another."""
+    """Run every check of this file."""
     for check in CHECKS:
         yield check(profile)
 

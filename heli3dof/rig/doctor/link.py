@@ -1,6 +1,6 @@
-"""The open rig: who it is, how fast and how surely it answers, and what it says of itself.
+"""Check the open rig: identity, state, round trip, loss, clock, noise, rest angles.
 
-Everything is read with `Rig.read`; the rig is never armed.
+All checks use `Rig.read`; the rig is never armed.
 """
 
 from __future__ import annotations
@@ -18,27 +18,30 @@ from heli3dof.rig.session.stoppable_rig import StoppableRig
 
 POLLS = 500
 EVERY_S = 2e-3
-"""s from reading to reading: long enough in all to compare clocks by"""
+"""s between readings: 1 s in all, enough to compare the clocks"""
 LONGEST_S = 3.0
+"""s for all readings of a slow rig"""
 LONGEST_WATCHDOG_S = 0.5
+"""s: a longer watchdog is reported"""
 STILL_COUNTS = 2
+"""counts: an encoder between two counts moves by one"""
 ONE_TURN = 360.0
-"""deg beyond the envelope: no arm gets there, and a cable in yaw does not last so long"""
+"""° beyond the envelope: neither an arm nor a yaw cable gets there"""
 
 
 @dataclass(frozen=True)
 class Opened:
-    """An open rig and what a row of readings said of it."""
+    """An open rig and a series of readings."""
 
     rig: StoppableRig
     profile: Profile
     samples: list[Sample]
     took_s: list[float]
-    """Of each reading, from the question to the sample"""
+    """Of each reading, from request to sample"""
     repeats: int | None
-    """Questions that had to be asked again; None: this driver does not count them"""
+    """Requests that were repeated; None: this driver does not count them"""
     damaged: int | None
-    """Pieces on the line that were no frame"""
+    """Malformed frames"""
 
 
 def listen(rig: StoppableRig, profile: Profile) -> Opened:
@@ -60,10 +63,10 @@ def listen(rig: StoppableRig, profile: Profile) -> Opened:
 
 
 def identity(opened: Opened) -> Check:
-    """Is it the profile's rig?"""
+    """Compare the device with the profile."""
     found, profile = opened.rig.identity, opened.profile
     e = profile.encoder
-    says = (
+    stated = (
         f"{found.model}, serial {found.serial}, firmware {found.firmware}, "
         f"protocol {found.protocol}"
     )
@@ -71,23 +74,22 @@ def identity(opened: Opened) -> Check:
         ours, theirs = (e.roll, e.pitch, e.yaw), found.counts_per_rev
         return Check(
             "identity",
-            f"{says}; it counts {theirs} per revolution, the profile says {ours}",
+            f"{stated}; it counts {theirs} per revolution, the profile {ours}",
             False,
-            f"--profile the rig's own, or encoder.{_differs(ours, theirs)} as the rig says in it",
+            f"--profile with the rig's own, or correct encoder.{_differs(ours, theirs)} in it",
         )
     if found.v_max < profile.motor.v_max:
         return Check(
             "identity",
-            f"{says}; it puts out {found.v_max:g} V at most, the profile says "
-            f"{profile.motor.v_max:g} V",
+            f"{stated}; its limit is {found.v_max:g} V, the profile's {profile.motor.v_max:g} V",
             False,
             f"motor.v_max = {found.v_max:g} in the profile",
         )
-    return Check("identity", says, True)
+    return Check("identity", stated, True)
 
 
 def watchdog(opened: Opened) -> Check:
-    """Its time; whether it works is the test bench's to show, with motors that may turn."""
+    """The watchdog's time; ``--arm`` checks that it works."""
     seconds = opened.rig.identity.watchdog_s
     found = f"motors to zero after {seconds * 1e3:g} ms of silence"
     if seconds > LONGEST_WATCHDOG_S:
@@ -97,7 +99,7 @@ def watchdog(opened: Opened) -> Check:
 
 
 def round_trip(opened: Opened) -> Check:
-    """From a question to its answer, against the control period."""
+    """Time from request to sample, against the control period."""
     took = sorted(opened.took_s)
     n, dt = len(took), opened.profile.dt
     usual, rare = took[n // 2], took[min(n - 1, int(0.999 * n))]
@@ -106,17 +108,17 @@ def round_trip(opened: Opened) -> Check:
         fix = "the latency timer (above), a higher ?baud=, or a lower loop.rate_hz in the profile"
         return Check("round trip", f"{found}: too slow for {1 / dt:g} Hz", False, fix)
     if rare > dt:
-        fix = "see wake-up: either this computer or the line pauses; nothing else on the USB hub"
-        return Check("round trip", f"{found}: longer than a period now and then", False, fix)
+        fix = "see wake-up: this computer or the line pauses; connect nothing else to the USB hub"
+        return Check("round trip", f"{found}: sometimes longer than a period", False, fix)
     return Check("round trip", found, True)
 
 
 def loss(opened: Opened) -> Check:
-    """Questions without an answer, bytes that were no frame."""
+    """Requests without an answer, malformed frames."""
     if opened.repeats is None or opened.damaged is None:
         return Check("loss", "this driver does not count it", None)
     n = len(opened.samples)
-    found = f"{opened.repeats} of {n} readings asked again, {opened.damaged} damaged frames"
+    found = f"{opened.repeats} of {n} readings repeated, {opened.damaged} malformed frames"
     if opened.repeats or opened.damaged:
         fix = "a shorter, shielded cable away from the motors' leads; ground at one end; lower baud"
         return Check("loss", found, False, fix)
@@ -124,27 +126,27 @@ def loss(opened: Opened) -> Check:
 
 
 def device_clock(opened: Opened) -> Check:
-    """The device's clock against ours, over the readings."""
+    """The device's clock against the host's, over the readings."""
     first, last = opened.samples[0], opened.samples[-1]
     theirs = last.device_time_s - first.device_time_s
     ours = last.host_time_s - first.host_time_s
     if opened.rig.identity.timebase == "virtual" or ours < 0.05:
         return Check("device's clock", "not compared: virtual, or too short a time", None)
     if theirs == 0 and opened.rig.identity.timebase == "host":
-        return Check("device's clock", "not compared: goes on only while it is commanded", None)
+        return Check("device's clock", "not compared: it advances only with commands", None)
     off = theirs / ours - 1
-    # Each end may be off by one reading's time.
+    # Either end is uncertain by one reading's time.
     unsure = 2 * max(opened.took_s) / ours
-    found = f"{off * 100:+.2f} % against ours (± {unsure * 100:.2f} %)"
+    found = f"{off * 100:+.2f} % against the host's (± {unsure * 100:.2f} %)"
     if abs(off) > 0.01 + unsure:
         return Check(
-            "device's clock", found, False, "the firmware's clock or its tick is set wrong"
+            "device's clock", found, False, "correct the clock or tick setting of the firmware"
         )
     return Check("device's clock", found, True)
 
 
 def stands_still(opened: Opened) -> Check:
-    """Counts of a rig at rest: those that wander are an encoder's noise, or a missing ground."""
+    """Counts of a rig at rest: changes are encoder noise, or a missing ground."""
     spans = [
         max(column) - min(column)
         for column in zip(*(s.counts for s in opened.samples), strict=True)
@@ -153,7 +155,7 @@ def stands_still(opened: Opened) -> Check:
     if spans[worst] > STILL_COUNTS:
         return Check(
             "encoders at rest",
-            f"{AXES[worst]} wandered by {spans[worst]} counts",
+            f"{AXES[worst]} changed by {spans[worst]} counts",
             False,
             "let the rig rest and try again; else check that encoder's cable and shield",
         )
@@ -161,14 +163,14 @@ def stands_still(opened: Opened) -> Check:
 
 
 def state(opened: Opened) -> Check:
-    """What the device says of itself."""
+    """The device's state by its flags."""
     flags = opened.samples[-1].flags
-    said = {
+    problems = {
         Flags.FAULT: ("the amplifier reports a fault", "let it cool, check supply and motors"),
         Flags.STALL: ("a motor is stalled", "switch off, free the propeller"),
-        Flags.ENABLED: ("the rig is armed by somebody else", "heli3dof estop"),
+        Flags.ENABLED: ("another program has armed the rig", "heli3dof estop"),
     }
-    for flag, (found, fix) in said.items():
+    for flag, (found, fix) in problems.items():
         if flags & flag:
             return Check("state", found, False, fix)
     held = [flag.name or "" for flag in (Flags.LATCHED, Flags.ESTOP) if flags & flag]
@@ -177,16 +179,16 @@ def state(opened: Opened) -> Check:
 
 
 def rest_angles(opened: Opened) -> Check:
-    """Where the encoders stand, by what is stored, against the profile's rest angles.
+    """The angles by the stored calibration, against the profile's rest angles.
 
-    A reading outside the envelope ends any flight at once. One that is further out than a turn is
-    not the rig's, but its counter's.
+    A reading outside the envelope ends any flight at once. One more than `ONE_TURN` outside is an
+    error of the counter.
     """
     rest, profile = opened.rig.rest, opened.profile
     counts = opened.samples[-1].counts
     off = [degrees(counts[i] * q) for i, q in enumerate(profile.encoder.rad_per_count)]
     away = ", ".join(f"{axis} {each:+.1f}°" for axis, each in zip(AXES, off, strict=True))
-    origin = {"zero": "as heli3dof zero stored", "power-up": "as the device started"}
+    origin = {"zero": "as stored by heli3dof zero", "power-up": "counts since the device started"}
     found = f"{origin[rest.known_from]}; away from rest now: {away}"
     limits = profile.limits
     ranges = (
@@ -206,7 +208,7 @@ def rest_angles(opened: Opened) -> Check:
         if broken:
             fix = (
                 f"switch the device off, let the rig rest, and switch it on; if {AXES[i]} reads "
-                "the same again, its counter is of another width, or not reset"
+                "the same again, its counter has another width or is not reset"
             )
         return Check("rest angles", found, False, fix)
     if rest.note:
@@ -223,15 +225,15 @@ CHECKS: tuple[Callable[[Opened], Check], ...] = (
 
 
 def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
-    """Every check of this file, on one row of readings."""
+    """Run every check of this file on one series of readings."""
     opened = listen(rig, profile)
     for check in CHECKS:
         yield check(opened)
 
 
 def _counted(rig: StoppableRig, name: str) -> int | None:
-    """A counter that the link's rigs keep; other drivers need not."""
-    value = getattr(getattr(rig.inner, "statistics", None), name, None)
+    """A counter of the link; None for a rig without it."""
+    value = getattr(rig.statistics, name, None)
     return value if isinstance(value, int) else None
 
 

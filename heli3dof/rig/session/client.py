@@ -1,7 +1,7 @@
-"""Reach the sessions that run now, from another process: list them, ask for a stop or the state.
+"""List the running sessions from another process, and request a stop or the state.
 
-The locks' holder files name the sessions; one lives where its socket takes a connection (a process
-that hangs still does, one that was killed does not).
+The locks' holder files name the sessions. A session is alive if its socket accepts a connection:
+that of a hanging process does, that of a killed one does not.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from heli3dof.rig.session.paths import device_name, runtime_folder
 
 LONGEST_ANSWER = 1 << 16
 CONNECT_S = 0.2
-"""s that the system may take for a connection within this computer"""
+"""s to connect within this computer"""
 
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A session of this user that takes connections now."""
+    """A session of this user."""
 
     device: str
-    """The URL that it opened"""
+    """The URL it opened"""
     pid: int
     doing: str
     """Its command line"""
@@ -41,32 +41,32 @@ class Running:
 
 
 def listed(device: str | None = None) -> list[Running]:
-    """The sessions on record, or those on one device; one that was killed is still among them."""
+    """The recorded sessions, or those on one device; killed ones are still among them."""
     pattern = "*.lock" if device is None else f"{device_name(device)}*.lock"
-    found = []
+    sessions = []
     for holder in sorted(runtime_folder().glob(pattern + HOLDER)):
         lock = holder.with_name(holder.name.removesuffix(HOLDER))
         with contextlib.suppress(TypeError):
-            found.append(Running(**read_holder(lock), lock=lock))
-    return found
+            sessions.append(Running(**read_holder(lock), lock=lock))
+    return sessions
 
 
 def running(device: str | None = None) -> list[Running]:
-    """The sessions that run now, or those on one device; `mock:` means every emulated rig."""
-    found = []
+    """The sessions that are alive, or those on one device; `mock:` means every emulated rig."""
+    alive = []
     for session in listed(device):
         if lives(session):
-            found.append(session)
+            alive.append(session)
         elif session.private:
-            # A private name is never used again: what a killed process left is swept away.
+            # The name of a private session is never used again: delete a killed one's files.
             for left in (session.lock, holder_path(session.lock)):
                 with contextlib.suppress(OSError):
                     left.unlink()
-    return found
+    return alive
 
 
 class Question:
-    """A question that is on its way to a session; several may be, before any is answered."""
+    """A request sent to a session; several may be under way before any answer is read."""
 
     def __init__(self, session: Running, question: Mapping[str, Any]) -> None:
         self.session = session
@@ -84,7 +84,7 @@ class Question:
             self.close()
 
     def answer(self, timeout_s: float) -> dict[str, Any] | None:
-        """What it says within ``timeout_s`` of the question, or None: it does not answer."""
+        """The answer within ``timeout_s`` of the request; None without one."""
         line = self._line
         if line is None:
             return None
@@ -106,22 +106,22 @@ class Question:
 
     @property
     def taken(self) -> bool:
-        """Whether the session has taken the connection; one that hangs does, and answers nothing.
+        """Whether the session accepted the connection; a hanging process does, without answering.
 
-        Windows takes seconds to refuse one, and a process that hangs for long takes no more: there
-        its lock says whether it lives.
+        Windows takes seconds to refuse a connection, and a process that hangs for long accepts no
+        more: after a timeout the lock decides.
         """
         return self._line is not None or (self.timed_out and is_held(self.session.lock))
 
     def close(self) -> None:
-        """Hang up. Idempotent."""
+        """Close the connection. Idempotent."""
         line, self._line = self._line, None
         if line is not None:
             line.close()
 
 
 def lives(session: Running) -> bool:
-    """True where it still takes connections."""
+    """Whether the session still accepts connections."""
     question = Question(session, {})
     taken = question.taken
     question.close()
@@ -129,7 +129,7 @@ def lives(session: Running) -> bool:
 
 
 def state(session: Running, timeout_s: float = 0.2) -> dict[str, Any] | None:
-    """What a session says of its rig now, or None where it does not answer."""
+    """The state of a session's rig now; None without an answer."""
     answer = Question(session, {"do": "state"}).answer(timeout_s)
-    found = None if answer is None else answer.get("state")
-    return found if isinstance(found, dict) else None
+    content = None if answer is None else answer.get("state")
+    return content if isinstance(content, dict) else None

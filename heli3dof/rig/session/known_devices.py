@@ -1,13 +1,13 @@
-"""Where a rig was opened before: what may be stopped unasked, and which serial number it has.
+"""The places where a rig was opened: what ``heli3dof estop`` may stop, and the serial numbers.
 
-A serial port may lead to anything: bytes that stop a rig may start another instrument. A place is
-known where
+A serial port may lead to any instrument, and bytes that stop a rig may start another one. A place
+is known as a rig's if
 
-    its driver lists nothing but rigs (it has no ``surely``), or ``surely(url)`` says that one is
-    there now, or a rig was opened there before
+    its driver lists only rigs (it is not `RecognisesRigs`), or ``is_rig(url)`` is true now,
+    or a rig was opened there before
 
-`remember` keeps ``lasting(url)``, what the place is called however it is plugged in, the device URL
-and the serial number in <state>/places, a line each, with tabs in between.
+`remember` keeps ``persistent_name(url)``, the device URL and the serial number in <state>/places,
+one line each, separated by tabs.
 """
 
 from __future__ import annotations
@@ -17,42 +17,45 @@ from contextlib import suppress
 from pathlib import Path
 
 from heli3dof.rig.drivers import load_driver
+from heli3dof.rig.interface import NamesPlaces, RecognisesRigs
 from heli3dof.rig.session.paths import device_name, state_folder
 from heli3dof.rig.url import DeviceUrl, parse_url
 
 MOST = 200
-"""Lines that are kept, the last ones: a rig at a new pseudo-terminal or TCP port adds one each"""
+"""lines that are kept, the last ones: a rig at a new pseudo-terminal or TCP port adds one each"""
 
 
 def is_known(device: str) -> bool:
-    """Whether it may be spoken to, unasked, as to a rig."""
+    """Whether a rig is known to be there, so that a stop may be sent without a request for it."""
     url = parse_url(device)
-    surely = getattr(load_driver(url.scheme), "surely", None)
-    return surely is None or surely(url) or any(_place(url) == line[0] for line in _lines())
+    driver = load_driver(url.scheme)
+    if not isinstance(driver, RecognisesRigs) or driver.is_rig(url):
+        return True
+    return any(_place(url) == line[0] for line in _lines())
 
 
 def remembered() -> Iterator[str]:
-    """URLs at which a rig was opened before, where the same thing is plugged in now.
+    """URLs at which a rig was opened before and where the same device is plugged in now.
 
-    Those of drivers that cannot list their rigs for sure, and so have ``lasting``.
+    Only of drivers that cannot list every rig (`NamesPlaces`).
     """
     for place, device, _ in _lines():
-        with suppress(Exception):  # a line of before 2026-11, or a driver that was taken away
+        with suppress(Exception):  # a line of before 2026-11, or a driver that was removed
             url = parse_url(device)
-            if hasattr(load_driver(url.scheme), "lasting") and _place(url) == place:
+            if isinstance(load_driver(url.scheme), NamesPlaces) and _place(url) == place:
                 yield device
 
 
 def serials_at(device: str) -> set[str]:
-    """Serial numbers that rigs opened at this URL's place had, or that the URL itself names."""
+    """Serial numbers of rigs opened at this URL's place, and the one in the URL itself."""
     url = parse_url(device)
     name = device_name(url)
-    found = {serial for _, at, serial in _lines() if at and device_name(at) == name}
-    return found | {url.where.rpartition("/")[2]}
+    serials = {serial for _, at, serial in _lines() if at and device_name(at) == name}
+    return serials | {url.where.rpartition("/")[2]}
 
 
 def remember(device: str, serial: str) -> None:
-    """A rig has answered there. A state folder that cannot be written hinders no flight."""
+    """Store that a rig answered there; does nothing where the state folder is not writable."""
     with suppress(OSError):
         line = (_place(parse_url(device)), device, serial)
         kept = _lines()
@@ -63,8 +66,9 @@ def remember(device: str, serial: str) -> None:
 
 
 def _place(url: DeviceUrl) -> str:
-    lasting = getattr(load_driver(url.scheme), "lasting", None)
-    return f"{url.scheme} {url.where if lasting is None else lasting(url)}"
+    driver = load_driver(url.scheme)
+    name = driver.persistent_name(url) if isinstance(driver, NamesPlaces) else url.where
+    return f"{url.scheme} {name}"
 
 
 def _lines() -> list[tuple[str, str, str]]:

@@ -1,10 +1,10 @@
-"""Open a rig and hold it: locked against others, to be stopped and watched from outside.
+"""Open a rig in a session: locked, and other processes can stop and observe it.
 
     with hold("serial:///dev/ttyACM0", profile) as rig:
         sample = rig.read()
 
-Whoever moves or reads a rig opens it here; `heli3dof.rig.drivers.open_rig` alone neither locks
-it nor lets ``heli3dof estop`` in.
+Every program that moves or reads a rig uses this. `heli3dof.rig.drivers.open_rig` alone does not
+lock the rig, and ``heli3dof estop`` cannot reach it.
 """
 
 from __future__ import annotations
@@ -34,12 +34,13 @@ def hold(
     also: Callable[[], Mapping[str, Any]] = dict,
     began_ns: int | None = None,
 ) -> Iterator[StoppableRig]:
-    """The open rig; closed and let go at the end. ``also`` adds to what onlookers see.
+    """The open rig; closed and unlocked at the end.
 
-    ``began_ns``: when the command was given that moves it (`heli3dof.rig.session.stop_stamp`).
-    Counts are taken from the stored rest angles; what the user should know of these is in
-    ``rig.rest.note``. Raises DeviceError where the rig is missing, not permitted, busy (naming the
-    other session), or has no serial number.
+    ``doing``: what the session does, for messages; default: the command line. ``also`` adds to the
+    state that observers read. ``began_ns``: when the command that moves the rig began
+    (`heli3dof.rig.session.stop_stamp`). Counts are zero at the stored rest angles;
+    ``rig.rest.note`` holds what the user should know about them. Raises DeviceError where
+    the rig is missing, not permitted, busy (naming the other session), or without a serial number.
     """
     with Session(device, private=is_private(device), doing=doing, began_ns=began_ns) as session:
         opened = open_rig(device, profile)
@@ -48,7 +49,7 @@ def hold(
                 raise _no_serial_number(device)
             session.claim(opened.identity)
         except BaseException:
-            opened.close()  # it was never armed, so this leaves it as its holder has it
+            opened.close()  # it was never armed: another session's rig stays as it is
             raise
         if not session.private:
             remember(device, opened.identity.serial)
@@ -64,13 +65,13 @@ def hold(
 def _no_serial_number(device: str) -> DeviceError:
     return DeviceError(
         f"{device}: the device has no serial number.",
-        cause="its firmware leaves the field empty: rest angles and locks go by it.",
+        cause="its firmware leaves the field empty; rest angles and locks need it.",
         fix="give it one in its firmware; docs/protocol.md, IDENTITY",
     )
 
 
 def state_of(rig: StoppableRig, profile: Profile) -> dict[str, Any]:
-    """The rig's last sample for onlookers: degrees, volts, flags by name."""
+    """The rig's last sample for observers: degrees, volts, flags by name."""
     sample, identity = rig.last, rig.identity
     about = {"driver": identity.driver, "serial": identity.serial, "boot": identity.boot}
     if sample is None:
@@ -79,17 +80,17 @@ def state_of(rig: StoppableRig, profile: Profile) -> dict[str, Any]:
 
 
 def reading(sample: Sample, profile: Profile) -> dict[str, Any]:
-    """A sample as people and scripts read it."""
+    """A sample in degrees, volts and amperes, with flags by name."""
     rest, per_count = profile.encoder.rest_rad, profile.encoder.rad_per_count
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         f"{axis}_deg": degrees(rest[i] + sample.counts[i] * per_count[i])
         for i, axis in enumerate(AXES)
     }
-    found |= {f"{axis}_counts": sample.counts[i] for i, axis in enumerate(AXES)}
-    found |= {f"v_{motor}_V": sample.v_applied[i] for i, motor in enumerate(MOTORS)}
+    values |= {f"{axis}_counts": sample.counts[i] for i, axis in enumerate(AXES)}
+    values |= {f"v_{motor}_V": sample.v_applied[i] for i, motor in enumerate(MOTORS)}
     for motor, current in zip(MOTORS, sample.current, strict=True):
-        found[f"i_{motor}_A"] = current if isfinite(current) else None
-    return found | {
+        values[f"i_{motor}_A"] = current if isfinite(current) else None
+    return values | {
         "device_time_s": sample.device_time_s,
         "host_time_s": sample.host_time_s,
         "sequence": sample.sequence,

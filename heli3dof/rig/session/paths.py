@@ -1,8 +1,8 @@
-"""Where this user's running sessions and stored calibrations live, and what a device is called.
+"""The folders of this user's sessions and calibrations, and the file name of a device.
 
 - runtime: ``$XDG_RUNTIME_DIR/heli3dof``, else ``heli3dof-UID`` in the folder of temporary files
-  (``$TMPDIR``, ``/tmp``; on Windows the user's own): locks and sessions of what runs now. Only its
-  owner may enter (mode 0700): who can read there can stop a motor.
+  (``$TMPDIR``, ``/tmp``; on Windows the user's own): locks and running sessions. Mode 0700, since
+  a reader of these files can stop a motor.
 - state: ``$XDG_STATE_HOME/heli3dof``, else ``~/.local/state/heli3dof``, on Windows
   ``%LOCALAPPDATA%\\heli3dof``: rest angles by serial number.
 """
@@ -22,12 +22,14 @@ from heli3dof.rig.url import DeviceUrl, parse_url
 
 
 def runtime_folder() -> Path:
-    """The folder of running sessions, made where it is missing.
+    """The folder of running sessions, created if missing.
 
-    Raises DeviceError where another user owns it: then nothing in it can be trusted.
+    Raises DeviceError where another user owns it, since its content cannot be trusted.
     """
     given = os.environ.get("XDG_RUNTIME_DIR")
-    user = os.getuid() if hasattr(os, "getuid") else None  # elsewhere temporary files are a user's
+    user = (
+        os.getuid() if hasattr(os, "getuid") else None
+    )  # None: Windows, where the folder is the user's
     if given and Path(given).is_dir():
         folder = Path(given) / "heli3dof"
     else:
@@ -35,30 +37,30 @@ def runtime_folder() -> Path:
         folder = Path(tempfile.gettempdir()) / name
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
+        status = folder.lstat()
     except OSError as problem:
         raise DeviceError(
-            f"{folder} cannot be made: {problem.strerror}.",
-            cause="without it no other terminal could stop the rig, so none is opened.",
+            f"{folder} cannot be created: {problem.strerror}.",
+            cause="without it no other terminal could stop the rig, so no rig is opened.",
             fix="set XDG_RUNTIME_DIR to a folder of your own",
         ) from problem
     if user is None:
         return folder
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != user:
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != user:
         raise DeviceError(
-            f"{folder} belongs to somebody else.",
-            cause="another user made it first; what it says of running rigs cannot be trusted.",
+            f"{folder} belongs to another user.",
+            cause="another user created it first; its content cannot be trusted.",
             fix=f"sudo rm -r {folder}, or set XDG_RUNTIME_DIR to a folder of your own",
         )
-    if found.st_mode & 0o077:
+    if status.st_mode & 0o077:
         folder.chmod(0o700)
     return folder
 
 
 def state_folder() -> Path:
-    """The folder of what is kept from one session to the next; not made here.
+    """The folder of what is kept between sessions; not created here.
 
-    Raises OSError where the user has no home folder.
+    Raises OSError for a user without a home folder.
     """
     given = os.environ.get("XDG_STATE_HOME")
     if os.name == "nt":
@@ -74,9 +76,9 @@ def state_folder() -> Path:
 
 
 def device_name(device: str | DeviceUrl) -> str:
-    """A file name for the rig that a URL names: the same for every way to write its place.
+    """A file name for the rig of a URL, the same for every spelling of its place.
 
-    Options do not count, and a link such as /dev/serial/by-id/… is followed to its port.
+    Options do not count, and a link such as /dev/serial/by-id/… is resolved.
 
     >>> device_name("serial:///dev/null?baud=9600") == device_name("serial:///dev/null")
     True

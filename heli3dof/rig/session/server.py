@@ -1,15 +1,16 @@
-"""A running session: it locks its rig, and a second terminal can stop it or look at it.
+"""A running session: it locks its rig, and a second terminal can stop or observe it.
 
-    locks    see `heli3dof.rig.session.locks`: the port's, and the device's once it is known
-    socket   127.0.0.1, a port and a key that stand in the lock's holder file; one question a
+    locks    the port's, and the device's once it is identified (`heli3dof.rig.session.locks`)
+    socket   127.0.0.1, with a port and a key from the lock's holder file; one request per
              connection, one line of JSON each way:
 
         {"key": "…", "do": "estop", "reason": "…"}   answered when the rig has been stopped
         {"key": "…", "do": "state"}                  answered with what `Session.state` returns
 
-A thread answers; it sleeps until a question comes. The loop only looks at `Session.asked`, an
-attribute, in every period (`heli3dof.rig.session.stoppable_rig`), so that one thread alone speaks
-to the rig. An emulated rig is private to its process: nothing to lock, its files carry the pid.
+A thread answers; it sleeps until a request comes. The control loop reads the attribute
+`Session.asked` in every period (`heli3dof.rig.session.stoppable_rig`), so that only one thread uses
+the rig. An emulated rig is private to its process: its lock has the pid in its name, and no serial
+number or lock of a device identifies it to other processes.
 """
 
 from __future__ import annotations
@@ -33,21 +34,21 @@ from heli3dof.rig.session.locks import Lock, device_lock_path
 from heli3dof.rig.session.paths import device_name, runtime_folder
 from heli3dof.rig.session.stop_stamp import command_began_ns, names_of, stopped_since
 
-LONGEST_QUESTION = 4096
+LONGEST_REQUEST = 4096
 PATIENCE_S = 1.0
-"""s that a caller may take to ask"""
+"""s that a client may take to send its request"""
 BACKLOG = 128
-"""Connections that the system takes while this process hangs: 12 s of a monitor's"""
-MOST_CALLERS = 64
-"""Connections that have not asked yet; another user of the computer can open them, too"""
+"""Connections that the system accepts while this process hangs: 12 s of a monitor's"""
+MOST_CLIENTS = 64
+"""Connections without a request yet; another user of the computer can open them too"""
 _number = itertools.count()
 
 
 class Session:
-    """One process's hold on one rig. Close it, or use it in a ``with`` statement.
+    """One process's lock on one rig. Close it, or use it in a ``with`` statement.
 
-    ``began_ns``: when the command that wants the rig was given (`heli3dof.rig.session.stop_stamp`).
-    Raises DeviceError where another session holds the rig, saying which.
+    ``began_ns``: when the command that uses the rig began (`heli3dof.rig.session.stop_stamp`).
+    Raises DeviceError where another session holds the rig, naming it.
     """
 
     def __init__(
@@ -56,11 +57,11 @@ class Session:
     ) -> None:  # fmt: skip
         self.device, self.private = device, private
         self.asked: str | None = None
-        """Why an emergency stop was asked for; None: none was."""
+        """Reason of a requested emergency stop; None: none was requested"""
         self.stopped: str | None = None
-        """How the rig was stopped on request; None: it was not."""
+        """How the rig was stopped on request; None: it was not"""
         self.state: Callable[[], Mapping[str, Any]] = dict
-        """What ``state`` answers; called by the answering thread, so it only looks."""
+        """The answer to ``state``; the answering thread calls it, so it must not use the rig"""
         self._began_ns = command_began_ns() if began_ns is None else began_ns
         self._names = names_of(device)
         self._deciding = threading.Lock()
@@ -86,24 +87,28 @@ class Session:
             raise
 
     def claim(self, identity: Identity) -> None:
-        """Lock the device that answered, through whichever door. Raises DeviceError (busy)."""
-        self._names = names_of(self.device, [identity.serial])
+        """Lock the device that answered, whatever its port. Raises DeviceError (busy).
+
+        A private rig has neither lock nor stamp of its serial number: no other process can reach
+        it, and several emulated rigs share one number.
+        """
         if not self.private:
+            self._names = names_of(self.device, [identity.serial])
             lock = Lock(device_lock_path(identity.serial, identity.boot), self.device)
             self._locks.append(lock)
             lock.write_holder(self._about)
 
     def ask_estop(self, reason: str) -> None:
-        """Have the rig stopped by the thread that talks to it; the first reason stands."""
+        """Request that the thread that uses the rig stops it; the first reason is kept."""
         with self._deciding:
             self.asked = self.asked or reason
             if self.private and not self._armed and self.stopped is None:
                 self.confirm("before it had armed its emulated rig")
 
     def begin_to_arm(self) -> str | None:
-        """Why the rig must not be armed: a stop asked for here, or one left for all. None: go on.
+        """Why the rig must not be armed: a stop requested here, or a stamp. None: it may be.
 
-        To be asked again after every attempt: a stop may come while the rig is being armed.
+        Call it again after every attempt: a stop may come while the rig is being armed.
         """
         with self._deciding:
             if self.asked is None:
@@ -112,13 +117,13 @@ class Session:
             return self.asked
 
     def confirm(self, how: str) -> None:
-        """The rig has been stopped: answer every caller who asked for it."""
+        """The rig has been stopped: answer every client that requested it."""
         self.stopped = how
         if self._answering is not None:
             self._answering.wake()
 
     def close(self) -> None:
-        """Let go of the rig. Idempotent."""
+        """Stop answering and release the locks. Idempotent."""
         if self._answering is not None:
             self._answering.close()
             self._answering = None
@@ -133,25 +138,25 @@ class Session:
 
 
 class _Answering(threading.Thread):
-    """Answers its callers; one that is slow or silent keeps no other one waiting."""
+    """Answers the clients; a slow or silent one delays no other."""
 
     def __init__(self, session: Session) -> None:
         super().__init__(name="heli3dof session", daemon=True)
         self._session = session
         self.key = os.urandom(16).hex()
-        self._ear = socket.create_server(("127.0.0.1", 0), backlog=BACKLOG)
-        self.port: int = self._ear.getsockname()[1]
+        self._listener = socket.create_server(("127.0.0.1", 0), backlog=BACKLOG)
+        self.port: int = self._listener.getsockname()[1]
         self._waker = socket.create_connection(("127.0.0.1", self.port))
-        self._woken, _ = self._ear.accept()
+        self._woken, _ = self._listener.accept()
         self._selector = selectors.DefaultSelector()
-        for each in (self._ear, self._woken, self._waker):
+        for each in (self._listener, self._woken, self._waker):
             each.setblocking(False)
-        self._selector.register(self._ear, selectors.EVENT_READ)
+        self._selector.register(self._listener, selectors.EVENT_READ)
         self._selector.register(self._woken, selectors.EVENT_READ)
-        self._asking: dict[socket.socket, float] = {}
-        """Connected, not asked yet → since when"""
+        self._silent: dict[socket.socket, float] = {}
+        """clients without a request yet → since when"""
         self._waiting: list[socket.socket] = []
-        """Asked for a stop, not answered yet"""
+        """clients that requested a stop, not answered yet"""
         self._ending = False
 
     def wake(self) -> None:
@@ -167,81 +172,81 @@ class _Answering(threading.Thread):
     def run(self) -> None:
         try:
             while not self._ending:
-                for key, _ in self._selector.select(PATIENCE_S if self._asking else None):
-                    self._attend(key.fileobj)
+                for key, _ in self._selector.select(PATIENCE_S if self._silent else None):
+                    self._serve(key.fileobj)
                 self._answer_stops()
-                self._lose_patience()
+                self._drop_silent_clients()
         finally:
             self._answer_stops(over=True)
             self._selector.close()
-            for each in (self._ear, self._woken, self._waker, *self._asking):
+            for each in (self._listener, self._woken, self._waker, *self._silent):
                 each.close()
 
-    def _attend(self, ready: Any) -> None:
-        if ready is self._ear:
+    def _serve(self, ready: Any) -> None:
+        if ready is self._listener:
             self._accept()
         elif ready is self._woken:
             with contextlib.suppress(OSError):
                 self._woken.recv(64)
         else:
-            self._hear(ready)
+            self._read_request(ready)
 
     def _accept(self) -> None:
         try:
-            caller, _ = self._ear.accept()
+            client, _ = self._listener.accept()
         except OSError:
-            time.sleep(0.1)  # out of file descriptors, say: no reason to spin
+            time.sleep(0.1)  # e.g. out of file descriptors: do not spin
             return
-        if len(self._asking) >= MOST_CALLERS:
-            caller.close()
+        if len(self._silent) >= MOST_CLIENTS:
+            client.close()
             return
-        caller.setblocking(False)
-        self._asking[caller] = time.monotonic()
-        self._selector.register(caller, selectors.EVENT_READ)
+        client.setblocking(False)
+        self._silent[client] = time.monotonic()
+        self._selector.register(client, selectors.EVENT_READ)
 
-    def _hear(self, caller: socket.socket) -> None:
-        """One question, in one piece: it is far shorter than what a local socket delivers so."""
-        self._let_go(caller)
+    def _read_request(self, client: socket.socket) -> None:
+        """Read one request, in one piece: far shorter than what a local socket delivers at once."""
+        self._forget(client)
         try:
-            question = json.loads(caller.recv(LONGEST_QUESTION))
-            do = question["do"] if question["key"] == self.key else None
+            request = json.loads(client.recv(LONGEST_REQUEST))
+            do = request["do"] if request["key"] == self.key else None
         except (OSError, ValueError, KeyError, TypeError):
             do = None
         if do is None:
-            caller.close()
+            client.close()
         elif do == "estop":
-            self._session.ask_estop(str(question.get("reason", "no reason given")))
-            self._waiting.append(caller)
+            self._session.ask_estop(str(request.get("reason", "no reason given")))
+            self._waiting.append(client)
         elif do == "state":
             try:
-                _answer(caller, {"state": dict(self._session.state())})
+                _answer(client, {"state": dict(self._session.state())})
             except Exception as problem:
-                _answer(caller, {"error": f"{type(problem).__name__}: {problem}"})
+                _answer(client, {"error": f"{type(problem).__name__}: {problem}"})
         else:
-            _answer(caller, {"error": f"this session cannot do {do!r}; it can estop and state"})
+            _answer(client, {"error": f"this session cannot do {do!r}; it can estop and state"})
 
     def _answer_stops(self, *, over: bool = False) -> None:
         how = self._session.stopped
         if how is None and not over:
             return
-        said = {"over": "the session ended by itself"} if how is None else {"stopped": how}
+        answer = {"over": "the session ended without a stop"} if how is None else {"stopped": how}
         while self._waiting:
-            _answer(self._waiting.pop(), said)
+            _answer(self._waiting.pop(), answer)
 
-    def _lose_patience(self) -> None:
-        for caller, since in list(self._asking.items()):
+    def _drop_silent_clients(self) -> None:
+        for client, since in list(self._silent.items()):
             if time.monotonic() - since > PATIENCE_S:
-                self._let_go(caller)
-                caller.close()
+                self._forget(client)
+                client.close()
 
-    def _let_go(self, caller: socket.socket) -> None:
-        self._asking.pop(caller, None)
-        self._selector.unregister(caller)
+    def _forget(self, client: socket.socket) -> None:
+        self._silent.pop(client, None)
+        self._selector.unregister(client)
 
 
-def _answer(caller: socket.socket, what: Mapping[str, Any]) -> None:
-    with contextlib.suppress(OSError), caller:
-        caller.sendall(json.dumps(what).encode() + b"\n")
+def _answer(client: socket.socket, what: Mapping[str, Any]) -> None:
+    with contextlib.suppress(OSError), client:
+        client.sendall(json.dumps(what).encode() + b"\n")
 
 
 def _command_line() -> str:

@@ -1,25 +1,25 @@
-"""What an emergency stop leaves behind, so that nothing begun before it arms a rig after it.
+"""Stamps of emergency stops: a command begun before a stop cannot arm a rig after it.
 
-    <runtime>/<name>@<time>.stop      name: of a device, of a serial number, or ``all``
+    <runtime>/<name>@<time>.stop      name: a device, a serial number, or ``all``
                                       time: of the stop, ns on the host's monotonic clock
 
-A flight must not arm where   its command began ≤ time of a stop of its rig ≤ now.
+A flight must not arm if   its command began ≤ time of a stop of its rig ≤ now.
 
 A stop leaves its stamp before it looks for sessions. A flight looks for stamps after its session
-can be seen. So either the stop sees the session, or the flight sees the stamp.
+is visible. So either the stop finds the session, or the flight finds the stamp.
 
 When a command began:
 
 ==============================  ==================================================================
-a program: ``heli3dof``, a      the start of its process, as the system knows it; so all flights
+a program: ``heli3dof``, a      the start of its process, as the system reports it; so all flights
 script                          of ``run --auto`` or of a loop in a script began with it
 an interactive interpreter,     the call
 a notebook
 a server, a window, a test run  the program's last call of `start_command`
 ==============================  ==================================================================
 
-The monotonic clock is one for all processes of a computer and is never set. A stamp of before a
-restart of the computer lies in the future, or its boot identifier is another one: it is ignored.
+The monotonic clock is common to all processes of a computer and is never set. After a restart of
+the computer an old stamp lies in the future or has another boot identifier: it is ignored.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ _began_ns: int | None = None
 
 
 def start_command() -> None:
-    """A command of this program begins now: what it flies is not bound by stops of before.
+    """A command of this program begins now; earlier stops do not affect its flights.
 
-    For programs that take commands of their own: a server, a window, a test run.
+    For programs with commands of their own: a server, a window, a test run.
     """
     global _began_ns
     _began_ns = time.monotonic_ns()
 
 
 def command_began_ns() -> int:
-    """When the command that runs now was given; ns on the monotonic clock."""
+    """When the running command began; ns on the monotonic clock."""
     global _began_ns
     if hasattr(sys, "ps1"):  # an interactive interpreter has a prompt
         return time.monotonic_ns()
@@ -61,19 +61,19 @@ def command_began_ns() -> int:
 
 
 def leave_stamp(names: Iterable[str], reason: str) -> None:
-    """Forbid every command begun until now to arm the rigs of these names (see `names_of`)."""
+    """Forbid every command begun until now to arm the rigs with these names (see `names_of`)."""
     folder, now = runtime_folder(), time.monotonic_ns()
     about = {"reason": reason, "at": datetime.now().strftime("%H:%M:%S"), "boot": _boot()}
     for name in names:
         older = list(folder.glob(f"{name}@*.stop"))
         (folder / f"{name}@{now}.stop").write_text(json.dumps(about), encoding="utf-8")
-        for stamp in older:  # what it forbids, the new one forbids too
+        for stamp in older:  # the new stamp includes them
             with suppress(OSError):
                 stamp.unlink()
 
 
 def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
-    """Why a command that began then must not arm these rigs; None where it may."""
+    """Why a command that began at ``began_ns`` must not arm these rigs; None where it may."""
     now, wanted = time.monotonic_ns(), {ALL, *names}
     for stamp in runtime_folder().glob("*.stop"):
         name, _, time_ns = stamp.stem.rpartition("@")
@@ -81,24 +81,24 @@ def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
             continue
         try:
             about = json.loads(stamp.read_text(encoding="utf-8"))
-        except (OSError, ValueError):  # it is just being written, or replaced by a later one
-            return "a stop that came after this was begun"
+        except (OSError, ValueError):  # it is being written, or replaced by a later one
+            return "a stop after this command began"
         if about.get("boot") == _boot():
             return f"{about.get('reason')}, at {about.get('at')}"
     return None
 
 
 def names_of(device: str, serials: Iterable[str] = ()) -> list[str]:
-    """The names under which a rig is stopped: its place, and each serial number it may have."""
+    """The stamp names of a rig: its place, and each serial number it may have."""
     numbers = [f"serial-{binascii.crc32(s.encode()):08x}" for s in serials if s]
     return [device_name(device), *numbers]
 
 
 def _process_start_ns() -> int:
-    """When this process started, and never later.
+    """When this process started, or up to 10 ms earlier (Linux).
 
-    Too early by 10 ms at most on Linux. Elsewhere psutil says it, and is wrong by what the wall
-    clock was set since then; where there is no psutil, this module's import has to do.
+    Elsewhere psutil's value, which is off by any change of the wall clock since; without psutil,
+    the time of this module's import.
     """
     try:
         fields = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
@@ -114,7 +114,7 @@ def _process_start_ns() -> int:
 
 
 def _boot() -> str:
-    """Differs after every start of the computer, where the system says so."""
+    """An identifier of the computer's last start; empty where the system has none."""
     try:
         return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
     except OSError:

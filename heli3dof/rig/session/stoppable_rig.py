@@ -1,25 +1,31 @@
-"""A rig as its session holds it: it heeds a stop asked for elsewhere, and counts from rest.
+"""A rig in a session: another process can stop it, and its counts are zero at the rest angles.
 
-The loop goes on as before and ends by what the samples say (flag ESTOP)::
+An emergency stop that was requested from outside ends the loop through the samples (flag ESTOP)::
 
-    exchange(command):   asked?  →  estop once, confirm, and zero volts from then on
-    arm():               asked, or stopped since this was begun (`heli3dof.rig.session.stop_stamp`)?
-                         →  refused: arming would clear the stop
+    exchange(command):   requested?  →  estop once, confirm, and zero volts from then on
+    arm():               requested, or a stop since the command began
+                         (`heli3dof.rig.session.stop_stamp`)?
+                         →  SafetyTrip, since arming would clear the stop
 
-In every phase of a flight, landing included; within one control period of the question. `arm`
-looks before and after; a driver that makes several attempts to arm has an attribute ``permit``,
-which it calls in each of them (see `heli3dof_drivers.link.rig`).
-
-Every sample's counts are taken from where they stand at the rest angles
-(`heli3dof.rig.calibration`).
+This holds in every phase of a flight, the ramp to zero included, within one control period of the
+request. `StoppableRig.arm` checks before and after; a rig with several attempts to arm checks in
+each of them (`heli3dof.rig.interface.ArmsWithPermission`).
 """
 
 from __future__ import annotations
 
-from heli3dof.errors import DeviceError, SafetyTrip
+from heli3dof.errors import SafetyTrip
 from heli3dof.rig.calibration import POWER_UP, Rest
-from heli3dof.rig.interface import Command, Identity, Rig, Sample, device_cause
-from heli3dof.rig.sample_check import unreadable
+from heli3dof.rig.interface import (
+    ArmsWithPermission,
+    Command,
+    HasLinkStatistics,
+    Identity,
+    Rig,
+    Sample,
+    device_cause,
+)
+from heli3dof.rig.sample_check import check_sample
 from heli3dof.rig.session.server import Session
 
 
@@ -30,9 +36,9 @@ class StoppableRig:
         self.inner, self.session = rig, session
         self.rest = rest
         self.last: Sample | None = None
-        """The last sample, for onlookers."""
-        if hasattr(rig, "permit"):
-            rig.permit = self._permit
+        """The last sample, for observers"""
+        if isinstance(rig, ArmsWithPermission):
+            rig.check_permission = self._check_permission
 
     @property
     def identity(self) -> Identity:
@@ -40,57 +46,55 @@ class StoppableRig:
 
     @property
     def statistics(self) -> object:
-        """What the rig's link has counted; None where it counts nothing."""
-        return getattr(self.inner, "statistics", None)
+        """The link's counters; None for a rig without them."""
+        return self.inner.statistics if isinstance(self.inner, HasLinkStatistics) else None
 
     @property
     def device_cause(self) -> str | None:
-        """Why the device holds its output at zero, in its own word."""
+        """See `heli3dof.rig.interface.ReportsDeviceCause`."""
         return device_cause(self.inner)
 
     def arm(self) -> Sample:
         """Raises SafetyTrip where a stop forbids it."""
-        self._permit()
+        self._check_permission()
         sample = self._from_rest(self.inner.arm())
-        self._permit()
+        self._check_permission()
         self.last = sample
         return sample
 
     def read(self) -> Sample:
         if self.session.asked is not None:
-            self._heed(self.session.asked)
-        read = self.inner.read()
-        if (what := unreadable(read)) is not None:
-            raise DeviceError(
-                f"The rig's driver gave a sample that cannot be used: {what}.",
-                cause="a mistake in the driver, or a reading that failed and was passed on.",
-                fix="python -m heli3dof.rig.conformance URL, which examines a driver",
-            )
-        self.last = sample = self._from_rest(read)
+            self._stop(self.session.asked)
+        sample = self.inner.read()
+        check_sample(sample)
+        self.last = sample = self._from_rest(sample)
         return sample
 
     def exchange(self, command: Command, due_s: float) -> Sample:
         if self.session.asked is not None:
-            self._heed(self.session.asked)
+            self._stop(self.session.asked)
             command = Command(command.sequence, 0.0, 0.0)
         self.last = sample = self._from_rest(self.inner.exchange(command, due_s))
         return sample
 
     def _from_rest(self, sample: Sample) -> Sample:
         zero = self.rest.counts_at_rest
-        if zero == (0, 0, 0) or unreadable(sample) is not None:  # the loop judges that
+        if zero == (0, 0, 0):
             return sample
-        counts = sample.counts
-        # Not dataclasses.replace: this is in the control period, and that takes ten times as long.
-        return Sample(
-            sample.sequence,
-            sample.device_time_s,
-            (counts[0] - zero[0], counts[1] - zero[1], counts[2] - zero[2]),
-            sample.v_applied,
-            sample.current,
-            sample.flags,
-            sample.host_time_s,
-        )
+        try:
+            roll, pitch, yaw = sample.counts
+            # Not dataclasses.replace: it takes ten times as long.
+            return Sample(
+                sample.sequence,
+                sample.device_time_s,
+                (roll - zero[0], pitch - zero[1], yaw - zero[2]),
+                sample.v_applied,
+                sample.current,
+                sample.flags,
+                sample.host_time_s,
+            )
+        except (AttributeError, TypeError, ValueError):
+            return sample  # the loop reports an unusable sample
 
     def estop(self, reason: str) -> None:
         self.inner.estop(reason)
@@ -98,18 +102,18 @@ class StoppableRig:
     def close(self) -> None:
         self.inner.close()
 
-    def _permit(self) -> None:
-        why = self.session.begin_to_arm()
-        if why is not None:
-            self._heed(why)
+    def _check_permission(self) -> None:
+        reason = self.session.begin_to_arm()
+        if reason is not None:
+            self._stop(reason)
             raise SafetyTrip(
-                f"The rig was not armed: an emergency stop was asked for ({why}).",
-                cause="heli3dof estop was run after this had been begun.",
-                fix="find out who and why; then start again (a program that takes commands of its "
-                "own says when one begins: heli3dof.rig.session.stop_stamp.start_command)",
+                f"The rig was not armed: an emergency stop was requested ({reason}).",
+                cause="heli3dof estop was run after this command began.",
+                fix="find out who and why; then start again (a program with commands of its own "
+                "calls heli3dof.rig.session.stop_stamp.start_command at the start of each)",
             )
 
-    def _heed(self, why: str) -> None:
+    def _stop(self, reason: str) -> None:
         if self.session.stopped is None:
-            self.inner.estop(why)
+            self.inner.estop(reason)
             self.session.confirm("through its own connection")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from struct import Struct
 
 import pytest
@@ -19,11 +18,8 @@ from heli3dof_drivers.link.frames import (
     payload,
     wire,
 )
-from heli3dof_drivers.link.page import made
 from hypothesis import given
 from hypothesis import strategies as st
-
-from tests.paths import ROOT
 
 RANGES = {"B": (0, 255), "H": (0, 65535), "h": (-32768, 32767), "I": (0, 2**32 - 1),
           "i": (-(2**31), 2**31 - 1)}  # fmt: skip
@@ -107,8 +103,3 @@ def test_a_line_that_never_ends_a_frame_takes_no_memory():
         splitter.feed(b"\x01" * 1000)
     assert len(splitter._rest) < 200
     assert splitter.feed(b"\0" + wire(Poll(3))) == [Poll(3)]
-
-
-def test_the_page_is_what_the_code_says():
-    page = Path(ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
-    assert made(page) == page, "python -m heli3dof_drivers.link.page"

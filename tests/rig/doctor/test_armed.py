@@ -1,4 +1,4 @@
-"""``doctor --arm`` finds a device without a watchdog before the first volt."""
+"""The checks of ``doctor --arm``."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ def short(monkeypatch, own_clock):
     monkeypatch.setattr(armed, "LONGEST_RAMP_S", 0.05)
 
 
-def looked_at(rig) -> dict[str, Check]:
-    held = StoppableRig(rig, Session("fake://1", private=True))
-    return {check.what: check for check in armed.checks(held, PROFILE)}
+def results_of(rig) -> dict[str, Check]:
+    with Session("fake://1", private=True) as session:
+        checks = armed.checks(StoppableRig(rig, session), PROFILE)
+        return {check.what: check for check in checks}
 
 
 class Commanded(FakeRig):
-    """Keeps its commands; nothing ever latches it, and arming ends a stop."""
+    """Keeps its commands; it has no watchdog, and arming clears a stop."""
 
     def __init__(self, driver: FakeDriver | None = None) -> None:
         super().__init__(driver or FakeDriver(identity=replace(IDENTITY, watchdog_s=0.01)))
@@ -50,49 +51,49 @@ class Commanded(FakeRig):
 
 def test_the_emulated_rig_passes():
     rig = open_rig("mock:?watchdog_s=0.3&noise=0", PROFILE)
-    good = {c.what: c.good for c in looked_at(rig).values()}
+    good = {c.what: c.good for c in results_of(rig).values()}
     assert good["watchdog at work"] is True
     assert good["emergency stop at work"] is True
 
 
-def test_a_device_without_a_watchdog_is_found():
-    check = looked_at(Commanded())["watchdog at work"]
+def test_a_device_without_a_watchdog_fails():
+    check = results_of(Commanded())["watchdog at work"]
     assert check.good is False
     assert "DID NOT EXPIRE" in check.found
     assert "do not fly" in check.fix
 
 
-def test_no_command_is_ever_other_than_zero_volts():
+def test_every_command_is_zero_volts():
     rig = Commanded()
-    looked_at(rig)
+    results_of(rig)
     assert rig.commands
     assert all((c.v_front, c.v_back) == (0.0, 0.0) for c in rig.commands)
 
 
-def test_it_leaves_the_rig_stopped():
+def test_the_rig_is_stopped_at_the_end():
     rig = Commanded()
-    looked_at(rig)
+    results_of(rig)
     assert rig.stopped == ["heli3dof doctor is done"]
 
 
-def test_lost_samples_are_seen_in_the_devices_time():
+def test_the_devices_clock_reveals_lost_samples():
     rig = Commanded()
     rig.lost_every = 10
-    check = looked_at(rig)["traffic of the loop"]
+    check = results_of(rig)["traffic of the loop"]
     assert check.good is False
     rig = Commanded()
-    assert looked_at(rig)["traffic of the loop"].good is True
+    assert results_of(rig)["traffic of the loop"].good is True
 
 
 @pytest.mark.parametrize(
-    ("why", "said", "fix"),
+    ("counter", "words", "fix"),
     [
         ("lost", "lost on the line", "cable"),
-        ("left_out", "left out by the device", "lower loop.rate_hz"),
-        ("passed_over", "came too late for this computer", "wake-up"),
+        ("left_out", "not taken by the device", "lower loop.rate_hz"),
+        ("passed_over", "read too late by this computer", "wake-up"),
     ],
 )
-def test_where_samples_went_is_told_by_a_link_that_counts_them(why: str, said: str, fix: str):
+def test_a_link_with_counters_names_where_samples_were_lost(counter: str, words: str, fix: str):
     class Counting(Commanded):
         def __init__(self) -> None:
             super().__init__()
@@ -102,45 +103,45 @@ def test_where_samples_went_is_told_by_a_link_that_counts_them(why: str, said: s
         def exchange(self, command: Command, due_s: float) -> Sample:
             sample = super().exchange(command, due_s)
             if len(self.commands) % self.lost_every == 0:
-                setattr(self.statistics, why, getattr(self.statistics, why) + 1)
+                setattr(self.statistics, counter, getattr(self.statistics, counter) + 1)
             return sample
 
-    check = looked_at(Counting())["traffic of the loop"]
+    check = results_of(Counting())["traffic of the loop"]
     assert check.good is False
-    assert said in check.found
+    assert words in check.found
     assert check.found.count("by the device") + check.found.count("on the line") <= 1
     assert fix in check.fix
 
 
-def test_a_stop_that_a_command_undoes_is_found():
+def test_a_stop_that_a_command_clears_fails():
     class Forgetful(Commanded):
         def estop(self, reason: str) -> None:
             pass
 
-    check = looked_at(Forgetful())["emergency stop at work"]
+    check = results_of(Forgetful())["emergency stop at work"]
     assert check.good is False
     assert "did not stay stopped" in check.found
 
 
-def test_an_amplifier_that_puts_out_volts_unasked_is_found():
+def test_an_output_other_than_zero_fails():
     class Leaking(Commanded):
         def exchange(self, command: Command, due_s: float) -> Sample:
             return replace(super().exchange(command, due_s), v_applied=(0.4, 0.0))
 
-    check = looked_at(Leaking())["zero volts"]
+    check = results_of(Leaking())["zero volts"]
     assert check.good is False
     assert "0.4 and 0 V" in check.found
 
 
-def test_a_virtual_clock_is_not_asked_for_its_watchdog():
+def test_the_watchdog_of_a_virtual_clock_is_not_checked():
     rig = Commanded(FakeDriver(identity=replace(IDENTITY, timebase="virtual")))
-    assert looked_at(rig)["watchdog at work"].good is None
+    assert results_of(rig)["watchdog at work"].good is None
 
 
-def test_a_flag_for_the_stop_is_not_enough_while_it_is_enabled():
+def test_a_stop_flag_with_an_enabled_amplifier_fails():
     class Both(Commanded):
         def exchange(self, command: Command, due_s: float) -> Sample:
             sample = super().exchange(command, due_s)
             return replace(sample, flags=sample.flags | Flags.ENABLED)
 
-    assert looked_at(Both())["emergency stop at work"].good is False
+    assert results_of(Both())["emergency stop at work"].good is False

@@ -1,4 +1,4 @@
-"""The computer's checks tell a good machine from a bad one, and name the command that mends."""
+"""The checks of the computer, and the commands that correct a failed one."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ def test_the_processors_own_clock_is_good(system):
     assert host.clock(PROFILE).good is True
 
 
-def test_a_slow_clock_is_mended_where_a_quick_one_is_offered(system):
+def test_the_fix_of_a_slow_clock_is_a_quick_one_that_the_system_offers(system):
     clocks(system, "hpet", "tsc hpet acpi_pm")
     check = host.clock(PROFILE)
     assert check.good is False
     assert check.fix.startswith("echo tsc | sudo tee ")
 
 
-def test_a_slow_clock_without_another_is_only_said(system):
+def test_a_slow_clock_without_another_has_no_fix(system):
     clocks(system, "acpi_pm", "acpi_pm")
     assert host.clock(PROFILE).good is None
 
 
-def test_a_system_that_does_not_name_its_clock_is_judged_by_its_resolution(system):
+def test_an_unnamed_clock_is_judged_by_its_resolution(system):
     assert host.clock(PROFILE).good is True
 
 
-def test_one_core_that_saves_power_is_enough_to_be_said(system):
+def test_one_core_with_a_power_saving_governor_is_reported(system):
     governors(system, "performance", "powersave")
     check = host.frequency(PROFILE)
     assert check.good is False
@@ -68,13 +68,13 @@ def test_full_speed_and_no_governor_are_good(system):
 
 
 @pytest.mark.parametrize(("busy", "good"), [(0.3, True), (3.4, True), (4.0, False), (20.0, False)])
-def test_other_work_is_weighed_against_the_cores(monkeypatch, busy, good):
+def test_load_is_compared_with_the_number_of_cores(monkeypatch, busy, good):
     monkeypatch.setattr(host.os, "getloadavg", lambda: (busy, 0.0, 0.0))
     monkeypatch.setattr(host.os, "cpu_count", lambda: 4)
     assert host.load(PROFILE).good is good
 
 
-def test_waking_up_late_now_and_then_is_found(monkeypatch):
+def test_rare_late_wake_ups_are_reported(monkeypatch):
     late = iter([0.0] * 495 + [5e-3] * 5)
     monkeypatch.setattr(host, "wait_until", lambda due: due + next(late))
     check = host.wake_up(PROFILE)
@@ -82,7 +82,7 @@ def test_waking_up_late_now_and_then_is_found(monkeypatch):
     assert "5 of 500 by more than 1 ms" in check.found
 
 
-def test_waking_up_in_time_is_good(monkeypatch):
+def test_punctual_wake_ups_are_good(monkeypatch):
     monkeypatch.setattr(host, "wait_until", lambda due: due + 4e-6)
     check = host.wake_up(PROFILE)
     assert check.good is True

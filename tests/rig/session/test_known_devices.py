@@ -1,4 +1,4 @@
-"""A place is a rig's where one was opened before, however it is plugged in now."""
+"""Known devices: a place is known if a rig was opened there before, at any port."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ class Ports(FakeDriver):
 
     boards: dict[str, str]
 
-    def surely(self, url: DeviceUrl) -> bool:
+    def is_rig(self, url: DeviceUrl) -> bool:
         return False
 
-    def lasting(self, url: DeviceUrl) -> str:
+    def persistent_name(self, url: DeviceUrl) -> str:
         return self.boards[url.where]
 
 
@@ -30,7 +30,7 @@ def ports(tmp_path, monkeypatch) -> Ports:
     return driver
 
 
-def test_what_was_opened_is_known_at_another_port_and_its_port_is_not(ports):
+def test_a_device_is_known_at_another_port_and_its_old_port_is_not(ports):
     assert not is_known("fake://a")
     remember("fake://a?baud=9600", "S1")
     assert (is_known("fake://a"), is_known("fake://b")) == (True, False)
@@ -38,7 +38,7 @@ def test_what_was_opened_is_known_at_another_port_and_its_port_is_not(ports):
     assert (is_known("fake://a"), is_known("fake://b")) == (False, True)
 
 
-def test_it_is_kept_once(ports, tmp_path):
+def test_a_device_is_stored_once(ports, tmp_path):
     remember("fake://a", "S1")
     remember("fake://a?baud=9600", "S1")
     kept = (tmp_path / "heli3dof" / "places").read_text()
@@ -46,7 +46,7 @@ def test_it_is_kept_once(ports, tmp_path):
     assert list(remembered()) == ["fake://a?baud=9600"]
 
 
-def test_a_file_of_before_is_understood(ports, tmp_path):
+def test_a_file_of_an_earlier_version_is_read(ports, tmp_path):
     (tmp_path / "heli3dof").mkdir()
     (tmp_path / "heli3dof" / "places").write_text("fake board 1\n")
     assert (is_known("fake://a"), is_known("fake://b")) == (True, False)
@@ -55,19 +55,19 @@ def test_a_file_of_before_is_understood(ports, tmp_path):
     assert list(remembered()) == ["fake://a"]
 
 
-def test_what_is_no_longer_plugged_in_there_is_not_remembered(ports):
+def test_a_device_that_was_unplugged_is_not_listed(ports):
     remember("fake://a", "S1")
     ports.boards = {"a": "board 3"}
     assert list(remembered()) == []
 
 
-def test_a_rig_may_have_the_serial_numbers_of_its_place_and_of_its_url(ports):
+def test_serial_numbers_come_from_the_place_and_the_url(ports):
     remember("fake://a", "S1")
     assert "S1" in serials_at("fake://a?baud=1")
     assert serials_at("fake://1209:0001/S2") == {"S2"}
 
 
-def test_it_does_not_grow_for_ever(ports, tmp_path):
+def test_the_file_has_a_largest_size(ports, tmp_path):
     for k in range(MOST + 50):
         ports.boards["a"] = f"board {k}"
         remember("fake://a", "S1")
@@ -76,13 +76,13 @@ def test_it_does_not_grow_for_ever(ports, tmp_path):
     assert lines[-1].startswith(f"fake board {MOST + 49}\t")
 
 
-def test_a_driver_that_lists_rigs_only_needs_no_memory(monkeypatch):
+def test_every_place_of_a_driver_that_lists_only_rigs_is_known(monkeypatch):
     only_drivers(monkeypatch, fake=FakeDriver())
     remember("fake://1", "S1")
     assert is_known("fake://1")
 
 
-def test_a_state_folder_that_cannot_be_written_hinders_nothing(ports, monkeypatch):
+def test_an_unwritable_state_folder_is_ignored(ports, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", "/dev/null")
     remember("fake://a", "S1")
     assert not is_known("fake://a")

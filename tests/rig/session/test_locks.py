@@ -1,4 +1,4 @@
-"""A lock has one holder, tells who that is, and goes with its process."""
+"""A lock has one holder, names it, and is released when its process ends."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ time.sleep(600)
 """
 
 
-def test_a_second_one_is_told_who_holds_it_and_through_which_door(tmp_path):
+def test_a_second_holder_gets_an_error_that_names_the_first_and_its_port(tmp_path):
     lock = Lock(tmp_path / "rig", "usb:")
     lock.write_holder(ABOUT)
     with pytest.raises(DeviceError, match=r"pid 7 runs .*, through usb:\.") as caught:
@@ -34,7 +34,7 @@ def test_a_second_one_is_told_who_holds_it_and_through_which_door(tmp_path):
     Lock(tmp_path / "rig", "usb:").release()
 
 
-def test_a_killed_holder_holds_nothing(tmp_path):
+def test_a_killed_process_releases_its_lock(tmp_path):
     path = tmp_path / "rig"
     with subprocess.Popen(
         [sys.executable, "-c", HOLDER, str(path)], stdout=subprocess.PIPE, text=True
@@ -49,7 +49,7 @@ def test_a_killed_holder_holds_nothing(tmp_path):
     Lock(path, "usb:").release()
 
 
-def test_a_lock_leaves_no_file(tmp_path):
+def test_a_released_lock_leaves_no_file(tmp_path):
     lock = Lock(tmp_path / "rig", "usb:")
     lock.write_holder(ABOUT)
     lock.release()
@@ -78,7 +78,7 @@ def test_a_lock_is_never_held_twice(tmp_path):
     assert most == [1]
 
 
-def test_a_device_has_one_lock_for_each_of_its_starts():
+def test_a_device_has_another_lock_after_a_restart():
     assert device_lock_path("A/1", 3) == device_lock_path("A/1", 3)
     paths = {
         device_lock_path(*each) for each in (("A/1", 3), ("A/1", 4), ("A-1", 3), ("A/1", None))

@@ -1,4 +1,4 @@
-"""A session locks its rig and answers a second terminal, whatever else goes on."""
+"""A session locks its rig and answers a second terminal at any time."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def other_process() -> Iterator[subprocess.Popen[str]]:
         p.kill()
 
 
-def test_options_and_links_do_not_make_another_device(tmp_path):
+def test_options_and_links_do_not_change_the_device_name(tmp_path):
     link = tmp_path / "by-id"
     link.symlink_to("/dev/null")
     assert device_name(DEVICE) == device_name(f"serial://{link}")
@@ -67,19 +67,19 @@ def runtime(monkeypatch, tmp_path) -> Path:
     return tmp_path
 
 
-def test_the_runtime_folder_is_its_owners_alone(runtime):
+def test_only_its_owner_can_read_the_runtime_folder(runtime):
     (runtime / "heli3dof").mkdir(mode=0o755)
     assert runtime_folder() == runtime / "heli3dof"
     assert runtime_folder().stat().st_mode & 0o777 == 0o700
 
 
-def test_a_runtime_folder_that_is_a_link_is_not_trusted(runtime, tmp_path_factory):
+def test_a_runtime_folder_that_is_a_link_is_refused(runtime, tmp_path_factory):
     (runtime / "heli3dof").symlink_to(tmp_path_factory.mktemp("elsewhere"))
-    with pytest.raises(DeviceError, match="somebody else"):
+    with pytest.raises(DeviceError, match="another user"):
         runtime_folder()
 
 
-def test_without_a_folder_of_the_system_it_is_among_the_temporary_files(monkeypatch, tmp_path):
+def test_without_xdg_runtime_dir_the_folder_is_temporary(monkeypatch, tmp_path):
     monkeypatch.delenv("XDG_RUNTIME_DIR")
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     assert runtime_folder() == tmp_path / f"heli3dof-{os.getuid()}"
@@ -87,20 +87,20 @@ def test_without_a_folder_of_the_system_it_is_among_the_temporary_files(monkeypa
     assert runtime_folder() == tmp_path / "heli3dof"
 
 
-def test_a_second_session_is_told_who_holds_the_rig(session):
+def test_a_second_session_gets_an_error_that_names_the_first(session):
     with pytest.raises(DeviceError) as caught:
         Session("serial:///dev/null")
     assert f"pid {os.getpid()} runs `heli3dof run rich` since 2" in caught.value.what
     assert caught.value.exit_code == 3
 
 
-def test_a_rig_is_free_again_after_its_session(session):
+def test_a_rig_is_free_after_its_session(session):
     session.close()
     session.close()
     Session(DEVICE).close()
 
 
-def test_a_killed_session_leaves_the_rig_free_and_nothing_listed(other_process):
+def test_a_killed_session_frees_the_rig_and_is_not_listed(other_process):
     assert [s.pid for s in running(DEVICE)] == [other_process.pid]
     with pytest.raises(DeviceError, match=f"pid {other_process.pid} runs"):
         Session(DEVICE)
@@ -110,13 +110,13 @@ def test_a_killed_session_leaves_the_rig_free_and_nothing_listed(other_process):
     Session(DEVICE).close()
 
 
-def test_sessions_are_listed_with_what_they_do(session):
+def test_sessions_are_listed_with_their_command(session):
     (found,) = running(DEVICE)
     assert (found.device, found.pid, found.doing) == (DEVICE, os.getpid(), "heli3dof run rich")
     assert running("serial:///dev/zero") == []
 
 
-def test_private_rigs_do_not_lock_each_other_out(runtime):
+def test_private_rigs_do_not_lock_each_other(runtime):
     with Session("mock:", private=True) as one, Session("mock:?seed=2", private=True) as two:
         assert (one.device, two.device) == ("mock:", "mock:?seed=2")
         assert sorted(s.device for s in running("mock:")) == ["mock:", "mock:?seed=2"]
@@ -132,7 +132,7 @@ def test_a_stop_of_a_private_rig_is_confirmed_before_it_is_armed_and_forbids_it(
         assert session.begin_to_arm() == "smoke"
 
 
-def test_a_stop_of_a_private_rig_that_is_being_armed_is_the_loops_to_confirm(runtime):
+def test_the_loop_confirms_a_stop_of_a_private_rig_that_is_being_armed(runtime):
     with Session("mock:", private=True) as session:
         assert session.begin_to_arm() is None
         (found,) = running("mock:")
@@ -140,7 +140,7 @@ def test_a_stop_of_a_private_rig_that_is_being_armed_is_the_loops_to_confirm(run
         assert session.begin_to_arm() == "smoke"
 
 
-def test_a_system_that_removes_no_open_file_hinders_no_session(runtime, monkeypatch):
+def test_a_lock_file_that_cannot_be_removed_does_not_block_a_session(runtime, monkeypatch):
     """As Windows does while another process reads it."""
 
     def refuse(path: Path, missing_ok: bool = False) -> None:
@@ -156,20 +156,20 @@ def test_a_system_that_removes_no_open_file_hinders_no_session(runtime, monkeypa
     assert stopped_since(0, []) is not None
 
 
-def test_a_session_hears_nobody_without_its_key(session):
+def test_a_request_without_the_key_is_dropped(session):
     (found,) = running(DEVICE)
     stranger = replace(found, key="another")
     assert Question(stranger, {"do": "estop"}).answer(5) is None
     assert session.asked is None
 
 
-def test_the_state_is_what_the_session_says(session):
+def test_the_state_is_that_of_the_session(session):
     session.state = lambda: {"roll_deg": 1.5}
     (found,) = running(DEVICE)
     assert state(found, timeout_s=5) == {"roll_deg": 1.5}
 
 
-def test_a_state_that_fails_is_no_answer_and_ends_nothing(session):
+def test_an_error_in_the_state_does_not_end_the_session(session):
     def broken() -> dict[str, float]:
         raise ValueError("no sample yet")
 
@@ -179,7 +179,7 @@ def test_a_state_that_fails_is_no_answer_and_ends_nothing(session):
     assert Question(found, {"do": "state"}).answer(5) == {"error": "ValueError: no sample yet"}
 
 
-def test_a_stop_is_answered_when_it_has_been_carried_out(session):
+def test_a_stop_is_answered_after_it_was_executed(session):
     (found,) = running(DEVICE)
     question = Question(found, {"do": "estop", "reason": "smoke"})
     deadline = time.monotonic() + 60
@@ -190,14 +190,14 @@ def test_a_stop_is_answered_when_it_has_been_carried_out(session):
     assert question.answer(5) == {"stopped": "by the loop"}
 
 
-def test_a_session_that_never_confirms_is_given_up_in_time(session):
+def test_a_client_gives_up_a_session_that_never_confirms(session):
     (found,) = running(DEVICE)
     start = time.monotonic()
     assert Question(found, {"do": "estop"}).answer(0.2) is None
     assert time.monotonic() - start < 10
 
 
-def test_who_waits_for_a_stop_is_told_when_the_session_ends(session):
+def test_a_waiting_client_gets_an_answer_when_the_session_ends(session):
     (found,) = running(DEVICE)
     question = Question(found, {"do": "estop"})
     while session.asked is None:
@@ -211,7 +211,7 @@ def connected(session: Running) -> socket.socket:
 
 
 @pytest.mark.parametrize("rubbish", [b"", b"\n", b"{", b"[1]", b'{"do": 1}\n', b"\xff" * 9000])
-def test_rubbish_is_dropped_and_the_next_one_is_answered(session, rubbish):
+def test_an_invalid_request_is_dropped_and_the_next_is_answered(session, rubbish):
     (found,) = running(DEVICE)
     with connected(found) as line:
         line.sendall(rubbish)
@@ -220,7 +220,7 @@ def test_rubbish_is_dropped_and_the_next_one_is_answered(session, rubbish):
         assert state(found, timeout_s=5) == {}
 
 
-def test_silent_callers_keep_nobody_waiting(session):
+def test_silent_clients_delay_no_other(session):
     (found,) = running(DEVICE)
     lines = [connected(found) for _ in range(8)]
     assert state(found, timeout_s=5) == {}
@@ -228,7 +228,7 @@ def test_silent_callers_keep_nobody_waiting(session):
         line.close()
 
 
-def test_a_session_that_hangs_lives_and_answers_nothing(other_process):
+def test_a_hanging_session_is_alive_and_does_not_answer(other_process):
     (found,) = running(DEVICE)
     suspend(other_process)
     try:
@@ -241,7 +241,7 @@ def test_a_session_that_hangs_lives_and_answers_nothing(other_process):
     assert state(found, timeout_s=5) == {}
 
 
-def test_a_session_that_hangs_for_long_still_lives(other_process):
+def test_a_session_that_hangs_for_long_is_alive(other_process):
     (found,) = running(DEVICE)
     suspend(other_process)
     lines = []
@@ -260,7 +260,7 @@ def test_a_session_that_hangs_for_long_still_lives(other_process):
     assert not lives(found)
 
 
-def test_of_many_that_want_the_rig_at_once_one_gets_it():
+def test_one_of_many_simultaneous_sessions_gets_the_rig():
     together = threading.Barrier(8)
     won: list[Session] = []
 
@@ -283,7 +283,7 @@ def test_of_many_that_want_the_rig_at_once_one_gets_it():
     max_examples=50,
 )
 @given(noise=st.binary(max_size=6000))
-def test_no_bytes_stop_a_session_from_answering(session, noise):
+def test_no_bytes_keep_a_session_from_answering(session, noise):
     (found,) = running(DEVICE)
     with connected(found) as line, contextlib.suppress(BrokenPipeError, ConnectionResetError):
         line.sendall(noise)

@@ -1,4 +1,4 @@
-"""What was begun before an emergency stop does not arm after it; what is begun later does."""
+"""A command begun before an emergency stop cannot arm; a later one can."""
 
 from __future__ import annotations
 
@@ -56,13 +56,13 @@ def test_a_command_begun_before_a_stop_does_not_arm_and_one_begun_after_it_does(
     assert armed("fake://1")
 
 
-def test_another_rig_is_not_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stop_does_not_affect_another_rig(monkeypatch: pytest.MonkeyPatch) -> None:
     only_drivers(monkeypatch, fake=FakeDriver())
     stop_rigs("fake://2", "smoke")
     assert armed("fake://1")
 
 
-def test_a_rig_is_bound_through_each_of_its_doors(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stop_affects_a_rig_through_each_of_its_ports(monkeypatch: pytest.MonkeyPatch) -> None:
     only_drivers(monkeypatch, pipe=FakeDriver(), port=FakeDriver(scheme="port"))
     with hold("pipe://1", PROFILE):
         pass
@@ -70,7 +70,9 @@ def test_a_rig_is_bound_through_each_of_its_doors(monkeypatch: pytest.MonkeyPatc
     assert not armed("port://1")
 
 
-def test_a_url_that_names_the_serial_number_binds_the_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stop_by_serial_number_in_the_url_affects_the_rig(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     only_drivers(monkeypatch, fake=FakeDriver())
     stop_rigs(f"fake://1209:0001/{IDENTITY.serial}", "smoke")
     assert not armed("fake:")
@@ -88,15 +90,15 @@ def test_a_stop_while_the_rig_is_being_armed_stops_it(monkeypatch: pytest.Monkey
     assert not armed("fake://1")
 
 
-def test_each_attempt_to_arm_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_attempt_to_arm_checks_permission(monkeypatch: pytest.MonkeyPatch) -> None:
     class Insisting(FakeRig):
-        def permit(self) -> None:
+        def check_permission(self) -> None:
             raise AssertionError("its holder sets this")
 
         def arm(self):  # type: ignore[no-untyped-def]
-            self.permit()
+            self.check_permission()
             leave_stamp([ALL], "smoke")
-            self.permit()
+            self.check_permission()
             raise AssertionError("it went on")
 
     driver = FakeDriver()
@@ -105,20 +107,20 @@ def test_each_attempt_to_arm_is_asked_for(monkeypatch: pytest.MonkeyPatch) -> No
     assert not armed("fake://1")
 
 
-def test_the_present_moment_counts_as_before_the_stop() -> None:
+def test_a_command_begun_at_the_instant_of_a_stop_is_forbidden() -> None:
     began_ns = time.monotonic_ns()
     leave_stamp([ALL], "smoke")
     assert stopped_since(began_ns, []) is not None
     assert stopped_since(time.monotonic_ns() + 1, []) is None
 
 
-def test_the_last_stop_replaces_those_before_it() -> None:
+def test_a_stop_replaces_earlier_stamps() -> None:
     for _ in range(3):
         leave_stamp(names_of("fake://1"), "smoke")
     assert len(list(runtime_folder().glob("*.stop"))) == 1
 
 
-def test_a_stop_of_before_the_computer_was_started_again_binds_nothing(
+def test_a_stamp_of_before_a_restart_of_the_computer_is_ignored(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     began_ns = time.monotonic_ns()
@@ -128,17 +130,17 @@ def test_a_stop_of_before_the_computer_was_started_again_binds_nothing(
     monkeypatch.undo()
     assert stopped_since(began_ns, []) is None
     future = runtime_folder() / f"{ALL}@{time.monotonic_ns() + 10**15}.stop"
-    future.write_text("{}")  # where the system tells no boots apart
+    future.write_text("{}")  # where the system has no boot identifier
     assert stopped_since(began_ns, []) is None
 
 
-def test_rubbish_in_the_folder_hinders_nothing() -> None:
+def test_invalid_stamps_are_ignored() -> None:
     for name in ("all.stop", "all@.stop", "all@x.stop", "@1.stop"):
         (runtime_folder() / name).write_text("")
     assert stopped_since(0, []) is None
 
 
-def test_where_the_kernel_does_not_say_when_a_process_started_psutil_does(
+def test_psutil_gives_the_process_start_where_the_kernel_does_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     exact = stop_stamp._process_start_ns()
@@ -147,7 +149,7 @@ def test_where_the_kernel_does_not_say_when_a_process_started_psutil_does(
     assert exact - second - 20_000_000 < stop_stamp._process_start_ns() < exact + 20_000_000
 
 
-def test_a_program_began_with_its_process_and_a_prompts_command_with_its_call(
+def test_a_program_begins_with_its_process_and_a_prompts_command_with_its_call(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     asks = (
@@ -162,3 +164,17 @@ def test_a_program_began_with_its_process_and_a_prompts_command_with_its_call(
     monkeypatch.setattr(sys, "ps1", ">>> ", raising=False)
     now = time.monotonic_ns()
     assert command_began_ns() >= now
+
+
+def test_a_stop_by_serial_number_does_not_affect_a_private_rig(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Emulated(FakeDriver):
+        private_to_process = True
+
+    only_drivers(monkeypatch, fake=Emulated(), port=FakeDriver(scheme="port"))
+    leave_stamp(names_of("port://1", [IDENTITY.serial]), "smoke")
+    assert armed("fake://1")
+    assert not armed("port://2")
+    leave_stamp(names_of("fake://1"), "smoke")
+    assert not armed("fake://1")

@@ -1,4 +1,4 @@
-"""A held rig heeds a stop in every call, and counts from its rest angles."""
+"""An open rig executes a stop in every call, and its counts are zero at rest."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def rig():
         yield StoppableRig(FakeRig(FakeDriver(counts=(10, 20, 30))), session)
 
 
-def test_without_a_stop_commands_pass_as_they_are(rig):
+def test_without_a_stop_commands_pass_unchanged(rig):
     rig.arm()
     assert rig.exchange(Command(1, 3.0, 4.0), 0.0).v_applied == (3.0, 4.0)
     assert rig.inner.stopped == []
 
 
-def test_a_stop_is_carried_out_once_and_confirmed_before_the_next_command(rig):
+def test_a_stop_is_executed_once_and_confirmed_before_the_next_command(rig):
     rig.arm()
     rig.session.ask_estop("smoke")
     assert rig.session.stopped is None
@@ -41,7 +41,7 @@ def test_a_stop_is_carried_out_once_and_confirmed_before_the_next_command(rig):
     assert rig.inner.stopped == ["smoke"]
 
 
-def test_a_stop_before_arming_keeps_the_rig_from_being_armed(rig):
+def test_a_stop_before_arming_forbids_arming(rig):
     rig.session.ask_estop("smoke")
     for _ in range(2):
         with pytest.raises(SafetyTrip, match="smoke"):
@@ -50,7 +50,7 @@ def test_a_stop_before_arming_keeps_the_rig_from_being_armed(rig):
     assert rig.inner.stopped == ["smoke"]
 
 
-def test_a_stop_that_the_device_does_not_acknowledge_is_not_confirmed(rig):
+def test_a_stop_without_the_devices_acknowledgement_is_not_confirmed(rig):
     def deaf(reason: str) -> None:
         raise DeviceError("not acknowledged")
 
@@ -61,13 +61,13 @@ def test_a_stop_that_the_device_does_not_acknowledge_is_not_confirmed(rig):
     assert rig.session.stopped is None
 
 
-def test_reading_heeds_a_stop_too(rig):
+def test_reading_executes_a_stop(rig):
     rig.session.ask_estop("smoke")
     rig.read()
     assert rig.session.stopped
 
 
-def test_counts_are_taken_from_the_rest_angles(rig):
+def test_counts_are_zero_at_the_rest_angles(rig):
     rig.rest = Rest((1, 2, 3), "zero")
     assert rig.arm().counts == rig.read().counts == (9, 18, 27)
     sample = rig.exchange(Command(1, 3.0, 4.0), 0.0)
@@ -75,7 +75,7 @@ def test_counts_are_taken_from_the_rest_angles(rig):
     assert (sample.sequence, sample.v_applied) == (1, (3.0, 4.0))
 
 
-def test_a_held_rig_is_locked(monkeypatch):
+def test_an_open_rig_is_locked(monkeypatch):
     only_drivers(monkeypatch, fake=FakeDriver())
     with (
         hold("fake://1", default_profile()),
@@ -85,7 +85,7 @@ def test_a_held_rig_is_locked(monkeypatch):
         pass
 
 
-def test_a_rig_is_not_flown_through_two_doors(monkeypatch):
+def test_a_rig_cannot_be_opened_through_two_ports(monkeypatch):
     pipe, port = FakeDriver(), FakeDriver(scheme="port")
     only_drivers(monkeypatch, pipe=pipe, port=port)
     for _ in range(2):
@@ -103,14 +103,14 @@ def test_a_rig_is_not_flown_through_two_doors(monkeypatch):
         pass
 
 
-def test_rigs_of_one_serial_number_are_told_apart_by_their_boot(monkeypatch):
+def test_rigs_with_one_serial_number_differ_by_their_boot_number(monkeypatch):
     one, two = FakeDriver(), FakeDriver(identity=replace(IDENTITY, boot=8))
     only_drivers(monkeypatch, one=one, two=two)
     with hold("one://1", default_profile()), hold("two://1", default_profile()):
         pass
 
 
-def test_a_rig_is_closed_and_let_go_whatever_happens(monkeypatch):
+def test_a_rig_is_closed_and_unlocked_after_an_error(monkeypatch):
     driver = FakeDriver()
     only_drivers(monkeypatch, fake=driver)
     with pytest.raises(ZeroDivisionError), hold("fake://1", default_profile()):
@@ -120,14 +120,14 @@ def test_a_rig_is_closed_and_let_go_whatever_happens(monkeypatch):
         pass
 
 
-def test_a_rig_that_does_not_open_is_let_go(monkeypatch):
+def test_a_rig_that_does_not_open_is_unlocked(monkeypatch):
     only_drivers(monkeypatch)
     for _ in range(2):
         with pytest.raises(Exception, match="no driver"), hold("fake://1", default_profile()):
             pass
 
 
-def test_the_devices_own_cause_passes(rig):
+def test_the_devices_cause_is_passed_on(rig):
     assert rig.device_cause is None
     rig.inner.device_cause = "BUTTON"
     assert rig.device_cause == "BUTTON"

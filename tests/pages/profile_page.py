@@ -1,15 +1,12 @@
-"""The tables of keys in docs/profile.md, made from the profile's own fields.
-
-``python -m heli3dof.rig.profile_page docs/profile.md`` rewrites them between their markers.
-"""
+"""The tables of keys in docs/profile.md, made from the profile's own fields."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from heli3dof.pages import Page, table
 from heli3dof.rig.profile import Profile
 from heli3dof.toml_file import Key, Section, key_of, section_of
+from tests.pages.page import Page, table
 
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
@@ -63,7 +60,4 @@ def _range(bounds: tuple[float, float] | None) -> str:
     return "any" if bounds is None else f"{bounds[0]:g} … {bounds[1]:g}"
 
 
-PAGE = Page("heli3dof.rig.profile_page", {"keys": keys_table})
-
-if __name__ == "__main__":
-    PAGE.main()
+PAGE = Page("docs/profile.md", {"keys": keys_table})

@@ -1,25 +1,16 @@
-"""docs/effects.md says what the catalogue holds, and the catalogue says all that the page needs."""
+"""The table of docs/effects.md has a text for every effect."""
 
 from __future__ import annotations
 
 import pytest
 
-from heli3dof.diagnosis.catalogue_page import PAGE as MADE
 from heli3dof.experiment.plan import load_plan
 from heli3dof.model.effects import effects, term
 from heli3dof.model.effects.base import ABSCISSAE
-from tests.paths import ROOT
-
-PAGE = (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
-
-
-def test_the_table_is_the_catalogues() -> None:
-    fix = "run: python -m heli3dof.diagnosis.catalogue_page docs/effects.md"
-    assert MADE.renewed(PAGE) == PAGE, fix
 
 
 @pytest.mark.parametrize("name", effects())
-def test_an_effect_says_what_shows_it_what_it_is_taken_for_and_how_it_is_drawn(name: str) -> None:
+def test_an_effect_has_its_experiment_its_confusions_and_its_figure(name: str) -> None:
     effect = effects()[name]
     assert effect.identifiable
     load_plan(effect.separated_by)

@@ -1,13 +1,10 @@
-"""The table of effects in docs/effects.md, made from the catalogue.
-
-``python -m heli3dof.diagnosis.catalogue_page docs/effects.md`` rewrites it between its markers.
-"""
+"""The table of effects in docs/effects.md, made from the catalogue."""
 
 from __future__ import annotations
 
 from heli3dof.model.effects import effects
 from heli3dof.model.effects.base import Effect, Parameter
-from heli3dof.pages import Page, table
+from tests.pages.page import Page, table
 
 
 def effects_table() -> str:
@@ -38,7 +35,4 @@ def _parameter(p: Parameter) -> str:
     return f"`{p.name}`: {p.meaning}; {p.low:g} … {p.high:g}{unit}"
 
 
-PAGE = Page("heli3dof.diagnosis.catalogue_page", {"effects": effects_table})
-
-if __name__ == "__main__":
-    PAGE.main()
+PAGE = Page("docs/effects.md", {"effects": effects_table})

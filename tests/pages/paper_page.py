@@ -1,15 +1,8 @@
-"""The tables of docs/paper.md, computed: ``python -m heli3dof.paper.page docs/paper.md``.
-
-Nothing computed is typed by hand in that page. It holds blocks between ``<!-- computed: NAME -->``
-and ``<!-- end -->``; this module makes their text anew, and a test compares.
-"""
+"""The tables of docs/paper.md: every number there that the code computes."""
 
 from __future__ import annotations
 
-import re
-import sys
-from collections.abc import Callable, Iterator, Mapping
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -28,9 +21,9 @@ from heli3dof.model.linear.hover import (
     hover_model,
     quiescent_voltage,
 )
-from heli3dof.pages import table
 from heli3dof.paper.eq17 import dc_gains_deg, poles
 from heli3dof.rig.profile import K_G, Profile, default_profile
+from tests.pages.page import Page, table
 
 REST_DEG = -27.5
 """Roll of the rig on its table (E2)."""
@@ -50,7 +43,7 @@ def with_V_o_by_eq_6(profile: Profile) -> Profile:
     return profile.model_copy(update={"motor": motor})
 
 
-def minus(text: str) -> str:
+def _minus(text: str) -> str:
     return text.replace("-", "−")
 
 
@@ -61,7 +54,7 @@ def _poles(s: np.ndarray, digits: int) -> str:
             words.append(f"{p.real:.{digits}f}")
         elif p.imag > 0:
             words.append(f"{p.real:.{digits}f} ± {p.imag:.{digits}f}j")
-    return minus(", ".join(words))
+    return _minus(", ".join(words))
 
 
 def _matrices() -> str:
@@ -75,7 +68,11 @@ def _matrices() -> str:
         ("J_roll", f"{J_roll:.4f} kg·m²", "the same"),
         ("J_pitch", f"{J_pitch:.5f} kg·m²", "the same"),
         ("J_yaw", f"{J_yaw:.4f} kg·m²", "the same"),
-        ("A[6,2], (10), 1/s²", f"{printed.A[5, 1]:+.4f}", minus(f"{right.A[5, 1]:+.4f}") + " (E3)"),
+        (
+            "A[6,2], (10), 1/s²",
+            f"{printed.A[5, 1]:+.4f}",
+            _minus(f"{right.A[5, 1]:+.4f}") + " (E3)",
+        ),
         ("B[4,·], (11), rad/s² per V", f"{printed.B[3, 0]:.5f}", f"{right.B[3, 0]:.5f}"),
         ("B[5,1], (11), rad/s² per V", f"{printed.B[4, 0]:.3f}", f"{right.B[4, 0]:.4f} (E4)"),
     ]
@@ -88,9 +85,9 @@ def _gain() -> str:
     names = ("r", "p", "ψ", "ṙ", "ṗ", "ψ̇", "∫r", "∫ψ")
     design, printed = paper_gain(hover(p))[0], paper_gain(hover(p, printed=True))[0]
     rows = [
-        ("(14), front motor", *(minus(f"{k:.1f}") for k in K_G[0])),
-        ("LQR, corrected model", *(minus(f"{k:.4f}") for k in design)),
-        ("LQR, printed model", *(minus(f"{k:.4f}") for k in printed)),
+        ("(14), front motor", *(_minus(f"{k:.1f}") for k in K_G[0])),
+        ("LQR, corrected model", *(_minus(f"{k:.4f}") for k in design)),
+        ("LQR, printed model", *(_minus(f"{k:.4f}") for k in printed)),
     ]
     return table(("gain on", *names), rows)
 
@@ -110,7 +107,7 @@ def _loop() -> str:
         *(
             (
                 f"gain of (17) at standstill, {motor}",
-                minus(", ".join(f"{g:.3f}" for g in row)) + " °/V",
+                _minus(", ".join(f"{g:.3f}" for g in row)) + " °/V",
             )
             for motor, row in zip(("front", "back"), dc_gains_deg(), strict=True)
         ),
@@ -144,7 +141,9 @@ def _steps(h: Hover, K: np.ndarray) -> Iterator[tuple[str, str]]:
         behind = " behind the limiter" if size == 20 else ""
         yield (
             f"{size}° yaw step{behind}: yaw peak, pitch from … to",
-            minus(f"{angle[:, 2].max():.2f}°, {angle[:, 1].min():.2f}° … {angle[:, 1].max():.2f}°"),
+            _minus(
+                f"{angle[:, 2].max():.2f}°, {angle[:, 1].min():.2f}° … {angle[:, 1].max():.2f}°"
+            ),
         )
     yield (
         "10° roll step from rest on the table, ±24 V: peak",
@@ -190,7 +189,7 @@ def _sampled(profile: Profile) -> Iterator[tuple[str, str]]:
     )
     yield (
         "sampled controller, 20° yaw step: yaw peak, pitch peak",
-        minus(f"{yaw[:, 2].max():.2f}°, {yaw[:, 1].min():.2f}°"),
+        _minus(f"{yaw[:, 2].max():.2f}°, {yaw[:, 1].min():.2f}°"),
     )
     yield (
         "sampled controller, 10° roll step from rest on the table: peak",
@@ -219,27 +218,7 @@ def _singles() -> str:
     return table(("quantity", "computed"), _single_numbers().items())
 
 
-BLOCKS: Mapping[str, Callable[[], str]] = {
-    "matrices": _matrices,
-    "gain": _gain,
-    "loop": _loop,
-    "singles": _singles,
-}
-
-
-def regenerate(page: str) -> str:
-    """The page with every computed block made anew. Raises KeyError for an unknown block."""
-
-    def block(match: re.Match[str]) -> str:
-        return f"{match[1]}\n{BLOCKS[match[2]]()}\n{match[4]}"
-
-    return re.sub(r"(<!-- computed: (\w+) -->)\n(.*?)(<!-- end -->)", block, page, flags=re.S)
-
-
-def main(path: str) -> None:
-    page = Path(path)
-    page.write_text(regenerate(page.read_text(encoding="utf-8")), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1])
+PAGE = Page(
+    "docs/paper.md",
+    {"matrices": _matrices, "gain": _gain, "loop": _loop, "singles": _singles},
+)

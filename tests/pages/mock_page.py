@@ -1,15 +1,12 @@
-"""The tables of effects, faults and bus in docs/mock.md, made from what there is.
-
-``python -m heli3dof_drivers.emulator.page docs/mock.md`` rewrites them between their markers.
-"""
+"""The tables of effects, faults and bus in docs/mock.md, made from what there is."""
 
 from __future__ import annotations
 
-from heli3dof.pages import Page, table
+from heli3dof_drivers.emulator.effects import Effect, Parameter, catalogue
+from heli3dof_drivers.emulator.faults import KINDS
+from heli3dof_drivers.emulator.transport_usb import KINDS as BUS
 
-from .effects import Effect, Parameter, catalogue
-from .faults import KINDS
-from .transport_usb import KINDS as BUS
+from tests.pages.page import Page, table
 
 
 def effects_table() -> str:
@@ -45,9 +42,6 @@ def bus_table() -> str:
 
 
 PAGE = Page(
-    "heli3dof_drivers.emulator.page",
+    "docs/mock.md",
     {"effects": effects_table, "faults": faults_table, "bus": bus_table},
 )
-
-if __name__ == "__main__":
-    PAGE.main()

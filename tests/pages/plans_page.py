@@ -1,7 +1,4 @@
-"""The tables in docs/plans.md: the plans that come with heli3dof, and every key of a plan.
-
-``python -m heli3dof.experiment.plans_page docs/plans.md`` rewrites them between their markers.
-"""
+"""The tables in docs/plans.md: the plans that come with heli3dof, and every key of a plan."""
 
 from __future__ import annotations
 
@@ -10,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from heli3dof.experiment.plan import Head, load_plan, named_plans
 from heli3dof.experiment.segments import BaseSegment, kinds
-from heli3dof.pages import Page, table
-from heli3dof.rig.profile_page import default_of
 from heli3dof.toml_file import Key, key_of
+from tests.pages.page import Page, table
+from tests.pages.profile_page import default_of
 
 if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
@@ -43,18 +40,18 @@ def kinds_text() -> str:
     """Markdown: each kind of segment, what it does, and the keys of its own."""
     parts = []
     for kind, segment in sorted(kinds().items()):
-        told = (importlib.import_module(segment.__module__).__doc__ or "").splitlines()[0]
+        summary = (importlib.import_module(segment.__module__).__doc__ or "").splitlines()[0]
         own = [
             _row(n, f) for n, f in segment.model_fields.items() if n not in BaseSegment.model_fields
         ]
         keys = table(HEAD, own) if own else "No keys of its own."
-        parts.append(f"### `{kind}`\n\n{_sentence(told)}\n\n{keys}")
+        parts.append(f"### `{kind}`\n\n{_sentence(summary)}\n\n{keys}")
     return "\n\n".join(parts)
 
 
 def _sentence(first_line: str) -> str:
-    said = first_line.partition(":")[2].strip()
-    return said[:1].upper() + said[1:]
+    text = first_line.partition(":")[2].strip()
+    return text[:1].upper() + text[1:]
 
 
 def _row(name: str, field: FieldInfo) -> list[str]:
@@ -63,9 +60,6 @@ def _row(name: str, field: FieldInfo) -> list[str]:
 
 
 PAGE = Page(
-    "heli3dof.experiment.plans_page",
+    "docs/plans.md",
     {"plans": plans_table, "head": head_table, "common": common_table, "kinds": kinds_text},
 )
-
-if __name__ == "__main__":
-    PAGE.main()

@@ -1,0 +1,30 @@
+"""Every page with computed blocks."""
+
+from __future__ import annotations
+
+from tests.pages import (
+    comparison_page,
+    effects_page,
+    integrity_page,
+    mock_page,
+    paper_page,
+    plans_page,
+    profile_page,
+    protocol_page,
+)
+from tests.safety import table as safety_page
+
+PAGES = [
+    module.PAGE
+    for module in (
+        comparison_page,
+        effects_page,
+        integrity_page,
+        mock_page,
+        paper_page,
+        plans_page,
+        profile_page,
+        protocol_page,
+        safety_page,
+    )
+]

@@ -1,0 +1,30 @@
+"""docs/paper.md holds only numbers that are computed, quoted, or shown by a test."""
+
+from __future__ import annotations
+
+import re
+
+from tests.pages import paper_page
+from tests.paths import ROOT
+
+PAGE = paper_page.PAGE.read()
+PROSE = re.sub(r"<!-- (\w+): made by .*?<!-- end of \1 -->", "", PAGE, flags=re.S)
+
+
+def test_decimals_outside_the_computed_tables_are_the_papers_own() -> None:
+    quoted = {"2.52", "0.05", "0.1"}  # E14's reading; Q and R of the design
+    found = set(re.findall(r"(?<![\w.])\d+\.\d+", PROSE))
+    assert found <= quoted
+
+
+def test_every_test_that_the_page_names_exists() -> None:
+    tests = "".join(p.read_text(encoding="utf-8") for p in (ROOT / "tests").rglob("test_*.py"))
+    named = set(re.findall(r"`(test_\w+)`", PAGE))
+    assert len(named) >= 18
+    for name in named:
+        assert f"def {name}(" in tests, name
+
+
+def test_the_page_has_all_fifteen_errata() -> None:
+    for i in range(1, 16):
+        assert f"| E{i} |" in PAGE
