@@ -2,7 +2,7 @@
 
     angle = rest + (count − counts_at_rest) · 2π / counts per revolution
 
-Counts begin at zero when the device starts (docs/protocol.md), so counts_at_rest holds for one
+Counts begin at zero when the device starts (protocol.md), so counts_at_rest holds for one
 start of the device. Two things tell a restart: another boot number, and another start instant
 s = (host's time) − (device's uptime). A board without a random source or flash repeats its boot
 number, so both are compared. With W the time since ``zero``, the start is the same where
@@ -42,7 +42,7 @@ from heli3dof.write_errors import explained
 
 Counts = tuple[int, int, int]
 UPTIME_WRAP_S = 2**32 / 1000
-"""s: a device states its uptime in ms modulo 2³², 49.7 days (docs/protocol.md, REPORT)"""
+"""s: a device states its uptime in ms modulo 2³², 49.7 days (docs/reference/protocol.md, REPORT)"""
 START_TOLERANCE_S = 2.0
 """s: a HELLO and a STATUS on a slow line, and an NTP step of the host's clock"""
 CLOCK_TOLERANCE = 5e-3

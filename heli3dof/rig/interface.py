@@ -151,7 +151,7 @@ def device_cause(rig: object) -> str | None:
     """Why the device holds its output at zero, in its own word; None where it states nothing.
 
     The word is the rig's attribute ``device_cause``, as of the last sample: ``OVERCURRENT``,
-    ``BUTTON``, ``WATCHDOG`` and the others of docs/protocol.md, or the driver's own.
+    ``BUTTON``, ``WATCHDOG`` and the others of docs/reference/protocol.md, or the driver's own.
     """
     stated = getattr(rig, "device_cause", None)
     return stated if isinstance(stated, str) and stated else None

@@ -27,7 +27,7 @@ What follows from them, for every model of the rig::
 
 Three inertias cannot be written as three point masses (J_yaw would always be the sum of the other
 two), so measured ones have keys of their own. `heli3dof.toml_file.Key` gives each key's unit,
-range and measurement; docs/profile.md is made from it.
+range and measurement; docs/reference/profile.md is made from it.
 """
 
 from __future__ import annotations

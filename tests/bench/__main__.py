@@ -1,4 +1,4 @@
-"""``python -m tests.bench [topic ...]``: measure, keep the figures, render docs/benchmarks.md.
+"""``python -m tests.bench [topic ...]``: measure, keep the figures, render benchmarks.md.
 
 Without a topic: every one but the slow ones.
 """
@@ -19,8 +19,8 @@ from tests.bench import Figure, Table
 
 FOLDER = Path(__file__).parent
 ROOT = FOLDER.parent.parent
-STORE = ROOT / "docs" / "benchmarks.json"
-PAGE = ROOT / "docs" / "benchmarks.md"
+STORE = ROOT / "docs" / "results" / "benchmarks.json"
+PAGE = ROOT / "docs" / "results" / "benchmarks.md"
 
 SLOW = ("peers", "hidden", "loop", "misbehaviour", "ramp_down", "soak", "watches")
 """Topics of many minutes, or that need more than our own environment: measured when asked for."""

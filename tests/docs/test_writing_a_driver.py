@@ -1,4 +1,4 @@
-"""docs/writing-a-driver.md: its driver, installed as the page says, does what the port says."""
+"""write-a-driver.md: its driver, installed as the page says, does what the port says."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.profiles import END_S
 
 from .lab_amplifier import LabAmplifier
 
-PAGE = (ROOT / "docs" / "writing-a-driver.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to" / "write-a-driver.md").read_text(encoding="utf-8")
 
 
 def block(language: str, which: int = 0) -> str:

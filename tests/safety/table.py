@@ -1,4 +1,4 @@
-"""docs/safety.md's table: what may go wrong, what becomes of it, and when the volts are gone.
+"""The table of docs/reference/safety.md: each fault, its consequence, and the time to zero volts.
 
 The rows are data: a test of the same name (`test_` and the row's name) shows each one, and takes
 its exit code, outcome, words and time from here. ``python -m tests.pages`` writes
@@ -17,7 +17,7 @@ from tests.pages.page import Page
 from tests.pages.page import table as markdown_table
 from tests.paths import ROOT
 
-BENCHMARKS = ROOT / "docs" / "benchmarks.json"
+BENCHMARKS = ROOT / "docs" / "results" / "benchmarks.json"
 """What `python -m tests.bench` keeps"""
 
 WATCHDOG_S = 0.1
@@ -181,4 +181,4 @@ def ramp_down() -> str:
     )
 
 
-PAGE = Page("docs/safety.md", {"table": table, "ramp_down": ramp_down, "limits": limits})
+PAGE = Page("docs/reference/safety.md", {"table": table, "ramp_down": ramp_down, "limits": limits})

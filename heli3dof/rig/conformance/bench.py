@@ -129,7 +129,7 @@ def owed(ok: object, what: str, found: object) -> None:
         raise NotConforming(
             f"{what}; found: {found}",
             cause="the driver, or the device behind it, does otherwise than the port says.",
-            fix="read heli3dof/rig/interface.py and docs/writing-a-driver.md",
+            fix="read heli3dof/rig/interface.py and docs/how-to/write-a-driver.md",
         )
 
 

@@ -65,7 +65,7 @@ def _no_serial_number(device: str) -> DeviceError:
     return DeviceError(
         f"{device}: the device has no serial number.",
         cause="its firmware leaves the field empty: rest angles and locks go by it.",
-        fix="give it one in its firmware; docs/protocol.md, IDENTITY",
+        fix="give it one in its firmware; docs/reference/protocol.md, IDENTITY",
     )
 
 
