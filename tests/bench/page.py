@@ -11,9 +11,11 @@ import io
 import json
 import re
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from tests.pages.page import Page
 from tests.paths import ROOT
 
 FOLDER = ROOT / "docs" / "results"
@@ -81,9 +83,6 @@ figure is in [data/figures.csv](data/figures.csv), with each table as a CSV file
 |---|---|---|---|---|---|---|
 """
 
-RIGS = ("rig-a", "rig-b")
-"""Case studies, docs/results/RIG.md, with a block of prediction errors"""
-
 ERRORS = re.compile(r"closed-|grey box, |extension found")
 """Figures of topic `real` that are prediction errors of a whole model"""
 
@@ -136,21 +135,10 @@ def files(store: Store) -> dict[str, str]:
     return made
 
 
-def case_study(store: Store, rig: str, text: str) -> str:
-    """The case study with its table of prediction errors made again."""
-    begin, end = (
-        f"<!-- real-{rig}: made by python -m tests.bench.page -->",
-        f"<!-- end of real-{rig} -->",
-    )
-    before, rest = text.split(begin)
-    _, after = rest.split(end)
-    return f"{before}{begin}\n{_errors(store, rig)}\n{end}{after}"
-
-
-def _errors(store: Store, rig: str) -> str:
+def errors_table(rig: str) -> str:
     """The rows of a rig's models, with the bar where there is one."""
     rows = ["| model, and where | roll / pitch / yaw | bar |", "|---|---|---|"]
-    for f in store["real"]["figures"]:
+    for f in load()["real"]["figures"]:
         what = f["what"].removeprefix(rig).lstrip(",: ")
         if not f["what"].startswith(rig) or not ERRORS.match(what):
             continue
@@ -171,20 +159,23 @@ def _csv(rows: list[list[Any]]) -> str:
 
 def pages(store: Store) -> dict[Path, str]:
     """Every file that is rendered from the store."""
-    made = {PAGE: render(store)}
-    made |= {DATA / name: text for name, text in files(store).items()}
-    for rig in RIGS:
-        study = FOLDER / f"{rig}.md"
-        made[study] = case_study(store, rig, study.read_text(encoding="utf-8"))
-    return made
+    return {PAGE: render(store)} | {DATA / name: text for name, text in files(store).items()}
 
 
 def write(store: Store) -> None:
-    """Write the page, the CSV files and the blocks of the case studies."""
+    """Write the page, the CSV files and the tables of the case studies."""
     DATA.mkdir(exist_ok=True)
     for path, text in pages(store).items():
         path.write_text(text, encoding="utf-8")
+    for study in STUDIES:
+        study.rewrite()
 
+
+STUDIES = [
+    Page(f"docs/results/{rig}.md", {"errors": partial(errors_table, rig)})
+    for rig in ("rig-a", "rig-b")
+]
+"""The case studies, whose tables of errors come from the figures of topic `real`"""
 
 if __name__ == "__main__":
     write(load())
