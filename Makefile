@@ -13,7 +13,7 @@ help:
 	@echo "make test        the tests"
 	@echo "make test-kernel-usb  the USB and serial doors through a real Linux USB stack (Debian; fetches 100 MB)"
 	@echo "make check       lint, formatting and types"
-	@echo "make bench       re-measure every figure in docs/benchmarks.md (TOPIC=cli: that one)"
+	@echo "make bench       re-measure every figure in docs/results/benchmarks.md (TOPIC=cli: that one)"
 	@echo "make bench-peers other people's tools on the same flights (long; Octave where installed)"
 	@echo "make bench-hidden flights that hide a cause, and who finds it (long; resumes where it stopped)"
 	@echo "make pages       compute the tables in docs/ again"

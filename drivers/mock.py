@@ -1,6 +1,6 @@
 """``mock:`` — the emulated rig behind the same port as a real one.
 
-``mock:?profile=P&hide=friction.coulomb.yaw:0.03&seed=1&speed=max``; docs/mock.md lists every
+``mock:?profile=P&hide=friction.coulomb.yaw:0.03&seed=1&speed=max``; mock.md lists every
 option and effect. Two clocks:
 
 - ``speed=max`` or a number: a virtual clock. Every exchange is one control period of its

@@ -2,7 +2,7 @@
 
 ``serial:///dev/ttyACM0?baud=921600`` · ``serial://COM3`` · ``serial+socket://host:port`` ·
 ``serial+rfc2217://host:port`` · ``serial+spy:///dev/ttyACM0?file=bytes.txt``: what stands behind
-the ``+`` is pyserial's own scheme. The bytes are docs/protocol.md's.
+the ``+`` is pyserial's own scheme. The bytes are docs/reference/protocol.md's.
 """
 
 from __future__ import annotations

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import importlib
-import json
+from pathlib import Path
 
 import pytest
 
-from tests.bench.__main__ import PAGE, STORE, render, topics
+from tests.bench import page
+from tests.bench.__main__ import topics
 
 
-def test_the_page_is_what_the_figures_render_to() -> None:
-    store = json.loads(STORE.read_text(encoding="utf-8"))
-    assert PAGE.read_text(encoding="utf-8") == render(store)
+@pytest.mark.parametrize("path", sorted(page.pages(page.load())), ids=lambda p: p.name)
+def test_a_page_of_results_is_rendered_from_the_figures(path: Path) -> None:
+    made = page.pages(page.load())[path]
+    assert path.read_text(encoding="utf-8") == made, "run: python -m tests.bench.page"
+
+
+def test_no_row_of_the_page_was_measured_on_a_changed_tree() -> None:
+    assert "-dirty" not in page.render(page.load())
 
 
 @pytest.mark.parametrize("topic", topics())

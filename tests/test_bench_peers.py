@@ -11,8 +11,8 @@ import pytest
 
 from heli3dof.model.discretisation import held
 from heli3dof.rig.profile import default_profile
-from tests.bench import Table, bench_peers
-from tests.bench.__main__ import SLOW, rendered, topics
+from tests.bench import bench_peers
+from tests.bench.__main__ import SLOW, topics
 from tests.bench.peers import flights, interface, judge, ours, rigid, sampling, tools
 from tests.bench.peers.interface import Found, Meter, Task, read_found
 from tests.bench.peers.rigid_model import RigidModel
@@ -178,12 +178,8 @@ def test_every_peer_is_pinned() -> None:
         assert name not in str(project["dependencies"])
 
 
-def test_slow_topics_exist_and_tables_are_rendered_as_markdown() -> None:
+def test_slow_topics_exist() -> None:
     assert set(SLOW) <= set(topics())
-    table = Table("Cap", ("a", "b"), (("1", "2"),))
-    assert rendered({"caption": table.caption, "head": table.head, "rows": table.rows}) == (
-        "\nCap:\n\n| a | b |\n| --- | --- |\n| 1 | 2 |\n"
-    )
 
 
 def test_peak_memory_is_read_from_the_status_page() -> None:

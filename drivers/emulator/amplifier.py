@@ -1,4 +1,4 @@
-"""The emulated amplifier of docs/protocol.md: states, ticket, watchdog, and volts at any instant.
+"""The emulated amplifier of protocol.md: states, ticket, watchdog, and volts at any instant.
 
     ARMED    v(t) = last command, clipped to ± v_max
     LATCHED  v(t) = v·(1 − (t − t_expired)/ramp), cut towards zero to a whole microvolt

@@ -52,7 +52,7 @@ def _parse_one(text: str) -> Hidden:
         raise UsageError(
             f"hide={text}: there is no effect {name!r}.",
             cause=f"a typing error; {did_you_mean(name, _names(known.values()))}",
-            fix="see docs/mock.md for every effect with its unit and an example",
+            fix="see docs/reference/mock.md for every effect with its unit and an example",
         )
     return Hidden(effect, _axis(effect, axis_name, text), _values(effect, values, text))
 

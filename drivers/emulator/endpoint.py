@@ -1,4 +1,4 @@
-"""The device's side of the link: docs/protocol.md's state machine around the emulated rig.
+"""The device's side of the link: protocol.md's state machine around the emulated rig.
 
     IDLE ── ARM ──▶ ARMED ── silence > watchdog ──▶ LATCHED;   ESTOP, fault: STOPPED from anywhere
 

@@ -41,7 +41,7 @@ KINDS = {
 }
 ON_MOTORS = ("dead", "inverted")
 """Kinds that name a motor instead of an axis"""
-"""Each with an example and what it does: the table in docs/mock.md."""
+"""Each with an example and what it does: the table in docs/reference/mock.md."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ def _parse(text: str) -> Fault:
         raise UsageError(
             f"fault={text}: there is no fault {kind!r}.",
             cause=f"a typing error; {did_you_mean(kind, KINDS)}",
-            fix="fault=overcurrent@3; docs/mock.md lists them",
+            fix="fault=overcurrent@3; docs/reference/mock.md lists them",
         )
     example, _ = KINDS[kind]
     seconds, _, counts = rest.partition(":")

@@ -16,7 +16,7 @@ from .transport import emulated, serve
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="The emulated rig behind a pseudo-terminal.")
-    parser.add_argument("--device", default="mock:", help="which rig; see docs/mock.md")
+    parser.add_argument("--device", default="mock:", help="which rig; see docs/reference/mock.md")
     parser.add_argument(
         "--with-parent", action="store_true", help="end when the process that started this ends"
     )

@@ -31,7 +31,7 @@ KINDS = {
     "silent": ("silent@3:0.1", "No transfer on the pipes ends meanwhile."),
     "refused": ("refused@0", "This user may not open the rig."),
 }
-"""Each with an example and what it does: the table in docs/mock.md"""
+"""Each with an example and what it does: the table in docs/reference/mock.md"""
 _DEVICE = (
     "bLength bDescriptorType bcdUSB bDeviceClass bDeviceSubClass bDeviceProtocol bMaxPacketSize0 "
     "idVendor idProduct bcdDevice iManufacturer iProduct iSerialNumber bNumConfigurations"

@@ -1,1 +1,1 @@
-"""The heli3dof link: what both sides of a serial line or a USB pipe say. See docs/protocol.md."""
+"""The heli3dof link: what both sides of a serial line or a USB pipe say. See protocol.md."""

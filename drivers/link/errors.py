@@ -87,5 +87,5 @@ def not_arming(name: str, code: int, cause: int, period_us: int, watchdog_us: in
     return DeviceError(
         f"{name}: the device refuses to arm with code {code}, which the protocol does not have.",
         cause="its firmware is newer than this heli3dof, or wrong.",
-        fix="pip install --upgrade heli3dof; compare the firmware with docs/protocol.md",
+        fix="pip install --upgrade heli3dof; compare the firmware with docs/reference/protocol.md",
     )

@@ -1,4 +1,4 @@
-"""The frames of protocol 1, byte by byte; docs/protocol.md says what they mean.
+"""The frames of protocol 1, byte by byte; docs/reference/protocol.md says what they mean.
 
     frame   = COBS(header body check) 0x00
     header  = version u8, type u8, number u32

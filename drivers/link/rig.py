@@ -1,4 +1,4 @@
-"""A rig at the other end of the link, whatever carries it; docs/protocol.md, the host's side.
+"""A rig at the other end of the link, whatever carries it; protocol.md, the host's side.
 
 Streaming (the device keeps time)::
 

@@ -61,7 +61,7 @@ TROUBLES: Troubles = {
     errno.EOVERFLOW: Trouble(
         "{name} sent more than was asked for while {doing}.",
         "its firmware sends packets longer than its descriptor says.",
-        "update the firmware; docs/protocol.md, section USB",
+        "update the firmware; docs/reference/protocol.md, section USB",
     ),
     errno.EIO: Trouble(
         "{name}: the bus failed while {doing}.",

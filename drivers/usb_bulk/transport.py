@@ -205,7 +205,7 @@ def _claim(device: Any, name: str) -> None:
         raise DeviceError(
             f"{name} is not a heli3dof rig.",
             cause="it has no interface of class 0xFF/0x48/0x01 with bulk pipes 0x01 and 0x81.",
-            fix="heli3dof devices; docs/protocol.md, section USB",
+            fix="heli3dof devices; docs/reference/protocol.md, section USB",
         )
     # A rig that is configured already is left alone: SET_CONFIGURATION would stop its motors.
     try:

@@ -36,5 +36,5 @@ def plans(as_json: AsJson = False, quiet: Quiet = False) -> None:
             }
         )
     talk.show(table)
-    talk.note("Fly one: heli3dof run NAME. Write your own: docs/plans.md lists every key.")
+    talk.note("Fly one: heli3dof run NAME. Every key of a plan: docs/reference/plans.md")
     talk.emit({"schema": "heli3dof.plans/1", "plans": listed})

@@ -90,7 +90,7 @@ def new(
         talk.warn(
             f"motor.V_o = {profile.motor.V_o:g} V per motor was computed from the masses. It is "
             "a small difference of large torques: measure it before the first flight "
-            "(docs/profile.md)"
+            "(docs/reference/profile.md)"
         )
     talk.note(
         "Gain: " + ("designed for this rig by LQR" if designed else "as given, or the default")

@@ -86,7 +86,7 @@ class Plan:
                     f"Segment {k} of the plan {self.name!r} ({segment.kind}) has no signal: "
                     f"{problem}.",
                     cause="a number in it is far too small or too large.",
-                    fix=f"correct segment {k}; docs/plans.md lists each key and its unit",
+                    fix=f"correct segment {k}; docs/reference/plans.md lists each key and its unit",
                 ) from problem
             references.append(reference)
             extras.append(extra)

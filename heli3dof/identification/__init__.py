@@ -1,7 +1,7 @@
 """Models from recordings: prepare, test for feedback, fit, choose, validate.
 
 Public names: `identify` and what it returns, `Identification`; `prepare` and `Prepared` for those
-who want the data themselves; `METHODS`. docs/identification.md says what was chosen and why.
+who want the data themselves; `METHODS`. identification.md says what was chosen and why.
 """
 
 from heli3dof.identification.feedback import Feedback, feedback_test

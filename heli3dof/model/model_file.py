@@ -1,4 +1,4 @@
-"""Model files: JSON, schema ``heli3dof.model/1``; the format is in ``docs/model-file.md``.
+"""Model files: JSON, schema ``heli3dof.model/1``; the format is in ``model-file.md``.
 
 `save_model` and `read_model` hold any `Model`. `heli3dof.paper.models.load_model` also takes the
 names of the paper's models.
@@ -78,7 +78,7 @@ def read_model(path: str | Path) -> Model:
             path,
             f"lacks the key {error.args[0]!r}",
             "it was cut short or edited by hand.",
-            "docs/model-file.md lists the keys; heli3dof identify writes a whole one",
+            "docs/reference/model-file.md lists the keys; heli3dof identify writes a whole one",
         ) from None
     except UsageError as error:
         raise RecordingError(
@@ -89,7 +89,7 @@ def read_model(path: str | Path) -> Model:
             path,
             f"does not hold together: {error}",
             "it was edited by hand.",
-            "docs/model-file.md lists the shapes; heli3dof identify writes a whole one",
+            "docs/reference/model-file.md lists the shapes; heli3dof identify writes a whole one",
         ) from None
     return model
 

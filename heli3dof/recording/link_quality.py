@@ -14,7 +14,7 @@ SLOW_PERIODS = 1.05
 stays below 1; the margin is the histogram's bin (1 %) and the drift of two clocks."""
 LOSS_SHARE = 0.01
 """Of all samples, or of all commands: the loss that is reported. One lost period in a hundred is
-what the estimators bridge without a visible effect; see docs/recording.md, gaps."""
+what the estimators bridge without a visible effect; see docs/reference/recording.md, gaps."""
 
 
 def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
@@ -61,6 +61,6 @@ def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
             f"{rejected} samples were rejected: repeated, out of order, or echoing a command that "
             "was never sent. Likely cause: a second program on the same port, a network path that "
             "repeats packets, or the device's firmware. Try: heli3dof doctor, which names a second "
-            "program; then compare the firmware with docs/protocol.md"
+            "program; then compare the firmware with docs/reference/protocol.md"
         )
     return found

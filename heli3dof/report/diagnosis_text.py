@@ -99,8 +99,8 @@ def perhaps_off(document: Document) -> Iterator[str]:
     if doubtful:
         yield (
             f"To settle {listed([str(c['parameter']) for c in doubtful])}: weigh and measure the "
-            "rig (docs/profile.md); or diagnose a larger flight together with these (heli3dof run "
-            "large)."
+            "rig (docs/reference/profile.md); or diagnose a larger flight together with these "
+            "(heli3dof run large)."
         )
 
 

@@ -169,7 +169,7 @@ class ReportsDeviceCause(Protocol):
     def device_cause(self) -> str | None:
         """The cause as of the last sample, or None.
 
-        ``OVERCURRENT``, ``BUTTON``, ``WATCHDOG`` and the others of docs/protocol.md, or the
+        ``OVERCURRENT``, ``BUTTON``, ``WATCHDOG`` and the others of docs/reference/protocol.md, or the
         driver's own word.
         """
         ...

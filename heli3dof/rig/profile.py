@@ -27,7 +27,7 @@ Every model of the rig derives from them::
 
 Three point masses cannot represent three measured inertias (J_yaw would always be the sum of the
 other two), so measured ones have keys of their own. `heli3dof.toml_file.Key` holds each key's unit,
-range and measurement; the table in docs/profile.md comes from it.
+range and measurement; the table in docs/reference/profile.md comes from it.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
 TITLE = (
-    "A 3-DOF helicopter's profile. docs/profile.md says how to measure each number.",
+    "A 3-DOF helicopter's profile. docs/reference/profile.md says how to measure each number.",
     "heli3dof profile check FILE reports unusual values. A commented key has its default.",
 )
 SECTIONS = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 UPTIME_WRAP_S = 2**32 / 1000
-"""s: the uptime is stated in ms modulo 2³², 49.7 days (docs/protocol.md, REPORT)"""
+"""s: the uptime is stated in ms modulo 2³², 49.7 days (docs/reference/protocol.md, REPORT)"""
 CLOCK_TOLERANCE = 5e-3
 """s per s: a ceramic resonator, the worst clock of a microcontroller board, is within 0.5 %"""
 

@@ -1,8 +1,8 @@
-"""Every figure that the docs quote, measured: ``make bench`` writes docs/benchmarks.md.
+"""Every figure that the docs quote, measured: ``make bench`` writes docs/results/benchmarks.md.
 
 A bench is one file here, ``bench_<topic>.py``, with ``TITLE``, optionally ``INTRO`` and
 ``COMMAND``, and ``measure()``, a list of `Figure` and `Table`. They are kept in
-docs/benchmarks.json, so that one topic can be measured again without the others, and the page is
+benchmarks.json, so that one topic can be measured again without the others, and the page is
 rendered from that file alone.
 """
 

@@ -1,11 +1,10 @@
-"""What comes out on two real rigs; also writes the tables of docs/real-data.md."""
+"""Two real rigs: prediction errors, and what identify and diagnose print, kept as text files."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -35,14 +34,13 @@ from tests.paths import REAL_DATA, ROOT
 TITLE = "Real recordings"
 INTRO = """
 Free prediction of recordings that no fit has seen, RMSE over all samples up to 3 s after the
-states were last re-estimated. Tables and words are in [real-data.md](real-data.md). Measured
-only where the recordings are.
+states were last re-estimated. Measured only where the recordings are.
 """
-PAGE = ROOT / "docs" / "real-data.md"
+DATA = ROOT / "docs" / "results" / "data"
+"""Where the printed output is kept, one file for each rig and verb"""
 HELD_OUT = {"rig-a": (1.8, 2.4, 2.4)}
 HAND_MADE = {"rig-a": (1.73, 2.37, 2.36)}
 """Degrees, roll / pitch / yaw over 3 s: what is asked for, and what others reached by hand."""
-BEGIN, END = "<!-- begin {} -->", "<!-- end {} -->"
 
 
 @dataclass(frozen=True)
@@ -105,7 +103,8 @@ def measure() -> list[Figure]:
             figures += rows
             if trial.rig in HAND_MADE:
                 figures += folds(trial)
-    write_page(PAGE, blocks)
+    for name, block in blocks.items():
+        (DATA / f"{name}.txt").write_text(block.strip() + "\n", encoding="utf-8")
     return figures
 
 
@@ -240,14 +239,3 @@ def open_loop(trial: Trial, model: GreyBoxModel) -> list[Figure]:
 
 def _deg(rmse: np.ndarray) -> str:
     return " / ".join(f"{e:.2f}" for e in rmse) + " °"
-
-
-def write_page(page: Path, blocks: dict[str, str]) -> None:
-    """Replace what stands between the markers of each block."""
-    text = page.read_text(encoding="utf-8")
-    for name, block in blocks.items():
-        begin, end = BEGIN.format(name), END.format(name)
-        before, rest = text.split(begin)
-        _, after = rest.split(end)
-        text = f"{before}{begin}\n\n{block.strip()}\n\n{end}{after}"
-    page.write_text(text, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""docs/safety.md row by row at random moments: how long to zero volts, and what the arm did."""
+"""safety.md row by row at random moments: how long to zero volts, and what the arm did."""
 
 from __future__ import annotations
 

@@ -261,7 +261,7 @@ def test_a_signal_ramps_the_motors_to_zero_and_closes_the_recording(
 @pytest.mark.realtime
 def test_kill_9_in_mid_flight_loses_at_most_half_a_second(tmp_path: Path) -> None:
     # The best of three: neighbours on a busy machine may hold up a flight just before it is killed.
-    # What every kill loses on a quiet one is in docs/benchmarks.md.
+    # What every kill loses on a quiet one is in docs/results/benchmarks.md.
     lost = []
     for number in range(3):
         path = tmp_path / f"killed-{number}.mcap"

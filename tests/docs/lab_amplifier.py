@@ -1,4 +1,4 @@
-"""The amplifier of docs/writing-a-driver.md: an emulated rig that answers lines over TCP.
+"""The amplifier of docs/how-to/write-a-driver.md: an emulated rig that answers lines over TCP.
 
 One thread, one selector: what came first is done first, so a master that hung up is gone before
 the next one asks.

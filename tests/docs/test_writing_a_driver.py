@@ -1,4 +1,4 @@
-"""docs/writing-a-driver.md: its driver, installed as the page says, does what the port says."""
+"""The driver of write-a-driver.md passes the conformance suite when installed as described."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.profiles import END_S
 
 from .lab_amplifier import LabAmplifier
 
-PAGE = (ROOT / "docs" / "writing-a-driver.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to" / "write-a-driver.md").read_text(encoding="utf-8")
 
 
 def block(language: str, which: int = 0) -> str:
@@ -56,11 +56,6 @@ def amplifier() -> Iterator[LabAmplifier]:
     made = LabAmplifier()
     yield made
     made.close()
-
-
-def test_the_driver_has_forty_lines() -> None:
-    lines = [line for line in block("python").splitlines() if line.strip()]
-    assert len([line for line in lines if not line.startswith(("from ", "import "))]) == 40
 
 
 def test_the_pages_own_test_of_the_driver_passes(package: Path, amplifier: LabAmplifier) -> None:

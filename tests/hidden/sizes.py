@@ -2,7 +2,7 @@
 
 small: near what one rich flight of 60 s shows at 5 σ; medium: what a teacher would notice; large:
 what would spoil a demonstration, and still flies inside the envelope (`tests.hidden.survey`
-checks that). Numbers are in the units of docs/mock.md. The limits behind "small" follow from the
+checks that). Numbers are in the units of mock.md. The limits behind "small" follow from the
 random torques of the emulated rig (0.035, 0.0035, 0.015 N·m, correlated over τ_c = 10 ms): a
 torque that is known up to a factor is seen with σ = σ_w √(2 τ_c / T) / (RMS of its shape).
 

@@ -26,7 +26,7 @@ PARAMETERS = {
 }
 HIDDEN = ",".join(f"{name.rpartition('.')[0]}:{value:g}" for name, value in PARAMETERS.items())
 TORQUE_NOISE = np.array([0.035, 0.0035, 0.015]) * np.sqrt(2 * 0.01)
-"""(3,) N·m/√Hz: the mock's random torques at frequencies below their bandwidth (docs/mock.md)."""
+"""(3,) N·m/√Hz: the mock's random torques at frequencies below their bandwidth (mock.md)."""
 
 
 @dataclass(frozen=True, eq=False)

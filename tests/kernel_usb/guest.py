@@ -1,4 +1,4 @@
-"""In the guest: load the modules, plug the emulated rig in, and try what docs/protocol.md promises.
+"""In the guest: load the modules, plug the emulated rig in, and try what protocol.md promises.
 
 Each case is a function that asserts; it may return what it measured. Results go to the second
 serial port, one line of JSON for each case.

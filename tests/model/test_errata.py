@@ -1,4 +1,4 @@
-"""Each erratum of the paper that can be computed, computed. docs/paper.md names these tests.
+"""Each erratum of the paper that can be computed, computed. paper.md names these tests.
 
 E9 (one angle called y, γ and ψ) and E15 (no hold-out record, sample rate or fit is given) are
 about words; nothing in them can be computed.

@@ -187,7 +187,7 @@ def test_extras_with_arrays_and_nan_are_written(tmp_path: Path) -> None:
 
 
 def test_the_page_on_the_format_lists_every_key() -> None:
-    page = (ROOT / "docs" / "model-file.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "model-file.md").read_text(encoding="utf-8")
     for key in {"schema", *HOVER.to_dict()}:
         assert f"`{key}`" in page, key
 

@@ -1,4 +1,4 @@
-"""The table of effects in docs/effects.md, made from the catalogue."""
+"""The table of effects in docs/reference/effects.md, made from the catalogue."""
 
 from __future__ import annotations
 
@@ -35,4 +35,4 @@ def _parameter(p: Parameter) -> str:
     return f"`{p.name}`: {p.meaning}; {p.low:g} … {p.high:g}{unit}"
 
 
-PAGE = Page("docs/effects.md", {"effects": effects_table})
+PAGE = Page("docs/reference/effects.md", {"effects": effects_table})

@@ -1,4 +1,4 @@
-"""The table of integrity checks in docs/diagnosis.md, made from the checks themselves."""
+"""The table of integrity checks in diagnosis.md, made from the checks themselves."""
 
 from __future__ import annotations
 
@@ -19,4 +19,4 @@ def checks_table() -> str:
     return table(["check", "examines", "reports"], rows)
 
 
-PAGE = Page("docs/diagnosis.md", {"integrity": checks_table})
+PAGE = Page("docs/explanation/diagnosis.md", {"integrity": checks_table})

@@ -1,4 +1,4 @@
-"""The tables of effects, faults and bus in docs/mock.md, made from what there is."""
+"""The tables of effects, faults and bus in docs/reference/mock.md, made from what there is."""
 
 from __future__ import annotations
 
@@ -42,6 +42,6 @@ def bus_table() -> str:
 
 
 PAGE = Page(
-    "docs/mock.md",
+    "docs/reference/mock.md",
     {"effects": effects_table, "faults": faults_table, "bus": bus_table},
 )

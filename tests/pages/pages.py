@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from tests.bench.page import STUDIES
 from tests.pages import (
     comparison_page,
     effects_page,
@@ -15,16 +16,19 @@ from tests.pages import (
 from tests.safety import table as safety_page
 
 PAGES = [
-    module.PAGE
-    for module in (
-        comparison_page,
-        effects_page,
-        integrity_page,
-        mock_page,
-        paper_page,
-        plans_page,
-        profile_page,
-        protocol_page,
-        safety_page,
-    )
+    *STUDIES,
+    *(
+        module.PAGE
+        for module in (
+            comparison_page,
+            effects_page,
+            integrity_page,
+            mock_page,
+            paper_page,
+            plans_page,
+            profile_page,
+            protocol_page,
+            safety_page,
+        )
+    ),
 ]

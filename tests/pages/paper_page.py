@@ -1,4 +1,4 @@
-"""The tables of docs/paper.md: every number there that the code computes."""
+"""The tables of docs/explanation/paper.md: every number there that the code computes."""
 
 from __future__ import annotations
 
@@ -219,6 +219,6 @@ def _singles() -> str:
 
 
 PAGE = Page(
-    "docs/paper.md",
+    "docs/explanation/paper.md",
     {"matrices": _matrices, "gain": _gain, "loop": _loop, "singles": _singles},
 )

@@ -1,4 +1,4 @@
-"""The tables in docs/plans.md: the plans that come with heli3dof, and every key of a plan."""
+"""The tables in plans.md: the plans that come with heli3dof, and every key of a plan."""
 
 from __future__ import annotations
 
@@ -60,6 +60,6 @@ def _row(name: str, field: FieldInfo) -> list[str]:
 
 
 PAGE = Page(
-    "docs/plans.md",
+    "docs/reference/plans.md",
     {"plans": plans_table, "head": head_table, "common": common_table, "kinds": kinds_text},
 )

@@ -1,4 +1,4 @@
-"""The tables of keys in docs/profile.md, made from the profile's own fields."""
+"""The tables of keys in docs/reference/profile.md, made from the profile's own fields."""
 
 from __future__ import annotations
 
@@ -60,4 +60,4 @@ def _range(bounds: tuple[float, float] | None) -> str:
     return "any" if bounds is None else f"{bounds[0]:g} … {bounds[1]:g}"
 
 
-PAGE = Page("docs/profile.md", {"keys": keys_table})
+PAGE = Page("docs/reference/profile.md", {"keys": keys_table})

@@ -1,4 +1,4 @@
-"""The tables of docs/protocol.md: frames, codes and golden transcripts."""
+"""The tables of docs/reference/protocol.md: frames, codes and golden transcripts."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _bytes() -> str:
 
 
 PAGE = Page(
-    "docs/protocol.md",
+    "docs/reference/protocol.md",
     {
         "frames": _frames,
         "causes": lambda: _numbered({c.name: c.value for c in Cause}),

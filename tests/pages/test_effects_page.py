@@ -1,4 +1,4 @@
-"""The table of docs/effects.md has a text for every effect."""
+"""The table of docs/reference/effects.md has a text for every effect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/diagnosis.md lists every integrity check."""
+"""docs/explanation/diagnosis.md lists every integrity check."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/mock.md describes the emulated rig."""
+"""docs/reference/mock.md describes the emulated rig."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/paper.md holds only numbers that are computed, quoted, or shown by a test."""
+"""docs/explanation/paper.md holds only numbers that are computed, quoted, or shown by a test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables of docs/plans.md have a text for every plan and key."""
+"""The tables of docs/reference/plans.md have a text for every plan and key."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The table of docs/profile.md has a text for every key."""
+"""The table of docs/reference/profile.md has a text for every key."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every row of docs/safety.md at random moments of a flight, on the emulated rig and the firmware.
+"""Every row of safety.md at random moments of a flight, on the emulated rig and the firmware.
 
     moment i of n  =  (i + u) T/n,   u drawn from [0, 1)
 
@@ -177,7 +177,7 @@ class Run:
     @property
     def at_rest(self) -> bool:
         """An encoder froze that had no motion left to show: pitch or yaw in the landing, or any
-        after the arm had come down. No monitor can know (docs/safety.md)."""
+        after the arm had come down. No monitor can know (docs/reference/safety.md)."""
         down = self.roll_max_deg < TABLE_DEG + ABOVE_DEG
         still = self.case.axis != "roll" or down
         return self.case.row == "frozen_encoder" and self.phase == "landing" and still

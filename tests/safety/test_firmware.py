@@ -1,4 +1,4 @@
-"""Rows of docs/safety.md once more, on the firmware in C: a process that no test holds up.
+"""Rows of safety.md once more, on the firmware in C: a process that no test holds up.
 
 What its output stage was told is in its log: CLOCK_MONOTONIC in s, enabled, front and back V.
 """

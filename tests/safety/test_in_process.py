@@ -1,4 +1,4 @@
-"""The rows of docs/safety.md that one process shows: the device's output, period by period."""
+"""The rows of safety.md that one process shows: the device's output, period by period."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rows of docs/safety.md that need a process, a line and a device: all three real but the last.
+"""The rows of safety.md that need a process, a line and a device: all three real but the last.
 
 The device is the emulated one behind a pseudo-terminal, and its amplifier is what is measured. Its
 watchdog bears a busy machine; the bound that is held follows from it.

@@ -1,4 +1,4 @@
-"""Every row of docs/safety.md has its test."""
+"""Every row of docs/reference/safety.md has its test."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-/* The device of docs/protocol.md as a state machine: no hardware, no memory from the heap, no
+/* The device of docs/reference/protocol.md as a state machine: no hardware, no memory from the heap, no
  * floating point, nothing that waits. Whoever calls it says what time it is.
  *
  *     IDLE --ARM--> ARMED --silence > watchdog--> LATCHED     ESTOP, fault, stall, button,

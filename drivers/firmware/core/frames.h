@@ -1,4 +1,4 @@
-/* The frames of protocol 1 (docs/protocol.md), byte by byte: explicit little-endian access, no
+/* The frames of protocol 1 (docs/reference/protocol.md), byte by byte: explicit little-endian access, no
  * struct is ever laid over bytes.
  *
  *     payload = version u8, type u8, number u32, body, crc16 u16, crc16 backwards u16

@@ -65,7 +65,7 @@ static uint32_t whole(const char *option, const char *text, uint32_t most)
 {
     const double value = only_number(option, text);
     if (value > most)
-        refuse(option, text, "less: see docs/protocol.md");
+        refuse(option, text, "less: see docs/reference/protocol.md");
     return (uint32_t)value;
 }
 

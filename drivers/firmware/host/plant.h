@@ -10,7 +10,7 @@
  *     sum_i m_i (d x_i / d q_j) . a_i = Q_j       for q = r, p, psi
  *
  * Q: the thrusts K_f V f at x_f and x_b; on roll -T_g cos r with T_g = 2 L_a K_f V_o (the gravity
- * torque is calibrated, docs/paper.md, E2, and does not follow from the masses); light damping.
+ * torque is calibrated, docs/explanation/paper.md, E2, and does not follow from the masses); light damping.
  * The arm rests on the table at -27.5 degrees; its stops and the body's take the speed away. */
 #ifndef HELI3DOF_PLANT_H
 #define HELI3DOF_PLANT_H

@@ -28,7 +28,7 @@ that lifts every known rig. An axis at a mechanical stop is reported as that, an
 the motors are ramped down.
 
 False alarms: 0 in 10 h of calm and rich flight on rigs that differ by ±15 % from their profile;
-detection times: docs/benchmarks.md, `make bench TOPIC=watches`.
+detection times: docs/results/benchmarks.md, `make bench TOPIC=watches`.
 """
 
 from __future__ import annotations

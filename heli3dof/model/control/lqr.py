@@ -49,7 +49,8 @@ def lqr_gain(profile: Profile) -> tuple[tuple[float, ...], tuple[float, ...]]:
             f"No LQR gain exists for this rig: {error}",
             cause=f"motor.V_o = {profile.motor.V_o:g} V: yaw turns only by tilting the thrust that "
             "carries the arm.",
-            fix="measure motor.V_o (docs/profile.md), or give a gain: --set controller.K=[[…],[…]]",
+            fix="measure motor.V_o (docs/reference/profile.md), "
+            "or give a gain: --set controller.K=[[…],[…]]",
         ) from error
     # u = −K x; the law's columns are of errors, −rates and integrals of errors.
     gain = K * np.array([1, 1, 1, 1, 1, 1, -1, -1])

@@ -94,7 +94,7 @@ class GreyBoxModel:
         return linear(self, self.profile.dt if dt is None else dt)
 
     def to_dict(self) -> dict[str, Any]:
-        """The model file's content; see ``docs/model-file.md``."""
+        """The model file's content; see ``docs/reference/model-file.md``."""
         from heli3dof.model.serialization.greybox import to_dict
 
         return to_dict(self)

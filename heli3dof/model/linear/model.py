@@ -146,7 +146,7 @@ class LinearModel:
         return to_transfer_function(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """The model file's content; see ``docs/model-file.md``."""
+        """The model file's content; see ``docs/reference/model-file.md``."""
         from heli3dof.model.serialization.linear import to_dict
 
         return to_dict(self)

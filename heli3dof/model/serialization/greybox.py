@@ -15,7 +15,7 @@ from heli3dof.rig.profile import profile_from_dict
 
 
 def to_dict(model: GreyBoxModel) -> dict[str, Any]:
-    """Plain JSON-able content; see ``docs/model-file.md``."""
+    """Plain JSON-able content; see ``docs/reference/model-file.md``."""
     std = model.std
     known = plug_ins()
     used = (t.effect.name for t in model.structure.terms)

@@ -129,7 +129,7 @@ def require(ok: object, what: str, found: object) -> None:
         raise NotConforming(
             f"{what}; found: {found}",
             cause="the driver, or the device behind it, violates the rig interface.",
-            fix="read heli3dof/rig/interface.py and docs/writing-a-driver.md",
+            fix="read heli3dof/rig/interface.py and docs/how-to/write-a-driver.md",
         )
 
 

@@ -66,7 +66,7 @@ def _no_serial_number(device: str) -> DeviceError:
     return DeviceError(
         f"{device}: the device has no serial number.",
         cause="its firmware leaves the field empty; rest angles and locks need it.",
-        fix="give it one in its firmware; docs/protocol.md, IDENTITY",
+        fix="give it one in its firmware; docs/reference/protocol.md, IDENTITY",
     )
 
 

@@ -32,7 +32,7 @@ OFF_NOMINAL = {"m_w": 1.05, "m_f": 0.94, "m_b": 0.94, "K_f": 1.06, "V_o": 0.95}
 GUESS = {"k_r": 0.5, "k_p": 0.02, "c_r": 0.1, "c_p": 0.005, "c_y": 0.05, "tau_m": 0.05}
 """Where physical fits start what the profile does not say: off by a factor of two."""
 NOISE_NM = (0.035, 0.0035, 0.015)
-"""N·m, docs/mock.md: the random torques' standard deviation; correlated over `CORRELATION_S`."""
+"""N·m, mock.md: the random torques' standard deviation; correlated over `CORRELATION_S`."""
 CORRELATION_S = 0.01
 
 

@@ -1,4 +1,4 @@
-"""The emulated device answers what docs/protocol.md says, byte by byte and volt by volt."""
+"""The emulated device answers what protocol.md says, byte by byte and volt by volt."""
 
 from __future__ import annotations
 

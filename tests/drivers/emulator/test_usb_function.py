@@ -1,4 +1,4 @@
-"""The emulated rig as a USB device: what docs/protocol.md says of USB, byte by byte."""
+"""The emulated rig as a USB device: what docs/reference/protocol.md says of USB, byte by byte."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The firmware's core on a virtual clock: a second device, written from docs/protocol.md alone."""
+"""The firmware's core on a virtual clock: a second device, written from protocol.md alone."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_under_a_sanitizer_every_statement_of_the_harness_holds():
 
 def transcripts() -> dict[str, list[str]]:
     """Straight from the page, comments taken off."""
-    page = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "protocol.md").read_text(encoding="utf-8")
     golden = page.split("<!-- golden")[1].split("<!-- end of golden")[0]
     blocks = re.findall(r"```\n\[(\w+)\]\n(.*?)```", golden, re.DOTALL)
     return {

@@ -1,4 +1,4 @@
-"""What docs/protocol.md states and the transcripts do not show: of both devices, Python and C."""
+"""What protocol.md states and the transcripts do not show: of both devices, Python and C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""docs/quanser.md has every option, with the default that the driver has."""
+"""docs/how-to/quanser.md has every option, with the default that the driver has."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from heli3dof_drivers.quanser_hil import wiring
 from heli3dof.rig.url import parse_url
 from tests.paths import ROOT
 
-PAGE = (ROOT / "docs" / "quanser.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to" / "quanser.md").read_text(encoding="utf-8")
 
 
 def table() -> dict[str, str]:

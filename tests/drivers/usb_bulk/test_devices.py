@@ -166,7 +166,7 @@ def test_a_fault_that_is_none_is_refused(text: str):
 
 
 def test_the_page_names_every_option_of_both_drivers():
-    page = (ROOT / "docs" / "rigs.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "how-to" / "connect-a-rig.md").read_text(encoding="utf-8")
     assert all(f"| `{option}` |" in page for option in UsbDriver.options)
     assert set(UsbMockDriver.options) == {*UsbDriver.options, *OPTIONS, "bus"} - {"speed"}
 

@@ -105,7 +105,7 @@ def test_channels_may_have_any_names_and_more_than_fifteen() -> None:
 
 
 def test_the_page_on_recordings_names_every_field_and_every_first_byte() -> None:
-    page = (ROOT / "docs" / "recording.md").read_text()
+    page = (ROOT / "docs" / "reference" / "recording.md").read_text()
     for layout in (SAMPLE, COMMAND):
         assert f"`{layout.full_name}`" in page
         assert f"`{layout.topic}`" in page

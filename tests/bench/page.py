@@ -1,0 +1,181 @@
+"""docs/results/benchmarks.md and the tables beside it, rendered from benchmarks.json alone.
+
+The page shows the rows of `ROWS`, about twenty; ``data/figures.csv`` holds every figure that was
+measured, and ``data/TOPIC-N.csv`` each table. ``python -m tests.bench.page`` renders them again.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import re
+from collections.abc import Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tests.pages.page import Page
+from tests.paths import ROOT
+
+FOLDER = ROOT / "docs" / "results"
+STORE = FOLDER / "benchmarks.json"
+PAGE = FOLDER / "benchmarks.md"
+DATA = FOLDER / "data"
+
+ROWS: tuple[tuple[str, str, str], ...] = (
+    ("hidden", "right cause first, rich plan, medium and large",
+     "diagnosis: right cause named first"),
+    ("hidden", "both of two hidden causes", "diagnosis: both of two hidden causes found"),
+    ("hidden", "false alarms where nothing is hidden, rich",
+     "diagnosis: false alarms, plan `rich`"),
+    ("hidden", "false alarms where nothing is hidden, steps",
+     "diagnosis: false alarms, plan `steps`"),
+    ("hidden", "outside the catalogue: flagged with the right axis",
+     "diagnosis: unknown torque reported on the right axis"),
+    ("hidden", "names asserted without a tie that are wrong, over everything",
+     "diagnosis: wrong names"),
+    ("hidden", "95 % intervals that hold the truth", "diagnosis: coverage of the 95 % intervals"),
+    ("hidden", "**heli3dof diagnose**, 60 s at 500 Hz, 2 cores: slowest",
+     "diagnosis: slowest of six, 60 s of flight"),
+    ("greybox", "RMS of parameter error / CRB, multisine",
+     "grey box: RMS parameter error over the Cramér–Rao bound"),
+    ("greybox", "coverage of the 95 % intervals, multisine",
+     "grey box: coverage of the 95 % intervals"),
+    ("greybox", "time to fit 90 s at 500 Hz", "grey box: time to fit 90 s of flight"),
+    ("peers", "median parameter error, output error's over the grey box's",
+     "output error (AeroID): parameter error over the grey box's"),
+    ("real", "rig-a: grey box, over 3 s, in flight (`usable_runs`)",
+     "real rig-a: 3 s prediction error, held-out, roll / pitch / yaw"),
+    ("real", "rig-b: grey box, over 3 s, in flight (`usable_runs`)",
+     "real rig-b: 3 s prediction error, held-out, roll / pitch / yaw"),
+    ("loop", "500 Hz, nothing granted: late by more than 1 ms",
+     "loop at 500 Hz, no privileges: late periods"),
+    ("loop", "500 Hz, with real-time scheduling: late by more than 1 ms",
+     "loop at 500 Hz, real-time scheduling, serial line: late periods"),
+    ("loop", "500 Hz, with real-time scheduling, over TCP instead: late by more than 1 ms",
+     "loop at 500 Hz, real-time, TCP: late periods"),
+    ("kill", "kill -9: from the last command to zero volts, worst",
+     "`kill -9`: last command to zero volts, worst"),
+    ("kill", "kill -9: flight lost, worst", "`kill -9`: data lost, worst"),
+    ("estop", "stopped by the session that flies, longest",
+     "`estop` from another terminal, longest"),
+    ("estop", "stopped past a session that hangs, longest",
+     "`estop` where the session hangs, longest"),
+    ("safety", "motors not at zero at the end", "faults at random moments: motors not at zero"),
+    ("safety", "zero volts later than claimed",
+     "faults at random moments: zero volts later than stated"),
+    ("misbehaviour", "motors not at zero", "misbehaving devices: motors not at zero"),
+    ("soak", "soak: memory grows by, at most", "30 min flight: growth of memory"),
+)  # fmt: skip
+"""(topic, its figure in benchmarks.json, what the page calls it)"""
+
+HEAD = """# Benchmarks
+
+Each row is one measured number. *Bar* is the value required before the measurement, **no** marks a
+row that misses it. The last two columns are the command that repeats the measurement and the commit
+it was made at. The computer was shared: times are upper bounds.
+
+`python -m tests.bench.page` writes this page from [benchmarks.json](benchmarks.json). Every other
+figure is in [data/figures.csv](data/figures.csv), with each table as a CSV file beside it.
+
+| what | measured | interval, or how | bar | met | command | commit |
+|---|---|---|---|---|---|---|
+"""
+
+ERRORS = re.compile(r"closed-|grey box, |extension found")
+"""Figures of topic `real` that are prediction errors of a whole model"""
+
+Store = Mapping[str, Mapping[str, Any]]
+
+
+def load() -> dict[str, dict[str, Any]]:
+    """Everything measured so far, by topic."""
+    return json.loads(STORE.read_text(encoding="utf-8")) if STORE.exists() else {}
+
+
+def command(topic: str, kept: Mapping[str, Any]) -> str:
+    return str(kept.get("command", f"make bench TOPIC={topic}"))
+
+
+def render(store: Store) -> str:
+    """The page: a line for each of `ROWS` that was measured at a commit, not on a changed tree."""
+    shown = [t for t in store if not store[t]["revision"].endswith("-dirty")]
+    return HEAD + "".join(_line(store, *row) for row in ROWS if row[0] in shown)
+
+
+def _line(store: Store, topic: str, what: str, label: str) -> str:
+    kept = store[topic]
+    figure = next(f for f in kept["figures"] if f["what"] == what)
+    met = {True: "yes", False: "**no**", None: "–"}[figure["met"]]
+    cells = [label, figure["value"], _interval(figure["how"]), figure["bar"] or "–", met,
+             f"`{command(topic, kept)}`", kept["revision"]]  # fmt: skip
+    return "| " + " | ".join(str(c).replace("|", "\\|") for c in cells) + " |\n"
+
+
+def _interval(how: str) -> str:
+    """The figure's interval where it has one, else how it was measured, cut at a clause."""
+    if match := re.search(r"95 % interval ([\d.]+ to [\d.]+ %)", how):
+        return match.group(1)
+    return how.split("; ")[0] or "–"
+
+
+def files(store: Store) -> dict[str, str]:
+    """The CSV files, by name."""
+    rows = [
+        [topic, f["what"], f["value"], f["bar"], f["met"], f["how"], command(topic, k),
+         k["revision"], k["machine"]]
+        for topic, k in store.items() for f in k["figures"]
+    ]  # fmt: skip
+    head = ["topic", "what", "value", "bar", "met", "how", "command", "commit", "machine"]
+    made = {"figures.csv": _csv([head, *rows])}
+    for topic, kept in store.items():
+        for n, table in enumerate(kept.get("tables", []), 1):
+            made[f"{topic}-{n}.csv"] = _csv([table["head"], *table["rows"]])
+    return made
+
+
+def errors_table(rig: str) -> str:
+    """The rows of a rig's models, with the bar where there is one."""
+    rows = ["| model, and where | roll / pitch / yaw | bar |", "|---|---|---|"]
+    for f in load()["real"]["figures"]:
+        what = f["what"].removeprefix(rig).lstrip(",: ")
+        if not f["what"].startswith(rig) or not ERRORS.match(what):
+            continue
+        label = (
+            what.replace(" (`usable_runs`)", "").replace("over 3 s, ", "").replace(", over 3 s", "")
+        )
+        rows.append(f"| {label} | {f['value']} | {f['bar'] or '–'} |")
+        if still := re.search(r"angles held still there (.*)", f["how"]):
+            rows.append(f"| angles held still, {label.split(', ', 1)[1]} | {still.group(1)} | – |")
+    return "\n".join(rows)
+
+
+def _csv(rows: list[list[Any]]) -> str:
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows(rows)
+    return out.getvalue()
+
+
+def pages(store: Store) -> dict[Path, str]:
+    """Every file that is rendered from the store."""
+    return {PAGE: render(store)} | {DATA / name: text for name, text in files(store).items()}
+
+
+def write(store: Store) -> None:
+    """Write the page, the CSV files and the tables of the case studies."""
+    DATA.mkdir(exist_ok=True)
+    for path, text in pages(store).items():
+        path.write_text(text, encoding="utf-8")
+    for study in STUDIES:
+        study.rewrite()
+
+
+STUDIES = [
+    Page(f"docs/results/{rig}.md", {"errors": partial(errors_table, rig)})
+    for rig in ("rig-a", "rig-b")
+]
+"""The case studies, whose tables of errors come from the figures of topic `real`"""
+
+if __name__ == "__main__":
+    write(load())

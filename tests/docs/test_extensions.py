@@ -1,0 +1,190 @@
+"""Every example of CONTRIBUTING.md, in a scratch folder that its registry also searches, works."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import heli3dof as h3
+from tests.paths import ROOT
+
+PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+EXAMPLE = re.compile(r"```(?:python|toml)\n# ([a-z ]+): (\S+)\n(.*?)```", re.DOTALL)
+EXAMPLES = {kind: (file, code) for kind, file, code in EXAMPLE.findall(PAGE)}
+FLIGHT = ROOT / "recordings" / "step-roll-10.mcap"
+
+Place = Callable[[str, str], ModuleType]
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
+    """Writes an example as a module of a package that searches a scratch folder too."""
+    placed: list[str] = []
+
+    def write(kind: str, package: str) -> ModuleType:
+        file, code = EXAMPLES[kind]
+        (tmp_path / file).write_text(code, encoding="utf-8")
+        home = pytest.importorskip(package)
+        if not hasattr(home, "__path__"):
+            pytest.skip(f"{package} is no folder yet")
+        monkeypatch.setattr(home, "__path__", [*home.__path__, str(tmp_path)])
+        importlib.invalidate_caches()
+        placed.append(f"{package}.{Path(file).stem}")
+        return importlib.import_module(placed[-1])
+
+    yield write
+    for name in placed:
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture
+def searched_again() -> Iterator[Callable[[Callable[..., object]], None]]:
+    """Clears a registry's cache now and after the test."""
+    cleared: list[Callable[..., object]] = []
+
+    def clear(registry: Callable[..., object]) -> None:
+        registry.cache_clear()  # type: ignore[attr-defined]
+        cleared.append(registry)
+
+    yield clear
+    for registry in cleared:
+        registry.cache_clear()  # type: ignore[attr-defined]
+
+
+def test_the_page_has_an_example_of_every_kind() -> None:
+    table = PAGE[PAGE.index("| kind | file |") : PAGE.index("More places:")]
+    kinds = {row.split("|")[1].strip() for row in table.splitlines()[2:] if row.startswith("|")}
+    headings = {h.lower() for h in re.findall(r"^### (.*)$", PAGE, re.MULTILINE)}
+    assert kinds - headings == {"driver"}  # docs/how-to/write-a-driver.md has its own test
+    assert len(EXAMPLES) == len(headings)
+
+
+def test_every_file_that_the_walks_name_exists() -> None:
+    walks = PAGE[PAGE.index("## The life of a sample") : PAGE.index("## Extensions")]
+    for path in re.findall(r"`((?:heli3dof|drivers|tests)/[\w/]+(?:\.\w+|/))`", walks):
+        assert (ROOT / path).exists(), path
+
+
+def test_an_effect_of_the_models_is_found_and_compiles(place, searched_again) -> None:
+    from heli3dof.model import effects
+    from heli3dof.model.physics.compiled_effects import address
+    from heli3dof.model.physics.state_layout import AXIS, R_DOT, A
+
+    module = place("effect", "heli3dof.model.effects")
+    searched_again(effects._all)
+    assert effects.term("drag.cubic.yaw").effect is module.EFFECT
+    assert address(module.torque)
+    state, par, out = np.zeros(32), np.zeros(8), np.zeros(8)
+    state[R_DOT + 2], par[AXIS], par[A] = 2.0, 2, 0.5
+    module.torque(state, par, np.zeros(8), out)
+    assert out[2] == -4.0  # 0.5 · 2³
+
+
+def test_an_effect_of_the_emulated_rig_slows_the_arm(place, searched_again) -> None:
+    from heli3dof_drivers.emulator import effects
+
+    place("emulated effect", "heli3dof_drivers.emulator.effects")
+    searched_again(effects.catalogue)
+
+    def fastest(hide: str) -> float:
+        device = f"mock:?speed=max&noise=0&start=level{hide}"
+        flown = h3.fly_plan(h3.load_plan("doublets"), device=device).recording
+        return float(np.abs(flown.angle[25:, 1] - flown.angle[:-25, 1]).max())  # rad in 50 ms
+
+    assert fastest("&hide=drag.cubic.pitch:5") < 0.9 * fastest("")
+
+
+def test_a_plan_can_be_read(tmp_path: Path) -> None:
+    file, code = EXAMPLES["plan"]
+    (tmp_path / file).write_text(code, encoding="utf-8")
+    assert h3.load_plan(tmp_path / file).name == "two-heights"
+
+
+def test_a_segment_renders_its_voltages(place, searched_again, tmp_path: Path) -> None:
+    from heli3dof.experiment import segments
+
+    place("segment", "heli3dof.experiment.segments")
+    searched_again(segments.kinds)
+    clock = segments.Clock(500, 0.002, np.random.default_rng(0))
+    segment = segments.kinds()["pulse"](kind="pulse", duration_s=1.0)
+    references, extra = segment.render(clock, np.zeros(3))
+    assert references.shape == (500, 3)
+    assert extra.sum(axis=0) == pytest.approx([100.0, 100.0])  # 1 V for 0.2 s at 500 Hz
+
+
+def test_an_importer_reads_a_log(place, searched_again, tmp_path: Path) -> None:
+    place("importer", "heli3dof.recording.logs.importers")
+    searched_again(importlib.import_module("heli3dof.recording.logs.importers").importers)
+    flown = h3.load(FLIGHT)
+    log = tmp_path / "flight.jsonl"
+    names = ["t_s", "v_front_V", "v_back_V", "roll_rad", "pitch_rad", "yaw_rad"]
+    rows = np.column_stack([flown.t, flown.voltage, flown.angle])[:2000]
+    lines = ["{" + ", ".join(f'"{n}": {v!r}' for n, v in zip(names, r, strict=True)) + "}"
+             for r in rows.tolist()]  # fmt: skip
+    log.write_text("\n".join(lines), encoding="utf-8")
+    imported = h3.load(log, h3.load_profile(ROOT / "recordings" / "rig.toml"))
+    assert np.array_equal(imported.angle, flown.angle[:2000])
+
+
+def test_an_integrity_check_reports_a_short_recording(place, searched_again) -> None:
+    from heli3dof.diagnosis import integrity
+
+    place("integrity check", "heli3dof.diagnosis.integrity")
+    searched_again(integrity.checks)
+    flown = h3.load(FLIGHT)
+    found = [fault.check for fault in integrity.integrity(flown.rows(slice(0, 3000)))]
+    assert "length.short" in found
+    assert "length.short" not in [fault.check for fault in integrity.integrity(flown)]
+
+
+def test_a_safety_monitor_ends_a_flight(place, searched_again, tmp_path: Path) -> None:
+    from heli3dof.experiment import safety_monitors
+
+    if not hasattr(safety_monitors, "monitor_classes"):
+        pytest.skip("safety monitors are not discovered yet")
+    place("safety monitor", "heli3dof.experiment.safety_monitors")
+    searched_again(safety_monitors.monitor_classes)
+    plan = tmp_path / "turn.toml"
+    plan.write_text(
+        'name = "turn"\n[[segment]]\nkind = "step"\nyaw_deg = 400\nduration_s = 30\n',
+        encoding="utf-8",
+    )
+    flight = h3.fly_plan(h3.load_plan(plan), device="mock:?speed=max&start=level")
+    assert "more than one revolution" in str(flight.recording.provenance)
+
+
+def test_a_method_fits_and_is_named(place, searched_again) -> None:
+    place("identification method", "heli3dof.identification.methods")
+    registry = importlib.import_module("heli3dof.identification.methods")
+    searched_again(registry.built_in)
+    searched_again(registry.methods)
+    fitted = h3.identify(h3.load(ROOT / "recordings" / "train-1.mcap"), method="pem8")
+    assert fitted.model.kind
+
+
+def test_a_verb_prints_its_document(place) -> None:
+    output = importlib.import_module("heli3dof.cli.output")
+    if not hasattr(output, "Output"):
+        pytest.skip("Output is not there yet")
+    import typer
+
+    module = place("verb", "heli3dof.cli")
+    app = typer.Typer()
+    module.register(app)
+    app.callback()(lambda: None)
+    done = CliRunner().invoke(app, ["duration", str(FLIGHT), "--json"])
+    assert done.exit_code == 0, done.output
+    assert '"duration_s"' in done.output
+
+
+def test_a_bench_measures_something(place) -> None:
+    module = place("bench", "tests.bench")
+    assert module.measure()[0].met
