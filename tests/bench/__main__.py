@@ -22,7 +22,7 @@ ROOT = FOLDER.parent.parent
 STORE = ROOT / "docs" / "benchmarks.json"
 PAGE = ROOT / "docs" / "benchmarks.md"
 
-SLOW = ("peers", "hidden", "loop", "misbehaviour", "ramp_down", "soak", "watches")
+SLOW = ("peers", "hidden", "loop", "misbehaviour", "ramp_down", "realtime", "soak", "watches")
 """Topics of many minutes, or that need more than our own environment: measured when asked for."""
 
 HEAD = """# Benchmarks

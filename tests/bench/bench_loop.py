@@ -17,7 +17,7 @@ from heli3dof.rig.profile import load_profile
 from tests.bench import Figure, Table, at_most
 from tests.drivers.firmware.building import rig_program
 from tests.profiles import PATIENT, write_profile
-from tests.realtime.flight import LANDING_S, FlightProcess, firmware
+from tests.realtime.flight import RAMP_DOWN_S, FlightProcess, firmware
 from tests.realtime.standstill import Lateness, lateness, watched, written_late
 
 TITLE = "The loop"
@@ -79,14 +79,13 @@ def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
     # A device has a processor of its own: neither the flight's core nor the one that may sleep.
     apart = sorted(os.sched_getaffinity(0))[1:-1]
     options = ("--watchdog", "500", "--late", str(log), *door)
+    without = ("permissions",) * (not granted) + ("awake",) * (not awake)
     with firmware(program, *options, cores=apart) as device:
         with (
             watched() as still,
-            FlightProcess(
-                device, output, kind.seconds, profile=profile, realtime=granted, awake=awake
-            ) as flight,
+            FlightProcess(device, output, kind.seconds, profile=profile, without=without) as flight,
         ):
-            document = flight.result(kind.seconds + LANDING_S + 120)
+            document = flight.result(kind.seconds + RAMP_DOWN_S + 120)
         return {
             **document,
             "why_late": lateness(read_recording(output), still, written_late(log)),

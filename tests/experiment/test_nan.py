@@ -15,7 +15,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from heli3dof.errors import DeviceError
-from heli3dof.experiment.safety_monitors import watches_for
+from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.model.control.controller import Controller
 from heli3dof.recording.row import RAMP_DOWN
 from heli3dof.rig.interface import Flags, Sample
@@ -41,7 +41,7 @@ def gives(bad: dict[str, Any], ks: range) -> ScriptedRig:
 
 
 def watched() -> dict[str, Any]:
-    return {"watches": watches_for(PROFILE).each_period}
+    return {"monitors": monitors_for(PROFILE).each_period}
 
 
 @pytest.mark.parametrize("bad", BAD, ids=str)

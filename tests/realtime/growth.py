@@ -10,12 +10,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from heli3dof.experiment.control_loop.control_period import Period, Watch
+from heli3dof.experiment.control_loop.control_period import Monitor, Period
 from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.fly import prepare
 from heli3dof.experiment.plan import step_plan
-from heli3dof.experiment.safety_monitors import watches_for
+from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.provenance import provenance
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
@@ -35,11 +35,11 @@ def read_in_flight(
     held: Callable[[], float],
     *,
     begin: Callable[[], object] = lambda: None,
-    watches: Sequence[Watch] = (),
+    monitors: Sequence[Monitor] = (),
 ) -> tuple[list[float], Outcome]:
     """``held()`` at the rows ``at`` of a flight of so many, and how the flight ended.
 
-    ``begin`` is called in the first row; ``watches`` look on besides the flight's own.
+    ``begin`` is called in the first row; ``monitors`` look on besides the flight's own.
     """
     profile = patient()
     plan = step_plan((5, None, None), settle_s=SETTLE_S, duration_s=rows * profile.dt - SETTLE_S)
@@ -61,7 +61,7 @@ def read_in_flight(
 
         outcome = fly(
             rig, profile, signals, file,
-            watches=(*watches_for(profile).each_period, *watches, look),
+            monitors=(*monitors_for(profile).each_period, *monitors, look),
         )  # fmt: skip
         file.outcome(outcome.ending, **outcome.details())
     return readings, outcome

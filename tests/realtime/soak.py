@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from tests.profiles import PATIENT, write_profile
-from tests.realtime.flight import LANDING_S, FlightProcess
+from tests.realtime.flight import RAMP_DOWN_S, FlightProcess
 
 EVERY_S = 0.25
 WARM_UP = 0.2
@@ -76,7 +76,7 @@ def soak(device: str, folder: Path, seconds: float) -> Soak:
             t.append(now)
             held.append(memory_KiB(flight.process.pid))
             time.sleep(EVERY_S)
-        document = flight.ended(seconds + LANDING_S + 120)
+        document = flight.ended(seconds + RAMP_DOWN_S + 120)
     return found(np.array(t), np.array(held), document)
 
 

@@ -16,7 +16,7 @@ import pytest
 from heli3dof_drivers.emulator.endpoint import Endpoint
 from heli3dof_drivers.link.rig import LinkRig
 
-from heli3dof.experiment.control_loop.control_period import Period, Watch
+from heli3dof.experiment.control_loop.control_period import Monitor, Period
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
@@ -27,13 +27,13 @@ from tests.realtime.growth import read_in_flight
 N, STRETCHES = 6000, 3
 """Rows, and how often so many"""
 FULL = 24000
-"""Rows, 48 s, after which the watches' memory of the last 40 s holds all that it ever does"""
+"""Rows, 48 s, after which the monitors' memory of the last 40 s holds all that it ever does"""
 A_CHUNK = 93
 """Rows"""
 KEPT = 56
 """bytes of each chunk, the least that a recorder was ever found to keep: 0.6 a row"""
 BYTES_A_ROW = KEPT / A_CHUNK / 2
-"""What the watches remember is bounded and not constant: one to two blocks of a deque, 1.1 kB or
+"""What the monitors remember is bounded and not constant: one to two blocks of a deque, 1.1 kB or
 0.18 bytes a row of a stretch."""
 
 
@@ -51,9 +51,9 @@ def traced() -> Iterator[Callable[[], float]]:
     tracemalloc.stop()
 
 
-def bytes_a_row(path: Path, traced: Callable[[], float], *watches: Watch) -> float:
+def bytes_a_row(path: Path, traced: Callable[[], float], *monitors: Monitor) -> float:
     at = [FULL + k * N for k in range(STRETCHES + 1)]
-    held, outcome = read_in_flight(path, at[-1] + 1, at, traced, begin=traced, watches=watches)
+    held, outcome = read_in_flight(path, at[-1] + 1, at, traced, begin=traced, monitors=monitors)
     assert outcome.ending == "completed"
     return typical(held) / N
 

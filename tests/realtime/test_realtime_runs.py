@@ -12,7 +12,7 @@ import pytest
 from heli3dof.recording.mcap_files.reader import read_recording
 from tests.drivers.firmware.building import rig_program
 from tests.profiles import PATIENT, STANDSTILL_S, START_S, write_profile
-from tests.realtime.flight import LANDING_S, FlightProcess, firmware
+from tests.realtime.flight import RAMP_DOWN_S, FlightProcess, firmware
 from tests.realtime.kill import kill_flights
 from tests.realtime.power import lost_to_a_power_cut
 from tests.realtime.soak import soak
@@ -36,7 +36,7 @@ def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_pa
     assert b"flying" in flight.shown, "the live view was on"
     assert (document["outcome"], document["landed"]) == ("completed", True)
     recording = read_recording(tmp_path / "a.mcap")
-    periods = 500 * (6 + LANDING_S)
+    periods = 500 * (6 + RAMP_DOWN_S)
     skipped = sum(document[f"{why}_periods"] for why in ("missed", "lost", "left_out"))
     assert periods - skipped - 1 <= len(recording) <= periods + 1
     # What was skipped shows in the device's time, and nothing else does. The line loses nothing; a
@@ -54,7 +54,8 @@ def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_pa
 def test_a_system_that_refuses_everything_is_told_and_flown_on(tmp_path: Path) -> None:
     device = "mock:?speed=real&start=level&watchdog_s=0.5"
     profile = write_profile(tmp_path / "patient.toml", **PATIENT)
-    with FlightProcess(device, tmp_path / "a.mcap", 1, profile=profile, realtime=False) as flight:
+    path, without = tmp_path / "a.mcap", ["permissions"]
+    with FlightProcess(device, path, 1, profile=profile, without=without) as flight:
         document = flight.result(START_S)
     assert document["realtime"]["scheduled"] is False
     assert {r["what"] for r in document["realtime"]["refused"]} == {

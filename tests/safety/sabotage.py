@@ -21,8 +21,8 @@ from typing import Any
 
 from heli3dof.errors import NoSpace
 from heli3dof.experiment import fly
-from heli3dof.experiment.control_loop.control_period import Period, Watch
-from heli3dof.experiment.safety_monitors import Watches, host_suspend, watches_for
+from heli3dof.experiment.control_loop.control_period import Monitor, Period
+from heli3dof.experiment.safety_monitors import FlightMonitors, host_suspend, monitors_for
 from heli3dof.model.control.loop_opening import OpenedController
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.mcap_files.mcap_writer import McapFile
@@ -71,20 +71,20 @@ def sabotage(kind: str, due: Due, stamp: Stamp, put: Put = setattr, halt: bool =
 def stamp_reports(stamp: Stamp, put: Put = setattr) -> None:
     """Call ``stamp`` with "noticed" in the period in which a safety monitor reports something."""
 
-    def listened(watch: Watch) -> Watch:
-        def judged(now: Period) -> str | None:
-            why = watch(now)
-            if why is not None:
+    def stamping(monitor: Monitor) -> Monitor:
+        def judge(now: Period) -> str | None:
+            report = monitor(now)
+            if report is not None:
                 stamp("noticed")
-            return why
+            return report
 
-        return judged
+        return judge
 
-    def watches_with_stamps(profile: Profile) -> Watches:
-        watches = watches_for(profile)
-        return replace(watches, each_period=tuple(map(listened, watches.each_period)))
+    def stamping_monitors(profile: Profile) -> FlightMonitors:
+        monitors = monitors_for(profile)
+        return replace(monitors, each_period=tuple(map(stamping, monitors.each_period)))
 
-    put(fly, "watches_for", watches_with_stamps)
+    put(fly, "monitors_for", stamping_monitors)
 
 
 def _controller(kind: str, on: Due) -> Callable[..., object]:

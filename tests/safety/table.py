@@ -166,7 +166,7 @@ def table() -> str:
 
 
 def limits() -> str:
-    """What a profile may set of the watches' numbers."""
+    """What a profile may set of the monitors' numbers."""
     given = Limits()
     rows = [[f"`{key}`", f"{getattr(given, key):g}", LIMITS[key]] for key in LIMITS]
     return pages.table(["key", "default", "meaning"], rows)

@@ -1,4 +1,4 @@
-"""``hold``: the references stay where they are; the rig settles."""
+"""``hold``: the references stay constant; the rig settles."""
 
 from __future__ import annotations
 

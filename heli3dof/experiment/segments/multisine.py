@@ -1,12 +1,12 @@
-"""``multisine``: sums of cosines added to the voltages, common and difference apart.
+"""``multisine``: sums of cosines added to the voltages, common and difference independent.
 
     c(t) = A_c Σ_odd  cos(2π k f_0 t + φ_k) / σ_c,     V_front += c + d
     d(t) = A_d Σ_even cos(2π k f_0 t + φ_k) / σ_d,     V_back  += c − d
 
-f_0 = 1/duration_s, the lines lie in ``band_Hz``, and common and difference take every other
-line, so that the two are orthogonal over the segment: roll answers to the sum, pitch to the
-difference. The lines' amplitudes fall as 1/f^``tilt``; of 32 drawn sets of phases the one with
-the lowest crest factor is flown. ``common_V`` and ``difference_V`` are RMS values.
+f_0 = 1/duration_s, and the lines lie in ``band_Hz``. Common and difference take every other line,
+so that they are orthogonal over the segment: roll answers to the sum, pitch to the difference. The
+lines' amplitudes fall as 1/f^``tilt``. Of `DRAWS` random sets of phases the one with the lowest
+crest factor is flown. ``common_V`` and ``difference_V`` are RMS values.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from heli3dof.experiment.segments import BaseSegment, Clock
 from heli3dof.toml_file import Finite, Key
 
 DRAWS = 32
+"""Random sets of phases; more lower the crest factor little"""
 
 
 class Segment(BaseSegment):
@@ -57,7 +58,7 @@ class Segment(BaseSegment):
 
 
 def _low_crest(lines: np.ndarray, tilt: float, clock: Clock) -> np.ndarray:
-    """(n,) of RMS one: the drawn set of phases with the smallest peak, starting near zero."""
+    """(n,) of RMS 1: the random phases with the smallest peak, starting near zero."""
     best, best_peak = np.zeros(clock.n), np.inf
     amplitude = lines.astype(float) ** -tilt
     for _ in range(DRAWS):

@@ -1,10 +1,10 @@
-"""``prbs``: pseudo-random binary voltages, common and difference drawn apart.
+"""``prbs``: pseudo-random binary voltages, common and difference independent.
 
     c(t) = ± common_V,  d(t) = ± difference_V,  each switching at most every ``bit_s``
     V_front += c + d,   V_back += c − d
 
-Two different maximum-length sequences (shift registers with linear feedback), started at random:
-a period has as many ups as downs but one, and its autocorrelation is a spike.
+Two different maximum-length sequences (shift registers with linear feedback) from random states: a
+period has one more up than downs, and its autocorrelation is a spike.
 """
 
 from __future__ import annotations

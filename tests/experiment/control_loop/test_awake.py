@@ -15,7 +15,7 @@ import pytest
 
 from heli3dof.experiment.control_loop import awake as module
 from heli3dof.experiment.control_loop.awake import is_virtual, keep_awake
-from heli3dof.experiment.control_loop.cores import my_cores
+from heli3dof.experiment.control_loop.cores import available_cores
 from heli3dof.experiment.control_loop.realtime_priority import realtime
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's own calls")
@@ -24,10 +24,10 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's own cal
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], None]:
     """A computer of which the kernel says this."""
-    monkeypatch.setattr(module, "TOLD", (tmp_path / "type",))
+    monkeypatch.setattr(module, "HYPERVISOR", (tmp_path / "type",))
     monkeypatch.setattr(module, "CPUINFO", tmp_path / "cpuinfo")
     monkeypatch.setattr(module, "CGROUPS", tmp_path / "cgroup")
-    monkeypatch.setattr(module, "MINE", tmp_path / "mine")
+    monkeypatch.setattr(module, "OWN_CGROUP", tmp_path / "mine")
 
     def says(flags: str) -> None:
         Path(module.CPUINFO).write_text(f"processor : 0\nflags\t\t: fpu vme de{flags} pse\n")
@@ -68,14 +68,14 @@ def test_a_kernel_says_whether_it_runs_under_another(machine: Callable[[str], No
     assert is_virtual()
     machine("")
     assert not is_virtual()
-    module.TOLD[0].write_text("xen\n")
+    module.HYPERVISOR[0].write_text("xen\n")
     assert is_virtual()
 
 
 def test_on_a_machine_of_its_own_nothing_is_done(machine: Callable[[str], None]) -> None:
     machine("")
     with ExitStack() as undo:
-        assert keep_awake(undo, my_cores(), stay=True) == ()
+        assert keep_awake(undo, available_cores(), stay=True) == ()
         assert not spinners(os.getpid())
 
 
@@ -83,9 +83,9 @@ def test_all_cores_but_one_of_a_virtual_machine_turn_at_idle_priority_until_the_
     machine: Callable[[str], None],
 ) -> None:
     machine(" hypervisor")
-    before = my_cores()
+    before = available_cores()
     with ExitStack() as undo:
-        (found,) = keep_awake(undo, my_cores(), stay=True)
+        (found,) = keep_awake(undo, available_cores(), stay=True)
         turning = spinners(os.getpid())
         assert found.good
         awake = set(before[1:] or before)
@@ -93,25 +93,25 @@ def test_all_cores_but_one_of_a_virtual_machine_turn_at_idle_priority_until_the_
         assert os.sched_getaffinity(0) == (awake if len(awake) > 1 else set(before))
         assert {os.sched_getscheduler(one) for one in turning} == {os.SCHED_IDLE}
     assert all(gone(one) for one in turning)
-    assert my_cores() == before
+    assert available_cores() == before
 
 
 def test_of_two_cores_one_is_kept_awake_and_the_flight_may_use_both(
     machine: Callable[[str], None],
 ) -> None:
     machine(" hypervisor")
-    before = my_cores()
+    before = available_cores()
     with ExitStack() as undo:
         keep_awake(undo, before[:2], stay=True)
         assert set(spinners(os.getpid()).values()) == set(before[:2][-1:])
-        assert my_cores() == before
+        assert available_cores() == before
 
 
 def test_a_flight_has_it_and_its_recording_says_so(machine: Callable[[str], None]) -> None:
     machine(" hypervisor")
     with realtime() as granted:
         assert spinners(os.getpid())
-    assert "kept awake" in granted.to_dict()["found"][module.WHAT]
+    assert "kept busy" in granted.to_dict()["found"][module.WHAT]
     assert not spinners(os.getpid())
 
 
@@ -133,9 +133,9 @@ def test_rationed_time_is_not_spent_on_it(
     path = module.CGROUPS / file
     path.parent.mkdir(parents=True)
     path.write_text(text + "\n")
-    module.MINE.write_text(mine + "\n")
+    module.OWN_CGROUP.write_text(mine + "\n")
     with ExitStack() as undo:
-        (found,) = keep_awake(undo, my_cores(), stay=True)
+        (found,) = keep_awake(undo, available_cores(), stay=True)
         assert bool(spinners(os.getpid())) is not rationed
     assert ("quota" in found.found) is rationed
     assert bool(found.fix) is rationed
@@ -144,7 +144,7 @@ def test_rationed_time_is_not_spent_on_it(
 FLIGHT = """
 import sys, time
 from contextlib import ExitStack
-from heli3dof.experiment import awake
+from heli3dof.experiment.control_loop import awake
 awake.is_virtual = lambda: True
 with ExitStack() as undo:
     awake.keep_awake(undo, [0], stay=True)
@@ -167,7 +167,7 @@ def test_it_ends_with_a_flight_that_is_killed(how: int) -> None:
 def test_the_keyboards_signals_are_for_the_flight(machine: Callable[[str], None]) -> None:
     machine(" hypervisor")
     with ExitStack() as undo:
-        keep_awake(undo, my_cores(), stay=True)
+        keep_awake(undo, available_cores(), stay=True)
         turning = spinners(os.getpid())
         (spinner,) = {int(Path(f"/proc/{p}/stat").read_text().split()[3]) for p in turning}
         for process in (spinner, *turning):
@@ -183,9 +183,9 @@ def test_one_that_cannot_start_is_said_and_the_flight_goes_on(
     machine(" hypervisor")
     monkeypatch.setattr(module, "SPINNER", tmp_path / "missing.py")
     with ExitStack() as undo:
-        (found,) = keep_awake(undo, my_cores(), stay=True)
+        (found,) = keep_awake(undo, available_cores(), stay=True)
     assert found.good is None
-    assert "fall asleep" in found.found
+    assert "may go idle" in found.found
 
 
 def test_a_system_that_refuses_idle_priority_has_nothing_turning(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from heli3dof.experiment.control_loop import cores as module
-from heli3dof.experiment.control_loop.cores import cores, on_one_core
+from heli3dof.experiment.control_loop.cores import on_one_core, parse_cores
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's own calls")
 SEVERAL = pytest.mark.skipif(
@@ -27,8 +27,8 @@ def own_names(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 def test_cores_are_read_as_the_kernel_writes_them() -> None:
-    assert cores("2-3,7") == {2, 3, 7}
-    assert cores("5") == {5}
+    assert parse_cores("2-3,7") == {2, 3, 7}
+    assert parse_cores("5") == {5}
 
 
 @SEVERAL

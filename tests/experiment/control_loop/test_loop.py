@@ -143,7 +143,7 @@ def test_a_watch_is_asked_in_every_period_and_ends_the_flight_when_it_says_why()
         seen.append(now)
         return "the watch has seen enough" if now.k == 40 else None
 
-    outcome, sink = flown(rig, watches=[watch, lambda now: None])
+    outcome, sink = flown(rig, monitors=[watch, lambda now: None])
     assert (outcome.ending, outcome.detail) == ("tripped", "the watch has seen enough")
     assert [now.k for now in seen] == list(range(41))
     assert ends_at_zero(rig)
@@ -155,7 +155,7 @@ def test_a_watch_is_asked_in_every_period_and_ends_the_flight_when_it_says_why()
 
 def test_a_watch_that_fails_ends_the_flight_with_a_ramp_to_zero() -> None:
     rig = ScriptedRig()
-    outcome, _ = flown(rig, watches=[lambda now: "" * (1 // (now.k - 10)) or None])
+    outcome, _ = flown(rig, monitors=[lambda now: "" * (1 // (now.k - 10)) or None])
     assert (outcome.ending, outcome.periods, outcome.landed) == ("error", 10, True)
     assert ends_at_zero(rig)
 
@@ -270,7 +270,7 @@ def test_an_axis_that_turns_steadily_turns_no_faster_after_skipped_periods(
     seen: list[float] = []
     loose = PROFILE.limits.model_copy(update={"slew_max_V_per_s": 1e6})
     loose = PROFILE.model_copy(update={"limits": loose})
-    flown(rig, profile=loose, watches=[lambda now: seen.append(now.rate[2])])
+    flown(rig, profile=loose, monitors=[lambda now: seen.append(now.rate[2])])
     after = np.degrees(np.abs(seen[50:60]))
     assert abs(after - 40.0).max() < 8.0  # counts are 0.044° apart, 22°/s in one period
 
@@ -289,7 +289,7 @@ def test_a_ramp_through_lost_samples_takes_no_longer() -> None:
 def test_a_ramp_after_lost_samples_begins_at_the_last_voltage() -> None:
     # What ends the flight is seen in the first sample that comes after 200 lost ones.
     rig = ScriptedRig(late=lambda k: 200 * DT if k == 60 else 0.0)
-    _, sink = flown(rig, periods=500, watches=[lambda now: "lost" if now.missed else None])
+    _, sink = flown(rig, periods=500, monitors=[lambda now: "lost" if now.missed else None])
     ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
     n = round(PROFILE.limits.ramp_down_s / DT)
     front = [r.voltage[0] for r in sink.rows if r.phase == CLOSED_LOOP][-1]

@@ -97,7 +97,7 @@ def at_zero_at_once(rig: ScriptedRig, ramp: list[Row], seconds: float) -> bool:
 @pytest.mark.parametrize("extra", SATURATIONS)
 def test_a_trip_at_saturation_takes_the_motors_to_zero_at_once(extra: tuple[float, float]) -> None:
     rig = ScriptedRig()
-    outcome, ramp = saturated(rig, extra, watches=[lambda now: "seen" if now.k == 60 else None])
+    outcome, ramp = saturated(rig, extra, monitors=[lambda now: "seen" if now.k == 60 else None])
     assert (outcome.ending, outcome.landed, outcome.ramped) == ("tripped", True, False)
     assert max(abs(rig.commands[59].v_front), abs(rig.commands[59].v_back)) == MOTOR.v_max
     assert at_zero_at_once(rig, ramp, LIMITS.ramp_down_s)
@@ -140,8 +140,8 @@ def test_a_device_that_stops_at_saturation_is_commanded_to_zero_at_once(flag: Fl
 
 def test_a_device_that_clips_at_saturation_changes_nothing() -> None:
     rig = ScriptedRig(lambda k, s: replace(s, flags=s.flags | Flags.SATURATED))
-    watches = [lambda now: "seen" if now.k == 60 else None]
-    _, ramp = saturated(rig, (50.0, 50.0), watches=watches)
+    monitors = [lambda now: "seen" if now.k == 60 else None]
+    _, ramp = saturated(rig, (50.0, 50.0), monitors=monitors)
     assert at_zero_at_once(rig, ramp, LIMITS.ramp_down_s)
 
 

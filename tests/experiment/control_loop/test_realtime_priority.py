@@ -80,7 +80,7 @@ def test_a_thread_beside_the_loop_stands_below_it_and_is_put_back() -> None:
         assert done.wait(10)
     thread.join()
     if granted.scheduled:
-        assert seen == [os.SCHED_FIFO, module.BESIDE]
+        assert seen == [os.SCHED_FIFO, module.OTHERS_PRIORITY]
     else:
         assert seen == [os.SCHED_OTHER, 0]
 

@@ -11,7 +11,7 @@ import pytest
 
 from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.control_loop.outcome import Outcome
-from heli3dof.experiment.control_loop.signal_handling import asked_to_stop
+from heli3dof.experiment.control_loop.signal_handling import stop_signals
 from heli3dof.experiment.plan import step_plan
 from heli3dof.recording.memory import MemoryRecorder
 from heli3dof.rig.interface import Sample
@@ -32,8 +32,10 @@ def flown_with_signals(at: dict[int, tuple[signal.Signals, ...]]) -> tuple[Scrip
 
     rig, sink = ScriptedRig(script), MemoryRecorder()
     plan = step_plan((0.0, None, None), settle_s=0, duration_s=100 * DT)
-    with asked_to_stop() as asked:
-        outcome = fly(rig, PROFILE, plan.render(DT, 0), sink, stop=asked.why, at_once=asked.at_once)
+    with stop_signals() as asked:
+        outcome = fly(
+            rig, PROFILE, plan.render(DT, 0), sink, stop=asked.reason, at_once=asked.at_once
+        )
     return rig, outcome
 
 
@@ -75,17 +77,17 @@ def test_two_signals_between_two_periods_leave_no_ramp() -> None:
 
 def test_the_handlers_are_put_back() -> None:
     before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
-    with asked_to_stop() as asked:
-        assert (asked.why(), asked.at_once()) == (None, None)
+    with stop_signals() as asked:
+        assert (asked.reason(), asked.at_once()) == (None, None)
     assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == before
 
 
 def test_a_program_started_with_nohup_flies_on_when_its_terminal_closes() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with asked_to_stop() as asked:
+        with stop_signals() as asked:
             send(signal.SIGHUP)
-            assert asked.why() is None
+            assert asked.reason() is None
     finally:
         signal.signal(signal.SIGHUP, before)
 
@@ -94,8 +96,8 @@ def test_outside_the_main_thread_nothing_is_caught() -> None:
     said: list[Callable] = []
 
     def elsewhere() -> None:
-        with asked_to_stop() as asked:
-            said.append(asked.why)
+        with stop_signals() as asked:
+            said.append(asked.reason)
 
     thread = threading.Thread(target=elsewhere)
     thread.start()

@@ -60,14 +60,14 @@ def test_a_device_that_stops_on_the_ramp_after_ctrl_c_is_told_of_too() -> None:
 def test_a_watchs_word_stands_beside_the_devices() -> None:
     outcome, _ = flown(
         ScriptedRig(says(Flags.LATCHED, 40)),
-        watches=[lambda now: "the computer slept for 3 s" if now.k == 40 else None],
+        monitors=[lambda now: "the computer slept for 3 s" if now.k == 40 else None],
     )
     assert outcome.detail.endswith("in time; the computer slept for 3 s")
 
 
 def test_a_watch_is_asked_before_the_envelope() -> None:
     rig = ScriptedRig(lambda k, s: replace(s, counts=(s.counts[0] + 400, 0, 0)) if k > 40 else s)
-    outcome, _ = flown(rig, watches=[lambda now: "jumped" if now.k == 41 else None])
+    outcome, _ = flown(rig, monitors=[lambda now: "jumped" if now.k == 41 else None])
     assert outcome.detail == "jumped"
 
 

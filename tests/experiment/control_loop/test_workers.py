@@ -76,4 +76,4 @@ def test_where_none_are_to_be_seen_nothing_is_said(
 def test_they_stand_between_the_loop_and_what_stands_beside_it() -> None:
     from heli3dof.experiment.control_loop import realtime_priority
 
-    assert realtime_priority.BESIDE < PRIORITY < realtime_priority.PRIORITY
+    assert realtime_priority.OTHERS_PRIORITY < PRIORITY < realtime_priority.PRIORITY

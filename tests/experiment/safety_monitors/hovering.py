@@ -6,7 +6,7 @@ from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.fly import prepare
 from heli3dof.experiment.plan import plan_from_dict
-from heli3dof.experiment.safety_monitors import watches_for
+from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.profile import Profile, default_profile
 from tests.experiment.safety_monitors.test_false_alarms import Nowhere
@@ -23,7 +23,7 @@ def hover(seconds: float, seed: int, options: str = "") -> Outcome:
     url = f"mock:?speed=max&start=level&seed={seed}&noise={noise:g}{options}"
     rig = open_rig(url, profile)
     signals = prepare(plan, profile, seed)
-    return fly(rig, profile, signals, Nowhere(), watches=watches_for(profile).each_period)
+    return fly(rig, profile, signals, Nowhere(), monitors=monitors_for(profile).each_period)
 
 
 def patient(profile: Profile) -> Profile:

@@ -8,7 +8,7 @@ from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.fly import prepare
 from heli3dof.experiment.plan import load_plan
-from heli3dof.experiment.safety_monitors import watches_for
+from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.recording.row import Row
 from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.profile import default_profile
@@ -50,8 +50,8 @@ def flown(plan: str, rig: str) -> Outcome:
     profile = default_profile().with_controller()
     open_one = open_rig("mock:?speed=max&" + RIGS[rig].format(seed=seed), profile)
     signals = prepare(load_plan(plan), profile, seed)
-    watches = watches_for(profile).each_period
-    return fly(open_one, profile, signals, Nowhere(), watches=watches)
+    monitors = monitors_for(profile).each_period
+    return fly(open_one, profile, signals, Nowhere(), monitors=monitors)
 
 
 @pytest.mark.parametrize(("plan", "rig"), PAIRS)

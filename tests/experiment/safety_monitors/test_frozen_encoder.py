@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from heli3dof.experiment.control_loop.control_period import Period
-from heli3dof.experiment.safety_monitors import FrozenEncoder, SilentEncoder
 from heli3dof.experiment.safety_monitors.axis_observer import (
     BANDWIDTH,
     AxisObserver,
     ExpectedAcceleration,
 )
+from heli3dof.experiment.safety_monitors.frozen_encoder import FrozenEncoder
+from heli3dof.experiment.safety_monitors.silent_encoder import SilentEncoder
 from heli3dof.rig.profile import load_profile
 from tests.experiment.safety_monitors.hovering import hover
 from tests.experiment.safety_monitors.periods import DT, HOVER, LEVEL, PROFILE, period
@@ -25,10 +26,10 @@ Q = abs(PROFILE.encoder.rad_per_count)
 EXPECTED = ExpectedAcceleration(PROFILE)
 
 
-def first(watch: Callable[[Period], str | None], periods: Iterator[Period]) -> tuple[float, str]:
+def first(monitor: Callable[[Period], str | None], periods: Iterator[Period]) -> tuple[float, str]:
     """When a monitor reports (s), and what; (inf, "") for never."""
     for now in periods:
-        if (said := watch(now)) is not None:
+        if (said := monitor(now)) is not None:
             return now.t, said
     return float("inf"), ""
 

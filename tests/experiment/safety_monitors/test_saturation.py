@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from heli3dof.experiment.safety_monitors import Saturated
+from heli3dof.experiment.safety_monitors.saturation import Saturation
 from heli3dof.rig.interface import Flags
 from tests.experiment.safety_monitors.periods import DT, PROFILE, period
 
 
 def spoke_at(commands: dict[int, tuple[float, float]] | None = None, **changed) -> float | None:
-    watch = Saturated(PROFILE)
+    monitor = Saturation(PROFILE)
     for k in range(2000):
         command = (30.0, 5.0) if commands is None else commands.get(k, (5.0, 5.0))
-        said = watch(period(k, command=command, **changed))
+        said = monitor(period(k, command=command, **changed))
         if said is not None:
             assert "front motor was at its limit of 24 V for 2 s" in said
             return k * DT

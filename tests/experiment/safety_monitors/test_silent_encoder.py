@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from heli3dof.experiment.control_loop.control_period import Period
-from heli3dof.experiment.safety_monitors import SilentEncoder
-from heli3dof.experiment.safety_monitors.silent_encoder import FALSE_ALARM
+from heli3dof.experiment.safety_monitors.silent_encoder import FALSE_ALARM, SilentEncoder
 from tests.experiment.safety_monitors.periods import DT, LEVEL, PROFILE, period
 
 AIR_S, LANDING_S = 20.0, 3.0
@@ -24,8 +23,8 @@ def flown(yaw: Callable[[float], int]) -> Iterator[Period]:
 
 
 def reported(yaw: Callable[[float], int]) -> list[str]:
-    watch = SilentEncoder(PROFILE)
-    return [said for now in flown(yaw) if (said := watch(now)) is not None]
+    monitor = SilentEncoder(PROFILE)
+    return [said for now in flown(yaw) if (said := monitor(now)) is not None]
 
 
 def wandering(seed: int, until_s: float) -> Callable[[float], int]:
@@ -52,10 +51,10 @@ def test_an_axis_that_stands_still_because_it_sticks_is_not() -> None:
 
 
 def test_nothing_is_reported_in_the_air() -> None:
-    watch = SilentEncoder(PROFILE)
+    monitor = SilentEncoder(PROFILE)
     silent = wandering(1, until_s=8.0)
     for k in range(round(AIR_S / DT)):
-        assert watch(period(k, counts=(LEVEL, 0, silent(k * DT)))) is None
+        assert monitor(period(k, counts=(LEVEL, 0, silent(k * DT)))) is None
 
 
 def test_the_bound_is_rarely_passed_by_random_standstills() -> None:
