@@ -1,4 +1,4 @@
-"""Every row of docs/safety.md has its test, and the page is what the rows say."""
+"""Every row of docs/safety.md has a test, and the page is made from the rows."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tests.paths import ROOT
 from tests.safety.table import PAGE, ROWS
 
 
-def shown_here() -> set[str]:
+def tested_here() -> set[str]:
     """Names of the test functions in this folder, without ``test_``."""
     return {
         node.name.removeprefix("test_")
@@ -19,14 +19,14 @@ def shown_here() -> set[str]:
     }
 
 
-def test_every_row_has_its_test() -> None:
-    assert {row.name for row in ROWS} <= shown_here()
+def test_every_row_has_a_test() -> None:
+    assert {row.name for row in ROWS} <= tested_here()
 
 
-def test_no_row_stands_twice() -> None:
+def test_rows_are_unique() -> None:
     assert len({row.name for row in ROWS}) == len(ROWS) == len({row.what for row in ROWS})
 
 
-def test_the_page_is_made_of_the_rows() -> None:
+def test_the_page_is_made_from_the_rows() -> None:
     page = (ROOT / "docs" / "safety.md").read_text(encoding="utf-8")
     assert PAGE.renewed(page) == page, "run: python -m tests.safety.table docs/safety.md"

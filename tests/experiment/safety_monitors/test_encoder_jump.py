@@ -16,16 +16,16 @@ RATES = (150.0, 400.0, 200.0)
 
 
 def first(monitor: Callable, periods: Callable[[int], object], n: int) -> tuple[int, str] | None:
-    """The period in which a monitor spoke, and what it said."""
+    """The period of the first report, and the report."""
     for k in range(n):
-        said = monitor(periods(k))
-        if said is not None:
-            return k, said
+        report = monitor(periods(k))
+        if report is not None:
+            return k, report
     return None
 
 
 @pytest.mark.parametrize(("axis", "name"), [(0, "roll"), (1, "pitch"), (2, "yaw")])
-def test_a_jump_of_an_encoder_is_seen_in_its_own_period(axis: int, name: str) -> None:
+def test_a_jump_is_reported_in_its_own_period(axis: int, name: str) -> None:
     def jumped(k: int):
         counts = [LEVEL, 0, 0]
         counts[axis] += -60 if k >= 40 else 0
@@ -41,7 +41,7 @@ def test_a_jump_of_an_encoder_is_seen_in_its_own_period(axis: int, name: str) ->
     rates=st.lists(st.tuples(*(st.floats(-1, 1) for _ in range(3))), min_size=5, max_size=60),
     gap=st.integers(1, 50),
 )
-def test_no_motion_within_the_envelope_is_a_jump(rates: list, gap: int) -> None:
+def test_motion_within_the_envelope_is_no_jump(rates: list, gap: int) -> None:
     monitor = EncoderJump(PROFILE)
     angle = [0.0, 0.0, 0.0]
     q = PROFILE.encoder.rad_per_count * 180 / pi
@@ -51,22 +51,22 @@ def test_no_motion_within_the_envelope_is_a_jump(rates: list, gap: int) -> None:
         assert monitor(period(n * gap, counts=counts)) is None  # type: ignore[arg-type]
 
 
-def test_a_jump_across_lost_samples_is_judged_by_the_time_that_went_by() -> None:
+def test_a_jump_across_lost_samples_is_judged_by_the_elapsed_time() -> None:
     monitor = EncoderJump(PROFILE)
     monitor(period(0))
     assert monitor(period(50, counts=(LEVEL + 100, 0, 0))) is None
     assert monitor(period(51, counts=(LEVEL, 0, 0))) is not None
 
 
-def test_time_that_runs_backwards_is_no_jump_of_a_count() -> None:
+def test_time_that_runs_backwards_is_reported() -> None:
     monitor = EncoderJump(PROFILE)
     monitor(period(50))
-    said = monitor(period(49))
-    assert said is not None
-    assert "time ran backwards: by 2.0 ms" in said
+    report = monitor(period(49))
+    assert report is not None
+    assert "time ran backwards: by 2.0 ms" in report
 
 
-def test_a_device_whose_time_stands_still_is_reported_after_a_quarter_of_a_second() -> None:
+def test_constant_device_time_is_reported_after_a_quarter_of_a_second() -> None:
     found = first(EncoderJump(PROFILE), lambda k: period(k)._replace(t=min(k, 100) * DT), 1000)
     assert found is not None
     assert 225 <= found[0] <= 227
@@ -81,10 +81,10 @@ def test_a_clock_that_advances_every_eighth_period_is_no_fault() -> None:
 
 @pytest.mark.parametrize("bits", [16, 24])
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_counter_that_wraps_is_named(bits: int, sign: int) -> None:
+def test_a_counter_that_wraps_is_identified(bits: int, sign: int) -> None:
     monitor = EncoderJump(PROFILE)
     monitor(period(0))
-    said = monitor(period(1, counts=(LEVEL, 0, sign * (2**bits - 1))))
-    assert said is not None
-    assert f"about 2^{bits}" in said
-    assert f"counter has {bits} bits" in said.cause
+    report = monitor(period(1, counts=(LEVEL, 0, sign * (2**bits - 1))))
+    assert report is not None
+    assert f"about 2^{bits}" in report
+    assert f"counter has {bits} bits" in report.cause

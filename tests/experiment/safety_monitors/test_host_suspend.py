@@ -1,4 +1,4 @@
-"""A computer that slept: CLOCK_BOOTTIME tells, and there is no ramp."""
+"""A computer that slept is detected, and the flight ends without a ramp."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ def test_a_sleep_ends_the_flight_at_once(monkeypatch: pytest.MonkeyPatch) -> Non
     assert monitor.at_once() == "stopped at once, since the computer slept"
 
 
-def test_a_computer_that_stays_awake_is_never_taken_for_one_that_slept() -> None:
+def test_a_computer_that_stays_awake_is_not_reported() -> None:
     monitor = HostSuspend(PROFILE)
     assert all(monitor(period(k)) is None for k in range(20_000))
 
 
-def test_where_the_system_has_no_such_clock_nothing_is_claimed(
+def test_without_the_clock_no_sleep_is_reported(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.delattr(host_suspend.time, "CLOCK_BOOTTIME")

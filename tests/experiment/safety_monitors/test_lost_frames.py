@@ -6,35 +6,35 @@ from heli3dof.experiment.safety_monitors.lost_frames import LostFrames
 from tests.experiment.safety_monitors.periods import DT, PROFILE, period
 
 
-def test_a_gap_without_samples_longer_than_the_limit_is_a_line_that_loses_them() -> None:
+def test_a_gap_longer_than_the_limit_is_a_loss_on_the_line() -> None:
     assert LostFrames(PROFILE)(period(26, missed=25)) is None
-    said = LostFrames(PROFILE)(period(27, missed=26))
-    assert said is not None
-    assert "no sample came for 27 periods (54 ms)" in said
+    report = LostFrames(PROFILE)(period(27, missed=26))
+    assert report is not None
+    assert "no sample came for 27 periods (54 ms)" in report
 
 
-def test_a_gap_that_the_device_made_is_said_to_be_its_own() -> None:
+def test_a_gap_that_the_device_made_is_attributed_to_it() -> None:
     assert LostFrames(PROFILE)(period(26, missed=25, left_out=25)) is None
-    said = LostFrames(PROFILE)(period(27, missed=26, left_out=26))
-    assert said is not None
-    assert "no sample came for 27 periods (54 ms): the device itself was held up" in said
+    report = LostFrames(PROFILE)(period(27, missed=26, left_out=26))
+    assert report is not None
+    assert "no sample came for 27 periods (54 ms): the device itself was held up" in report
 
 
-def test_a_gap_that_the_host_made_is_not_the_lines() -> None:
+def test_a_gap_that_the_host_made_is_no_loss() -> None:
     assert LostFrames(PROFILE)(period(300, missed=299, lateness=299 * DT)) is None
 
 
-def test_commands_that_are_not_echoed_for_longer_than_the_limit_are_lost() -> None:
+def test_commands_without_an_echo_for_longer_than_the_limit_are_lost() -> None:
     monitor = LostFrames(PROFILE)
     for k in range(10):
         assert monitor(period(k)) is None
     for k in range(10, 35):
         assert monitor(period(k, sequence=9)) is None
-    said = monitor(period(35, sequence=9))
-    assert said is not None
-    assert "none of the last 26 commands (52 ms)" in said
+    report = monitor(period(35, sequence=9))
+    assert report is not None
+    assert "none of the last 26 commands (52 ms)" in report
 
 
-def test_a_line_that_loses_nine_commands_of_ten_still_carries_some() -> None:
+def test_a_line_that_loses_nine_commands_of_ten_is_not_reported() -> None:
     monitor = LostFrames(PROFILE)
     assert all(monitor(period(k, sequence=k - k % 10)) is None for k in range(5000))
