@@ -29,7 +29,7 @@ periods and has missed 5, on any clock.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 from heli3dof.rig.clock_offset import ClockMap
 from heli3dof.rig.interface import Rig, Sample
@@ -39,50 +39,33 @@ Skipped = Callable[[], tuple[int, int, int]]
 """Samples since opening: lost by the link, left out by the device, passed over by the host"""
 
 
-class Timekeeper(Protocol):
-    """A clock, as the loop uses it."""
-
-    due: float
-    """Deadline of the next sample on the host's clock (s, monotonic), as estimated"""
-    lateness: float
-    """s by which the last sample was late"""
-    missed: int
-    """Periods skipped before it because the host was late"""
-    lost: int
-    """Periods skipped before it because their samples were lost on the line"""
-    left_out: int
-    """Periods skipped before it because the device made no samples of them"""
-
-    def start(self, sample: Sample) -> None:
-        """Begin the flight with this sample."""
-        ...
-
-    def next(self) -> float:
-        """Advance to the next period; its deadline."""
-        ...
-
-    def arrived(self, sample: Sample, since_s: float) -> None:
-        """Measure the period's sample, for which the host began to wait at ``since_s``."""
-        ...
-
-
 class VirtualTime:
-    """The clock advances with each sample: nothing can be late."""
+    """A clock that advances with each sample: nothing can be late. Base class of the others."""
 
     def __init__(self, dt: float) -> None:
         self.dt = dt
-        self.due = self.lateness = 0.0
-        self.missed = self.lost = self.left_out = 0
+        self.due = 0.0
+        """Deadline of the next sample on the host's clock (s, monotonic), as estimated"""
+        self.lateness = 0.0
+        """s by which the last sample was late"""
+        self.missed = 0
+        """Periods skipped before it because the host was late"""
+        self.lost = 0
+        """Periods skipped before it because their samples were lost on the line"""
+        self.left_out = 0
+        """Periods skipped before it because the device made no samples of them"""
 
     def start(self, sample: Sample) -> None:
+        """Begin the flight with this sample."""
         self.due = sample.host_time_s
 
     def next(self) -> float:
+        """Advance to the next period; its deadline."""
         self.due += self.dt
         return self.due
 
     def arrived(self, sample: Sample, since_s: float) -> None:
-        pass
+        """Measure the period's sample, for which the host began to wait at ``since_s``."""
 
 
 class HostTime(VirtualTime):
@@ -146,7 +129,7 @@ class CountedTime(DeviceTime):
         )  # fmt: skip
 
 
-def timekeeper(rig: Rig, dt: float) -> Timekeeper:
+def timekeeper(rig: Rig, dt: float) -> VirtualTime:
     """The clock of a rig, for control periods of ``dt`` s."""
     if rig.identity.timebase == "host":
         return HostTime(dt)

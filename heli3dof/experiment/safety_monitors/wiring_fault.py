@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from heli3dof.axes import AXES, MOTORS
 from heli3dof.experiment.safety_monitors.axis_observer import (
     ON_TABLE,
     PITCH_STOP,
@@ -71,6 +72,11 @@ class Fault(NamedTuple):
     """thrust of the front and the back motor for each of the two voltages"""
 
 
+def _mix(motor: int, gain: int) -> tuple[tuple[int, int], tuple[int, int]]:
+    """The mix of a rig whose motor (0: front) has this gain."""
+    return ((gain, 0), (0, 1)) if motor == 0 else ((1, 0), (0, gain))
+
+
 NORMAL = Fault("", "")
 _SIGN = "change the sign of encoder.{axis} in the profile, then turn it by hand: heli3dof monitor"
 FAULTS = (
@@ -80,32 +86,24 @@ FAULTS = (
             _SIGN.format(axis=axis),
             sign=(-1 if i == 0 else 1, -1 if i == 1 else 1, -1 if i == 2 else 1),
         )
-        for i, axis in enumerate(("roll", "pitch", "yaw"))
+        for i, axis in enumerate(AXES)
     ),
     Fault(
         "the leads of the two motors are swapped",
         "swap the two motors' leads at the amplifier",
         mix=((0, 1), (1, 0)),
     ),
-    Fault(
-        "the front motor does not pull",
-        "check its fuse, its leads and its rotor, with the amplifier switched off",
-        mix=((0, 0), (0, 1)),
-    ),
-    Fault(
-        "the back motor does not pull",
-        "check its fuse, its leads and its rotor, with the amplifier switched off",
-        mix=((1, 0), (0, 0)),
-    ),
-    Fault(
-        "the front motor turns the wrong way",
-        "swap the two wires of the front motor",
-        mix=((-1, 0), (0, 1)),
-    ),
-    Fault(
-        "the back motor turns the wrong way",
-        "swap the two wires of the back motor",
-        mix=((1, 0), (0, -1)),
+    *(
+        Fault(f"the {motor} motor {what}", fix.format(motor=motor), mix=_mix(i, gain))
+        for what, fix, gain in (
+            (
+                "does not pull",
+                "check its fuse, its leads and its rotor, with the amplifier switched off",
+                0,
+            ),
+            ("turns the wrong way", "swap the two wires of the {motor} motor", -1),
+        )
+        for i, motor in enumerate(MOTORS)
     ),
 )
 HYPOTHESES = (NORMAL, *FAULTS)

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from heli3dof.axes import AXES
 from heli3dof.model.control.loop_opening import LEARN, OPEN
@@ -55,9 +54,12 @@ class BaseSegment(Section):
             [b if g is None else np.radians(g) for g, b in zip(given, before, strict=True)]
         )
 
-    @abstractmethod
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """References (n, 3) in rad and extra voltages (n, 2) in V; ``before`` is (3,) rad."""
+        """References (n, 3) in rad and extra voltages (n, 2) in V; ``before`` is (3,) rad.
+
+        By default the references jump to their new values, and no voltage is added.
+        """
+        return np.tile(self.target(before), (clock.n, 1)), np.zeros((clock.n, 2))
 
     def opened(self, clock: Clock) -> np.ndarray:
         """(n, 3) int8: each axis's mode (`model.control.loop_opening`); closed by default."""
@@ -71,6 +73,18 @@ class BaseSegment(Section):
             if value is not None
         ]
         return f"{self.kind} {self.duration_s:g} s" + (f" to {', '.join(moves)}" if moves else "")
+
+
+def _rising(band: tuple[float, float]) -> tuple[float, float]:
+    if not 0 < band[0] < band[1]:
+        raise ValueError("band_Hz is two rising frequencies")
+    return band
+
+
+Band = Annotated[
+    tuple[Finite, Finite], AfterValidator(_rising), Key("lowest and highest frequency", "Hz")
+]
+"""A frequency band in Hz"""
 
 
 class FreeSegment(BaseSegment):

@@ -26,10 +26,10 @@ class Segment(FreeSegment):
     spin_s: Annotated[Positive, Key("time to come up to speed", "s")] = 6.0
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        reference = np.tile(self.target(before), (clock.n, 1))
+        reference, extra = super().render(clock, before)
         turned = np.clip(clock.t - self.learn_s, 0.0, self.spin_s)
         reference[:, YAW] += np.radians(self.rate_deg_per_s) * turned
-        return reference, np.zeros((clock.n, 2))
+        return reference, extra
 
     def opened(self, clock: Clock) -> np.ndarray:
         return self.opened_after(clock, YAW, self.spin_s)

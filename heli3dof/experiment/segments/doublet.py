@@ -26,7 +26,7 @@ class Segment(BaseSegment):
         pulse = np.floor(clock.t / self.pulse_s + 1e-9)
         shape = np.select([pulse == 0, pulse == 1], [1.0, -1.0], 0.0)
         front, back = self.common_V + self.difference_V, self.common_V - self.difference_V
-        reference = np.tile(self.target(before), (clock.n, 1))
+        reference, _ = super().render(clock, before)
         return reference, shape[:, None] * np.array([front, back])
 
     def summary(self) -> str:

@@ -14,9 +14,8 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import field_validator
 
-from heli3dof.experiment.segments import BaseSegment, Clock
+from heli3dof.experiment.segments import Band, BaseSegment, Clock
 from heli3dof.toml_file import Finite, Key
 
 DRAWS = 32
@@ -25,20 +24,10 @@ DRAWS = 32
 
 class Segment(BaseSegment):
     kind: Literal["multisine"] = "multisine"
-    band_Hz: Annotated[tuple[Finite, Finite], Key("lowest and highest frequency", "Hz")] = (
-        0.05,
-        5.0,
-    )
+    band_Hz: Band = (0.05, 5.0)
     common_V: Annotated[Finite, Key("RMS on both motors alike", "V")] = 0.5
     difference_V: Annotated[Finite, Key("RMS on front, opposite on back", "V")] = 0.5
     tilt: Annotated[Finite, Key("lines fall as 1/frequency to this power", "–")] = 0.0
-
-    @field_validator("band_Hz")
-    @classmethod
-    def _rising(cls, value: tuple[float, float]) -> tuple[float, float]:
-        if not 0 < value[0] < value[1]:
-            raise ValueError("band_Hz is two rising frequencies")
-        return value
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         f0 = 1 / (clock.n * clock.dt)
@@ -47,7 +36,7 @@ class Segment(BaseSegment):
         lines = np.arange(first, last + 1)
         c = self.common_V * _low_crest(lines[0::2], self.tilt, clock)
         d = self.difference_V * _low_crest(lines[1::2], self.tilt, clock)
-        reference = np.tile(self.target(before), (clock.n, 1))
+        reference, _ = super().render(clock, before)
         return reference, np.column_stack([c + d, c - d])
 
     def summary(self) -> str:

@@ -35,7 +35,8 @@ class Segment(BaseSegment):
             sequence, _ = max_len_seq(order, state=state, length=bits)
             shapes.append(amplitude * np.repeat(2.0 * sequence - 1, hold)[: clock.n])
         c, d = shapes
-        return np.tile(self.target(before), (clock.n, 1)), np.column_stack([c + d, c - d])
+        reference, _ = super().render(clock, before)
+        return reference, np.column_stack([c + d, c - d])
 
     def summary(self) -> str:
         return (

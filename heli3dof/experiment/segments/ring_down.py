@@ -28,10 +28,10 @@ class Segment(FreeSegment):
     settle_s: Annotated[Positive, Key("time to get there", "s")] = 5.0
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        reference = np.tile(self.target(before), (clock.n, 1))
+        reference, extra = super().render(clock, before)
         lifted = (clock.t >= self.learn_s) & (clock.t < self.learn_s + self.settle_s)
         reference[lifted, ROLL] += np.radians(self.displacement_deg)
-        return reference, np.zeros((clock.n, 2))
+        return reference, extra
 
     def opened(self, clock: Clock) -> np.ndarray:
         return self.opened_after(clock, ROLL, self.settle_s)

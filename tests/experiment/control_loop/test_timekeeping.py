@@ -11,7 +11,6 @@ import pytest
 from heli3dof.experiment.control_loop.timekeeping import (
     DeviceTime,
     HostTime,
-    Timekeeper,
     VirtualTime,
     timekeeper,
 )
@@ -26,11 +25,11 @@ def sample(device_s: float, host_s: float) -> Sample:
     return Sample(0, device_s, (0, 0, 0), (0.0, 0.0), (0.0, 0.0), Flags(0), host_s)
 
 
-def judged(time: Timekeeper) -> tuple[float, int, int]:
+def judged(time: VirtualTime) -> tuple[float, int, int]:
     return pytest.approx(time.lateness, abs=2e-6), time.missed, time.lost
 
 
-def started(kind: type, host_s: float = 100.0) -> Timekeeper:
+def started(kind: type, host_s: float = 100.0) -> VirtualTime:
     time = kind(DT)
     time.start(sample(7.0, host_s))
     return time
@@ -68,7 +67,7 @@ def test_missed_periods_are_skipped_and_deadlines_stay_on_the_grid() -> None:
     assert time.next() == pytest.approx(100 + 7 * DT)
 
 
-def stream(time: Timekeeper, first: int, last: int, way_s: float = 0.0) -> None:
+def stream(time: VirtualTime, first: int, last: int, way_s: float = 0.0) -> None:
     """Punctual samples of a device-timed stream."""
     for k in range(first, last + 1):
         time.next()
