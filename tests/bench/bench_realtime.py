@@ -13,6 +13,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from tests.bench import Figure, Table
 from tests.drivers.firmware.building import rig_program
@@ -65,7 +66,8 @@ def late_shares(blocks: int, seconds: float) -> dict[str, np.ndarray]:
     """Name of the measure that is off ("": none) -> (blocks,) share of late periods."""
     draw = random.Random(SEED)
     shares: dict[str, list[float]] = {name: [] for name in ("", *MEASURES)}
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", folder)  # `heli3dof estop` elsewhere must not stop these
         for block in range(blocks):
             order = list(shares)
             draw.shuffle(order)
