@@ -5,10 +5,14 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from heli3dof.experiment.control_loop import realtime_priority
 from tests.bench import page
 from tests.bench.__main__ import topics
+from tests.bench.bench_realtime import MEASURES, ratio
+from tests.realtime.flight import WITHOUT
 
 
 @pytest.mark.parametrize("path", sorted(page.pages(page.load())), ids=lambda p: p.name)
@@ -26,3 +30,19 @@ def test_every_bench_has_a_title_and_a_measurement(topic: str) -> None:
     bench = importlib.import_module(f"tests.bench.bench_{topic}")
     assert bench.TITLE
     assert callable(bench.measure)
+
+
+def test_the_ratio_of_late_shares_has_an_interval_over_pairs() -> None:
+    rng = np.random.default_rng(3)
+    on = rng.exponential(1e-3, 40)
+    point, low, high = ratio(on, 4 * on * rng.uniform(0.8, 1.2, 40))
+    assert 3.5 < low < point < high < 4.5
+    assert ratio(np.zeros(20), np.full(20, 0.01)) == (np.inf, np.inf, np.inf)
+    assert np.isnan(ratio(np.zeros(20), np.zeros(20))).all()
+
+
+def test_the_functions_that_the_bench_switches_off_exist() -> None:
+    for name in MEASURES:
+        switched = re.findall(r"^realtime_priority\.(\w+) =", WITHOUT[name], re.MULTILINE)
+        assert switched
+        assert all(callable(getattr(realtime_priority, each)) for each in switched)

@@ -84,7 +84,9 @@ def new(
     profile = profile_from_dict(data, source="the command line")
     found = _loop(talk, profile)
     if not found.stable:
-        _refuse(profile)
+        from heli3dof.model.control.stability import check_hover_loop
+
+        check_hover_loop(profile)  # raises UnstableLoop
     write_file(path, new_text(data, remarks).encode(), force=force)
     if computed:
         talk.warn(
@@ -315,16 +317,6 @@ def _loop(talk: Talk, profile: Profile) -> LoopCheck:
 
     with talk.working("Checking the loop on the rigid body …"):
         return check_loop_of(profile)
-
-
-def _refuse(profile: Profile) -> None:
-    """Raise UnstableLoop with the poles and the cause."""
-    from heli3dof.model.control.stability import check_loop
-    from heli3dof.model.linear.hover import hover_model
-
-    controller = profile.with_controller().controller
-    assert controller is not None
-    check_loop(hover_model(profile), controller, profile.dt)
 
 
 def _report(

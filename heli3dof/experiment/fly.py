@@ -1,4 +1,4 @@
-"""A whole flight: check, open the rig, fly the plan, keep the recording, say how it ended."""
+"""A whole flight: check the plan, open the rig, fly, record, and report how it ended."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from typing import Any
 from heli3dof.errors import DeviceError, Heli3dofError, SafetyTrip
 from heli3dof.experiment.control_loop.loop import Live, fly
 from heli3dof.experiment.control_loop.outcome import Outcome
-from heli3dof.experiment.control_loop.signal_handling import Asked, asked_to_stop
+from heli3dof.experiment.control_loop.signal_handling import StopSignals, stop_signals
 from heli3dof.experiment.plan import Plan, Signals, checked
-from heli3dof.experiment.safety_monitors import watches_for
-from heli3dof.model.control.stability import check_loop
-from heli3dof.model.linear.hover import hover_model
+from heli3dof.experiment.safety_monitors import monitors_for
+from heli3dof.model.control.stability import check_hover_loop
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.memory import MemoryRecorder
@@ -35,22 +34,22 @@ ON_REQUEST = "emergency stop on request"
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """A flight that took place: its recording, its file (None: kept in memory), its outcome."""
+    """A flight: its recording, its outcome, its file (None: in memory)."""
 
     recording: Recording
     outcome: Outcome
     path: Path | None
 
     def raise_if_cut_short(self) -> None:
-        """SafetyTrip, DeviceError or the exception that ended the flight; nothing if it is whole.
+        """Raise SafetyTrip, DeviceError or the exception that ended the flight, if one did.
 
-        An interrupt raises KeyboardInterrupt. The recording is closed and complete either way.
+        After an interrupt: KeyboardInterrupt. The recording is closed and complete either way.
         """
         self.raise_ending(self.outcome, self.path)
 
     @staticmethod
     def raise_ending(outcome: Outcome, path: Path | None) -> None:
-        """The same of a flight without one sample, of which there is no recording to be read."""
+        """The same for a flight without a sample, which has no recording."""
         kept = f"; the recording is kept in {path}" if path else ""
         if outcome.ending == "interrupted":
             raise KeyboardInterrupt(outcome.detail)
@@ -59,7 +58,7 @@ class Flight:
             look = f"heli3dof report {path}" if path else "look at flight.recording"
             raise SafetyTrip(
                 f"The flight was ended for safety: {outcome.detail}{kept}.",
-                cause=advice.get("likely_cause") or "what the plan did not intend.",
+                cause=advice.get("likely_cause") or "not known.",
                 fix=advice.get("fix") or look,
             )
         if outcome.ending == "device":
@@ -76,15 +75,12 @@ class Flight:
 
 
 def prepare(plan: Plan, profile: Profile, seed: int) -> Signals:
-    """Everything that can be refused before a rig is opened: the plan, and the gain.
+    """Render the plan and check it and the gain, before a rig is opened.
 
-    Raises PlanError, or UnstableLoop when the gain does not stabilise the hover model of this
-    profile.
+    Raises PlanError, or UnstableLoop if the gain does not stabilise the profile's hover model.
     """
     signals = checked(plan, profile, seed)
-    controller = profile.with_controller().controller
-    assert controller is not None
-    check_loop(hover_model(profile), controller, profile.dt)
+    check_hover_loop(profile)
     return signals
 
 
@@ -101,13 +97,14 @@ def fly_plan(
     opened: Callable[[Identity], None] = lambda identity: None,
     warn: Callable[[str], None] = lambda text: None,
 ) -> Flight:
-    """Fly a plan on a rig and record it (to ``output``, or in memory where that is None).
+    """Fly a plan on a rig and record it (to the file ``output``, or in memory).
 
-    ``seed`` draws the plan's random signals, and an emulated rig's noise where its URL names none.
-    ``warn`` is told what the user should know before the rig is armed.
-    Returns however the flight ended (see `Flight.raise_if_cut_short`); raises only where nothing
-    flew: PlanError, UnstableLoop, DeviceError, OutputExists, and SafetyTrip where an emergency stop
-    came since this command began (see `heli3dof.rig.session.stop_stamp`).
+    ``seed`` draws the plan's random signals, and an emulated rig's noise if its URL has no seed.
+    ``opened`` gets the rig's identity, ``warn`` each warning, both before the rig is armed.
+
+    Returns the flight however it ended (see `Flight.raise_if_cut_short`). Raises if nothing flew:
+    PlanError, UnstableLoop, DeviceError, OutputExists, or SafetyTrip if an emergency stop came
+    after this command began (`heli3dof.rig.session.stop_stamp`).
     """
     began_ns = command_began_ns()
     profile = (profile or default_profile()).with_controller()
@@ -137,8 +134,8 @@ def _fly_in_memory(
     rig: StoppableRig, profile: Profile, signals: Signals, meta: Mapping[str, Any], live: Live
 ) -> Flight:
     sink = MemoryRecorder()
-    with asked_to_stop() as asked:
-        outcome = _fly(rig, profile, signals, sink, asked, live)
+    with stop_signals() as received:
+        outcome = _fly(rig, profile, signals, sink, received, live)
     if not sink.rows:
         Flight.raise_ending(outcome, None)
     about = {**meta, "outcome": outcome.ending, "outcome_details": outcome.details()}
@@ -154,9 +151,9 @@ def _fly_to_file(
     path: Path,
     force: bool,
 ) -> Flight:
-    # Signals are caught until the recording is closed: one too many must not tear it.
-    with asked_to_stop() as asked, RecordingWriter(path, profile, meta, force=force) as writer:
-        outcome = _fly(rig, profile, signals, writer, asked, live)
+    # Signals are caught until the recording is closed, so that none of them can tear it.
+    with stop_signals() as received, RecordingWriter(path, profile, meta, force=force) as writer:
+        outcome = _fly(rig, profile, signals, writer, received, live)
         writer.outcome(outcome.ending, **outcome.details())
     if not writer.rows:
         Flight.raise_ending(outcome, path)
@@ -164,27 +161,32 @@ def _fly_to_file(
 
 
 def _fly(
-    rig: StoppableRig, profile: Profile, signals: Signals, sink: RowSink, asked: Asked, live: Live
+    rig: StoppableRig,
+    profile: Profile,
+    signals: Signals,
+    sink: RowSink,
+    received: StopSignals,
+    live: Live,
 ) -> Outcome:
-    watches = watches_for(profile)
+    monitors = monitors_for(profile)
     outcome = fly(
         rig,
         profile,
         signals,
         sink,
-        stop=asked.why,
-        at_once=lambda: asked.at_once() or watches.at_once(),
+        stop=received.reason,
+        at_once=lambda: received.at_once() or monitors.at_once(),
         live=live,
-        watches=watches.each_period,
-        must_still_fall=watches.must_still_fall,
+        monitors=monitors.each_period,
+        must_still_fall=monitors.must_still_fall,
     )
-    # The device is disarmed before the recording is finished: a disk may take longer than its
-    # watchdog. Whoever holds the rig closes it again, and reports what went wrong.
+    # Disarm before the recording is finished: a disk may take longer than the device's watchdog.
+    # `hold` closes the rig again, and reports what went wrong.
     with suppress(DeviceError):
         rig.close()
     if rig.session.stopped is None:
         return outcome
-    # An emergency stop from outside, in whatever phase it came, is how the flight ended.
+    # The flight ended by an emergency stop from another process, in whatever phase that came.
     detail = Trip(
         f"{ON_REQUEST}: {rig.session.asked}",
         "somebody ran heli3dof estop.",
@@ -196,7 +198,7 @@ def _fly(
 
 
 def _progress(live: Live) -> dict[str, Any]:
-    """What a second terminal is told of the flight, besides the rig's own state."""
+    """The flight's progress, for a second terminal."""
     return {
         "phase": live.phase,
         "done": live.done,

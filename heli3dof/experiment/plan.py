@@ -1,4 +1,4 @@
-"""A plan is data: it is read, summarised and checked against the envelope before anything moves.
+"""Plans: read from TOML, summarised, and checked against the envelope before anything moves.
 
     name = "roll-step"
     [[segment]]
@@ -6,8 +6,7 @@
     roll_deg = 10
     duration_s = 20
 
-Rendering turns it into one row of references and extra voltages per control period, so that the
-loop has nothing left to decide.
+Rendering turns a plan into one row of references and extra voltages per control period.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ from heli3dof.toml_file import Key, Section, check, read_toml
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """A rendered plan: what the loop is asked for in each control period."""
+    """A rendered plan: references and extra voltages of each control period."""
 
     t: np.ndarray
     """(N,) s"""
@@ -41,11 +40,11 @@ class Signals:
     opened: np.ndarray | None = None
     """(N, 3) each axis's loop, closed or open (`model.control.loop_opening`); None: all closed."""
     drawn: bool = False
-    """Whether another seed would have rendered something else"""
+    """True if the signals depend on the seed"""
 
 
 class Head(Section):
-    """The keys of a plan beside its segments."""
+    """The keys of a plan."""
 
     name: Annotated[str, Key("the plan's name, shown in tables and recordings")]
     description: Annotated[str, Key("what it flies, in one line")] = ""
@@ -74,7 +73,7 @@ class Plan:
         Raises PlanError naming the segment whose numbers give no signal.
         """
         rng = np.random.default_rng(seed)
-        begun = rng.bit_generator.state
+        initial = rng.bit_generator.state
         before = np.zeros(3)
         references, extras, opened = [], [], []
         for k, segment in enumerate(self.segments, 1):
@@ -99,7 +98,7 @@ class Plan:
             reference,
             np.concatenate(extras),
             modes if modes.any() else None,
-            drawn=rng.bit_generator.state != begun,
+            drawn=rng.bit_generator.state != initial,
         )
 
     def summary(self) -> list[str]:
@@ -107,7 +106,7 @@ class Plan:
         return [s.summary() for s in self.segments]
 
     def to_dict(self) -> dict[str, Any]:
-        """What a TOML file of this plan would hold; goes into the recording."""
+        """The plan as its TOML file would hold it; goes into the recording."""
         segments = [s.model_dump(mode="json", exclude_none=True) for s in self.segments]
         head = {"name": self.name, "description": self.description, "purpose": self.purpose}
         return {**{k: v for k, v in head.items() if v or k != "purpose"}, "segment": segments}
@@ -115,14 +114,14 @@ class Plan:
 
 def checked(plan: Plan, profile: Profile, seed: int) -> Signals:
     """The plan rendered for this rig. Raises PlanError as `Plan.render` and `check_plan` do."""
-    _check_duration(plan, profile.limits)  # before memory is asked for
+    _check_duration(plan, profile.limits)  # before rendering, which needs memory
     signals = plan.render(profile.dt, seed)
     check_plan(plan, signals, profile)
     return signals
 
 
 def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
-    """Refuse a plan that would leave the envelope. Raises PlanError naming the key to change."""
+    """Raise PlanError, naming the key to change, for a plan that would leave the envelope."""
     limits = profile.limits
     _check_duration(plan, limits)
     for i, (axis, low, high) in enumerate(_ranges(limits)):
@@ -164,7 +163,7 @@ def _ranges(limits: Limits) -> list[tuple[str, float, float]]:
 
 
 def plan_from_dict(data: Mapping[str, Any], *, source: str = "plan") -> Plan:
-    """Check nested dicts (as TOML gives them) and build the plan. Raises PlanError."""
+    """The plan from nested dicts, as TOML gives them. Raises PlanError."""
     head = check(Head, data, source, PlanError)
     segments = [_segment(s, i, source) for i, s in enumerate(head.segment, start=1)]
     return Plan(head.name, tuple(segments), head.description, head.purpose)
@@ -191,7 +190,7 @@ def named_plans() -> dict[str, Path]:
 
 
 def load_plan(name_or_path: str | Path) -> Plan:
-    """A plan by the name of one that comes with heli3dof, or from a TOML file."""
+    """A plan that comes with heli3dof, by its name, or a plan from a TOML file."""
     text = str(name_or_path)
     known = named_plans()
     if text in known:
@@ -208,13 +207,29 @@ def load_plan(name_or_path: str | Path) -> Plan:
 
 
 def step_plan(
-    target_deg: Sequence[float | None], *, settle_s: float = 10.0, duration_s: float = 20.0
+    target_deg: Sequence[float | None] = (None, None, None),
+    *,
+    roll: float | None = None,
+    pitch: float | None = None,
+    yaw: float | None = None,
+    settle_s: float = 10.0,
+    duration_s: float = 20.0,
 ) -> Plan:
-    """Level off for ``settle_s`` (0: not at all), then step to the targets (roll, pitch, yaw)."""
-    given = {f"{a}_deg": float(v) for a, v in zip(AXES, target_deg, strict=True) if v is not None}
+    """Hold level for ``settle_s`` (0: no hold), then step to these angles in degrees.
+
+    ``step_plan(roll=10)`` and ``step_plan((10, None, None))`` are the same; an axis without an
+    angle stays level. Raises ValueError for an axis with two angles.
+    """
+    given: dict[str, float] = {}
+    for axis, first, second in zip(AXES, target_deg, (roll, pitch, yaw), strict=True):
+        if first is not None and second is not None:
+            raise ValueError(f"two angles for {axis}: {first:g}° and {second:g}°")
+        value = second if first is None else first
+        if value is not None:
+            given[f"{axis}_deg"] = float(value)
     segments: list[dict[str, Any]] = []
     if settle_s > 0:
         segments.append({"kind": "hold", "duration_s": float(settle_s)})
     segments.append({"kind": "step", "duration_s": float(duration_s), **given})
     name = "-".join(["step", *(f"{k.removesuffix('_deg')}-{v:g}" for k, v in given.items())])
-    return plan_from_dict({"name": name, "segment": segments}, source="the step asked for")
+    return plan_from_dict({"name": name, "segment": segments}, source="the step plan")

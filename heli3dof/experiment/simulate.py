@@ -1,4 +1,4 @@
-"""A plan flown on a model instead of a rig, recorded like a flight."""
+"""Flies a plan on a model instead of a rig, and records it like a flight."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def simulate(
 ) -> Recording:
     """Fly a plan in closed loop on a model and return the recording.
 
-    Starts at rest on the table (the profile's rest angles) or level; the controller, and the
-    recording, see angles on the encoder grid unless ``quantised`` is False. Raises PlanError,
-    and UnstableLoop when the gain does not stabilise the model.
+    Starts at rest on the table (the profile's rest angles) or level. Controller and recording get
+    angles on the encoder grid unless ``quantised`` is False. Raises PlanError, or UnstableLoop if
+    the gain does not stabilise the model.
     """
     profile = (profile or default_profile()).with_controller()
     controller = profile.controller

@@ -2,10 +2,10 @@
 
     angle = rest + (count − counts_at_rest) · 2π / counts per revolution
 
-Counts are zero when the device starts (docs/reference/protocol.md), so counts_at_rest holds until the next
-start. Two numbers detect a restart: the boot number, and the start instant
-s = (host's time) − (device's uptime). A board without a random source or flash repeats its boot
-number, so both are compared. With W the time since ``zero``, the device has not restarted if
+Counts are zero when the device starts (docs/reference/protocol.md), so counts_at_rest holds until
+the next start. Two numbers detect a restart: the boot number, and the start instant s = (host's
+time) − (device's uptime). A board without a random source or flash repeats its boot number, so both
+are compared. With W the time since ``zero``, the device has not restarted if
 
     |s_now − s_zero| ≤ START_TOLERANCE_S + CLOCK_TOLERANCE · W        modulo UPTIME_WRAP_S
 

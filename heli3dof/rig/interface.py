@@ -169,8 +169,8 @@ class ReportsDeviceCause(Protocol):
     def device_cause(self) -> str | None:
         """The cause as of the last sample, or None.
 
-        ``OVERCURRENT``, ``BUTTON``, ``WATCHDOG`` and the others of docs/reference/protocol.md, or the
-        driver's own word.
+        ``OVERCURRENT``, ``BUTTON``, ``WATCHDOG`` and the others of docs/reference/protocol.md, or
+        the driver's own word.
         """
         ...
 

@@ -20,7 +20,7 @@ from tests.bench import Figure, Table, page
 FOLDER = Path(__file__).parent
 ROOT = FOLDER.parent.parent
 
-SLOW = ("peers", "hidden", "loop", "misbehaviour", "ramp_down", "soak", "watches")
+SLOW = ("peers", "hidden", "loop", "misbehaviour", "ramp_down", "realtime", "soak", "watches")
 """Topics of many minutes, or that need more than our own environment: measured when asked for."""
 
 

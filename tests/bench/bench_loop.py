@@ -17,8 +17,8 @@ from heli3dof.rig.profile import load_profile
 from tests.bench import Figure, Table, at_most
 from tests.drivers.firmware.building import rig_program
 from tests.profiles import PATIENT, write_profile
-from tests.realtime.flight import LANDING_S, FlightProcess, firmware
-from tests.realtime.standstill import Lateness, lateness, watched, written_late
+from tests.realtime.flight import RAMP_DOWN_S, FlightProcess, firmware
+from tests.realtime.host_stalls import Lateness, host_stalls, lateness, written_late
 
 TITLE = "The loop"
 INTRO = (
@@ -79,18 +79,17 @@ def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
     # A device has a processor of its own: neither the flight's core nor the one that may sleep.
     apart = sorted(os.sched_getaffinity(0))[1:-1]
     options = ("--watchdog", "500", "--late", str(log), *door)
+    without = ("permissions",) * (not granted) + ("awake",) * (not awake)
     with firmware(program, *options, cores=apart) as device:
         with (
-            watched() as still,
-            FlightProcess(
-                device, output, kind.seconds, profile=profile, realtime=granted, awake=awake
-            ) as flight,
+            host_stalls() as stalls,
+            FlightProcess(device, output, kind.seconds, profile=profile, without=without) as flight,
         ):
-            document = flight.result(kind.seconds + LANDING_S + 120)
+            document = flight.result(kind.seconds + RAMP_DOWN_S + 120)
         return {
             **document,
-            "why_late": lateness(read_recording(output), still, written_late(log)),
-            "still": still,
+            "why_late": lateness(read_recording(output), stalls, written_late(log)),
+            "stalls": stalls,
             "device_late_s": device_late_s(device, profile),
         }
 
@@ -116,16 +115,16 @@ def punctual(flights: dict[Kind, dict[str, Any]]) -> list[Figure]:
         what += ", over TCP instead" * kind.tcp
         what = f"500 Hz, {what}"
         why: Lateness = found["why_late"]
-        still, seconds = found["still"], why.periods / 500
+        stalls, seconds = found["stalls"], why.periods / 500
         figures += [
             at_most(
                 f"{what}: late by more than 1 ms", 100 * found["punctuality"]["late_share"], bar,
                 "%", how=f"{why.late} periods",
             ),
             Figure(
-                f"{what}: of these, while the machine stood still", f"{why.stood_still}", "", None,
-                f"it did so {len(still.seen)} times, {1e3 * still.worst_s:.0f} ms at worst, "
-                f"{100 * still.together_s / seconds:.2g} % of the time",
+                f"{what}: of these, while the machine stood still", f"{why.stalled}", "", None,
+                f"it did so {len(stalls.seen)} times, {1e3 * stalls.worst_s:.0f} ms at worst, "
+                f"{100 * stalls.together_s / seconds:.2g} % of the time",
             ),
             Figure(
                 f"{what}: of these, written late by the firmware", f"{why.device}", "", None,

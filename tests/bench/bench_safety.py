@@ -12,7 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 from heli3dof.rig.profile import default_profile
 from tests.bench import Figure, Table, at_most
 from tests.drivers.firmware.building import COMPILER
-from tests.safety.bench import LOOKED_S
+from tests.safety.bench import CALLED_S
 from tests.safety.moments import (
     CALM,
     EMULATED,
@@ -26,7 +26,7 @@ from tests.safety.moments import (
     cases,
     fly_again_where_held_up,
 )
-from tests.safety.table import BY_NAME, NOTHING
+from tests.safety.table import BY_NAME, NO_EFFECT
 
 TITLE = "Safety, row by row"
 MOMENTS = int(os.environ.get("SAFETY_MOMENTS", "10"))
@@ -47,7 +47,7 @@ INTRO = (
     "*Ended as claimed*: exit code, outcome and words are the row's. *Speed* is the arm's when it "
     "comes down on the table. *In time* allows the loop's lateness that the recording states, at "
     "the beginning and at the end of a ramp, and the device's own grid: a period of the emulated "
-    f"rig, {1e3 * LOOKED_S:g} ms of the thread that serves it behind a pseudo-terminal, "
+    f"rig, {1e3 * CALLED_S:g} ms of the thread that serves it behind a pseudo-terminal, "
     f"{1e3 * TURN_S:g} ms of the firmware."
 )  # fmt: skip
 WHY = {
@@ -159,7 +159,7 @@ def in_time(run: Run) -> bool:
     """Within the claim and what the loop, or the device's own grid, adds to it."""
     if run.took_s is None:
         return True
-    grid_s = default_profile().dt if run.case.virtual else LOOKED_S
+    grid_s = default_profile().dt if run.case.virtual else CALLED_S
     if run.case.device == FIRMWARE:
         grid_s = TURN_S
     return run.took_s <= run.bound_s + 2 * run.late_s + grid_s + 1e-6
@@ -172,12 +172,12 @@ def line(row: str, device: str, runs: list[Run]) -> tuple[str, ...]:
     took = [1e3 * (r.took_s or 0.0) for r in timed]
     phases = Counter(r.phase for r in runs)
     shown = "/".join(
-        str(phases[p]) for p in ("opening", "arming", "take-off", "step", "landing", "over")
+        str(phases[p]) for p in ("opening", "arming", "take-off", "step", "ramp", "over")
     )
     rolls = [r.roll_max_deg for r in events]
     speeds = [r.table_deg_per_s for r in events if r.table_deg_per_s is not None]
     known = BY_NAME.get(row)
-    claimed = known is not None and known.zero is not NOTHING and took
+    claimed = known is not None and known.zero is not NO_EFFECT and took
     return (
         "nothing goes wrong" if known is None else known.what,
         f"{device}, {'virtual' if runs[0].case.virtual else 'line'}",

@@ -19,7 +19,7 @@ from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.fly import prepare
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
-from heli3dof.experiment.safety_monitors import watches_for
+from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.recording.row import CLOSED_LOOP, Row
 from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.profile import Profile, default_profile
@@ -102,10 +102,10 @@ class Course:
 
 
 def flown(plan: Plan, url: str, profile: Profile, sink: Course) -> Outcome:
-    watches = watches_for(profile)
+    monitors = monitors_for(profile)
     return fly(
         open_rig(url, profile), profile, prepare(plan, profile, 1), sink,
-        watches=watches.each_period, must_still_fall=watches.must_still_fall,
+        monitors=monitors.each_period, must_still_fall=monitors.must_still_fall,
     )  # fmt: skip
 
 

@@ -65,7 +65,7 @@ def tripped(situation: Situation, seed: int, band: float) -> Fall | None:
     with patch.object(ramp_down, "HOVER_BAND", band):
         flown = fly(
             rig, profile, signals, Nowhere(),
-            watches=[lambda now: "tripped for the bench" if now.k >= ends else None],
+            monitors=[lambda now: "tripped for the bench" if now.k >= ends else None],
         )  # fmt: skip
     for _ in range(round(FALL_S / dt)):
         rig.exchange(Command(0, 0.0, 0.0), 0.0)

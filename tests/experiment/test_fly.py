@@ -1,4 +1,4 @@
-"""A whole flight, in the order in which device and recording are let go."""
+"""A whole flight: the order in which device and recording are closed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ring-down and coast-down: flown without a trip, and what swings or coasts is the rig alone."""
+"""Ring-down and coast-down: flown without a trip, and with the motion of the uncontrolled rig."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ J_YAW = 0.9508093887
 
 
 def rig(name: str, **value: float) -> GreyBoxModel:
-    """The profile's rigid body with that one effect."""
+    """The profile's rigid body with one effect."""
     return nominal(PROFILE, (name,), **{f"{name}.{k}": v for k, v in value.items()})
 
 
@@ -37,7 +37,7 @@ def free(r: Recording, axis: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("plan", ["ring-down", "coast-down"])
 @pytest.mark.parametrize("hide", ["", "friction.viscous.yaw:0.1", "stiffness.pendulum.roll:1.0"])
-def test_they_are_flown_to_the_end_and_obey_the_recorded_law(plan: str, hide: str) -> None:
+def test_flights_complete_and_their_recording_obeys_the_control_law(plan: str, hide: str) -> None:
     device = f"mock:?speed=max&spread=0.07&hide={hide}"
     flight = fly_plan(load_plan(plan), device=device, seed=1215)
     assert flight.outcome.ending == "completed"
@@ -49,33 +49,33 @@ def test_they_are_flown_to_the_end_and_obey_the_recorded_law(plan: str, hide: st
         _, v = law.step(r.angle[k], r.reference[k], r.voltage_extra[k])
         assert v == tuple(r.voltage[k])
     after = r.t[flown] > 15.0
-    assert np.degrees(np.abs(r.angle[flown][after, 1])).max() < 25.0  # no jolt
+    assert np.degrees(np.abs(r.angle[flown][after, 1])).max() < 25.0  # no jump
     assert (np.degrees(np.abs(r.angle[flown[-1]])) < [2.0, 2.0, 25.0]).all()  # recovered
 
 
-def test_a_pendulum_swings_at_its_own_frequency() -> None:
+def test_a_pendulum_swings_at_its_natural_frequency() -> None:
     r = simulate(load_plan("ring-down"), rig("stiffness.pendulum.roll", torque_Nm=1.0))
     t, roll = free(r, 0)
     crossings = t[:-1][np.diff(np.sign(roll)) != 0]
-    # Half of T = 2π √(J_roll/k_r) from one crossing to the next, up to what gravity's 1 − cos r
-    # and the swing's width (8°) change; the mean of an up and a down, which an offset shifts.
+    # Half of T = 2π √(J_roll/k_r) between crossings, but for 1 − cos r of gravity and the
+    # amplitude of 8°; the mean of an upper and a lower half, which an offset shifts.
     half = np.diff(crossings).mean()
     assert half == pytest.approx(np.pi * np.sqrt(J_ROLL / 1.0), rel=0.03)
 
 
 def test_viscous_friction_slows_a_coasting_yaw_exponentially() -> None:
-    # Ideal encoders: a pitch that rests a quarter of a count off level pushes yaw a little.
+    # Ideal encoders: a pitch a quarter of a count off level would push yaw.
     body = rig("friction.viscous.yaw", damping_Nms_per_rad=0.2)
     r = simulate(load_plan("coast-down"), body, quantised=False)
     t, yaw = free(r, 2)
-    t, yaw = t[1000:] - t[1000], yaw[1000:]  # the body has come level
+    t, yaw = t[1000:] - t[1000], yaw[1000:]  # the body is level by then
     # ψ̇ ∝ exp(−c t/J): the ratio of two equal stretches' travel is exp(−c T/J).
     n = len(t) // 2
     ratio = (yaw[2 * n - 1] - yaw[n]) / (yaw[n] - yaw[0])
     assert ratio == pytest.approx(np.exp(-0.2 * t[n] / J_YAW), rel=0.005)
 
 
-def test_without_stiffness_roll_is_caught_before_the_envelope() -> None:
+def test_without_stiffness_the_loop_closes_before_the_envelope() -> None:
     flight = fly_plan(load_plan("ring-down"), device="mock:?speed=max", seed=1216)
     assert flight.outcome.ending == "completed"
     after = flight.recording.t > 12.0
@@ -83,7 +83,7 @@ def test_without_stiffness_roll_is_caught_before_the_envelope() -> None:
 
 
 @pytest.mark.parametrize("plan", ["ring-down", "coast-down"])
-def test_they_are_simulated_on_any_model_and_replay_exactly(plan: str) -> None:
+def test_simulations_on_any_model_replay_exactly(plan: str) -> None:
     body = rig("stiffness.pendulum.roll", torque_Nm=1.0)
     for model in (hover_model(PROFILE), body):
         flown = simulate(load_plan(plan), model, start="level")

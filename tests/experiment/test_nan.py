@@ -1,4 +1,4 @@
-"""A NaN never becomes volts: from a driver's sample, through controller and clip, to the motors."""
+"""A NaN in a driver's sample, a reference or a command never reaches the motors."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from heli3dof.errors import DeviceError
-from heli3dof.experiment.safety_monitors import watches_for
+from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.model.control.controller import Controller
 from heli3dof.recording.row import RAMP_DOWN
 from heli3dof.rig.interface import Flags, Sample
@@ -36,21 +36,21 @@ V_MAX = PROFILE.motor.v_max
 ANY = st.floats(allow_nan=True, allow_infinity=True)
 
 
-def gives(bad: dict[str, Any], ks: range) -> ScriptedRig:
+def faulty(bad: dict[str, Any], ks: range) -> ScriptedRig:
     return ScriptedRig(lambda k, s: replace(s, **bad) if k in ks else s)
 
 
-def watched() -> dict[str, Any]:
-    return {"watches": watches_for(PROFILE).each_period}
+def monitored() -> dict[str, Any]:
+    return {"monitors": monitors_for(PROFILE).each_period}
 
 
 @pytest.mark.parametrize("bad", BAD, ids=str)
 @pytest.mark.parametrize("ks", [range(40, 41), range(40, 10**6)], ids=["once", "from then on"])
-def test_a_sample_that_is_no_number_ends_the_flight_with_a_ramp_from_the_last_volts(
+def test_an_unusable_sample_ends_the_flight_with_a_ramp_from_the_last_volts(
     bad: dict[str, Any], ks: range
 ) -> None:
-    rig = gives(bad, ks)
-    outcome, sink = flown(rig, **watched())
+    rig = faulty(bad, ks)
+    outcome, sink = flown(rig, **monitored())
     assert outcome.ending == "tripped"
     assert "the rig's driver gave a sample that cannot be used" in outcome.detail
     assert "a mistake in the driver" in outcome.advice()["likely_cause"]
@@ -58,13 +58,13 @@ def test_a_sample_that_is_no_number_ends_the_flight_with_a_ramp_from_the_last_vo
     assert all(isfinite(v) for v in volts)
     assert volts == sorted(volts, reverse=True)
     assert ends_at_zero(rig)
-    assert len([r for r in sink.rows if r.phase == RAMP_DOWN]) > 200, "every period is kept"
+    assert len([r for r in sink.rows if r.phase == RAMP_DOWN]) > 200, "every period is recorded"
 
 
 @pytest.mark.parametrize("bad", BAD, ids=str)
-def test_a_bad_sample_in_the_landing_changes_no_volts(bad: dict[str, Any]) -> None:
-    rig = gives(bad, range(150, 200))
-    outcome, _ = flown(rig, **watched())
+def test_a_bad_sample_in_the_ramp_does_not_change_the_volts(bad: dict[str, Any]) -> None:
+    rig = faulty(bad, range(150, 200))
+    outcome, _ = flown(rig, **monitored())
     assert outcome.ending != "error"
     volts = [c.v_front for c in rig.commands[100:]]
     assert volts == sorted(volts, reverse=True)
@@ -72,8 +72,8 @@ def test_a_bad_sample_in_the_landing_changes_no_volts(bad: dict[str, Any]) -> No
 
 
 @pytest.mark.parametrize("bad", BAD, ids=str)
-def test_a_bad_first_sample_flies_nothing(bad: dict[str, Any]) -> None:
-    rig = gives(bad, range(1))
+def test_a_bad_first_sample_prevents_the_flight(bad: dict[str, Any]) -> None:
+    rig = faulty(bad, range(1))
     outcome, _ = flown(rig)
     assert (outcome.ending, rig.commands) == ("device", [])
     assert rig.stopped
@@ -81,19 +81,19 @@ def test_a_bad_first_sample_flies_nothing(bad: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("bad", MEASURED_OR_NOT, ids=str)
 def test_a_voltage_or_current_that_is_not_measured_may_be_nan(bad: dict[str, Any]) -> None:
-    outcome, _ = flown(gives(bad, range(10**6)))
+    outcome, _ = flown(faulty(bad, range(10**6)))
     assert outcome.ending == "completed"
 
 
 @pytest.mark.parametrize("bad", MEASURED_OR_NOT, ids=str)
-def test_a_frozen_encoder_is_found_without_measured_voltages(bad: dict[str, Any]) -> None:
-    outcome, _ = flown(gives(bad, range(10**6)), **watched())
+def test_a_frozen_encoder_is_reported_without_measured_voltages(bad: dict[str, Any]) -> None:
+    outcome, _ = flown(faulty(bad, range(10**6)), **monitored())
     assert outcome.ending == "tripped"
     assert "the roll encoder's count stood at 313" in outcome.detail
 
 
 @pytest.mark.parametrize("bad", BAD, ids=str)
-def test_a_verb_that_only_reads_is_told_which_field_is_bad(bad: dict[str, Any]) -> None:
+def test_a_bad_sample_without_a_flight_raises_and_names_the_field(bad: dict[str, Any]) -> None:
     sample = replace(Sample(0, 0.0, (0, 0, 0), (0.0, 0.0), (0.0, 0.0), Flags(0), 0.0), **bad)
     rig = StoppableRig(
         SimpleNamespace(read=lambda: sample),  # type: ignore[arg-type]
@@ -106,14 +106,14 @@ def test_a_verb_that_only_reads_is_told_which_field_is_bad(bad: dict[str, Any]) 
 @given(st.lists(st.tuples(st.tuples(ANY, ANY, ANY), st.tuples(ANY, ANY, ANY)), max_size=30))
 @example([((nan, nan, nan), (nan, nan, nan))] * 3)
 @settings(deadline=None)
-def test_whatever_the_angles_and_references_the_controller_gives_volts_within_the_limit(
+def test_the_controller_gives_volts_within_the_limit_for_any_input(
     steps: list[tuple[Sequence[float], Sequence[float]]],
 ) -> None:
     controller = Controller.of(PROFILE)
     controller.reset((nan, inf, 0.0))
     for angle, reference in steps:
-        asked, volts = controller.step(angle, reference, (nan, 0.0))
-        for a, v in zip(asked, volts, strict=True):
+        command, volts = controller.step(angle, reference, (nan, 0.0))
+        for a, v in zip(command, volts, strict=True):
             assert abs(v) <= V_MAX
             assert isfinite(a) or v == 0.0
 
@@ -121,7 +121,7 @@ def test_whatever_the_angles_and_references_the_controller_gives_volts_within_th
 @given(ANY, ANY)
 @example(nan, 5.0)
 @example(5.0, -inf)
-def test_the_emulated_amplifier_stops_for_a_voltage_that_is_none(front: float, back: float) -> None:
+def test_the_emulated_amplifier_stops_on_a_voltage_of_nan_or_inf(front: float, back: float) -> None:
     device = Device(StillPlant(), v_max=24.0)  # type: ignore[arg-type]
     device.arm()
     device.command(1, front, back)

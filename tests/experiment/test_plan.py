@@ -1,4 +1,4 @@
-"""Plans are data: read, summarised, rendered the same for the same seed, refused when unsafe."""
+"""Plans are read, summarised, rendered reproducibly, and refused outside the envelope."""
 
 from __future__ import annotations
 
@@ -35,7 +35,14 @@ def test_a_step_holds_zero_then_the_target() -> None:
     assert not signals.extra.any()
 
 
-def test_references_that_are_not_named_stay_where_they_were() -> None:
+def test_a_step_takes_angles_by_name_or_in_a_row() -> None:
+    assert step_plan(roll=10, yaw=-5.0) == step_plan((10, None, -5))
+    assert step_plan(pitch=2, settle_s=0).segments[0].pitch_deg == 2.0
+    with pytest.raises(ValueError, match="two angles for roll"):
+        step_plan((10, None, None), roll=5)
+
+
+def test_references_that_are_not_given_keep_their_values() -> None:
     plan = plan_from_dict(
         plan_of(
             {"kind": "step", "roll_deg": 5, "yaw_deg": -20, "duration_s": 0.01},
@@ -55,7 +62,7 @@ def test_every_plan_that_ships_is_inside_the_default_envelope(name: str) -> None
     assert len(plan.summary()) == len(plan.segments)
 
 
-def test_a_plan_survives_the_trip_into_a_recording() -> None:
+def test_a_plan_survives_a_round_trip_through_its_dict() -> None:
     plan = load_plan("multisine")
     assert plan_from_dict(plan.to_dict()) == plan
 
@@ -65,7 +72,7 @@ def multisine(**keys: object) -> np.ndarray:
     return plan.render(DT, 3).extra
 
 
-def test_a_multisine_has_the_rms_it_was_asked_for_and_the_halves_are_orthogonal() -> None:
+def test_a_multisine_has_its_rms_and_orthogonal_common_and_difference() -> None:
     extra = multisine(common_V=0.5, difference_V=0.2)
     common, difference = extra.sum(axis=1) / 2, (extra[:, 0] - extra[:, 1]) / 2
     assert np.sqrt(np.mean(common**2)) == pytest.approx(0.5)
@@ -73,7 +80,7 @@ def test_a_multisine_has_the_rms_it_was_asked_for_and_the_halves_are_orthogonal(
     assert np.mean(common * difference) == pytest.approx(0, abs=1e-12)
 
 
-def test_a_multisine_has_power_in_its_band_alone() -> None:
+def test_a_multisine_has_power_only_in_its_band() -> None:
     extra = multisine(band_Hz=[0.5, 2.0])
     power = np.abs(np.fft.rfft(extra[:, 0])) ** 2
     f = np.fft.rfftfreq(len(extra), DT)
@@ -90,7 +97,7 @@ def test_the_same_seed_renders_the_same_plan_and_starts_quietly(seed: int) -> No
 
 
 @pytest.mark.parametrize(
-    ("data", "said"),
+    ("data", "parts"),
     [
         ({"name": "x"}, ["'segment'", "missing"]),
         (plan_of({"duration_s": 1}), ["segment 1", "kind"]),
@@ -102,14 +109,14 @@ def test_the_same_seed_renders_the_same_plan_and_starts_quietly(seed: int) -> No
         (plan_of({"kind": "multisine", "duration_s": 1, "band_Hz": [2, 1]}), ["rising"]),
     ],
 )
-def test_a_wrong_key_is_named(data: dict, said: list) -> None:
+def test_the_error_names_a_wrong_key(data: dict, parts: list) -> None:
     with pytest.raises(PlanError) as caught:
         plan_from_dict(data, source="my.toml")
-    for part in [*said, "my.toml"]:
+    for part in [*parts, "my.toml"]:
         assert part in str(caught.value)
 
 
-def test_a_misspelt_name_is_answered_with_the_nearest_plan() -> None:
+def test_the_error_for_a_misspelt_name_suggests_the_nearest_plan() -> None:
     with pytest.raises(PlanError, match="did you mean 'steps'"):
         load_plan("stepps")
 
@@ -120,16 +127,16 @@ def test_a_plan_file_that_does_not_exist_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("target", "said"),
+    ("target", "message"),
     [
         ((400, None, None), "roll 400°"),
         ((None, -61, None), "pitch -61°"),
         ((None, None, 800), "yaw"),
     ],
 )
-def test_a_target_outside_the_envelope_is_refused(target: tuple, said: str) -> None:
+def test_a_target_outside_the_envelope_is_refused(target: tuple, message: str) -> None:
     plan = step_plan(target)
-    with pytest.raises(PlanError, match=said):
+    with pytest.raises(PlanError, match=message):
         check_plan(plan, plan.render(DT, 0), default_profile())
 
 
@@ -145,6 +152,6 @@ def test_more_volts_than_the_amplifier_gives_are_refused() -> None:
         check_plan(plan, plan.render(DT, 0), default_profile())
 
 
-def test_every_kind_of_segment_is_its_files_name() -> None:
+def test_every_kind_of_segment_has_the_name_of_its_file() -> None:
     for name, kind in kinds().items():
         assert kind.model_fields["kind"].default == name

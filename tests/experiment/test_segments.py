@@ -1,4 +1,4 @@
-"""Each kind of segment renders what its equation says."""
+"""Each kind of segment renders its equation."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_a_ramp_reaches_its_target_at_a_constant_rate() -> None:
     np.testing.assert_allclose(signals.extra[-1], [2.0, 2.0])
 
 
-def test_a_doublet_goes_up_down_and_back_and_adds_nothing_on_average() -> None:
+def test_a_doublet_is_one_pulse_up_and_one_down() -> None:
     signals = render({"kind": "doublet", "difference_V": 1.5, "pulse_s": 0.2, "duration_s": 1.0})
     front, back = signals.extra.T
     assert (front[:100] == 1.5).all()
@@ -41,8 +41,8 @@ def test_a_chirp_sweeps_from_the_first_to_the_last_frequency() -> None:
     rising = np.flatnonzero((signals.extra[:-1, 0] < 0) & (signals.extra[1:, 0] >= 0)) * DT
     middle = (rising[1:] + rising[:-1]) / 2
     np.testing.assert_allclose(1 / np.diff(rising), 0.5 * 16 ** (middle / 20), rtol=0.03)
-    assert middle[0] < 3  # starts slowly,
-    assert 1 / (rising[-1] - rising[-2]) > 7.5  # and gets to the end
+    assert middle[0] < 3  # starts slowly
+    assert 1 / (rising[-1] - rising[-2]) > 7.5  # and reaches the last frequency
 
 
 @given(seed=st.integers(0, 2**31))

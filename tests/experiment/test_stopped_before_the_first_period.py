@@ -1,4 +1,4 @@
-"""A flight that an emergency stop forbids ends with exit code 4, and its recording says why."""
+"""An emergency stop before the flight ends it with exit code 4, and its file holds the reason."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def refused(output: Path | None) -> SafetyTrip:
     return caught.value
 
 
-def test_in_memory() -> None:
+def test_a_flight_in_memory_is_refused() -> None:
     refused(None)
 
 
-def test_to_a_file(tmp_path: Path) -> None:
+def test_a_flight_to_a_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "flight.mcap"
     assert str(path) in refused(path).what
-    said = heli3dof("info", path)
-    assert said.code == 5
-    assert "holds no samples: tripped, emergency stop on request: smoke" in said.err
+    info = heli3dof("info", path)
+    assert info.code == 5
+    assert "holds no samples: tripped, emergency stop on request: smoke" in info.err

@@ -1,4 +1,4 @@
-"""A stop from another terminal ends a flight in any phase, and the recording says so."""
+"""A stop from another terminal ends a flight in any phase, and is recorded."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ LEVEL = (313, 0, 0)
 ON_THE_TABLE = (0, 0, 0)
 
 
-class Watched(FakeRig):
-    """Somebody in another terminal asks for a stop at the k-th command."""
+class StoppedRig(FakeRig):
+    """Another terminal requests a stop at command number ``stop_at``."""
 
-    def __init__(self, driver: Watching) -> None:
+    def __init__(self, driver: StoppedDriver) -> None:
         super().__init__(driver)
         self.commands: list[Command] = []
 
     def exchange(self, command: Command, due_s: float) -> Sample:
         self.commands.append(command)
         if len(self.commands) == self.driver.stop_at:
-            ask()
+            request_stop()
         return super().exchange(command, due_s)
 
 
-class Watching(FakeDriver):
-    """Opens rigs of that kind."""
+class StoppedDriver(FakeDriver):
+    """Opens a `StoppedRig`."""
 
     stop_at: int | None = None
 
     def open(self, url: object, profile: object) -> FakeRig:
-        self.rigs.append(Watched(self))
+        self.rigs.append(StoppedRig(self))
         return self.rigs[-1]
 
 
@@ -48,7 +48,7 @@ heard = threading.Event()
 
 
 @pytest.fixture
-def driver(monkeypatch: pytest.MonkeyPatch) -> Watching:
+def driver(monkeypatch: pytest.MonkeyPatch) -> StoppedDriver:
     ask_estop = Session.ask_estop
 
     def asked(self: Session, reason: str) -> None:
@@ -57,15 +57,15 @@ def driver(monkeypatch: pytest.MonkeyPatch) -> Watching:
 
     heard.clear()
     monkeypatch.setattr(Session, "ask_estop", asked)
-    driver = Watching(counts=LEVEL)
+    driver = StoppedDriver(counts=LEVEL)
     only_drivers(monkeypatch, fake=driver)
     return driver
 
 
-def ask(identity: Identity | None = None) -> None:
+def request_stop(identity: Identity | None = None) -> None:
     (session,) = running("fake://1")
     Question(session, {"do": "estop", "reason": "smoke"})
-    assert heard.wait(60), "by the session's thread"
+    assert heard.wait(60), "the session's thread did not get the request"
 
 
 def flown(**keys: object) -> Flight:
@@ -81,20 +81,20 @@ def is_tripped(flight: Flight) -> bool:
 
 
 def test_without_a_stop_the_plan_is_flown_to_its_end(driver):
-    driver.counts = ON_THE_TABLE  # in the air, counts that stand still are a frozen encoder
+    driver.counts = ON_THE_TABLE  # in the air constant counts would be a frozen encoder
     flight = flown()
     assert flight.outcome.ending == "completed"
     assert driver.rigs[0].stopped == []
 
 
-def test_before_arming_the_rig_is_never_armed(driver):
+def test_a_stop_before_arming_prevents_it(driver):
     with pytest.raises(SafetyTrip, match="smoke; it was not armed"):
-        flown(opened=ask)
+        flown(opened=request_stop)
     assert driver.rigs[0].armed == 0
     assert "smoke" in driver.rigs[0].stopped
 
 
-def test_in_flight_no_volt_is_sent_after_it(driver):
+def test_after_a_stop_in_flight_no_volts_are_sent(driver):
     driver.stop_at = 20
     flight = flown()
     assert is_tripped(flight)
@@ -108,7 +108,7 @@ def test_in_flight_no_volt_is_sent_after_it(driver):
     assert not flight.recording.channels["v_front_sent_V"][stopped].any()
 
 
-def test_while_landing_it_ends_the_landing(driver):
+def test_a_stop_in_the_ramp_ends_the_ramp(driver):
     driver.stop_at = PERIODS + 10
     flight = flown()
     assert is_tripped(flight)

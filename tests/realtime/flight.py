@@ -1,4 +1,4 @@
-"""``heli3dof run-step`` as a process: with recorder, live view, and the rig that it is told of."""
+"""``heli3dof run-step`` in a process of its own, with its recorder and its live view."""
 
 from __future__ import annotations
 
@@ -15,27 +15,52 @@ from types import TracebackType
 from typing import Any
 
 SETTLE_S = 5.0
-LANDING_S = 3.0
-"""The profile's: what a flight takes beyond its plan"""
-GRANTED = "from heli3dof.cli.app import main; main()"
-REFUSED = """
+RAMP_DOWN_S = 3.0
+"""s that the ramp to zero takes after the plan: the profile's ``landing_s``"""
+START = "from heli3dof.cli.app import main; main()"
+WITHOUT = {
+    "permissions": """
 import os
 def refuse(*ignored):
     raise PermissionError(1, "Operation not permitted")
 os.sched_setscheduler = refuse
-from heli3dof.experiment import realtime
-realtime._may_lock_everything = lambda: False
-"""
-"""A system that grants nothing which needs a permission, whoever runs this."""
-ASLEEP = """
-from heli3dof.experiment import awake
-awake.is_virtual = lambda: False
-"""
-"""A virtual machine's cores are let fall asleep."""
+from heli3dof.experiment.control_loop import realtime_priority
+realtime_priority._may_lock_everything = lambda: False
+""",
+    "scheduling": """
+from heli3dof.experiment.control_loop import realtime_priority
+from heli3dof.rig.interface import Check
+off = Check("real-time scheduling", "switched off by a benchmark", None)
+realtime_priority._scheduling = lambda *ignored: off
+""",
+    "memory": """
+from heli3dof.experiment.control_loop import realtime_priority
+from heli3dof.rig.interface import Check
+off = Check("locked memory", "switched off by a benchmark", None)
+realtime_priority._memory = lambda *ignored: off
+""",
+    "awake": """
+from heli3dof.experiment.control_loop import realtime_priority
+realtime_priority.keep_awake = lambda *ignored, **options: ()
+""",
+    "cores": """
+from heli3dof.experiment.control_loop import realtime_priority
+realtime_priority.on_one_core = lambda *ignored, **options: ()
+""",
+    "workers": """
+from heli3dof.experiment.control_loop import realtime_priority
+realtime_priority.raise_workers = lambda *ignored: ()
+""",
+}
+"""Name of a measure for real time -> program text that switches it off in the flight's process.
+"permissions": the system grants nothing that needs a permission, whichever user runs the flight."""
 
 
 class FlightProcess:
-    """A flight under way; leaving the block kills what is left of it."""
+    """A running flight; leaving the block kills the process if it still runs.
+
+    ``without``: names in `WITHOUT` of the measures to switch off.
+    """
 
     def __init__(
         self,
@@ -44,8 +69,7 @@ class FlightProcess:
         seconds: float,
         *,
         profile: Path | None = None,
-        realtime: bool = True,
-        awake: bool = True,
+        without: Iterable[str] = (),
     ) -> None:
         words = [
             "run-step", "--roll", "5", "--settle", f"{SETTLE_S:g}",
@@ -54,7 +78,7 @@ class FlightProcess:
         ]  # fmt: skip
         if profile is not None:
             words += ["--profile", str(profile)]
-        program = REFUSED * (not realtime) + ASLEEP * (not awake) + GRANTED
+        program = "".join(WITHOUT[name] for name in without) + START
         self.output = output
         self._screen, inner = pty.openpty()  # without a terminal there is no live view
         environment = {k: v for k, v in os.environ.items() if k != "NO_COLOR"}
@@ -67,11 +91,11 @@ class FlightProcess:
         )
         os.close(inner)
         self.shown = bytearray()
-        """What the terminal was sent, its last 64 KiB"""
-        self._watcher = threading.Thread(target=self._watch, daemon=True)
-        self._watcher.start()
+        """The last 64 KiB that the flight wrote to its terminal"""
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
 
-    def _watch(self) -> None:
+    def _read(self) -> None:
         while True:
             try:
                 self.shown += os.read(self._screen, 4096)
@@ -80,16 +104,16 @@ class FlightProcess:
             del self.shown[:-65536]
 
     def result(self, timeout_s: float) -> dict[str, Any]:
-        """The flight's JSON document. AssertionError where it ended otherwise than well."""
+        """The JSON document of a completed flight. AssertionError for any other ending."""
         document = self.ended(timeout_s)
         assert self.process.returncode == 0, self.shown.decode(errors="replace")[-3000:]
         return document
 
     def ended(self, timeout_s: float) -> dict[str, Any]:
-        """The flight's JSON document, however it ended. AssertionError where there is none."""
-        said, _ = self.process.communicate(timeout=timeout_s)
-        assert said, self.shown.decode(errors="replace")[-3000:]
-        document: dict[str, Any] = json.loads(said)
+        """The flight's JSON document, whatever its ending. AssertionError if there is none."""
+        out, _ = self.process.communicate(timeout=timeout_s)
+        assert out, self.shown.decode(errors="replace")[-3000:]
+        document: dict[str, Any] = json.loads(out)
         return document
 
     def __enter__(self) -> FlightProcess:
@@ -105,22 +129,22 @@ class FlightProcess:
         self.process.wait()
         assert self.process.stdout is not None
         self.process.stdout.close()
-        self._watcher.join(5)
+        self._reader.join(5)
         os.close(self._screen)
 
 
 @contextmanager
 def firmware(program: str, *options: str, cores: Iterable[int] = ()) -> Iterator[str]:
-    """The C firmware in a process of its own; the URL of its pseudo-terminal, or of its port.
+    """Run the C firmware in a process of its own; the URL of its pseudo-terminal or TCP port.
 
-    ``cores``: those that it may run on; all unless given.
+    ``cores``: processors that it may run on; all by default.
     """
     with subprocess.Popen([program, *options], stdout=subprocess.PIPE, text=True) as process:
         if cores:
             os.sched_setaffinity(process.pid, cores)
         assert process.stdout is not None
-        said = process.stdout.readline().strip()
+        line = process.stdout.readline().strip()
         try:
-            yield f"serial+{said}" if "://" in said else f"serial://{said}"
+            yield f"serial+{line}" if "://" in line else f"serial://{line}"
         finally:
             process.kill()

@@ -1,7 +1,7 @@
-"""What a flight holds in memory as its rows go by: half an hour of it in half a minute.
+"""Memory of a flight as it goes on: half an hour of flight in half a minute.
 
-A flight on the emulated rig, as fast as it can, recorded to a file; the memory is read in mid-
-flight, each time once the recorder has written all that it was given.
+The emulated rig flies as fast as possible, recorded to a file. The memory is read in flight, each
+time after the recorder has written all rows.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-from heli3dof.experiment.control_loop.control_period import Period, Watch
+from heli3dof.experiment.control_loop.control_period import Monitor, Period
 from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.fly import prepare
 from heli3dof.experiment.plan import step_plan
-from heli3dof.experiment.safety_monitors import watches_for
+from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.provenance import provenance
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
@@ -25,7 +25,7 @@ from tests.profiles import END_S
 DEVICE = "mock:?speed=max&start=level"
 SETTLE_S = 5.0
 READINGS = 10
-"""At each row, of which the least counts"""
+"""Readings at each row, of which the smallest is used"""
 
 
 def read_in_flight(
@@ -35,11 +35,11 @@ def read_in_flight(
     held: Callable[[], float],
     *,
     begin: Callable[[], object] = lambda: None,
-    watches: Sequence[Watch] = (),
+    monitors: Sequence[Monitor] = (),
 ) -> tuple[list[float], Outcome]:
-    """``held()`` at the rows ``at`` of a flight of so many, and how the flight ended.
+    """``held()`` at the rows ``at`` of a flight of ``rows``, and the flight's outcome.
 
-    ``begin`` is called in the first row; ``watches`` look on besides the flight's own.
+    ``begin`` is called at the first row; ``monitors``: in addition to the flight's own.
     """
     profile = patient()
     plan = step_plan((5, None, None), settle_s=SETTLE_S, duration_s=rows * profile.dt - SETTLE_S)
@@ -51,7 +51,7 @@ def read_in_flight(
         RecordingWriter(path, profile, provenance(source="flight", identity=rig.identity)) as file,
     ):
 
-        def look(now: Period) -> str | None:
+        def read(now: Period) -> str | None:
             if now.k == 0:
                 begin()
             if now.k in due:
@@ -61,28 +61,28 @@ def read_in_flight(
 
         outcome = fly(
             rig, profile, signals, file,
-            watches=(*watches_for(profile).each_period, *watches, look),
+            monitors=(*monitors_for(profile).each_period, *monitors, read),
         )  # fmt: skip
         file.outcome(outcome.ending, **outcome.details())
     return readings, outcome
 
 
 def until_written(file: RecordingWriter, rows: int, patience_s: float = END_S) -> None:
-    """Wait for the recorder."""
+    """Wait until the recorder has written so many rows."""
     last = time.monotonic() + patience_s
     while file._file.row_count < rows and time.monotonic() < last:
         time.sleep(0.002)
 
 
 def rested(held: Callable[[], float]) -> Iterator[float]:
-    """Readings while the loop stands still: the recorder lets go of what it has just written."""
+    """Readings while the loop waits, and the recorder frees what it has written."""
     for _ in range(READINGS):
         time.sleep(0.01)
         yield held()
 
 
 def patient() -> Profile:
-    """The paper's rig, allowed to fly for as long as it takes."""
+    """The paper's rig without a limit on the duration of a flight."""
     data = default_profile().to_dict()
     data["limits"] |= {"duration_max_s": 1e6}
     return profile_from_dict(data).with_controller()

@@ -1,10 +1,10 @@
-"""``kill -9`` in flight: what the device does, what is lost of the recording, what recovers.
+"""``kill -9`` in flight: time to zero volts, and the part of the recording that is lost.
 
-The firmware's log says on the host's clock (CLOCK_MONOTONIC, as the recording's ``host_time_s``)
-when its output changed. Of a flight killed at t:
+The firmware's log holds the times at which its output changed on the host's clock (CLOCK_MONOTONIC,
+as the recording's ``host_time_s``). For a flight killed at t:
 
     zero_s = (first time from which the output stays zero) − (last command before)
-    lost_s = t − host_time_s of the last row that `recover` brings back
+    lost_s = t − host_time_s of the last row that `recover` restores
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from tests.profiles import PATIENT, START_S, write_profile
 from tests.realtime.flight import FlightProcess
 
 EARLIEST_S, LATEST_S = 0.5, 4.0
-"""s of flight between which the moments lie; before, there is not half a second to be lost."""
+"""s of flight between which the moments lie; a shorter flight has not half a second to lose"""
 TRIES = 5
-"""For a flight that ends by itself, as on a machine too busy to keep the watchdog fed"""
+"""Attempts for a flight that ends before its moment, by the watchdog on a busy machine"""
 AT_REST_S = 1.5
-"""s after which the device is looked at: several times its watchdog and its ramp"""
+"""s until the device's log is read: several times its watchdog and its ramp"""
 
 
 @dataclass(frozen=True)
@@ -39,14 +39,14 @@ class Killed:
     zero_s: float
     """From the last command to zero volts, for good"""
     lost_s: float
-    """Of flight, that is in no file"""
+    """s of flight that are in no file"""
     rows: int
-    """That were recovered"""
+    """Recovered rows"""
 
 
 @dataclass(frozen=True)
 class Change:
-    """A line of the firmware's log: the output from then on."""
+    """A line of the firmware's log: the output from ``t_s`` on."""
 
     t_s: float
     enabled: bool
@@ -59,7 +59,7 @@ class Change:
 
 
 def changes(log: Path) -> list[Change]:
-    """The firmware's log so far; a line that is still being written is left out."""
+    """The firmware's log so far, without a line that is still being written."""
     text = log.read_text(encoding="ascii") if log.exists() else ""
     found = []
     for line in text[: text.rfind("\n") + 1].splitlines():
@@ -71,7 +71,7 @@ def changes(log: Path) -> list[Change]:
 def kill_flights(
     device: str, log: Path, folder: Path, count: int, *, seed: int = 0
 ) -> Iterator[Killed]:
-    """Fly ``count`` times on the firmware that writes ``log``, and kill each flight at random."""
+    """Fly ``count`` times on the firmware that writes ``log``; kill each flight at random."""
     draw = random.Random(seed)
     for i in range(count):
         moment_s = draw.uniform(EARLIEST_S, LATEST_S)

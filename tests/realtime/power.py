@@ -1,7 +1,7 @@
-"""A power cut in flight: how old the newest sample is that is on the disk for sure.
+"""A power cut in flight: age of the newest sample that is certain to be on the disk.
 
-Rows come at 500 Hz. Between two returns of ``fdatasync`` at s[i] and s[i+1] the disk holds what had
-been written when the first of them was called, n[i] rows, so that a cut just before s[i+1] loses
+Rows come at 500 Hz. Between two returns of ``fdatasync`` at s[i] and s[i+1] the disk holds the n[i]
+rows written before the first call. A cut just before s[i+1] loses
 
     s[i+1] − (time at which row n[i] was appended)
 """
@@ -26,7 +26,7 @@ PERIOD_S = 0.002
 def lost_to_a_power_cut(
     path: Path, seconds: float, *, sync: Callable[[int], object] | None = None
 ) -> float:
-    """The most, in s, that a cut at the worst moment would have taken of ``seconds``."""
+    """s that a cut at the worst moment of ``seconds`` would have lost."""
     sync = fsync._sync if sync is None else sync
     synced: list[tuple[float, int]] = []
     appended: list[float] = []

@@ -1,17 +1,17 @@
-"""A long flight, and whether the program's memory grows in it.
+"""Growth of the program's memory in a long flight.
 
-Read from /proc every `EVERY_S`: the pages that the program has to itself (*anonymous*: every heap,
-stack and buffer), counted one by one by the kernel. Pages once touched are mostly kept, so the
-readings x are rather a walk than noise about a line, and what is judged is the walk's mean step.
-With x_i the mean of the i-th of `BLOCKS` stretches, each of length T, and d_i = x_i − x_(i−1):
+Every `EVERY_S` the program's private pages (*anonymous*: heaps, stacks, buffers) are read from
+/proc. A page once touched is mostly kept, so the readings x are a random walk rather than noise
+about a line; the growth is the walk's mean step. With x_i the mean of the i-th of `BLOCKS`
+stretches, each of length T, and d_i = x_i − x_(i−1):
 
     growth = mean(d) / T        95 %: ± c · s / (√n T)
 
     s² = γ_0 + 2 Σ_(j=1..L) (1 − j/(L+1)) γ_j        γ_j: autocovariance of d (Newey and West 1987)
     c  = 1.96 + 2.9694 b + 0.416 b² − 0.5324 b³      b = (L+1)/n (Kiefer and Vogelsang 2005)
 
-so that what comes and goes (γ_1 < 0) narrows the interval, and what comes in runs widens it. That
-memory does not grow is shown by the interval's *upper* end, which noise only raises.
+Memory that comes and goes (γ_1 < 0) narrows the interval, memory that comes in runs widens it. The
+*upper* end of the interval shows that memory does not grow; noise only raises it.
 """
 
 from __future__ import annotations
@@ -24,36 +24,36 @@ from typing import Any
 import numpy as np
 
 from tests.profiles import PATIENT, write_profile
-from tests.realtime.flight import LANDING_S, FlightProcess
+from tests.realtime.flight import RAMP_DOWN_S, FlightProcess
 
 EVERY_S = 0.25
 WARM_UP = 0.2
-"""Share of the flight at its beginning that is left out: the first of everything takes room"""
+"""Share of the flight at its beginning that is not used: caches fill"""
 BLOCKS = 24
 LAGS = 3
 """L: 4 (n/100)^(2/9), upwards"""
 CRITICAL = (-0.5324, 0.4160, 2.9694, 1.9600)
-"""c's polynomial in b: Newey and West's s² is itself an estimate, of few steps"""
-LANDS = b"ramping down"
-"""What the live view says once the flight is over: then the recording is read back"""
+"""c's polynomial in b: s² is itself an estimate from few steps"""
+RAMPS = b"ramping down"
+"""The live view's text after the plan; afterwards the recording is read back"""
 
 
 @dataclass(frozen=True)
 class Soak:
-    """What a long flight took."""
+    """Memory in a long flight."""
 
     minutes: float
-    """Of readings, without the warm-up"""
+    """Minutes of readings, without the warm-up"""
     flown_min: float
-    """Of readings in all"""
+    """Minutes of all readings"""
     first_MiB: float
     last_MiB: float
     growth_KiB_per_min: float
     low: float
-    """of the growth's 95 % interval"""
+    """Lower end of the growth's 95 % interval"""
     high: float
     files_MiB: tuple[float, float]
-    """Of files and libraries that were in memory besides, first and last"""
+    """Pages of files and libraries in memory, first and last"""
     flight: dict[str, Any]
     """The flight's own JSON document"""
 
@@ -61,7 +61,7 @@ class Soak:
 def soak(device: str, folder: Path, seconds: float) -> Soak:
     """Fly for ``seconds`` with recorder and live view, and read the memory meanwhile.
 
-    A flight that is cut short is told for as long as it was: its document says why.
+    A flight that is cut short gives fewer readings; its document holds the reason.
     """
     profile = write_profile(folder / "soak.toml", duration_max_s=seconds + 60, **PATIENT)
     t: list[float] = []
@@ -70,17 +70,17 @@ def soak(device: str, folder: Path, seconds: float) -> Soak:
         while b"flying" not in flight.shown and flight.process.poll() is None:
             time.sleep(0.05)
         start = time.monotonic()
-        while (now := time.monotonic() - start) < seconds - 1 and LANDS not in flight.shown:
+        while (now := time.monotonic() - start) < seconds - 1 and RAMPS not in flight.shown:
             if flight.process.poll() is not None:
                 break
             t.append(now)
             held.append(memory_KiB(flight.process.pid))
             time.sleep(EVERY_S)
-        document = flight.ended(seconds + LANDING_S + 120)
-    return found(np.array(t), np.array(held), document)
+        document = flight.ended(seconds + RAMP_DOWN_S + 120)
+    return growth_of(np.array(t), np.array(held), document)
 
 
-def found(t_s: np.ndarray, held_KiB: np.ndarray, document: dict[str, Any]) -> Soak:
+def growth_of(t_s: np.ndarray, held_KiB: np.ndarray, document: dict[str, Any]) -> Soak:
     """The growth of readings (N, 2), KiB at s, without the warm-up."""
     keep = t_s >= WARM_UP * t_s[-1]
     minutes, kept = t_s[keep] / 60, held_KiB[keep] / 1024
@@ -108,7 +108,7 @@ def mean_step(t: np.ndarray, x: np.ndarray) -> tuple[float, float]:
 
 
 def memory_KiB(pid: int) -> tuple[float, float]:
-    """Of a process: what it has to itself, and the pages of files that it has in memory."""
+    """KiB of a process: private pages, and pages of files in memory."""
     lines = Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines()[1:]
     of = {name: float(value.split()[0]) for name, value in (line.split(":") for line in lines)}
     return of["Anonymous"], of["Rss"] - of["Anonymous"]

@@ -1,4 +1,4 @@
-"""A flight three times as long holds no more: not the loop, not the recorder, not the link."""
+"""A flight three times as long needs no more memory: loop, recorder and link."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ import pytest
 from heli3dof_drivers.emulator.endpoint import Endpoint
 from heli3dof_drivers.link.rig import LinkRig
 
-from heli3dof.experiment.control_loop.control_period import Period, Watch
+from heli3dof.experiment.control_loop.control_period import Monitor, Period
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
@@ -25,21 +25,21 @@ from tests.drivers.link.lines import DirectLine
 from tests.realtime.growth import read_in_flight
 
 N, STRETCHES = 6000, 3
-"""Rows, and how often so many"""
+"""Rows of a stretch, and number of stretches"""
 FULL = 24000
-"""Rows, 48 s, after which the watches' memory of the last 40 s holds all that it ever does"""
+"""Rows (48 s) after which the monitors' memory of the last 40 s is full"""
 A_CHUNK = 93
 """Rows"""
 KEPT = 56
-"""bytes of each chunk, the least that a recorder was ever found to keep: 0.6 a row"""
+"""bytes of each chunk: the smallest leak that a recorder has had, 0.6 bytes a row"""
 BYTES_A_ROW = KEPT / A_CHUNK / 2
-"""What the watches remember is bounded and not constant: one to two blocks of a deque, 1.1 kB or
-0.18 bytes a row of a stretch."""
+"""Bar: the monitors' own memory varies by one to two blocks of a deque, 1.1 kB or 0.18 bytes a row
+of a stretch"""
 
 
 @pytest.fixture
 def traced() -> Iterator[Callable[[], float]]:
-    """Bytes that Python has given out and not got back, since the first call."""
+    """Bytes that Python has allocated and not freed, since the first call."""
 
     def held() -> float:
         if not tracemalloc.is_tracing():
@@ -51,32 +51,32 @@ def traced() -> Iterator[Callable[[], float]]:
     tracemalloc.stop()
 
 
-def bytes_a_row(path: Path, traced: Callable[[], float], *watches: Watch) -> float:
+def bytes_a_row(path: Path, traced: Callable[[], float], *monitors: Monitor) -> float:
     at = [FULL + k * N for k in range(STRETCHES + 1)]
-    held, outcome = read_in_flight(path, at[-1] + 1, at, traced, begin=traced, watches=watches)
+    held, outcome = read_in_flight(path, at[-1] + 1, at, traced, begin=traced, monitors=monitors)
     assert outcome.ending == "completed"
     return typical(held) / N
 
 
 def typical(held: Sequence[float]) -> float:
-    """What one stretch adds; not what somebody else in this process allocates once, in one."""
+    """Growth over one stretch: the median ignores other allocations in one stretch."""
     return statistics.median(b - a for a, b in pairwise(held))
 
 
 def _flown(path: Path, traced: Callable[[], float]) -> float:
     left = bytes_a_row(path, traced)
     tracemalloc.stop()
-    assert len(read_recording(path)) > FULL + STRETCHES * N, "and all of them are in the file"
+    assert len(read_recording(path)) > FULL + STRETCHES * N, "all rows are in the file"
     return left
 
 
-def test_rows_that_are_flown_and_recorded_leave_nothing(
+def test_flying_and_recording_keep_no_memory_per_row(
     tmp_path: Path, traced: Callable[[], float]
 ) -> None:
     assert _flown(tmp_path / "a.mcap", traced) < BYTES_A_ROW
 
 
-def test_a_watch_that_keeps_a_little_of_every_chunk_is_seen(
+def test_a_monitor_that_keeps_a_little_per_chunk_is_detected(
     tmp_path: Path, traced: Callable[[], float]
 ) -> None:
     kept: list[bytes] = []
@@ -88,9 +88,9 @@ def test_a_watch_that_keeps_a_little_of_every_chunk_is_seen(
     assert bytes_a_row(tmp_path / "a.mcap", traced, keeps) > BYTES_A_ROW
 
 
-def test_exchanges_over_the_link_leave_nothing(traced: Callable[[], float]) -> None:
+def test_exchanges_over_the_link_keep_no_memory(traced: Callable[[], float]) -> None:
     device = StillDevice(watchdog_s=1.0)
-    device.plant.volts = deque(maxlen=1)  # which else keeps every period's
+    device.plant.volts = deque(maxlen=1)  # which by default keeps every period's
     line = DirectLine(Endpoint(device))  # type: ignore[arg-type]
     rig = LinkRig(line, default_profile(), driver="test", stream=False)
     try:
@@ -99,7 +99,7 @@ def test_exchanges_over_the_link_leave_nothing(traced: Callable[[], float]) -> N
         few = N // 2
         for k in range(1, (1 + STRETCHES) * few + 1):
             rig.exchange(Command(k, 1.0, 1.0), time.monotonic())
-            if k % few == 0 or k == few // 2:  # there the trace begins
+            if k % few == 0 or k == few // 2:  # the trace begins here
                 held.append(traced())
         assert typical(held[1:]) / few < BYTES_A_ROW
         assert rig.statistics.commands == (1 + STRETCHES) * few

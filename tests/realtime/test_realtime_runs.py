@@ -1,4 +1,4 @@
-"""The long runs of `make bench TOPIC=loop`, flown short: behaviour is strict, lateness is loose."""
+"""Short versions of the runs of `make bench TOPIC=loop`: strict on behaviour, not on lateness."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from heli3dof.recording.mcap_files.reader import read_recording
 from tests.drivers.firmware.building import rig_program
 from tests.profiles import PATIENT, STANDSTILL_S, START_S, write_profile
-from tests.realtime.flight import LANDING_S, FlightProcess, firmware
+from tests.realtime.flight import RAMP_DOWN_S, FlightProcess, firmware
 from tests.realtime.kill import kill_flights
 from tests.realtime.power import lost_to_a_power_cut
 from tests.realtime.soak import soak
@@ -23,10 +23,10 @@ pytestmark = [
 ]
 WATCHDOG_S, RAMP_S = 0.5, 0.2
 SLACK = ("--watchdog", f"{WATCHDOG_S * 1e3:g}")
-"""A busy machine stands still for longer than the firmware's own 100 ms."""
+"""A busy machine may stall for longer than the firmware's default of 100 ms."""
 
 
-def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_path: Path) -> None:
+def test_a_flight_on_the_firmware_is_recorded_completely_with_the_live_view(tmp_path: Path) -> None:
     profile = write_profile(tmp_path / "patient.toml", **PATIENT)
     with (
         firmware(rig_program(), *SLACK) as device,
@@ -36,11 +36,11 @@ def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_pa
     assert b"flying" in flight.shown, "the live view was on"
     assert (document["outcome"], document["landed"]) == ("completed", True)
     recording = read_recording(tmp_path / "a.mcap")
-    periods = 500 * (6 + LANDING_S)
+    periods = 500 * (6 + RAMP_DOWN_S)
     skipped = sum(document[f"{why}_periods"] for why in ("missed", "lost", "left_out"))
     assert periods - skipped - 1 <= len(recording) <= periods + 1
-    # What was skipped shows in the device's time, and nothing else does. The line loses nothing; a
-    # busy machine may hold up either end of it.
+    # Gaps in the device's time are exactly the skipped periods. The line loses none; a busy machine
+    # may hold up either end.
     assert document["lost_periods"] == 0
     t = recording.channels["device_time_s"]
     assert np.diff(t).min() > 0
@@ -51,10 +51,11 @@ def test_a_flight_on_the_firmware_is_recorded_whole_with_the_live_view_on(tmp_pa
     assert 0 < document["link"]["delay_median_s"] < 0.01
 
 
-def test_a_system_that_refuses_everything_is_told_and_flown_on(tmp_path: Path) -> None:
+def test_a_flight_without_permissions_completes_and_reports_them(tmp_path: Path) -> None:
     device = "mock:?speed=real&start=level&watchdog_s=0.5"
     profile = write_profile(tmp_path / "patient.toml", **PATIENT)
-    with FlightProcess(device, tmp_path / "a.mcap", 1, profile=profile, realtime=False) as flight:
+    path, without = tmp_path / "a.mcap", ["permissions"]
+    with FlightProcess(device, path, 1, profile=profile, without=without) as flight:
         document = flight.result(START_S)
     assert document["realtime"]["scheduled"] is False
     assert {r["what"] for r in document["realtime"]["refused"]} == {
@@ -64,33 +65,33 @@ def test_a_system_that_refuses_everything_is_told_and_flown_on(tmp_path: Path) -
     assert kept["realtime"] == document["realtime"]
 
 
-def test_kill_minus_nine_ends_at_zero_volts_with_half_a_second_lost_at_most(tmp_path: Path) -> None:
+def test_kill_9_ends_at_zero_volts_and_loses_half_a_second_at_most(tmp_path: Path) -> None:
     log = tmp_path / "device.log"
     with firmware(rig_program(), *SLACK, "--log", str(log)) as device:
         flights = list(kill_flights(device, log, tmp_path, 3, seed=1))
     for flight in flights:
-        assert flight.zero_s <= WATCHDOG_S + RAMP_S + 2 * STANDSTILL_S, "in silence, or at its end"
-        assert flight.lost_s <= 0.5 + STANDSTILL_S, "one, just before the kill"
+        assert flight.zero_s <= WATCHDOG_S + RAMP_S + 2 * STANDSTILL_S, "after watchdog and ramp"
+        assert flight.lost_s <= 0.5 + STANDSTILL_S, "of flight before the kill"
         assert flight.rows > 0
 
 
-def test_a_power_cut_takes_half_a_second_where_the_disk_is_quick(tmp_path: Path) -> None:
+def test_a_power_cut_loses_half_a_second_on_a_fast_disk(tmp_path: Path) -> None:
     lost_s = lost_to_a_power_cut(tmp_path / "a.mcap", 3, sync=lambda descriptor: None)
-    assert lost_s <= 0.5 + 0.5, "some room for a loaded machine"
+    assert lost_s <= 0.5 + 0.5, "with half a second for a busy machine"
 
 
-def test_a_slow_disk_shows_in_what_a_power_cut_takes(tmp_path: Path) -> None:
+def test_a_power_cut_loses_more_on_a_slow_disk(tmp_path: Path) -> None:
     lost_s = lost_to_a_power_cut(tmp_path / "a.mcap", 3, sync=lambda descriptor: time.sleep(0.7))
     assert lost_s > 0.7
 
 
-def test_a_soak_of_some_seconds_grows_by_nothing_to_speak_of(tmp_path: Path) -> None:
+def test_a_soak_of_some_seconds_hardly_grows(tmp_path: Path) -> None:
     result = soak("mock:?speed=real&start=level&watchdog_s=0.5", tmp_path, 12)
     assert result.last_MiB - result.first_MiB < 0.5
     assert result.flight["outcome"] == "completed"
 
 
-def test_a_profile_that_is_written_is_read_as_it_was(tmp_path: Path) -> None:
+def test_a_written_profile_is_read_back(tmp_path: Path) -> None:
     from heli3dof.rig.profile import load_profile
 
     profile = load_profile(write_profile(tmp_path / "p.toml", rate_hz=1000, duration_max_s=700))

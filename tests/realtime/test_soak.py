@@ -1,4 +1,4 @@
-"""What is told of a soak's readings: what grows is seen, and what comes and goes is not."""
+"""The growth of a soak's readings: steady growth is detected, fluctuation is not."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 
 from tests.bench.bench_soak import GROWTH_KiB_PER_MIN
-from tests.realtime.soak import Soak, found, memory_KiB
+from tests.realtime.soak import Soak, growth_of, memory_KiB
 
 MINUTES = np.arange(0, 30, 0.25 / 60)
 MORE_KiB = 32 * 1024
 
 
 def grown(x_KiB: np.ndarray) -> Soak:
-    """The soak that read these in half an hour."""
-    return found(60 * MINUTES, np.column_stack([x_KiB, np.full(len(x_KiB), 36_000.0)]), {})
+    """The soak with these readings in half an hour."""
+    return growth_of(60 * MINUTES, np.column_stack([x_KiB, np.full(len(x_KiB), 36_000.0)]), {})
 
 
 def touched(per_min: float, rng: np.random.Generator) -> np.ndarray:
-    """Pages of 4 KiB, taken one by one at random moments and kept."""
+    """Pages of 4 KiB, touched one by one at random moments and kept."""
     return 80_000 + 4.0 * np.cumsum(rng.poisson(per_min * 0.25 / 60, len(MINUTES)))
 
 
-def test_memory_that_stays_grows_by_nothing_and_the_warm_up_does_not_count() -> None:
+def test_constant_memory_after_the_warm_up_is_no_growth() -> None:
     warm = np.minimum(MINUTES, 5) * 500
     flat = grown(80_000 + warm)
     assert (flat.low, flat.growth_KiB_per_min, flat.high) == (0, 0, 0)
@@ -33,24 +33,24 @@ def test_memory_that_stays_grows_by_nothing_and_the_warm_up_does_not_count() -> 
     assert flat.minutes == pytest.approx(24, abs=0.1)
 
 
-def test_what_comes_and_goes_is_no_growth() -> None:
+def test_fluctuating_memory_is_no_growth() -> None:
     sawtooth = 80_000 + 40 * (MINUTES * 1.7 % 1)
     noise = np.random.default_rng(0).normal(0, 20, len(MINUTES))
     assert abs(grown(sawtooth + noise).high) < GROWTH_KiB_PER_MIN
 
 
-def test_a_page_a_minute_is_seen() -> None:
+def test_a_page_per_minute_is_detected() -> None:
     leak = grown(touched(1.0, np.random.default_rng(1)))
     assert 0 < leak.low < 4 < leak.high
-    assert leak.high > GROWTH_KiB_PER_MIN, "and is not passed off as none"
+    assert leak.high > GROWTH_KiB_PER_MIN, "exceeds the bar"
 
 
-def test_a_table_that_doubles_once_is_seen() -> None:
+def test_a_single_large_allocation_is_detected() -> None:
     assert grown(80_000 + 288.0 * (MINUTES > 15)).high > GROWTH_KiB_PER_MIN
 
 
 @pytest.mark.parametrize("per_min", [1.0, 5.0])
-def test_the_interval_holds_the_truth_nine_times_in_ten(per_min: float) -> None:
+def test_the_interval_covers_the_truth_nine_times_in_ten(per_min: float) -> None:
     rng = np.random.default_rng(2)
     flown = [grown(touched(per_min, rng)) for _ in range(300)]
     assert np.mean([f.low <= 4 * per_min <= f.high for f in flown]) > 0.9
@@ -66,8 +66,8 @@ print("after", flush=True); sys.stdin.readline()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_memory_is_read_as_the_kernel_counts_it() -> None:
-    """Of a process that does nothing else: ours has room given back that it takes again."""
+def test_memory_is_read_from_the_kernel() -> None:
+    """In another process, since this one reuses freed memory."""
     with subprocess.Popen(
         [sys.executable, "-c", TAKES], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as child:

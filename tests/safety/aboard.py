@@ -1,4 +1,4 @@
-"""A look at the emulated amplifier while the command line flies it, in this process."""
+"""Records the emulated amplifier's output while the command line flies it in this process."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ SAFETY_TRIP = SafetyTrip.exit_code
 
 
 class Aboard:
-    """Keeps what the amplifier put out in every period, and does things at a given time."""
+    """Keeps the amplifier's output in every period, and triggers actions at given times."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
         self.volts: list[tuple[float, float, float]] = []
-        """When the period began (s, the device's clock), front and back V during it"""
+        """Start of a period (s, the device's clock), front and back V during it"""
         self.motion: list[tuple[float, float, float]] = []
-        """When the period began, the arm's true roll (rad) and its rate (rad/s)"""
+        """Start of a period, the arm's true roll (rad) and its rate (rad/s)"""
         self.rig: MockRig | None = None
         self.when_arming: list[Callable[[], Any]] = []
         self._path = folder / "flight.mcap"
@@ -38,7 +38,7 @@ class Aboard:
         monkeypatch.setattr("heli3dof.rig.session.open_exclusive.open_rig", self._open)
 
     def at(self, t_s: float, what: Callable[[], Any]) -> None:
-        """Do this as the period begins that begins then."""
+        """Call ``what`` at the start of the period that begins then."""
         self._to_do.append((t_s, what))
 
     @property
@@ -52,7 +52,7 @@ class Aboard:
         return self.rig.device
 
     def flown(self, device: str, *words: object) -> Said:
-        """``heli3dof run-step`` on that rig, levelling for 2 s and then a small step for 2 s."""
+        """``heli3dof run-step`` on that rig: a hold of 2 s, then a small step for 2 s."""
         step = ("--roll", "3", "--settle", "2", "--duration", "2")
         return heli3dof("run-step", *step, "--device", device, "-o", self._path, "--quiet", *words)
 
@@ -65,39 +65,39 @@ class Aboard:
         return read_recording(self._path)
 
     @property
-    def noticed_s(self) -> float:
-        """When the loop began to ramp down (s, the device's clock)."""
+    def ramp_s(self) -> float:
+        """Start of the ramp to zero (s, the device's clock)."""
         channels = self.recording.channels
         k = int(np.flatnonzero(channels["phase"] == RAMP_DOWN)[0])
         return float(channels["device_time_s"][k])
 
     @property
     def zero_s(self) -> float:
-        """Since when the output is zero (s, the device's clock)."""
+        """Time from which the output is zero (s, the device's clock)."""
         ends = [t + self.device.plant.dt for t, *v in self.volts if v != [0.0, 0.0]]
         return ends[-1]
 
-    def shows(self, name: str, said: Said, since_s: float, *, slack_s: float = 0.0) -> None:
-        """All that the table says of the row, and that the device arms again afterwards."""
+    def shows(self, name: str, done: Said, since_s: float, *, slack_s: float = 0.0) -> None:
+        """Assert everything in the table's row, and that the device arms again afterwards."""
         row: Row = BY_NAME[name]
         meta = self.recording.meta
         detail = meta["outcome_details"]["detail"]
-        assert said.code == row.exit_code, said.err
+        assert done.code == row.exit_code, done.err
         assert meta["outcome"] == row.ending, detail
-        assert row.said in detail
+        assert row.detail in detail
         if row.exit_code == SAFETY_TRIP:
-            # In the recording and on the screen, each trip's own; never a generic one.
+            # In the recording and on the screen, specific to the trip.
             for advice in ("likely_cause", "fix"):
-                assert meta["outcome_details"][advice] in said.err
+                assert meta["outcome_details"][advice] in done.err
         within_s = row.zero.seconds(self.recording.profile, self.device.watchdog_s)
         assert self.device.v == (0.0, 0.0)
-        # Closing the rig takes the volts away, too: a stop must have come before it.
+        # Closing the rig takes the volts away too: a stop must have come before that.
         assert self.device.stopped or STOPPED not in row.device
         assert since_s - 1e-9 < self.zero_s <= since_s + within_s + slack_s + 1e-9
         self.arms_again()
 
     def arms_again(self) -> None:
-        """Whatever it was, arming clears it."""
+        """Assert that arming clears every stop."""
         device = self.device
         device.arm()
         device.command(1, 1.0, 2.0)
@@ -111,7 +111,7 @@ class Aboard:
         plant: Any = rig.device.plant
         step = plant.step
 
-        def watched(v_front: float, v_back: float) -> bool:
+        def recorded(v_front: float, v_back: float) -> bool:
             while self._to_do and self._to_do[0][0] <= plant.t + 1e-9:
                 self._to_do.pop(0)[1]()
             self.volts.append((plant.t, v_front, v_back))
@@ -119,7 +119,7 @@ class Aboard:
             self.motion.append((plant.t, truth.angle[0], truth.rate[0]))
             return bool(step(v_front, v_back))
 
-        plant.step = watched
+        plant.step = recorded
         arm = rig.arm
 
         def armed() -> Sample:

@@ -1,7 +1,7 @@
-"""The emulated rig behind a pseudo-terminal, in a thread: every change of its output is kept.
+"""The emulated rig behind a pseudo-terminal, in a thread that logs every change of its output.
 
-The flight is another process, which may be killed; the line may be cut, made deaf or mute; the
-device may start anew. All times are the host's monotonic clock, in s, which both processes share.
+The flight is another process, which may be killed. The line may be cut, or lose one direction; the
+device may restart. All times are the host's monotonic clock in s, which both processes share.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from tests.profiles import START_S
 IDLE_S = 5e-3
 MOTION_S = 5e-3
 Over = Callable[[], object]
-"""Whether a flight has ended: not None"""
-LOOKED_S = 0.03
-"""s between two looks of a thread that nothing holds up, at most: it sleeps for 20 ms"""
+"""Returns None until the flight has ended"""
+CALLED_S = 0.03
+"""s: longest interval between two calls if nothing holds the thread up: it sleeps for 20 ms"""
 
 
 def never() -> None:
-    """It has not."""
+    """None."""
 
 
 class Output(NamedTuple):
-    """What the amplifier put out from an instant on."""
+    """Output of the amplifier from ``t`` on."""
 
     t: float
     front_uV: int
@@ -41,7 +41,7 @@ class Output(NamedTuple):
 
 
 class Bench:
-    """Use it in a ``with`` statement. ``url`` opens the rig."""
+    """A context manager; ``url`` opens the rig."""
 
     def __init__(self, watchdog_s: float = 0.3, *, start: str = "level", seed: int = 0) -> None:
         self.watchdog_s = watchdog_s
@@ -49,20 +49,20 @@ class Bench:
         self.motion: list[tuple[float, float, float]] = []
         """(t, roll in rad, its rate in rad/s) of the emulated arm itself, every `MOTION_S`"""
         self.opened_s: float | None = None
-        """When the host's first byte came"""
+        """Time of the host's first byte"""
         self.deaf = self.mute = False
-        """What the host says does not arrive; what the device says does not"""
+        """True: bytes from the host, or from the device, do not arrive"""
         self.last_command_s = 0.0
-        """When one last arrived, and volts followed from it"""
-        self._looked_s = time.monotonic()
+        """Time of the last command that changed the volts"""
+        self._called_s = time.monotonic()
         self._away: list[tuple[float, float]] = []
-        """From when until when the machine kept this thread from running"""
+        """(start, end) of intervals in which this thread did not run"""
         self._mock = f"mock:?start={start}&watchdog_s={watchdog_s}&seed={seed}"
         self._endpoint = emulated(self._mock)
         self._fresh: Endpoint | None = None
         self._start = time.monotonic()
         self._ahead_us = 0
-        """of the clock of whoever serves this"""
+        """of the device's clock over the server's"""
         self._ours, self._theirs, self.path = -1, -1, ""
         self._pulled = self._over = False
         self.plug()
@@ -73,26 +73,26 @@ class Bench:
         return f"serial://{self.path}?watchdog_s={self.watchdog_s}"
 
     def plug(self) -> None:
-        """A new terminal, as a cable that was plugged in again."""
+        """Open a new terminal, like a cable that is plugged in again."""
         self._ours, self._theirs = os.openpty()
         tty.setraw(self._theirs)
         self.path = os.ttyname(self._theirs)
         self._pulled = False
 
     def pull(self) -> float:
-        """The cable is out: the port is gone. The device goes on. When that was."""
+        """Remove the port, like a cable that is pulled out; the device goes on. Time of that."""
         self._pulled = True
         return time.monotonic()
 
     def reset(self) -> float:
-        """The device starts anew. When that was."""
+        """Restart the device. Time of that."""
         self._fresh = emulated(self._mock)
         while self._fresh is not None:
             time.sleep(1e-4)
         return self._start
 
     def wait_until_flying(self, over: Over = never, seconds: float = 0.5) -> None:
-        """Until it has been flown for so long. AssertionError where the flight is ``over``."""
+        """Wait until it has been flown for so long. AssertionError if the flight is ``over``."""
         deadline = time.monotonic() + START_S
         since: float | None = None
         while time.monotonic() < deadline and over() is None:
@@ -104,14 +104,14 @@ class Bench:
         raise AssertionError("no flight began")
 
     def wait_until_zero(self, for_s: float = 0.1) -> None:
-        """Until it has put out nothing for so long, or ten seconds."""
+        """Wait until the output has been zero for so long; ten seconds at most."""
         deadline = time.monotonic() + 10
         while time.monotonic() < min(deadline, self.zero_s + for_s):
             time.sleep(0.01)
 
     @property
     def zero_s(self) -> float:
-        """Since when the output is zero; infinite while it is not."""
+        """Time from which the output is zero; infinite while it is not."""
         since = inf
         for output in reversed(self.log):
             if (output.front_uV, output.back_uV) != (0, 0):
@@ -120,7 +120,7 @@ class Bench:
         return since
 
     def away_s(self, since_s: float) -> float:
-        """For how long since then the machine kept this thread from running, in s."""
+        """s since then in which the machine did not run this thread."""
         return sum(b - max(a, since_s) for a, b in self._away if b > since_s)
 
     def receive(self, now_us: int, data: bytes) -> bytes:
@@ -128,20 +128,20 @@ class Bench:
         own_us = self._own(now_us)
         self.opened_s = self.opened_s or time.monotonic()
         before = self._endpoint.amplifier.last
-        said = self._endpoint.receive(own_us, b"" if self.deaf else data)
+        reply = self._endpoint.receive(own_us, b"" if self.deaf else data)
         if self._endpoint.amplifier.last != before:
             self.last_command_s = time.monotonic()
-        return self._kept(said)
+        return self._log(reply)
 
     def tick(self, now_us: int) -> bytes:
         """See `Endpoint.tick`."""
-        return self._kept(self._endpoint.tick(self._own(now_us)))
+        return self._log(self._endpoint.tick(self._own(now_us)))
 
     def held_up(self, now_us: int) -> None:
-        """A busy machine holds up this thread, not the device that it stands for."""
+        """Ignored: a busy machine holds up this thread, not the device that it plays."""
 
     def next_us(self) -> int | None:
-        """See `Endpoint.next_us`; on the clock of whoever asks."""
+        """See `Endpoint.next_us`; on the server's clock."""
         due = self._endpoint.next_us()
         return None if due is None else due - self._ahead_us
 
@@ -163,11 +163,11 @@ class Bench:
         self._ahead_us = own_us - asked_us
         return own_us
 
-    def _kept(self, said: bytes) -> bytes:
+    def _log(self, reply: bytes) -> bytes:
         now = time.monotonic()
-        if now - self._looked_s > LOOKED_S:
-            self._away.append((self._looked_s, now))
-        self._looked_s = now
+        if now - self._called_s > CALLED_S:
+            self._away.append((self._called_s, now))
+        self._called_s = now
         amplifier = self._endpoint.amplifier
         front, back = amplifier.output_uV(round((now - self._start) * 1e6))
         last = self.log[-1] if self.log else None
@@ -176,7 +176,7 @@ class Bench:
         if not self.motion or now - self.motion[-1][0] >= MOTION_S:
             truth = self._endpoint.truth
             self.motion.append((now, truth.angle[0], truth.rate[0]))
-        return b"" if self.mute else said
+        return b"" if self.mute else reply
 
     def _serve(self) -> None:
         while not self._over:

@@ -1,12 +1,12 @@
-"""Random sequences of device misbehaviour against a whole flight, and what must hold after each.
+"""Random sequences of device misbehaviour during a flight, and the checks after each.
 
-`emulated(seed)` flies the emulated device behind a line that harms bytes and frames, on a clock of
-its own. The frames it changes keep a right check: the device itself states nonsense.
-`firmware(seed)` flies the C firmware in real time with its own fault switches, halted or killed
-at a random moment.
+`emulated(seed)` flies the emulated device on a virtual clock, behind a line that damages bytes and
+frames. Changed frames keep a valid checksum, as if the device itself stated nonsense.
+`firmware(seed)` flies the C firmware in real time with its fault switches, stopped or killed at a
+random moment.
 
-After every sequence: no exception but the project's own errors, no outcome "error" ("a fault of
-ours"), and the output at zero within the watchdog's time and the ramp after the host let go.
+After every sequence: only errors of the project, no outcome "error" ("a fault of ours"), and the
+output at zero within the watchdog's time and the ramp after the host's last command.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ from tests.drivers.link.lines import DirectLine
 
 RAMP_S = 0.2
 LONGEST_WATCHDOG_S = 1.0
-"""s: what the protocol allows an ARM to ask for"""
+"""s: the longest that the protocol allows"""
 SLACK_S = 0.1
 PLAN = step_plan((3.0, None, 5.0), settle_s=0.4, duration_s=0.4)
 _base = default_profile()
@@ -66,28 +66,28 @@ PROFILE = _base.model_copy(
     update={"limits": _base.limits.model_copy(update={"landing_s": 0.3, "ramp_down_s": 0.1})}
 ).with_controller()
 FLIGHT_S = 1.4
-"""s from opening to the end of the landing, about"""
+"""s from opening to the end of the ramp, about"""
 
 
 @dataclass
 class Result:
-    """What came of one sequence."""
+    """The result of one sequence."""
 
     seed: int
     faults: list[str]
     ending: str
-    """The outcome, or ``refused`` where nothing was flown"""
+    """The outcome, or ``refused`` if nothing flew"""
     wrong: list[str] = field(default_factory=list)
-    """What must never happen, and did"""
+    """Failed checks"""
 
 
-# ---- the emulated device, on a line and with electronics that misbehave -------------------------
+# ---- the emulated device, with faults in its line and its electronics ---------------------------
 
-Change = Callable[["NastyLine", random.Random, Frame, bytes], list[bytes]]
+Change = Callable[["FaultyLine", random.Random, Frame, bytes], list[bytes]]
 
 
 def _u(bits: int, rng: random.Random) -> int:
-    """Any number of so many bits; the ends and small ones often."""
+    """A random number of so many bits, often an extreme or a small one."""
     top = (1 << bits) - 1
     return rng.choice((0, 1, top, top >> 1, (top >> 1) + 1, rng.randrange(top + 1)))
 
@@ -97,9 +97,9 @@ def _i(bits: int, rng: random.Random) -> int:
 
 
 def _states(kind: type, name: str, draw: Callable[[random.Random], Any]) -> Change:
-    """The device states nonsense in one field of one type of frame."""
+    """A change that draws one field of one type of frame."""
 
-    def change(line: NastyLine, rng: random.Random, frame: Frame, piece: bytes) -> list[bytes]:
+    def change(line: FaultyLine, rng: random.Random, frame: Frame, piece: bytes) -> list[bytes]:
         if not isinstance(frame, kind):
             return [piece]
         return [wire(replace(frame, **{name: draw(rng)}))]  # type: ignore[type-var]
@@ -108,9 +108,9 @@ def _states(kind: type, name: str, draw: Callable[[random.Random], Any]) -> Chan
 
 
 def _counts(how: Callable[[int, int, random.Random], int]) -> Change:
-    """One encoder counts wrongly."""
+    """A change of one encoder's count."""
 
-    def change(line: NastyLine, rng: random.Random, frame: Frame, piece: bytes) -> list[bytes]:
+    def change(line: FaultyLine, rng: random.Random, frame: Frame, piece: bytes) -> list[bytes]:
         if not isinstance(frame, SampleFrame):
             return [piece]
         axis = line.axis
@@ -122,7 +122,7 @@ def _counts(how: Callable[[int, int, random.Random], int]) -> Change:
 
 
 def _time(how: Callable[[int, int, random.Random], int]) -> Change:
-    def change(line: NastyLine, rng: random.Random, frame: Frame, piece: bytes) -> list[bytes]:
+    def change(line: FaultyLine, rng: random.Random, frame: Frame, piece: bytes) -> list[bytes]:
         if not isinstance(frame, SampleFrame):
             return [piece]
         was = line.held.setdefault("time_us", frame.time_us)
@@ -139,13 +139,13 @@ def _bits(data: bytes, rng: random.Random) -> bytes:
 
 
 def TEXT(rng: random.Random) -> bytes:
-    """Sixteen bytes that are no ASCII text, or none at all."""
+    """Sixteen bytes that are not ASCII text, or empty."""
     return rng.choice((b"", rng.randbytes(16), b"\0x", b"\x1b[2J")).ljust(16, b"\0")
 
 
 U8, U16, U32 = (lambda rng, n=n: _u(n, rng) for n in (8, 16, 32))
 I16, I32 = (lambda rng, n=n: _i(n, rng) for n in (16, 32))
-HARMS: dict[str, Change] = {
+LINE_FAULTS: dict[str, Change] = {
     "drops": lambda line, rng, frame, piece: [] if rng.random() < 0.3 else [piece],
     "is silent": lambda line, rng, frame, piece: [],
     "repeats": lambda line, rng, frame, piece: [piece, piece],
@@ -154,11 +154,11 @@ HARMS: dict[str, Change] = {
     ),
     "adds noise": lambda line, rng, frame, piece: [rng.randbytes(rng.randint(1, 200)), piece],
     "cuts frames": lambda line, rng, frame, piece: [piece[: rng.randrange(len(piece))]],
-    "says old frames again": lambda line, rng, frame, piece: [
-        piece, rng.choice(line.said or [piece]),
+    "repeats old frames": lambda line, rng, frame, piece: [
+        piece, rng.choice(line.sent or [piece]),
     ],
 }  # fmt: skip
-STATES: dict[str, Change] = {
+FALSE_FRAMES: dict[str, Change] = {
     **{f"sample.{n}": _states(SampleFrame, n, d) for n, d in {
         "number": U32, "echo": U32, "time_us": U32, "roll": I32, "pitch": I32, "yaw": I32,
         "front_uV": I32, "back_uV": I32, "front_mA": I16, "delay_us": U16, "flags": U8,
@@ -181,21 +181,21 @@ STATES: dict[str, Change] = {
     "an encoder wraps at 32 bits": _counts(lambda now, was, rng: now + 2**31 - 5),
     "an encoder counts backwards": _counts(lambda now, was, rng: 2 * was - now),
     "an encoder is noisy": _counts(lambda now, was, rng: now + rng.randint(-40, 40)),
-    "the clock stands still": _time(lambda now, was, rng: was),
+    "the clock stops": _time(lambda now, was, rng: was),
     "the clock runs backwards": _time(lambda now, was, rng: 2 * was - now),
     "the clock jumps": _time(lambda now, was, rng: now + 2_000_000),
     "the clock runs at half speed": _time(lambda now, was, rng: (now + was) // 2),
 }  # fmt: skip
-ACTS = (
+EVENTS = (
     "the line is cut", "the device restarts", "the device restarts, its boot number repeated",
     "overcurrent", "button", "stall", "an unknown cause", "the device is held up",
-    "the line delays", "the line echoes", "harms what the host sends",
+    "the line delays", "the line echoes", "the line damages commands",
 )  # fmt: skip
 
 
 @dataclass
 class Fault:
-    """One thing that goes wrong, from when and for how long (s, since opening)."""
+    """A fault, its time and its duration (s, since opening)."""
 
     kind: str
     at_s: float
@@ -206,8 +206,8 @@ class Fault:
 
 
 def draw_faults(rng: random.Random) -> list[Fault]:
-    """One to four faults, anywhere from opening to the end of the landing."""
-    kinds = [*HARMS, *STATES, *ACTS, *ACTS]
+    """One to four faults between opening and the end of the ramp."""
+    kinds = [*LINE_FAULTS, *FALSE_FRAMES, *EVENTS, *EVENTS]
     return [
         Fault(
             rng.choice(kinds),
@@ -218,15 +218,15 @@ def draw_faults(rng: random.Random) -> list[Fault]:
     ]
 
 
-class NastyLine(DirectLine):
-    """The emulated device, and everything that `Fault` says goes wrong with it."""
+class FaultyLine(DirectLine):
+    """The emulated device with its faults."""
 
     def __init__(self, rng: random.Random, faults: list[Fault], seed: int) -> None:
         self.rng, self.faults, self.seed = rng, faults, seed
         super().__init__(emulated_endpoint(f"mock:?seed={seed}"))
         self.axis = rng.choice(("roll", "pitch", "yaw"))
         self.held: dict[str, int] = {}
-        self.said: list[bytes] = []
+        self.sent: list[bytes] = []
         self.began = time.monotonic()
         self.done: set[int] = set()
         self.to_host, self.to_device = self._to_host, self._to_device
@@ -249,17 +249,17 @@ class NastyLine(DirectLine):
         return data
 
     def _act(self) -> None:
-        """What happens to the device at an instant, once; and states that last."""
+        """Apply new faults once, and set the states of lasting ones."""
         kinds = set()
         for fault in self.active():
             kinds.add(fault.kind)
             if id(fault) not in self.done:
                 self.done.add(id(fault))
-                self._befall(fault)
+                self._apply(fault)
         self.cut = "the line is cut" in kinds
         self.latency_s = 0.012 if "the line delays" in kinds else 0.0
 
-    def _befall(self, fault: Fault) -> None:
+    def _apply(self, fault: Fault) -> None:
         now = self.now_us
         stops = {
             "overcurrent": (Cause.OVERCURRENT, 2), "button": (Cause.BUTTON, 16),
@@ -283,7 +283,7 @@ class NastyLine(DirectLine):
                 continue
             pieces = [stuffed + b"\0"]
             for fault in self.active():
-                change = HARMS.get(fault.kind) or STATES.get(fault.kind)
+                change = LINE_FAULTS.get(fault.kind) or FALSE_FRAMES.get(fault.kind)
                 if change is None:
                     continue
                 changed: list[bytes] = []
@@ -294,20 +294,20 @@ class NastyLine(DirectLine):
                     else:
                         changed += change(self, self.rng, frame, piece)
                 pieces = changed
-            self.said.append(stuffed + b"\0")
-            del self.said[:-50]
+            self.sent.append(stuffed + b"\0")
+            del self.sent[:-50]
             out += b"".join(pieces)
         return out
 
     def _to_device(self, data: bytes) -> bytes:
-        if any(f.kind == "harms what the host sends" for f in self.active()):
+        if any(f.kind == "the line damages commands" for f in self.active()):
             return _bits(data, self.rng) if self.rng.random() < 0.5 else b""
         return data
 
 
 @contextmanager
 def virtual_time() -> Iterator[Clock]:
-    """The clock of this process, for host and device; no real-time privileges are asked for."""
+    """A virtual clock for host and device, without real-time measures."""
     with pytest.MonkeyPatch.context() as patch:
         clock = installed(patch)
         patch.setattr("heli3dof.experiment.control_loop.rig_exchange.monotonic", clock.monotonic)
@@ -318,13 +318,13 @@ def virtual_time() -> Iterator[Clock]:
 
 
 def emulated(seed: int) -> Result:
-    """One sequence on the emulated device; streamed and polled in turn."""
+    """One sequence on the emulated device: streamed for even seeds, polled for odd ones."""
     rng = random.Random(seed)
     faults = draw_faults(rng)
     found = Result(seed, [str(f) for f in faults], "refused")
     signals = prepare(PLAN, PROFILE, seed)
     with virtual_time() as clock:
-        line = NastyLine(rng, faults, seed)
+        line = FaultyLine(rng, faults, seed)
         opened: LinkRig | None = None
         try:
             opened = LinkRig(line, PROFILE, driver="misbehaving", stream=seed % 2 == 0)
@@ -345,7 +345,7 @@ def emulated(seed: int) -> Result:
 
 
 def _judge(flight: Flight, found: Result) -> None:
-    """The outcome, and everything that is shown of it."""
+    """Check the outcome, and everything that is shown of it."""
     outcome = flight.outcome
     found.ending = outcome.ending
     if outcome.ending == "error":
@@ -360,19 +360,19 @@ def _judge(flight: Flight, found: Result) -> None:
     except Heli3dofError as problem:
         _explains(problem, found)
     except KeyboardInterrupt:
-        found.wrong.append("interrupted, and nobody did")
+        found.wrong.append("interrupted without a request")
 
 
 def _explains(problem: Heli3dofError, found: Result) -> None:
     text = str(problem.what)
     if "fault of ours" in text or problem.exit_code == 1:
         found.wrong.append(f"a fault of ours: {text}")
-    of_the_test = text.startswith(DirectLine.name)
-    if isinstance(problem, DeviceError) and not ((problem.cause and problem.fix) or of_the_test):
-        found.wrong.append(f"no cause or fix: {text}")
+    by_the_test = text.startswith(DirectLine.name)
+    if isinstance(problem, DeviceError) and not ((problem.cause and problem.fix) or by_the_test):
+        found.wrong.append(f"missing cause or fix: {text}")
 
 
-def _ends_at_zero(line: NastyLine, clock: Clock, found: Result) -> None:
+def _ends_at_zero(line: FaultyLine, clock: Clock, found: Result) -> None:
     endpoint, began = line.endpoint, line.now_us
     watchdog_s = line.endpoint.amplifier._watchdog_us * 1e-6
     clock.sleep(watchdog_s + RAMP_S + 2e-3)
@@ -388,7 +388,7 @@ def _ends_at_zero(line: NastyLine, clock: Clock, found: Result) -> None:
 
 
 def draw_switches(rng: random.Random) -> tuple[list[str], float | None, str]:
-    """The firmware's fault switches, and when it is halted or killed (None: never)."""
+    """Fault switches of the firmware, and when it is stopped or killed (None: never)."""
 
     def at() -> str:
         return f"{rng.uniform(0, FLIGHT_S):.3f}"
@@ -414,7 +414,7 @@ def draw_switches(rng: random.Random) -> tuple[list[str], float | None, str]:
 
 
 def firmware(seed: int) -> Result:
-    """One sequence on the firmware's program behind a pseudo-terminal, recorded in a file."""
+    """One sequence on the firmware behind a pseudo-terminal, recorded to a file."""
     rng = random.Random(seed)
     switches, when_s, happens = draw_switches(rng)
     found = Result(seed, [" ".join(switches), f"{happens} at {when_s}"], "refused")
@@ -438,7 +438,7 @@ def firmware(seed: int) -> Result:
                 timer.cancel()
                 timer.join()
             if happens == "kill" and door.process.poll() is not None:
-                return found  # a rig without its electronics has no output
+                return found  # without its program the rig has no output
             time.sleep(0.3 + RAMP_S + SLACK_S)
             last = log.read_text().splitlines()[-1:] if log.exists() else []
             if last and last[0].split()[1:] != ["0", "0.000000", "0.000000"]:
@@ -460,6 +460,6 @@ def _happen(pid: int, what: str) -> None:
 
 
 def endings(results: list[Result]) -> str:
-    """How the flights ended, most frequent first."""
+    """Number of flights per outcome, most frequent first."""
     counted = Counter(r.ending for r in results).most_common()
     return ", ".join(f"{n} {ending}" for ending, n in counted)

@@ -2,12 +2,13 @@
 
     moment i of n  =  (i + u) T/n,   u drawn from [0, 1)
 
-T is the whole flight from its first control period (the device's first byte, where the event comes
-from another process) to zero volts at the end of its landing: every part of it has its moment.
+T is the whole flight from its first control period to zero volts at the end of the ramp, so every
+part of the flight has a moment. If another process causes the event, T begins with the device's
+first byte.
 
-Where neither a process nor a line is needed, the emulated rig is flown in this process on its
-virtual clock, with the limits of the default profile. All else flies in real time in a process of
-its own, the device behind a pseudo-terminal.
+Rows that need neither a process nor a line fly the emulated rig in this process on its virtual
+clock, with the limits of the default profile. All others fly in real time in a process of their
+own, with the device behind a pseudo-terminal.
 """
 
 from __future__ import annotations
@@ -40,12 +41,12 @@ from tests.safety.aboard import Aboard
 from tests.safety.bench import Bench
 from tests.safety.relay import FirmwareBench, zero_since
 from tests.safety.sabotage import sabotage, stamp_reports
-from tests.safety.table import BY_ITSELF, BY_NAME, NOTHING, WATCHDOG
+from tests.safety.table import BY_NAME, INSTANT, NO_EFFECT, WATCHDOG
 
 SEED = 1412
 EMULATED, FIRMWARE = "emulated rig", "firmware in C"
 CALM = "nothing"
-"""No row: the same flight with nothing that goes wrong, to compare with"""
+"""Not a row: the same flight without a fault, for comparison"""
 SIGNALS = {
     "ctrl_c": [signal.SIGINT],
     "second_ctrl_c": [signal.SIGINT, signal.SIGINT],
@@ -64,7 +65,7 @@ SABOTAGE = {
     "laptop_suspend": "sleep",
 }
 CLOSED_LOOP_ONLY = {"exception", "nan", "envelope", "limit"}
-"""Sabotage that a landing does not meet: the controller and the envelope have no part in it"""
+"""Sabotage without effect in the ramp, which uses neither controller nor envelope"""
 AXES = ("roll", "pitch", "yaw")
 MOCK_FAULTS = {
     "encoder_jump": "jump.{axis}@{s:g}:-200",
@@ -87,20 +88,20 @@ NEED_A_PROCESS = {
 }  # fmt: skip
 """Rows that the emulated rig shows behind a pseudo-terminal, in real time"""
 NOTICED = {"frozen_encoder", "late_ticks", "lost_frames", "saturated_for_too_long", "full_disk"}
-"""Rows whose claim counts from the loop's noticing; of an angle beyond the envelope that is the
-sample that shows it, so the event itself"""
+"""Rows whose time counts from detection by the loop. The loop detects an angle beyond the envelope
+in the sample that shows it, so that time counts from the event"""
 RULE_S = {"saturated_for_too_long": 0.3, "late_ticks": 0.7, "lost_frames": 0.3}
-"""s that the monitor's rule needs: what begins later in a flight ends after it"""
+"""s that the monitor needs: a fault that begins later is reported after the plan"""
 SETTLE_S, STEP_S = 2.0, 2.0
-LANDING_S = {EMULATED: 3.0, FIRMWARE: 1.5}
-"""s; in real time shorter, for there are hundreds of flights"""
+RAMP_S = {EMULATED: 3.0, FIRMWARE: 1.5}
+"""s of the ramp at the plan's end; shorter in real time, for hundreds of flights"""
 FLIGHT = (
     "run-step", "--roll", "10", "--yaw", "20", "--settle", str(SETTLE_S),
     "--duration", str(STEP_S), "--quiet",
 )  # fmt: skip
 RATE_HZ = 200
 AFTERWARDS_S = 1.2
-"""s at zero volts after which the arm is on its table, from wherever it was"""
+"""s at zero volts after which the arm is on its table from any height"""
 STOPPED_S = 1.0
 """s for which a process is stopped: longer than watchdog and ramp"""
 LOST_S = 0.45
@@ -112,7 +113,7 @@ ABOVE_DEG = 0.3
 
 @dataclass(frozen=True)
 class Case:
-    """One flight: what is to happen in it, and when."""
+    """One flight: the fault in it, and its time."""
 
     row: str
     device: str
@@ -133,67 +134,67 @@ class Case:
 
 @dataclass
 class Run:
-    """What became of it."""
+    """The outcome of a case."""
 
     case: Case
     phase: str = ""
-    """In which it happened"""
+    """Phase of the flight at the event"""
     event_s: float | None = None
-    """On the flight's clock; None: it did not come to it"""
+    """On the flight's clock; None: it did not happen"""
     since_s: float | None = None
-    """From when the row's claim counts"""
+    """From when the row's time counts"""
     zero_s: float | None = None
-    """Since when the output is zero; None: it never was anything else"""
+    """Time from which the output is zero; None: it was always zero"""
     bound_s: float = 0.0
-    """The row's claim"""
+    """The row's bound"""
     late_s: float = 0.0
-    """By how much the flight's own loop was late, as its recording states"""
+    """Largest lateness of the flight's loop, from its recording"""
     roll_max_deg: float = -inf
-    """Highest, from the event on"""
+    """Largest roll from the event on"""
     table_deg_per_s: float | None = None
-    """Speed at which the arm came down on the table after it; None: it was there already"""
+    """Speed at which the arm reached the table after the event; None: it was there already"""
     code: int | None = None
     """Exit code"""
     ending: str = ""
     detail: str = ""
     second_code: int | None = None
-    """Exit code of the second process that wants the rig"""
+    """Exit code of the second process that opens the rig"""
     again: int = 0
-    """How often it was flown before, and the machine stood still"""
+    """Repetitions because of host stalls"""
     wrong: list[str] = field(default_factory=list)
 
     @property
     def took_s(self) -> float | None:
-        """From where the claim counts to zero volts; 0 where there were none; None: no event."""
+        """s from ``since_s`` to zero volts; 0 if the volts were zero; None without an event."""
         if self.since_s is None:
             return None
         return max(0.0, self.zero_s - self.since_s) if self.zero_s is not None else 0.0
 
     @property
     def in_flight(self) -> bool:
-        """Whether it happened between the arming and zero volts at the end."""
+        """Whether the event was between arming and zero volts at the end."""
         return self.phase not in ("opening", "over", "")
 
     @property
     def at_rest(self) -> bool:
-        """An encoder froze that had no motion left to show: pitch or yaw in the landing, or any
-        after the arm had come down. No monitor can know (docs/reference/safety.md)."""
+        """Whether an encoder froze without any motion to come: pitch or yaw in the ramp, or any
+        axis after the arm was down. No monitor can detect that (docs/reference/safety.md)."""
         down = self.roll_max_deg < TABLE_DEG + ABOVE_DEG
         still = self.case.axis != "roll" or down
-        return self.case.row == "frozen_encoder" and self.phase == "landing" and still
+        return self.case.row == "frozen_encoder" and self.phase == "ramp" and still
 
     @property
     def as_claimed(self) -> bool:
-        """Exit code, outcome and words are the row's."""
+        """Whether exit code, outcome and message are the row's."""
         row = BY_NAME[self.case.row]
         if row.exit_code < 0:
             return self.code == row.exit_code and self.ending == "recovered"
-        said = row.said if not row.said.startswith("gone") else "gone"
-        return (self.code, self.ending) == (row.exit_code, row.ending) and said in self.detail
+        part = row.detail if not row.detail.startswith("gone") else "gone"
+        return (self.code, self.ending) == (row.exit_code, row.ending) and part in self.detail
 
 
 def cases(n: int) -> list[Case]:
-    """All flights: those in real time first, which are long."""
+    """All flights; first those in real time, which take long."""
     made = []
     for device in (FIRMWARE, EMULATED):
         for row in (CALM, *BY_NAME):
@@ -211,12 +212,12 @@ def span_s(case: Case) -> float:
     in_closed_loop = SETTLE_S + STEP_S - RULE_S.get(case.row, 0.0)
     if SABOTAGE.get(case.row) in CLOSED_LOOP_ONLY:
         return in_closed_loop
-    landing_s = LANDING_S[EMULATED if case.virtual else FIRMWARE]
-    return in_closed_loop + landing_s
+    ramp_s = RAMP_S[EMULATED if case.virtual else FIRMWARE]
+    return in_closed_loop + ramp_s
 
 
 def fly(case: Case) -> Run:
-    """One flight. What the bench itself could not do stands in ``wrong``."""
+    """Fly one case. Failures of the bench itself go into ``wrong``."""
     run = Run(case)
     _take_signals()
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
@@ -230,8 +231,8 @@ def fly(case: Case) -> Run:
 
 
 def _take_signals() -> None:
-    """A job in the background, or under nohup, is started with signals ignored, and so would its
-    children be: they honour that, and no Ctrl-C would reach a flight."""
+    """Stop ignoring signals, as a background job or nohup does: flights would inherit it, and
+    ignore Ctrl-C."""
     for number, handler in (
         (signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL),
     ):  # fmt: skip
@@ -245,7 +246,7 @@ ATTEMPTS = 3
 
 
 def fly_again_where_held_up(case: Case) -> Run:
-    """`fly`; again where the machine, not the event, held the loop up or ended the flight."""
+    """`fly`, repeated if the machine, not the event, held the loop up or ended the flight."""
     for attempt in range(ATTEMPTS):
         run = fly(case)
         run.again = attempt
@@ -305,17 +306,17 @@ def _in_process(case: Case, run: Run, patch: pytest.MonkeyPatch, folder: Path) -
 
 
 WEAK = {"saturated_max_s": 0.2, "slew_max_V_per_s": 1e6}
-"""Limits of the row about saturation: two seconds at the limit end at the envelope before"""
+"""Limits of the row about saturation: within two seconds the envelope would trip first"""
 
 
 def _send_signals(
     aboard: Aboard, numbers: list[signal.Signals], at_s: float | None, stamp: Callable[[str], None]
 ) -> None:
-    """At that time, or at the arming (None); the event is the last of them."""
+    """Send signals at that time, or at arming (None); the event is the last of them."""
 
     def send(number: signal.Signals) -> None:
         if number == signal.SIGHUP and signal.getsignal(number) in (signal.SIG_DFL, signal.SIG_IGN):
-            return  # the flight is over, and this process is not to end
+            return  # the flight is over, and this process must not end
         signal.raise_signal(number)
 
     for i, number in enumerate(numbers):
@@ -336,7 +337,7 @@ def _send_signals(
 
 
 def _on_a_line(case: Case, run: Run, patch: pytest.MonkeyPatch, folder: Path) -> None:
-    limits: dict[str, Any] = {**PATIENT, "landing_s": LANDING_S[FIRMWARE], "rate_hz": RATE_HZ}
+    limits: dict[str, Any] = {**PATIENT, "landing_s": RAMP_S[FIRMWARE], "rate_hz": RATE_HZ}
     watchdog_s = 0.3 if case.row != CALM and BY_NAME[case.row].zero is WATCHDOG else 0.9
     serial = random.SystemRandom().randrange(1, 10**9)
     if case.row == "lost_frames":
@@ -373,9 +374,9 @@ def _on_a_line(case: Case, run: Run, patch: pytest.MonkeyPatch, folder: Path) ->
         )
         stack.callback(process.kill)
         _until(lambda: rig.opened_s is not None or process.poll() is not None, START_S)
-        by_us = None
+        event_s = None
         if case.row not in SWITCHES or (case.device == EMULATED and case.row == "device_reset"):
-            by_us = _happen(case, rig, process, folder, run)
+            event_s = _happen(case, rig, process, folder, run)
         if kind == "sleep":
             _wake(process)
         _, err = process.communicate(timeout=END_S)
@@ -392,14 +393,14 @@ def _on_a_line(case: Case, run: Run, patch: pytest.MonkeyPatch, folder: Path) ->
             path = path.with_name("flight.recovered.mcap")
     _read(run, path, err)
     if case.row == "second_process":
-        # The table's exit code is the second one's; the first's must be 0.
+        # The table's exit code is that of the second process; the first must end with 0.
         if run.code != 0:
             run.wrong.append(f"the flight ended with {run.code}: {err[-200:]}")
         run.code = run.second_code
     run.zero_s = zero
     stamped = _stamps(stamps)
-    run.event_s = stamped.get("event", by_us)
-    if case.row in SWITCHES and by_us is None and armed_s is not None:
+    run.event_s = stamped.get("event", event_s)
+    if case.row in SWITCHES and event_s is None and armed_s is not None:
         run.event_s = armed_s + case.moment_s
     if case.row == CALM:
         run.event_s = armed_s
@@ -414,11 +415,11 @@ def _on_a_line(case: Case, run: Run, patch: pytest.MonkeyPatch, folder: Path) ->
 def _happen(
     case: Case, rig: Bench | FirmwareBench, process: subprocess.Popen[str], folder: Path, run: Run
 ) -> float | None:
-    """What another process or the line does at the moment; when that was."""
+    """Cause the event from another process or on the line; the time of that."""
     if case.row == CALM or case.row in SABOTAGE:
         return None
     if case.row == "estop_from_a_second_terminal":
-        stop_rigs("serial:///dev/heli3dof-absent", "its code is loaded now, not in the measurement")
+        stop_rigs("serial:///dev/heli3dof-absent", "loads the code before the measurement")
     assert rig.opened_s is not None, "the flight never opened its device"
     time.sleep(max(0.0, rig.opened_s + case.moment_s - time.monotonic()))
     if process.poll() is not None:
@@ -456,7 +457,7 @@ def _happen(
 
 
 def _wake(process: subprocess.Popen[str]) -> None:
-    """A process that has stopped itself goes on after a while."""
+    """Continue a process that stopped itself, after a while."""
     stat = Path(f"/proc/{process.pid}/stat")
     while process.poll() is None:
         if stat.read_text().rpartition(")")[2].split()[0] == "T":
@@ -483,7 +484,7 @@ def _zero(rig: Bench | FirmwareBench) -> float | None:
 
 
 def _stamps(path: Path) -> dict[str, float]:
-    """The first of each."""
+    """The first time of each stamp."""
     found: dict[str, float] = {}
     if path.exists():
         for line in path.read_text().splitlines():
@@ -498,17 +499,17 @@ def _until(reached: Callable[[], bool], most_s: float) -> None:
         time.sleep(5e-3)
 
 
-# ---- what it was --------------------------------------------------------------------------------
+# ---- results --------------------------------------------------------------------------------
 
 
 def _read(run: Run, path: Path, err: str) -> None:
-    """Outcome and words, from the recording; where there is none, what was said on the screen."""
+    """Outcome and message from the recording; without one, from standard error."""
     if not path.exists():
         run.detail = err[-300:]
         return
     try:
         meta = read_recording(path).meta
-    except RecordingError as problem:  # of a flight without one sample it says how that ended
+    except RecordingError as problem:  # a flight without a sample: the error holds the outcome
         ending, _, run.detail = problem.what.partition("holds no samples: ")[2].partition(", ")
         run.ending = ending or problem.what
         return
@@ -525,7 +526,7 @@ def _phase(at_s: float | None, armed_s: float, settled_s: float, over_s: float) 
         return "opening"
     if at_s > over_s + 1e-6:
         return "over"
-    return "landing" if at_s > settled_s else "take-off" if at_s < armed_s + SETTLE_S else "step"
+    return "ramp" if at_s > settled_s else "take-off" if at_s < armed_s + SETTLE_S else "step"
 
 
 def _since(
@@ -535,13 +536,13 @@ def _since(
     noticed: float | None,
     last_command: float | None,
 ) -> None:
-    """From when the row's claim counts, and what it is."""
+    """The row's bound, and from when it counts."""
     if run.case.row == CALM:
         return
     bound = BY_NAME[run.case.row].zero
     run.bound_s = bound.seconds(profile, watchdog_s)
     run.since_s = run.event_s
-    if bound is NOTHING:
+    if bound is NO_EFFECT:
         run.since_s = None
     if run.event_s is None:
         return
@@ -552,7 +553,7 @@ def _since(
 
 
 def _motion(run: Run, motion: list[tuple[float, float, float]]) -> None:
-    """Highest roll after the event, and the speed at the table."""
+    """Largest roll after the event, and the speed at the table."""
     if run.event_s is None:
         return
     after = [(degrees(roll), degrees(rate)) for t, roll, rate in motion if t >= run.event_s]
@@ -565,5 +566,5 @@ def _motion(run: Run, motion: list[tuple[float, float, float]]) -> None:
 
 
 def is_instant(case: Case) -> bool:
-    """Whether the device does it by itself in the same instant."""
-    return case.row != CALM and BY_NAME[case.row].zero is BY_ITSELF
+    """Whether the device stops on its own in the same instant."""
+    return case.row != CALM and BY_NAME[case.row].zero is INSTANT

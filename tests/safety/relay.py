@@ -1,7 +1,7 @@
-"""The firmware's program behind a cable that can be pulled, and that may carry nothing.
+"""The firmware's program behind a cable that can be pulled, or lose one direction.
 
-The flight opens a pseudo-terminal of ours; a thread carries the bytes to the firmware's and back.
-Looks like `tests.safety.bench.Bench` to a flight: the same names, the same clock.
+The flight opens a pseudo-terminal; a thread relays the bytes between it and the firmware's. Same
+attributes and clock as `tests.safety.bench.Bench`.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from tests.drivers.firmware.building import rig_program
 
 
 class FirmwareBench:
-    """Use it in a ``with`` statement. ``url`` opens the rig."""
+    """A context manager; ``url`` opens the rig."""
 
     def __init__(self, folder: Path, watchdog_s: float, *switches: str) -> None:
         self.watchdog_s = watchdog_s
         self.deaf = self.mute = False
-        """What the host sends does not arrive; what the device sends does not"""
+        """True: bytes from the host, or from the device, do not arrive"""
         self.opened_s: float | None = None
-        """When the host's first byte came"""
+        """Time of the host's first byte"""
         self.carried_s: list[float] = []
-        """When something of the host's was carried to the device"""
+        """Times at which bytes went on to the device"""
         self._volts, self._motion = folder / "volts", folder / "motion"
         self._door = Door([
             rig_program(), "--with-parent", "--watchdog", f"{1e3 * watchdog_s:.0f}",
@@ -42,30 +42,30 @@ class FirmwareBench:
         os.set_blocking(self._ours, False)
         self.path = os.ttyname(self._theirs)
         self._over = self._pulled = False
-        self._thread = threading.Thread(target=self._carry, daemon=True)
+        self._thread = threading.Thread(target=self._relay, daemon=True)
 
     @property
     def url(self) -> str:
         return f"serial://{self.path}?watchdog_s={self.watchdog_s}"
 
     def pull(self) -> float:
-        """The cable is out: the port is gone. When that was."""
+        """Remove the port, like a cable that is pulled out. Time of that."""
         self._pulled = True
         return time.monotonic()
 
     @property
     def outputs(self) -> list[tuple[float, float, float]]:
-        """(t in s, front V, back V) from every change on."""
+        """(t in s, front V, back V) at every change."""
         return [(t, front, back) for t, _, front, back in _table(self._volts)]
 
     @property
     def armed_s(self) -> float | None:
-        """When it was armed first."""
+        """Time of the first arming."""
         return next((line[0] for line in _table(self._volts) if line[1]), None)
 
     @property
     def motion(self) -> list[tuple[float, float, float]]:
-        """(t, roll in rad, its rate in rad/s) of the firmware's plant itself."""
+        """(t, roll in rad, its rate in rad/s) of the firmware's plant."""
         return [(t, roll, rate) for t, roll, rate in _table(self._motion)]
 
     def __enter__(self) -> FirmwareBench:
@@ -79,7 +79,7 @@ class FirmwareBench:
         for end in {self._rig, self._ours, self._theirs} - {-1}:
             os.close(end)
 
-    def _carry(self) -> None:
+    def _relay(self) -> None:
         while not self._over:
             if self._pulled and self._ours >= 0:
                 os.close(self._theirs)
@@ -89,7 +89,7 @@ class FirmwareBench:
             ready, _, _ = select.select(ends, [], [], 0.02)
             for end in ready:
                 data = os.read(end, 4096)
-                # A host that is stopped does not read: what it has no room for is lost.
+                # A stopped host does not read: bytes beyond the buffer are lost.
                 if end == self._ours:
                     self.opened_s = self.opened_s or time.monotonic()
                     if not self.deaf:
@@ -101,7 +101,7 @@ class FirmwareBench:
 
 
 def zero_since(outputs: list[tuple[float, float, float]]) -> float | None:
-    """Since when the output is zero for good; infinite while it is not, None if it ever was."""
+    """Time from which the output stays zero; infinite while it is not, None if it was always."""
     since: float | None = None
     for i, (_, *volts) in enumerate(outputs):
         if volts != [0.0, 0.0]:
@@ -110,7 +110,7 @@ def zero_since(outputs: list[tuple[float, float, float]]) -> float | None:
 
 
 def _table(path: Path) -> list[tuple[float, ...]]:
-    """The file's whole lines; the last may still be written."""
+    """The file's complete lines; the last may still be written."""
     if not path.exists():
         return []
     whole = path.read_text().rpartition("\n")[0].splitlines()

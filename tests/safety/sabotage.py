@@ -1,9 +1,8 @@
-"""Faults inside the flight's own process, from a given moment on: the host's half of the table.
+"""Faults inside the flight's process from a given moment on: the host's half of the table.
 
-``python -m tests.safety.sabotage KIND@SECONDS STAMP run-step …`` is the command line with one of
-them (``none``: with nothing wrong); seconds count from the first control period. The file STAMP
-receives ``event`` or ``noticed`` (by a safety monitor or from the recorder), and CLOCK_MONOTONIC in
-s.
+``python -m tests.safety.sabotage KIND@SECONDS STAMP run-step …`` runs the command line with one
+fault (``none``: without). Seconds count from the first control period. The file STAMP gets a line
+``event`` or ``noticed`` (by a safety monitor or the recorder), with CLOCK_MONOTONIC in s.
 """
 
 from __future__ import annotations
@@ -21,8 +20,8 @@ from typing import Any
 
 from heli3dof.errors import NoSpace
 from heli3dof.experiment import fly
-from heli3dof.experiment.control_loop.control_period import Period, Watch
-from heli3dof.experiment.safety_monitors import Watches, host_suspend, watches_for
+from heli3dof.experiment.control_loop.control_period import Monitor, Period
+from heli3dof.experiment.safety_monitors import FlightMonitors, host_suspend, monitors_for
 from heli3dof.model.control.loop_opening import OpenedController
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.mcap_files.mcap_writer import McapFile
@@ -32,7 +31,7 @@ from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
 
 KINDS = ("none", "exception", "nan", "limit", "envelope", "late", "disk", "sleep")
 LATE_S = 0.04
-"""s by which every period comes late then: two thirds of the periods of such a flight"""
+"""s by which every period is late: two thirds of the periods of such a flight are late"""
 SLEPT_S = 600.0
 Due = Callable[[], bool]
 Stamp = Callable[[str], None]
@@ -40,19 +39,19 @@ Put = Callable[[Any, str, Any], None]
 
 
 def sabotage(kind: str, due: Due, stamp: Stamp, put: Put = setattr, halt: bool = False) -> None:
-    """From the moment on at which ``due`` is true, this goes wrong.
+    """Install the fault ``kind``, which begins once ``due`` returns True.
 
-    ``stamp`` is called with "event" as it begins, and with "noticed" where only the sabotaged code
-    knows when the loop learns of it. ``halt``: a computer that sleeps stops this process, too,
-    until SIGCONT comes.
+    ``stamp`` is called with "event" at its beginning, and with "noticed" if only the faulty code
+    knows when the loop detects it. ``halt``: a sleeping computer also stops this process until
+    SIGCONT.
     """
-    begun: list[str] = []
+    began: list[str] = []
 
     def on() -> bool:
-        if due() and not begun:
-            begun.append(kind)
+        if due() and not began:
+            began.append(kind)
             stamp("event")
-        return bool(begun)
+        return bool(began)
 
     if kind in ("exception", "nan", "limit"):
         put(OpenedController, "step", _controller(kind, on))
@@ -69,22 +68,22 @@ def sabotage(kind: str, due: Due, stamp: Stamp, put: Put = setattr, halt: bool =
 
 
 def stamp_reports(stamp: Stamp, put: Put = setattr) -> None:
-    """Call ``stamp`` with "noticed" in the period in which a safety monitor reports something."""
+    """Call ``stamp`` with "noticed" in the period in which a safety monitor reports."""
 
-    def listened(watch: Watch) -> Watch:
-        def judged(now: Period) -> str | None:
-            why = watch(now)
-            if why is not None:
+    def stamping(monitor: Monitor) -> Monitor:
+        def judge(now: Period) -> str | None:
+            report = monitor(now)
+            if report is not None:
                 stamp("noticed")
-            return why
+            return report
 
-        return judged
+        return judge
 
-    def watches_with_stamps(profile: Profile) -> Watches:
-        watches = watches_for(profile)
-        return replace(watches, each_period=tuple(map(listened, watches.each_period)))
+    def stamping_monitors(profile: Profile) -> FlightMonitors:
+        monitors = monitors_for(profile)
+        return replace(monitors, each_period=tuple(map(stamping, monitors.each_period)))
 
-    put(fly, "watches_for", watches_with_stamps)
+    put(fly, "monitors_for", stamping_monitors)
 
 
 def _controller(kind: str, on: Due) -> Callable[..., object]:
@@ -105,7 +104,7 @@ def _controller(kind: str, on: Due) -> Callable[..., object]:
 
 
 def _narrow_envelope(on: Due, put: Put) -> None:
-    """The highest roll that the envelope permits is below the present one from then on."""
+    """Lower the envelope's roll limit below the present roll."""
     profiles: dict[int, Profile] = {}
     start, check = Envelope.__init__, Envelope.check
 
@@ -125,7 +124,7 @@ def _narrow_envelope(on: Due, put: Put) -> None:
 
 
 def _each_period(what: Callable[[], object], put: Put) -> None:
-    """Every period is handed to the recorder, those of the ramp too."""
+    """Call ``what`` whenever the recorder gets a period, those of the ramp included."""
     append = RecordingWriter.append
 
     def appended(self: RecordingWriter, row: Row) -> None:
@@ -156,7 +155,7 @@ def _fill_disk(on: Due, stamp: Stamp, put: Put) -> None:
 
 
 def _sleep(on: Due, halt: bool, put: Put) -> None:
-    """As `tests.safety.test_in_process` has it: boottime goes on, and monotonic does not."""
+    """As in `tests.safety.test_in_process`: boottime goes on, and monotonic does not."""
     real = host_suspend.ahead_s
     slept: list[float] = []
 
@@ -171,16 +170,16 @@ def _sleep(on: Due, halt: bool, put: Put) -> None:
 
 
 def main(what: str, path: str, words: list[str]) -> None:
-    """The command line, sabotaged."""
+    """Run the command line with the fault."""
     from heli3dof.cli.app import main as command_line
 
     kind, _, seconds = what.partition("@")
-    begun: list[float] = []
+    began: list[float] = []
 
     def due() -> bool:
         now = time.monotonic()
-        begun[:] = begun or [now]
-        return now - begun[0] >= float(seconds)
+        began[:] = began or [now]
+        return now - began[0] >= float(seconds)
 
     def stamp(what: str) -> None:
         with Path(path).open("a") as file:

@@ -1,8 +1,7 @@
-"""The table of docs/reference/safety.md: each fault, its consequence, and the time to zero volts.
+"""The tables of docs/reference/safety.md: faults, their outcome, and the time until zero volts.
 
-The rows are data: a test of the same name (`test_` and the row's name) shows each one, and takes
-its exit code, outcome, words and time from here. ``python -m tests.pages`` writes
-the page's tables.
+Each row has a test (`test_` and the row's name), which takes exit code, outcome, message and time
+from here. ``python -m tests.pages`` rewrites the page's tables.
 """
 
 from __future__ import annotations
@@ -18,42 +17,42 @@ from tests.pages.page import table as markdown_table
 from tests.paths import ROOT
 
 BENCHMARKS = ROOT / "docs" / "results" / "benchmarks.json"
-"""What `python -m tests.bench` keeps"""
+"""Written by `python -m tests.bench`"""
 
 WATCHDOG_S = 0.1
 DEVICE_RAMP_S = 0.2
-"""Defaults of the emulated rig and of the firmware"""
+"""s: defaults of the emulated rig and of the firmware"""
 
 
 @dataclass(frozen=True)
 class Bound:
-    """How long until zero volts; from when, and how that is reckoned."""
+    """Time until zero volts: from when, and its formula."""
 
     formula: str
     since: str
     seconds: Callable[[Profile, float], float]
-    """of the profile and the device's watchdog in s"""
+    """of the profile and the device's watchdog (s)"""
 
     def cell(self) -> str:
-        """As the table shows it, for the profile that is used when none is given."""
+        """The table's cell, for the default profile."""
         s = self.seconds(default_profile(), WATCHDOG_S)
         return f"{1e3 * s:g} ms after {self.since} ({self.formula})"
 
 
 def ramp(since: str) -> Bound:
-    """The host ramps, beginning in the period that follows."""
+    """The host ramps, from the next period on."""
     return Bound(
         "1 period + `ramp_down_s`", since, lambda p, watchdog_s: p.dt + p.limits.ramp_down_s
     )
 
 
 def at_once(since: str) -> Bound:
-    """The host stops the device in the period that follows."""
+    """The host stops the device in the next period."""
     return Bound("2 periods", since, lambda p, watchdog_s: 2 * p.dt)
 
 
-ASKED = Bound(
-    "0.2 s in which the flight answers, or the device is stopped past it + 2 periods",
+REQUESTED = Bound(
+    "0.2 s for the flight's answer, else the device is stopped directly, + 2 periods",
     "the request",
     lambda p, watchdog_s: PATIENCE_S + 2 * p.dt,
 )
@@ -62,13 +61,13 @@ WATCHDOG = Bound(
     "the last command",
     lambda p, watchdog_s: watchdog_s + DEVICE_RAMP_S,
 )
-BY_ITSELF = Bound("in the same instant", "it happens", lambda p, watchdog_s: 0.0)
-NOTHING = Bound("nothing happens to it", "it", lambda p, watchdog_s: 0.0)
+INSTANT = Bound("in the same instant", "it happens", lambda p, watchdog_s: 0.0)
+NO_EFFECT = Bound("no effect", "it", lambda p, watchdog_s: 0.0)
 
 
 @dataclass(frozen=True)
 class Row:
-    """One thing that goes wrong."""
+    """A fault, and its outcome."""
 
     name: str
     what: str
@@ -76,23 +75,23 @@ class Row:
     device: str
     zero: Bound
     ending: str
-    said: str
-    """What the recording's detail holds"""
+    detail: str
+    """Part of the recording's detail"""
     exit_code: int
     shown: str = ""
-    """How the page shows that, where it is only an example of it"""
+    """On the page instead of ``detail``, if that is only an example"""
 
     def cells(self) -> list[str]:
-        said = self.shown or self.said
-        says = f"`{self.ending}`: {said}" if said else self.ending
+        detail = self.shown or self.detail
+        outcome = f"`{self.ending}`: {detail}" if detail else self.ending
         code = "killed" if self.exit_code < 0 else str(self.exit_code)
-        zero = "–" if self.zero is NOTHING else self.zero.cell()
-        return [self.what, self.notices, self.device, zero, says, code]
+        zero = "–" if self.zero is NO_EFFECT else self.zero.cell()
+        return [self.what, self.notices, self.device, zero, outcome, code]
 
 
 LOOP, DEVICE = "the loop", "the device"
 RAMPED = "is ramped to zero by commands"
-STOPPED = "receives a stop: zero at once, until armed"
+STOPPED = "gets a stop command: zero at once, until armed"
 LATCHES = "ramps to zero on its own and latches, until armed"
 ROWS = [
     Row("ctrl_c", "Ctrl-C", LOOP, RAMPED, ramp("the signal"),
@@ -104,59 +103,59 @@ ROWS = [
     Row("terminal_closed", "the terminal is closed (SIGHUP)", LOOP, RAMPED, ramp("the signal"),
         "interrupted", "stopped since the terminal was closed (SIGHUP)", 130),
     Row("estop_from_a_second_terminal", "`heli3dof estop` from a second terminal", LOOP, STOPPED,
-        ASKED, "tripped", "emergency stop on request", 4),
+        REQUESTED, "tripped", "emergency stop on request", 4),
     Row("kill_9", "`kill -9`, a crash, the computer dies", DEVICE, LATCHES, WATCHDOG,
-        "none, and `heli3dof recover` brings the file back", "", -9),
+        "none; `heli3dof recover` restores the file", "", -9),
     Row("stopped_process", "Ctrl-Z, a process that hangs", DEVICE, LATCHES, WATCHDOG,
         "tripped", "the device's watchdog expired", 4),
     Row("laptop_suspend", "the laptop is suspended", "the device; the loop when it wakes",
         LATCHES + "; on waking it " + STOPPED, WATCHDOG,
         "tripped", "the computer slept", 4),
     Row("exception_in_the_controller", "an exception in the controller", LOOP, RAMPED,
-        ramp("it"), "error", "ZeroDivisionError", 1, "what was raised"),
+        ramp("it"), "error", "ZeroDivisionError", 1, "the exception"),
     Row("nan_from_the_controller", "NaN from the controller", LOOP,
         RAMPED + " from the last voltage", ramp("it"),
         "tripped", "the controller asked for nan V", 4),
-    Row("encoder_jump", "an encoder jumps", "the loop (`Jump`)", RAMPED, ramp("the jump"),
+    Row("encoder_jump", "an encoder jumps", "the loop (`EncoderJump`)", RAMPED, ramp("the jump"),
         "tripped", "encoder jumped by", 4, "which encoder jumped, by how many counts"),
     Row("frozen_encoder", "an encoder freezes", "the loop (`FrozenEncoder`, `SilentEncoder`)",
-        RAMPED, ramp("it is noticed"), "tripped", "encoder's count stood at", 4,
-        "which encoder's count did not change, for how long, and what its axis did meanwhile"),
+        RAMPED, ramp("detection"), "tripped", "encoder's count stood at", 4,
+        "which encoder's count stayed constant, for how long, and the motion of its axis"),
     Row("envelope_trip", "an angle, rate, voltage or time beyond the envelope", LOOP, RAMPED,
         ramp("the sample that shows it"), "tripped", "beyond the envelope's", 4,
         "what was beyond it, and by how much"),
-    Row("late_ticks", "half of the last second's periods come late", "the loop (`Late`)",
-        RAMPED, ramp("it is noticed"), "tripped", "the loop was too late", 4),
-    Row("lost_frames", "samples, or commands, are lost in a row", "the loop (`Lost`)", RAMPED,
-        ramp("it is noticed"), "tripped", "the line loses frames", 4),
-    Row("saturated_for_too_long", "a motor at its limit for too long", "the loop (`Saturated`)",
-        RAMPED, ramp("it is noticed"), "tripped", "was at its limit", 4),
+    Row("late_ticks", "half of the last second's periods come late", "the loop (`Lateness`)",
+        RAMPED, ramp("detection"), "tripped", "the loop was too late", 4),
+    Row("lost_frames", "samples, or commands, are lost in a row", "the loop (`LostFrames`)", RAMPED,
+        ramp("detection"), "tripped", "the line loses frames", 4),
+    Row("saturated_for_too_long", "a motor at its limit for too long", "the loop (`Saturation`)",
+        RAMPED, ramp("detection"), "tripped", "was at its limit", 4),
     Row("cable_out", "the cable is pulled out", "the device, and the loop", LATCHES, WATCHDOG,
         "device", "gone", 3, "the line is gone, or the rig has gone silent"),
     Row("device_reset", "the device restarts (brown-out, crash)", "the device, and the loop",
         "starts with the amplifier disabled; its counts begin at zero where the rig was then",
-        BY_ITSELF, "device", "has restarted", 3, "the device has restarted"),
-    Row("stalled_motor", "a motor is stalled", DEVICE, "stops on its own, until armed", BY_ITSELF,
+        INSTANT, "device", "has restarted", 3, "the device has restarted"),
+    Row("stalled_motor", "a motor is stalled", DEVICE, "stops on its own, until armed", INSTANT,
         "tripped", "a motor is stalled", 4),
     Row("amplifier_fault", "overcurrent, over-temperature", DEVICE,
-        "stops on its own; arms again when the amplifier does", BY_ITSELF,
+        "stops on its own; arms again when the amplifier does", INSTANT,
         "tripped", "the amplifier reports a fault", 4),
-    Row("button", "the rig's own button", DEVICE, "stops on its own, until armed", BY_ITSELF,
+    Row("button", "the rig's own button", DEVICE, "stops on its own, until armed", INSTANT,
         "tripped", "an emergency stop is in force", 4),
-    Row("full_disk", "the disk is full, or fails", "the loop, from its recorder", RAMPED,
-        ramp("it is noticed"), "error", "no space left", 5),
+    Row("full_disk", "the disk is full, or fails", "the loop, by its recorder", RAMPED,
+        ramp("detection"), "error", "no space left", 5),
     Row("second_process", "a second process opens the rig", "its session's lock",
-        "flies on undisturbed", NOTHING, "completed", "", 3),
+        "flies on", NO_EFFECT, "completed", "", 3),
 ]  # fmt: skip
 BY_NAME = {row.name: row for row in ROWS}
-HEAD = ["what happens", "who notices", "the device", "zero volts within", "the recording says",
+HEAD = ["fault", "detected by", "the device", "zero volts within", "outcome in the recording",
         "exit code"]  # fmt: skip
 LIMITS = {
-    "late_max_s": "a period that comes later than this is late …",
-    "late_max_share": "… and more than this share of the last second's: land",
-    "lost_max_s": "samples, or commands, lost in a row for longer: land. Keep it below the "
-    "watchdog's time, after which the device stops on its own",
-    "saturated_max_s": "a motor at its limit for longer: land",
+    "late_max_s": "a period that comes later is late …",
+    "late_max_share": "… and a larger share of the last second's periods ends the flight",
+    "lost_max_s": "samples, or commands, lost in a row for longer end the flight. Keep it below "
+    "the watchdog's time, after which the device stops on its own",
+    "saturated_max_s": "a motor at its limit for longer ends the flight",
     "ramp_down_s": "the ramp from hover to zero after a trip or an interrupt",
 }
 
@@ -171,7 +170,7 @@ def table() -> str:
 
 
 def limits() -> str:
-    """What a profile may set of the watches' numbers."""
+    """The limits of the monitors that a profile may set."""
     given = Limits()
     rows = [[f"`{key}`", f"{getattr(given, key):g}", LIMITS[key]] for key in LIMITS]
     return markdown_table(["key", "default", "meaning"], rows)

@@ -1,6 +1,6 @@
-"""Rows of safety.md once more, on the firmware in C: a process that no test holds up.
+"""Rows of docs/reference/safety.md on the firmware in C, a process of its own.
 
-What its output stage was told is in its log: CLOCK_MONOTONIC in s, enabled, front and back V.
+Its log holds every change of its output: CLOCK_MONOTONIC in s, enabled, front and back V.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from tests.safety.test_processes import PROFILE, ended, flying, starts_clean
 pytestmark = pytest.mark.realtime
 WATCHDOG_S = 0.3
 BUSY_S = STANDSTILL_S + 0.1
-"""s by which a busy machine may delay the firmware's process, though no other goes before it"""
+"""s by which a busy machine may delay the firmware's process"""
 
 
 class Firmware:
-    """Looks like `tests.safety.bench.Bench` to a flight."""
+    """Same attributes as `tests.safety.bench.Bench`."""
 
     def __init__(self, door: Door, log: Path) -> None:
         self.url = door.url(f"watchdog_s={WATCHDOG_S}")
@@ -33,13 +33,13 @@ class Firmware:
 
     @property
     def lines(self) -> list[tuple[float, ...]]:
-        """t, enabled, front V, back V, of every change; the last line may still be written."""
+        """t, enabled, front V, back V, at every change; the last line may still be written."""
         whole = self._log.read_text().rpartition("\n")[0].splitlines()
         return [tuple(float(word) for word in line.split()) for line in whole]
 
     @property
     def zero_s(self) -> float:
-        """Since when the output is zero; infinite while it is not."""
+        """Time from which the output is zero; infinite while it is not."""
         since = inf
         for t, _, *volts in reversed(self.lines):
             if volts != [0.0, 0.0]:
@@ -61,7 +61,7 @@ def within(name: str) -> float:
     return BY_NAME[name].zero.seconds(PROFILE, WATCHDOG_S) + BUSY_S
 
 
-def test_a_killed_flights_rig_is_at_zero_within_watchdog_and_ramp(tmp_path: Path) -> None:
+def test_after_kill_9_the_rig_is_at_zero_within_watchdog_and_ramp(tmp_path: Path) -> None:
     with firmware_door("--log", str(tmp_path / "volts")) as door:
         rig = Firmware(door, tmp_path / "volts")
         with flying(rig, tmp_path) as flight:
@@ -70,8 +70,8 @@ def test_a_killed_flights_rig_is_at_zero_within_watchdog_and_ramp(tmp_path: Path
             flight.end()
             time.sleep(within("kill_9"))
         assert killed_s < rig.zero_s <= killed_s + within("kill_9")
-        # No step on the way: between two changes the output falls by no more than the ramp does
-        # in the time from the change before them, since which the first of them was reckoned.
+        # Without steps: between two changes the output falls by no more than the ramp does since
+        # the change before them.
         ramp = [(t, front) for t, _, front, _ in rig.lines if t > killed_s]
         slope = max(front for _, front in ramp) / DEVICE_RAMP_S
         for (before_s, _), (_, a), (at_s, b) in zip(ramp, ramp[1:], ramp[2:], strict=False):
@@ -99,15 +99,13 @@ def test_ctrl_c_ramps_the_rig_to_zero(tmp_path: Path) -> None:
         ("button", "--button-after=1"),
     ],
 )
-def test_what_breaks_in_the_device_stops_it_by_itself(
-    name: str, drill: str, tmp_path: Path
-) -> None:
+def test_a_fault_in_the_device_stops_it(name: str, drill: str, tmp_path: Path) -> None:
     with firmware_door("--log", str(tmp_path / "volts"), drill) as door:
         rig = Firmware(door, tmp_path / "volts")
         with flying(rig, tmp_path) as flight:
             ended(name, flight)
         volts = [front for _, _, front, _ in rig.lines]
-        # From full to nothing in one step: no ramp, no command in between.
+        # To zero in one step, without a ramp or a command.
         assert volts[-1] == 0.0
         assert volts[-2] > 3.0
         starts_clean(rig)

@@ -1,4 +1,4 @@
-"""The rows of safety.md that one process shows: the device's output, period by period."""
+"""The rows of docs/reference/safety.md that need one process: the device's output, period by period."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from tests.safety.aboard import Aboard
 
 MOCK = "mock:?speed=max&seed=1&start=level"
 EVENT_S = 1.0
-IN_FLIGHT_AND_IN_LANDING = (EVENT_S, 5.0)
-"""s; the landing at the plan's end begins at 4 s and takes 3 s"""
+IN_FLIGHT_AND_IN_RAMP = (EVENT_S, 5.0)
+"""s; the ramp at the plan's end begins at 4 s and takes 3 s"""
 
 
 @pytest.fixture
@@ -36,20 +36,20 @@ def send(number: signal.Signals) -> Callable[[], None]:
     return lambda: os.kill(os.getpid(), number)
 
 
-@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_RAMP)
 def test_ctrl_c(aboard: Aboard, at_s: float) -> None:
     aboard.at(at_s, send(signal.SIGINT))
     aboard.shows("ctrl_c", aboard.flown(MOCK), at_s)
 
 
-@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_RAMP)
 def test_second_ctrl_c(aboard: Aboard, at_s: float) -> None:
     aboard.at(at_s, send(signal.SIGINT))
     aboard.at(at_s + 0.1, send(signal.SIGINT))
     aboard.shows("second_ctrl_c", aboard.flown(MOCK), at_s + 0.1)
 
 
-@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_RAMP)
 def test_sigterm(aboard: Aboard, at_s: float) -> None:
     aboard.at(at_s, send(signal.SIGTERM))
     aboard.shows("sigterm", aboard.flown(MOCK), at_s)
@@ -72,9 +72,9 @@ def controller(
 
     def step(self: OpenedController, *a: object) -> object:
         if aboard.t >= EVENT_S - 1e-9:
-            said = instead()
-            if said is not None:
-                return said
+            result = instead()
+            if result is not None:
+                return result
         return real(self, *a)  # type: ignore[arg-type]
 
     monkeypatch.setattr(OpenedController, "step", step)
@@ -92,75 +92,75 @@ def test_nan_from_the_controller(aboard: Aboard, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("axis", ["roll", "pitch", "yaw"])
-@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_RAMP)
 def test_encoder_jump(aboard: Aboard, axis: str, at_s: float) -> None:
-    said = aboard.flown(f"{MOCK}&fault=jump.{axis}@{at_s}:-40")
-    aboard.shows("encoder_jump", said, at_s - default_profile().dt)
-    assert f"the {axis} encoder" in said.err
+    done = aboard.flown(f"{MOCK}&fault=jump.{axis}@{at_s}:-40")
+    aboard.shows("encoder_jump", done, at_s - default_profile().dt)
+    assert f"the {axis} encoder" in done.err
 
 
 @pytest.mark.parametrize(("axis", "plan"), [("roll", "steps"), ("pitch", "steps"), ("yaw", "rich")])
 def test_frozen_encoder(aboard: Aboard, axis: str, plan: str) -> None:
     frozen = f"mock:?speed=max&seed=1&fault=frozen.{axis}@0.01"
-    said = aboard.flown_plan(plan, frozen)
-    aboard.shows("frozen_encoder", said, aboard.noticed_s)
-    assert f"the {axis} encoder" in said.err
+    done = aboard.flown_plan(plan, frozen)
+    aboard.shows("frozen_encoder", done, aboard.ramp_s)
+    assert f"the {axis} encoder" in done.err
 
 
 def test_envelope_trip(aboard: Aboard, tmp_path: Path) -> None:
-    said = aboard.flown(MOCK, "--profile", write_profile(tmp_path / "rig.toml", roll_max_deg=3.2))
-    aboard.shows("envelope_trip", said, aboard.noticed_s)
+    done = aboard.flown(MOCK, "--profile", write_profile(tmp_path / "rig.toml", roll_max_deg=3.2))
+    aboard.shows("envelope_trip", done, aboard.ramp_s)
 
 
 def test_saturated_for_too_long(aboard: Aboard, tmp_path: Path) -> None:
     weak = write_profile(tmp_path / "rig.toml", v_max=7.6, saturated_max_s=0.2)
-    said = aboard.flown(MOCK, "--profile", weak)
-    aboard.shows("saturated_for_too_long", said, aboard.noticed_s)
+    done = aboard.flown(MOCK, "--profile", weak)
+    aboard.shows("saturated_for_too_long", done, aboard.ramp_s)
 
 
 def test_late_ticks(aboard: Aboard, monkeypatch: pytest.MonkeyPatch) -> None:
     controller(aboard, monkeypatch, lambda: time.sleep(0.015))
-    said = aboard.flown("mock:?seed=1&start=level&watchdog_s=5")
-    # A machine that is busy besides is late in the ramp, too.
+    done = aboard.flown("mock:?seed=1&start=level&watchdog_s=5")
+    # A busy machine is late in the ramp too.
     slack_s = aboard.recording.meta["outcome_details"]["worst_lateness_s"]
-    aboard.shows("late_ticks", said, aboard.noticed_s, slack_s=slack_s)
-    assert aboard.noticed_s < EVENT_S + 1.0 + slack_s
+    aboard.shows("late_ticks", done, aboard.ramp_s, slack_s=slack_s)
+    assert aboard.ramp_s < EVENT_S + 1.0 + slack_s
 
 
-@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_RAMP)
 def test_laptop_suspend(aboard: Aboard, monkeypatch: pytest.MonkeyPatch, at_s: float) -> None:
     real = host_suspend.ahead_s
     slept = [0.0]
     monkeypatch.setattr(host_suspend, "ahead_s", lambda: real() + slept[0])
     aboard.at(at_s, lambda: slept.append(slept.pop() + 600.0))
-    said = aboard.flown(MOCK)
-    aboard.shows("laptop_suspend", said, at_s)
-    assert aboard.zero_s <= at_s + 2 * default_profile().dt + 1e-9, "no ramp after it woke"
+    done = aboard.flown(MOCK)
+    aboard.shows("laptop_suspend", done, at_s)
+    assert aboard.zero_s <= at_s + 2 * default_profile().dt + 1e-9, "no ramp after waking"
 
 
-def stopping_by_itself(aboard: Aboard, name: str, fault: str, at_s: float) -> None:
-    said = aboard.flown(f"{MOCK}&fault={fault}@{at_s}")
-    # It happens at the end of the period that reaches that time.
-    aboard.shows(name, said, at_s - default_profile().dt, slack_s=default_profile().dt)
+def device_stop(aboard: Aboard, name: str, fault: str, at_s: float) -> None:
+    done = aboard.flown(f"{MOCK}&fault={fault}@{at_s}")
+    # The fault happens at the end of the period that reaches that time.
+    aboard.shows(name, done, at_s - default_profile().dt, slack_s=default_profile().dt)
 
 
-@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_RAMP)
 def test_stalled_motor(aboard: Aboard, at_s: float) -> None:
-    stopping_by_itself(aboard, "stalled_motor", "stall", at_s)
+    device_stop(aboard, "stalled_motor", "stall", at_s)
 
 
-@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_RAMP)
 @pytest.mark.parametrize("fault", ["overcurrent", "overtemperature"])
 def test_amplifier_fault(aboard: Aboard, fault: str, at_s: float) -> None:
-    stopping_by_itself(aboard, "amplifier_fault", fault, at_s)
+    device_stop(aboard, "amplifier_fault", fault, at_s)
 
 
-@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_RAMP)
 def test_button(aboard: Aboard, at_s: float) -> None:
-    stopping_by_itself(aboard, "button", "button", at_s)
+    device_stop(aboard, "button", "button", at_s)
 
 
-@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_LANDING)
+@pytest.mark.parametrize("at_s", IN_FLIGHT_AND_IN_RAMP)
 def test_full_disk(aboard: Aboard, monkeypatch: pytest.MonkeyPatch, at_s: float) -> None:
     real = McapFile.write_chunk
 
@@ -170,18 +170,18 @@ def test_full_disk(aboard: Aboard, monkeypatch: pytest.MonkeyPatch, at_s: float)
         real(self, data)
 
     monkeypatch.setattr(McapFile, "write_chunk", write_chunk)
-    append, told_s = RecordingWriter.append, []
+    append, reported_s = RecordingWriter.append, []
 
-    def listened(self: RecordingWriter, row: Row) -> None:
+    def reporting(self: RecordingWriter, row: Row) -> None:
         try:
             append(self, row)
         except NoSpace:
-            told_s.append(aboard.t)
+            reported_s.append(aboard.t)
             raise
 
-    monkeypatch.setattr(RecordingWriter, "append", listened)
-    # Not as fast as it can: the recorder must have its turn before the plan is over.
-    said = aboard.flown(MOCK.replace("max", "5"))
-    assert "df -h" in said.err
-    assert told_s[0] < at_s + 2.0
-    aboard.shows("full_disk", said, told_s[0])
+    monkeypatch.setattr(RecordingWriter, "append", reporting)
+    # Five times real time: the recorder must run before the plan is over.
+    done = aboard.flown(MOCK.replace("max", "5"))
+    assert "df -h" in done.err
+    assert reported_s[0] < at_s + 2.0
+    aboard.shows("full_disk", done, reported_s[0])

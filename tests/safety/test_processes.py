@@ -1,7 +1,7 @@
-"""The rows of safety.md that need a process, a line and a device: all three real but the last.
+"""The rows of docs/reference/safety.md that need a process and a line, with an emulated device.
 
-The device is the emulated one behind a pseudo-terminal, and its amplifier is what is measured. Its
-watchdog bears a busy machine; the bound that is held follows from it.
+The device is behind a pseudo-terminal; its amplifier's output is measured. Its watchdog is long
+enough for a busy machine, and the bounds follow from it.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ from tests.safety.table import BY_NAME
 pytestmark = pytest.mark.realtime
 PROFILE = default_profile()
 BUSY_S = STANDSTILL_S + 0.1
-"""s by which a busy machine may delay the emulated device's thread, and the look at it"""
+"""s by which a busy machine may delay the emulated device's thread, and the test"""
 
 
 class Opened(Protocol):
-    """A device somewhere: `Bench`, or the firmware."""
+    """A device: `Bench`, or the firmware."""
 
     @property
     def url(self) -> str: ...
@@ -51,7 +51,7 @@ class Flight:
     path: Path
 
     def end(self) -> tuple[int, str]:
-        """Its exit code, and what it said on stderr."""
+        """Exit code and standard error."""
         _, err = self.process.communicate(timeout=END_S)
         return self.process.returncode, err
 
@@ -64,7 +64,7 @@ class Flight:
 def flying(
     bench: Opened, folder: Path, *, duration_s: float = 20, **limits: float
 ) -> Iterator[Flight]:
-    """``heli3dof run-step`` in a process of its own, well on its way."""
+    """``heli3dof run-step`` in a process of its own, in flight."""
     path = folder / "flight.mcap"
     command = [
         sys.executable, "-m", "heli3dof", "run-step", "--roll", "3", "--settle", "1",
@@ -91,7 +91,7 @@ def bench() -> Iterator[Bench]:
 
 
 def starts_clean(bench: Opened) -> None:
-    """A flight that follows arms, flies and lands as if nothing had been."""
+    """Assert that the next flight arms and completes."""
     start_command()
     plan = step_plan((None, None, None), settle_s=0.2, duration_s=0.1)
     patient = profile(**PATIENT, landing_s=0.1)
@@ -100,18 +100,18 @@ def starts_clean(bench: Opened) -> None:
 
 
 def within(name: str, bench: Bench, since_s: float) -> float:
-    """s from then on until zero volts: the row's, and what the machine took of them."""
+    """s until zero volts: the row's bound, and the machine's stalls."""
     allowed_s = BY_NAME[name].zero.seconds(PROFILE, bench.watchdog_s) + BUSY_S
     return allowed_s + bench.away_s(since_s)
 
 
 def ended(name: str, flight: Flight) -> None:
-    """Exit code and recording are the row's."""
+    """Assert that exit code and recording are the row's."""
     row = BY_NAME[name]
     code, err = flight.end()
     assert code == row.exit_code, err
     meta = flight.recording.meta
-    assert (meta["outcome"], row.said in meta["outcome_details"]["detail"]) == (
+    assert (meta["outcome"], row.detail in meta["outcome_details"]["detail"]) == (
         row.ending,
         True,
     ), meta["outcome_details"]["detail"]
@@ -149,12 +149,12 @@ def test_estop_from_a_second_terminal(
 ) -> None:
     monkeypatch.setattr("heli3dof.rig.session.estop.PATIENCE_S", 10.0)  # the machine may be busy
     with flying(bench, tmp_path) as flight:
-        asked_s = time.monotonic()
+        requested_s = time.monotonic()
         assert heli3dof("estop", "--device", bench.url).code == 0
         ended("estop_from_a_second_terminal", flight)
-    late_s = within("estop_from_a_second_terminal", bench, asked_s)
-    assert asked_s < bench.zero_s <= asked_s + late_s
-    assert [o for o in bench.log if o.flags & Flags.ESTOP], "stopped, not merely at zero volts"
+    late_s = within("estop_from_a_second_terminal", bench, requested_s)
+    assert requested_s < bench.zero_s <= requested_s + late_s
+    assert [o for o in bench.log if o.flags & Flags.ESTOP], "stopped, not only at zero volts"
     starts_clean(bench)
 
 
@@ -169,7 +169,7 @@ def test_cable_out(bench: Bench, tmp_path: Path) -> None:
 
 
 def test_cable_out_at_the_rigs_end(bench: Bench, tmp_path: Path) -> None:
-    """The port stays, and nothing comes or goes."""
+    """The port stays, without bytes in either direction."""
     with flying(bench, tmp_path) as flight:
         bench.deaf = bench.mute = True
         cut_s = time.monotonic()
@@ -193,22 +193,22 @@ def test_device_reset(bench: Bench, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("lost", ["commands", "samples"])
 def test_lost_frames(lost: str, tmp_path: Path) -> None:
-    # The device would fall out by itself after its watchdog; the host lands before. What a machine
-    # that stands still meanwhile loses is no loss of the line's: some is left without it.
+    # The host must end the flight before the device's watchdog does. The loss is long enough to
+    # count as one even if the host stalls meanwhile.
     with Bench(watchdog_s=0.9) as bench:
         with flying(bench, tmp_path, lost_max_s=STANDSTILL_S + 0.05) as flight:
             setattr(bench, {"commands": "deaf", "samples": "mute"}[lost], True)
             time.sleep(2 * STANDSTILL_S + 0.1)
             bench.deaf = bench.mute = False
-            heard_s = time.monotonic()
+            restored_s = time.monotonic()
             ended("lost_frames", flight)
-        assert heard_s < bench.zero_s <= heard_s + within("lost_frames", bench, heard_s)
+        assert restored_s < bench.zero_s <= restored_s + within("lost_frames", bench, restored_s)
         starts_clean(bench)
 
 
 def test_second_process(bench: Bench, tmp_path: Path) -> None:
     words = ("run-step", "--roll", "5", "--device", bench.url)
-    assert heli3dof(*words, "--dry-run").code == 0, "all is imported while there is time"
+    assert heli3dof(*words, "--dry-run").code == 0, "imports before the flight"
     with flying(bench, tmp_path, duration_s=2) as flight:
         second = heli3dof(*words)
         assert second.code == BY_NAME["second_process"].exit_code

@@ -1,4 +1,4 @@
-"""Every row of docs/reference/safety.md has its test."""
+"""Every row of docs/reference/safety.md has a test, and the page is made from the rows."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from tests.safety.table import ROWS
 
 
-def shown_here() -> set[str]:
+def tested_here() -> set[str]:
     """Names of the test functions in this folder, without ``test_``."""
     return {
         node.name.removeprefix("test_")
@@ -18,9 +18,9 @@ def shown_here() -> set[str]:
     }
 
 
-def test_every_row_has_its_test() -> None:
-    assert {row.name for row in ROWS} <= shown_here()
+def test_every_row_has_a_test() -> None:
+    assert {row.name for row in ROWS} <= tested_here()
 
 
-def test_no_row_stands_twice() -> None:
+def test_rows_are_unique() -> None:
     assert len({row.name for row in ROWS}) == len(ROWS) == len({row.what for row in ROWS})

@@ -1,14 +1,14 @@
-"""A virtual machine's cores are kept from falling asleep.
+"""Keeps the cores of a virtual machine from going idle during a flight.
 
-An idle core of a virtual machine is handed back to its host. When something is due there the host
-has to give it a processor again, and on a busy host that takes several periods, whatever priority
-waits inside for it. The processor's own idle states can be refused (`realtime`), this cannot, but
-by having something to do. So in flight its cores have something, at idle priority (`spinner`,
-processes of their own: the interpreter's lock is the loop's), which stands in nobody's way inside.
-All but the first have: a host that rations a machine to as many processors as it has counts its own
-work for it, too, and stops one that uses all of them until its next ration. The flight stays on the
-others where they are several. Everybody may do that. On a machine of one's own it would only heat
-it; and in a container whose processor time is rationed it would eat the flight's ration.
+The host takes an idle core of a virtual machine back. On a busy host, several periods pass until
+the machine gets the core again, whatever the priority inside the machine. A process per core at
+idle priority (`spinner`) prevents that, and gives way to all other work inside. It is a process of
+its own because the flight's threads share one interpreter lock.
+
+* The first core stays idle: a host that rations processor time counts its own work for the machine
+  too, and would stop a machine that uses all its cores.
+* A physical machine needs none of this.
+* A container with a quota of processor time gets none: it would use up the flight's quota.
 """
 
 from __future__ import annotations
@@ -27,25 +27,27 @@ from heli3dof.rig.interface import Check
 
 WHAT = "virtual cores"
 CPUINFO = Path("/proc/cpuinfo")
-TOLD = (Path("/sys/hypervisor/type"), Path("/proc/device-tree/hypervisor"))
-"""Other places where a kernel says that it runs under another (Xen, ARM)"""
+HYPERVISOR = (Path("/sys/hypervisor/type"), Path("/proc/device-tree/hypervisor"))
+"""Files that exist under a hypervisor which the processor's flags do not show (Xen, ARM)"""
 SPINNER = Path(__file__).with_name("spinner.py")
 CGROUPS = Path("/sys/fs/cgroup")
-MINE = Path("/proc/self/cgroup")
+OWN_CGROUP = Path("/proc/self/cgroup")
 START_S = 2.0
+"""s in which the spinner must report its cores; it takes some ms"""
 END_S = 1.0
+"""s in which the spinner must end before it is killed"""
 
 
 def keep_awake(undo: ExitStack, cores: Sequence[int], *, stay: bool) -> tuple[Check, ...]:
-    """Give these cores of a virtual machine something to do until ``undo`` closes, but the first.
+    """Keep all but the first of these cores of a virtual machine busy until ``undo`` closes.
 
-    ``stay``: keep all threads on them. No check on other machines.
+    ``stay``: restrict this program's threads to them. On a physical machine: no check.
     """
     if not cores or not is_virtual():
         return ()
     if is_rationed():
-        says = "fall asleep to their host: kept awake they would use up this container's quota"
-        return (Check(WHAT, says, None, "start the container without --cpus"),)
+        found = "may go idle: keeping them busy would use up this container's quota"
+        return (Check(WHAT, found, None, "start the container without --cpus"),)
     names = [str(core) for core in cores[1:] or cores]
     try:
         spinner = subprocess.Popen(
@@ -55,18 +57,18 @@ def keep_awake(undo: ExitStack, cores: Sequence[int], *, stay: bool) -> tuple[Ch
             stderr=subprocess.DEVNULL,
         )
     except OSError as error:
-        return (Check(WHAT, f"fall asleep to their host: {error.strerror}", None),)
+        return (Check(WHAT, f"may go idle: {error.strerror}", None),)
     undo.callback(_end, spinner)
-    awake = _begun(spinner, len(names))
+    awake = _reported_cores(spinner, len(names))
     if not awake:
-        return (Check(WHAT, "fall asleep to their host: what keeps them awake has ended", None),)
-    if stay and len(awake) > 1:  # one would have to be shared with whatever else runs
-        move(undo, {int(core) for core in awake}, everybody=True)
-    return (Check(WHAT, f"{', '.join(sorted(awake, key=int))}: kept awake in flight", True),)
+        return (Check(WHAT, "may go idle: the program that keeps them busy ended", None),)
+    if stay and len(awake) > 1:  # a single core would be shared with all other programs
+        move(undo, {int(core) for core in awake}, all_threads=True)
+    return (Check(WHAT, f"{', '.join(sorted(awake, key=int))}: kept busy in flight", True),)
 
 
 def is_virtual() -> bool:
-    """Whether Linux says that another system has the processors."""
+    """Whether Linux reports a hypervisor."""
     if not sys.platform.startswith("linux"):
         return False
     try:
@@ -74,13 +76,13 @@ def is_virtual() -> bool:
     except OSError:
         lines = []
     flags = next((line for line in lines if line.startswith("flags")), "")
-    return "hypervisor" in flags.split() or any(path.exists() for path in TOLD)
+    return "hypervisor" in flags.split() or any(path.exists() for path in HYPERVISOR)
 
 
 def is_rationed() -> bool:
-    """Whether a control group that this program is in, or one above it, has a quota of time."""
+    """Whether this program's control group, or one above it, has a quota of processor time."""
     try:
-        lines = [line.split(":", 2) for line in MINE.read_text().splitlines()]
+        lines = [line.split(":", 2) for line in OWN_CGROUP.read_text().splitlines()]
     except OSError:
         return False
     for _, controllers, inside in lines:
@@ -89,30 +91,30 @@ def is_rationed() -> bool:
         root, name = (CGROUPS / "cpu", "cpu.cfs_quota_us") if controllers else (CGROUPS, "cpu.max")
         group = root / inside.lstrip("/")
         for folder in (group, *group.parents):
-            if folder.is_relative_to(root) and _quota(folder / name):
+            if folder.is_relative_to(root) and _has_quota(folder / name):
                 return True
     return False
 
 
-def _quota(path: Path) -> bool:
+def _has_quota(path: Path) -> bool:
     try:
         return path.read_text().split()[0] not in ("max", "-1")
     except (OSError, IndexError):
         return False
 
 
-def _begun(spinner: subprocess.Popen[bytes], expected: int) -> list[str]:
-    """The cores that it says it turns on; those that are slow to start are not waited for."""
+def _reported_cores(spinner: subprocess.Popen[bytes], expected: int) -> list[str]:
+    """The cores that the spinner reports within `START_S`."""
     assert spinner.stdout is not None
-    said, until = b"", time.monotonic() + START_S
-    while said.count(b"\n") < expected:
+    reported, until = b"", time.monotonic() + START_S
+    while reported.count(b"\n") < expected:
         left = max(0.0, until - time.monotonic())
         ready, _, _ = select.select([spinner.stdout], [], [], left)
         more = os.read(spinner.stdout.fileno(), 4096) if ready else b""
         if not more:
             break
-        said += more
-    return said.decode("ascii").split()
+        reported += more
+    return reported.decode("ascii").split()
 
 
 def _end(spinner: subprocess.Popen[bytes]) -> None:

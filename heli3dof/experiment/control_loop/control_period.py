@@ -1,8 +1,8 @@
-"""What the loop knows in one control period, before its command goes out; and who may look at it.
+"""`Period`, what the loop knows in one control period before it sends the command.
 
-A *watch* is anything that is called with every `Period` and returns why the flight must end now,
-or None. It may keep what it needs from period to period; a flight gets watches of its own. It
-runs inside the control period: a few microseconds, no input or output.
+A *monitor* is called with every `Period` and returns why the flight must end now, or None. It may
+keep state from period to period, so each flight needs new monitors. It runs inside the control
+period: a few microseconds, no input or output.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from heli3dof.rig.interface import Sample
 
 
 class Period(NamedTuple):
-    """One control period: the sample that opened it and what was computed from it."""
+    """One control period: its sample, and what the loop computed from it."""
 
     k: int
-    """The plan's period, 0 first; it jumps where periods were skipped."""
+    """Index in the plan, 0 first; skipped periods leave a gap."""
     t: float
     """s since the first sample, on the device's clock."""
     sample: Sample
@@ -27,21 +27,21 @@ class Period(NamedTuple):
     rate: tuple[float, float, float]
     """rad/s, the controller's filtered derivatives"""
     command: tuple[float, float]
-    """V asked for by the controller, before the limiter: front, back"""
+    """V: the controller's output before the limiter: front, back"""
     voltage: tuple[float, float]
-    """V after it: what is about to be sent"""
+    """V after the limiter, to be sent next"""
     sent: tuple[float, float]
     """V sent in the period before"""
     command_sequence: int
-    """The sequence that it was sent with: what this sample should echo"""
+    """Sequence number of that command, which this sample should echo"""
     lateness: float
-    """s that the sample came after its deadline; 0 where the clock is virtual"""
+    """s from the deadline to the sample's arrival; 0 on a virtual clock"""
     missed: int
-    """Periods skipped just before this one: missed by the host, lost on the line, left out"""
+    """Periods skipped just before this one: missed by the host, lost on the line or left out"""
     left_out: int = 0
-    """Those of them that the device made no samples of"""
+    """Those for which the device made no sample"""
     echo_s: float = 0.0
-    """s from sending the command that this sample is the first to echo; 0: it echoes no new one"""
+    """s from sending a command to this sample, the first to echo it; 0 if it echoes no new one"""
     ramping_down: bool = False
     """True in the ramp to zero that ends a flight"""
 
@@ -52,7 +52,7 @@ class Period(NamedTuple):
 
 
 def motor_voltage(sample: Sample, sent: tuple[float, float]) -> tuple[float, float]:
-    """V at the motors (front, back): what the device reports, or what was sent if it reports none.
+    """V at the motors (front, back): as reported by the device, else as sent.
 
     A driver whose amplifier does not report its output gives NaN.
     """
@@ -60,5 +60,5 @@ def motor_voltage(sample: Sample, sent: tuple[float, float]) -> tuple[float, flo
     return (front if isfinite(front) else sent[0], back if isfinite(back) else sent[1])
 
 
-Watch = Callable[[Period], str | None]
-"""Why the flight must end now, or None."""
+Monitor = Callable[[Period], str | None]
+"""Returns why the flight must end now, or None."""

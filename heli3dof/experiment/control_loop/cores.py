@@ -1,10 +1,10 @@
-"""Which core a flight runs on.
+"""Chooses the core that a flight runs on.
 
-All threads of a flight share one: they take turns for the interpreter anyway, the loop comes first
-there, and nothing that they do under SCHED_FIFO keeps anybody waiting elsewhere, neither another
-flight nor the kernel's workers that bring a serial line's bytes. It is one that the kernel was
-told to keep free (``isolcpus=``), else the last one that no other flight has. Without SCHED_FIFO a
-thread would wait there behind ordinary programs, and is left to the kernel.
+All threads of a flight share one core. They take turns for the interpreter anyway, and under
+SCHED_FIFO they delay nothing on the other cores, neither another flight nor the kernel's workers
+that deliver a serial line's bytes. The core is one that the kernel keeps free (``isolcpus=``), else
+the last one that no other flight has. Without SCHED_FIFO a thread would wait there behind ordinary
+programs, so the kernel chooses its core.
 """
 
 from __future__ import annotations
@@ -19,56 +19,56 @@ from heli3dof.rig.interface import Check
 
 ISOLATED = Path("/sys/devices/system/cpu/isolated")
 CLAIM = "\0heli3dof-core-{}"
-"""An abstract socket's name: one flight has it, and it goes with the process"""
+"""Name of an abstract socket: one flight can bind it, and it disappears with the process"""
 
 
 def on_one_core(undo: ExitStack, *, scheduled: bool) -> tuple[Check, ...]:
-    """Move the calling thread, and if ``scheduled`` all others, to a core of their own.
+    """Move the calling thread, and all others if ``scheduled``, to a free core.
 
-    What was done is undone when ``undo`` closes; where nothing can be, there is no check.
+    ``undo`` moves them back when it closes. No check if nothing can be moved.
     """
     if not hasattr(os, "sched_setaffinity"):
         return ()
     kept_free = isolated_cores()
     if kept_free:
-        move(undo, kept_free, everybody=scheduled)
-        found = f"{_text(ISOLATED)}, which the kernel keeps free"
-        return (Check("core", found, True),)
+        move(undo, kept_free, all_threads=scheduled)
+        return (Check("core", f"{_text(ISOLATED)}, which the kernel keeps free", True),)
     core = _claimed(undo) if scheduled else None
     if core is None:
         return ()
-    move(undo, {core}, everybody=True)
+    move(undo, {core}, all_threads=True)
     return (Check("core", f"{core}, for all threads of this program", True),)
 
 
-def my_cores() -> list[int]:
-    """This program's, and those that the kernel was told to keep free; none where nobody says."""
+def available_cores() -> list[int]:
+    """This program's cores, and those that the kernel keeps free; empty if the system has no
+    affinity."""
     if not hasattr(os, "sched_getaffinity"):
         return []
     return sorted(os.sched_getaffinity(0) | isolated_cores())
 
 
 def isolated_cores() -> set[int]:
-    """Those that the kernel was told to keep free."""
+    """The cores that the kernel keeps free."""
     text = _text(ISOLATED)
-    return cores(text) if text else set()
+    return parse_cores(text) if text else set()
 
 
-def cores(text: str) -> set[int]:
-    """The kernel's way to write a set of cores.
+def parse_cores(text: str) -> set[int]:
+    """A set of cores in the kernel's notation.
 
-    >>> sorted(cores("2-3,7"))
+    >>> sorted(parse_cores("2-3,7"))
     [2, 3, 7]
     """
-    found: set[int] = set()
+    cores: set[int] = set()
     for part in text.split(","):
         first, _, last = part.partition("-")
-        found.update(range(int(first), int(last or first) + 1))
-    return found
+        cores.update(range(int(first), int(last or first) + 1))
+    return cores
 
 
 def _claimed(undo: ExitStack) -> int | None:
-    """The last core that no other flight has; None where only the first is left."""
+    """The last core that no other flight has; None if only the first is left."""
     for core in sorted(os.sched_getaffinity(0))[:0:-1]:
         claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
@@ -81,20 +81,20 @@ def _claimed(undo: ExitStack) -> int | None:
     return None
 
 
-def move(undo: ExitStack, to: set[int], *, everybody: bool) -> None:
-    """Let the calling thread, or all threads, run on these cores only until ``undo`` closes."""
+def move(undo: ExitStack, to: set[int], *, all_threads: bool) -> None:
+    """Restrict the calling thread, or all threads, to these cores until ``undo`` closes."""
     threads = {0}
-    if everybody:
-        mine = threading.get_native_id()
-        threads |= {t.native_id for t in threading.enumerate() if t.native_id not in (None, mine)}
+    if all_threads:
+        own = threading.get_native_id()
+        threads |= {t.native_id for t in threading.enumerate() if t.native_id not in (None, own)}
     for thread in threads:
-        with suppress(OSError):  # it may have ended by now
+        with suppress(OSError):  # a thread that has ended
             before = os.sched_getaffinity(thread)
             os.sched_setaffinity(thread, to)
-            undo.callback(_put_back, thread, before)
+            undo.callback(_move_back, thread, before)
 
 
-def _put_back(thread: int, before: set[int]) -> None:
+def _move_back(thread: int, before: set[int]) -> None:
     with suppress(OSError):  # a thread that has ended
         os.sched_setaffinity(thread, before)
 

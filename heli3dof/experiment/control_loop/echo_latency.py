@@ -5,14 +5,13 @@ echoes command e_k (``Sample.sequence``)::
 
     latency(c) = h_k − s_c,   k the first sample with e_k = c
 
-It is the dead time that the controller sees: the way there, the wait for the next sampling instant,
-and the way back. On a rig that answers at once it is one period less the time the controller takes.
-A device that measures this delay by itself can do so only modulo its period.
+It is the dead time of the control loop: transmission, the wait for the next sampling instant, and
+transmission back. On a rig without delay it is one period less the controller's computing time.
+A device can measure this delay only modulo its period.
 
-A command is **unacknowledged** when the sample after it (the one that ends its control period) does
-not echo it: it was lost, refused, or is still on its way. It was **never echoed** when a later
-command was echoed first. Both are counted while the device is enabled; a stopped device refuses
-every command.
+A command is **unacknowledged** if the sample that ends its control period does not echo it: it was
+lost, refused, or is still on its way. It was **never echoed** if a later command was echoed first.
+Both are counted while the device is enabled; a stopped device refuses every command.
 """
 
 from __future__ import annotations
@@ -25,13 +24,13 @@ from heli3dof.rig.histogram import Histogram
 from heli3dof.rig.interface import Flags, Sample
 
 PENDING = 4096
-"""Commands whose sending time is kept: 8 s at 500 Hz, longer than any watchdog (1 s at most)."""
+"""Commands whose sending time is kept: 8 s at 500 Hz, longer than any watchdog (at most 1 s)"""
 _MASK = 0xFFFFFFFF
 
 
 @dataclass(frozen=True, slots=True)
 class EchoLatency:
-    """What `EchoMeter` measured in one flight; None for a time that was never measured."""
+    """Latency over one flight; None for a time that was never measured."""
 
     commands: int
     commands_unacknowledged: int
@@ -49,9 +48,9 @@ class EchoLatency:
 
 
 class EchoMeter:
-    """Fed by every exchange of one flight; a microsecond each, in constant memory.
+    """Measures the latency over the exchanges of one flight, in constant memory.
 
-    ``clocked``: False where the rig's clock is virtual; then commands are counted, not timed.
+    ``clocked``: False for a virtual clock; then commands are counted, not timed.
     """
 
     def __init__(self, dt: float, *, clocked: bool = True) -> None:
@@ -63,7 +62,7 @@ class EchoMeter:
         self.latency = Histogram()
         self.commands = self.unacknowledged = self.never_echoed = 0
         self.last_s = 0.0
-        """s, of the newest command that the last sample echoes; 0: it echoed no new one"""
+        """s, of the newest command that the last sample echoes; 0 if it echoes no new one"""
 
     def exchanged(self, sequence: int, sent_s: float, sample: Sample) -> None:
         """Command ``sequence`` went out at ``sent_s``; ``sample`` ended its control period."""
@@ -84,13 +83,13 @@ class EchoMeter:
         self._echo = echo
 
     def measured(self) -> EchoLatency | None:
-        """None where no command went out to an enabled device."""
+        """The result; None if no command went out to an enabled device."""
         if not self.commands:
             return None
         counts = (self.commands, self.unacknowledged, self.never_echoed)
-        found = self.latency
-        if not found.n:
+        latency = self.latency
+        if not latency.n:
             return EchoLatency(*counts, None, None, None, None, None, None)
-        times = (found.quantile_s(0.5), found.quantile_s(0.999), found.worst_s)
+        times = (latency.quantile_s(0.5), latency.quantile_s(0.999), latency.worst_s)
         median, p999, worst = (max(1, round(t / self._dt)) for t in times)
         return EchoLatency(*counts, *times, median, p999, worst)

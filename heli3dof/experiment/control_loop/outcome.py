@@ -1,4 +1,4 @@
-"""How a flight ended, and how punctual its loop was."""
+"""`Outcome`: how a flight ended, and how punctual its loop was."""
 
 from __future__ import annotations
 
@@ -13,69 +13,69 @@ if TYPE_CHECKING:
     from heli3dof.experiment.control_loop.realtime_priority import Realtime
 
 LATE_S = 1e-3
-"""A period whose sample came later than this after its deadline counts as late."""
+"""s after its deadline from which a sample counts as late: half a period at 500 Hz"""
 
 Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
 
 
 @dataclass(frozen=True)
 class Punctuality:
-    """How late the samples were, and how long the loop took over each; seconds."""
+    """Lateness of the samples, and the loop's computing time; seconds."""
 
     median_s: float
     p99_s: float
     p999_s: float
     worst_s: float
     late_share: float
-    """Of all periods: those later than `LATE_S`, and those missed altogether"""
+    """Share of all periods that were later than `LATE_S` or missed"""
     turnaround_median_s: float
-    """From a sample's arrival to the command that follows from it"""
+    """From a sample's arrival to sending the command computed from it"""
     turnaround_p999_s: float
     turnaround_worst_s: float
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a flight ended; written into the recording last."""
+    """How a flight ended; the last entry of its recording."""
 
     ending: Ending
     detail: str
-    """A `Trip` where something ended it whose likely cause is known"""
+    """A `Trip` if the likely cause is known"""
     periods: int
-    """Control periods flown in closed loop."""
+    """Control periods flown in closed loop"""
     late: int
-    """Periods later than `LATE_S`."""
+    """Periods later than `LATE_S`"""
     missed: int
-    """Periods skipped because the host was too late for them."""
+    """Periods skipped because the host was too late"""
     worst_lateness_s: float
     landed: bool
-    """True when the commands that take the motors to zero were carried out."""
+    """True if the commands that take the motors to zero were carried out"""
     error: BaseException | None = field(default=None, compare=False)
     lost: int = 0
-    """Periods skipped because their samples were lost on the line."""
+    """Periods skipped because their samples were lost on the line"""
     punctuality: Punctuality | None = None
-    """None where nothing was flown, or on a virtual clock"""
+    """None if nothing was flown, or on a virtual clock"""
     realtime: Realtime | None = None
     """What the system granted the loop; None on a virtual clock"""
     link: dict[str, Any] | None = None
-    """What the rig's link counted (see `link_counts`); None where it has none"""
+    """Counts of the rig's link (`link_counts`); None for a rig without"""
     left_out: int = 0
-    """Periods skipped because the device, held up itself, made no samples of them."""
+    """Periods skipped because the device was held up and made no sample"""
     latency: EchoLatency | None = None
-    """Command-to-echo latency; None where nothing was flown"""
+    """Command-to-echo latency; None if nothing was flown"""
     device_cause: str | None = None
-    """Why the device held its output at zero, in its own word; None: it did not, or did not say"""
+    """Why the device held its output at zero, as it states; None: it did not, or states nothing"""
     ramped: bool = False
-    """True when they were a ramp from the last voltages; False: zero volts at once"""
+    """True if that was a ramp from the last voltages; False for zero volts at once"""
 
     def advice(self) -> dict[str, str]:
-        """What it likely came from and what to do; empty where nothing is known."""
+        """Likely cause and fix; empty if not known."""
         if not isinstance(self.detail, Trip):
             return {}
         return {"likely_cause": self.detail.cause, "fix": self.detail.fix}
 
     def details(self) -> dict[str, Any]:
-        """The outcome as the recording keeps it, units in the keys."""
+        """The outcome as the recording keeps it, with units in the keys."""
         return {
             "detail": self.detail,
             **self.advice(),
@@ -96,7 +96,7 @@ class Outcome:
 
 
 def link_counts(rig: Any) -> dict[str, Any] | None:
-    """What ``rig.statistics`` counted, as JSON keys: numbers, and histograms by their quantiles."""
+    """``rig.statistics`` as JSON keys: numbers, and quantiles of histograms."""
     statistics = getattr(rig, "statistics", None)
     if not is_dataclass(statistics) or isinstance(statistics, type):
         return None
@@ -113,7 +113,7 @@ def link_counts(rig: Any) -> dict[str, Any] | None:
 
 
 class Tally:
-    """Counts period by period, in the room of the first."""
+    """Counts the periods of one flight, in constant memory."""
 
     def __init__(self) -> None:
         self.late = self.missed = self.lost = self.left_out = 0
@@ -122,13 +122,13 @@ class Tally:
 
     @property
     def worst(self) -> float:
-        """s, the latest sample's lateness"""
+        """s, the largest lateness"""
         return self.lateness.worst_s
 
     def count(
         self, lateness: float, turnaround: float, missed: int, lost: int, left_out: int
     ) -> None:
-        """One period more: s, s, periods skipped before it."""
+        """Add a period: lateness in s, turnaround in s, periods skipped before it."""
         if lateness > LATE_S:
             self.late += 1
         self.missed += missed
@@ -138,7 +138,7 @@ class Tally:
         self.left_out += left_out
 
     def punctuality(self) -> Punctuality | None:
-        """Quantiles of what was counted (see `Histogram`); None for nothing."""
+        """Quantiles over the periods counted (see `Histogram`); None without one."""
         late, turn = self.lateness, self.turnaround
         n = late.n
         if not n:

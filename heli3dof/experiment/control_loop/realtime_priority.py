@@ -1,27 +1,27 @@
-"""What the system grants a control loop, asked for in flight and given back afterwards.
+"""Real-time measures for the control loop, in force during a flight.
 
 =============  ==========================================  ======================================
-asked for      what it is good for                         who may have it
+measure        purpose                                     permitted to
 =============  ==========================================  ======================================
-scheduling     SCHED_FIFO: no ordinary program runs where  rtprio in limits.d, or CAP_SYS_NICE
-               the loop should
+scheduling     SCHED_FIFO: no ordinary program delays      rtprio in limits.d, or CAP_SYS_NICE
+               the loop
 memory         mlockall: no page of the program has to be  memlock in limits.d, or CAP_IPC_LOCK
                read from the disk in flight
-idle states    a core that wakes up at once                whoever may write /dev/cpu_dma_latency
-virtual cores  the same, in a virtual machine (`awake`)    everybody
-core           one for all threads of the flight (`cores`) everybody who is scheduled; where
-                                                           `isolcpus=` left one, everybody
+idle states    a core wakes up at once                     users who may write
+                                                           /dev/cpu_dma_latency
+virtual cores  the same, in a virtual machine (`awake`)    every user
+core           one for all threads of the flight (`cores`) users with scheduling; with
+                                                           ``isolcpus=``, every user
 workers        the kernel's, which a serial line needs,    CAP_SYS_NICE
-               are not kept waiting (`workers`)
-timer          sleeps end within 1 µs, not 50              everybody
-interpreter    no garbage collection; other threads give   everybody
+               run before ordinary programs (`workers`)
+timer          sleeps end within 1 µs, not 50              every user
+interpreter    no garbage collection; other threads give   every user
                way within 0.1 ms
 =============  ==========================================  ======================================
 
-Nothing here is needed: what is not granted is said, with the command that grants it, and the
-flight goes on. Only the thread that asks is scheduled in real time, with one exception: while
-another thread of this program holds the interpreter's lock, the loop waits for it, so those
-threads are put above all ordinary programs as well, but below the loop.
+The flight goes on without a measure that is not granted; `Realtime` reports the command that
+grants it. While another thread of this program holds the interpreter's lock, the loop waits for it,
+so those threads run above all ordinary programs as well, but below the loop.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ from pathlib import Path
 from typing import Any
 
 from heli3dof.experiment.control_loop.awake import keep_awake
-from heli3dof.experiment.control_loop.cores import my_cores, on_one_core
+from heli3dof.experiment.control_loop.cores import available_cores, on_one_core
 from heli3dof.experiment.control_loop.workers import raise_workers
 from heli3dof.rig.interface import Check
 
 PRIORITY = 40
-"""Of 1 to 99; the kernel's interrupt threads stand at 50"""
-BESIDE = 1
+"""Of the loop, of 1 to 99; the kernel's interrupt threads have 50"""
+OTHERS_PRIORITY = 1
 """Of the recorder and the live view"""
 SWITCH_S = 1e-4
-"""s after which a thread that holds the interpreter gives way"""
+"""s after which a thread that holds the interpreter's lock gives way"""
 LIMITS_D = "/etc/security/limits.d/heli3dof.conf"
 _CAP_IPC_LOCK = 14
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
@@ -58,17 +58,17 @@ _PR_SET_TIMERSLACK, _PR_GET_TIMERSLACK = 29, 30
 
 @dataclass(frozen=True)
 class Realtime:
-    """What was granted and what was not, as ``heli3dof doctor`` says it."""
+    """The measures that were granted and refused, as ``heli3dof doctor`` shows them."""
 
     checks: tuple[Check, ...]
     scheduled: bool
-    """True where the loop ran under SCHED_FIFO"""
+    """True if the loop ran under SCHED_FIFO"""
     locked: bool
-    """True where the program's memory was locked"""
+    """True if the program's memory was locked"""
 
     @property
     def refused(self) -> tuple[Check, ...]:
-        """What was not granted and would help."""
+        """Measures that were not granted and would help."""
         return tuple(check for check in self.checks if check.good is False)
 
     def to_dict(self) -> dict[str, Any]:
@@ -83,15 +83,15 @@ class Realtime:
 
 @contextmanager
 def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
-    """Ask for everything in the table, for the calling thread; give it back at the end."""
+    """Take every measure for the calling thread that is permitted; undo them at the end."""
     with ExitStack() as undo:
         quiet_interpreter(undo)
-        mine = my_cores()
+        cores = available_cores()
         scheduling, memory = _scheduling(undo, priority), _memory(undo)
         scheduled = scheduling.good is True
         checks = [scheduling, memory, *_idle_states(undo)]
-        one = on_one_core(undo, scheduled=scheduled)
-        checks += [*keep_awake(undo, mine, stay=not one), *one]
+        core = on_one_core(undo, scheduled=scheduled)
+        checks += [*keep_awake(undo, cores, stay=not core), *core]
         if scheduled:
             checks += raise_workers(undo)
         _timer(undo)
@@ -99,7 +99,7 @@ def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
 
 
 def quiet_interpreter(undo: ExitStack) -> None:
-    """No garbage collection, and threads that give way quickly, until ``undo`` closes."""
+    """Turn garbage collection off, and let threads give way quickly, until ``undo`` closes."""
     undo.callback(sys.setswitchinterval, sys.getswitchinterval())
     if gc.isenabled():
         undo.callback(gc.enable)
@@ -111,20 +111,20 @@ def quiet_interpreter(undo: ExitStack) -> None:
 def _scheduling(undo: ExitStack, priority: int) -> Check:
     what = "real-time scheduling"
     if not hasattr(os, "sched_setscheduler"):
-        return Check(what, f"{platform.system()} has none to be asked for", None)
+        return Check(what, f"{platform.system()} does not offer it", None)
     try:
         priority = _schedule(undo, 0, priority)
     except OSError as error:
-        return Check(what, f"not granted: {_why(error)}", False, _permit())
+        return Check(what, f"not granted: {_reason(error)}", False, _permit())
     for thread in threading.enumerate():
         if thread.native_id not in (None, threading.get_native_id()):
-            with suppress(OSError):  # it may have ended by now
-                _schedule(undo, thread.native_id or 0, min(BESIDE, priority))
+            with suppress(OSError):  # a thread that has ended
+                _schedule(undo, thread.native_id or 0, min(OTHERS_PRIORITY, priority))
     return Check(what, f"SCHED_FIFO at priority {priority}", True)
 
 
 def _schedule(undo: ExitStack, thread: int, priority: int) -> int:
-    """Put a thread (0: this one) under SCHED_FIFO; the priority that it got."""
+    """Run a thread (0: this one) under SCHED_FIFO; the priority that it got."""
     import resource
 
     before = os.sched_getscheduler(thread), os.sched_getparam(thread)
@@ -139,15 +139,15 @@ def _schedule(undo: ExitStack, thread: int, priority: int) -> int:
         priority = most
         os.sched_setscheduler(thread, fifo, os.sched_param(priority))
 
-    def back() -> None:
+    def restore() -> None:
         policy, parameters = before
         with suppress(OSError):  # a thread that has ended
             try:
                 os.sched_setscheduler(thread, policy, parameters)
-            except PermissionError:  # without CAP_SYS_NICE the flag may be set, not cleared
+            except PermissionError:  # only CAP_SYS_NICE may clear the flag
                 os.sched_setscheduler(thread, policy | os.SCHED_RESET_ON_FORK, parameters)
 
-    undo.callback(back)
+    undo.callback(restore)
     return priority
 
 
@@ -155,13 +155,13 @@ def _memory(undo: ExitStack) -> Check:
     what = "locked memory"
     libc = _libc()
     if libc is None or not hasattr(libc, "mlockall") or not hasattr(os, "sched_setscheduler"):
-        return Check(what, f"{platform.system()} has none to be asked for", None)
+        return Check(what, f"{platform.system()} does not offer it", None)
     if not _may_lock_everything():
-        # A limit that holds now would make the program's next allocation fail, in flight.
+        # Under a finite limit a later allocation would fail, in flight.
         return Check(what, "not granted: this user's limit (memlock) is finite", False, _permit())
     if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT):
-        why = _why(OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno())))
-        return Check(what, f"not granted: {why}", False, _permit())
+        reason = _reason(OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno())))
+        return Check(what, f"not granted: {reason}", False, _permit())
     undo.callback(libc.munlockall)
     return Check(what, "all that the program touches stays in memory", True)
 
@@ -182,15 +182,15 @@ def _may_lock_everything() -> bool:
 
 
 def _idle_states(undo: ExitStack) -> tuple[Check, ...]:
-    """A core in a deep idle state takes 0.1 ms and more to wake: ask for none of these."""
-    door = Path("/dev/cpu_dma_latency")
-    if not door.exists():
+    """Turn off deep idle states, from which a core takes 0.1 ms and more to wake."""
+    device = Path("/dev/cpu_dma_latency")
+    if not device.exists():
         return ()
     try:
-        held = undo.enter_context(door.open("wb", buffering=0))
+        held = undo.enter_context(device.open("wb", buffering=0))
         held.write(struct.pack("i", 0))
     except OSError as error:
-        return (Check("deep idle states", f"allowed in flight: {_why(error)}", None),)
+        return (Check("deep idle states", f"allowed in flight: {_reason(error)}", None),)
     return (Check("deep idle states", "off in flight", True),)
 
 
@@ -209,14 +209,14 @@ def _libc() -> ctypes.CDLL | None:
         return None
 
 
-def _why(error: OSError) -> str:
+def _reason(error: OSError) -> str:
     if isinstance(error, PermissionError):
         return "not permitted to this user"
     return (error.strerror or str(error)).lower()
 
 
 def _permit() -> str:
-    """The command that permits it."""
+    """The command that permits scheduling and locked memory."""
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         return "start the container with --cap-add=SYS_NICE --cap-add=IPC_LOCK"
     return (

@@ -1,11 +1,13 @@
-"""Ctrl-C, SIGTERM and a closed terminal ask the loop to end; they never cut a period in two.
+"""Ctrl-C, SIGTERM and a closed terminal end a flight between two periods, never within one.
 
-Windows has Ctrl-C and Ctrl-Break; there a terminal that is closed ends the program within seconds,
-and the device's watchdog ends the flight.
+On Windows the signals are Ctrl-C and Ctrl-Break. Closing the terminal there ends the program within
+seconds, and the device's watchdog ends the flight.
 
-once       the flight ends, the motors are ramped to zero
-again      emergency stop: zero volts in the period that comes
-later      nothing more: the recording is still being closed
+=============  ==============================================================
+first signal   the flight ends, the motors are ramped to zero
+second         emergency stop: zero volts in the next period
+later          ignored: the recording is still being closed
+=============  ==============================================================
 """
 
 from __future__ import annotations
@@ -18,56 +20,56 @@ from types import FrameType
 
 from heli3dof.rig.trip import Trip
 
-ASKED = {
+SIGNALS = {
     "SIGINT": ("stopped with Ctrl-C", "a second Ctrl-C"),
     "SIGTERM": ("stopped by a request to terminate (SIGTERM)", "a second SIGTERM"),
-    "SIGBREAK": ("stopped with Ctrl-Break", "a Ctrl-Break on top"),
-    "SIGHUP": ("stopped since the terminal was closed (SIGHUP)", "a SIGHUP on top"),
+    "SIGBREAK": ("stopped with Ctrl-Break", "a second signal (Ctrl-Break)"),
+    "SIGHUP": ("stopped since the terminal was closed (SIGHUP)", "a second signal (SIGHUP)"),
 }
-"""Signal (where the system has it): what it says at first, and after another."""
+"""Signal, if the system has it: its words as the first signal, and as the second."""
 
 
-class Asked:
-    """What was asked for so far."""
+class StopSignals:
+    """The signals received so far."""
 
     def __init__(self) -> None:
-        self._asked: list[str] = []
+        self._received: list[str] = []
 
-    def why(self) -> str | None:
-        """Why to end the flight, once a signal came; None before."""
-        return ASKED[self._asked[0]][0] if self._asked else None
+    def reason(self) -> str | None:
+        """Why to end the flight, after the first signal; None before."""
+        return SIGNALS[self._received[0]][0] if self._received else None
 
     def at_once(self) -> str | None:
-        """Why to stop without a ramp, once a second signal came; None before."""
-        if len(self._asked) < 2:
+        """Why to stop without a ramp, after the second signal; None before."""
+        if len(self._received) < 2:
             return None
         return Trip(
-            f"emergency stop, by {ASKED[self._asked[1]][1]}",
-            "that is what a second one asks for; the first one lands.",
+            f"emergency stop, by {SIGNALS[self._received[1]][1]}",
+            "a second signal stops at once; the first one ramps the motors to zero.",
             "start again: arming clears the stop",
         )
 
-    def catch(self, number: int, frame: FrameType | None) -> None:
-        """The signals' handler."""
-        self._asked.append(signal.Signals(number).name)
+    def handle(self, number: int, frame: FrameType | None) -> None:
+        """Signal handler."""
+        self._received.append(signal.Signals(number).name)
 
 
 @contextmanager
-def asked_to_stop() -> Iterator[Asked]:
-    """Catch the signals; tells what was asked for.
+def stop_signals() -> Iterator[StopSignals]:
+    """Catch the signals in this block.
 
-    Signals may only be caught in the main thread; elsewhere nothing is ever asked for. One that
-    the program was started to ignore (SIGHUP, under nohup) stays ignored.
+    Python catches signals only in the main thread; in another one nothing is received. A signal
+    that the program was started to ignore (SIGHUP under nohup) stays ignored.
     """
-    asked = Asked()
+    received = StopSignals()
     before = {}
     if threading.current_thread() is threading.main_thread():
-        for name in ASKED:
+        for name in SIGNALS:
             number = getattr(signal, name, None)
             if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
-                before[number] = signal.signal(number, asked.catch)
+                before[number] = signal.signal(number, received.handle)
     try:
-        yield asked
+        yield received
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

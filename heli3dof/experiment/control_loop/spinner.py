@@ -1,9 +1,9 @@
-"""A program that keeps cores from falling asleep: ``python -I -S spinner.py CORE…``
+"""Keeps processor cores busy at idle priority: ``python -I -S spinner.py CORE…``
 
-One process a core turns round for ever at idle priority (SCHED_IDLE): whatever else wants the core
-has it at once. Each says in a line which core it turns on. All end when standard input does, and so
-with whoever started them, however that ended; the keyboard's signals are for the flight. Only what
-Python has built in is imported: this starts in some ms.
+One process per core loops at idle priority (SCHED_IDLE), so that any other program gets the core at
+once. Each writes its core in a line on standard output. All end when standard input closes, and so
+with the program that started them. They ignore the keyboard's signals, which are for the flight.
+Only built-in modules are imported, so that this starts within some ms.
 """
 
 import ctypes
@@ -16,7 +16,7 @@ KEYBOARD = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 
 def spin(core: int) -> None:
-    """Never returns; ends with its parent, or where the core is not this program's."""
+    """Loop until the parent ends. Raises OSError for a core that this program may not use."""
     parent = os.getppid()
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
@@ -40,7 +40,7 @@ def main() -> None:
             finally:
                 os._exit(1)
         children.append(child)
-    os.close(1)  # what is left of it is the children's
+    os.close(1)  # now only the children have it open
     sys.stdin.read()
     for child in children:
         os.kill(child, signal.SIGKILL)

@@ -1,11 +1,11 @@
-"""What a device says when it has stopped by itself, or on somebody else's word."""
+"""Explains why a device holds its output at zero: by its flags, and by the cause that it states."""
 
 from __future__ import annotations
 
 from heli3dof.rig.interface import Flags
 from heli3dof.rig.trip import Trip
 
-SAID = {
+BY_FLAG = {
     Flags.ESTOP: Trip(
         "an emergency stop is in force",
         "somebody pressed the rig's button, or another program stopped it.",
@@ -15,7 +15,7 @@ SAID = {
         "the device's watchdog expired: no command reached it in time",
         "this program was held up or suspended, or the line was cut for longer than the "
         "watchdog's time.",
-        "heli3dof doctor, and what it says of scheduling and loss",
+        "heli3dof doctor: see scheduling and loss",
     ),
     Flags.FAULT: Trip(
         "the amplifier reports a fault",
@@ -28,11 +28,11 @@ SAID = {
         "switch the amplifier off and turn both rotors by hand",
     ),
 }
-STOPPED = sum(int(flag) for flag in SAID)
+STOPPED = sum(int(flag) for flag in BY_FLAG)
 """Any of these flags, as a number: the output is zero, or on the device's own ramp to zero"""
 
 
-STATED = {
+BY_CAUSE = {
     "HOST_ESTOP": (
         "heli3dof estop or another program stopped it.",
         "find out who and why; then start again: arming clears the stop",
@@ -43,7 +43,7 @@ STATED = {
     ),
     "OVERCURRENT": (
         "a blocked rotor, a short in a motor or its leads, or a saturated flight.",
-        "switch the amplifier off, turn both rotors by hand, look at the leads; heli3dof doctor "
+        "switch the amplifier off, turn both rotors by hand, check the leads; heli3dof doctor "
         "says when the fault is gone",
     ),
     "OVERTEMPERATURE": (
@@ -51,25 +51,25 @@ STATED = {
         "let it cool; a shorter plan or smaller voltages; heli3dof doctor says when it is gone",
     ),
     "ENCODER": (
-        "an encoder gives edges that no motion makes: a lead is off, or the motors' noise gets in.",
-        "look at the encoders' leads and shields; heli3dof monitor and turn the rig by hand",
+        "an encoder gives edges that no motion makes: a lead is off, or the motors disturb it.",
+        "check the encoders' leads and shields; heli3dof monitor and turn the rig by hand",
     ),
     "SUPPLY": (
         "the supply dipped, or the USB bus was reset.",
-        "look at the supply and the cable; heli3dof doctor says when it is gone",
+        "check the supply and the cable; heli3dof doctor says when it is gone",
     ),
     "SATURATED": (
-        "the commands stood above the device's voltage limit for longer than it allows.",
-        "a smaller step, or motor.v_max as the device has it",
+        "the commands stayed above the device's voltage limit for longer than it allows.",
+        "a smaller step, or set motor.v_max to the device's limit",
     ),
 }
-"""Likely cause and fix by the device's own word, where that says more than the flag"""
+"""Likely cause and fix by the cause that the device states, where that is more than its flag"""
 
 
 def explain(flags: int, device_cause: str | None = None) -> Trip | None:
-    """The flags in words, with the cause that the device states; None for none of these flags."""
-    seen = Trip.first(*(trip for flag, trip in SAID.items() if flags & flag))
+    """Message, likely cause and fix for these flags; None if none of them stops the device."""
+    seen = Trip.first(*(trip for flag, trip in BY_FLAG.items() if flags & flag))
     if seen is None or device_cause is None:
         return seen
-    cause, fix = STATED.get(device_cause, (seen.cause, seen.fix))
+    cause, fix = BY_CAUSE.get(device_cause, (seen.cause, seen.fix))
     return Trip(f"{seen} (the device states: {device_cause})", cause, fix)

@@ -1,68 +1,89 @@
-"""What looks on while a flight goes on, and says when it must end: one small class each.
+"""Safety monitors: each judges every control period and reports why the flight must end now.
 
-A watch is made for one flight and called in every control period (see
-`heli3dof.experiment.control_loop.control_period`). It says *why* in words that go into the
-recording; whatever it says ends the flight with a ramp to zero. None of them changes a command.
+A monitor is one file here with a subclass of `SafetyMonitor`; nothing else lists it. Its report
+goes into the recording and ends the flight with a ramp to zero. No monitor changes a command.
+The limits are the profile's ``[limits]``.
 
-===========  =====================================================================================
-`Jump`       a count changed by more than the rig can turn, or time ran backwards or stood still
-`FrozenEncoder`
-             an encoder's count stood still although its axis must have turned
-`SilentEncoder`
-             an encoder's count changed again and again before the landing, and not in it
-`Saturated`  a motor was asked for more than the limit for too long
-`Late`       too many periods of the last second came too late
-`Lost`       samples, or commands, were lost in a row for too long
-`Suspended`  the computer slept: then there is no ramp, the device is stopped at once
-===========  =====================================================================================
-
-The numbers are the profile's ``[limits]``.
+=====  ================  =========================================================================
+order  class             reports
+=====  ================  =========================================================================
+10     `HostSuspend`     the computer slept; the device is stopped at once, without a ramp
+20     `EncoderJump`     a count changed by more than the rig can turn, or the device's time runs
+                         backwards or stops
+30     `LostFrames`      samples, or commands, were lost in a row for too long
+40     `Lateness`        too many periods of the last second came too late
+50     `FrozenEncoder`   a count stayed constant although its axis must have turned
+60     `SilentEncoder`   a count changed often in flight and not at all in the ramp to zero
+70     `Saturation`      a motor was commanded beyond its limit for too long
+=====  ================  =========================================================================
 """
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from typing import ClassVar
 
-from heli3dof.experiment.control_loop.control_period import Watch
-from heli3dof.experiment.safety_monitors.encoder_jump import Jump
-from heli3dof.experiment.safety_monitors.frozen_encoder import FrozenEncoder
-from heli3dof.experiment.safety_monitors.host_suspend import Suspended
-from heli3dof.experiment.safety_monitors.lateness import Late, Lost
-from heli3dof.experiment.safety_monitors.saturation import Saturated
-from heli3dof.experiment.safety_monitors.silent_encoder import SilentEncoder
+from heli3dof.experiment.control_loop.control_period import Monitor, Period
 from heli3dof.rig.profile import Profile
 
-__all__ = [
-    "FrozenEncoder",
-    "Jump",
-    "Late",
-    "Lost",
-    "Saturated",
-    "SilentEncoder",
-    "Suspended",
-    "Watches",
-    "watches_for",
-]
+
+class SafetyMonitor(ABC):
+    """A monitor of one flight. `monitors_for` makes a new one for each flight."""
+
+    order: ClassVar[int]
+    """Monitors judge a period by rising order; the first report ends the flight."""
+
+    @abstractmethod
+    def __init__(self, profile: Profile) -> None: ...
+
+    @abstractmethod
+    def __call__(self, now: Period) -> str | None:
+        """Why the flight must end now (a `heli3dof.rig.trip.Trip`), or None."""
+
+    def at_once(self) -> str | None:
+        """Why the device must be stopped without a ramp, or None."""
+        return None
+
+    def must_still_fall(self) -> bool:
+        """Whether the arm is above the table without thrust: the ramp goes on at zero volts."""
+        return False
 
 
 @dataclass(frozen=True)
-class Watches:
-    """The watches of one flight."""
+class FlightMonitors:
+    """The monitors of one flight, as `heli3dof.experiment.control_loop.loop.fly` takes them."""
 
-    each_period: tuple[Watch, ...]
+    each_period: tuple[Monitor, ...]
     at_once: Callable[[], str | None]
-    """Why to stop without a ramp; asked in every period of the ramp"""
     must_still_fall: Callable[[], bool]
-    """Whether the arm stands above the table without thrust: the ramp goes on at zero volts"""
 
 
-def watches_for(profile: Profile) -> Watches:
-    """All of them, fresh, for one flight with this profile."""
-    suspended, frozen = Suspended(), FrozenEncoder(profile)
-    return Watches(
-        (suspended, Jump(profile), Lost(profile), Late(profile), frozen, SilentEncoder(profile),
-         Saturated(profile)),
-        suspended.at_once,
-        frozen.must_still_fall,
-    )  # fmt: skip
+@cache
+def monitor_classes() -> tuple[type[SafetyMonitor], ...]:
+    """Every subclass of `SafetyMonitor` in the files of this package, by rising order."""
+    found = set()
+    for info in pkgutil.iter_modules(__path__):
+        module = importlib.import_module(f"{__name__}.{info.name}")
+        found |= {
+            value
+            for value in vars(module).values()
+            if isinstance(value, type)
+            and issubclass(value, SafetyMonitor)
+            and value.__module__ == module.__name__
+        }
+    return tuple(sorted(found, key=lambda kind: (kind.order, kind.__name__)))
+
+
+def monitors_for(profile: Profile) -> FlightMonitors:
+    """New monitors for one flight with this profile."""
+    monitors = tuple(kind(profile) for kind in monitor_classes())
+    return FlightMonitors(
+        monitors,
+        lambda: next(filter(None, (monitor.at_once() for monitor in monitors)), None),
+        lambda: any(monitor.must_still_fall() for monitor in monitors),
+    )

@@ -1,14 +1,14 @@
 """Expected acceleration of each axis, and an observer of its motion.
 
-The rigid body one axis at a time (paper, eqs (10) and (11), with cos and sin kept), V the voltages
-that the device reports to have put out (V), angles in rad, accelerations in rad/s²::
+The rigid body one axis at a time (paper, eqs (10) and (11), with cos and sin kept). V: voltages at
+the motors (V), angles in rad, accelerations in rad/s²::
 
     α_roll  = (L_a K_f cos p (V_f + V_b) − T_g cos r) / J_roll       T_g = 2 L_a K_f V_o
     α_pitch =  L_h K_f (V_f − V_b) / J_pitch
     α_yaw   = −L_a K_f cos r sin p (V_f + V_b) / J_yaw
 
 A fading-memory α-β-γ filter follows each encoder. Its state is the angle θ, the rate ω and the
-unmodelled acceleration b = θ̈ − α. With h the time since the sample before and m = exp(−Ω h)::
+unmodelled acceleration b = θ̈ − α. With h the time since the previous sample and m = exp(−Ω h)::
 
     predict   θ ← θ + ω h + (α + b) h²/2      ω ← ω + (α + b) h
     correct   e = measured − θ
@@ -17,19 +17,25 @@ unmodelled acceleration b = θ̈ − α. With h the time since the sample before
 
 from __future__ import annotations
 
-from math import cos, exp, sin
+from math import cos, exp, radians, sin
 
 from heli3dof.rig.profile import Profile
 
+ON_TABLE = radians(3.0)
+"""rad above the rest angle: a roll angle below it may be on the table"""
+PITCH_STOP = radians(25.0)
+"""rad: pitch beyond it may be at its mechanical stop (known rigs: ±32°)"""
+TILT = radians(10.0)
+"""rad: the pitch angle for the typical acceleration of yaw"""
 BANDWIDTH = (15.0, 22.0, 15.0)
-"""Ω in rad/s for roll, pitch, yaw: fast against the loop's own motion (1 to 5 rad/s), slow enough
+"""Ω in rad/s for roll, pitch, yaw: faster than the loop's own motion (1 to 5 rad/s), slow enough
 that one count of quantisation at 500 Hz moves the rate by less than 10 counts/s"""
 LONGEST_GAP_S = 0.25
 """s without a sample after which the observers start again"""
 
 
 class ExpectedAcceleration:
-    """α of the profile's rigid body; a few operations for each control period."""
+    """α of the profile's rigid body."""
 
     def __init__(self, profile: Profile) -> None:
         g, motor = profile.geometry, profile.motor
@@ -43,7 +49,16 @@ class ExpectedAcceleration:
         self.gravity = 2 * self.roll_per_V * motor.V_o
         """T_g / J_roll in rad/s²"""
         self.hover_V = motor.hover_V
-        """V per motor; at least an eighth of the amplifier's limit, whatever the profile states"""
+        """V_h per motor: |V_o|, at least an eighth of the amplifier's limit"""
+
+    @property
+    def typical(self) -> tuple[float, float, float]:
+        """rad/s² under V_h: roll by both motors, pitch by one, yaw by both at a pitch of 10°."""
+        return (
+            2 * self.roll_per_V * self.hover_V,
+            self.pitch_per_V * self.hover_V,
+            2 * self.yaw_per_V * self.hover_V * TILT,
+        )
 
     def __call__(
         self, angle: tuple[float, float, float], front_V: float, back_V: float
@@ -69,11 +84,11 @@ class AxisObserver:
         self.angle = self.rate = self.unmodelled = 0.0
 
     def restart(self, angle: float) -> None:
-        """At rest at this angle (rad), nothing unmodelled."""
+        """Start at rest at this angle (rad) with b = 0."""
         self.angle, self.rate, self.unmodelled = angle, 0.0, 0.0
 
     def step(self, h: float, acceleration: float, measured: float) -> None:
-        """h s on, under an expected acceleration (rad/s²), to a measured angle (rad)."""
+        """Advance by h (s) under α (rad/s²), and correct with the measured angle (rad)."""
         if abs(h - self._h) > 0.01 * h:
             m = exp(-self._bandwidth * h)
             self._h = h

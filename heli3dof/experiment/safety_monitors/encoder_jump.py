@@ -1,11 +1,11 @@
-"""A count that changed by more than the rig can turn, and time that runs backwards or not at all.
+"""Detects a count that changed by more than the rig can turn, and a device's clock that is wrong.
 
 Within Δt an axis turns by no more than its rate allows, and a count more or less:
 
     |Δcounts| · q  >  2 · rate_max · Δt + 2 q      q: rad per count
 
 rate_max is the profile's ``[limits]``; twice that, because the envelope judges a filtered rate. A
-smaller jump that stays cannot be distinguished from motion by these means. A jump of about 2¹⁶ or
+smaller jump that stays cannot be distinguished from motion in this way. A jump of about 2¹⁶ or
 2²⁴ counts is a counter that wrapped.
 """
 
@@ -15,17 +15,20 @@ from math import radians
 
 from heli3dof.axes import AXES
 from heli3dof.experiment.control_loop.control_period import Period
+from heli3dof.experiment.safety_monitors import SafetyMonitor
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 CLOCK_S = 0.25
-"""s for which a device's time may stand still: the coarsest clock of a host, 16 ms, many times"""
+"""s for which a device's time may stay constant: many times the coarsest clock of a host, 16 ms"""
 COUNTER_BITS = (16, 24)
 """of counters in common use; 32 bits do not wrap within a flight"""
 
 
-class Jump:
-    """A count that changed by more than the rig can turn."""
+class EncoderJump(SafetyMonitor):
+    """Compares counts and time with those of the period before."""
+
+    order = 20
 
     def __init__(self, profile: Profile) -> None:
         limits, q = profile.limits, profile.encoder.rad_per_count.tolist()
@@ -49,7 +52,7 @@ class Jump:
             return None
         if dt == 0 and now.k - self._moved_k > self._clock_periods:
             return Trip(
-                f"the device's time stood still at {t:.3f} s for "
+                f"the device's time stayed at {t:.3f} s for "
                 f"{(now.k - self._moved_k) * self._dt:.2g} s",
                 "its program hangs and repeats one sample, or its driver does not set "
                 "device_time_s.",
@@ -61,25 +64,29 @@ class Jump:
             return Trip(
                 f"the device's time ran backwards: by {-1e3 * dt:.1f} ms from one sample to the "
                 "next",
-                "the device started again, its clock was set, or its driver delivers samples out "
-                "of order.",
+                "the device restarted, its clock was set, or its driver delivers samples out of "
+                "order.",
                 "heli3dof doctor; a driver must unwrap its clock and deliver samples in order",
             )
         for i in range(3):
             moved = counts[i] - before[i]
             limit = self._per_s[i] * dt + 2
             if abs(moved) > limit:
-                jumped = f"the {AXES[i]} encoder jumped by {moved} counts within {1e3 * dt:.1f} ms"
-                wrapped = [n for n in COUNTER_BITS if abs(abs(moved) - 2**n) < limit]
-                if wrapped:
-                    return Trip(
-                        f"{jumped}, about 2^{wrapped[0]}",
-                        f"the device's counter has {wrapped[0]} bits and wrapped.",
-                        "have the device's firmware or driver extend its counts to 32 bits",
-                    )
-                return Trip(
-                    jumped,
-                    "its cable or connector is loose, or the device lost counts.",
-                    "heli3dof monitor while its cable is moved; then heli3dof zero",
-                )
+                return _jump(i, moved, limit, dt)
         return None
+
+
+def _jump(axis: int, moved: int, limit: float, dt: float) -> Trip:
+    what = f"the {AXES[axis]} encoder jumped by {moved} counts within {1e3 * dt:.1f} ms"
+    for bits in COUNTER_BITS:
+        if abs(abs(moved) - 2**bits) < limit:
+            return Trip(
+                f"{what}, about 2^{bits}",
+                f"the device's counter has {bits} bits and wrapped.",
+                "have the device's firmware or driver extend its counts to 32 bits",
+            )
+    return Trip(
+        what,
+        "its cable or connector is loose, or the device lost counts.",
+        "heli3dof monitor while its cable is moved; then heli3dof zero",
+    )

@@ -1,31 +1,30 @@
-"""An encoder whose count stands still although its axis must be turning.
+"""Detects an encoder whose count stays constant although its axis must be turning.
 
-While a count stands still, a model of the axis runs on from the state that the observer had when
-the count last changed (`heli3dof.experiment.safety_monitors.axis_observer`). The model is given
-more dry friction than the axis has shown so far in this flight, so a live axis turns at least as
-far::
+While a count stays constant, a model of the axis runs on from the observer's state at the last
+change of the count (`heli3dof.experiment.safety_monitors.axis_observer`). The model has more dry
+friction than the axis has shown so far in this flight, so a live axis turns at least as far::
 
     ω̇ = α + b − f sgn(ω)      at rest while |α + b| ≤ f       f = F + 0.25 |α + b|      (rad/s²)
 
-α is the expected acceleration under the voltages at the motors, b the mean of what the
-observer found unmodelled, 0.25 |α + b| covers a thrust or an inertia that is wrong by a quarter.
-The encoder is reported as frozen when the model has turned further than the clearance C.
+α is the expected acceleration under the voltages at the motors, b the mean unmodelled acceleration
+of the observer. 0.25 |α + b| covers a thrust or an inertia that is wrong by a quarter. The encoder
+is reported as frozen when the model has turned further than the clearance C.
 
 F starts at the largest value of known rigs, C at 1.2°, more than their backlash. Both then follow
-what the axis shows of itself:
+what the axis shows:
 
 * Moving up and moving down differ in unmodelled acceleration by twice the friction F₀, whatever the
-  bias. F = F_min + 3 |F₀| once each direction was seen for half a second.
+  bias. F = F_min + 3 |F₀| after half a second in each direction.
 * To turn back, an axis needs a change of α of at least 2 F₀. F is at most the third-smallest change
   that turned it back.
 * F is at least the largest deviation of the unmodelled acceleration from b while the axis moved
   (rotor lag, thrust curve, aerodynamics), forgotten within seconds of motion or standstill.
-* Before each turn the model has moved s while the count stood still (backlash, delay). C is at
+* Before each turn the model has moved s while the count stayed constant (backlash, delay). C is at
   least twice the largest such s.
 
 On the table pitch and yaw may be held and are not judged; roll is judged there only under a thrust
-that lifts every known rig. An axis at a mechanical stop is reported as that, and not judged while
-the motors are ramped down.
+that lifts every known rig. An axis at a mechanical stop is reported as such, and not judged during
+the ramp to zero.
 
 False alarms: 0 in 10 h of calm and rich flight on rigs that differ by ±15 % from their profile;
 detection times: docs/results/benchmarks.md, `make bench TOPIC=watches`.
@@ -37,31 +36,32 @@ from math import degrees, inf, radians
 
 from heli3dof.axes import AXES
 from heli3dof.experiment.control_loop.control_period import Period
+from heli3dof.experiment.safety_monitors import SafetyMonitor
 from heli3dof.experiment.safety_monitors.axis_observer import (
     BANDWIDTH,
     LONGEST_GAP_S,
+    ON_TABLE,
+    PITCH_STOP,
     AxisObserver,
     ExpectedAcceleration,
 )
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
-ON_TABLE = radians(3.0)
-"""rad above the rest angle: a roll angle below it may be on the table"""
 LIFTS = 3.2
 """times the hover voltage, both motors together: lifts a rig with 0.6 of its nominal thrust"""
-ROLL_STOP, PITCH_STOP = radians(30.0), radians(25.0)
-"""rad: an axis that stands beyond it may be at its stop (known rigs: +36° and ±32°)"""
+ROLL_STOP = radians(30.0)
+"""rad: roll beyond it may be at its mechanical stop (known rigs: +36°)"""
 AT_STOP_S = 0.5
-"""s that an axis may be pushed against its stop: a large step on a slow rig touches it"""
+"""s that the motors may push an axis against its stop: a large step on a slow rig touches it"""
 F_MIN = tuple(radians(a) for a in (3.0, 10.0, 0.5))
-"""rad/s², roll, pitch, yaw: what random torques and a count's quantisation leave of F₀"""
+"""rad/s², roll, pitch, yaw: error of F₀ by random torques and quantisation"""
 MISMATCH = 0.25
-"""share of the expected acceleration that a wrong gain or inertia may take: ±15 % of each"""
+"""Share of the expected acceleration that may be wrong: gain and inertia by ±15 % each"""
 CLEARANCE = radians(1.2)
-"""rad, the least C: couplings have up to 1° of backlash"""
+"""rad, the smallest C: couplings have up to 1° of backlash"""
 SMALLEST = 3
-"""Which of the smallest changes of α that turned an axis back bounds F"""
+"""F is at most the third-smallest change of α that turned the axis back"""
 MOVING = 25
 """counts/s: three standard deviations of the observer's rate on an axis at rest"""
 RATE_ERROR = (7, 13, 7)
@@ -73,31 +73,35 @@ BIAS_S = 2.0
 PEAK_S = 3.0
 """s in which the largest unmodelled acceleration is forgotten to 1/e: longer than a step lasts"""
 LIVE_S = 0.3
-"""s: a count that stood still for longer gives no news of the unmodelled acceleration"""
+"""s: a count that stays constant for longer shows nothing of the unmodelled acceleration"""
 BLOCK_S = 0.05
 """s over which α is averaged before its range between two turns is taken"""
-MOST_V = (1.0, 1.0)
-"""of the hover voltage: the largest known friction, as the voltage that overcomes it (roll: both
-motors, times 0.7; pitch: front − back)"""
-MOST_TILT = radians(10.0)
-"""rad: the largest known friction of yaw, as the pitch angle that overcomes it in hover"""
+MOST_FRICTION = (0.35, 1.0, 1.0)
+"""Largest friction of known rigs, as a share of `ExpectedAcceleration.typical`"""
 
 
-class FrozenEncoder:
+def frozen_trip(axis: int, what: str, *, by_motion: bool = False) -> Trip:
+    """The trip for an encoder that froze; ``what``: how that shows."""
+    return Trip(
+        what,
+        "the encoder is frozen: its cable is out, its supply is gone, or its disc slips on the "
+        "shaft; or something holds the axis.",
+        f"heli3dof monitor and turn {AXES[axis]} by hand: does its angle follow?",
+        by_motion=by_motion,
+    )
+
+
+class FrozenEncoder(SafetyMonitor):
     """Judges each axis in every control period, the ramp to zero included."""
+
+    order = 50
 
     def __init__(self, profile: Profile) -> None:
         expected = self._expected = ExpectedAcceleration(profile)
-        hover = expected.hover_V
-        most = (
-            0.7 * expected.roll_per_V * hover,
-            expected.pitch_per_V * hover,
-            2 * expected.yaw_per_V * hover * MOST_TILT,
-        )
         q = abs(profile.encoder.rad_per_count).tolist()
-        self._axes = tuple(_Axis(i, q[i], most[i]) for i in range(3))
+        self._axes = tuple(_Axis(i, q[i], MOST_FRICTION[i] * expected.typical[i]) for i in range(3))
         self._low = profile.encoder.rest_rad.tolist()[0] + ON_TABLE
-        self._lifts = LIFTS * hover
+        self._lifts = LIFTS * expected.hover_V
         self._t: float | None = None
         self._airborne = False
 
@@ -122,15 +126,16 @@ class FrozenEncoder:
             for i in range(3):
                 axes[i].step(h, alpha[i], counts[i], angle[i])
         for i in range(3):
-            if axes[i].turned > axes[i].clearance and (why := self._reason(i, now)):
-                return why
+            axis = axes[i]
+            if abs(axis.moved) > axis.clearance and (trip := self._report(i, now)):
+                return trip
         return None
 
     def must_still_fall(self) -> bool:
-        """Roll stands still above the table. Without thrust a live axis falls from there."""
+        """Roll is constant above the table, from where a live axis falls without thrust."""
         return self._airborne and self._axes[0].still_s > LIVE_S
 
-    def _reason(self, i: int, now: Period) -> str | None:
+    def _report(self, i: int, now: Period) -> Trip | None:
         axis, at = self._axes[i], now.angle[i]
         name, seconds = AXES[i], axis.still_s
         outward = at * axis.moved > 0
@@ -145,18 +150,19 @@ class FrozenEncoder:
                 f"heli3dof monitor and turn {name} by hand: does its angle follow, with its sign?",
                 by_motion=True,
             )
-        return Trip(
+        return frozen_trip(
+            i,
             f"the {name} encoder's count stood at {axis.count} for {seconds:.2g} s while the "
-            f"voltages turned the axis by {degrees(axis.turned):.2g}° at least",
-            "the encoder is frozen: its cable is out, its supply is gone, or its disc slips on the "
-            "shaft; or something holds the axis.",
-            f"heli3dof monitor and turn {name} by hand: does its angle follow?",
+            f"voltages turned the axis by {degrees(abs(axis.moved)):.2g}° at least",
             by_motion=True,
         )
 
 
 class _Axis:
-    """One axis: its observer, what it has shown of friction and clearance, and its standstill."""
+    """One axis: its observer, its friction and clearance so far, and its standstill.
+
+    ``most``: the friction of known rigs in rad/s².
+    """
 
     def __init__(self, i: int, q: float, most: float) -> None:
         self._observer = AxisObserver(BANDWIDTH[i])
@@ -165,7 +171,7 @@ class _Axis:
         self._by_direction = self._by_turns = most
         self._friction = most
         self._peak = self._peak_now = 0.0
-        """rad/s²: the largest unmodelled acceleration besides b; since the count last changed"""
+        """rad/s²: largest deviation of the unmodelled acceleration from b; since the last change"""
         self._direction = [0.0, 0.0]
         """∫ b dt while moving down, and up"""
         self._direction_s = [0.0, 0.0]
@@ -176,7 +182,7 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, angle: float) -> None:
-        """Standing still; of the bias nothing is known, and of friction what was known."""
+        """Start at rest without a bias; the friction found so far stays."""
         self._observer.restart(angle)
         self.count = count
         self._bias = self._bias_s = 0.0
@@ -189,7 +195,7 @@ class _Axis:
     def _begin_standstill(self) -> None:
         self.still_s = 0.0
         self.moved = 0.0
-        """rad that the model has turned since the count last changed"""
+        """rad that the model has turned since the last change of the count"""
         rate, error = self._observer.rate, self._rate_error
         self._rate = rate - error if rate > error else rate + error if rate < -error else 0.0
         self._centre = self._bias
@@ -197,13 +203,8 @@ class _Axis:
         self._peak, self._peak_now = max(self._peak, self._peak_now), 0.0
         self._held = self._friction
 
-    @property
-    def turned(self) -> float:
-        """rad, without its sign"""
-        return abs(self.moved)
-
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
-        """Roll near its rest angle: only a thrust beyond every known rig's weight moves it."""
+        """One control period of roll near its rest angle, under ``lift`` (rad/s²)."""
         if count != self.count:
             self.restart(count, angle)
             return
@@ -224,7 +225,7 @@ class _Axis:
             return
         self.still_s += h
         if self._bias_s < KNOWN_S:
-            # Nothing known of the balance: what held the axis at first, holds it.
+            # Without a bias: the mean drive of the first half second is taken as balanced.
             if self.still_s < KNOWN_S:
                 self._mean += (alpha - self._mean) * h / self.still_s
             drive = alpha - self._mean
@@ -246,7 +247,7 @@ class _Axis:
             self._swing = abs(self.moved)
 
     def _observe(self, h: float, rate: float, unmodelled: float) -> None:
-        """The bias, and the friction by the direction of motion."""
+        """Update the bias, and the friction by the direction of motion."""
         self._bias_s += h
         self._bias += (unmodelled - self._bias) * h / min(self._bias_s, BIAS_S)
         self._peak_now = max(self._peak_now, abs(unmodelled - self._bias))
@@ -278,7 +279,7 @@ class _Axis:
         self._begin_standstill()
 
     def _turn(self, count: int) -> None:
-        """The axis has turned back, by two counts: one may chatter on an edge."""
+        """The axis has turned back by two counts; one count may be a limit cycle on an edge."""
         if self._way and self._high >= self._low:
             change = self._high - self._low
             if change < self._smallest[-1]:

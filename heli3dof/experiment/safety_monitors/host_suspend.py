@@ -1,11 +1,10 @@
-"""The computer slept: CLOCK_BOOTTIME went on, CLOCK_MONOTONIC did not.
+"""Detects that the computer slept: CLOCK_BOOTTIME went on, CLOCK_MONOTONIC did not.
 
     asleep = (boottime − monotonic) − (boottime − monotonic at the flight's start)
 
-The rig went on, too: its watchdog has ramped it to zero, or it has held one voltage all that time.
-Nothing that the loop remembers (rates, integrals, the last voltage) says anything of it, so there
-is no ramp: the device is stopped at once. Where there is no CLOCK_BOOTTIME, nothing is noticed here
-and the device's watchdog is what ends the flight.
+Meanwhile the rig's watchdog has ramped it to zero, or it has held one voltage. The loop's rates,
+integrals and last voltage are out of date, so the device is stopped at once, without a ramp.
+On a system without CLOCK_BOOTTIME only the device's watchdog ends the flight.
 """
 
 from __future__ import annotations
@@ -13,24 +12,28 @@ from __future__ import annotations
 import time
 
 from heli3dof.experiment.control_loop.control_period import Period
+from heli3dof.experiment.safety_monitors import SafetyMonitor
+from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 SHORTEST_S = 0.1
-"""No computer sleeps for less; the clocks are read one after the other."""
+"""s; no computer sleeps for less, and the two clocks are read one after the other"""
 
 
 def ahead_s() -> float:
-    """boottime − monotonic, s. Whatever comes between the two readings makes it smaller only."""
+    """boottime − monotonic in s. A delay between the two readings only makes it smaller."""
     boottime = getattr(time, "CLOCK_BOOTTIME", None)
     if boottime is None:
         return 0.0
     return time.clock_gettime(boottime) - time.monotonic()
 
 
-class Suspended:
-    """Asked in every period, and in every period of the ramp."""
+class HostSuspend(SafetyMonitor):
+    """Compares the two clocks in every period, those of the ramp included."""
 
-    def __init__(self) -> None:
+    order = 10
+
+    def __init__(self, profile: Profile) -> None:
         self._ahead_s = max(ahead_s() for _ in range(5))
 
     def asleep_s(self) -> float:
@@ -44,10 +47,9 @@ class Suspended:
             return None
         return Trip(
             f"the computer slept for {asleep:.2g} s in mid-flight",
-            "its lid was closed, its battery is empty, or it suspends when nobody types.",
+            "its lid was closed, its battery is empty, or it suspends when idle.",
             "systemd-inhibit --what=sleep:idle:handle-lid-switch heli3dof …",
         )
 
     def at_once(self) -> str | None:
-        """Why there is no ramp."""
         return "stopped at once, since the computer slept" if self.asleep_s() else None

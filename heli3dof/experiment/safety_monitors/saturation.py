@@ -1,22 +1,27 @@
-"""Saturated: a motor was asked for more than the limit for longer than ``saturated_max_s``.
+"""Detects a motor that was commanded beyond its limit for longer than ``saturated_max_s``.
 
-While |command| > v_max the loop is open and the integrators wind: what is flown is not the plan.
-A command below the limit for a tenth of that time starts the clock anew.
+While |command| > v_max the loop is open and the integrators wind up: the rig does not fly the plan.
+The time restarts after a command below the limit for a tenth of ``saturated_max_s``.
 """
 
 from __future__ import annotations
 
 from heli3dof.axes import MOTORS
 from heli3dof.experiment.control_loop.control_period import Period
+from heli3dof.experiment.safety_monitors import SafetyMonitor
 from heli3dof.rig.interface import Flags
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
+BREAK = 0.1
+"""Share of ``saturated_max_s`` below the limit after which the time restarts"""
 _SATURATED = int(Flags.SATURATED)
 
 
-class Saturated:
-    """Counts the time for which each motor was at its limit without a break."""
+class Saturation(SafetyMonitor):
+    """Measures how long each motor is at its limit without a break."""
+
+    order = 70
 
     def __init__(self, profile: Profile) -> None:
         self._v_max = profile.motor.v_max
@@ -38,10 +43,10 @@ class Saturated:
                         f"the {MOTORS[i]} motor was at its limit of {self._v_max:g} V for "
                         f"{t - since:.2g} s",
                         "the plan asks for more than the rig has, or a rotor does not pull.",
-                        "look at both rotors; then a smaller or slower step: heli3dof simulate "
+                        "check both rotors; then a smaller or slower step: heli3dof simulate "
                         "PLAN --model M shows the volts that it needs",
                         by_motion=True,
                     )
-            elif t - self._last[i] > 0.1 * self._longest_s:
+            elif t - self._last[i] > BREAK * self._longest_s:
                 self._since[i] = None
         return None

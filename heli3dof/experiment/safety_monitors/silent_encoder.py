@@ -1,4 +1,4 @@
-"""An encoder that changed its count again and again in calm flight, and not at all in the landing.
+"""Detects an encoder that changed its count often in calm flight, and not at all in the ramp.
 
 A calm axis still wanders by a count or two. Its standstills end at random, so the longest of N
 standstills is about L = (ln N)/λ, where λ is the rate at which they end. A standstill of T then has
@@ -6,61 +6,62 @@ the probability N exp(−λ T) of occurring once in N, and falls below ε after
 
     T > L (1 + ln(1/ε) / ln N)
 
-This is judged for pitch and yaw while the motors are ramped down, for as long as the arm is in the
-air, on standstills of two seconds and more: without the controller a live axis drifts away.
-(Roll must fall then; `FrozenEncoder` judges it.) Nothing is reported of an axis that did not wander
-to and fro before: dry friction may hold it.
+Pitch and yaw are judged during the ramp to zero while the arm is in the air, on standstills of two
+seconds and more: without the controller a live axis drifts away. (`FrozenEncoder` judges roll,
+which must fall then.) An axis that did not wander to and fro before is not reported: dry friction
+may hold it.
 """
 
 from __future__ import annotations
 
 from math import log
 
-from heli3dof.axes import AXES
+from heli3dof.axes import AXES, PITCH, YAW
 from heli3dof.experiment.control_loop.control_period import Period
-from heli3dof.experiment.safety_monitors.frozen_encoder import ON_TABLE
+from heli3dof.experiment.safety_monitors import SafetyMonitor
+from heli3dof.experiment.safety_monitors.axis_observer import ON_TABLE
+from heli3dof.experiment.safety_monitors.frozen_encoder import frozen_trip
 from heli3dof.rig.profile import Profile
-from heli3dof.rig.trip import Trip
 
 FALSE_ALARM = 1e-3
-"""ε: the share of landings in which a live axis may be reported"""
+"""ε: share of ramps in which a live axis may be reported"""
 CALM = 4
-"""counts: an axis is calm while its count stays within as many for `WINDOW_S`"""
+"""counts: an axis is calm while its count stays within so many for `WINDOW_S`"""
 WINDOW_S = 1.0
 PIECES = 10
-"""of the window: its range is kept for each"""
+"""of the window; each keeps the range of its counts"""
 STANDSTILLS, REVERSALS = 10, 3
-"""calm standstills, and changes of direction, from which an axis is known to wander"""
+"""Calm standstills, and changes of direction, that show that an axis wanders"""
 LEAST_S = 2.0
-"""s: the controller that keeps a count moving is off in the landing; random torques alone then move
-a live axis by a count within 1.2 s (measured on emulated rigs)"""
+"""s: without the controller random torques alone move a live axis by a count within 1.2 s (measured
+on emulated rigs)"""
 SHORTEST_S = 0.01
-"""s: a shorter standstill is chatter on an edge, and not counted"""
+"""s: shorter standstills are a limit cycle on an edge, and not counted"""
 
 
-class SilentEncoder:
-    """Learns each axis's standstills in the air; judges pitch and yaw in the ramp to zero."""
+class SilentEncoder(SafetyMonitor):
+    """Learns the standstills of pitch and yaw in the air; judges them in the ramp to zero."""
+
+    order = 60
 
     def __init__(self, profile: Profile) -> None:
-        self._axes = tuple(_Axis() for _ in range(3))
+        self._axes = {PITCH: _Axis(), YAW: _Axis()}
         self._low = profile.encoder.rest_rad.tolist()[0] + ON_TABLE
 
     def __call__(self, now: Period) -> str | None:
         counts, t = now.sample.counts, now.t
         if now.angle[0] <= self._low:
-            for i in (1, 2):
-                self._axes[i].restart(counts[i], t)
+            for i, axis in self._axes.items():
+                axis.restart(counts[i], t)
             return None
-        for i in (1, 2):
-            axis = self._axes[i]
+        for i, axis in self._axes.items():
             axis.step(counts[i], t, now.ramping_down)
             if now.ramping_down and (still_s := t - axis.since) > axis.longest_credible_s():
-                return Trip(
+                return frozen_trip(
+                    i,
                     f"the {AXES[i]} encoder's count stood at {counts[i]} for {still_s:.2g} s, the "
-                    f"landing included; before, it changed every {axis.longest_s:.2g} s or sooner",
-                    "the encoder is frozen: its cable is out, its supply is gone, or its disc "
-                    "slips on the shaft; or something holds the axis.",
-                    f"heli3dof monitor and turn {AXES[i]} by hand: does its angle follow?",
+                    f"ramp to zero included; before, it changed every {axis.longest_s:.2g} s or "
+                    "sooner",
                 )
         return None
 
@@ -75,7 +76,7 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, t: float) -> None:
-        """From here on the standstill's beginning is unknown."""
+        """Start in a standstill whose beginning is unknown."""
         self._count, self.since = count, t
         self._from_change = False
         self._way = 0
@@ -107,7 +108,7 @@ class _Axis:
         self._way = way
 
     def longest_credible_s(self) -> float:
-        """T in s; infinite for an axis that is not known to wander."""
+        """T in s; infinite for an axis that has not been seen to wander."""
         if self._n < STANDSTILLS or self._reversals < REVERSALS or not self._from_change:
             return float("inf")
         return max(LEAST_S, self.longest_s * (1 + log(1 / FALSE_ALARM) / log(self._n)))

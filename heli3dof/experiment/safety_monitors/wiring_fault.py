@@ -1,17 +1,17 @@
-"""Which single wiring fault explains how a flight moved before a safety trip.
+"""Finds the single wiring fault that explains how the rig moved before a safety trip.
 
-Each hypothesis gives other accelerations α_H(t) from the same recorded voltages and angles
-(`heli3dof.experiment.safety_monitors.axis_observer`): an encoder that counts the wrong way, swapped
-motor leads, a motor that does not turn or turns the wrong way. For each axis, over the last second
-or two before control was lost, the measured angle is fitted by
+Hypotheses: an encoder that counts the wrong way, swapped motor leads, a motor that does not turn or
+turns the wrong way. Each gives other accelerations α_H(t) from the same voltages and angles
+(`heli3dof.experiment.safety_monitors.axis_observer`). For each axis, over the last second or two
+before control was lost, the measured angle is fitted by
 
     θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
 
-where s is the model's gain and b what the model does not know (friction, a wrong hover voltage),
-b ~ N(0, B²). With v the mean squared residual and n the number of independent ones, the
-hypothesis's score is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) over the axes that moved. A
-fault is named only if its score exceeds that of a rig without fault by `SURE`, and every other
-fault's by `DISTINCT`: in the last 0.4 s, or in a longer window where those do not decide.
+s is the model's gain, b ~ N(0, B²) an unmodelled acceleration (friction, a wrong hover voltage).
+With v the mean squared residual and n the number of independent residuals, the hypothesis's score
+is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) over the axes that moved. A fault is reported
+only if its score exceeds that of a rig without fault by `SURE`, and every other fault's by
+`DISTINCT`: in the last 0.4 s, or in a longer window if those do not decide.
 """
 
 from __future__ import annotations
@@ -22,33 +22,36 @@ from typing import NamedTuple
 
 import numpy as np
 
-from heli3dof.experiment.safety_monitors.axis_observer import ExpectedAcceleration
-from heli3dof.experiment.safety_monitors.frozen_encoder import MOST_TILT, ON_TABLE, PITCH_STOP
+from heli3dof.axes import AXES, MOTORS
+from heli3dof.experiment.safety_monitors.axis_observer import (
+    ON_TABLE,
+    PITCH_STOP,
+    ExpectedAcceleration,
+)
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 WINDOWS_S = (0.4, 0.8, 1.6)
-"""s before control was lost: a fault that came late is in the shortest, the slow motion of a yaw
-encoder that counts the wrong way in the longest"""
+"""s before control was lost: the shortest shows a fault that came late, the longest the slow motion
+of a yaw encoder that counts the wrong way"""
 SHORTEST = 20
-"""periods, below which an axis is not used"""
+"""Fewest periods of an axis that is used"""
 MOVED = 6
-"""counts that an axis must have turned by"""
+"""Fewest counts that an axis must have turned by"""
 INDEPENDENT_S = 0.02
 """s between independent residuals: ten periods at 500 Hz"""
 BELOW_TABLE = radians(2.0)
-"""rad below the rest angle, where no arm can be: there only a wrong sign leads under thrust"""
+"""rad below the rest angle: no arm can be there, so roll has a wrong sign"""
 UNKNOWN = 0.5
-"""B as a share of the gravity torque's acceleration (roll), of the hover voltage's on one motor
-(pitch), and of a tilt of 10° (yaw)"""
+"""B as a share of `ExpectedAcceleration.typical`"""
 GAIN = (0.4, 2.5)
-"""s: thrust gains of published rigs differ by a factor of two"""
+"""Range of s: thrust gains of published rigs differ by a factor of two"""
 SURE, DISTINCT = 10.0, 4.0
-"""log-likelihood ratios: 1 in e¹⁰ = 22,000, and 1 in e⁴ = 55 among faults alike"""
+"""Log-likelihood ratios: 1 in e¹⁰ = 22,000 against no fault, 1 in e⁴ = 55 among faults"""
 
 
 class Moment(NamedTuple):
-    """One control period, as the trip's cause is looked for in it."""
+    """One control period before the trip."""
 
     t: float
     """s"""
@@ -59,7 +62,7 @@ class Moment(NamedTuple):
 
 
 class Fault(NamedTuple):
-    """A wiring fault: what the rig does with voltages and angles."""
+    """A wiring fault: how it maps voltages and angles."""
 
     what: str
     fix: str
@@ -67,6 +70,11 @@ class Fault(NamedTuple):
     """of each encoder"""
     mix: tuple[tuple[int, int], tuple[int, int]] = ((1, 0), (0, 1))
     """thrust of the front and the back motor for each of the two voltages"""
+
+
+def _mix(motor: int, gain: int) -> tuple[tuple[int, int], tuple[int, int]]:
+    """The mix of a rig whose motor (0: front) has this gain."""
+    return ((gain, 0), (0, 1)) if motor == 0 else ((1, 0), (0, gain))
 
 
 NORMAL = Fault("", "")
@@ -78,38 +86,31 @@ FAULTS = (
             _SIGN.format(axis=axis),
             sign=(-1 if i == 0 else 1, -1 if i == 1 else 1, -1 if i == 2 else 1),
         )
-        for i, axis in enumerate(("roll", "pitch", "yaw"))
+        for i, axis in enumerate(AXES)
     ),
     Fault(
         "the leads of the two motors are swapped",
         "swap the two motors' leads at the amplifier",
         mix=((0, 1), (1, 0)),
     ),
-    Fault(
-        "the front motor does not pull",
-        "look for its fuse, its leads and its rotor, with the amplifier switched off",
-        mix=((0, 0), (0, 1)),
-    ),
-    Fault(
-        "the back motor does not pull",
-        "look for its fuse, its leads and its rotor, with the amplifier switched off",
-        mix=((1, 0), (0, 0)),
-    ),
-    Fault(
-        "the front motor turns the wrong way",
-        "swap the two wires of the front motor",
-        mix=((-1, 0), (0, 1)),
-    ),
-    Fault(
-        "the back motor turns the wrong way",
-        "swap the two wires of the back motor",
-        mix=((1, 0), (0, -1)),
+    *(
+        Fault(f"the {motor} motor {what}", fix.format(motor=motor), mix=_mix(i, gain))
+        for what, fix, gain in (
+            (
+                "does not pull",
+                "check its fuse, its leads and its rotor, with the amplifier switched off",
+                0,
+            ),
+            ("turns the wrong way", "swap the two wires of the {motor} motor", -1),
+        )
+        for i, motor in enumerate(MOTORS)
     ),
 )
+HYPOTHESES = (NORMAL, *FAULTS)
 
 
 def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
-    """The one fault that explains the motion before a trip; None where none clearly does."""
+    """The fault that explains the motion before a trip; None if none clearly does."""
     if len(moments) < SHORTEST:
         return None
     t = np.array([m.t for m in moments])
@@ -117,10 +118,15 @@ def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
     applied = np.array([m.applied for m in moments])
     if angle[-1, 0] < profile.encoder.rest_rad[0] - BELOW_TABLE and applied[-SHORTEST:].min() > 0:
         return FAULTS[0]
-    moved = {fault.what: _moved(fault, angle, applied, profile) for fault in (NORMAL, *FAULTS)}
+    expected = ExpectedAcceleration(profile)
+    unmodelled = UNKNOWN * np.array(expected.typical)
+    seen = {fault.what: _seen(fault, angle, applied, profile, expected) for fault in HYPOTHESES}
     for window_s in WINDOWS_S:
         windows = _windows(t, angle, profile, window_s)
-        scores = {what: _score(t, angle, alpha, windows, profile) for what, alpha in moved.items()}
+        scores = {
+            what: _score(t, angle, alpha, windows, profile, unmodelled)
+            for what, alpha in seen.items()
+        }
         best, second = sorted(FAULTS, key=lambda f: -scores[f.what])[:2]
         sure = scores[best.what] - scores[NORMAL.what] > SURE
         if sure and scores[best.what] - scores[second.what] > DISTINCT:
@@ -129,7 +135,7 @@ def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
 
 
 def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
-    """The trip, with the wiring fault as its cause where the motion before shows one."""
+    """The trip, with the wiring fault as its cause if the motion before it shows one."""
     fault = wiring_fault(moments, profile) if trip.by_motion else None
     if fault is None:
         return trip
@@ -141,7 +147,7 @@ def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
 def _windows(
     t: np.ndarray, angle: np.ndarray, profile: Profile, window_s: float
 ) -> dict[int, slice]:
-    """Axis → the rows in which it moved freely."""
+    """Axis → the rows in which it was free to move and did."""
     end = len(t)
     beyond = np.flatnonzero((np.abs(angle[:, 1]) > PITCH_STOP) & (t > t[-1] - 2 * WINDOWS_S[-1]))
     if len(beyond):
@@ -151,25 +157,30 @@ def _windows(
     first = int(np.searchsorted(t, t[end - 1] - window_s))
     rest = float(profile.encoder.rest_rad[0])
     q = np.abs(profile.encoder.rad_per_count)
-    found = {}
+    rows_of = {}
     for i in range(3):
         start = first
         if i == 0:
-            # Near its rest angle the arm may lie on the table; a wrong sign shows it below.
+            # Near its rest angle the arm may lie on the table.
             on_table = np.flatnonzero(np.abs(angle[first:end, 0] - rest) < ON_TABLE / 3)
             start = first + (int(on_table[-1]) + 1 if len(on_table) else 0)
         rows = slice(start, end)
         if end - start >= SHORTEST and np.ptp(angle[rows, i]) >= MOVED * q[i]:
-            found[i] = rows
-    return found
+            rows_of[i] = rows
+    return rows_of
 
 
-def _moved(fault: Fault, angle: np.ndarray, applied: np.ndarray, profile: Profile) -> np.ndarray:
-    """(n, 3) rad/s²: how the encoders see the expected acceleration of a rig with this fault."""
+def _seen(
+    fault: Fault,
+    angle: np.ndarray,
+    applied: np.ndarray,
+    profile: Profile,
+    expected: ExpectedAcceleration,
+) -> np.ndarray:
+    """(n, 3) rad/s²: expected acceleration of a rig with this fault, as its encoders show it."""
     rest, sign = profile.encoder.rest_rad, np.array(fault.sign)
     true = (rest + sign * (angle - rest)).tolist()
     volts = (np.array(fault.mix, dtype=float) @ applied.T).tolist()
-    expected = ExpectedAcceleration(profile)
     seen: np.ndarray = sign * np.array([expected(*m) for m in zip(true, *volts, strict=True)])
     return seen
 
@@ -180,26 +191,20 @@ def _score(
     alpha: np.ndarray,
     windows: dict[int, slice],
     profile: Profile,
+    unmodelled: np.ndarray,
 ) -> float:
-    expected = ExpectedAcceleration(profile)
-    unknown = UNKNOWN * np.array(
-        [
-            2 * expected.roll_per_V * expected.hover_V,
-            expected.pitch_per_V * expected.hover_V,
-            2 * expected.yaw_per_V * expected.hover_V * MOST_TILT,
-        ]
-    )
+    """Log-likelihood of the measured angles under α_H; ``unmodelled``: B (3,) in rad/s²."""
     q = np.abs(profile.encoder.rad_per_count)
     score = 0.0
     for i, rows in windows.items():
         n = (t[rows][-1] - t[rows][0]) / INDEPENDENT_S
-        squared, b = _fit(t[rows], angle[rows, i], alpha[rows, i], q[i] / unknown[i])
-        score -= 0.5 * (n * np.log(squared + q[i] ** 2 / 12) + (b / unknown[i]) ** 2)
+        squared, b = _fit(t[rows], angle[rows, i], alpha[rows, i], q[i] / unmodelled[i])
+        score -= 0.5 * (n * np.log(squared + q[i] ** 2 / 12) + (b / unmodelled[i]) ** 2)
     return float(score)
 
 
 def _fit(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float) -> tuple[float, float]:
-    """(mean squared residual in rad², b in rad/s²); ``weight`` of b's prior: count/B."""
+    """Mean squared residual in rad², and b in rad/s²; ``weight`` of b's prior: count/B."""
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]
     double = np.append(np.cumsum(np.cumsum(alpha * h) * h), 0.0)

@@ -1,28 +1,28 @@
-"""The kinds of segment that a plan is made of: one file each, found by name.
+"""The kinds of segment of a plan: one file each, with a class named ``Segment``.
 
-A segment is a table of the plan's TOML. It says how long it lasts and renders the references
-(rad) and the voltages that the experiment adds (V) for its control periods. A new kind is one
-new file here with a class named ``Segment``.
+A segment is a table of the plan's TOML. It has a duration, and renders the references (rad) and
+the voltages that the experiment adds (V) for its control periods. Nothing else lists the kinds.
 """
 
 from __future__ import annotations
 
 import importlib
 import pkgutil
-from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 import numpy as np
+from pydantic import AfterValidator, Field
 
 from heli3dof.axes import AXES
+from heli3dof.model.control.loop_opening import LEARN, OPEN
 from heli3dof.toml_file import Finite, Key, Positive, Section
 
 
 @dataclass(frozen=True)
 class Clock:
-    """The control periods of one segment and the random numbers it may draw."""
+    """The control periods of one segment, and its random generator."""
 
     n: int
     dt: float
@@ -36,12 +36,11 @@ class Clock:
 
 
 class BaseSegment(Section):
-    """What every segment has: a duration and, where they change, the references in degrees.
+    """Keys of every segment: a duration, and the references that change, in degrees.
 
-    A reference that is not given stays where the segment before left it (zero at the start).
+    A reference that is not given keeps its value (zero at the start).
     """
 
-    kind_help: ClassVar[str] = ""
     kind: Annotated[str, Key("which segment it is")]
     duration_s: Annotated[Positive, Key("how long it lasts", "s")]
     roll_deg: Annotated[Finite | None, Key("roll reference; absent: as before", "°")] = None
@@ -55,9 +54,12 @@ class BaseSegment(Section):
             [b if g is None else np.radians(g) for g, b in zip(given, before, strict=True)]
         )
 
-    @abstractmethod
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """References (n, 3) in rad and extra voltages (n, 2) in V; ``before`` is (3,) rad."""
+        """References (n, 3) in rad and extra voltages (n, 2) in V; ``before`` is (3,) rad.
+
+        By default the references jump to their new values, and no voltage is added.
+        """
+        return np.tile(self.target(before), (clock.n, 1)), np.zeros((clock.n, 2))
 
     def opened(self, clock: Clock) -> np.ndarray:
         """(n, 3) int8: each axis's mode (`model.control.loop_opening`); closed by default."""
@@ -71,6 +73,43 @@ class BaseSegment(Section):
             if value is not None
         ]
         return f"{self.kind} {self.duration_s:g} s" + (f" to {', '.join(moves)}" if moves else "")
+
+
+def _rising(band: tuple[float, float]) -> tuple[float, float]:
+    if not 0 < band[0] < band[1]:
+        raise ValueError("band_Hz is two rising frequencies")
+    return band
+
+
+Band = Annotated[
+    tuple[Finite, Finite], AfterValidator(_rising), Key("lowest and highest frequency", "Hz")
+]
+"""A frequency band in Hz"""
+
+
+class FreeSegment(BaseSegment):
+    """A segment that opens the loop of one axis.
+
+    First the loop is closed for ``learn_s``, to find the mean voltage that holds the axis, and
+    for the approach to the axis's initial state. Then that voltage stays constant.
+    """
+
+    learn_s: Annotated[
+        Finite,
+        Field(ge=0),
+        Key("hover whose mean voltage is kept; 0: what an earlier segment learned", "s"),
+    ] = 4.0
+
+    def opened_after(self, clock: Clock, axis: int, approach_s: float) -> np.ndarray:
+        """(n, 3) int8: modes of an axis that is open after ``learn_s + approach_s``."""
+        mode = np.zeros((clock.n, 3), dtype=np.int8)
+        mode[clock.t < self.learn_s, axis] = LEARN
+        mode[clock.t >= self.learn_s + approach_s, axis] = OPEN
+        return mode
+
+    def free_s(self, approach_s: float) -> float:
+        """s in open loop."""
+        return max(0.0, self.duration_s - self.learn_s - approach_s)
 
 
 @cache

@@ -3,8 +3,8 @@
     s(t) = sin φ(t),  φ(t) = 2π f_1 (k^(t/T) − 1) T / ln k,  k = f_2/f_1    (exponential sweep)
     V_front += (common_V + difference_V) s,   V_back += (common_V − difference_V) s
 
-The instantaneous frequency is f_1 k^(t/T): every octave gets the same time. On pitch it tells a
-lag from a delay: their phases part at high frequency.
+The instantaneous frequency is f_1 k^(t/T): every octave gets the same time. On pitch it separates a
+lag from a delay, whose phases differ at high frequency.
 """
 
 from __future__ import annotations
@@ -12,27 +12,16 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import field_validator
 
-from heli3dof.experiment.segments import BaseSegment, Clock
+from heli3dof.experiment.segments import Band, BaseSegment, Clock
 from heli3dof.toml_file import Finite, Key
 
 
 class Segment(BaseSegment):
     kind: Literal["chirp"] = "chirp"
-    band_Hz: Annotated[tuple[Finite, Finite], Key("lowest and highest frequency", "Hz")] = (
-        0.1,
-        8.0,
-    )
+    band_Hz: Band = (0.1, 8.0)
     common_V: Annotated[Finite, Key("amplitude on both motors alike", "V")] = 0.0
     difference_V: Annotated[Finite, Key("amplitude on front, opposite on back", "V")] = 1.0
-
-    @field_validator("band_Hz")
-    @classmethod
-    def _rising(cls, value: tuple[float, float]) -> tuple[float, float]:
-        if not 0 < value[0] < value[1]:
-            raise ValueError("band_Hz is two rising frequencies")
-        return value
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         f1, f2 = self.band_Hz
@@ -40,7 +29,7 @@ class Segment(BaseSegment):
         k = f2 / f1
         phase = 2 * np.pi * f1 * T / np.log(k) * (k ** (clock.t / T) - 1)
         front, back = self.common_V + self.difference_V, self.common_V - self.difference_V
-        reference = np.tile(self.target(before), (clock.n, 1))
+        reference, _ = super().render(clock, before)
         return reference, np.sin(phase)[:, None] * np.array([front, back])
 
     def summary(self) -> str:

@@ -3,7 +3,7 @@
     c(t) = +common_V for 0 ≤ t < T_p,  −common_V for T_p ≤ t < 2 T_p,  then 0
     d(t) the same with difference_V;   V_front += c + d,  V_back += c − d
 
-T_p is ``pulse_s``. Doublets on pitch at two trims tell a lag from a delay.
+T_p is ``pulse_s``. Doublets on pitch at two trims separate a lag from a delay.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Segment(BaseSegment):
         pulse = np.floor(clock.t / self.pulse_s + 1e-9)
         shape = np.select([pulse == 0, pulse == 1], [1.0, -1.0], 0.0)
         front, back = self.common_V + self.difference_V, self.common_V - self.difference_V
-        reference = np.tile(self.target(before), (clock.n, 1))
+        reference, _ = super().render(clock, before)
         return reference, shape[:, None] * np.array([front, back])
 
     def summary(self) -> str:

@@ -1,10 +1,10 @@
-"""``prbs``: pseudo-random binary voltages, common and difference drawn apart.
+"""``prbs``: pseudo-random binary voltages, common and difference independent.
 
     c(t) = ± common_V,  d(t) = ± difference_V,  each switching at most every ``bit_s``
     V_front += c + d,   V_back += c − d
 
-Two different maximum-length sequences (shift registers with linear feedback), started at random:
-a period has as many ups as downs but one, and its autocorrelation is a spike.
+Two different maximum-length sequences (shift registers with linear feedback) from random states: a
+period has one more up than downs, and its autocorrelation is a spike.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ class Segment(BaseSegment):
             sequence, _ = max_len_seq(order, state=state, length=bits)
             shapes.append(amplitude * np.repeat(2.0 * sequence - 1, hold)[: clock.n])
         c, d = shapes
-        return np.tile(self.target(before), (clock.n, 1)), np.column_stack([c + d, c - d])
+        reference, _ = super().render(clock, before)
+        return reference, np.column_stack([c + d, c - d])
 
     def summary(self) -> str:
         return (

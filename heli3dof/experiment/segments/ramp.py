@@ -2,8 +2,8 @@
 
     r_ref(t) = r_0 + (r_1 − r_0) t/T,     V_extra(t) = common_V · t/T (front and back alike)
 
-A slow ramp shows friction, a dead zone and the static thrust curve. The offset in voltage is
-what the loop has to make up for: it ends with the segment.
+A slow ramp shows friction, a dead zone and the static thrust curve. The loop
+compensates the voltage offset, which ends with the segment.
 """
 
 from __future__ import annotations

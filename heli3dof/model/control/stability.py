@@ -1,4 +1,4 @@
-"""A gain that does not stabilise the chosen model is refused before anything moves (exit 6)."""
+"""Checks before a flight that the gain stabilises the chosen model (exit code 6)."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 from heli3dof.errors import UnstableLoop
 from heli3dof.model.base import Model
 from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
+from heli3dof.model.linear.hover import hover_model
 from heli3dof.model.linear.model import LinearModel
-from heli3dof.rig.profile import ControllerSpec
+from heli3dof.rig.profile import ControllerSpec, Profile
 
 MARGIN = 1e-4
 """rad/s; a pole slower than this counts as an integrator that the gain leaves free."""
@@ -44,6 +45,13 @@ def check_loop(model: Model, controller: ControllerSpec, dt: float) -> np.ndarra
                 fix="raise [loop] rate_hz or [controller] derivative_cutoff_hz in the profile",
             )
     return poles
+
+
+def check_hover_loop(profile: Profile) -> np.ndarray:
+    """`check_loop` of the profile's gain (the default gain if it has none) on its hover model."""
+    controller = profile.with_controller().controller
+    assert controller is not None
+    return check_loop(hover_model(profile), controller, profile.dt)
 
 
 def _cause(model: Model) -> str:

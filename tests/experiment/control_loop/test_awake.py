@@ -1,4 +1,4 @@
-"""A virtual machine's cores are kept awake in flight, at nobody's cost, and let go afterwards."""
+"""The cores of a virtual machine are kept busy during a flight only, at idle priority."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import pytest
 
 from heli3dof.experiment.control_loop import awake as module
 from heli3dof.experiment.control_loop.awake import is_virtual, keep_awake
-from heli3dof.experiment.control_loop.cores import my_cores
+from heli3dof.experiment.control_loop.cores import available_cores
 from heli3dof.experiment.control_loop.realtime_priority import realtime
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's own calls")
@@ -23,25 +23,25 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's own cal
 
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], None]:
-    """A computer of which the kernel says this."""
-    monkeypatch.setattr(module, "TOLD", (tmp_path / "type",))
+    """A computer with these processor flags, without control groups."""
+    monkeypatch.setattr(module, "HYPERVISOR", (tmp_path / "type",))
     monkeypatch.setattr(module, "CPUINFO", tmp_path / "cpuinfo")
     monkeypatch.setattr(module, "CGROUPS", tmp_path / "cgroup")
-    monkeypatch.setattr(module, "MINE", tmp_path / "mine")
+    monkeypatch.setattr(module, "OWN_CGROUP", tmp_path / "mine")
 
-    def says(flags: str) -> None:
+    def write(flags: str) -> None:
         Path(module.CPUINFO).write_text(f"processor : 0\nflags\t\t: fpu vme de{flags} pse\n")
 
-    return says
+    return write
 
 
 def spinners(of: int) -> dict[int, int]:
-    """{process: its core} of those that this process' spinner started."""
+    """Process → core of the processes that the spinner of this process started."""
     found = {}
     for child in children(of):
         if "spinner.py" in Path(f"/proc/{child}/cmdline").read_text():
-            for turning in children(child):
-                (found[turning],) = os.sched_getaffinity(turning)
+            for process in children(child):
+                (found[process],) = os.sched_getaffinity(process)
     return found
 
 
@@ -51,7 +51,7 @@ def children(of: int) -> list[int]:
 
 
 def gone(process: int) -> bool:
-    """Whether it ends within 10 s; one that is dead and not buried has ended."""
+    """Whether the process ends within 10 s; a zombie has ended."""
     until = time.monotonic() + 10
     while time.monotonic() < until:
         try:
@@ -63,55 +63,55 @@ def gone(process: int) -> bool:
     return False
 
 
-def test_a_kernel_says_whether_it_runs_under_another(machine: Callable[[str], None]) -> None:
+def test_the_kernels_report_of_a_hypervisor_is_read(machine: Callable[[str], None]) -> None:
     machine(" hypervisor")
     assert is_virtual()
     machine("")
     assert not is_virtual()
-    module.TOLD[0].write_text("xen\n")
+    module.HYPERVISOR[0].write_text("xen\n")
     assert is_virtual()
 
 
-def test_on_a_machine_of_its_own_nothing_is_done(machine: Callable[[str], None]) -> None:
+def test_a_physical_machine_gets_no_spinner(machine: Callable[[str], None]) -> None:
     machine("")
     with ExitStack() as undo:
-        assert keep_awake(undo, my_cores(), stay=True) == ()
+        assert keep_awake(undo, available_cores(), stay=True) == ()
         assert not spinners(os.getpid())
 
 
-def test_all_cores_but_one_of_a_virtual_machine_turn_at_idle_priority_until_the_end(
+def test_all_but_the_first_core_are_busy_at_idle_priority_until_the_end(
     machine: Callable[[str], None],
 ) -> None:
     machine(" hypervisor")
-    before = my_cores()
+    before = available_cores()
     with ExitStack() as undo:
-        (found,) = keep_awake(undo, my_cores(), stay=True)
-        turning = spinners(os.getpid())
+        (found,) = keep_awake(undo, available_cores(), stay=True)
+        processes = spinners(os.getpid())
         assert found.good
         awake = set(before[1:] or before)
-        assert set(turning.values()) == awake
+        assert set(processes.values()) == awake
         assert os.sched_getaffinity(0) == (awake if len(awake) > 1 else set(before))
-        assert {os.sched_getscheduler(one) for one in turning} == {os.SCHED_IDLE}
-    assert all(gone(one) for one in turning)
-    assert my_cores() == before
+        assert {os.sched_getscheduler(one) for one in processes} == {os.SCHED_IDLE}
+    assert all(gone(one) for one in processes)
+    assert available_cores() == before
 
 
-def test_of_two_cores_one_is_kept_awake_and_the_flight_may_use_both(
+def test_of_two_cores_one_is_kept_busy_and_the_flight_may_use_both(
     machine: Callable[[str], None],
 ) -> None:
     machine(" hypervisor")
-    before = my_cores()
+    before = available_cores()
     with ExitStack() as undo:
         keep_awake(undo, before[:2], stay=True)
         assert set(spinners(os.getpid()).values()) == set(before[:2][-1:])
-        assert my_cores() == before
+        assert available_cores() == before
 
 
-def test_a_flight_has_it_and_its_recording_says_so(machine: Callable[[str], None]) -> None:
+def test_a_flight_keeps_cores_busy_and_records_it(machine: Callable[[str], None]) -> None:
     machine(" hypervisor")
     with realtime() as granted:
         assert spinners(os.getpid())
-    assert "kept awake" in granted.to_dict()["found"][module.WHAT]
+    assert "kept busy" in granted.to_dict()["found"][module.WHAT]
     assert not spinners(os.getpid())
 
 
@@ -126,16 +126,16 @@ def test_a_flight_has_it_and_its_recording_says_so(machine: Callable[[str], None
         ("3:cpuset:/docker/ab\n0::/", "cpu/docker/ab/cpu.cfs_quota_us", "150000", False),
     ],
 )
-def test_rationed_time_is_not_spent_on_it(
+def test_a_control_group_with_a_quota_gets_no_spinner(
     machine: Callable[[str], None], mine: str, file: str, text: str, rationed: bool
 ) -> None:
     machine(" hypervisor")
     path = module.CGROUPS / file
     path.parent.mkdir(parents=True)
     path.write_text(text + "\n")
-    module.MINE.write_text(mine + "\n")
+    module.OWN_CGROUP.write_text(mine + "\n")
     with ExitStack() as undo:
-        (found,) = keep_awake(undo, my_cores(), stay=True)
+        (found,) = keep_awake(undo, available_cores(), stay=True)
         assert bool(spinners(os.getpid())) is not rationed
     assert ("quota" in found.found) is rationed
     assert bool(found.fix) is rationed
@@ -144,7 +144,7 @@ def test_rationed_time_is_not_spent_on_it(
 FLIGHT = """
 import sys, time
 from contextlib import ExitStack
-from heli3dof.experiment import awake
+from heli3dof.experiment.control_loop import awake
 awake.is_virtual = lambda: True
 with ExitStack() as undo:
     awake.keep_awake(undo, [0], stay=True)
@@ -154,41 +154,41 @@ with ExitStack() as undo:
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
-def test_it_ends_with_a_flight_that_is_killed(how: int) -> None:
+def test_the_spinner_ends_with_a_killed_flight(how: int) -> None:
     with subprocess.Popen([sys.executable, "-c", FLIGHT], stdout=subprocess.PIPE) as flight:
         assert flight.stdout is not None
         flight.stdout.readline()
-        turning = spinners(flight.pid)
-        assert turning
+        processes = spinners(flight.pid)
+        assert processes
         flight.send_signal(how)
-    assert all(gone(one) for one in turning)
+    assert all(gone(one) for one in processes)
 
 
-def test_the_keyboards_signals_are_for_the_flight(machine: Callable[[str], None]) -> None:
+def test_the_spinner_ignores_the_keyboards_signals(machine: Callable[[str], None]) -> None:
     machine(" hypervisor")
     with ExitStack() as undo:
-        keep_awake(undo, my_cores(), stay=True)
-        turning = spinners(os.getpid())
-        (spinner,) = {int(Path(f"/proc/{p}/stat").read_text().split()[3]) for p in turning}
-        for process in (spinner, *turning):
+        keep_awake(undo, available_cores(), stay=True)
+        processes = spinners(os.getpid())
+        (spinner,) = {int(Path(f"/proc/{p}/stat").read_text().split()[3]) for p in processes}
+        for process in (spinner, *processes):
             for which in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
                 os.kill(process, which)
         time.sleep(0.2)
-        assert spinners(os.getpid()) == turning
+        assert spinners(os.getpid()) == processes
 
 
-def test_one_that_cannot_start_is_said_and_the_flight_goes_on(
+def test_a_spinner_that_cannot_start_is_reported(
     machine: Callable[[str], None], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     machine(" hypervisor")
     monkeypatch.setattr(module, "SPINNER", tmp_path / "missing.py")
     with ExitStack() as undo:
-        (found,) = keep_awake(undo, my_cores(), stay=True)
+        (found,) = keep_awake(undo, available_cores(), stay=True)
     assert found.good is None
-    assert "fall asleep" in found.found
+    assert "may go idle" in found.found
 
 
-def test_a_system_that_refuses_idle_priority_has_nothing_turning(tmp_path: Path) -> None:
+def test_without_idle_priority_no_core_is_kept_busy(tmp_path: Path) -> None:
     refusing = (
         "import os, runpy, sys\n"
         "def refuse(*ignored): raise PermissionError(1, 'no')\n"

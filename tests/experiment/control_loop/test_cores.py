@@ -1,4 +1,4 @@
-"""One core for all threads of a flight."""
+"""All threads of a flight run on one core."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from heli3dof.experiment.control_loop import cores as module
-from heli3dof.experiment.control_loop.cores import cores, on_one_core
+from heli3dof.experiment.control_loop.cores import on_one_core, parse_cores
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's own calls")
 SEVERAL = pytest.mark.skipif(
@@ -21,18 +21,18 @@ SEVERAL = pytest.mark.skipif(
 
 @pytest.fixture(autouse=True)
 def own_names(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Other flights on this machine, and what it keeps free, are not these tests'."""
+    """Hide other flights on this machine, and the cores that its kernel keeps free."""
     monkeypatch.setattr(module, "CLAIM", f"\0{tmp_path}-{{}}")
     monkeypatch.setattr(module, "ISOLATED", tmp_path / "isolated")
 
 
-def test_cores_are_read_as_the_kernel_writes_them() -> None:
-    assert cores("2-3,7") == {2, 3, 7}
-    assert cores("5") == {5}
+def test_the_kernels_notation_of_cores_is_parsed() -> None:
+    assert parse_cores("2-3,7") == {2, 3, 7}
+    assert parse_cores("5") == {5}
 
 
 @SEVERAL
-def test_every_thread_is_on_one_core_and_put_back_afterwards() -> None:
+def test_every_thread_is_moved_to_one_core_and_back() -> None:
     go, ended = threading.Event(), threading.Event()
     thread = threading.Thread(target=lambda: (go.set(), ended.wait(10)), daemon=True)
     thread.start()
@@ -49,7 +49,7 @@ def test_every_thread_is_on_one_core_and_put_back_afterwards() -> None:
 
 
 @SEVERAL
-def test_two_flights_do_not_share_a_core_and_the_first_core_is_left_to_others() -> None:
+def test_two_flights_get_different_cores_and_never_the_first() -> None:
     has = sorted(os.sched_getaffinity(0))
     with ExitStack() as undo:
         taken = [module._claimed(undo) for _ in has]
@@ -58,14 +58,14 @@ def test_two_flights_do_not_share_a_core_and_the_first_core_is_left_to_others() 
         assert module._claimed(undo) == has[-1]
 
 
-def test_without_scheduling_nothing_is_moved() -> None:
+def test_without_scheduling_no_thread_is_moved() -> None:
     before = os.sched_getaffinity(0)
     with ExitStack() as undo:
         assert on_one_core(undo, scheduled=False) == ()
         assert os.sched_getaffinity(0) == before
 
 
-def test_a_core_that_the_kernel_keeps_free_is_taken_first() -> None:
+def test_a_core_that_the_kernel_keeps_free_is_preferred() -> None:
     before = os.sched_getaffinity(0)
     module.ISOLATED.write_text(f"{min(before)}\n")
     with ExitStack() as undo:

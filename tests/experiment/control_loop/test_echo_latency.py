@@ -1,4 +1,4 @@
-"""Command-to-echo latency is the host's own measurement, whole periods and all."""
+"""Command-to-echo latency, measured by the host in s and whole periods."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def measured(behind: int, periods: int = 1000) -> EchoLatency:
     return found
 
 
-def test_a_rig_that_answers_at_once_takes_a_period_less_the_controllers_time() -> None:
+def test_a_rig_without_delay_takes_a_period_less_the_controllers_time() -> None:
     found = measured(0)
     assert found.median_s == pytest.approx(DT - TURN_S, rel=0.01)
     assert (found.median_periods, found.p999_periods, found.worst_periods) == (1, 1, 1)
@@ -35,7 +35,7 @@ def test_a_rig_that_answers_at_once_takes_a_period_less_the_controllers_time() -
 
 
 @pytest.mark.parametrize("behind", [1, 2, 12])
-def test_constant_latency_is_measured_whole_and_not_modulo_the_period(behind: int) -> None:
+def test_constant_latency_is_not_measured_modulo_the_period(behind: int) -> None:
     found = measured(behind)
     assert found.median_s == pytest.approx((1 + behind) * DT - TURN_S, rel=0.01)
     assert found.median_periods == 1 + behind
@@ -53,7 +53,7 @@ def test_a_lost_command_is_unacknowledged_and_never_echoed() -> None:
     assert (found.commands_unacknowledged, found.commands_never_echoed) == (9, 9)
 
 
-def test_the_worst_is_kept_as_it_was() -> None:
+def test_the_worst_latency_is_exact() -> None:
     meter = EchoMeter(DT)
     for k in range(1, 101):
         meter.exchanged(k, k * DT, sample(k, k * DT + (0.0314 if k == 50 else DT)))
@@ -61,7 +61,7 @@ def test_the_worst_is_kept_as_it_was() -> None:
     assert meter.measured().worst_periods == 16  # type: ignore[union-attr]
 
 
-def test_what_a_stopped_device_refuses_is_not_counted() -> None:
+def test_commands_to_a_stopped_device_are_not_counted() -> None:
     meter = EchoMeter(DT)
     for k in range(1, 11):
         meter.exchanged(k, k * DT, sample(0, (k + 1) * DT, Flags.LATCHED))
@@ -69,7 +69,7 @@ def test_what_a_stopped_device_refuses_is_not_counted() -> None:
 
 
 @pytest.mark.parametrize("echo", [-1, 7, 2**31, 2**32 - 1])
-def test_an_echo_of_what_was_never_sent_is_no_latency(echo: int) -> None:
+def test_an_echo_of_a_command_never_sent_is_not_timed(echo: int) -> None:
     meter = EchoMeter(DT)
     meter.exchanged(1, 0.0, sample(echo, DT))
     found = meter.measured()
@@ -77,7 +77,7 @@ def test_an_echo_of_what_was_never_sent_is_no_latency(echo: int) -> None:
     assert (found.median_s, found.commands_unacknowledged) == (None, 1)
 
 
-def test_every_flight_keeps_it_whatever_the_driver() -> None:
+def test_every_flight_records_its_latency() -> None:
     outcome, _ = flown(ScriptedRig())
     kept = outcome.details()["latency"]
     assert kept["commands"] > 100
@@ -85,7 +85,7 @@ def test_every_flight_keeps_it_whatever_the_driver() -> None:
     assert kept["median_periods"] >= 1
 
 
-def test_a_virtual_clock_counts_commands_and_times_none() -> None:
+def test_on_a_virtual_clock_commands_are_counted_and_not_timed() -> None:
     outcome, _ = flown(ScriptedRig(timebase="virtual"))
     kept = outcome.details()["latency"]
     assert (kept["median_s"], kept["commands_unacknowledged"]) == (None, 0)

@@ -1,4 +1,4 @@
-"""Whatever ends a flight, the motors end at zero and the recording says why."""
+"""However a flight ends, the motors end at zero and the recording holds the reason."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ROLL_UP_ONE_DEGREE = 4096 / 360
 
 
 class ScriptedRig:
-    """A rig that stands still at level, until a script changes a sample or raises."""
+    """A rig at rest at level, until a script changes a sample or raises."""
 
     def __init__(
         self,
@@ -80,19 +80,19 @@ def ends_at_zero(rig: ScriptedRig) -> bool:
     return (last.v_front, last.v_back) == (0.0, 0.0)
 
 
-def test_a_plan_is_flown_to_its_end_and_landed_gently() -> None:
+def test_a_completed_plan_ends_with_the_slow_ramp() -> None:
     rig = ScriptedRig()
     outcome, sink = flown(rig)
     assert (outcome.ending, outcome.periods, outcome.landed) == ("completed", 100, True)
     assert ends_at_zero(rig)
-    landing = [r for r in sink.rows if r.phase == RAMP_DOWN]
-    assert len(landing) == round(PROFILE.limits.landing_s / DT)
-    volts = [r.voltage[0] for r in landing]
+    ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
+    assert len(ramp) == round(PROFILE.limits.landing_s / DT)
+    volts = [r.voltage[0] for r in ramp]
     assert volts == sorted(volts, reverse=True)
     assert not rig.stopped
 
 
-def test_a_row_holds_the_sample_and_the_voltage_that_follows_from_it() -> None:
+def test_a_row_holds_the_sample_and_the_voltage_computed_from_it() -> None:
     rig = ScriptedRig()
     _, sink = flown(rig)
     row = sink.rows[5]
@@ -103,7 +103,7 @@ def test_a_row_holds_the_sample_and_the_voltage_that_follows_from_it() -> None:
     assert row.t == pytest.approx(5 * DT)
 
 
-def test_the_voltage_is_the_contracts_controller() -> None:
+def test_the_voltage_is_the_documented_control_law() -> None:
     rig = ScriptedRig()
     _, sink = flown(rig)
     controller = Controller.of(PROFILE)
@@ -113,7 +113,7 @@ def test_the_voltage_is_the_contracts_controller() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (lambda k, s: replace(s, counts=(s.counts[0] + 400, 0, 0)), "roll reached 35.17°"),
         (lambda k, s: replace(s, counts=(s.counts[0], 0, 12 * (k - 39))), "yaw turned at"),
@@ -124,27 +124,27 @@ def test_the_voltage_is_the_contracts_controller() -> None:
         (lambda k, s: replace(s, flags=s.flags | Flags.STALL), "stalled"),
     ],
 )
-def test_a_trip_ends_the_flight_with_a_ramp_to_zero(change: Callable, said: str) -> None:
+def test_a_trip_ends_the_flight_with_a_ramp_to_zero(change: Callable, message: str) -> None:
     rig = ScriptedRig(lambda k, s: change(k, s) if k >= 40 else s)
     outcome, sink = flown(rig)
     assert outcome.ending == "tripped"
-    assert said in outcome.detail
+    assert message in outcome.detail
     assert 40 <= outcome.periods < 60
     assert ends_at_zero(rig)
     ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
     assert len(ramp) == round(PROFILE.limits.ramp_down_s / DT)
 
 
-def test_a_watch_is_asked_in_every_period_and_ends_the_flight_when_it_says_why() -> None:
+def test_a_monitor_judges_every_period_and_its_report_ends_the_flight() -> None:
     rig = ScriptedRig()
     seen = []
 
-    def watch(now: Period) -> str | None:
+    def monitor(now: Period) -> str | None:
         seen.append(now)
-        return "the watch has seen enough" if now.k == 40 else None
+        return "seen enough" if now.k == 40 else None
 
-    outcome, sink = flown(rig, watches=[watch, lambda now: None])
-    assert (outcome.ending, outcome.detail) == ("tripped", "the watch has seen enough")
+    outcome, sink = flown(rig, monitors=[monitor, lambda now: None])
+    assert (outcome.ending, outcome.detail) == ("tripped", "seen enough")
     assert [now.k for now in seen] == list(range(41))
     assert ends_at_zero(rig)
     last = seen[-1]
@@ -153,14 +153,14 @@ def test_a_watch_is_asked_in_every_period_and_ends_the_flight_when_it_says_why()
     assert (last.t, last.missed) == (pytest.approx(40 * DT), 0)
 
 
-def test_a_watch_that_fails_ends_the_flight_with_a_ramp_to_zero() -> None:
+def test_a_monitor_that_raises_ends_the_flight_with_a_ramp_to_zero() -> None:
     rig = ScriptedRig()
-    outcome, _ = flown(rig, watches=[lambda now: "" * (1 // (now.k - 10)) or None])
+    outcome, _ = flown(rig, monitors=[lambda now: "" * (1 // (now.k - 10)) or None])
     assert (outcome.ending, outcome.periods, outcome.landed) == ("error", 10, True)
     assert ends_at_zero(rig)
 
 
-def test_being_asked_to_stop_ends_the_flight_with_a_ramp_to_zero() -> None:
+def test_a_request_to_stop_ends_the_flight_with_a_ramp_to_zero() -> None:
     rig = ScriptedRig()
     asked = iter([None] * 10 + ["stopped with Ctrl-C"] * 1000)
     outcome, _ = flown(rig, stop=lambda: next(asked))
@@ -168,7 +168,7 @@ def test_being_asked_to_stop_ends_the_flight_with_a_ramp_to_zero() -> None:
     assert ends_at_zero(rig)
 
 
-def test_a_fault_in_the_controller_ends_the_flight_with_a_ramp_to_zero(
+def test_an_exception_in_the_controller_ends_the_flight_with_a_ramp_to_zero(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     calls = iter(range(1000))
@@ -188,7 +188,7 @@ def test_a_fault_in_the_controller_ends_the_flight_with_a_ramp_to_zero(
     assert ends_at_zero(rig)
 
 
-def test_a_controller_that_asks_for_no_number_ends_the_flight(
+def test_nan_from_the_controller_ends_the_flight(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     nothing = ((float("nan"), 0.0), (0.0, 0.0))
@@ -199,7 +199,7 @@ def test_a_controller_that_asks_for_no_number_ends_the_flight(
     assert "nan V on the front motor" in outcome.detail
 
 
-def test_a_recorder_that_fails_never_keeps_the_motors_from_being_ramped_to_zero() -> None:
+def test_a_recorder_that_fails_does_not_prevent_the_ramp_to_zero() -> None:
     class Full(MemoryRecorder):
         def append(self, row: object) -> None:
             if len(self.rows) == 30:
@@ -215,7 +215,7 @@ def test_a_recorder_that_fails_never_keeps_the_motors_from_being_ramped_to_zero(
     assert outcome.landed
 
 
-def test_a_device_that_falls_silent_is_stopped_since_it_cannot_be_ramped() -> None:
+def test_a_device_that_does_not_answer_is_stopped_without_a_ramp() -> None:
     def gone(k: int, sample: Sample) -> Sample:
         if k == 30:
             raise DeviceError("the cable is out")
@@ -228,7 +228,7 @@ def test_a_device_that_falls_silent_is_stopped_since_it_cannot_be_ramped() -> No
     assert all(r.phase == CLOSED_LOOP for r in sink.rows)
 
 
-def test_missed_periods_are_skipped_and_never_flown_in_a_burst() -> None:
+def test_missed_periods_are_skipped() -> None:
     # The sample of period 10 comes 5.5 periods late, on a rig that the host times.
     rig = ScriptedRig(late=lambda k: 5.5 * DT if k == 10 else 0.0, timebase="host")
     outcome, sink = flown(rig)
@@ -238,12 +238,12 @@ def test_missed_periods_are_skipped_and_never_flown_in_a_burst() -> None:
     assert outcome.worst_lateness_s == pytest.approx(5.5 * DT)
     t = np.array([r.t for r in sink.rows if r.phase == CLOSED_LOOP])
     assert np.diff(t).min() > 0.4 * DT
-    # afterwards the samples are on the old grid again
+    # Later samples are on the old grid again.
     np.testing.assert_allclose(np.mod(t[12:] + DT / 2, DT), DT / 2, atol=1e-9)
 
 
-def test_samples_lost_on_the_line_are_skipped_so_that_the_references_keep_wall_time() -> None:
-    # A device-timed stream: of periods 10 and 11 no sample ever comes.
+def test_lost_samples_are_skipped_and_the_references_keep_wall_time() -> None:
+    # Device-timed: no sample comes for periods 10 and 11.
     rig = ScriptedRig(late=lambda k: 2 * DT if k == 10 else 0.0)
     ramp = step_plan((5.0, None, None), settle_s=0, duration_s=100 * DT).render(DT, 0)
     ramp.reference[:, 0] = np.arange(len(ramp.reference)) * 1e-4
@@ -256,10 +256,10 @@ def test_samples_lost_on_the_line_are_skipped_so_that_the_references_keep_wall_t
 
 
 @pytest.mark.parametrize(("skipped", "bridged"), [(15, 500), (40, 30)])
-def test_an_axis_that_turns_steadily_turns_no_faster_after_skipped_periods(
+def test_skipped_periods_do_not_change_the_rate_of_a_steady_turn(
     skipped: int, bridged: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # Yaw turns at 40°/s; after 15 periods without a sample it has come 15 steps further.
+    # Yaw turns at 40°/s, also during the periods without a sample.
     monkeypatch.setattr("heli3dof.experiment.control_loop.loop.BRIDGED", bridged)
 
     def turning(k: int, s: Sample) -> Sample:
@@ -270,33 +270,33 @@ def test_an_axis_that_turns_steadily_turns_no_faster_after_skipped_periods(
     seen: list[float] = []
     loose = PROFILE.limits.model_copy(update={"slew_max_V_per_s": 1e6})
     loose = PROFILE.model_copy(update={"limits": loose})
-    flown(rig, profile=loose, watches=[lambda now: seen.append(now.rate[2])])
+    flown(rig, profile=loose, monitors=[lambda now: seen.append(now.rate[2])])
     after = np.degrees(np.abs(seen[50:60]))
     assert abs(after - 40.0).max() < 8.0  # counts are 0.044° apart, 22°/s in one period
 
 
-def test_a_ramp_through_lost_samples_takes_no_longer() -> None:
+def test_lost_samples_do_not_lengthen_the_ramp() -> None:
     rig = ScriptedRig(late=lambda k: 20 * DT if k == 60 else 0.0)
     asked = iter([None] * 50 + ["stopped with Ctrl-C"] * 1000)
     _, sink = flown(rig, stop=lambda: next(asked))
     ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
     assert ends_at_zero(rig)
-    # The period in which the samples were lost is the only one that the ramp cannot foresee.
+    # The ramp learns of the lost samples one period after them.
     assert ramp[-1].t - ramp[0].t <= PROFILE.limits.ramp_down_s + DT
     assert len(ramp) == round(PROFILE.limits.ramp_down_s / DT) - 20
 
 
 def test_a_ramp_after_lost_samples_begins_at_the_last_voltage() -> None:
-    # What ends the flight is seen in the first sample that comes after 200 lost ones.
+    # The flight ends by the first sample after 200 lost ones.
     rig = ScriptedRig(late=lambda k: 200 * DT if k == 60 else 0.0)
-    _, sink = flown(rig, periods=500, watches=[lambda now: "lost" if now.missed else None])
+    _, sink = flown(rig, periods=500, monitors=[lambda now: "lost" if now.missed else None])
     ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
     n = round(PROFILE.limits.ramp_down_s / DT)
     front = [r.voltage[0] for r in sink.rows if r.phase == CLOSED_LOOP][-1]
     np.testing.assert_allclose([r.voltage[0] for r in ramp], front * (1 - np.arange(1, n + 1) / n))
 
 
-def test_a_landing_that_fails_is_how_the_flight_ended() -> None:
+def test_a_ramp_that_fails_after_a_completed_plan_is_the_outcome() -> None:
     def gone(k: int, sample: Sample) -> Sample:
         if k == 150:
             raise DeviceError("the cable is out")
@@ -309,7 +309,7 @@ def test_a_landing_that_fails_is_how_the_flight_ended() -> None:
     assert rig.stopped
 
 
-def test_the_outcome_says_how_punctual_the_loop_was() -> None:
+def test_the_outcome_holds_the_punctuality_of_the_loop() -> None:
     rig = ScriptedRig(late=lambda k: 0.0005 if k % 10 == 0 else 0.0, timebase="host")
     outcome, _ = flown(rig)
     found = outcome.punctuality
@@ -322,12 +322,12 @@ def test_the_outcome_says_how_punctual_the_loop_was() -> None:
     assert set(kept["realtime"]) == {"scheduled", "memory_locked", "found", "refused"}
 
 
-def test_on_a_virtual_clock_nothing_is_asked_of_the_system_and_nothing_is_late() -> None:
+def test_on_a_virtual_clock_there_are_no_real_time_measures_and_no_lateness() -> None:
     outcome, _ = flown(ScriptedRig(timebase="virtual"))
     assert (outcome.realtime, outcome.punctuality, outcome.late) == (None, None, 0)
 
 
-def test_what_the_link_counted_is_kept_with_the_outcome() -> None:
+def test_the_links_counts_are_part_of_the_outcome() -> None:
     class Rig(ScriptedRig):
         statistics = LinkStatistics(lost=3, damaged=2)
 

@@ -1,4 +1,4 @@
-"""From hover the motors are ramped to zero; from voltages far from hover they go there at once."""
+"""The motors are ramped to zero from hover, and go to zero at once from other voltages."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ MOTOR = PROFILE.motor
 V_O = MOTOR.V_o
 LIMITS = PROFILE.limits.model_copy(update={"slew_max_V_per_s": 1e6})
 STEEP = PROFILE.model_copy(update={"limits": LIMITS})
-"""No limit to how fast a voltage may change: here it jumps to its limit"""
+"""A profile without a slew limit: the voltage may jump"""
 SATURATIONS = [(50.0, 50.0), (-50.0, -50.0), (50.0, -50.0), (-50.0, 50.0), (50.0, 0.0)]
-"""V that the plan adds: up, down, to either side, one motor alone"""
+"""V that the plan adds: up, down, to either side, one motor only"""
 
 
 @pytest.mark.parametrize(
     "last",
     [(V_O, V_O), (V_O + 2, V_O - 2), (1.49 * V_O, 1.49 * V_O), (0.51 * V_O, 0.51 * V_O)],
 )
-def test_voltages_near_hover_are_ramped_from_where_they_are(last: tuple[float, float]) -> None:
+def test_the_ramp_starts_at_voltages_near_hover(last: tuple[float, float]) -> None:
     assert ramp_start(last, MOTOR) == last
 
 
@@ -50,24 +50,24 @@ def test_voltages_near_hover_are_ramped_from_where_they_are(last: tuple[float, f
         (1.51 * V_O, V_O), (V_O, 0.49 * V_O), (float("nan"), V_O), (V_O, float("inf")),
     ],
 )  # fmt: skip
-def test_one_motor_far_from_hover_takes_both_to_zero_at_once(last: tuple[float, float]) -> None:
+def test_one_motor_far_from_hover_sends_both_to_zero_at_once(last: tuple[float, float]) -> None:
     assert ramp_start(last, MOTOR) == (0.0, 0.0)
 
 
-def test_an_arm_that_hovers_on_negative_voltages_is_ramped_from_them() -> None:
+def test_negative_hover_voltages_are_ramped() -> None:
     motor = Motor(K_f=0.1, V_o=-6.0, v_max=24.0)
     assert ramp_start((-6.5, -5.5), motor) == (-6.5, -5.5)
     assert ramp_start((6.0, 6.0), motor) == (0.0, 0.0)
 
 
-def test_a_balanced_arm_is_ramped_from_small_voltages_either_way() -> None:
+def test_a_balanced_arm_is_ramped_from_small_voltages_of_either_sign() -> None:
     motor = Motor(K_f=0.1, V_o=0.0, v_max=24.0)
     small = HOVER_BAND * 24.0 / 8
     assert ramp_start((small, -small), motor) == (small, -small)
     assert ramp_start((1.01 * small, 0.0), motor) == (0.0, 0.0)
 
 
-def test_a_rig_a_fifth_off_its_profile_hovers_inside_the_band() -> None:
+def test_a_rig_20_percent_off_its_profile_hovers_inside_the_band() -> None:
     for gain in (0.8, 1.2):
         for trim in (0.8, 1.2):
             hover = V_O * trim / gain
@@ -77,7 +77,7 @@ def test_a_rig_a_fifth_off_its_profile_hovers_inside_the_band() -> None:
 def saturated(
     rig: ScriptedRig, extra: tuple[float, float], since: int = 40, **keys: object
 ) -> tuple[Outcome, list[Row]]:
-    """A flight of 100 periods whose plan adds these volts from one of them on, and its ramp."""
+    """A flight of 100 periods whose plan adds these volts from ``since`` on, and its ramp."""
     signals = step_plan((0.0, None, None), settle_s=0, duration_s=100 * DT).render(DT, 0)
     signals.extra[since:] = extra
     sink = MemoryRecorder()
@@ -86,7 +86,7 @@ def saturated(
 
 
 def at_zero_at_once(rig: ScriptedRig, ramp: list[Row], seconds: float) -> bool:
-    """Not a volt after the end, and samples for as long as the ramp would have taken."""
+    """Zero volts after the end, and samples for the time of the ramp."""
     return (
         ends_at_zero(rig)
         and len(ramp) == round(seconds / DT)
@@ -97,7 +97,7 @@ def at_zero_at_once(rig: ScriptedRig, ramp: list[Row], seconds: float) -> bool:
 @pytest.mark.parametrize("extra", SATURATIONS)
 def test_a_trip_at_saturation_takes_the_motors_to_zero_at_once(extra: tuple[float, float]) -> None:
     rig = ScriptedRig()
-    outcome, ramp = saturated(rig, extra, watches=[lambda now: "seen" if now.k == 60 else None])
+    outcome, ramp = saturated(rig, extra, monitors=[lambda now: "seen" if now.k == 60 else None])
     assert (outcome.ending, outcome.landed, outcome.ramped) == ("tripped", True, False)
     assert max(abs(rig.commands[59].v_front), abs(rig.commands[59].v_back)) == MOTOR.v_max
     assert at_zero_at_once(rig, ramp, LIMITS.ramp_down_s)
@@ -140,8 +140,8 @@ def test_a_device_that_stops_at_saturation_is_commanded_to_zero_at_once(flag: Fl
 
 def test_a_device_that_clips_at_saturation_changes_nothing() -> None:
     rig = ScriptedRig(lambda k, s: replace(s, flags=s.flags | Flags.SATURATED))
-    watches = [lambda now: "seen" if now.k == 60 else None]
-    _, ramp = saturated(rig, (50.0, 50.0), watches=watches)
+    monitors = [lambda now: "seen" if now.k == 60 else None]
+    _, ramp = saturated(rig, (50.0, 50.0), monitors=monitors)
     assert at_zero_at_once(rig, ramp, LIMITS.ramp_down_s)
 
 
@@ -152,7 +152,7 @@ def test_a_plan_that_ends_at_saturation_takes_the_motors_to_zero_at_once() -> No
     assert at_zero_at_once(rig, ramp, LIMITS.landing_s)
 
 
-def test_ctrl_c_in_hover_is_still_a_ramp() -> None:
+def test_ctrl_c_in_hover_ramps_to_zero() -> None:
     asked = iter([None] * 60 + ["stopped with Ctrl-C"] * 1000)
     rig = ScriptedRig()
     outcome, ramp = saturated(rig, (1.0, -1.0), stop=lambda: next(asked))
@@ -165,7 +165,7 @@ def test_ctrl_c_in_hover_is_still_a_ramp() -> None:
 
 
 def highest_after_the_trip_deg(device: str) -> float:
-    """How much higher than at the trip the arm's true roll gets, until it is on the table."""
+    """° by which the true roll climbs above its value at the trip, until it is on the table."""
     profile = PROFILE.with_controller()
     sink = MemoryRecorder()
     rig = open_rig(device, profile)
@@ -176,7 +176,7 @@ def highest_after_the_trip_deg(device: str) -> float:
     for sequence in range(2000):
         rig.exchange(Command(10_000 + sequence, 0.0, 0.0), 0.0)
         roll.append(rig.truth.angle[0])
-    # The encoder counts the wrong way, from rest: the truth is the other way.
+    # The encoder counts the wrong way from rest, so the true angle has the other sign.
     seen = [-row.sample.counts[0] / ROLL_UP_ONE_DEGREE - 27.5 for row in sink.rows]
     at_trip = next(deg for deg, row in zip(seen, sink.rows, strict=True) if row.phase == RAMP_DOWN)
     assert np.degrees(roll[-1]) == pytest.approx(-27.5, abs=0.1)
@@ -184,5 +184,5 @@ def highest_after_the_trip_deg(device: str) -> float:
 
 
 def test_a_wrong_roll_sign_does_not_throw_the_arm() -> None:
-    """24 V at the trip at −23°: half a second's ramp threw it by 54°, to +31°."""
+    """24 V at the trip at −23°: a ramp of half a second would throw it by 54°, to +31°."""
     assert 5.0 < highest_after_the_trip_deg("mock:?speed=max&seed=1&fault=reversed.roll@0") < 16.0

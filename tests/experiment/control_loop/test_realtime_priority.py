@@ -1,4 +1,4 @@
-"""What the system grants is told, what it refuses too, with the command that mends it."""
+"""The report of real-time measures: what was granted, and how to grant what was refused."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def check(granted: Realtime, what: str) -> module.Check:
 
 
 @LINUX
-def test_everything_is_given_back_whatever_happened_in_between() -> None:
+def test_every_measure_is_undone_after_an_exception() -> None:
     before = state()
     during = []
 
@@ -44,7 +44,7 @@ def test_everything_is_given_back_whatever_happened_in_between() -> None:
 
 
 @LINUX
-def test_what_it_says_of_scheduling_is_so() -> None:
+def test_the_report_of_scheduling_is_true() -> None:
     with realtime(7) as granted:
         policy = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK
         assert granted.scheduled == (policy == os.SCHED_FIFO)
@@ -53,7 +53,7 @@ def test_what_it_says_of_scheduling_is_so() -> None:
 
 
 @LINUX
-def test_memory_that_is_said_to_be_locked_is() -> None:
+def test_the_report_of_locked_memory_is_true() -> None:
     with realtime() as granted:
         words = Path("/proc/self/status").read_text().split()
         locked_kB = int(words[words.index("VmLck:") + 1])
@@ -63,24 +63,24 @@ def test_memory_that_is_said_to_be_locked_is() -> None:
 
 
 @LINUX
-def test_a_thread_beside_the_loop_stands_below_it_and_is_put_back() -> None:
+def test_another_thread_runs_below_the_loop_and_is_put_back() -> None:
     seen: list[int] = []
     go, done = threading.Event(), threading.Event()
 
-    def beside() -> None:
+    def run() -> None:
         go.wait(10)
         seen.append(os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK)
         seen.append(os.sched_getparam(0).sched_priority)
         done.set()
 
-    thread = threading.Thread(target=beside, daemon=True)
+    thread = threading.Thread(target=run, daemon=True)
     thread.start()
     with realtime() as granted:
         go.set()
         assert done.wait(10)
     thread.join()
     if granted.scheduled:
-        assert seen == [os.SCHED_FIFO, module.BESIDE]
+        assert seen == [os.SCHED_FIFO, module.OTHERS_PRIORITY]
     else:
         assert seen == [os.SCHED_OTHER, 0]
 
@@ -90,7 +90,9 @@ def refuse(*ignored: object) -> None:
 
 
 @LINUX
-def test_a_refusal_is_said_with_the_command_that_grants_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refusal_is_reported_with_the_command_that_grants_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     monkeypatch.setattr(module, "_may_lock_everything", lambda: False)
@@ -108,14 +110,16 @@ def test_a_refusal_is_said_with_the_command_that_grants_it(monkeypatch: pytest.M
 
 
 @LINUX
-def test_in_a_container_the_fix_is_the_containers(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_in_a_container_the_fix_is_an_option_of_the_container(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     with realtime() as granted:
         assert "--cap-add=SYS_NICE" in check(granted, "real-time scheduling").fix
 
 
-def test_a_system_without_real_time_scheduling_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_system_without_real_time_scheduling_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "sched_setscheduler", raising=False)
     with realtime() as granted:
         found = check(granted, "real-time scheduling")

@@ -1,4 +1,4 @@
-"""One signal asks for a ramp to zero, a second for zero at once, and more tear nothing."""
+"""The first signal ramps to zero, the second stops at once, later ones are ignored."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.control_loop.outcome import Outcome
-from heli3dof.experiment.control_loop.signal_handling import asked_to_stop
+from heli3dof.experiment.control_loop.signal_handling import stop_signals
 from heli3dof.experiment.plan import step_plan
 from heli3dof.recording.memory import MemoryRecorder
 from heli3dof.rig.interface import Sample
@@ -32,26 +32,30 @@ def flown_with_signals(at: dict[int, tuple[signal.Signals, ...]]) -> tuple[Scrip
 
     rig, sink = ScriptedRig(script), MemoryRecorder()
     plan = step_plan((0.0, None, None), settle_s=0, duration_s=100 * DT)
-    with asked_to_stop() as asked:
-        outcome = fly(rig, PROFILE, plan.render(DT, 0), sink, stop=asked.why, at_once=asked.at_once)
+    with stop_signals() as received:
+        outcome = fly(
+            rig, PROFILE, plan.render(DT, 0), sink, stop=received.reason, at_once=received.at_once
+        )
     return rig, outcome
 
 
 @pytest.mark.parametrize(
-    ("number", "said"),
+    ("number", "message"),
     [
         (signal.SIGINT, "stopped with Ctrl-C"),
         (signal.SIGTERM, "stopped by a request to terminate (SIGTERM)"),
         (signal.SIGHUP, "stopped since the terminal was closed (SIGHUP)"),
     ],
 )
-def test_one_signal_ends_the_flight_with_a_ramp_to_zero(number: signal.Signals, said: str) -> None:
-    before = signal.signal(number, signal.default_int_handler)  # nohup has it ignored
+def test_one_signal_ends_the_flight_with_a_ramp_to_zero(
+    number: signal.Signals, message: str
+) -> None:
+    before = signal.signal(number, signal.default_int_handler)  # ignored under nohup
     try:
         rig, outcome = flown_with_signals({20: (number,)})
     finally:
         signal.signal(number, before)
-    assert (outcome.ending, outcome.detail, outcome.periods) == ("interrupted", said, 20)
+    assert (outcome.ending, outcome.detail, outcome.periods) == ("interrupted", message, 20)
     assert outcome.landed
     assert ends_at_zero(rig)
     assert not rig.stopped
@@ -62,42 +66,42 @@ def test_a_second_ctrl_c_stops_the_rig_at_once() -> None:
     assert outcome.ending == "tripped"
     assert outcome.detail == "stopped with Ctrl-C; emergency stop, by a second Ctrl-C"
     assert not outcome.landed
-    assert len(rig.commands) == 30, "not one command after it"
+    assert len(rig.commands) == 30, "no command after it"
     assert rig.stopped == ["emergency stop, by a second Ctrl-C"]
 
 
-def test_two_signals_between_two_periods_leave_no_ramp() -> None:
+def test_two_signals_between_two_periods_stop_without_a_ramp() -> None:
     rig, outcome = flown_with_signals({20: (signal.SIGINT, signal.SIGTERM)})
     assert outcome.detail == "stopped with Ctrl-C; emergency stop, by a second SIGTERM"
     assert len(rig.commands) == 20
     assert rig.stopped
 
 
-def test_the_handlers_are_put_back() -> None:
+def test_the_handlers_are_restored() -> None:
     before = [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)]
-    with asked_to_stop() as asked:
-        assert (asked.why(), asked.at_once()) == (None, None)
+    with stop_signals() as received:
+        assert (received.reason(), received.at_once()) == (None, None)
     assert [signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)] == before
 
 
-def test_a_program_started_with_nohup_flies_on_when_its_terminal_closes() -> None:
+def test_under_nohup_the_flight_goes_on_when_the_terminal_closes() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        with asked_to_stop() as asked:
+        with stop_signals() as received:
             send(signal.SIGHUP)
-            assert asked.why() is None
+            assert received.reason() is None
     finally:
         signal.signal(signal.SIGHUP, before)
 
 
-def test_outside_the_main_thread_nothing_is_caught() -> None:
-    said: list[Callable] = []
+def test_outside_the_main_thread_no_signal_is_caught() -> None:
+    reasons: list[Callable] = []
 
     def elsewhere() -> None:
-        with asked_to_stop() as asked:
-            said.append(asked.why)
+        with stop_signals() as received:
+            reasons.append(received.reason)
 
     thread = threading.Thread(target=elsewhere)
     thread.start()
     thread.join()
-    assert said[0]() is None
+    assert reasons[0]() is None

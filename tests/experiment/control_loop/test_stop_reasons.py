@@ -1,4 +1,4 @@
-"""A device that stops by itself, in flight or on the way down, is how the flight ended."""
+"""A flight ends as tripped when the device stops on its own, in flight or in the ramp."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from heli3dof.recording.row import RAMP_DOWN
 from heli3dof.rig.interface import Flags, Sample
 from tests.experiment.control_loop.test_loop import DT, PROFILE, ScriptedRig, flown
 
-LANDING = round(PROFILE.limits.landing_s / DT)
+RAMP = round(PROFILE.limits.landing_s / DT)
 
 
-def says(flag: Flags, since: int) -> Callable[[int, Sample], Sample]:
+def flagged(flag: Flags, since: int) -> Callable[[int, Sample], Sample]:
     return lambda k, s: replace(s, flags=flag) if k >= since else s
 
 
 @pytest.mark.parametrize(
-    ("flag", "said"),
+    ("flag", "message"),
     [
         (Flags.LATCHED, "the device's watchdog expired"),
         (Flags.FAULT, "the amplifier reports a fault"),
@@ -30,74 +30,72 @@ def says(flag: Flags, since: int) -> Callable[[int, Sample], Sample]:
         (Flags.ESTOP, "an emergency stop is in force"),
     ],
 )
-def test_a_device_that_stops_while_it_is_landed_is_not_taken_for_a_whole_flight(
-    flag: Flags, said: str
-) -> None:
-    outcome, sink = flown(ScriptedRig(says(flag, 150)))
+def test_a_device_that_stops_during_the_ramp_trips_the_flight(flag: Flags, message: str) -> None:
+    outcome, sink = flown(ScriptedRig(flagged(flag, 150)))
     assert (outcome.ending, outcome.landed) == ("tripped", False)
-    assert said in outcome.detail
-    assert len([r for r in sink.rows if r.phase == RAMP_DOWN]) == LANDING, "samples are kept on"
+    assert message in outcome.detail
+    assert len([r for r in sink.rows if r.phase == RAMP_DOWN]) == RAMP, "samples are still recorded"
 
 
-def test_a_device_that_stops_in_the_last_period_is_not_taken_for_a_whole_flight() -> None:
-    outcome, _ = flown(ScriptedRig(says(Flags.FAULT, 100)))
+def test_a_device_that_stops_in_the_last_period_trips_the_flight() -> None:
+    outcome, _ = flown(ScriptedRig(flagged(Flags.FAULT, 100)))
     assert outcome.ending == "tripped"
     assert "the amplifier reports a fault" in outcome.detail
 
 
-def test_what_ended_the_flight_is_said_once() -> None:
-    outcome, _ = flown(ScriptedRig(says(Flags.STALL, 40)))
+def test_the_reason_is_reported_once() -> None:
+    outcome, _ = flown(ScriptedRig(flagged(Flags.STALL, 40)))
     assert outcome.detail == "a motor is stalled"
 
 
-def test_a_device_that_stops_on_the_ramp_after_ctrl_c_is_told_of_too() -> None:
+def test_a_device_that_stops_in_the_ramp_after_ctrl_c_is_reported_too() -> None:
     asked = iter([None] * 50 + ["stopped with Ctrl-C"] * 1000)
-    outcome, _ = flown(ScriptedRig(says(Flags.FAULT, 60)), stop=lambda: next(asked))
+    outcome, _ = flown(ScriptedRig(flagged(Flags.FAULT, 60)), stop=lambda: next(asked))
     assert outcome.ending == "tripped"
     assert outcome.detail == "stopped with Ctrl-C; the amplifier reports a fault"
 
 
-def test_a_watchs_word_stands_beside_the_devices() -> None:
+def test_the_reports_of_monitor_and_device_are_joined() -> None:
     outcome, _ = flown(
-        ScriptedRig(says(Flags.LATCHED, 40)),
-        watches=[lambda now: "the computer slept for 3 s" if now.k == 40 else None],
+        ScriptedRig(flagged(Flags.LATCHED, 40)),
+        monitors=[lambda now: "the computer slept for 3 s" if now.k == 40 else None],
     )
     assert outcome.detail.endswith("in time; the computer slept for 3 s")
 
 
-def test_a_watch_is_asked_before_the_envelope() -> None:
+def test_monitors_judge_before_the_envelope() -> None:
     rig = ScriptedRig(lambda k, s: replace(s, counts=(s.counts[0] + 400, 0, 0)) if k > 40 else s)
-    outcome, _ = flown(rig, watches=[lambda now: "jumped" if now.k == 41 else None])
+    outcome, _ = flown(rig, monitors=[lambda now: "jumped" if now.k == 41 else None])
     assert outcome.detail == "jumped"
 
 
 class StatingRig(ScriptedRig):
-    """States why its output is held at zero."""
+    """A rig that states why its output is held at zero."""
 
     device_cause = "OVERCURRENT"
 
 
-def test_the_cause_that_the_device_states_is_said_and_kept() -> None:
-    outcome, _ = flown(StatingRig(says(Flags.FAULT, 40)))
+def test_the_cause_that_the_device_states_is_reported_and_recorded() -> None:
+    outcome, _ = flown(StatingRig(flagged(Flags.FAULT, 40)))
     assert outcome.detail == "the amplifier reports a fault (the device states: OVERCURRENT)"
     assert outcome.details()["device_cause"] == "OVERCURRENT"
     assert "turn both rotors by hand" in outcome.advice()["fix"]
 
 
-def test_a_cause_that_comes_in_the_landing_is_said_too() -> None:
-    outcome, _ = flown(StatingRig(says(Flags.FAULT, 150)))
+def test_a_cause_stated_during_the_ramp_is_reported() -> None:
+    outcome, _ = flown(StatingRig(flagged(Flags.FAULT, 150)))
     assert "(the device states: OVERCURRENT)" in outcome.detail
 
 
-def test_a_word_that_is_not_known_is_passed_on_with_the_flags_own_advice() -> None:
-    said = explain(int(Flags.FAULT), "COOLANT")
-    assert said is not None
-    assert said == "the amplifier reports a fault (the device states: COOLANT)"
-    assert said.cause == explain(int(Flags.FAULT)).cause  # type: ignore[union-attr]
+def test_an_unknown_cause_is_reported_with_the_flags_advice() -> None:
+    trip = explain(int(Flags.FAULT), "COOLANT")
+    assert trip is not None
+    assert trip == "the amplifier reports a fault (the device states: COOLANT)"
+    assert trip.cause == explain(int(Flags.FAULT)).cause  # type: ignore[union-attr]
 
 
-def test_a_rig_that_states_nothing_leaves_the_flag_as_it_is() -> None:
-    outcome, _ = flown(ScriptedRig(says(Flags.FAULT, 40)))
+def test_a_rig_that_states_no_cause_records_none() -> None:
+    outcome, _ = flown(ScriptedRig(flagged(Flags.FAULT, 40)))
     assert outcome.details()["device_cause"] is None
 
 
@@ -110,7 +108,7 @@ def test_a_rig_that_states_nothing_leaves_the_flag_as_it_is() -> None:
         ("button", "BUTTON"),
     ],
 )
-def test_the_mocks_own_cause_is_in_the_outcome_of_a_flight(fault: str, stated: str) -> None:
+def test_the_cause_of_the_emulated_rig_is_in_the_outcome(fault: str, stated: str) -> None:
     plan = step_plan((0.0, None, None), settle_s=0, duration_s=1)
     flight = fly_plan(plan, device=f"mock:?speed=max&fault={fault}@0.5")
     assert flight.outcome.ending == "tripped"

@@ -1,4 +1,4 @@
-"""What each of the three clocks makes of a sample: on time, late, missed, lost."""
+"""Each of the three clocks reports a sample as on time, late, missed or lost."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import pytest
 from heli3dof.experiment.control_loop.timekeeping import (
     DeviceTime,
     HostTime,
-    Timekeeper,
     VirtualTime,
     timekeeper,
 )
@@ -26,11 +25,11 @@ def sample(device_s: float, host_s: float) -> Sample:
     return Sample(0, device_s, (0, 0, 0), (0.0, 0.0), (0.0, 0.0), Flags(0), host_s)
 
 
-def judged(time: Timekeeper) -> tuple[float, int, int]:
+def judged(time: VirtualTime) -> tuple[float, int, int]:
     return pytest.approx(time.lateness, abs=2e-6), time.missed, time.lost
 
 
-def started(kind: type, host_s: float = 100.0) -> Timekeeper:
+def started(kind: type, host_s: float = 100.0) -> VirtualTime:
     time = kind(DT)
     time.start(sample(7.0, host_s))
     return time
@@ -39,7 +38,7 @@ def started(kind: type, host_s: float = 100.0) -> Timekeeper:
 @pytest.mark.parametrize(
     ("timebase", "kind"), [("host", HostTime), ("device", DeviceTime), ("virtual", VirtualTime)]
 )
-def test_a_rig_says_which_clock_is_its(timebase: str, kind: type) -> None:
+def test_the_rigs_timebase_chooses_the_clock(timebase: str, kind: type) -> None:
     rig = SimpleNamespace(identity=replace(IDENTITY, timebase=timebase))
     assert type(timekeeper(rig, DT)) is kind
 
@@ -60,7 +59,7 @@ def test_the_hosts_deadlines_are_absolute() -> None:
         assert judged(time) == (late, 0, 0)
 
 
-def test_what_the_host_missed_is_skipped_and_the_grid_stays() -> None:
+def test_missed_periods_are_skipped_and_deadlines_stay_on_the_grid() -> None:
     time = started(HostTime)
     due = time.next()
     time.arrived(sample(7.013, due + 5.5 * DT), due - DT)
@@ -68,14 +67,14 @@ def test_what_the_host_missed_is_skipped_and_the_grid_stays() -> None:
     assert time.next() == pytest.approx(100 + 7 * DT)
 
 
-def stream(time: Timekeeper, first: int, last: int, way_s: float = 0.0) -> None:
+def stream(time: VirtualTime, first: int, last: int, way_s: float = 0.0) -> None:
     """Punctual samples of a device-timed stream."""
     for k in range(first, last + 1):
         time.next()
         time.arrived(sample(7 + k * DT, 100 + k * DT + way_s), 100 + (k - 1) * DT + 1e-4)
 
 
-def test_a_late_sample_of_a_stream_is_told_by_the_devices_clock() -> None:
+def test_lateness_of_a_stream_is_measured_by_the_devices_clock() -> None:
     time = started(DeviceTime)
     stream(time, 1, 100)
     assert judged(time) == NOTHING
@@ -95,18 +94,20 @@ def test_samples_that_did_not_come_while_the_host_waited_are_lost() -> None:
 def test_samples_that_came_while_the_host_was_away_are_missed() -> None:
     time = started(DeviceTime)
     stream(time, 1, 10)
-    # It asks 3.3 periods later than it should have, and is given the newest that waits.
+    # The host asks 3.3 periods late and gets the newest sample.
     asked = 100 + 13.3 * DT
     time.arrived(sample(7 + 13 * DT, asked + 1e-5), asked)
     late, missed, lost = judged(time)
     assert (missed, lost) == (2, 0)
-    assert late == pytest.approx(2.3 * DT + 1e-5, abs=2e-6), "since the first deadline not met"
+    assert late == pytest.approx(2.3 * DT + 1e-5, abs=2e-6), (
+        "from the first deadline that was not met"
+    )
     stream(time, 14, 20)
     assert judged(time) == NOTHING
 
 
-def test_a_link_that_counts_what_it_lost_is_believed() -> None:
-    # The host slept in its wait: two samples came, were passed over, and one was lost.
+def test_the_links_count_of_lost_samples_is_used() -> None:
+    # While the host was away two samples came and were passed over, and one was lost.
     link = SimpleNamespace(lost=7)
     rig = SimpleNamespace(identity=replace(IDENTITY, timebase="device"), statistics=link)
     time = timekeeper(rig, DT)
@@ -119,8 +120,8 @@ def test_a_link_that_counts_what_it_lost_is_believed() -> None:
     assert judged(time) == (DT, 1, 0)
 
 
-def test_what_the_device_left_out_is_neither_lost_nor_missed() -> None:
-    # One sample was lost, three the device never made, and one came while the host was away.
+def test_samples_left_out_by_the_device_are_neither_lost_nor_missed() -> None:
+    # One sample was lost, the device left out three, one came while the host was away.
     link = SimpleNamespace(lost=7, left_out=2, passed_over=1)
     rig = SimpleNamespace(identity=replace(IDENTITY, timebase="device"), statistics=link)
     time = timekeeper(rig, DT)
@@ -133,7 +134,7 @@ def test_what_the_device_left_out_is_neither_lost_nor_missed() -> None:
     assert (*judged(time), time.left_out) == (*NOTHING, 0)
 
 
-def test_the_same_absence_is_told_alike_by_host_and_device() -> None:
+def test_host_time_and_device_time_report_the_same_delay() -> None:
     away = 4.4 * DT
     host, device = started(HostTime), started(DeviceTime)
     due = host.next()
@@ -144,7 +145,7 @@ def test_the_same_absence_is_told_alike_by_host_and_device() -> None:
     assert device.lateness == pytest.approx(host.lateness, abs=2e-6)
 
 
-def test_a_slow_device_is_neither_late_nor_losing() -> None:
+def test_a_device_with_a_slow_clock_is_neither_late_nor_losing() -> None:
     time = started(DeviceTime)
     for k in range(1, 20_000):
         at = 100 + k * DT * (1 + 80e-6)
@@ -155,7 +156,7 @@ def test_a_slow_device_is_neither_late_nor_losing() -> None:
 
 
 @pytest.mark.parametrize("first_late", [0.0, 0.3, 0.5, 0.85])
-def test_a_device_that_takes_samples_late_now_and_then_loses_none(first_late: float) -> None:
+def test_a_device_with_sampling_jitter_loses_no_sample(first_late: float) -> None:
     draw = random.Random(3)
     time = DeviceTime(DT)
     time.start(sample(7 + first_late * DT, 100.0))
@@ -166,7 +167,7 @@ def test_a_device_that_takes_samples_late_now_and_then_loses_none(first_late: fl
 
 
 @pytest.mark.parametrize("longer", [-3e-4, 3e-4])
-def test_a_period_in_whole_microseconds_is_no_loss(longer: float) -> None:
+def test_a_period_rounded_to_microseconds_is_no_loss(longer: float) -> None:
     time = started(DeviceTime)
     for k in range(1, 20_000):
         at = k * DT * (1 + longer)
@@ -174,7 +175,7 @@ def test_a_period_in_whole_microseconds_is_no_loss(longer: float) -> None:
         assert (time.missed, time.lost) == (0, 0), k
 
 
-def test_losses_are_counted_one_by_one_among_samples_taken_late() -> None:
+def test_losses_are_counted_under_sampling_jitter() -> None:
     draw = random.Random(4)
     time = started(DeviceTime)
     k = lost = 0

@@ -1,4 +1,4 @@
-"""The kernel's workers in real time for the length of a flight, where that is permitted."""
+"""The kernel's workers run under SCHED_FIFO during a flight, if permitted."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="Linux's own cal
 
 @pytest.fixture
 def worker(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[int]:
-    """A process that stands for a kernel worker, among others that are none."""
+    """A process that plays a kernel worker, and one that does not."""
     with subprocess.Popen(["sleep", "60"]) as process:
         for pid, name in [(process.pid, "kworker/u8:1-events_unbound"), (1, "init")]:
             (tmp_path / str(pid)).mkdir()
@@ -30,7 +30,7 @@ def worker(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[int]:
         process.kill()
 
 
-def test_they_are_put_up_and_given_back_or_the_command_that_does_it_is_said(worker: int) -> None:
+def test_workers_are_raised_and_lowered_again_or_the_command_is_reported(worker: int) -> None:
     with ExitStack() as undo:
         (found,) = raise_workers(undo)
         if found.good:
@@ -41,7 +41,7 @@ def test_they_are_put_up_and_given_back_or_the_command_that_does_it_is_said(work
     assert os.sched_getscheduler(worker) == os.SCHED_OTHER
 
 
-def test_a_refusal_is_no_error_and_says_what_it_means(
+def test_a_refusal_is_reported_with_its_consequence_and_is_no_error(
     worker: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*ignored: object) -> None:
@@ -50,11 +50,11 @@ def test_a_refusal_is_no_error_and_says_what_it_means(
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     with ExitStack() as undo:
         (found,) = raise_workers(undo)
-    assert found.good is None, "for the user to judge: USB does without them"
+    assert found.good is None, "neither good nor bad: USB does not use workers"
     assert "a serial line is late" in found.found
 
 
-def test_a_worker_that_has_ended_meanwhile_is_passed_over(
+def test_a_worker_that_ended_meanwhile_is_skipped(
     worker: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def gone(*ignored: object) -> None:
@@ -65,7 +65,7 @@ def test_a_worker_that_has_ended_meanwhile_is_passed_over(
         assert len(raise_workers(undo)) == 1
 
 
-def test_where_none_are_to_be_seen_nothing_is_said(
+def test_without_visible_workers_there_is_no_check(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "PROC", tmp_path)
@@ -73,7 +73,7 @@ def test_where_none_are_to_be_seen_nothing_is_said(
         assert raise_workers(undo) == ()
 
 
-def test_they_stand_between_the_loop_and_what_stands_beside_it() -> None:
+def test_their_priority_is_between_the_loop_and_its_other_threads() -> None:
     from heli3dof.experiment.control_loop import realtime_priority
 
-    assert realtime_priority.BESIDE < PRIORITY < realtime_priority.PRIORITY
+    assert realtime_priority.OTHERS_PRIORITY < PRIORITY < realtime_priority.PRIORITY

@@ -1,4 +1,4 @@
-"""The emulated rig in a calm hover, with every watch on."""
+"""The emulated rig in a calm hover, under every safety monitor."""
 
 from __future__ import annotations
 
@@ -6,27 +6,27 @@ from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.fly import prepare
 from heli3dof.experiment.plan import plan_from_dict
-from heli3dof.experiment.safety_monitors import watches_for
+from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.profile import Profile, default_profile
 from tests.experiment.safety_monitors.test_false_alarms import Nowhere
 
 NOISE = (0.33, 1.0, 3.0)
-"""of the usual random torques; seeds take them in turn"""
+"""of the default random torques; seed k uses number k modulo 3"""
 
 
 def hover(seconds: float, seed: int, options: str = "") -> Outcome:
-    """A hold, flown with every watch."""
+    """The outcome of a hold."""
     profile = patient(default_profile().with_controller())
     plan = plan_from_dict({"name": "hold", "segment": [{"kind": "hold", "duration_s": seconds}]})
     noise = NOISE[seed % len(NOISE)]
     url = f"mock:?speed=max&start=level&seed={seed}&noise={noise:g}{options}"
     rig = open_rig(url, profile)
     signals = prepare(plan, profile, seed)
-    return fly(rig, profile, signals, Nowhere(), watches=watches_for(profile).each_period)
+    return fly(rig, profile, signals, Nowhere(), monitors=monitors_for(profile).each_period)
 
 
 def patient(profile: Profile) -> Profile:
-    """The profile without a limit to a flight's time."""
+    """The profile without a limit on the duration of a flight."""
     limits = profile.limits.model_copy(update={"duration_max_s": 1e9})
     return profile.model_copy(update={"limits": limits})

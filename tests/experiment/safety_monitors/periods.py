@@ -1,4 +1,4 @@
-"""Periods made by hand: a rig that flies level, until a test changes something."""
+"""Control periods of level hover, with changed fields."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LEVEL = 313
 
 
 def period(k: int, *, counts: tuple[int, int, int] = (LEVEL, 0, 0), **changed: Any) -> Period:
-    """Period k of a flight at level hover. ``changed`` fields are the period's or the sample's."""
+    """Period k of level hover; ``changed``: fields of the period or of its sample."""
     v = changed.pop("v_applied", (HOVER, HOVER))
     sample = Sample(k, k * DT, counts, v, (0.0, 0.0), Flags.ENABLED, k * DT)
     of_sample = {n: changed.pop(n) for n in list(changed) if n in Sample.__slots__}

@@ -9,29 +9,29 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from heli3dof.experiment.safety_monitors import Jump
+from heli3dof.experiment.safety_monitors.encoder_jump import EncoderJump
 from tests.experiment.safety_monitors.periods import DT, LEVEL, PROFILE, period
 
 RATES = (150.0, 400.0, 200.0)
 
 
-def first(watch: Callable, periods: Callable[[int], object], n: int) -> tuple[int, str] | None:
-    """The period in which a watch spoke, and what it said."""
+def first(monitor: Callable, periods: Callable[[int], object], n: int) -> tuple[int, str] | None:
+    """The period of the first report, and the report."""
     for k in range(n):
-        said = watch(periods(k))
-        if said is not None:
-            return k, said
+        report = monitor(periods(k))
+        if report is not None:
+            return k, report
     return None
 
 
 @pytest.mark.parametrize(("axis", "name"), [(0, "roll"), (1, "pitch"), (2, "yaw")])
-def test_a_jump_of_an_encoder_is_seen_in_its_own_period(axis: int, name: str) -> None:
+def test_a_jump_is_reported_in_its_own_period(axis: int, name: str) -> None:
     def jumped(k: int):
         counts = [LEVEL, 0, 0]
         counts[axis] += -60 if k >= 40 else 0
         return period(k, counts=(counts[0], counts[1], counts[2]))
 
-    found = first(Jump(PROFILE), jumped, 100)
+    found = first(EncoderJump(PROFILE), jumped, 100)
     assert found is not None
     assert found[0] == 40
     assert f"the {name} encoder jumped by -60 counts within 2.0 ms" in found[1]
@@ -41,48 +41,50 @@ def test_a_jump_of_an_encoder_is_seen_in_its_own_period(axis: int, name: str) ->
     rates=st.lists(st.tuples(*(st.floats(-1, 1) for _ in range(3))), min_size=5, max_size=60),
     gap=st.integers(1, 50),
 )
-def test_no_motion_within_the_envelope_is_a_jump(rates: list, gap: int) -> None:
-    watch = Jump(PROFILE)
+def test_motion_within_the_envelope_is_no_jump(rates: list, gap: int) -> None:
+    monitor = EncoderJump(PROFILE)
     angle = [0.0, 0.0, 0.0]
     q = PROFILE.encoder.rad_per_count * 180 / pi
     for n, rate in enumerate(rates):
         angle = [angle[i] + rate[i] * RATES[i] * DT * gap for i in range(3)]
         counts = tuple(round(a / q[i]) for i, a in enumerate(angle))
-        assert watch(period(n * gap, counts=counts)) is None  # type: ignore[arg-type]
+        assert monitor(period(n * gap, counts=counts)) is None  # type: ignore[arg-type]
 
 
-def test_a_jump_across_lost_samples_is_judged_by_the_time_that_went_by() -> None:
-    watch = Jump(PROFILE)
-    watch(period(0))
-    assert watch(period(50, counts=(LEVEL + 100, 0, 0))) is None
-    assert watch(period(51, counts=(LEVEL, 0, 0))) is not None
+def test_a_jump_across_lost_samples_is_judged_by_the_elapsed_time() -> None:
+    monitor = EncoderJump(PROFILE)
+    monitor(period(0))
+    assert monitor(period(50, counts=(LEVEL + 100, 0, 0))) is None
+    assert monitor(period(51, counts=(LEVEL, 0, 0))) is not None
 
 
-def test_time_that_runs_backwards_is_no_jump_of_a_count() -> None:
-    watch = Jump(PROFILE)
-    watch(period(50))
-    said = watch(period(49))
-    assert said is not None
-    assert "time ran backwards: by 2.0 ms" in said
+def test_time_that_runs_backwards_is_reported() -> None:
+    monitor = EncoderJump(PROFILE)
+    monitor(period(50))
+    report = monitor(period(49))
+    assert report is not None
+    assert "time ran backwards: by 2.0 ms" in report
 
 
-def test_a_device_whose_time_stands_still_is_reported_after_a_quarter_of_a_second() -> None:
-    found = first(Jump(PROFILE), lambda k: period(k)._replace(t=min(k, 100) * DT), 1000)
+def test_constant_device_time_is_reported_after_a_quarter_of_a_second() -> None:
+    found = first(EncoderJump(PROFILE), lambda k: period(k)._replace(t=min(k, 100) * DT), 1000)
     assert found is not None
     assert 225 <= found[0] <= 227
-    assert "time stood still at 0.200 s" in found[1]
+    assert "time stayed at 0.200 s" in found[1]
 
 
 def test_a_clock_that_advances_every_eighth_period_is_no_fault() -> None:
-    assert first(Jump(PROFILE), lambda k: period(k)._replace(t=k // 8 * 8 * DT), 1000) is None
+    assert (
+        first(EncoderJump(PROFILE), lambda k: period(k)._replace(t=k // 8 * 8 * DT), 1000) is None
+    )
 
 
 @pytest.mark.parametrize("bits", [16, 24])
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_counter_that_wraps_is_named(bits: int, sign: int) -> None:
-    watch = Jump(PROFILE)
-    watch(period(0))
-    said = watch(period(1, counts=(LEVEL, 0, sign * (2**bits - 1))))
-    assert said is not None
-    assert f"about 2^{bits}" in said
-    assert f"counter has {bits} bits" in said.cause
+def test_a_counter_that_wraps_is_identified(bits: int, sign: int) -> None:
+    monitor = EncoderJump(PROFILE)
+    monitor(period(0))
+    report = monitor(period(1, counts=(LEVEL, 0, sign * (2**bits - 1))))
+    assert report is not None
+    assert f"about 2^{bits}" in report
+    assert f"counter has {bits} bits" in report.cause

@@ -1,4 +1,4 @@
-"""No flight that a plan intends is ended by a watch: every shipped plan, on many rigs."""
+"""No safety monitor ends a flight as planned: every plan that ships, on several rigs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.fly import prepare
 from heli3dof.experiment.plan import load_plan
-from heli3dof.experiment.safety_monitors import watches_for
+from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.recording.row import Row
 from heli3dof.rig.drivers import open_rig
 from heli3dof.rig.profile import default_profile
@@ -18,13 +18,13 @@ PLANS = sorted(p.stem for p in (ROOT / "heli3dof" / "experiment" / "plans").glob
 RIGS = {
     "plain": "seed={seed}",
     "without noise": "seed={seed}&noise=0",
-    "one that sticks": "seed={seed}&hide=friction.coulomb.roll:0.2,friction.coulomb.pitch:0.04,"
+    "with dry friction": "seed={seed}&hide=friction.coulomb.roll:0.2,friction.coulomb.pitch:0.04,"
     "friction.coulomb.yaw:0.1",
-    "one with play": "seed={seed}&hide=encoder.backlash.roll:1,encoder.backlash.pitch:1,"
+    "with backlash": "seed={seed}&hide=encoder.backlash.roll:1,encoder.backlash.pitch:1,"
     "encoder.backlash.yaw:1",
-    "a slow and weak one": "seed={seed}&hide=motor.lag:0.15,motor.thrust_gain:0.8",
-    "one unlike its profile": "seed={seed}&spread=0.3",
-    "one that loses samples": "seed={seed}&hide=timing.gaps:0.3,timing.jitter:0.0008",
+    "slow and weak": "seed={seed}&hide=motor.lag:0.15,motor.thrust_gain:0.8",
+    "unlike its profile": "seed={seed}&spread=0.3",
+    "losing samples": "seed={seed}&hide=timing.gaps:0.3,timing.jitter:0.0008",
 }
 
 
@@ -34,24 +34,24 @@ PAIRS = [
     for n, plan in enumerate(PLANS)
     for rig in [list(RIGS)[(n + turn) % len(RIGS)]]
 ]
-"""Two rigs for every plan; run as a module, this file flies them all."""
+"""Two rigs for every plan; run as a module, this file flies every pair."""
 
 
 class Nowhere:
-    """A recorder that keeps nothing."""
+    """A recorder that discards its rows."""
 
     def append(self, row: Row) -> None:
         pass
 
 
 def flown(plan: str, rig: str) -> Outcome:
-    # Another seed for every pair; the same ones each time.
+    # A seed of its own for every pair.
     seed = 1 + PLANS.index(plan) + len(PLANS) * list(RIGS).index(rig)
     profile = default_profile().with_controller()
     open_one = open_rig("mock:?speed=max&" + RIGS[rig].format(seed=seed), profile)
     signals = prepare(load_plan(plan), profile, seed)
-    watches = watches_for(profile).each_period
-    return fly(open_one, profile, signals, Nowhere(), watches=watches)
+    monitors = monitors_for(profile).each_period
+    return fly(open_one, profile, signals, Nowhere(), monitors=monitors)
 
 
 @pytest.mark.parametrize(("plan", "rig"), PAIRS)

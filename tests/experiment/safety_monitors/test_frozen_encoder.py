@@ -1,4 +1,4 @@
-"""An encoder that freezes is found by the motion that the voltages demand; live ones are not."""
+"""A frozen encoder is reported, a live one is not."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from heli3dof.experiment.control_loop.control_period import Period
-from heli3dof.experiment.safety_monitors import FrozenEncoder, SilentEncoder
 from heli3dof.experiment.safety_monitors.axis_observer import (
     BANDWIDTH,
     AxisObserver,
     ExpectedAcceleration,
 )
+from heli3dof.experiment.safety_monitors.frozen_encoder import FrozenEncoder
+from heli3dof.experiment.safety_monitors.silent_encoder import SilentEncoder
 from heli3dof.rig.profile import load_profile
 from tests.experiment.safety_monitors.hovering import hover
 from tests.experiment.safety_monitors.periods import DT, HOVER, LEVEL, PROFILE, period
@@ -25,11 +26,11 @@ Q = abs(PROFILE.encoder.rad_per_count)
 EXPECTED = ExpectedAcceleration(PROFILE)
 
 
-def first(watch: Callable[[Period], str | None], periods: Iterator[Period]) -> tuple[float, str]:
-    """When a monitor reports (s), and what; (inf, "") for never."""
+def first(monitor: Callable[[Period], str | None], periods: Iterator[Period]) -> tuple[float, str]:
+    """Time (s) and text of the first report; (inf, "") without one."""
     for now in periods:
-        if (said := watch(now)) is not None:
-            return now.t, said
+        if (report := monitor(now)) is not None:
+            return now.t, report
     return float("inf"), ""
 
 
@@ -43,7 +44,7 @@ def test_one_volt_more_on_both_motors_lifts_by_the_papers_number() -> None:
     assert (roll, pitch) == pytest.approx((0.1716, 0.0), abs=2e-4)
 
 
-def test_the_observer_follows_a_parabola_and_finds_what_is_unmodelled() -> None:
+def test_the_observer_estimates_rate_and_unmodelled_acceleration() -> None:
     observer = AxisObserver(BANDWIDTH[0])
     observer.restart(0.0)
     for k in range(1, 1500):
@@ -53,7 +54,7 @@ def test_the_observer_follows_a_parabola_and_finds_what_is_unmodelled() -> None:
 
 
 def rocking(axis: int, freeze_s: float, seconds: float, amplitude_deg: float) -> Iterator[Period]:
-    """A live rig that rocks about one axis, driven as the model demands; then its count stands."""
+    """A rig that rocks about one axis as the model demands; its count freezes at ``freeze_s``."""
     w = 2 * pi / 2.0
     held: int | None = None
     for k in range(round(seconds / DT)):
@@ -77,11 +78,13 @@ def rocking(axis: int, freeze_s: float, seconds: float, amplitude_deg: float) ->
 
 
 @pytest.mark.parametrize(("axis", "name"), [(0, "roll"), (1, "pitch")])
-def test_a_count_that_stops_in_motion_is_found_within_half_a_second(axis: int, name: str) -> None:
-    at_s, said = first(FrozenEncoder(PROFILE), rocking(axis, 10.05, 12.0, 5.0))
+def test_a_count_that_freezes_in_motion_is_reported_within_half_a_second(
+    axis: int, name: str
+) -> None:
+    at_s, report = first(FrozenEncoder(PROFILE), rocking(axis, 10.05, 12.0, 5.0))
     assert 10.05 < at_s < 10.55
-    assert f"the {name} encoder's count stood at" in said
-    assert "the encoder is frozen" in said.cause  # type: ignore[attr-defined]
+    assert f"the {name} encoder's count stood at" in report
+    assert "the encoder is frozen" in report.cause  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -89,12 +92,12 @@ def test_a_live_axis_that_rocks_is_not_reported(axis: int) -> None:
     assert first(FrozenEncoder(PROFILE), rocking(axis, 1e9, 20.0, 5.0))[1] == ""
 
 
-def test_a_steady_drive_is_no_evidence_however_wrong_for_the_profile() -> None:
+def test_constant_voltages_are_no_evidence_whatever_the_profile() -> None:
     steady = (period(k, v_applied=(2 * HOVER, 0.5 * HOVER)) for k in range(5000))
     assert first(FrozenEncoder(PROFILE), steady)[1] == ""
 
 
-def test_shaking_that_no_count_can_follow_is_no_evidence() -> None:
+def test_fast_oscillating_voltages_are_no_evidence() -> None:
     def shaken() -> Iterator[Period]:
         for k in range(5000):
             d = 6.0 if k % 10 < 5 else -6.0
@@ -110,48 +113,48 @@ def test_a_rig_at_rest_on_its_table_is_not_reported() -> None:
     assert first(FrozenEncoder(PROFILE), resting)[1] == ""
 
 
-def test_a_thrust_that_lifts_any_rig_and_moves_no_count_is_a_frozen_roll() -> None:
+def test_a_thrust_that_lifts_any_rig_without_a_count_is_a_frozen_roll() -> None:
     def lifted() -> Iterator[Period]:
         for k in range(500):
             v = min(20.0, 0.1 * k)
             yield period(k, counts=(0, 0, 0), v_applied=(v, v))
 
-    at_s, said = first(FrozenEncoder(PROFILE), lifted())
+    at_s, report = first(FrozenEncoder(PROFILE), lifted())
     assert at_s < 0.8
-    assert "the roll encoder's count stood at 0" in said
+    assert "the roll encoder's count stood at 0" in report
 
 
-def test_an_axis_that_is_pushed_against_its_stop_is_said_to_be_there() -> None:
+def test_an_axis_pushed_against_its_mechanical_stop_is_reported_as_such() -> None:
     def pushed(ramping_down: bool) -> Iterator[Period]:
         for k in range(2000):
             counts = (LEVEL, min(round(k * 0.5), 364), k % 3)
             volts = (HOVER, HOVER) if k < 900 else (HOVER + 8, HOVER - 8)
             yield period(k, counts=counts, v_applied=volts)._replace(ramping_down=ramping_down)
 
-    said = first(FrozenEncoder(PROFILE), pushed(False))[1]
-    assert "pitch stood at 32.0°" in said
-    assert "it is at its mechanical stop" in said
-    assert first(FrozenEncoder(PROFILE), pushed(True))[1] == "", "without control it may lie there"
+    report = first(FrozenEncoder(PROFILE), pushed(False))[1]
+    assert "pitch stood at 32.0°" in report
+    assert "it is at its mechanical stop" in report
+    assert first(FrozenEncoder(PROFILE), pushed(True))[1] == "", "in the ramp it may rest there"
 
 
 def test_a_roll_that_does_not_fall_without_thrust_is_reported() -> None:
     frozen = FrozenEncoder(PROFILE)
 
-    def landing() -> Iterator[Period]:
+    def ramp() -> Iterator[Period]:
         for k in range(2500):
             share = max(0.0, 1 - max(0, k - 1000) / 1000)
             v = HOVER * share
             counts = (LEVEL + (k // 40) % 2 if k < 1000 else LEVEL, 0, 0)
             yield period(k, counts=counts, v_applied=(v, v))._replace(ramping_down=k >= 1000)
 
-    at_s, said = first(frozen, landing())
+    at_s, report = first(frozen, ramp())
     assert at_s < 4.0
-    assert "the roll encoder" in said
+    assert "the roll encoder" in report
     assert frozen.must_still_fall()
 
 
 @pytest.mark.parametrize(("axis", "within_s"), [("pitch", 10.0), ("yaw", 30.0)])
-def test_an_encoder_that_freezes_in_a_calm_hover_is_found(axis: str, within_s: float) -> None:
+def test_an_encoder_that_freezes_in_a_calm_hover_is_reported(axis: str, within_s: float) -> None:
     outcome = hover(60.0 + within_s, 1, f"&fault=frozen.{axis}@60")
     assert outcome.ending == "tripped"
     assert f"the {axis} encoder" in outcome.detail

@@ -1,29 +1,30 @@
-"""A computer that slept: CLOCK_BOOTTIME tells, and there is no ramp."""
+"""A computer that slept is detected, and the flight ends without a ramp."""
 
 from __future__ import annotations
 
 import pytest
 
-from heli3dof.experiment.safety_monitors import Suspended, host_suspend
-from tests.experiment.safety_monitors.periods import period
+from heli3dof.experiment.safety_monitors import host_suspend
+from heli3dof.experiment.safety_monitors.host_suspend import HostSuspend
+from tests.experiment.safety_monitors.periods import PROFILE, period
 
 
 def test_a_sleep_ends_the_flight_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     ahead = [1000.0]
     monkeypatch.setattr(host_suspend, "ahead_s", lambda: ahead[0])
-    watch = Suspended()
-    assert (watch(period(0)), watch.at_once()) == (None, None)
+    monitor = HostSuspend(PROFILE)
+    assert (monitor(period(0)), monitor.at_once()) == (None, None)
     ahead[0] += 3.25
-    assert watch(period(1)) == "the computer slept for 3.2 s in mid-flight"
-    assert watch.at_once() == "stopped at once, since the computer slept"
+    assert monitor(period(1)) == "the computer slept for 3.2 s in mid-flight"
+    assert monitor.at_once() == "stopped at once, since the computer slept"
 
 
-def test_a_computer_that_stays_awake_is_never_taken_for_one_that_slept() -> None:
-    watch = Suspended()
-    assert all(watch(period(k)) is None for k in range(20_000))
+def test_a_computer_that_stays_awake_is_not_reported() -> None:
+    monitor = HostSuspend(PROFILE)
+    assert all(monitor(period(k)) is None for k in range(20_000))
 
 
-def test_where_the_system_has_no_such_clock_nothing_is_claimed(
+def test_without_the_clock_no_sleep_is_reported(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.delattr(host_suspend.time, "CLOCK_BOOTTIME")

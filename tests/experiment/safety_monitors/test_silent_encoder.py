@@ -1,4 +1,4 @@
-"""An axis that wandered and is silent through the landing is reported; one that sticks is not."""
+"""A count that wandered and is constant in the ramp is reported; a held axis is not."""
 
 from __future__ import annotations
 
@@ -9,23 +9,22 @@ import numpy as np
 import pytest
 
 from heli3dof.experiment.control_loop.control_period import Period
-from heli3dof.experiment.safety_monitors import SilentEncoder
-from heli3dof.experiment.safety_monitors.silent_encoder import FALSE_ALARM
+from heli3dof.experiment.safety_monitors.silent_encoder import FALSE_ALARM, SilentEncoder
 from tests.experiment.safety_monitors.periods import DT, LEVEL, PROFILE, period
 
-AIR_S, LANDING_S = 20.0, 3.0
+AIR_S, RAMP_S = 20.0, 3.0
 
 
 def flown(yaw: Callable[[float], int]) -> Iterator[Period]:
-    for k in range(round((AIR_S + LANDING_S) / DT)):
+    for k in range(round((AIR_S + RAMP_S) / DT)):
         t = k * DT
         now = period(k, counts=(LEVEL, 0, yaw(t)))
         yield now._replace(ramping_down=t >= AIR_S)
 
 
 def reported(yaw: Callable[[float], int]) -> list[str]:
-    watch = SilentEncoder(PROFILE)
-    return [said for now in flown(yaw) if (said := watch(now)) is not None]
+    monitor = SilentEncoder(PROFILE)
+    return [report for now in flown(yaw) if (report := monitor(now)) is not None]
 
 
 def wandering(seed: int, until_s: float) -> Callable[[float], int]:
@@ -36,30 +35,30 @@ def wandering(seed: int, until_s: float) -> Callable[[float], int]:
     return lambda t: int(abs((np.searchsorted(steps, t) % 4) - 2))
 
 
-def test_a_count_that_wandered_and_is_silent_in_the_landing_is_reported() -> None:
-    said = reported(wandering(1, until_s=18.0))
-    assert said
-    assert "the yaw encoder's count stood at" in said[0]
+def test_a_count_that_wandered_and_is_constant_in_the_ramp_is_reported() -> None:
+    report = reported(wandering(1, until_s=18.0))
+    assert report
+    assert "the yaw encoder's count stood at" in report[0]
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_count_that_goes_on_wandering_is_not(seed: int) -> None:
+def test_a_count_that_goes_on_wandering_is_not_reported(seed: int) -> None:
     assert reported(wandering(seed, until_s=1e9)) == []
 
 
-def test_an_axis_that_stands_still_because_it_sticks_is_not() -> None:
+def test_an_axis_held_by_dry_friction_is_not_reported() -> None:
     assert reported(lambda t: min(400, round(40 * t)) if t < 15 else 400) == []
 
 
-def test_nothing_is_reported_in_the_air() -> None:
-    watch = SilentEncoder(PROFILE)
+def test_no_report_before_the_ramp() -> None:
+    monitor = SilentEncoder(PROFILE)
     silent = wandering(1, until_s=8.0)
     for k in range(round(AIR_S / DT)):
-        assert watch(period(k, counts=(LEVEL, 0, silent(k * DT)))) is None
+        assert monitor(period(k, counts=(LEVEL, 0, silent(k * DT)))) is None
 
 
-def test_the_bound_is_rarely_passed_by_random_standstills() -> None:
-    """Standstills of an exponential law: one in 1/ε of the next ones passes the bound, or fewer."""
+def test_random_standstills_rarely_exceed_the_bound() -> None:
+    """Of exponentially distributed standstills at most a share ε exceeds the bound."""
     rng = np.random.default_rng(7)
     n, runs = 40, 20_000
     stood = rng.exponential(1.0, (runs, n + 1))

@@ -1,4 +1,4 @@
-"""The motion before a trip names the wiring fault; without one nothing is named."""
+"""The motion before a trip identifies the wiring fault, if there is one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 
 PLAN = step_plan((10.0, None, 20.0), settle_s=8.0, duration_s=8.0)
-NAMED = {
+FAULTS = {
     "reversed.roll@0": "the roll encoder counts the wrong way",
     "reversed.pitch@0": "the pitch encoder counts the wrong way",
     "reversed.yaw@0": "the yaw encoder counts the wrong way",
@@ -30,12 +30,12 @@ def tripped(fault: str, seed: int) -> str:
     return outcome.detail
 
 
-@pytest.mark.parametrize(("fault", "named"), NAMED.items())
-def test_a_wiring_fault_is_named(fault: str, named: str) -> None:
-    assert tripped(fault, 5).startswith(f"{named}: ")
+@pytest.mark.parametrize(("fault", "message"), FAULTS.items())
+def test_a_wiring_fault_is_identified(fault: str, message: str) -> None:
+    assert tripped(fault, 5).startswith(f"{message}: ")
 
 
 @pytest.mark.parametrize("axis", ["roll", "pitch", "yaw"])
-def test_a_frozen_encoder_is_not_taken_for_a_wiring_fault(axis: str) -> None:
+def test_a_frozen_encoder_is_no_wiring_fault(axis: str) -> None:
     detail = tripped(f"frozen.{axis}@8.6", 6)
     assert detail.startswith(f"the {axis} encoder's count stood at")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from heli3dof.errors import UnstableLoop
-from heli3dof.model.control.stability import check_loop
+from heli3dof.model.control.stability import check_hover_loop, check_loop
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.paper.eq17 import paper17_model
 from tests.model.examples import PROFILE, SPEC, in_another_basis
@@ -16,6 +16,11 @@ DT = PROFILE.dt
 def test_the_papers_gain_on_the_corrected_model_is_let_through() -> None:
     poles = check_loop(hover_model(PROFILE), SPEC, DT)
     assert poles[0].real == pytest.approx(-0.100, abs=5e-4)
+
+
+def test_a_profile_without_a_gain_is_checked_with_the_default_gain() -> None:
+    bare = PROFILE.model_copy(update={"controller": None})
+    assert list(check_hover_loop(bare)) == list(check_loop(hover_model(PROFILE), SPEC, DT))
 
 
 def test_the_printed_model_is_refused_for_its_pole_at_1_469() -> None:

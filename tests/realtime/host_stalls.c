@@ -1,6 +1,6 @@
-/* standstill CPU: sleeps on one processor, above all other programs where that is permitted, for
- * EVERY again and again, and prints when it fell asleep and woke, in s of CLOCK_MONOTONIC, where it
- * woke more than STILL late. In C, for it must not itself be what it looks for. */
+/* host_stalls CPU: sleeps for EVERY again and again on one processor, with the highest priority if
+ * permitted. If it wakes more than STILL late, it prints when it fell asleep and when it woke, in s
+ * of CLOCK_MONOTONIC. In C, since an interpreter would cause delays itself. */
 #include <sched.h>
 #include <stdio.h>
 #include <stdlib.h>

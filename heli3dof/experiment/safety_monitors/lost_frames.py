@@ -1,0 +1,54 @@
+"""Detects a line that loses frames: samples by the gap they leave, commands by the missing echo.
+
+For longer than ``lost_max_s`` no sample came though the host waited for it (lost on the line, or
+left out by a device that was held up), or the samples that came echoed no new command.
+"""
+
+from __future__ import annotations
+
+from heli3dof.experiment.control_loop.control_period import Period
+from heli3dof.experiment.safety_monitors import SafetyMonitor
+from heli3dof.rig.profile import Profile
+from heli3dof.rig.trip import Trip
+
+LINE_CAUSE = "a loose or long cable, a hub in between, or motor leads next to it."
+LINE_FIX = "heli3dof doctor: see loss; a shorter shielded cable away from the motors"
+DEVICE_CAUSE = "the device has more to do than it has time for, or its program was stopped."
+DEVICE_FIX = "heli3dof doctor: see the device; a lower rate_hz in the profile"
+
+
+class LostFrames(SafetyMonitor):
+    """Counts lost samples and commands without an echo, each in a row."""
+
+    order = 30
+
+    def __init__(self, profile: Profile) -> None:
+        self._dt = profile.dt
+        self._most = profile.limits.lost_max_s / profile.dt
+        self._echo = 0
+        self._unacknowledged = 0
+
+    def __call__(self, now: Period) -> str | None:
+        # Periods that the host itself was too late for are no loss on the line.
+        lost = now.missed - int(now.lateness / self._dt + 1e-6)
+        if lost > self._most:
+            gap_ms = 1e3 * (1 + lost) * self._dt
+            gap = f"no sample came for {1 + lost} periods ({gap_ms:.0f} ms)"
+            if now.left_out > lost / 2:
+                what = f"{gap}: the device itself was held up, and made none"
+                return Trip(what, DEVICE_CAUSE, DEVICE_FIX)
+            return Trip(f"{gap}: the line loses frames", LINE_CAUSE, LINE_FIX)
+        echo = now.sample.sequence
+        if echo == now.command_sequence or echo != self._echo:
+            self._unacknowledged = 0
+        else:
+            self._unacknowledged += 1
+        self._echo = echo
+        if self._unacknowledged > self._most:
+            return Trip(
+                f"the device acknowledged none of the last {self._unacknowledged} commands "
+                f"({1e3 * self._unacknowledged * self._dt:.0f} ms): the line loses frames",
+                LINE_CAUSE,
+                LINE_FIX,
+            )
+        return None
