@@ -1,38 +1,54 @@
-"""Work shared between threads, and how far it has come.
+"""Threads for estimation: `in_threads` shares out work, `one_thread` limits BLAS.
 
-The compiled passes let go of Python's lock, so threads run side by side: one for each core, `MOST`
-at most. Work within work is shared too: whoever shares out pieces does them itself, and asks before
-each whether a hand is free, as one is where other work ran out of pieces. No result depends on how
-many hands there are.
-
-Whoever wants to tell a person how far a long piece of work has come puts it under `watched`.
+The compiled filters release Python's global lock, so threads run in parallel: one per core, at most
+`MOST`. Nested calls share the same threads: the caller does pieces itself, and before each piece it
+starts a helper thread if one is free. Results do not depend on the number of threads.
 """
 
 from __future__ import annotations
 
+import functools
 import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Generic, TypeVar
+from typing import Generic, ParamSpec, TypeVar
 
 MOST = 4
-"""More cores than this are left to others: memory grows with each, and Python's lock is one."""
+"""Threads: each one costs memory, and they compete for Python's lock between compiled calls."""
 Watcher = Callable[[str, int, int], None]
-"""Told what is being counted, how many of it are done, and of how many."""
+"""Called with what is counted, how many are done, and how many there are."""
+P = ParamSpec("P")
 X = TypeVar("X")
 _watcher: ContextVar[Watcher | None] = ContextVar("watcher", default=None)
 
 
 def hands() -> int:
-    """Threads at once: the cores that this process may use."""
-    may = getattr(os, "sched_getaffinity", None)
-    return min(MOST, len(may(0)) if may else os.cpu_count() or 1)
+    """The number of threads to use: the cores available to this process, at most `MOST`."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    return min(MOST, len(affinity(0)) if affinity else os.cpu_count() or 1)
+
+
+def one_thread(function: Callable[P, X]) -> Callable[P, X]:
+    """The function with BLAS limited to one thread.
+
+    Estimation's matrices are small. On a busy machine several BLAS threads wait for one another,
+    which made an identification ten times slower.
+    """
+
+    @functools.wraps(function)
+    def run(*args: P.args, **kwargs: P.kwargs) -> X:
+        from threadpoolctl import threadpool_limits
+
+        with threadpool_limits(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
+
+    return run
 
 
 class _Free:
-    """Further hands that have nothing to do; how many there are is asked at first use."""
+    """Counts the idle helper threads; the number is read at first use."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -56,7 +72,10 @@ _free = _Free()
 
 @contextmanager
 def watched(watcher: Watcher | None) -> Iterator[None]:
-    """Inside, ``watcher`` is told of every piece that `in_threads` has done; not of its parts."""
+    """Report progress inside the block: call ``watcher`` after each piece of `in_threads`.
+
+    Pieces of nested calls are not reported.
+    """
     token = _watcher.set(watcher)
     try:
         yield
@@ -65,10 +84,10 @@ def watched(watcher: Watcher | None) -> Iterator[None]:
 
 
 def in_threads(work: Callable[[int], X], count: int, *, what: str = "") -> list[X]:
-    """``work(0)`` … ``work(count − 1)`` by as many hands as are free; their results in order.
+    """The results of ``work(0)`` … ``work(count − 1)``, in order.
 
-    ``what`` names the pieces, in the plural; without it nobody is told. Raises what the first of
-    the pieces that failed raised.
+    ``what`` names the pieces in the plural for `watched`; without it progress is not reported.
+    Raises the error of the first piece that failed.
     """
     pieces = _Pieces(work, count, what)
     helpers: list[threading.Thread] = []
@@ -79,7 +98,7 @@ def in_threads(work: Callable[[int], X], count: int, *, what: str = "") -> list[
                 helpers[-1].start()
             pieces.do_one()
     if any(h.is_alive() for h in helpers):
-        _free.give_back()  # what the others are at may have parts
+        _free.give_back()  # while this thread waits, nested work of the helpers may use its place
         for h in helpers:
             h.join()
         _free.take(wait=True)
@@ -87,7 +106,7 @@ def in_threads(work: Callable[[int], X], count: int, *, what: str = "") -> list[
 
 
 class _Pieces(Generic[X]):
-    """The pieces of one piece of work."""
+    """The pieces of one call and their results."""
 
     def __init__(self, work: Callable[[int], X], count: int, what: str) -> None:
         self._work, self._count, self._what = work, count, what
@@ -99,11 +118,11 @@ class _Pieces(Generic[X]):
 
     @property
     def left(self) -> int:
-        """Pieces that nobody has begun."""
+        """How many pieces have not been started; 0 after a failure."""
         return 0 if self._failed else self._count - self._next
 
     def help(self) -> None:
-        """A further hand, until nothing is left."""
+        """What a helper thread runs."""
         try:
             while self.left:
                 self.do_one()

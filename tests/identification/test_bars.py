@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import pytest
 
-from heli3dof.identification import identify
+from heli3dof.identification.identify import identify
 from tests.identification.mock_flights import mock_flight
 
 

@@ -170,7 +170,7 @@ def test_the_model_replays_flights_it_was_not_fitted_to(flight: Flight, found: E
     result = identify(flight.recording, method="greybox")
     fit = result.metrics.replay.fit_percent
     assert (fit > [97, 88, 95]).all()
-    shown = result.to_json()
+    shown = result.to_dict()
     lag = shown["parameters"]["motor.lag.time_constant_s"]
     assert lag["std"] > 0
     assert lag["cramer_rao_bound"] > 0

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import RecordingError, UsageError
-from heli3dof.identification import Identification
-from heli3dof.identification import identify as identify_any
 from heli3dof.identification.feedback import Feedback
+from heli3dof.identification.identify import Identification
+from heli3dof.identification.identify import identify as identify_any
 from heli3dof.identification.validation import metrics
 from heli3dof.recording.recording import Recording
 from tests.identification.flights import flight, linear_truth
@@ -65,7 +65,7 @@ def test_feedback_is_found_and_said(found: Identification) -> None:
 
 
 def test_the_json_holds_what_the_contract_asks(found: Identification) -> None:
-    document = json.loads(json.dumps(found.to_json("m.json"), allow_nan=False))
+    document = json.loads(json.dumps(found.to_dict("m.json"), allow_nan=False))
     assert document["kind"] == "statespace"
     assert document["file"] == "m.json"
     assert len(document["poles"]) == found.order
@@ -127,7 +127,7 @@ def test_the_paper_s_form_is_unstable_in_the_loop(flights: tuple[Recording, Reco
 
 def test_pbsid_says_that_it_has_no_deviations(flights: tuple[Recording, Recording]) -> None:
     found = identify(flights[0], holdout=flights[1], method="pbsid", order=8)
-    document = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    document = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert document["poles"][0]["re_std_per_s"] is None
     assert any("no standard deviations" in w for w in found.warnings)
 

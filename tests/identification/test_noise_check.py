@@ -66,7 +66,7 @@ def test_a_second_of_flight_says_nothing(rig_b: Recording) -> None:
 def test_what_is_handed_over_names_the_method_that_fitted_it(rig_b: Recording) -> None:
     found = h3.identify(rig_b)
     assert found.method == "freeflight"
-    assert found.to_json()["method"] == "freeflight"
+    assert found.to_dict()["method"] == "freeflight"
     said = "\n".join(found.sentences())
     assert "likelihood (extended Kalman filter" not in said
     assert any("Fitted to free flights" in w for w in found.warnings)
