@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from heli3dof.identification.preprocessing import Prepared, Run
+from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.transfer_function import TransferFunctions
 from heli3dof.model.base import Model
+from heli3dof.model.estimation.filter_data import Run
 from heli3dof.recording.recording import Recording
 
 Innovations = tuple[list[np.ndarray], list[np.ndarray]]

@@ -14,11 +14,12 @@ from heli3dof.identification.black_box.order_selection import INTERVALS_S
 from heli3dof.identification.feedback import feedback_test
 from heli3dof.identification.fit_result import FitResult, Request
 from heli3dof.identification.methods import known_method
-from heli3dof.identification.preprocessing import Prepared, Run, prepare, segments
+from heli3dof.identification.preprocessing import Prepared, prepare, segments
 from heli3dof.identification.residual_tests import ResidualTest, past_inputs, whiteness
 from heli3dof.identification.result import Identification
 from heli3dof.identification.validation import WARM_UP_S, Metrics, metrics
 from heli3dof.model.base import Model
+from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.parallel import one_thread
 from heli3dof.recording.recording import Recording

@@ -15,7 +15,6 @@ interpolation error is at most |q̈| g²/8: 0.01° for 10 rad/s² and 13 ms, les
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,8 +23,8 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
-from heli3dof.identification.row_selection import REASONS, clipped, unusable
-from heli3dof.model.estimation.filter_data import LOST
+from heli3dof.identification.row_selection import REASONS, clipped, stretches, unusable
+from heli3dof.model.estimation.filter_data import LOST, Run, Stretch
 from heli3dof.recording.gap_filling import bridged
 from heli3dof.recording.recording import Recording
 
@@ -100,15 +99,6 @@ class RecordingReport:
                if self.clipped_share > 0 else "")
         )  # fmt: skip
         return out
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """Consecutive usable rows [start, stop) of recording number ``source``."""
-
-    source: int
-    start: int
-    stop: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,13 +247,8 @@ def _usable_runs(recording: Recording, source: int) -> tuple[list[Run], Recordin
         left_out[reason] = float((masks[reason] & ~bad).mean())
         bad |= masks[reason]
     breaks = np.flatnonzero(np.diff(recording.t) > LOST * clock.period_s) + 1
-    edges = np.unique(np.concatenate([[0, n], breaks, np.flatnonzero(np.diff(bad)) + 1]))
     least = SEGMENT_MIN_S / clock.period_s
-    found = [
-        Run(source, int(a), int(b))
-        for a, b in itertools.pairwise(edges)
-        if not bad[a] and b - a >= least
-    ]
+    found: list[Run] = [Stretch(source, a, b) for a, b in stretches(~bad, breaks) if b - a >= least]
     used = sum(r.stop - r.start for r in found) / n
     clip = float((clipped(recording) & ~bad).mean())
     report = RecordingReport(
@@ -290,14 +275,15 @@ def _common_period(recordings: Sequence[Recording]) -> float:
 def _split(runs: list[Run], share: float) -> tuple[list[Run], list[Run]]:
     total = sum(r.stop - r.start for r in runs)
     keep = round(total * (1 - share))
-    train, test = [], []
+    train: list[Run] = []
+    test: list[Run] = []
     for r in runs:
         length = r.stop - r.start
         cut = r.start + min(max(keep, 0), length)
         if cut > r.start:
-            train.append(Run(r.source, r.start, cut))
+            train.append(Stretch(r.source, r.start, cut))
         if cut < r.stop:
-            test.append(Run(r.source, cut, r.stop))
+            test.append(Stretch(r.source, cut, r.stop))
         keep -= length
     return train, test
 

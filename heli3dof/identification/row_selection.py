@@ -28,6 +28,8 @@ reported.
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL, YAW
@@ -152,15 +154,17 @@ def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
     return np.asarray(hit | np.isin(angle, np.unique(angle[hit])))
 
 
-def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+def stretches(mask: np.ndarray, cuts: np.ndarray | None = None) -> list[tuple[int, int]]:
+    """[start, stop) of the consecutive True rows of a mask (N,), also split at rows ``cuts``."""
+    edges = np.flatnonzero(np.diff(mask)) + 1
+    edges = np.unique(np.concatenate([[0, len(mask)], edges, [] if cuts is None else cuts]))
+    return [(a, b) for a, b in itertools.pairwise(edges.astype(int).tolist()) if mask[a]]
 
 
 def _long_runs(mask: np.ndarray, at_least: int) -> np.ndarray:
     """The mask with every run of True shorter than ``at_least`` rows cleared."""
     out = np.zeros(len(mask), dtype=bool)
-    for a, b in _runs(mask):
+    for a, b in stretches(mask):
         if b - a >= at_least:
             out[a:b] = True
     return out

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.identification.preprocessing import Prepared, Run
+from heli3dof.identification.preprocessing import Prepared
 from heli3dof.model.base import Model
 from heli3dof.model.control.loop_task import instants, loop_task, why_not_replayed
-from heli3dof.model.estimation.filter_data import LOST
+from heli3dof.model.estimation.filter_data import LOST, Run
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
 WARM_UP_S = 2.0

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import RecordingError
-from heli3dof.identification.preprocessing import Run, check_clock, prepare, segments
+from heli3dof.identification.preprocessing import check_clock, prepare, segments
+from heli3dof.model.estimation.filter_data import Stretch
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import default_profile
 
@@ -22,7 +23,7 @@ def flying(n: int = 10_000, seed: int = 0, t: np.ndarray | None = None) -> Recor
 
 def test_the_voltage_is_averaged_over_the_interval_and_the_angle_picked_at_its_start() -> None:
     rec = flying()
-    cut = segments(prepare([rec]), [Run(0, 100, 130)], 10)[0]
+    cut = segments(prepare([rec]), [Stretch(0, 100, 130)], 10)[0]
     np.testing.assert_allclose(cut.u[0], rec.voltage[100:110].mean(axis=0))
     np.testing.assert_allclose(cut.u[2], rec.voltage[120:130].mean(axis=0))
     np.testing.assert_array_equal(cut.y, rec.angle[[100, 110, 120]])
@@ -32,7 +33,7 @@ def test_unequal_sample_times_weigh_the_voltage_by_how_long_it_was_held() -> Non
     t = np.cumsum(np.r_[0, np.tile([0.0022, 0.0018], 5000)])[:10_000]
     rec = flying(t=t)
     rec.voltage[0], rec.voltage[1] = 1.0, 2.0
-    cut = segments(prepare([rec]), [Run(0, 0, 4)], 2)[0]
+    cut = segments(prepare([rec]), [Stretch(0, 0, 4)], 2)[0]
     # (1 V · 2.2 ms + 2 V · 1.8 ms) / 4 ms = 1.45 V
     np.testing.assert_allclose(cut.u[0], 1.45)
 
@@ -67,8 +68,8 @@ def test_over_lost_samples_the_voltage_is_held_and_the_angle_interpolated() -> N
     whole = flying()
     lost = [200, 207, 208]
     rec = whole.rows(np.delete(np.arange(10_000), lost))
-    (cut,) = segments(prepare([rec]), [Run(0, 0, 997)], 10)
-    (true,) = segments(prepare([whole]), [Run(0, 0, 1000)], 10)
+    (cut,) = segments(prepare([rec]), [Stretch(0, 0, 997)], 10)
+    (true,) = segments(prepare([whole]), [Stretch(0, 0, 1000)], 10)
     assert len(cut.y) == len(true.y) == 100
     untouched = np.delete(np.arange(100), [19, 20])
     np.testing.assert_allclose(cut.u[untouched], true.u[untouched], rtol=1e-9)

@@ -29,7 +29,8 @@ from heli3dof.identification.black_box.pbsid import Pair, StateSpace, realise, s
 from heli3dof.identification.black_box.pem import PemFit, pem
 from heli3dof.identification.black_box.resampling import NoContinuousModel, at_rate, trims
 from heli3dof.identification.fit_result import Candidate
-from heli3dof.identification.preprocessing import Prepared, Run, segments
+from heli3dof.identification.preprocessing import Prepared, segments
+from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.linear.model import LinearModel
 
 INTERVALS_S = (0.04, 0.08)

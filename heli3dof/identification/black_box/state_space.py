@@ -29,8 +29,9 @@ from heli3dof.identification.fit_result import (
     Request,
     rightmost_first,
 )
-from heli3dof.identification.preprocessing import Prepared, Run
+from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.transfer_function import TransferFunctions
+from heli3dof.model.estimation.filter_data import Run
 
 OPEN_RHO = 1 - 1e-6
 

@@ -17,7 +17,8 @@ from heli3dof.identification.fit_result import (
     Request,
     rightmost_first,
 )
-from heli3dof.identification.preprocessing import Prepared, Run
+from heli3dof.identification.preprocessing import Prepared
+from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.linear.model import LinearModel
 
 INTERVAL_S = 0.04

@@ -24,6 +24,7 @@ import numpy as np
 from heli3dof.identification.greybox.initialisation import likeliest_start
 from heli3dof.identification.greybox.likelihood import Likelihood, score_and_information
 from heli3dof.identification.greybox.maximum_likelihood import OTHER_ROUNDS, Optimum, maximise
+from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.model.effects import Term
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics.parametrisation import Free, Structure
@@ -50,7 +51,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class Estimate(PhysicalFit):
     """A fitted rig: n parameters in the order of ``structure.free``."""
 
     problem: Likelihood
@@ -64,24 +65,10 @@ class Estimate:
     def free(self) -> tuple[Free, ...]:
         return self.structure.free
 
-    @cached_property
-    def values(self) -> np.ndarray:
-        """(n,) in their units"""
-        return self.problem.values(self.optimum.theta)
-
     @property
     def theta(self) -> np.ndarray:
         """(n,) coordinates"""
         return self.optimum.theta
-
-    def values_at(self, theta: np.ndarray) -> np.ndarray:
-        """(n,) coordinates → values"""
-        return self.problem.values(theta)
-
-    @cached_property
-    def slopes(self) -> np.ndarray:
-        """(n,) ∂value/∂coordinate"""
-        return np.array([f.slope(v) for f, v in zip(self.free, self.values, strict=True)])
 
     @cached_property
     def inflation(self) -> float:
@@ -100,16 +87,6 @@ class Estimate:
         """(n, n) of the values, in their units"""
         A = self.optimum.information + np.diag(self.problem.prior_precision)
         return np.asarray(self.inflation * np.linalg.inv(A) * np.outer(self.slopes, self.slopes))
-
-    @property
-    def std(self) -> np.ndarray:
-        """(n,) in the units of the values"""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
-
-    @property
-    def correlation(self) -> np.ndarray:
-        """(n, n)"""
-        return np.asarray(self.covariance / np.outer(self.std, self.std))
 
     @cached_property
     def bound(self) -> np.ndarray:

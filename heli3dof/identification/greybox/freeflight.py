@@ -14,7 +14,6 @@ weight, or thrust that falls as motors warm up). `PRIORS` are the expected sizes
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -29,10 +28,17 @@ from heli3dof.identification.greybox.linear_uncertainty import (
 )
 from heli3dof.identification.greybox.multistep import Fitted, MultiStep, search
 from heli3dof.identification.greybox.weak_form import weak_start
-from heli3dof.identification.preprocessing import Prepared, Run
-from heli3dof.identification.row_selection import unusable
+from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.row_selection import stretches, unusable
 from heli3dof.model.effects import terms
-from heli3dof.model.estimation.filter_data import GAP, Stretch, climb_rows, data_of, starts_on_table
+from heli3dof.model.estimation.filter_data import (
+    GAP,
+    Run,
+    Stretch,
+    climb_rows,
+    data_of,
+    starts_on_table,
+)
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.multistep import Flight
 from heli3dof.model.greybox.prediction import held, table_of
@@ -199,8 +205,7 @@ def free_rows(recording: Recording) -> np.ndarray:
     bad = np.logical_or.reduce([m for reason, m in masks.items() if reason != "take_off"])
     bad |= np.concatenate([[False], np.diff(recording.t) > GAP * recording.dt])
     roll = recording.angle[:, 0]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], masks["take_off"].astype(int), [0]])))
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
+    for a, b in stretches(masks["take_off"]):
         bad[a : a + climb_rows(roll[a:b], float(np.nanmin(roll)), recording.dt)] = True
     return np.asarray(~bad)
 
@@ -209,10 +214,7 @@ def _airborne(recording: Recording) -> list[Stretch]:
     """Stretches off the table without missing readings: where the filter runs."""
     ok = ~table_of(recording)[1] & ~unusable(recording)["unread"]
     breaks = np.flatnonzero(np.diff(recording.t) > GAP * recording.dt) + 1
-    edges = np.unique(
-        np.concatenate([[0, len(ok)], breaks, np.flatnonzero(np.diff(ok.astype(int))) + 1])
-    )
-    return [Stretch(0, int(a), int(b)) for a, b in itertools.pairwise(edges) if ok[a] and b - a > 2]
+    return [Stretch(0, a, b) for a, b in stretches(ok, breaks) if b - a > 2]
 
 
 def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:

@@ -7,37 +7,21 @@ and F = ∂f/∂θ by differences, cov f = F P Fᵀ. `innovations` gives the err
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 import numpy as np
 
 from heli3dof.identification.fit_result import Innovations, Pole, rightmost_first
-from heli3dof.identification.preprocessing import Prepared, Run
+from heli3dof.identification.greybox.physical_fit import PhysicalFit
+from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.transfer_function import TransferFunctions
 from heli3dof.model.discretisation import Continuous, numerators
+from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.model.physics.parametrisation import Structure
 
 TEST_INTERVAL_S = 0.04
 """Horizon of the errors in residual tests: at every sample, most of an error is rounding."""
 STEP = 1e-2
 """Step of the differences, in standard deviations."""
-
-
-class PhysicalFit(Protocol):
-    """A fit of n physical parameters, by likelihood or by multi-step prediction."""
-
-    @property
-    def structure(self) -> Structure: ...
-    @property
-    def theta(self) -> np.ndarray: ...
-    @property
-    def std(self) -> np.ndarray: ...
-    @property
-    def slopes(self) -> np.ndarray: ...
-    @property
-    def covariance(self) -> np.ndarray: ...
-    def values_at(self, theta: np.ndarray) -> np.ndarray: ...
 
 
 def linear_figures(

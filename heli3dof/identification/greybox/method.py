@@ -6,7 +6,6 @@ torques on pitch and yaw (trims). Other effects are added by name.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from typing import Any
@@ -25,10 +24,10 @@ from heli3dof.identification.greybox.linear_uncertainty import (
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_START
 from heli3dof.identification.greybox.structure_test import as_written
 from heli3dof.identification.preprocessing import Prepared
-from heli3dof.identification.row_selection import unusable
+from heli3dof.identification.row_selection import stretches, unusable
 from heli3dof.model.compiled import announced
 from heli3dof.model.effects import terms
-from heli3dof.model.estimation.filter_data import LOST, Stretch, data_of
+from heli3dof.model.estimation.filter_data import LOST, Run, Stretch, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
@@ -54,7 +53,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     """The likelihood's fit to the training runs and to the recordings that lack an angle."""
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]
-    runs: list[Stretch] = [Stretch(r.source, r.start, r.stop) for r in prepared.train]
+    runs: list[Run] = list(prepared.train)
     for i, recording in enumerate(request.partial, start=len(prepared.recordings)):
         runs += usable_runs(recording, i)
     structure = Structure(prepared.recordings[0].profile, terms(chosen))
@@ -158,15 +157,8 @@ def usable_runs(recording: Recording, source: int) -> list[Stretch]:
     """
     bad = np.logical_or.reduce(list(unusable(recording).values()))
     breaks = np.flatnonzero(np.diff(recording.t) > LOST * recording.dt) + 1
-    edges = np.unique(
-        np.concatenate([[0, len(bad)], breaks, np.flatnonzero(np.diff(bad.astype(int))) + 1])
-    )
     least = LEAST_RUN_S / recording.dt
-    return [
-        Stretch(source, int(a), int(b))
-        for a, b in itertools.pairwise(edges)
-        if not bad[a] and b - a >= least
-    ]
+    return [Stretch(source, a, b) for a, b in stretches(~bad, breaks) if b - a >= least]
 
 
 def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> GreyBoxModel:

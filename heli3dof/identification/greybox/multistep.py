@@ -33,6 +33,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.identification.greybox.levenberg_marquardt import Valley, descend
+from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.model.estimation.ekf_jitter import follow
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.greybox.multistep import Flight, errors
@@ -174,7 +175,7 @@ class MultiStep:
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class Fitted(PhysicalFit):
     """The minimum."""
 
     problem: MultiStep
@@ -215,35 +216,11 @@ class Fitted:
             for b, j in enumerate(self.problem.own)
         }
 
-    def values_at(self, theta: np.ndarray) -> np.ndarray:
-        """(n,) coordinates → values"""
-        return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
-
-    @property
-    def values(self) -> np.ndarray:
-        """(n,)"""
-        return self.values_at(self.theta)
-
-    @cached_property
-    def slopes(self) -> np.ndarray:
-        """(n,) ∂value/∂coordinate"""
-        return np.array([f.slope(v) for f, v in zip(self.structure.free, self.values, strict=True)])
-
-    @property
-    def std(self) -> np.ndarray:
-        """(n,) in the units of the values"""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
-
     @property
     def prior_std(self) -> np.ndarray:
         """(n,) the prior's standard deviations, in the units of the values."""
         n = self.problem.n
         return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.problem.prior))[:n]) * self.slopes)
-
-    @property
-    def correlation(self) -> np.ndarray:
-        """(n, n)"""
-        return np.asarray(self.covariance / np.outer(self.std, self.std))
 
     @cached_property
     def covariance(self) -> np.ndarray:

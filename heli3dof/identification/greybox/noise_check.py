@@ -24,6 +24,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.identification.fit_result import FitResult, Request
+from heli3dof.identification.greybox import freeflight, method
 from heli3dof.identification.greybox.estimate import estimate
 from heli3dof.identification.greybox.freeflight import LEAST_WINDOWS, flight_of
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -100,6 +102,16 @@ def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
     each = np.clip(np.nan_to_num(np.concatenate(e), nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
     rmse = np.degrees(np.sqrt((each**2).mean(axis=0)))
     return NoiseCheck(found.optimum.noise[:3].copy(), rmse)
+
+
+def fit(prepared: Prepared, request: Request) -> FitResult:
+    """The method ``greybox``: the likelihood's fit, or ``freeflight``'s where it cannot be used.
+
+    A request that names its terms always gets the likelihood.
+    """
+    if request.terms is None and not request.partial and (reason := no_likelihood(prepared)):
+        return freeflight.handed_over(freeflight.fit(prepared, request), reason)
+    return method.fit(prepared, request)
 
 
 def no_likelihood(prepared: Prepared) -> str:
