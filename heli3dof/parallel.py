@@ -47,27 +47,10 @@ def one_thread(function: Callable[P, X]) -> Callable[P, X]:
     return run
 
 
-class _Free:
-    """Counts the idle helper threads; the number is read at first use."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._semaphore: threading.Semaphore | None = None
-
-    def _count(self) -> threading.Semaphore:
-        with self._lock:
-            if self._semaphore is None:
-                self._semaphore = threading.Semaphore(hands() - 1)
-            return self._semaphore
-
-    def take(self, *, wait: bool) -> bool:
-        return self._count().acquire(blocking=wait)
-
-    def give_back(self) -> None:
-        self._count().release()
-
-
-_free = _Free()
+@functools.cache
+def _free() -> threading.Semaphore:
+    """Counts the idle helper threads."""
+    return threading.Semaphore(hands() - 1)
 
 
 @contextmanager
@@ -93,15 +76,15 @@ def in_threads(work: Callable[[int], X], count: int, *, what: str = "") -> list[
     helpers: list[threading.Thread] = []
     with watched(None):
         while pieces.left:
-            while pieces.left > 1 and _free.take(wait=False):
+            while pieces.left > 1 and _free().acquire(blocking=False):
                 helpers.append(threading.Thread(target=pieces.help, daemon=True))
                 helpers[-1].start()
             pieces.do_one()
     if any(h.is_alive() for h in helpers):
-        _free.give_back()  # while this thread waits, nested work of the helpers may use its place
+        _free().release()  # while this thread waits, nested work of the helpers may use its place
         for h in helpers:
             h.join()
-        _free.take(wait=True)
+        _free().acquire()
     return pieces.results()
 
 
@@ -127,7 +110,7 @@ class _Pieces(Generic[X]):
             while self.left:
                 self.do_one()
         finally:
-            _free.give_back()
+            _free().release()
 
     def do_one(self) -> None:
         with self._lock:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from functools import cache
 
 import pytest
 
@@ -32,8 +33,7 @@ def test_the_watcher_is_called_for_every_piece_of_named_work_only() -> None:
 
 @pytest.fixture
 def two_hands(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parallel, "hands", lambda: 2)
-    monkeypatch.setattr(parallel, "_free", parallel._Free())
+    monkeypatch.setattr(parallel, "_free", cache(lambda: threading.Semaphore(1)))
 
 
 @pytest.mark.usefixtures("two_hands")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -123,7 +123,6 @@ class Identification(Result):
 
         Numbers that are not known are None.
         """
-        f = self.feedback
         document: dict[str, Any] = {
             "name": self.model.name,
             "kind": self.model.kind,
@@ -153,14 +152,7 @@ class Identification(Result):
         document |= {
             **self.metrics.to_json(),
             "residual_tests": {t.name.replace(" ", "_"): t.to_json() for t in self.residuals},
-            "feedback": {
-                "present": f.present,
-                "statistic": f.statistic,
-                "degrees_of_freedom": f.degrees_of_freedom,
-                "p_value": f.p_value,
-                "share": f.share,
-                "sentence": f.sentence,
-            },
+            "feedback": asdict(self.feedback),
             "preparation": [r.to_json() for r in self.prepared.reports],
             "validation": self.prepared.split,
             "candidates": [c.to_json() for c in self.found.candidates],
