@@ -17,7 +17,7 @@ from heli3dof.identification.greybox.freeflight import (
     model_of,
     problem_of,
 )
-from heli3dof.identification.greybox.method import DEFAULT_TERMS, clock_lies
+from heli3dof.identification.greybox.method import DEFAULT_TERMS, has_jitter
 from heli3dof.identification.greybox.multistep import robust, scales
 from heli3dof.model.model_file import save_model
 from heli3dof.paper.models import load_model
@@ -86,7 +86,7 @@ def test_a_real_take_off_is_usable_from_the_end_of_its_climb(real: Recording) ->
 
 
 def test_jitter_of_a_real_log_is_detected(real: Recording) -> None:
-    assert clock_lies(real)
+    assert has_jitter(real)
 
 
 def test_predictions_re_estimate_the_pitch_encoder_offset(real: Recording, tmp_path) -> None:  # type: ignore[no-untyped-def]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from heli3dof.identification.greybox.levenberg_marquardt import Valley, descend, follow_on
+from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, descend, follow_on
 
 WIDE = np.full(2, 10.0)
 
@@ -15,13 +15,13 @@ def rosenbrock(z: np.ndarray) -> np.ndarray:
     return np.array([10 * (z[1] - z[0] ** 2), 1 - z[0]])
 
 
-def valley(residuals, low=-WIDE, high=WIDE, prior=0.0, calls=None) -> Valley:  # type: ignore[no-untyped-def]
+def valley(residuals, low=-WIDE, high=WIDE, prior=0.0, calls=None) -> LeastSquares:  # type: ignore[no-untyped-def]
     def counted(z: np.ndarray) -> np.ndarray:
         if calls is not None:
             calls.append(z)
         return np.asarray(residuals(z))
 
-    return Valley(counted, np.zeros(2), prior * np.eye(2), low, high, 1e-6)
+    return LeastSquares(counted, np.zeros(2), prior * np.eye(2), low, high, 1e-6)
 
 
 def test_descend_and_follow_on_reach_the_same_minimum() -> None:

@@ -40,9 +40,9 @@ def test_white_noise_of_0_1_predicts_3_3_degrees_after_a_second() -> None:
 
 def test_the_check_fails_only_on_large_noise_with_small_prediction_errors() -> None:
     loud, usual = np.array([0.05, 2.0, 0.05]), np.array([0.05, 0.15, 0.05])
-    assert not NoiseCheck(loud, np.full(3, 10.0)).believed
-    assert NoiseCheck(loud, np.full(3, 60.0)).believed
-    assert NoiseCheck(usual, np.full(3, 0.1)).believed
+    assert not NoiseCheck(loud, np.full(3, 10.0)).usable
+    assert NoiseCheck(loud, np.full(3, 60.0)).usable
+    assert NoiseCheck(usual, np.full(3, 0.1)).usable
 
 
 @pytest.mark.parametrize("hide", ["", "encoder.backlash.pitch:0.5", "motor.lag:0.1"])

@@ -11,7 +11,7 @@ from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.method import fit_greybox
-from heli3dof.identification.greybox.structure_test import WAYS, as_written, left_out
+from heli3dof.identification.greybox.structure_test import WAYS, left_out, with_simplifications
 from heli3dof.identification.identify import Identification, identify
 from heli3dof.model.effects import terms
 from heli3dof.model.greybox.model import nominal
@@ -59,13 +59,13 @@ def test_simplifications_are_parameters_and_warnings(identified: Identification)
 
 
 def test_a_missing_yaw_inertia_variation_is_detected_separately() -> None:
-    found = as_written(fit_greybox(flown("simplified.yaw_inertia")))
+    found = with_simplifications(fit_greybox(flown("simplified.yaw_inertia")))
     assert [t.name for t in found.structure.terms if t.effect.formal] == ["simplified.yaw_inertia"]
 
 
 def test_a_full_rigid_body_is_not_refitted() -> None:
     found = fit_greybox(flown())
-    assert as_written(found) is found
+    assert with_simplifications(found) is found
     g, V = left_out(found)
     # Leaving out everything would cost more than 100 of log-likelihood.
     assert g.sum() - 0.5 * V.sum() < -100

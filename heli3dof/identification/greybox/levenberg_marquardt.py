@@ -33,7 +33,7 @@ Residuals = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
-class Valley:
+class LeastSquares:
     """The cost Q, its prior and the bounds."""
 
     residuals: Residuals
@@ -76,7 +76,7 @@ class Valley:
 
 
 @dataclass(frozen=True, eq=False)
-class Reached:
+class Descent:
     """The result of a descent."""
 
     z: np.ndarray
@@ -90,9 +90,9 @@ class Reached:
 
 
 def descend(
-    v: Valley, z: np.ndarray, *, rounds: int, settled: float,
+    v: LeastSquares, z: np.ndarray, *, rounds: int, settled: float,
     say: Callable[[int, float, float], None] | None = None,
-) -> Reached:  # fmt: skip
+) -> Descent:  # fmt: skip
     """Descend until a round gains less than ``settled``; calls ``say(round, first cost, cost)``."""
     r = v.residuals(z)
     here = begun = v.cost(r, z)
@@ -115,13 +115,13 @@ def descend(
         if gain < settled:
             done = True
             break
-    return Reached(z, here, begun, D, count, done)
+    return Descent(z, here, begun, D, count, done)
 
 
 def follow_on(
-    v: Valley, z: np.ndarray, tangents: np.ndarray | None, *, settled: float, share: float = 0.0,
-    enough: int = ENOUGH, fresh: int = FRESH,
-) -> Reached:  # fmt: skip
+    v: LeastSquares, z: np.ndarray, tangents: np.ndarray | None, *, settled: float,
+    share: float = 0.0, enough: int = ENOUGH, fresh: int = FRESH,
+) -> Descent:  # fmt: skip
     """Descend until a step's predicted gain is below ``settled``, or below ``share`` of the cost.
 
     ``tangents`` (dim, R) are the initial D; rows that are NaN are computed, all if it is None.
@@ -160,4 +160,4 @@ def follow_on(
             if failed > 1 and fresh:
                 fresh, doubted, failed, damping = fresh - 1, False, 0, DAMPING
                 D = v.tangents(z, r)
-    return Reached(z, here, begun, D, count, done)
+    return Descent(z, here, begun, D, count, done)

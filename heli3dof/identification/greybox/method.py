@@ -22,7 +22,7 @@ from heli3dof.identification.greybox.linear_uncertainty import (
     linear_figures,
 )
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_START
-from heli3dof.identification.greybox.structure_test import as_written
+from heli3dof.identification.greybox.structure_test import with_simplifications
 from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.row_selection import stretches, unusable
 from heli3dof.model.compiled import announced
@@ -44,7 +44,7 @@ DEFAULT_TERMS = (
     "bias.torque.yaw",
 )
 LEAST_RUN_S = 0.5
-LYING = 0.2
+JITTER_SHARE = 0.2
 """Share of the period: below this jitter the likelihood, whose filter models jitter, does better
 than the multi-step fit."""
 
@@ -61,7 +61,7 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     compile_first(problem)
     found = estimate(problem)
     if request.terms is None:
-        found = as_written(found)
+        found = with_simplifications(found)
     sources = sorted({r.source for r in runs})
     model = model_of(found, [several[i] for i in sources], request.name)
     poles, transfer, response = linear_figures(found, prepared.dt)
@@ -80,11 +80,11 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     )
 
 
-def clock_lies(recording: Recording) -> bool:
-    """True if the motion shows sampling jitter above `LYING` of the period."""
+def has_jitter(recording: Recording) -> bool:
+    """True if the motion shows sampling jitter above `JITTER_SHARE` of the period."""
     r = recording
     m = motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count)
-    return m.found and m.sigma_s > LYING * r.dt
+    return m.found and m.sigma_s > JITTER_SHARE * r.dt
 
 
 def compile_first(problem: Likelihood) -> None:

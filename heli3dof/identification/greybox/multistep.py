@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.identification.greybox.levenberg_marquardt import Valley, descend
+from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, descend
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.model.estimation.ekf_jitter import follow
 from heli3dof.model.estimation.filter_data import Data
@@ -279,7 +279,9 @@ def search(
     return Fitted(p, z, a, scale, found.cost, found.tangents, count, found.settled)
 
 
-def valley(p: MultiStep, noise: np.ndarray, stage_s: Sequence[float], scale: np.ndarray) -> Valley:
+def valley(
+    p: MultiStep, noise: np.ndarray, stage_s: Sequence[float], scale: np.ndarray
+) -> LeastSquares:
     """The cost Q of these flights at these horizons (s) and scales (M, 3) rad."""
     seconds = sum(len(f.starts) * _apart(f) for f in p.flights)
     size = len(stage_s) * sum(len(f.starts) for f in p.flights)
@@ -289,7 +291,7 @@ def valley(p: MultiStep, noise: np.ndarray, stage_s: Sequence[float], scale: np.
         e = np.concatenate(p.errors(at, noise, stage_s))
         return np.asarray(weight * robust(e / scale).ravel())
 
-    return Valley(residuals, p.start, p.prior, *p.bounds, DIFFERENCE)
+    return LeastSquares(residuals, p.start, p.prior, *p.bounds, DIFFERENCE)
 
 
 def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:

@@ -30,8 +30,8 @@ from heli3dof.identification.greybox.estimate import estimate
 from heli3dof.identification.greybox.freeflight import LEAST_WINDOWS, flight_of
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.method import (
-    clock_lies,
     compile_first,
+    has_jitter,
     model_of,
     usable_runs,
 )
@@ -75,7 +75,7 @@ class NoiseCheck:
         return np.asarray(loud & (self.expected_deg > OVER * self.rmse_deg))
 
     @property
-    def believed(self) -> bool:
+    def usable(self) -> bool:
         """True if the likelihood can be used."""
         return not self.overstated.any()
 
@@ -121,7 +121,7 @@ def no_likelihood(prepared: Prepared) -> str:
     """
     sources = [prepared.recordings[i] for i in sorted({r.source for r in prepared.train})]
     if any(r.profile.controller is not None for r in sources):
-        return CLOCK if all(clock_lies(r) for r in sources) else ""
+        return CLOCK if all(has_jitter(r) for r in sources) else ""
     return why_freeflight(sources)
 
 
@@ -130,10 +130,10 @@ def why_freeflight(recordings: Sequence[Recording]) -> str:
 
     Tests sampling jitter first, then the process noise.
     """
-    if all(clock_lies(r) for r in recordings):
+    if all(has_jitter(r) for r in recordings):
         return CLOCK
     check = noise_check(recordings)
-    if check is None or check.believed:
+    if check is None or check.usable:
         return ""
     i = int(np.argmax(check.overstated * check.expected_deg / check.rmse_deg))
     return (

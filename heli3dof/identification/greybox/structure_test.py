@@ -22,20 +22,20 @@ from heli3dof.identification.greybox.likelihood import score_and_information
 from heli3dof.model.effects import terms
 from heli3dof.model.physics.parametrisation import Structure
 
-WAYS = ("simplified.couplings", "simplified.yaw_inertia")
-ALL = (np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.array([1.0, 1.0]))
+SIMPLIFICATIONS = ("simplified.couplings", "simplified.yaw_inertia")
+COMBINATIONS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.array([1.0, 1.0]))
 SURE = 6.0
 """Log-likelihood: odds of 400 to 1."""
 
 
-def as_written(found: Estimate) -> Estimate:
+def with_simplifications(found: Estimate) -> Estimate:
     """The fit, or the refit with simplified equations where that is better by `SURE` κ."""
     g, V = left_out(found)
-    worth = [float(a @ g - 0.5 * a @ V @ a) for a in ALL]
+    worth = [float(a @ g - 0.5 * a @ V @ a) for a in COMBINATIONS]
     best = int(np.argmax(worth))
     if not worth[best] > SURE * found.inflation:
         return found
-    names = [n for n, a in zip(WAYS, ALL[best], strict=True) if a]
+    names = [n for n, a in zip(SIMPLIFICATIONS, COMBINATIONS[best], strict=True) if a]
     own = found.structure
     simpler = replace(found.problem, structure=Structure(own.profile, (*own.terms, *terms(names))))
     start = np.append(found.theta, simpler.prior_mean[len(found.theta) :])
@@ -47,10 +47,12 @@ def as_written(found: Estimate) -> Estimate:
 def left_out(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
     """(2,) g and (2, 2) V, per unit of a."""
     o, n, own = found.optimum, len(found.theta), found.structure
-    wide = replace(found.problem, structure=Structure(own.profile, (*own.terms, *terms(WAYS))))
-    theta = np.append(o.theta, np.zeros(len(WAYS)))
+    wide = replace(
+        found.problem, structure=Structure(own.profile, (*own.terms, *terms(SIMPLIFICATIONS)))
+    )
+    theta = np.append(o.theta, np.zeros(len(SIMPLIFICATIONS)))
     new = wide.structure.free[n:]
-    C = wide.tangents(theta, o.at, np.arange(n, n + len(WAYS)))
+    C = wide.tangents(theta, o.at, np.arange(n, n + len(SIMPLIFICATIONS)))
     C *= np.array([[f.inward(1.0) - f.inward(0.0)] for f in new])
     g, H = score_and_information(o.at, np.vstack([o.tangents, C]))
     A = H[:n, :n] + np.diag(found.problem.prior_precision)

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.identification.greybox.levenberg_marquardt import Valley, follow_on
+from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, follow_on
 from heli3dof.identification.greybox.multistep import MultiStep
 from heli3dof.model.compiled import compiled
 from heli3dof.model.greybox.multistep import Flight
@@ -199,5 +199,5 @@ def _minimum(
         flat = np.nan_to_num(flat, nan=FAR, posinf=FAR, neginf=-FAR)
         return np.asarray(2 * np.arcsinh(flat / 2))
 
-    v = Valley(weighted, problem.start, problem.prior, *problem.bounds, DIFFERENCE)
+    v = LeastSquares(weighted, problem.start, problem.prior, *problem.bounds, DIFFERENCE)
     return follow_on(v, z, None, settled=0.0, share=SETTLED).z
