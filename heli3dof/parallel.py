@@ -1,62 +1,64 @@
-"""Work shared between threads, and how far it has come.
+"""Threads for estimation: `in_threads` shares out work, `one_thread` limits BLAS.
 
-The compiled passes let go of Python's lock, so threads run side by side: one for each core, `MOST`
-at most. Work within work is shared too: whoever shares out pieces does them itself, and asks before
-each whether a hand is free, as one is where other work ran out of pieces. No result depends on how
-many hands there are.
-
-Whoever wants to tell a person how far a long piece of work has come puts it under `watched`.
+The compiled filters release Python's global lock, so threads run in parallel: one per core, at most
+`MOST`. Nested calls share the same threads: the caller does pieces itself, and before each piece it
+starts a helper thread if one is free. Results do not depend on the number of threads.
 """
 
 from __future__ import annotations
 
+import functools
 import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Generic, TypeVar
+from typing import Generic, ParamSpec, TypeVar
 
 MOST = 4
-"""More cores than this are left to others: memory grows with each, and Python's lock is one."""
+"""Threads: each one costs memory, and they compete for Python's lock between compiled calls."""
 Watcher = Callable[[str, int, int], None]
-"""Told what is being counted, how many of it are done, and of how many."""
+"""Called with what is counted, how many are done, and how many there are."""
+P = ParamSpec("P")
 X = TypeVar("X")
 _watcher: ContextVar[Watcher | None] = ContextVar("watcher", default=None)
 
 
 def hands() -> int:
-    """Threads at once: the cores that this process may use."""
-    may = getattr(os, "sched_getaffinity", None)
-    return min(MOST, len(may(0)) if may else os.cpu_count() or 1)
+    """The number of threads to use: the cores available to this process, at most `MOST`."""
+    affinity = getattr(os, "sched_getaffinity", None)
+    return min(MOST, len(affinity(0)) if affinity else os.cpu_count() or 1)
 
 
-class _Free:
-    """Further hands that have nothing to do; how many there are is asked at first use."""
+def one_thread(function: Callable[P, X]) -> Callable[P, X]:
+    """The function with BLAS limited to one thread.
 
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._semaphore: threading.Semaphore | None = None
+    Estimation's matrices are small. On a busy machine several BLAS threads wait for one another,
+    which made an identification ten times slower.
+    """
 
-    def _count(self) -> threading.Semaphore:
-        with self._lock:
-            if self._semaphore is None:
-                self._semaphore = threading.Semaphore(hands() - 1)
-            return self._semaphore
+    @functools.wraps(function)
+    def run(*args: P.args, **kwargs: P.kwargs) -> X:
+        from threadpoolctl import threadpool_limits
 
-    def take(self, *, wait: bool) -> bool:
-        return self._count().acquire(blocking=wait)
+        with threadpool_limits(limits=1, user_api="blas"):
+            return function(*args, **kwargs)
 
-    def give_back(self) -> None:
-        self._count().release()
+    return run
 
 
-_free = _Free()
+@functools.cache
+def _free() -> threading.Semaphore:
+    """Counts the idle helper threads."""
+    return threading.Semaphore(hands() - 1)
 
 
 @contextmanager
 def watched(watcher: Watcher | None) -> Iterator[None]:
-    """Inside, ``watcher`` is told of every piece that `in_threads` has done; not of its parts."""
+    """Report progress inside the block: call ``watcher`` after each piece of `in_threads`.
+
+    Pieces of nested calls are not reported.
+    """
     token = _watcher.set(watcher)
     try:
         yield
@@ -65,29 +67,29 @@ def watched(watcher: Watcher | None) -> Iterator[None]:
 
 
 def in_threads(work: Callable[[int], X], count: int, *, what: str = "") -> list[X]:
-    """``work(0)`` … ``work(count − 1)`` by as many hands as are free; their results in order.
+    """The results of ``work(0)`` … ``work(count − 1)``, in order.
 
-    ``what`` names the pieces, in the plural; without it nobody is told. Raises what the first of
-    the pieces that failed raised.
+    ``what`` names the pieces in the plural for `watched`; without it progress is not reported.
+    Raises the error of the first piece that failed.
     """
     pieces = _Pieces(work, count, what)
     helpers: list[threading.Thread] = []
     with watched(None):
         while pieces.left:
-            while pieces.left > 1 and _free.take(wait=False):
+            while pieces.left > 1 and _free().acquire(blocking=False):
                 helpers.append(threading.Thread(target=pieces.help, daemon=True))
                 helpers[-1].start()
             pieces.do_one()
     if any(h.is_alive() for h in helpers):
-        _free.give_back()  # what the others are at may have parts
+        _free().release()  # while this thread waits, nested work of the helpers may use its place
         for h in helpers:
             h.join()
-        _free.take(wait=True)
+        _free().acquire()
     return pieces.results()
 
 
 class _Pieces(Generic[X]):
-    """The pieces of one piece of work."""
+    """The pieces of one call and their results."""
 
     def __init__(self, work: Callable[[int], X], count: int, what: str) -> None:
         self._work, self._count, self._what = work, count, what
@@ -99,16 +101,16 @@ class _Pieces(Generic[X]):
 
     @property
     def left(self) -> int:
-        """Pieces that nobody has begun."""
+        """How many pieces have not been started; 0 after a failure."""
         return 0 if self._failed else self._count - self._next
 
     def help(self) -> None:
-        """A further hand, until nothing is left."""
+        """What a helper thread runs."""
         try:
             while self.left:
                 self.do_one()
         finally:
-            _free.give_back()
+            _free().release()
 
     def do_one(self) -> None:
         with self._lock:

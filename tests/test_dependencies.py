@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -16,15 +17,16 @@ MAY_IMPORT = {
     "axes": set(),
     "toml_file": {"errors"},
     "parallel": set(),
+    "results": {"errors"},
     "rig": {"errors", "axes", "toml_file", "write_errors"},
-    "recording": {"errors", "axes", "rig", "write_errors"},
+    "recording": {"errors", "results", "axes", "rig", "write_errors"},
     "model": {"errors", "axes", "rig", "recording"},
     "experiment": {"errors", "axes", "toml_file", "rig", "recording", "model"},
-    "identification": {"errors", "axes", "parallel", "rig", "recording", "model"},
-    "comparison": {"errors", "axes", "rig", "recording", "model"},
+    "identification": {"errors", "results", "axes", "parallel", "rig", "recording", "model"},
+    "comparison": {"errors", "results", "axes", "rig", "recording", "model"},
     "paper": {"errors", "axes", "rig", "recording", "model", "comparison"},
     "diagnosis": {
-        "errors", "axes", "parallel", "rig", "recording", "model", "experiment",
+        "errors", "results", "axes", "parallel", "rig", "recording", "model", "experiment",
         "identification", "comparison",
     },
     "report": {
@@ -63,6 +65,45 @@ def test_each_package_imports_only_what_lies_below_it(package: str) -> None:
             parts = name.split(".")
             if parts[0] == "heli3dof" and len(parts) > 1:
                 assert parts[1] in allowed, f"{path.relative_to(ROOT)} imports {name}"
+
+
+HAVE_CIRCLES = {"model"}
+"""Packages whose modules still import one another in circles."""
+
+
+@pytest.mark.parametrize("package", sorted(set(MAY_IMPORT) - HAVE_CIRCLES))
+def test_no_modules_of_a_package_import_one_another_in_a_circle(package: str) -> None:
+    """Imports inside functions count, those for type checking do not."""
+    modules = {_module(path): path for path in files(package)}
+    edges = {name: _edges(path) & set(modules) - {name} for name, path in modules.items()}
+    TopologicalSorter(edges).prepare()  # raises CycleError with the circle
+
+
+def _module(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _edges(path: Path) -> set[str]:
+    """Modules or names that a file imports at run time, and what holds the names."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
+            node.body = []
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {a.name for a in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module is not None:
+            own = {f"{node.module}.{a.name}" for a in node.names}
+            submodules = {n for n in own if _is_module(n)}
+            names |= submodules or {node.module}
+    return names
+
+
+def _is_module(name: str) -> bool:
+    path = ROOT / Path(*name.split("."))
+    return path.with_suffix(".py").exists() or (path / "__init__.py").exists()
 
 
 def test_every_package_stands_in_the_table() -> None:

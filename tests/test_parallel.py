@@ -1,9 +1,10 @@
-"""Threads keep the order of things, and say how far they have come."""
+"""Threads: order of results, progress, nesting, errors."""
 
 from __future__ import annotations
 
 import threading
 import time
+from functools import cache
 
 import pytest
 
@@ -13,7 +14,7 @@ from heli3dof.diagnosis.diagnose import Clock
 from heli3dof.parallel import in_threads, watched
 
 
-def test_results_come_in_the_order_of_the_pieces_whichever_is_done_first() -> None:
+def test_results_are_in_the_order_of_the_pieces() -> None:
     def slow_at_first(i: int) -> int:
         time.sleep(0.02 if i == 0 else 0.0)
         return i * i
@@ -21,23 +22,22 @@ def test_results_come_in_the_order_of_the_pieces_whichever_is_done_first() -> No
     assert in_threads(slow_at_first, 5) == [0, 1, 4, 9, 16]
 
 
-def test_a_watcher_is_told_of_every_piece_of_what_has_a_name_and_of_nothing_else() -> None:
-    told: list[tuple[str, int, int]] = []
-    with watched(lambda what, done, of: told.append((what, done, of))):
+def test_the_watcher_is_called_for_every_piece_of_named_work_only() -> None:
+    reported: list[tuple[str, int, int]] = []
+    with watched(lambda what, done, of: reported.append((what, done, of))):
         in_threads(abs, 3, what="flights")
         in_threads(abs, 3)
     in_threads(abs, 3, what="flights")
-    assert told == [("flights", 1, 3), ("flights", 2, 3), ("flights", 3, 3)]
+    assert reported == [("flights", 1, 3), ("flights", 2, 3), ("flights", 3, 3)]
 
 
 @pytest.fixture
 def two_hands(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parallel, "hands", lambda: 2)
-    monkeypatch.setattr(parallel, "_free", parallel._Free())
+    monkeypatch.setattr(parallel, "_free", cache(lambda: threading.Semaphore(1)))
 
 
 @pytest.mark.usefixtures("two_hands")
-def test_work_within_work_is_never_done_by_more_hands_than_there_are() -> None:
+def test_nested_work_never_uses_more_threads_than_allowed() -> None:
     at_work, most, lock = [0], [0], threading.Lock()
 
     def part(i: int) -> int:
@@ -53,11 +53,11 @@ def test_work_within_work_is_never_done_by_more_hands_than_there_are() -> None:
     assert sums == [6] * 5
     assert most == [2]
     assert in_threads(part, 3) == [0, 1, 2]
-    assert most == [2], "and every hand was given back"
+    assert most == [2], "a thread was not given back"
 
 
 @pytest.mark.usefixtures("two_hands")
-def test_who_ran_out_of_pieces_helps_with_the_parts_of_the_last() -> None:
+def test_a_thread_without_pieces_helps_with_nested_work() -> None:
     by: set[int] = set()
 
     def part(k: int) -> None:
@@ -68,33 +68,33 @@ def test_who_ran_out_of_pieces_helps_with_the_parts_of_the_last() -> None:
     assert len(by) == 2
 
 
-def test_nobody_is_told_of_a_piece_s_parts() -> None:
-    told: list[str] = []
-    with watched(lambda what, done, of: told.append(what)):
+def test_pieces_of_nested_work_are_not_reported() -> None:
+    reported: list[str] = []
+    with watched(lambda what, done, of: reported.append(what)):
         in_threads(lambda i: in_threads(abs, 2, what="parts"), 2, what="pieces")
-    assert told == ["pieces"] * 2
+    assert reported == ["pieces"] * 2
 
 
-def test_a_piece_that_fails_fails_the_whole() -> None:
+def test_the_error_of_a_piece_is_raised() -> None:
     def breaks(i: int) -> int:
         return 1 // (2 - i)
 
     with pytest.raises(ZeroDivisionError):
         in_threads(breaks, 4)
-    assert in_threads(abs, 3) == [0, 1, 2], "and the next work is done"
+    assert in_threads(abs, 3) == [0, 1, 2], "the next call still works"
 
 
-def test_a_long_stage_says_how_far_it_is_and_a_short_one_does_not(
+def test_a_long_stage_reports_progress_and_a_short_one_does_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     now = [0.0]
     monkeypatch.setattr(stages.time, "perf_counter", lambda: now[0])
-    said: list[str] = []
-    clock = Clock(said.append)
+    shown: list[str] = []
+    clock = Clock(shown.append)
     clock.start("screen 1", "Screening …")
     for done, at in ((1, 0.4), (2, 0.9), (3, 1.3), (4, 1.8), (5, 2.4)):
         now[0] = at
         clock.counts("flights", done, 8)
-    assert said == ["Screening …", "Screening … flights: 3 of 8", "Screening … flights: 5 of 8"]
+    assert shown == ["Screening …", "Screening … flights: 3 of 8", "Screening … flights: 5 of 8"]
     clock.stop()
     assert clock.seconds == {"screen 1": 2.4}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,19 +10,15 @@ import typer
 
 from heli3dof.cli.options import AsJson, Force, LogProfile, Output, Quiet, Recordings
 from heli3dof.cli.output import Talk, verb
+from heli3dof.identification.methods import built_in
 
 if TYPE_CHECKING:
     from heli3dof.identification.identify import Identification
     from heli3dof.recording.recording import Recording
 
 
-class Method(StrEnum):
-    greybox = "greybox"
-    freeflight = "freeflight"
-    pem = "pem"
-    pbsid = "pbsid"
-    tf4 = "tf4"
-    oe = "oe"
+PHYSICAL = [m.name for m in built_in().values() if m.physical]
+BLACK_BOXES = [m.name for m in built_in().values() if not m.physical]
 
 
 def register(app: typer.Typer) -> None:
@@ -34,12 +29,13 @@ def register(app: typer.Typer) -> None:
 def identify(
     recordings: Recordings,
     method: Annotated[
-        Method,
+        str,
         typer.Option(
-            help="greybox, freeflight: physical, by likelihood or from 3 s flights; pem, pbsid, "
-            "oe: black boxes; tf4: the paper's form."
+            metavar=f"<{'|'.join([*PHYSICAL, *BLACK_BOXES])}>",
+            help=f"{', '.join(PHYSICAL)}: physical parameters; {', '.join(BLACK_BOXES)}: black "
+            "boxes.",
         ),
-    ] = Method.greybox,
+    ] = "greybox",
     order: Annotated[
         int | None, typer.Option("--order", help="States of a black box; chosen when not given.")
     ] = None,
@@ -71,16 +67,16 @@ def identify(
     from heli3dof.report.text_table import to_rich
 
     talk = Talk(as_json=as_json, quiet=quiet)
-    path = output or ours(Path(f"{stem(recordings[0])}-{method.value}.json"), force=force)
+    path = output or ours(Path(f"{stem(recordings[0])}-{method}.json"), force=force)
     check_outputs(path, report, force=force, inputs=[*recordings, *(holdout or [])])
     train = load_all(talk, recordings, profile)
     test = load_all(talk, holdout or [], profile)
     distinct(train, test)
     one_rig([*train, *test])
-    with talk.working(f"Identifying ({method.value}) from {len(train)} recording(s) …"):
+    with talk.working(f"Identifying ({method}) from {len(train)} recording(s) …"):
         found = fit(
             train,
-            method=method.value,
+            method=method,
             order=order,
             terms=None if terms is None else chosen_terms(terms),
             holdout=test or None,
@@ -101,7 +97,7 @@ def identify(
     talk.note(f"Model: {path}")
     if report is not None:
         talk.note(f"Report: {report}")
-    talk.emit({"schema": "heli3dof.identification/1", "models": [found.to_json(str(path))]})
+    talk.emit({"schema": "heli3dof.identification/1", "models": [found.to_dict(str(path))]})
 
 
 def _write_report(

@@ -144,13 +144,13 @@ def information(open_: Open, plan: Plan, seed: int) -> np.ndarray | None:
     if flight is None:
         return None
     try:
-        p = problem_of([flight], [t.name for t in fit.structure.terms], threads=1)
+        p = problem_of([flight], [t.name for t in fit.structure.terms])
     except RecordingError:
         return None
     z = np.concatenate([fit.theta, fit.theta[p.own]])
     # Neighbouring windows share nearly everything: every other one says as much.
     p = replace(p, flights=tuple(replace(f, starts=f.starts[::2]) for f in p.flights))
-    v = valley(p, fit.noise, STAGE_S, fit.scale, 1)
+    v = valley(p, fit.noise, STAGE_S, fit.scale)
     D = v.tangents(z, v.residuals(z))
     return marginal(D @ D.T + link(p), p.n)
 

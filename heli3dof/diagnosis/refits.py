@@ -18,7 +18,7 @@ from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.model.effects import terms
 from heli3dof.model.greybox.multistep import Flight
 from heli3dof.model.physics.parametrisation import Structure
-from heli3dof.parallel import hands, in_threads
+from heli3dof.parallel import in_threads
 
 STAGE_S = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 BLOCK_S = 6.0
@@ -54,31 +54,30 @@ class Stand:
         """All of it without that term; ``fits``: the folds' own, where they were made before."""
         each = list(fits) or in_threads(lambda k: refit(self.folds[k][0], name), len(self.folds))
         tests = [test for _, test in self.folds]
-        whole = refit(self.fit, name, threads=hands())
+        whole = refit(self.fit, name)
         return Stand(whole, tuple(zip(each, tests, strict=True)))
 
 
-def refit(found: Fitted, name: str, instead: str | None = None, threads: int = 1) -> Fitted:
+def refit(found: Fitted, name: str, instead: str | None = None) -> Fitted:
     """The fit with that term left out, ``instead`` in its place."""
     names = [t.name for t in found.structure.terms if t.name != name]
     if instead is not None:
         names.append(instead)
     new = restructured(found.problem, names)
     z, D = moved(found, new)
-    fit = warm(found, new, z, D, threads, ANEW)
+    fit = warm(found, new, z, D, ANEW)
     if fit.cost < ASTRAY * found.cost:
         return fit
     # Flights that run away have no slope to follow; the weak form lets none fly.
-    other = warm(found, new, weak_start(new, z), None, threads)
+    other = warm(found, new, weak_start(new, z), None)
     return min(fit, other, key=lambda f: f.cost)
 
 
 def warm(
-    found: Fitted, new: MultiStep, z: np.ndarray, D: np.ndarray | None, threads: int = 1,
-    fresh: int = FRESH,
-) -> Fitted:  # fmt: skip
+    found: Fitted, new: MultiStep, z: np.ndarray, D: np.ndarray | None, fresh: int = FRESH
+) -> Fitted:
     """The minimum of ``new`` next to ``z`` (dim,), whose tangents are about D (dim, R)."""
-    v = valley(new, found.noise, STAGE_S, found.scale, threads)
+    v = valley(new, found.noise, STAGE_S, found.scale)
     r = follow_on(v, z, D, settled=SETTLED, fresh=fresh)
     return Fitted(new, r.z, found.noise, found.scale, r.cost, r.tangents, r.rounds, r.settled)
 
@@ -125,7 +124,7 @@ def folds_of(found: Fitted) -> list[tuple[Fitted, MultiStep]]:
         test = replace(p, flights=tuple(b for _, b in split))
         kept = [np.isin(f.starts, a.starts) for f, (a, _) in zip(p.flights, split, strict=True)]
         fit = warm(found, train, found.z, of_windows(found, np.concatenate(kept)))
-        v = valley(train, found.noise, STAGE_S, found.scale, 1)
+        v = valley(train, found.noise, STAGE_S, found.scale)
         D = v.tangents(fit.z, v.residuals(fit.z))  # many fits and a σ will rest on them
         return warm(found, train, fit.z, D), test
 

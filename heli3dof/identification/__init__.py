@@ -1,21 +1,5 @@
-"""Models from recordings: prepare, test for feedback, fit, choose, validate.
+"""Models from recordings: preprocessing, feedback test, fit, validation.
 
-Public names: `identify` and what it returns, `Identification`; `prepare` and `Prepared` for those
-who want the data themselves; `METHODS`. identification.md says what was chosen and why.
+`identify.identify` does all of it. Each method is one file in `methods`. docs/explanation/identification.md
+explains the choices. This package imports nothing by itself, so that listing the methods is fast.
 """
-
-from heli3dof.identification.feedback import Feedback, feedback_test
-from heli3dof.identification.identify import identify
-from heli3dof.identification.methods import METHODS
-from heli3dof.identification.preprocessing import Prepared, prepare
-from heli3dof.identification.result import Identification
-
-__all__ = [
-    "METHODS",
-    "Feedback",
-    "Identification",
-    "Prepared",
-    "feedback_test",
-    "identify",
-    "prepare",
-]

@@ -1,13 +1,13 @@
-"""Was there feedback? Are the voltages correlated with past output innovations?
+"""A test for feedback: are the voltages correlated with past innovations of the angles?
 
-Both sides are whitened first, by autoregressions of order p: e from a VARX of the angles on past
-angles and voltages, w from an AR of the voltages on their own past alone. Without feedback w[k]
-is independent of e[k], e[k−1], …, and
+Both sides are whitened by autoregressions of order p: e from a VARX of the angles on past angles
+and voltages, w from an AR of the voltages on their own past. Without feedback w[k] is independent
+of e[k], e[k−1], …, and
 
     Q = N Σ_{j=0}^{h−1} tr(R_jᵀ R_j)  ~  χ²(2·3·h),      R_j = corr(w[k], e[k−j])
 
 with both normalised to unit covariance (Haugh 1976; Söderström & Stoica 1989, section 12.10).
-j = 0 belongs here because sample k's voltage follows from sample k's angles.
+The sum includes j = 0 because sample k's voltage follows from sample k's angles.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from heli3dof.identification.black_box.pbsid import Pair, past, varx
 
 LEVEL = 1e-3
 SHARE_MIN = 0.005
-"""Feedback that explains less of the voltage than this does no harm to any estimator."""
+"""Share of the voltages' innovation below which feedback biases no estimator."""
 
 
 @dataclass(frozen=True)
 class Feedback:
-    """The verdict. ``share`` is the part of the voltages' innovation that past angles explain."""
+    """The test's result. ``share``: of the voltages' innovation, explained by past angles."""
 
     statistic: float
     degrees_of_freedom: int
@@ -49,8 +49,8 @@ def feedback_test(data: Sequence[Pair], *, p: int = 10, h: int = 5) -> Feedback:
     dof = 2 * 3 * h
     if np.trace(cov_w) < 1e-9 * size:
         sentence = (
-            "The voltages follow exactly from their own past (a constant, a ramp, a periodic "
-            "signal): nothing in them answers the angles, so there is no feedback to account for."
+            "No feedback: the voltages follow exactly from their own past (a constant, a ramp, a "
+            "periodic signal), so they do not respond to the angles."
         )
         return Feedback(0.0, dof, 1.0, 0.0, False, sentence)
     Lw = _whitener(cov_w)
@@ -83,7 +83,7 @@ def _input_innovations(data: Sequence[Pair], p: int) -> list[np.ndarray]:
 
 
 def _whitener(cov: np.ndarray) -> np.ndarray:
-    """L with L cov Lᵀ = I (directions without variance are dropped)."""
+    """L with L cov Lᵀ = I; directions without variance are dropped."""
     lam, V = np.linalg.eigh(cov)
     keep = lam > 1e-12 * lam.max()
     return np.asarray((V[:, keep] / np.sqrt(lam[keep])).T)
@@ -94,11 +94,10 @@ def _sentence(q: float, dof: int, p_value: float, share: float, present: bool) -
     numbers = f"χ²({dof}) = {q:.4g}, p {shown}, {100 * share:.1f} % of the voltages' innovation"
     if present:
         return (
-            f"Feedback: the voltages answer past output noise ({numbers}). Estimators that take "
-            "the input as independent of the noise (output error) are biased here; prediction "
-            "error on innovations is not."
+            f"Feedback: the voltages respond to past output noise ({numbers}). Output error "
+            "assumes an input independent of the noise, so it is biased here; prediction error on "
+            "innovations is not."
         )
     return (
-        f"No feedback seen ({numbers}). Prediction error is used all the same; output error "
-        "would be consistent too."
+        f"No feedback detected ({numbers}). Prediction error and output error are both consistent."
     )

@@ -1,35 +1,36 @@
-"""What every method hands back, whatever it fitted: the contract between a method and `identify`.
+"""The interface between a method and `identify`: a `Request` in, a `FitResult` out.
 
-A method is one module with a function ``fit(prepared, request) -> Found`` and a line in
-`heli3dof.identification.methods`. Preparation, validation, residual tests, JSON and printing are
-shared.
+Preprocessing, validation, residual tests, JSON and printing are shared by all methods.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from heli3dof.identification.black_box.order_selection import Candidate
-from heli3dof.identification.preprocessing import Prepared, Run
+from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.transfer_function import TransferFunctions
-from heli3dof.identification.uncertainty import Pole
 from heli3dof.model.base import Model
+from heli3dof.model.estimation.filter_data import Run
 from heli3dof.recording.recording import Recording
+
+Innovations = tuple[list[np.ndarray], list[np.ndarray]]
+"""Per segment: errors e (N, 3) rad, and the voltages u (N, 2) V at the same rows."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the user asked for: the method's name, the order (None: choose), intervals (s)."""
+    """What the user chose: the method's name, the order (None: search), intervals (s)."""
 
     method: str
     order: int | None
     intervals_s: tuple[float, ...]
     name: str
     terms: tuple[str, ...] | None = None
-    """Effects of a physical model by name; None: what the method takes by itself."""
+    """Effects of a physical model by name; None: the method's default."""
     partial: tuple[Recording, ...] = ()
     """Recordings that lack an angle, for methods that can use them."""
 
@@ -42,28 +43,69 @@ class Parameter:
     std: float
     unit: str
     bound: float = np.nan
-    """The Cramér–Rao bound on ``std``; NaN where the method knows none."""
+    """The Cramér–Rao bound on ``std``; NaN where the method has none."""
     nominal: float = np.nan
-    """What the profile says; NaN where it says nothing."""
+    """The profile's value; NaN where it has none."""
     verdict: str = ""
-    """Why it should not be relied on; empty where it may be."""
+    """Why the value is unreliable; empty otherwise."""
 
 
-Innovations = tuple[list[np.ndarray], list[np.ndarray]]
-"""Per segment: errors e (N, 3) rad, and the voltages u (N, 2) V that went with them."""
+@dataclass(frozen=True)
+class Pole:
+    """A pole in continuous time (1/s) and its standard deviations (NaN where unknown)."""
+
+    value: complex
+    std_real: float
+    std_imag: float
+
+    def to_json(self) -> dict[str, float]:
+        return {
+            "re_per_s": self.value.real,
+            "im_per_s": self.value.imag,
+            "re_std_per_s": self.std_real,
+            "im_std_per_s": self.std_imag,
+        }
+
+
+def rightmost_first(poles: Sequence[Pole]) -> tuple[Pole, ...]:
+    """The poles by falling real part."""
+    return tuple(sorted(poles, key=lambda p: (-p.value.real, p.value.imag)))
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """A fitted model and what its method knows about it."""
+class Candidate:
+    """A fit that the order search tried. ``score``: mean fit %, by which it chooses."""
+
+    order: int
+    interval_s: float
+    score: float
+    log_likelihood: float
+    bic: float
+    problem: str
+    """Why the fit cannot be used, or empty."""
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "order": self.order,
+            "interval_s": self.interval_s,
+            "score_percent": self.score,
+            "log_likelihood": self.log_likelihood,
+            "bic": self.bic,
+            "problem": self.problem,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """A fitted model with its uncertainty."""
 
     model: Model
     """At the control rate."""
     order: int
     interval_s: float
-    """s between the samples that it was fitted to."""
+    """s between the samples of the fit."""
     innovations: Callable[[Prepared, Sequence[Run]], Innovations]
-    """Errors over runs at ``interval_s``: one step ahead, or of the simulation (output error)."""
+    """Errors over runs: one step ahead, or of the simulation (output error)."""
     poles: tuple[Pole, ...] = ()
     transfer: TransferFunctions | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
@@ -72,8 +114,8 @@ class Found:
     response: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     """ω (F,) rad/s → G (F, 3, 2) and its standard deviation, rad/V."""
     test_interval_s: float | None = None
-    """s between the errors that ``innovations`` gives, where that is not ``interval_s``."""
+    """s between the errors of ``innovations``, where it is not ``interval_s``."""
     correlation: np.ndarray | None = None
     """(n, n) between the ``parameters``, in their order."""
     method: str = ""
-    """The method that it was handed over to; empty where it was fitted by the one asked for."""
+    """The method that fitted, where it is not the one requested."""

@@ -1,4 +1,4 @@
-"""`identify`: recordings in, a model with its uncertainty and its faults out."""
+"""`identify`: from recordings to a model with its uncertainty and its warnings."""
 
 from __future__ import annotations
 
@@ -10,27 +10,35 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import UsageError
-from heli3dof.identification import methods
 from heli3dof.identification.black_box.order_selection import INTERVALS_S
-from heli3dof.identification.blas_threads import one_thread
 from heli3dof.identification.feedback import feedback_test
-from heli3dof.identification.fit_result import Found, Request
-from heli3dof.identification.preprocessing import Prepared, Run, prepare, segments
+from heli3dof.identification.fit_result import FitResult, Request
+from heli3dof.identification.methods import known_method
+from heli3dof.identification.preprocessing import Prepared, prepare, segments
 from heli3dof.identification.residual_tests import ResidualTest, past_inputs, whiteness
-from heli3dof.identification.result import Identification, pole_json
+from heli3dof.identification.result import Identification
 from heli3dof.identification.validation import WARM_UP_S, Metrics, metrics
 from heli3dof.model.base import Model
+from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.linear.model import LinearModel
+from heli3dof.parallel import one_thread
 from heli3dof.recording.recording import Recording
 
 FEEDBACK_TEST_S = 0.02
 TEST_ROWS = 60
-"""A segment shorter than this, at the interval of the fit, is not tested for whiteness."""
+"""The residual tests skip segments shorter than this, at the interval of the fit."""
 __all__ = ["Identification", "identify"]
 USEFUL_S = 0.5
-"""s; a model that cannot tell this far ahead is of no use in a loop."""
+"""s; a model that cannot predict this far ahead is of no use in a loop."""
 BEYOND = 2.0
-"""Held-out motion larger than that fitted by this factor is worth a warning."""
+"""Warn where held-out data move an axis by this factor more than the training data."""
+ORDER_MAX = 20
+OPEN_LOOP_WARNING = (
+    "Output error assumes that the voltages are independent of the disturbances. In closed loop "
+    "they respond to them, and because yaw integrates, simulation errors accumulate. So the "
+    "parameters are biased and their standard deviations far too small. The method is here to "
+    "reproduce the paper; use greybox or pem."
+)
 
 
 @one_thread
@@ -47,37 +55,33 @@ def identify(
     """Identify a model from recordings of one rig.
 
     Args:
-        recordings: one or several of the same sample interval; all are fitted together. Black
-            boxes need all three angles; the grey box also uses recordings that lack some, beside
-            at least one that does not.
-        method: ``greybox`` (physical parameters), or a black box: ``pem``, ``pbsid``, ``tf4`` (the
-            paper's form), ``oe``.
-        order: number of states of a black box; None chooses
-        (`heli3dof.identification.black_box.order_selection`). terms: effects of the grey box, by
-        name, as ``motor.lag`` or ``friction.viscous.yaw``; None
-            takes those that every rig has (`heli3dof.identification.greybox.method`).
+        recordings: one or several with the same sample interval; all are fitted together. Black
+            boxes need all three angles. Physical methods can also use recordings that lack some,
+            if at least one has all three.
+        method: a name from `heli3dof.identification.methods`: ``greybox`` and ``freeflight``
+            (physical parameters), or a black box: ``pem``, ``pbsid``, ``oe``, ``tf4``.
+        order: number of states of a black box; None searches
+            (`heli3dof.identification.black_box.order_selection`).
+        terms: effects of a physical model by name, as ``motor.lag`` or ``friction.viscous.yaw``;
+            None takes the method's default.
         holdout: recordings to validate on. None sets aside the last quarter of each recording.
         intervals_s: sampling intervals (s) to try; each becomes a multiple of the control period.
-        name: of the model; None names it after the method.
-
-    Returns:
-        An `Identification`: the model, poles and transfer functions with standard deviations,
-        metrics on held-out data only, residual tests, and what to be warned of.
+        name: of the model; None takes the method's name.
 
     Raises:
         UsageError: an unknown method or an impossible order.
-        RecordingError: recordings that cannot carry a fit; says which and why.
+        RecordingError: recordings that cannot be used for a fit; names the recording and why.
     """
-    about = methods.known_method(method)
-    if order is not None and not 1 <= order <= 20:
+    about = known_method(method)
+    if order is not None and not 1 <= order <= ORDER_MAX:
         raise UsageError(
-            f"--order {order} cannot be: a model has 1 to 20 states.",
+            f"--order {order} is not possible: a model has 1 to {ORDER_MAX} states.",
             cause="the rig itself has eight: six of its body, two of its rotors.",
             fix="leave --order out to have it chosen",
         )
     if order is not None and about.physical:
         raise UsageError(
-            f"--order {order} says nothing to {method}: its states are the rig's.",
+            f"--order does not apply to {method}: its states are the rig's.",
             cause="the option belongs to the black-box methods.",
             fix="--method pem --order …, or leave --order out",
         )
@@ -87,7 +91,7 @@ def identify(
             cause="the option belongs to the grey box.",
             fix="--method greybox --terms …, or leave --terms out",
         )
-    whole, partial = _by_angles(_several(recordings), apart=about.physical)
+    whole, partial = _by_angles(_several(recordings), split=about.physical)
     prepared = prepare(whole, held_out=_several(holdout))
     near = segments(prepared, prepared.train, max(1, round(FEEDBACK_TEST_S / prepared.dt)))
     feedback = feedback_test([(s.u, s.y) for s in near])
@@ -99,14 +103,14 @@ def identify(
         None if terms is None else tuple(terms),
         tuple(partial),
     )
-    found = methods.fit(prepared, request)
+    found = about.fit(prepared, request)
     method = found.method or method
-    said = [*recording_warnings(prepared), *extrapolation_warnings(prepared), *found.warnings]
+    warnings = [*recording_warnings(prepared), *extrapolation_warnings(prepared), *found.warnings]
     if about.assumes_open_loop and feedback.present:
-        said.append(methods.OPEN_LOOP_WARNING)
+        warnings.append(OPEN_LOOP_WARNING)
     model = _with_provenance(found, method, prepared)
     scores = metrics(model, prepared, prepared.held_out)
-    said += useless_warnings(scores, prepared)
+    warnings += poor_prediction_warnings(scores, prepared)
     return Identification(
         method=method,
         model=model,
@@ -115,11 +119,11 @@ def identify(
         residuals=residual_tests(found, prepared),
         feedback=feedback,
         prepared=prepared,
-        warnings=tuple(said),
+        warnings=tuple(warnings),
     )
 
 
-def residual_tests(found: Found, prepared: Prepared) -> tuple[ResidualTest, ...]:
+def residual_tests(found: FitResult, prepared: Prepared) -> tuple[ResidualTest, ...]:
     """Whiteness and past inputs on held-out data; empty where there is too little of it."""
     settle = round(WARM_UP_S / (found.test_interval_s or found.interval_s))
     E, U = [], []
@@ -131,7 +135,7 @@ def residual_tests(found: Found, prepared: Prepared) -> tuple[ResidualTest, ...]
 
 
 def recording_warnings(prepared: Prepared) -> list[str]:
-    """Faults of clocks and voltages that bias a fit."""
+    """Warnings about clocks and voltages that bias a fit."""
     out = []
     for r in prepared.reports:
         c = r.clock
@@ -143,21 +147,22 @@ def recording_warnings(prepared: Prepared) -> list[str]:
             )
         if c.jitter_s > 0.05 * c.period_s:
             out.append(
-                f"{r.name}: samples come {c.jitter_s * 1e3:.2g} ms early or late "
-                f"({100 * c.jitter_s / c.period_s:.0f} % of the period), which blurs every rate."
+                f"{r.name}: samples are {c.jitter_s * 1e3:.2g} ms early or late "
+                f"({100 * c.jitter_s / c.period_s:.0f} % of the period), which adds noise to "
+                "every rate."
             )
         if c.lost_share > 0.01:
             out.append(f"{r.name}: {100 * c.lost_share:.1f} % of the samples are missing.")
         if r.clipped_share > 0.05:
             out.append(
-                f"{r.name}: {100 * r.clipped_share:.0f} % of the rows fly at the amplifier's "
-                "limit, where the loop is open for a while."
+                f"{r.name}: {100 * r.clipped_share:.0f} % of the rows are at the amplifier's "
+                "limit, where the loop is open."
             )
     return out
 
 
 def extrapolation_warnings(prepared: Prepared) -> list[str]:
-    """Axes that the held-out data move much further than the data that were fitted."""
+    """A warning for each axis that held-out data move much further than the training data."""
 
     def spread(runs: Sequence[Run]) -> np.ndarray:
         parts = [prepared.recordings[r.source].angle[r.start : r.stop] for r in runs]
@@ -167,15 +172,15 @@ def extrapolation_warnings(prepared: Prepared) -> list[str]:
         return []
     fitted, tested = np.rad2deg(spread(prepared.train)), np.rad2deg(spread(prepared.held_out))
     return [
-        f"{axis}: the held-out data move it by {b:.1f}° rms, the data fitted by {a:.1f}° only, so "
-        "the figures on held-out data are an extrapolation. Fit a recording that moves it as far."
+        f"{axis}: the held-out data move it by {b:.1f}° rms, the training data by {a:.1f}° only, "
+        "so the held-out scores are an extrapolation. Fit a recording that moves it as far."
         for axis, a, b in zip(AXES, fitted, tested, strict=True)
         if b > BEYOND * a
     ]
 
 
-def useless_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
-    """Axes on which the model tells less than their mean does, although they were moved."""
+def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
+    """A warning where predictions are worse than the axis's mean (negative fit)."""
     score = scores.prediction.get(USEFUL_S)
     if score is None or not prepared.held_out:
         return []
@@ -183,13 +188,13 @@ def useless_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
     if not bad:
         return []
     return [
-        f"{USEFUL_S:g} s ahead the model tells less than the mean does of {' and '.join(bad)}: the "
-        "recordings hardly move what they are fitted to or judged on. Do not use it there; fly "
-        "something richer: heli3dof run multisine"
+        f"{USEFUL_S:g} s predictions of {' and '.join(bad)} are worse than the mean (negative "
+        "fit): the recordings hardly move this axis. Do not use the model there; record a "
+        "richer experiment: heli3dof run multisine"
     ]
 
 
-def _with_provenance(found: Found, method: str, prepared: Prepared) -> Model:
+def _with_provenance(found: FitResult, method: str, prepared: Prepared) -> Model:
     model = found.model
     if not isinstance(model, LinearModel):
         return model
@@ -200,17 +205,17 @@ def _with_provenance(found: Found, method: str, prepared: Prepared) -> Model:
             {"name": prepared.recordings[i].name, "sha256": prepared.recordings[i].digest}
             for i in sorted({r.source for r in prepared.train})
         ],
-        "poles": [pole_json(p) for p in found.poles],
+        "poles": [p.to_json() for p in found.poles],
     }
     return replace(model, extra=extra)
 
 
 def _by_angles(
-    recordings: Sequence[Recording], *, apart: bool
+    recordings: Sequence[Recording], *, split: bool
 ) -> tuple[list[Recording], list[Recording]]:
     """Recordings with all three angles, and the others where a method can use those."""
     whole = [r for r in recordings if len(r.axes) == len(AXES)]
-    if not apart or not whole:
+    if not split or not whole:
         return list(recordings), []
     return whole, [r for r in recordings if len(r.axes) < len(AXES)]
 

@@ -1,32 +1,30 @@
-"""From recordings to data for regression: clock, usable rows, exact averages, blocks.
+"""From recordings to regression data: clock, usable rows, mean voltages, held-out runs.
 
-The voltage recorded at k is held until k+1, so over a longer interval of q samples its mean is
-*exactly* the input's integral divided by the interval,
+The voltage of sample k is held until k + 1. So over an interval of q samples the mean voltage is
+*exactly* the integral of the input divided by the interval,
 
     ū[i] = Σ_{j=iq}^{iq+q−1} V[j] (t[j+1] − t[j]) / (t[(i+1)q] − t[iq]),      y[i] = angle[iq]
 
-Outputs are picked, never averaged or smoothed: a centred average of an encoder looks into the
-future and shows up as a false delay. Segments never reach across a long gap in the clock or a row
-that a linear model cannot use (`heli3dof.identification.row_selection`).
+Angles are picked, never averaged: a centred average uses future samples and looks like a delay.
 
-A few lost samples end no segment. The voltage was held, so its integral over them is known; an
-angle that would have been picked there is taken from the straight line between its neighbours:
-over a gap of g seconds that is wrong by |q̈| g²/8 at most, 0.01° for 10 rad/s² and 13 ms, less than
-an encoder's step, and it has no delay.
+A segment ends at a long gap in the clock and at a row that a linear model cannot use
+(`heli3dof.identification.row_selection`). A short gap ends no segment: the voltage was held, so its
+integral is known, and a missing angle is interpolated linearly. Over a gap of g seconds the
+interpolation error is at most |q̈| g²/8: 0.01° for 10 rad/s² and 13 ms, less than a count.
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
-from heli3dof.identification.row_selection import REASONS, clipped, unusable
-from heli3dof.model.estimation.filter_data import LOST
+from heli3dof.identification.row_selection import REASONS, clipped, stretches, unusable
+from heli3dof.model.estimation.filter_data import LOST, Run, Stretch
 from heli3dof.recording.gap_filling import bridged
 from heli3dof.recording.recording import Recording
 
@@ -38,7 +36,7 @@ USABLE_MIN_S = 5.0
 
 @dataclass(frozen=True)
 class Clock:
-    """What the time stamps say: seconds, and shares of samples."""
+    """The sampling of a recording, from its time stamps: seconds, and shares of samples."""
 
     period_s: float
     nominal_s: float
@@ -46,26 +44,43 @@ class Clock:
     """Standard deviation of the sample interval, gaps aside."""
     gaps: int
     lost_share: float
-    """Samples missing from the gaps, of all that should be there."""
+    """Missing samples, as a share of all that should be there."""
     long_gaps: int = 0
-    """Of the gaps, those that are too long to be bridged."""
+    """Gaps that are too long to be interpolated."""
 
 
 @dataclass(frozen=True)
 class RecordingReport:
-    """What preparation found in one recording."""
+    """The clock and the usable rows of one recording."""
 
     name: str
     seconds: float
     clock: Clock
     left_out: dict[str, float]
-    """Share of rows by reason; a row counts under its first reason."""
+    """Reason → share of rows; a row counts under its first reason."""
     usable_share: float
     clipped_share: float
     segments: int
 
+    def to_json(self) -> dict[str, Any]:
+        c = self.clock
+        return {
+            "recording": self.name,
+            "duration_s": self.seconds,
+            "period_s": c.period_s,
+            "control_period_s": c.nominal_s,
+            "jitter_s": c.jitter_s,
+            "gaps": c.gaps,
+            "long_gaps": c.long_gaps,
+            "lost_share": c.lost_share,
+            "usable_share": self.usable_share,
+            "left_out_share": self.left_out,
+            "clipped_share": self.clipped_share,
+            "segments": self.segments,
+        }
+
     def sentences(self) -> list[str]:
-        """Printable lines."""
+        """Lines to print."""
         c = self.clock
         out = [
             f"{self.name}: {self.seconds:.1f} s every {c.period_s * 1e3:.4g} ms "
@@ -73,13 +88,13 @@ class RecordingReport:
         ]
         if abs(c.period_s / c.nominal_s - 1) > 0.01:
             out.append(
-                f"  the profile says {c.nominal_s * 1e3:.4g} ms: the log was not written at the "
-                "control rate, and voltages between its samples are unknown"
+                f"  the profile's period is {c.nominal_s * 1e3:.4g} ms: the log was not written at "
+                "the control rate, so voltages between its samples are unknown"
             )
-        why = ", ".join(f"{r} {100 * s:.1f} %" for r, s in self.left_out.items() if s > 0)
+        reasons = ", ".join(f"{r} {100 * s:.1f} %" for r, s in self.left_out.items() if s > 0)
         out.append(
             f"  {100 * self.usable_share:.1f} % usable"
-            + (f"; left out: {why}" if why else "")
+            + (f"; left out: {reasons}" if reasons else "")
             + (f"; {100 * self.clipped_share:.1f} % at the amplifier's limit, kept"
                if self.clipped_share > 0 else "")
         )  # fmt: skip
@@ -87,17 +102,8 @@ class RecordingReport:
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
-    """Consecutive usable rows [start, stop) of recording number ``source``, a few lost at most."""
-
-    source: int
-    start: int
-    stop: int
-
-
-@dataclass(frozen=True, eq=False)
 class Prepared:
-    """Recordings, their usable runs, and what was found. ``held_out`` runs are never fitted."""
+    """Recordings with their usable runs and reports. ``held_out`` runs are never fitted."""
 
     recordings: tuple[Recording, ...]
     train: tuple[Run, ...]
@@ -106,12 +112,12 @@ class Prepared:
     dt: float
     """s, the common control period"""
     split: str
-    """How the held-out data were chosen, as a sentence."""
+    """A sentence: how the held-out data were chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Regression-ready: u (N, 2) V, the mean over [k, k+1); y (N, 3) rad, picked at k."""
+    """Regression data: u (N, 2) V, the mean over [k, k+1); y (N, 3) rad, picked at k."""
 
     u: np.ndarray
     y: np.ndarray
@@ -126,7 +132,7 @@ def check_clock(recording: Recording) -> Clock:
     if len(t) < 3:
         raise RecordingError(
             f"{recording.name} holds {len(t)} samples.",
-            cause="the flight ended at once, or the log was cut short.",
+            cause="the flight ended at once, or the log was truncated.",
             fix="heli3dof info on the recording, then fly again",
         )
     d = np.diff(t)
@@ -153,20 +159,18 @@ def prepare(
     held_out: Sequence[Recording] = (),
     held_out_share: float = 0.25,
 ) -> Prepared:
-    """Check clocks, find usable runs, and set data aside for validation.
+    """Check clocks, find usable runs, and set held-out data aside.
 
     Args:
-        recordings: to fit. All must have roll, pitch and yaw and the same sample interval.
-        held_out: recordings to validate on. Where there are none, the last ``held_out_share``
-            of each recording's usable time is set aside instead.
+        recordings: to fit. All need roll, pitch and yaw, and the same sample interval.
+        held_out: recordings to validate on. Without any, the last ``held_out_share`` of each
+            recording's usable time is set aside.
 
-    Raises RecordingError: no or too few usable rows, an axis missing, a constant voltage, clocks
-    that do not agree.
+    Raises RecordingError: too few usable rows, a missing axis, constant voltages, or different
+    sample intervals.
     """
     if not recordings:
-        raise RecordingError(
-            "There is no recording to identify from.", fix="heli3dof identify REC.mcap"
-        )
+        raise RecordingError("No recording was given.", fix="heli3dof identify REC.mcap")
     everything = (*recordings, *held_out)
     runs, reports = [], []
     for i, recording in enumerate(everything):
@@ -180,7 +184,7 @@ def prepare(
         train = [r for found in runs[:n] for r in found]
         test = [r for found in runs[n:] for r in found]
         names = ", ".join(r.name for r in held_out)
-        split = f"validated on {names}, which no fit has seen"
+        split = f"validated on {names}, which is held-out data"
     else:
         train, test = [], []
         for found in runs:
@@ -189,19 +193,18 @@ def prepare(
             test += b
         split = (
             f"validated on the last {100 * held_out_share:.0f} % of each recording, "
-            "which no fit has seen; a recording of its own would say more"
+            "which is held-out data; a separate recording would be a stricter test"
         )
     _check_length(train, dt, recordings)
     return Prepared(everything, tuple(train), tuple(test), tuple(reports), dt, split)
 
 
 def segments(prepared: Prepared, runs: Sequence[Run], factor: int) -> list[Segment]:
-    """Exact averages of the voltage over ``factor`` samples, angles picked at their start."""
+    """Runs decimated by ``factor``: mean voltages, and angles at the start of each interval."""
     out = []
     for run in runs:
         rec = prepared.recordings[run.source].rows(slice(run.start, run.stop))
         rec, own = bridged(rec, LOST)
-        # The last row's voltage is held to the next row, where there is one without a gap.
         count = len(rec) // factor
         if count < 2:
             continue
@@ -222,15 +225,15 @@ def _check_content(recording: Recording) -> None:
         there = ", ".join(recording.axes) or "no angle"
         raise RecordingError(
             f"{recording.name} holds {there}; {', '.join(missing)} was not measured.",
-            cause="a one-axis experiment. Black boxes join two motors to three angles; the grey "
-            "box takes such a recording beside one that holds all three.",
-            fix="heli3dof run multisine, and identify from that (grey box: from both)",
+            cause="a one-axis experiment. A black box needs all three angles; the grey box uses "
+            "such a recording together with one that has all three.",
+            fix="heli3dof run multisine, then identify from that (grey box: from both)",
         )
     if np.nanstd(recording.voltage, axis=0).max() < 1e-9:
         raise RecordingError(
-            f"{recording.name}: both voltages are constant from end to end.",
+            f"{recording.name}: both voltages are constant throughout.",
             cause="a coast-down, a ring-down, or a column that was logged before the controller.",
-            fix="heli3dof run multisine, and identify from that recording",
+            fix="heli3dof run multisine, then identify from that recording",
         )
 
 
@@ -244,13 +247,8 @@ def _usable_runs(recording: Recording, source: int) -> tuple[list[Run], Recordin
         left_out[reason] = float((masks[reason] & ~bad).mean())
         bad |= masks[reason]
     breaks = np.flatnonzero(np.diff(recording.t) > LOST * clock.period_s) + 1
-    edges = np.unique(np.concatenate([[0, n], breaks, np.flatnonzero(np.diff(bad)) + 1]))
     least = SEGMENT_MIN_S / clock.period_s
-    found = [
-        Run(source, int(a), int(b))
-        for a, b in itertools.pairwise(edges)
-        if not bad[a] and b - a >= least
-    ]
+    found: list[Run] = [Stretch(source, a, b) for a, b in stretches(~bad, breaks) if b - a >= least]
     used = sum(r.stop - r.start for r in found) / n
     clip = float((clipped(recording) & ~bad).mean())
     report = RecordingReport(
@@ -267,7 +265,7 @@ def _common_period(recordings: Sequence[Recording]) -> float:
             f"{worst.name} was sampled every {max(periods) * 1e3:.4g} ms, "
             f"another recording every {min(periods) * 1e3:.4g} ms.",
             cause="recordings of different rigs or loops.",
-            fix="identify them apart: heli3dof identify ONE.mcap",
+            fix="identify each by a command of its own: heli3dof identify ONE.mcap",
         )
     period, nominal = float(np.median(periods)), recordings[0].profile.dt
     # Time stamps are rounded; where they agree with the profile, the profile is exact.
@@ -277,14 +275,15 @@ def _common_period(recordings: Sequence[Recording]) -> float:
 def _split(runs: list[Run], share: float) -> tuple[list[Run], list[Run]]:
     total = sum(r.stop - r.start for r in runs)
     keep = round(total * (1 - share))
-    train, test = [], []
+    train: list[Run] = []
+    test: list[Run] = []
     for r in runs:
         length = r.stop - r.start
         cut = r.start + min(max(keep, 0), length)
         if cut > r.start:
-            train.append(Run(r.source, r.start, cut))
+            train.append(Stretch(r.source, r.start, cut))
         if cut < r.stop:
-            test.append(Run(r.source, cut, r.stop))
+            test.append(Stretch(r.source, cut, r.stop))
         keep -= length
     return train, test
 
@@ -294,8 +293,8 @@ def _check_length(train: Sequence[Run], dt: float, recordings: Sequence[Recordin
     if seconds < USABLE_MIN_S:
         names = ", ".join(r.name for r in recordings)
         raise RecordingError(
-            f"{names}: only {seconds:.1f} s in flight can be used, "
-            f"{USABLE_MIN_S:.0f} s are the least.",
+            f"{names}: only {seconds:.1f} s in flight are usable, "
+            f"the minimum is {USABLE_MIN_S:.0f} s.",
             cause="the flight was short, stayed on the table, or rested on a stop.",
             fix="heli3dof info on the recording; then heli3dof run multisine",
         )

@@ -1,4 +1,4 @@
-"""Are the innovations white, and free of what past voltages could explain?
+"""Tests of innovations on held-out data: whiteness, and independence of past voltages.
 
 Whiteness (Hosking 1980, the multivariate portmanteau), h lags, l outputs:
 
@@ -8,10 +8,11 @@ Past inputs (score test): e regressed on u[k−1], …, u[k−h],
 
     LM = N tr(S_e⁻¹ S_explained)  ~  χ²(l m h)
 
-which is right however coloured u is, as long as e is white. Under feedback only *past* inputs may
-be tested: present and future ones answer e. On held-out data no degrees of freedom are lost. Both
-tests grow with the record: over minutes of flight they find nonlinearity that does no harm to a
-model's use, so the share of variance that the past explains is given with each.
+LM holds for coloured u, as long as e is white. Under feedback only *past* inputs can be tested,
+because present and future ones respond to e. On held-out data the fit costs no degrees of freedom.
+
+Both statistics grow with the length of the record: over minutes of flight they detect harmless
+nonlinearity. So each test also gives the share of variance that the past explains.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ LEVEL = 0.01
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """One test. ``bound`` is the 99 % point; passed means statistic ≤ bound."""
+    """One test. ``bound`` is the 99 % point; the test is passed if statistic ≤ bound."""
 
     name: str
     statistic: float
@@ -35,8 +36,8 @@ class ResidualTest:
     p_value: float
     bound: float
     share: float
-    """Of the innovations' variance, what the tested past explains (mean over outputs), less what
-    as many regressors explain of noise."""
+    """Share of the innovations' variance explained by the tested past (mean over outputs), minus
+    what as many regressors explain of white noise."""
     samples: int
 
     @property
@@ -55,7 +56,7 @@ class ResidualTest:
         }
 
     def sentence(self) -> str:
-        """Printable."""
+        """A line to print."""
         verdict = "passed" if self.passed else "not passed"
         return (
             f"{self.name}: {verdict} (χ²({self.degrees_of_freedom}) = {self.statistic:.4g}, "
@@ -75,7 +76,7 @@ def whiteness(innovations: Sequence[np.ndarray], h: int = 20) -> ResidualTest:
     for j in range(1, h + 1):
         R = sum(e[j:].T @ e[:-j] for e in es) / N
         Q += N**2 * float(np.trace(R.T @ Ri @ R @ Ri)) / (N - j)
-    # What the past explains, by regression: Q itself counts no share when lags are alike.
+    # The share follows from a regression: correlated lags make it differ from Q/N.
     past = np.vstack([np.hstack([e[h - j : len(e) - j] for j in range(1, h + 1)]) for e in es])
     return _result("whiteness", Q, l * l * h, N, np.vstack([e[h:] for e in es]), past)
 
@@ -107,7 +108,7 @@ def _result(
 ) -> ResidualTest:
     from scipy.stats import chi2
 
-    # Regressors explain their own number's worth of pure noise: take that off.
+    # q regressors explain a share q/N of white noise: subtract it.
     l, q = e.shape[1], z.shape[1]
     raw = _explained(e, z) / l
     share = max(0.0, (raw - q / len(e)) / max(1 - q / len(e), 1e-9))

@@ -1,34 +1,40 @@
-"""`Identification`: a model, its uncertainty, how good it is and what to be warned of."""
+"""`Identification`: a model with its uncertainty, its scores and its warnings."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from heli3dof.axes import AXES
 from heli3dof.errors import UsageError
 from heli3dof.identification.feedback import Feedback
-from heli3dof.identification.fit_result import Found
-from heli3dof.identification.methods import METHODS
-from heli3dof.identification.preprocessing import Prepared, RecordingReport
+from heli3dof.identification.fit_result import FitResult, Pole
+from heli3dof.identification.methods import known_method
+from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.residual_tests import ResidualTest
 from heli3dof.identification.transfer_function import TransferFunctions
-from heli3dof.identification.uncertainty import Pole
-from heli3dof.identification.validation import Metrics
+from heli3dof.identification.validation import Metrics, Score
 from heli3dof.model.base import Model
 from heli3dof.model.model_file import jsonable
+from heli3dof.results import Result, optional
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+SUMMARY_HORIZON_S = 1.0
 
 
-@dataclass(frozen=True, eq=False)
-class Identification:
-    """What `heli3dof.identify` hands back."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Identification(Result):
+    """The result of `heli3dof.identify`."""
 
     method: str
     model: Model
     """At the control rate, ready to fly, predict and save. Black boxes are `LinearModel`s."""
-    found: Found
-    """What the method itself handed back."""
+    found: FitResult
+    """The result of the method itself."""
     metrics: Metrics
     """On held-out data only."""
     residuals: tuple[ResidualTest, ...]
@@ -43,7 +49,7 @@ class Identification:
 
     @property
     def interval_s(self) -> float:
-        """s between the samples that the model was fitted to."""
+        """s between the samples of the fit."""
         return self.found.interval_s
 
     @property
@@ -53,42 +59,70 @@ class Identification:
 
     @property
     def transfer(self) -> TransferFunctions:
-        """Continuous time, rad/V; its lines are printed in degrees/V.
+        """Continuous time, rad/V; its printed lines are in degrees/V.
 
-        Raises UsageError for a model that has none (`Found.transfer` is None).
+        Raises UsageError for a model that has none (`FitResult.transfer` is None).
         """
         if self.found.transfer is None:
             raise UsageError(f"A model by {self.method} has no transfer functions.")
         return self.found.transfer
 
     def frequency_response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """G (F, 3, 2) complex and its standard deviation, rad/V, at ω (F,) rad/s.
+        """G (F, 3, 2) complex and the standard deviation of |G − Ĝ|, rad/V, at ω (F,) rad/s.
 
-        The deviation is that of |G − Ĝ|; NaN where the method knows none. Raises UsageError for a
-        model that has no linear response.
+        The deviation is NaN where the method has none. Raises UsageError for a model without a
+        linear response.
         """
         if self.found.response is None:
             raise UsageError(f"A model by {self.method} has no frequency response.")
         return self.found.response(np.asarray(omega, dtype=float))
 
     def sentences(self) -> list[str]:
-        """What to tell the user, a line each."""
+        """What the terminal and the report print, a line each."""
         out = [line for r in self.prepared.reports for line in r.sentences()]
         out.append(self.feedback.sentence)
         out.append(
-            f"{self.method}: {METHODS[self.method].sentence}; order {self.order}, "
+            f"{self.method}: {known_method(self.method).sentence}; order {self.order}, "
             f"fitted every {self.interval_s * 1e3:g} ms; {self.prepared.split}."
         )
         out += [t.sentence() for t in self.residuals]
         out += [f"Warning: {w}" for w in self.warnings]
         return out
 
-    def to_json(self, file: str | None = None) -> dict[str, Any]:
-        """One model of the contract's ``identify --json``. ``file`` is where it was saved.
+    def summary(self) -> str:
+        """Method, held-out scores and residual tests in three lines, then numbers and warnings."""
+        ahead = self.metrics.prediction[SUMMARY_HORIZON_S]
+        replay = self.metrics.replay_note or _by_axis(self.metrics.replay)
+        tests = [f"{t.name} {'passed' if t.passed else 'not passed'}" for t in self.residuals]
+        lines = [
+            f"{self.model.name}: {self.method}, order {self.order}, "
+            f"fitted every {self.interval_s * 1e3:g} ms",
+            f"held-out fit {SUMMARY_HORIZON_S:g} s ahead: {_by_axis(ahead)}; "
+            f"closed-loop replay: {replay}",
+            f"residuals: {', '.join(tests) or 'not tested'}; {len(self.warnings)} warnings",
+        ]
+        for name, p in self.found.parameters.items():
+            lines.append(f"  {name} = {p.value:.4g} ± {p.std:.2g} {p.unit}")
+        if not self.found.parameters:
+            lines += [f"  pole {p.value:.4g} 1/s" for p in self.poles]
+        return "\n".join([*lines, *(f"Warning: {w}" for w in self.warnings)])
 
-        Numbers that are not known are null.
+    def to_dataframe(self) -> DataFrame:
+        """One row per physical parameter, or per pole where the model is a black box.
+
+        Needs pandas; raises UsageError with the command that installs it.
         """
-        f = self.feedback
+        pandas = optional("pandas")
+        if self.found.parameters:
+            rows = self.to_dict()["parameters"]
+            return pandas.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
+        return pandas.DataFrame([p.to_json() for p in self.poles]).rename_axis("pole")
+
+    def to_dict(self, file: str | None = None) -> dict[str, Any]:
+        """One model of ``identify --json``; ``file`` is the path of the saved model.
+
+        Numbers that are not known are None.
+        """
         document: dict[str, Any] = {
             "name": self.model.name,
             "kind": self.model.kind,
@@ -112,21 +146,14 @@ class Identification:
         if self.found.correlation is not None:
             document["correlation"] = self.found.correlation
         if self.poles:
-            document["poles"] = [pole_json(p) for p in self.poles]
+            document["poles"] = [p.to_json() for p in self.poles]
         if self.found.transfer is not None:
             document["transfer_function"] = self.found.transfer.to_json()
         document |= {
             **self.metrics.to_json(),
             "residual_tests": {t.name.replace(" ", "_"): t.to_json() for t in self.residuals},
-            "feedback": {
-                "present": f.present,
-                "statistic": f.statistic,
-                "degrees_of_freedom": f.degrees_of_freedom,
-                "p_value": f.p_value,
-                "share": f.share,
-                "sentence": f.sentence,
-            },
-            "preparation": [report_json(r) for r in self.prepared.reports],
+            "feedback": asdict(self.feedback),
+            "preparation": [r.to_json() for r in self.prepared.reports],
             "validation": self.prepared.split,
             "candidates": [c.to_json() for c in self.found.candidates],
             "warnings": list(self.warnings),
@@ -135,30 +162,6 @@ class Identification:
         return plain
 
 
-def pole_json(pole: Pole) -> dict[str, float]:
-    """Real and imaginary part with standard deviations, 1/s."""
-    return {
-        "re_per_s": pole.value.real,
-        "im_per_s": pole.value.imag,
-        "re_std_per_s": pole.std_real,
-        "im_std_per_s": pole.std_imag,
-    }
-
-
-def report_json(report: RecordingReport) -> dict[str, Any]:
-    """What preparation found in one recording."""
-    c = report.clock
-    return {
-        "recording": report.name,
-        "duration_s": report.seconds,
-        "period_s": c.period_s,
-        "control_period_s": c.nominal_s,
-        "jitter_s": c.jitter_s,
-        "gaps": c.gaps,
-        "long_gaps": c.long_gaps,
-        "lost_share": c.lost_share,
-        "usable_share": report.usable_share,
-        "left_out_share": report.left_out,
-        "clipped_share": report.clipped_share,
-        "segments": report.segments,
-    }
+def _by_axis(score: Score) -> str:
+    """``roll 98.1 %, pitch 92.0 %, yaw 97.0 %``"""
+    return ", ".join(f"{a} {f:.1f} %" for a, f in zip(AXES, score.fit_percent, strict=True))

@@ -1,32 +1,34 @@
-"""Which rows of a flight a linear model may be fitted to, and why the others may not.
+"""Which rows of a flight a linear model may be fitted to, and why the others are left out.
 
-A linear model about hover knows no table, no stops, no take-off at the amplifier's limit and no
-free fall. Those rows are left out, and each one's reason is counted:
+A linear model about hover does not describe the table, the stops, take-off at the amplifier's
+limit, or free fall. Rows in those are left out, each counted under a reason:
 
 ``unread``        a NaN in a voltage or an angle
-``table``         on the table or within 1° of it, from the first row to lift-off and after landing
+``table``         on the table or within 1° of it, before lift-off and after landing
 ``take_off``      from lift-off until roll is half-way to level, the voltages have been off their
                   limit for 0.25 s, and 3 s have passed
-``stop``          roll or pitch within 0.2° of its extreme, beyond 25°, resting there for 0.3 s or
-                  thrown against it; yaw has no stop
-``motors_off``    both voltages zero for 0.1 s and more, and from there to the next lift-off
-``falling``       the end of a flight, from where roll last was half-way to level
-``ramp_down``     the flight loop's own landing (channel ``phase``)
+``stop``          roll or pitch within 0.2° of its extreme, beyond 25°, and resting there for 0.3 s
+                  or after an impact; yaw has no stop
+``motors_off``    both voltages zero for 0.1 s or more, and from there to the next lift-off
+``falling``       the end of a flight, after roll was last half-way to level
+``ramp_down``     the ramp-down of the control loop (channel ``phase``)
 
-An arm that turns by itself, at acceleration a, stands on its last count, of width q, for the time
-T = 2 √(2q/a) and came there at v = √(2qa): v T = 4q. One that a stop has brought to rest stands
-there longer,
+Resting against a stop differs from turning around. An arm with constant acceleration a turns
+around on a count of width q: it stays there for T = 2 √(2q/a), and arrived at v = √(2qa), so
+v T = 4q. An arm that a stop holds stays longer,
 
     v T > `HIT` q
 
-and what a filter without stops would make of the blow is noise, enough to hide everything else.
-Where an arm has rested so, whatever reaches that count touches the stop, however softly.
+A filter without stops would treat the impact as process noise. Every later row on the same count
+is left out as well.
 
-Clipped voltages elsewhere are kept: what reached the motor was recorded, so the model's input is
-still right. Their share is reported.
+Clipped voltages elsewhere are kept: the recorded voltage is what reached the motor. Their share is
+reported.
 """
 
 from __future__ import annotations
+
+import itertools
 
 import numpy as np
 
@@ -44,7 +46,7 @@ AT_STOP_S = 0.3
 AT_EXTREME = np.deg2rad(0.2)
 HIT = 8.0
 BEFORE_S = 0.01
-"""Over which the rate before a blow is taken"""
+"""s over which the rate before an impact is measured."""
 
 
 def clipped(recording: Recording) -> np.ndarray:
@@ -54,7 +56,7 @@ def clipped(recording: Recording) -> np.ndarray:
 
 
 def unusable(recording: Recording) -> dict[str, np.ndarray]:
-    """(N,) bool masks by reason; a row may have several."""
+    """Reason → (N,) bool mask; a row may have several reasons."""
     v, y = recording.voltage, recording.angle
     measured = [i for i, a in enumerate(AXES) if a in recording.axes]
     rows = {"unread": np.isnan(v).any(axis=1) | np.isnan(y[:, measured]).any(axis=1)}
@@ -84,7 +86,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
 
 
 def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows on the table, and rows of take-off after each lift."""
+    """Rows on the table, and rows of take-off after each lift-off."""
     roll = np.nan_to_num(recording.angle[:, ROLL], nan=0.0)
     rest = float(roll.min())
     n = len(roll)
@@ -92,7 +94,7 @@ def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarra
     if rest > ON_TABLE_BELOW:
         return none, none
     table = roll <= rest + NEAR_TABLE
-    # A dip to the lowest point of a flight is no table: the arm must rest there.
+    # The lowest point of a flight does not count: the arm must rest on the table.
     table = _long_runs(table, max(2, round(STILL_S / recording.dt)))
     limit = clipped(recording)
     settled = max(1, round(SETTLED_S / recording.dt))
@@ -111,7 +113,7 @@ def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
-    """Rows after the motors were cut, until the voltages are back and roll rises again."""
+    """Rows after the motors were cut, until voltages are back and roll rises again."""
     out = off.copy()
     for end in np.flatnonzero(off[:-1] & ~off[1:]) + 1:
         k = int(end)
@@ -122,7 +124,7 @@ def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
 
 
 def _falling(roll: np.ndarray) -> np.ndarray:
-    """Rows at the end, where the arm came down from flight and never rose again."""
+    """Rows at the end, where the arm descends for the last time."""
     out = np.zeros(len(roll), dtype=bool)
     if roll[0] < ON_TABLE_BELOW:
         up = np.flatnonzero(roll > roll[0] / 2)
@@ -132,7 +134,7 @@ def _falling(roll: np.ndarray) -> np.ndarray:
 
 
 def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
-    """Rows where the angle rests, on one and the same count, at its extreme; see the module."""
+    """Rows where the angle rests on one count at its extreme; see the module."""
     out = np.zeros(len(angle), dtype=bool)
     moves = np.abs(np.diff(angle))
     edges = np.concatenate([[0], np.flatnonzero(moves != 0) + 1, [len(angle)]])
@@ -152,15 +154,17 @@ def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
     return np.asarray(hit | np.isin(angle, np.unique(angle[hit])))
 
 
-def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+def stretches(mask: np.ndarray, cuts: np.ndarray | None = None) -> list[tuple[int, int]]:
+    """[start, stop) of the consecutive True rows of a mask (N,), also split at rows ``cuts``."""
+    edges = np.flatnonzero(np.diff(mask)) + 1
+    edges = np.unique(np.concatenate([[0, len(mask)], edges, [] if cuts is None else cuts]))
+    return [(a, b) for a, b in itertools.pairwise(edges.astype(int).tolist()) if mask[a]]
 
 
 def _long_runs(mask: np.ndarray, at_least: int) -> np.ndarray:
     """The mask with every run of True shorter than ``at_least`` rows cleared."""
     out = np.zeros(len(mask), dtype=bool)
-    for a, b in _runs(mask):
+    for a, b in stretches(mask):
         if b - a >= at_least:
             out[a:b] = True
     return out

@@ -1,10 +1,11 @@
-"""Continuous-time transfer functions over a common denominator, printed as the paper prints (17).
+"""Continuous-time transfer functions over a common denominator, printed like the paper's eq (17).
 
     T(s)_{i,j} = N_ij(s) / D(s),      i = 1 front, 2 back;  j = 1 roll, 2 pitch, 3 yaw
 
-D is monic. Inside, numerators are in rad/V; printed they are in degrees/V, like the paper's.
-Each coefficient has a standard deviation; a zero's follows from N(z) = 0: with ν the highest
-power, ∂z = −Σ_k z^{ν−k} ∂n_k / N′(z).
+D is monic. Numerators are stored in rad/V and printed in degrees/V. Each coefficient has a standard
+deviation. That of a zero follows from N(z) = 0, with ν the highest power:
+
+    ∂z = −Σ_k z^{ν−k} ∂n_k / N′(z)
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ DEGREES = float(np.rad2deg(1.0))
 class TransferFunctions:
     """num (3, 2, k) rad/V from motor to axis, den (k,) monic, highest power first.
 
-    ``covariance`` is that of [den[1:], num.ravel()], (q, q), or None where it is not known.
+    ``covariance`` (q, q): of [den[1:], num.ravel()], or None where it is not known.
     """
 
     num: np.ndarray
@@ -32,7 +33,7 @@ class TransferFunctions:
 
     @property
     def std(self) -> tuple[np.ndarray, np.ndarray]:
-        """Standard deviations (num, den), shaped alike; NaN where unknown."""
+        """Standard deviations of (num, den), in their shapes; NaN where unknown."""
         k = len(self.den)
         if self.covariance is None:
             return np.full(self.num.shape, np.nan), np.full(k, np.nan)
@@ -40,7 +41,7 @@ class TransferFunctions:
         return std[k - 1 :].reshape(self.num.shape), np.concatenate([[0.0], std[: k - 1]])
 
     def zeros(self, axis: int, motor: int) -> list[tuple[complex, float]]:
-        """Zeros (1/s) of one entry, each with the standard deviation of its size of error."""
+        """Zeros z (1/s) of one entry, each with the standard deviation of |ẑ − z|."""
         n = _without_rounding(self.num[axis, motor], float(np.abs(self.num[axis]).max()))
         k = len(self.den)
         out = []
@@ -57,7 +58,7 @@ class TransferFunctions:
         return out
 
     def lines(self, digits: int = 4) -> list[str]:
-        """One printable line per entry, front motor first, in degrees/V."""
+        """One line to print per entry, front motor first, in degrees/V."""
         den = polynomial(self.den, digits)
         out = []
         for j in range(2):
@@ -94,7 +95,7 @@ class TransferFunctions:
 
 
 def polynomial(coefficients: np.ndarray, digits: int = 4, scale: float = 0.0) -> str:
-    """``52s^3 + 6.568s^2 + 7.539s + 3.989``; leading coefficients that are rounding are dropped.
+    """``52s^3 + 6.568s^2 + 7.539s + 3.989``, without leading coefficients that round to zero.
 
     >>> polynomial(np.array([1.0, 1.379, 2.01, -1.072, 0.3533]))
     's^4 + 1.379s^3 + 2.01s^2 - 1.072s + 0.3533'

@@ -1,11 +1,11 @@
-"""How good a model is on data that no fit has seen.
+"""How good a model is on held-out data.
 
     fit = 100 (1 − ‖y − ŷ‖ / ‖y − ȳ‖)  %
 
-per axis, for predictions made one sample, 0.1, 0.5, 1 and 3 s earlier and for the replayed loop:
-the model flown through the same references by the same controller. One-step figures are near 100
-for any model of a smooth motion sampled fast, the bad ones too; 0.5 s and more, and the replay,
-tell models apart.
+per axis, for predictions one sample, 0.1, 0.5, 1 and 3 s ahead, and for the closed-loop replay: the
+model flies the same references under the same controller. One step ahead of a smooth, fast-sampled
+motion every model fits nearly 100 %. Horizons of 0.5 s and more, and the replay, separate good
+models from bad ones.
 """
 
 from __future__ import annotations
@@ -17,30 +17,30 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.identification.preprocessing import Prepared, Run
+from heli3dof.identification.preprocessing import Prepared
 from heli3dof.model.base import Model
 from heli3dof.model.control.loop_task import instants, loop_task, why_not_replayed
-from heli3dof.model.estimation.filter_data import LOST
+from heli3dof.model.estimation.filter_data import LOST, Run
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
 WARM_UP_S = 2.0
-"""The filter finds the state in this time where no usable rows lead in."""
+"""The filter's settling time, where no usable rows precede a run."""
 LEAD_IN_S = 10.0
 AFTER_TAKE_OFF_S = 2.0
-"""Seconds of a flight from the table that are left out of the replay's score, besides those of
-take-off itself: a linear model knows no table, and how it came up from −27.5° echoes."""
+"""The replay of a flight from the table is scored from this long after take-off: a linear model
+does not describe the rise from −27.5°, and its error takes time to decay."""
 
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """fit_percent (3,) and rmse (3,) rad over ``rows`` rows; NaN where nothing can be said."""
+    """fit_percent (3,) and rmse (3,) rad over ``rows`` rows; NaN without rows."""
 
     fit_percent: np.ndarray
     rmse: np.ndarray
     rows: int
 
     def to_json(self) -> dict[str, Any]:
-        """By axis, degrees."""
+        """By axis, in degrees."""
         return {
             axis: {"fit_percent": float(f), "rmse_deg": float(np.rad2deg(e))}
             for axis, f, e in zip(AXES, self.fit_percent, self.rmse, strict=True)
@@ -52,12 +52,12 @@ NO_SCORE = Score(np.full(3, np.nan), np.full(3, np.nan), 0)
 
 @dataclass(frozen=True, eq=False)
 class Metrics:
-    """Scores on held-out data. ``prediction`` is keyed by horizon in s; 0.0 is one sample."""
+    """Scores on held-out data. ``prediction``: horizon in s → score; 0.0 is one sample."""
 
     prediction: dict[float, Score]
     replay: Score
     replay_note: str
-    """Empty, or why there is no replay."""
+    """Why there is no replay; empty where there is one."""
 
     def to_json(self) -> dict[str, Any]:
         """Keys ``one_step``, ``0.1_s``, …, ``closed_loop_replay``; null where not available."""
@@ -80,9 +80,9 @@ class Metrics:
 
 
 def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
-    """Pool pairs of measured and predicted (N, 3) rad; a NaN row of either is left out.
+    """The score over pairs of measured and predicted (N, 3) rad, without rows that hold a NaN.
 
-    Each pair is measured against its own mean.
+    Each pair's spread is taken about its own mean.
     """
     error, spread, rows = np.zeros(3), np.zeros(3), 0
     for y, predicted in pairs:
@@ -102,7 +102,7 @@ def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
 def predictions(
     model: Model, prepared: Prepared, runs: Sequence[Run], horizon_s: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Measured and predicted angles over runs; rows before the filter has settled are NaN."""
+    """Measured and predicted angles over runs; NaN until the filter has settled."""
     out = []
     for run in runs:
         recording = prepared.recordings[run.source]
@@ -117,7 +117,7 @@ def predictions(
 
 
 def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
-    """Usable rows right before the run, where the filter may settle."""
+    """Number of usable rows directly before the run, in which the filter can settle."""
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:
             t = prepared.recordings[run.source].t
@@ -128,11 +128,11 @@ def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
 
 
 def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
-    """Why the loop of these recordings cannot be replayed, or an empty string."""
+    """Why the loop of these recordings cannot be replayed; empty where it can."""
     for i in sources:
         r = prepared.recordings[i]
-        if why := why_not_replayed(r):
-            return f"not available: {r.name}: {why}"
+        if reason := why_not_replayed(r):
+            return f"not available: {r.name}: {reason}"
         if prepared.reports[i].clock.long_gaps:
             return f"not available: {r.name} has long gaps, so references are missing"
         if abs(r.dt / r.profile.dt - 1) > 0.01:
@@ -143,7 +143,7 @@ def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
 def replays(
     model: Model, prepared: Prepared, runs: Sequence[Run]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Measured angles over the runs, and the loop replayed from each recording's first row."""
+    """Measured and replayed angles over the runs; replays start at each recording's first row."""
     out = []
     settle = round(AFTER_TAKE_OFF_S / prepared.dt)
     for source in sorted({r.source for r in runs}):
@@ -153,7 +153,7 @@ def replays(
             flown = model.fly(task).angle
         grid = instants(recording.t, task.dt)
         angle = np.column_stack([np.interp(recording.t, grid, a) for a in flown.T])
-        # A loop that diverged is infinitely wrong, not missing.
+        # A diverged loop counts as a huge error, not as missing rows.
         angle = np.where(np.isfinite(angle) & (np.abs(angle) < 1e6), angle, 1e6)
         mine = np.zeros(len(recording), dtype=bool)
         for r in runs:

@@ -6,9 +6,9 @@ import time
 
 import numpy as np
 
-from heli3dof.identification import identify
 from heli3dof.identification.black_box.order_selection import decimated, starts
 from heli3dof.identification.black_box.pem import pem
+from heli3dof.identification.identify import identify
 from heli3dof.identification.preprocessing import prepare
 from tests.bench import Figure, at_most
 from tests.identification.mock_flights import PLANS, mock_flight, truth_replay

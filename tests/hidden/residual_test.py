@@ -14,7 +14,8 @@ from __future__ import annotations
 from typing import Any
 
 from heli3dof.errors import RecordingError
-from heli3dof.identification.greybox.method import fit_greybox, innovations, model_of
+from heli3dof.identification.greybox.linear_uncertainty import innovations
+from heli3dof.identification.greybox.method import fit_greybox, model_of
 from heli3dof.identification.preprocessing import prepare
 from heli3dof.identification.residual_tests import past_inputs, whiteness
 from heli3dof.recording.recording import Recording

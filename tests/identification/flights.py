@@ -4,8 +4,8 @@
     J_p p̈ = L_h D − k_p sin p − c_p ṗ + w_p
     J_ψ ψ̈ = −L_a cos r sin p F − c_ψ ψ̇ + w_ψ,      τ Ḟ_i = K_f V_i − F_i
 
-flown by the contract's controller, encoders quantised, w white over a control period. It is not
-the product's emulator: it exists so that these tests need neither a driver nor a recording.
+under the default controller, with quantised encoders and w constant over a control period. These
+tests need neither a driver nor a recording.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def _fly(ref, extra, w, P, K_g, V_o, v_max, dt, quantum, r0):
 
 
 def linear_truth(dt: float) -> LinearModel:
-    """The rig above linearised about level flight: what a linear model can at best be."""
+    """The rig above linearised about level flight: the best linear model."""
     q = PHYSICS
     A = np.zeros((8, 8))
     A[:3, 3:6] = np.eye(3)

@@ -1,7 +1,7 @@
-"""Flights of the mock rig with known parameters: a plant whose code is not the estimator's.
+"""Flights of the mock rig with known parameters: a plant independent of the estimator's code.
 
-Truth is told in units of the profile's K_f (`heli3dof.model.physics.rigid_body`), as it is
-estimated.
+True values are in units of the profile's K_f (`heli3dof.model.physics.rigid_body`), like
+estimates.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ TORQUE_NOISE = np.array([0.035, 0.0035, 0.015]) * np.sqrt(2 * 0.01)
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """A recording and the truth by parameter name; ``noise`` (4,) as the estimator counts it."""
+    """A recording, true values by parameter name, and the noise (4,) in the estimator's units."""
 
     recording: Recording
     truth: dict[str, float]
@@ -47,7 +47,7 @@ def fly(
     hide: str = HIDDEN,
     start: str = "rest",
 ) -> Flight:
-    """One flight; everything random follows from the seed."""
+    """One flight; the seed determines all noise."""
     from heli3dof_drivers import mock
 
     opened: list[Any] = []

@@ -10,8 +10,8 @@ from heli3dof.identification.black_box.pbsid import Pair, StateSpace
 def integrating_system(sigma: float = 1e-3) -> StateSpace:
     """Three outputs, two inputs, five states every 0.05 s; the third output integrates the second.
 
-    Poles 0.9 ± 0.2j, 0.8, 0.6 and 1; two of them are outside any open-loop record's reach
-    without feedback, like the rig's.
+    Poles 0.9 ± 0.2j, 0.8, 0.6 and 1; two of them cannot be recorded without feedback,
+    like the rig's.
     """
     A = np.zeros((5, 5))
     A[:2, :2] = [[0.9, 0.2], [-0.2, 0.9]]

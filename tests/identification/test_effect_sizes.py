@@ -1,6 +1,6 @@
-"""What the emulated rig hides comes out of a full fit with its size; seeds from 1000 on.
+"""The size of an effect that the emulated rig hides, from a full fit; seeds from 1000 on.
 
-Torques are compared in units of the profile's K_f, which the rig has too where nothing is spread.
+Torques are compared in units of the profile's K_f, which is the rig's too without spread.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ def fitted(name: str, size: float, seed: int = 1021, until_s: float = 40.0) -> E
         ("motor.dead_zone", 1.5, 0.15),
     ],
 )
-def test_a_hidden_effects_size_is_right(name: str, size: float, share: float) -> None:
+def test_the_fitted_size_of_a_hidden_effect_is_right(name: str, size: float, share: float) -> None:
     found = fitted(name, size)
     assert found.optimum.converged
     assert found.values[-1] == pytest.approx(size, rel=share)
     assert abs(found.values[-1] - size) < 3.5 * found.std[-1]
 
 
-def test_an_encoders_scale_is_told_from_an_inertia() -> None:
+def test_an_encoder_scale_is_not_confused_with_an_inertia() -> None:
     found = fitted("encoder.scale.roll", 0.9)
     assert found.optimum.converged
     assert found.values[-1] == pytest.approx(0.9, abs=0.02)

@@ -7,14 +7,14 @@ from heli3dof.identification.feedback import feedback_test
 from tests.identification.systems import integrating_system, record
 
 
-def test_feedback_is_seen_where_there_is_some() -> None:
+def test_feedback_is_detected() -> None:
     verdict = feedback_test([record(integrating_system(2e-2), 2000, 1)])
     assert verdict.present
     assert verdict.p_value < 1e-6
     assert "Feedback" in verdict.sentence
 
 
-def test_false_alarms_without_feedback_are_as_rare_as_promised() -> None:
+def test_the_false_alarm_rate_is_nominal() -> None:
     """100 records of a system without feedback, seeds 0–99: p below 5 % in about 5."""
     system = integrating_system()
     p = [feedback_test([record(system, 800, s, gain=None)]).p_value for s in range(100)]
@@ -23,7 +23,7 @@ def test_false_alarms_without_feedback_are_as_rare_as_promised() -> None:
     assert np.median(p) == pytest.approx(0.5, abs=0.2)
 
 
-def test_coloured_excitation_is_not_mistaken_for_feedback() -> None:
+def test_coloured_excitation_is_not_feedback() -> None:
     system = integrating_system()
     rng = np.random.default_rng(0)
     u, _ = record(system, 2000, 3, gain=None)
@@ -38,7 +38,7 @@ def test_coloured_excitation_is_not_mistaken_for_feedback() -> None:
     assert not feedback_test([(u, y)]).present
 
 
-def test_a_voltage_that_answers_nothing_is_said_so() -> None:
+def test_a_deterministic_voltage_has_no_feedback() -> None:
     u, y = record(integrating_system(), 1000, 1, gain=None)
     u = np.sin(np.arange(1000)[:, None] * [0.1, 0.13])
     verdict = feedback_test([(u, y)])
@@ -51,8 +51,8 @@ def test_several_short_segments_are_pooled() -> None:
     assert feedback_test(data).present
 
 
-def test_feedback_too_faint_to_matter_is_not_called_feedback() -> None:
+def test_negligible_feedback_is_reported_as_none() -> None:
     # σ = 1e-3 against an excitation of 0.05 V: a few 1e-4 of the voltages' innovation
     verdict = feedback_test([record(integrating_system(1e-3), 2000, 1)])
     assert not verdict.present
-    assert "No feedback seen" in verdict.sentence
+    assert "No feedback detected" in verdict.sentence

@@ -1,4 +1,4 @@
-"""The fit to free flights: on the mock rig with a clock that lies, and on a real rig's log."""
+"""The multi-step fit: on the mock rig with sampling jitter, and on a real rig's log."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from heli3dof.identification.greybox.freeflight import (
     model_of,
     problem_of,
 )
-from heli3dof.identification.greybox.method import DEFAULT_TERMS, clock_lies
+from heli3dof.identification.greybox.method import DEFAULT_TERMS, has_jitter
 from heli3dof.identification.greybox.multistep import robust, scales
 from heli3dof.model.model_file import save_model
 from heli3dof.paper.models import load_model
@@ -29,7 +29,7 @@ RIG_A = REAL_DATA / "rig-a"
 
 
 def blurred(recording: Recording, sigma_s: float, seed: int) -> Recording:
-    """The same flight, every row's angles taken at another instant than its time says."""
+    """The same flight with sampling jitter of ``sigma_s`` in the angles."""
     t = recording.t
     late = sigma_s * np.random.default_rng(seed).standard_normal(len(t))
     step = np.abs(recording.profile.encoder.rad_per_count)
@@ -44,17 +44,17 @@ def real() -> Recording:
     return h3.load(RIG_A / "closed-1a.csv", h3.load_profile(RIG_A / "profile.toml"))
 
 
-def test_small_errors_count_by_their_square_and_large_ones_by_their_size() -> None:
+def test_the_robust_loss_is_quadratic_for_small_errors_and_linear_for_large() -> None:
     assert robust(np.array([0.1]))[0] == pytest.approx(0.1, rel=1e-3)
     assert robust(np.array([400.0]))[0] ** 2 == pytest.approx(2 * 4.0 * 400, rel=0.02)
 
 
-def test_the_scale_of_an_error_is_its_rms() -> None:
+def test_the_scale_of_errors_is_their_rms() -> None:
     e = np.array([0.3, -0.3, 0.1, -0.1]).reshape(4, 1, 1) * np.ones((1, 1, 3))
     np.testing.assert_allclose(scales(e), np.sqrt(0.05))
 
 
-def test_inertias_may_all_be_off_together_but_not_against_one_another() -> None:
+def test_the_prior_is_loose_on_common_inertia_and_tight_on_ratios() -> None:
     problem = problem_of([fly(1022).recording.between(0, 25)], DEFAULT_TERMS)
     names = problem.structure.names
     together, apart = np.zeros(problem.dim), np.zeros(problem.dim)
@@ -65,7 +65,7 @@ def test_inertias_may_all_be_off_together_but_not_against_one_another() -> None:
     assert apart @ problem.prior @ apart == pytest.approx((0.2 / 0.04) ** 2)
 
 
-def test_a_blurred_clock_leaves_the_parameters_right() -> None:
+def test_parameters_are_right_under_sampling_jitter() -> None:
     flight = fly(1023, spread=0.0)
     found = fit_freeflight([blurred(flight.recording.between(0, 30), 0.003, 1023)], DEFAULT_TERMS)
     truth, at = flight.truth, dict(zip(found.structure.names, found.values, strict=True))
@@ -75,24 +75,22 @@ def test_a_blurred_clock_leaves_the_parameters_right() -> None:
         assert at[name] == pytest.approx(truth[name], rel=0.12)
 
 
-def test_recordings_too_short_for_one_free_flight_are_refused() -> None:
-    with pytest.raises(RecordingError, match="free flights"):
+def test_recordings_without_enough_windows_are_rejected() -> None:
+    with pytest.raises(RecordingError, match="windows of 3 s"):
         problem_of([fly(1022).recording.between(0, 4)], DEFAULT_TERMS)
 
 
-def test_a_real_take_off_counts_from_the_end_of_its_climb(real: Recording) -> None:
+def test_a_real_take_off_is_usable_from_the_end_of_its_climb(real: Recording) -> None:
     rows = free_rows(real)
     assert real.t[np.flatnonzero(rows)[0]] == pytest.approx(1.35, abs=0.1)
 
 
-def test_a_real_logs_clock_is_found_to_lie(real: Recording) -> None:
-    assert clock_lies(real)
+def test_jitter_of_a_real_log_is_detected(real: Recording) -> None:
+    assert has_jitter(real)
 
 
-def test_predictions_find_a_pitch_encoder_that_was_zeroed_elsewhere(
-    real: Recording, tmp_path
-) -> None:  # type: ignore[no-untyped-def]
-    """Shift all of pitch by 3°: one free flight after 20 s of it is as good as before."""
+def test_predictions_re_estimate_the_pitch_encoder_offset(real: Recording, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """Shift pitch by 3°: predictions after 20 s are as good as without the shift."""
     problem = problem_of([real])
     z = problem.start.copy()
     from heli3dof.identification.greybox.multistep import search

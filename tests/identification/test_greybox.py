@@ -1,4 +1,4 @@
-"""The grey-box estimator on flights of the mock rig, whose code is not its own."""
+"""The grey-box estimator on flights of the mock rig, an independent plant."""
 
 from __future__ import annotations
 
@@ -55,37 +55,37 @@ def z_scores(found: Estimate, flight: Flight) -> np.ndarray:
     return (found.values - truth) / found.std
 
 
-def test_every_parameter_is_found_within_its_interval(found: Estimate, flight: Flight) -> None:
+def test_every_parameter_is_within_its_interval(found: Estimate, flight: Flight) -> None:
     z = z_scores(found, flight)
     assert found.optimum.converged
     assert np.abs(z).max() < 3.5
     assert np.sqrt((z**2).mean()) < 1.6
 
 
-def test_steps_alone_tell_the_rotors_lag_to_a_few_percent(from_steps: Estimate) -> None:
+def test_the_rotor_lag_from_steps_is_accurate_to_a_few_percent(from_steps: Estimate) -> None:
     j = from_steps.structure.names.index("motor.lag.time_constant_s")
     assert from_steps.values[j] == pytest.approx(0.1, rel=0.06)
     assert from_steps.std[j] / 0.1 < 0.03
 
 
-def test_standard_deviations_are_near_the_bound(found: Estimate) -> None:
+def test_standard_deviations_are_close_to_the_cramer_rao_bound(found: Estimate) -> None:
     assert (found.std > 0.8 * found.bound).all()
     assert (found.std < 1.5 * found.bound).all()
 
 
-def test_the_process_noise_is_found(found: Estimate, flight: Flight) -> None:
+def test_the_process_noise_is_right(found: Estimate, flight: Flight) -> None:
     ratio = found.optimum.noise[:3] / flight.noise[:3]
     assert ((ratio > 0.7) & (ratio < 1.6)).all()
     assert found.optimum.noise[3] == 0.0  # the mock samples on time
 
 
 @pytest.mark.parametrize("name", ABSENT)
-def test_steps_alone_name_no_effect_that_is_not_there(from_steps: Estimate, name: str) -> None:
+def test_absent_effects_score_low_on_steps(from_steps: Estimate, name: str) -> None:
     """With the encoder as white noise, `motor.delay` scores 180 here."""
     assert score_test(from_steps, term(name)).score < 20
 
 
-def test_a_hidden_effect_stands_out_of_the_score_tests() -> None:
+def test_a_hidden_effect_has_the_highest_score() -> None:
     flight = fly(1013, "multisine", hide=HIDDEN + ",friction.coulomb.yaw:0.03")
     found = fit_greybox(flight.recording)
     scores = {n: score_test(found, term(n)).score for n in ABSENT}
@@ -100,7 +100,7 @@ def test_a_hidden_effect_stands_out_of_the_score_tests() -> None:
         ("motor.thrust_curve:0.4", "motor.thrust_curve.quadratic_share", 0.4),
     ],
 )
-def test_a_hidden_effect_is_fitted_beside_the_others(
+def test_a_hidden_effect_is_fitted_together_with_the_others(
     hide: str, parameter: str, value: float
 ) -> None:
     flight = fly(1014, "multisine", hide=f"{HIDDEN},{hide}")
@@ -112,7 +112,9 @@ def test_a_hidden_effect_is_fitted_beside_the_others(
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
-def test_starts_a_factor_of_two_off_end_at_the_same_optimum(found: Estimate, factor: float) -> None:
+def test_starts_off_by_a_factor_of_two_reach_the_same_optimum(
+    found: Estimate, factor: float
+) -> None:
     theta = found.problem.prior_mean.copy()
     for j, f in enumerate(found.free):
         theta[j] = theta[j] + np.log(factor) if f.log else theta[j] * factor
@@ -121,11 +123,11 @@ def test_starts_a_factor_of_two_off_end_at_the_same_optimum(found: Estimate, fac
     assert (np.abs(again.theta - found.optimum.theta) / sd).max() < 0.1
 
 
-def test_a_start_from_which_the_way_is_long_ends_at_the_same_optimum() -> None:
+def test_a_distant_start_reaches_the_same_optimum() -> None:
     assert one_start(5) < 0.1
 
 
-def test_two_recordings_tell_more_than_one(found: Estimate, flight: Flight) -> None:
+def test_two_recordings_give_smaller_deviations_than_one(found: Estimate, flight: Flight) -> None:
     # The same rig twice: half of the flight each against the whole of it.
     r = flight.recording
     first = fit_greybox(r.between(0, 38))
@@ -140,38 +142,41 @@ def one_angle(recording: Recording, axis: int) -> Recording:
     return replace(recording, angle=angle)
 
 
-def test_a_recording_of_pitch_alone_tells_of_pitch_and_says_what_it_cannot(flight: Flight) -> None:
+def test_a_pitch_only_recording_identifies_pitch_parameters_only(flight: Flight) -> None:
     part = one_angle(flight.recording.between(5, 60), 1)
     found = fit_greybox(part)
     names = found.structure.names
     j = names.index("J_pitch")
     assert found.values[j] == pytest.approx(flight.truth["J_pitch"], rel=0.05)
-    said = {n for n, v in zip(names, found.verdicts, strict=True) if not v.identifiable}
-    assert {"J_roll", "J_yaw", "T_g", "friction.viscous.yaw.damping_Nms_per_rad"} <= said
-    assert "J_pitch" not in said
+    unidentifiable = {n for n, v in zip(names, found.verdicts, strict=True) if not v.identifiable}
+    assert {"J_roll", "J_yaw", "T_g", "friction.viscous.yaw.damping_Nms_per_rad"} <= unidentifiable
+    assert "J_pitch" not in unidentifiable
     assert any("heli3dof run" in w for w in warnings(found))
 
 
-def test_the_loop_need_not_be_known(flight: Flight, found: Estimate) -> None:
+def test_the_fit_does_not_depend_on_a_known_controller(flight: Flight, found: Estimate) -> None:
     r = flight.recording
     blind = replace(r, profile=r.profile.model_copy(update={"controller": None}))
     np.testing.assert_array_equal(fit_greybox(blind).values, found.values)
 
 
-def test_a_flight_that_never_left_the_table_is_refused(flight: Flight) -> None:
+def test_a_flight_that_stays_on_the_table_is_rejected(flight: Flight) -> None:
     r = flight.recording
     with pytest.raises(RecordingError, match="usable rows"):
         fit_greybox(replace(r, angle=np.tile(r.angle[0], (len(r), 1))))
 
 
-def test_the_model_replays_flights_it_was_not_fitted_to(flight: Flight, found: Estimate) -> None:
+def test_the_model_replays_held_out_data(flight: Flight, found: Estimate) -> None:
     model = model_of(found, [flight.recording], "mine")
     assert model.extra["recordings"][0]["sha256"] == flight.recording.digest
     result = identify(flight.recording, method="greybox")
     fit = result.metrics.replay.fit_percent
     assert (fit > [97, 88, 95]).all()
-    shown = result.to_json()
+    shown = result.to_dict()
     lag = shown["parameters"]["motor.lag.time_constant_s"]
     assert lag["std"] > 0
     assert lag["cramer_rao_bound"] > 0
+    table = result.to_dataframe()
+    assert table.loc["motor.lag.time_constant_s", "std"] == lag["std"]
+    assert "motor.lag.time_constant_s = 0.1" in result.summary()
     assert result.residuals[0].passed

@@ -1,4 +1,4 @@
-"""The whole of `identify`, on flights whose physics these tests wrote themselves."""
+"""`identify` on flights of an independent simulation, tests.identification.flights."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import RecordingError, UsageError
-from heli3dof.identification import Identification
-from heli3dof.identification import identify as identify_any
 from heli3dof.identification.feedback import Feedback
+from heli3dof.identification.identify import Identification
+from heli3dof.identification.identify import identify as identify_any
 from heli3dof.identification.validation import metrics
 from heli3dof.recording.recording import Recording
 from tests.identification.flights import flight, linear_truth
@@ -51,21 +51,21 @@ def test_the_rotor_lag_and_both_pendula_are_among_the_poles(found: Identificatio
     assert len(lag) >= 2
 
 
-def test_predictions_far_ahead_tell_more_than_one_step(found: Identification) -> None:
+def test_fit_falls_with_the_horizon(found: Identification) -> None:
     fits = {h: s.fit_percent[1] for h, s in found.metrics.prediction.items()}
     assert fits[0.0] > 98
     assert fits[0.0] > fits[0.1] > fits[0.5] > fits[1.0]
     assert fits[1.0] > 60
 
 
-def test_feedback_is_found_and_said(found: Identification) -> None:
+def test_feedback_is_detected_and_reported(found: Identification) -> None:
     assert isinstance(found.feedback, Feedback)
     assert found.feedback.present
     assert found.feedback.sentence in found.sentences()
 
 
-def test_the_json_holds_what_the_contract_asks(found: Identification) -> None:
-    document = json.loads(json.dumps(found.to_json("m.json"), allow_nan=False))
+def test_the_json_holds_the_keys_of_the_contract(found: Identification) -> None:
+    document = json.loads(json.dumps(found.to_dict("m.json"), allow_nan=False))
     assert document["kind"] == "statespace"
     assert document["file"] == "m.json"
     assert len(document["poles"]) == found.order
@@ -75,6 +75,20 @@ def test_the_json_holds_what_the_contract_asks(found: Identification) -> None:
     assert len(transfer["denominator_std"]) == len(transfer["denominator"])
     assert {"whiteness", "past_inputs"} == set(document["residual_tests"])
     assert document["fit_percent"]["pitch"]["closed_loop_replay"] > 80
+
+
+def test_a_notebook_shows_three_lines_a_table_and_a_figure(found: Identification) -> None:
+    lines = repr(found).splitlines()
+    assert len(lines) == 3
+    assert lines[0] == f"{found.model.name}: pem, order {found.order}, fitted every " + (
+        f"{found.interval_s * 1e3:g} ms"
+    )
+    assert len(repr(found)) < 400
+    assert "pole" in found.summary()
+    assert "closed-loop replay: roll" in found._repr_html_()
+    table = found.to_dataframe()
+    assert list(table["re_per_s"]) == [p.value.real for p in found.poles]
+    assert found.plot().axes
 
 
 def test_the_transfer_functions_are_those_of_the_model(found: Identification) -> None:
@@ -94,29 +108,31 @@ def test_the_transfer_functions_are_those_of_the_model(found: Identification) ->
     assert (std[0, :2] < np.abs(G[0, :2]).max()).all()
 
 
-def test_the_model_says_what_it_was_made_from(
+def test_the_model_names_its_recordings(
     found: Identification, flights: tuple[Recording, Recording]
 ) -> None:
     extra = found.model.extra  # type: ignore[attr-defined]
     assert extra["recordings"] == [{"name": "multisine-1", "sha256": flights[0].digest}]
 
 
-def test_one_recording_is_split_and_that_is_said(flights: tuple[Recording, Recording]) -> None:
+def test_a_single_recording_is_split_and_the_report_states_it(
+    flights: tuple[Recording, Recording],
+) -> None:
     found = identify(flights[0], order=8, intervals_s=[0.08])
     assert "last 25 %" in found.prepared.split
     assert found.metrics.replay.fit_percent[1] > 80
 
 
-def test_output_error_is_warned_of_and_is_worse(
+def test_output_error_gets_a_warning_and_is_worse(
     flights: tuple[Recording, Recording], found: Identification
 ) -> None:
     oe = identify(flights[0], holdout=flights[1], method="oe", order=8, intervals_s=[0.04])
-    assert any("Output error takes the voltages" in w for w in oe.warnings)
+    assert any("Output error assumes" in w for w in oe.warnings)
     assert oe.model.kind == "oe"
     assert oe.metrics.prediction[1.0].fit_percent[1] < found.metrics.prediction[1.0].fit_percent[1]
 
 
-def test_the_paper_s_form_is_unstable_in_the_loop(flights: tuple[Recording, Recording]) -> None:
+def test_the_loop_with_the_paper_s_form_diverges(flights: tuple[Recording, Recording]) -> None:
     tf4 = identify(flights[0], holdout=flights[1], method="tf4")
     assert tf4.model.kind == "tf4"
     assert tf4.metrics.replay_note == "the loop with this model diverges"
@@ -125,9 +141,11 @@ def test_the_paper_s_form_is_unstable_in_the_loop(flights: tuple[Recording, Reco
     assert "s^4" in tf4.transfer.lines()[0]
 
 
-def test_pbsid_says_that_it_has_no_deviations(flights: tuple[Recording, Recording]) -> None:
+def test_pbsid_warns_that_it_has_no_standard_deviations(
+    flights: tuple[Recording, Recording],
+) -> None:
     found = identify(flights[0], holdout=flights[1], method="pbsid", order=8)
-    document = json.loads(json.dumps(found.to_json(), allow_nan=False))
+    document = json.loads(json.dumps(found.to_dict(), allow_nan=False))
     assert document["poles"][0]["re_std_per_s"] is None
     assert any("no standard deviations" in w for w in found.warnings)
 
@@ -149,19 +167,19 @@ def test_an_unknown_method_names_the_nearest() -> None:
 
 
 @pytest.mark.parametrize("order", [0, 21])
-def test_an_impossible_order_is_refused(order: int) -> None:
+def test_an_impossible_order_is_rejected(order: int) -> None:
     with pytest.raises(UsageError, match=f"--order {order}"):
         identify(flight(seconds=6), order=order)
 
 
-def test_a_one_angle_recording_is_refused_by_name() -> None:
+def test_a_one_angle_recording_is_rejected() -> None:
     rec = flight(seconds=10)
     rec.angle[:, 1:] = np.nan
     with pytest.raises(RecordingError, match="pitch, yaw was not measured"):
         identify(rec)
 
 
-def test_held_out_motion_far_beyond_the_training_is_warned_of() -> None:
+def test_held_out_motion_far_beyond_the_training_data_gets_a_warning() -> None:
     small = flight("steps", seed=1, seconds=40, noise=0.3)
     found = identify(small, holdout=flight("large", seed=2, seconds=40), order=6)
     assert any("extrapolation" in w for w in found.warnings)
@@ -182,7 +200,7 @@ def test_a_noisier_flight_has_wider_deviations() -> None:
 
 @needs_real_data
 @pytest.mark.real_data
-def test_rig_b_predicts_half_a_second_on_a_recording_no_fit_has_seen() -> None:
+def test_rig_b_predicts_held_out_data_half_a_second_ahead() -> None:
     from heli3dof.recording.load import load
     from heli3dof.rig.profile import load_profile
     from tests.paths import REAL_DATA

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from heli3dof.errors import RecordingError
-from heli3dof.identification.preprocessing import Run, check_clock, prepare, segments
+from heli3dof.identification.preprocessing import check_clock, prepare, segments
+from heli3dof.model.estimation.filter_data import Stretch
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import default_profile
 
@@ -12,7 +13,7 @@ DT = 0.002
 
 
 def flying(n: int = 10_000, seed: int = 0, t: np.ndarray | None = None) -> Recording:
-    """Level flight of wandering angles; nothing is on a stop or a limit."""
+    """Level flight with slowly varying angles, away from stops and limits."""
     rng = np.random.default_rng(seed)
     t = np.arange(n) * DT if t is None else t
     angle = 0.1 * np.sin(t[:, None] * [0.7, 1.1, 0.3]) + 1e-3 * rng.standard_normal((n, 3))
@@ -20,24 +21,24 @@ def flying(n: int = 10_000, seed: int = 0, t: np.ndarray | None = None) -> Recor
     return make_recording(t, voltage, angle, default_profile(), meta={"name": f"flying-{seed}"})
 
 
-def test_the_voltage_is_averaged_over_the_interval_and_the_angle_picked_at_its_start() -> None:
+def test_segments_hold_mean_voltages_and_angles_at_the_interval_start() -> None:
     rec = flying()
-    cut = segments(prepare([rec]), [Run(0, 100, 130)], 10)[0]
+    cut = segments(prepare([rec]), [Stretch(0, 100, 130)], 10)[0]
     np.testing.assert_allclose(cut.u[0], rec.voltage[100:110].mean(axis=0))
     np.testing.assert_allclose(cut.u[2], rec.voltage[120:130].mean(axis=0))
     np.testing.assert_array_equal(cut.y, rec.angle[[100, 110, 120]])
 
 
-def test_unequal_sample_times_weigh_the_voltage_by_how_long_it_was_held() -> None:
+def test_the_mean_voltage_is_weighted_by_hold_time() -> None:
     t = np.cumsum(np.r_[0, np.tile([0.0022, 0.0018], 5000)])[:10_000]
     rec = flying(t=t)
     rec.voltage[0], rec.voltage[1] = 1.0, 2.0
-    cut = segments(prepare([rec]), [Run(0, 0, 4)], 2)[0]
+    cut = segments(prepare([rec]), [Stretch(0, 0, 4)], 2)[0]
     # (1 V · 2.2 ms + 2 V · 1.8 ms) / 4 ms = 1.45 V
     np.testing.assert_allclose(cut.u[0], 1.45)
 
 
-def test_segments_never_reach_across_a_long_gap() -> None:
+def test_a_long_gap_ends_a_segment() -> None:
     rec = flying()
     keep = np.ones(len(rec), dtype=bool)
     keep[4000:4050] = False
@@ -53,9 +54,9 @@ def test_segments_never_reach_across_a_long_gap() -> None:
     assert clock.lost_share == pytest.approx(50 / 10_000)
 
 
-def test_a_lost_sample_costs_no_run() -> None:
+def test_a_lost_sample_ends_no_run() -> None:
     whole = flying()
-    lost = np.arange(100, 10_000, 250)  # the last of them in the data set aside
+    lost = np.arange(100, 10_000, 250)  # the last one in the held-out data
     rec = whole.rows(np.delete(np.arange(10_000), lost))
     p = prepare([rec])
     assert len(p.train) == len(p.held_out) == 1
@@ -63,12 +64,12 @@ def test_a_lost_sample_costs_no_run() -> None:
     assert p.reports[0].clock.long_gaps == 0
 
 
-def test_over_lost_samples_the_voltage_is_held_and_the_angle_interpolated() -> None:
+def test_across_lost_samples_voltage_is_held_and_angle_interpolated() -> None:
     whole = flying()
     lost = [200, 207, 208]
     rec = whole.rows(np.delete(np.arange(10_000), lost))
-    (cut,) = segments(prepare([rec]), [Run(0, 0, 997)], 10)
-    (true,) = segments(prepare([whole]), [Run(0, 0, 1000)], 10)
+    (cut,) = segments(prepare([rec]), [Stretch(0, 0, 997)], 10)
+    (true,) = segments(prepare([whole]), [Stretch(0, 0, 1000)], 10)
     assert len(cut.y) == len(true.y) == 100
     untouched = np.delete(np.arange(100), [19, 20])
     np.testing.assert_allclose(cut.u[untouched], true.u[untouched], rtol=1e-9)
@@ -77,12 +78,12 @@ def test_over_lost_samples_the_voltage_is_held_and_the_angle_interpolated() -> N
     np.testing.assert_allclose(cut.y[20], whole.angle[[199, 201]].mean(axis=0), rtol=1e-9)
     # Row 20 holds samples 200 … 209: the 199th's voltage, 201 … 206, the 206th's twice more, 209.
     held = whole.voltage[[199, 201, 202, 203, 204, 205, 206, 206, 206, 209]].mean(axis=0)
-    # But what was held in row 19's last sample still belongs to row 19.
+    # The voltage held in row 19's last sample belongs to row 19.
     np.testing.assert_allclose(cut.u[20], held, rtol=1e-9)
     np.testing.assert_allclose(cut.u[19], true.u[19], rtol=1e-9)
 
 
-def test_the_clock_tells_period_and_jitter() -> None:
+def test_check_clock_measures_period_and_jitter() -> None:
     rng = np.random.default_rng(1)
     t = np.arange(5000) * DT + 1e-4 * rng.uniform(-1, 1, 5000)
     clock = check_clock(flying(t=t, n=5000))
@@ -115,17 +116,17 @@ def test_a_nan_is_left_out_and_counted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "says"),
+    ("spoil", "message"),
     [
         (lambda r: r.rows(slice(0, 2)), "holds 2 samples"),
         (lambda r: r.rows(slice(0, 1000)), "only 1.5 s in flight"),
         (lambda r: _set(r, "angle", np.s_[:, 1:], np.nan), "pitch, yaw was not measured"),
-        (lambda r: _set(r, "voltage", np.s_[:], 7.4), "constant from end to end"),
+        (lambda r: _set(r, "voltage", np.s_[:], 7.4), "constant throughout"),
         (lambda r: _set(r, "t", np.s_[500], r.t[499]), "does not increase at row 500"),
     ],
 )
-def test_a_recording_that_cannot_carry_a_fit_is_refused_with_its_reason(spoil, says) -> None:  # type: ignore[no-untyped-def]
-    with pytest.raises(RecordingError, match=says) as caught:
+def test_an_unusable_recording_is_rejected_with_its_reason(spoil, message) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(RecordingError, match=message) as caught:
         prepare([spoil(flying())])
     assert caught.value.fix
     assert caught.value.cause
@@ -136,17 +137,17 @@ def _set(rec: Recording, name: str, where, value) -> Recording:  # type: ignore[
     return rec
 
 
-def test_no_recording_at_all_is_said_so() -> None:
-    with pytest.raises(RecordingError, match="no recording"):
+def test_no_recording_is_an_error() -> None:
+    with pytest.raises(RecordingError, match="No recording"):
         prepare([])
 
 
-def test_recordings_of_two_rates_are_not_mixed() -> None:
+def test_recordings_of_two_rates_are_rejected() -> None:
     slow = flying(t=np.arange(10_000) * 0.005)
     with pytest.raises(RecordingError, match="every 5 ms"):
         prepare([flying(), slow])
 
 
-def test_the_report_says_when_the_log_is_slower_than_the_loop() -> None:
+def test_the_report_names_a_log_slower_than_the_loop() -> None:
     p = prepare([flying(t=np.arange(10_000) * 0.01)])
     assert any("not written at the control rate" in s for s in p.reports[0].sentences())

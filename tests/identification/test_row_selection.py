@@ -28,7 +28,7 @@ def from_the_table() -> np.ndarray:
     return np.concatenate([np.full(500, -27.5), np.linspace(-27.5, 0, 500), level])
 
 
-def test_rest_and_take_off_are_left_out_and_level_flight_is_kept() -> None:
+def test_rest_and_take_off_are_excluded_and_level_flight_is_kept() -> None:
     rows = unusable(flight(from_the_table()))
     assert rows["table"][:500].all()
     assert not rows["table"][520:].any()
@@ -38,7 +38,7 @@ def test_rest_and_take_off_are_left_out_and_level_flight_is_kept() -> None:
     assert not bad[2030:].any()
 
 
-def test_take_off_lasts_as_long_as_the_amplifier_is_at_its_limit() -> None:
+def test_take_off_lasts_while_the_amplifier_is_at_its_limit() -> None:
     roll = from_the_table()
     volts = np.where(np.arange(len(roll)) < 3000, 24.0, 7.0)
     rec = flight(roll, volts)
@@ -48,7 +48,7 @@ def test_take_off_lasts_as_long_as_the_amplifier_is_at_its_limit() -> None:
     assert clipped(rec).sum() == 3000
 
 
-def test_a_flight_that_starts_level_loses_nothing() -> None:
+def test_a_flight_that_starts_level_keeps_all_rows() -> None:
     rows = unusable(flight(10 * np.sin(np.arange(5000) * DT)))
     assert not any(m.any() for m in rows.values())
 
@@ -69,14 +69,14 @@ def test_a_single_zero_volt_sample_is_no_motor_cut() -> None:
     assert not unusable(flight(np.sin(np.arange(2500) * DT), volts))["motors_off"].any()
 
 
-def test_the_fall_at_the_end_is_left_out() -> None:
+def test_the_fall_at_the_end_is_excluded() -> None:
     roll = np.concatenate([from_the_table(), np.linspace(0, -27, 400)])
     rows = unusable(flight(roll))
     assert rows["falling"][-150:].all()
     assert not rows["falling"][:4900].any()
 
 
-def test_an_angle_on_its_stop_is_left_out_and_a_turning_point_is_not() -> None:
+def test_rest_at_a_stop_is_excluded_and_a_turning_point_is_not() -> None:
     n = 5000
     roll = 20 + 16 * np.sin(np.arange(n) * DT * 2)
     roll[2000:2400] = 36.0
@@ -85,8 +85,8 @@ def test_an_angle_on_its_stop_is_left_out_and_a_turning_point_is_not() -> None:
     assert rows["stop"].sum() < 450
 
 
-def test_an_angle_thrown_against_its_stop_is_left_out_however_short_it_rests_there() -> None:
-    """Roll at 60°/s, held at 32° for 50 ms: v T = 3°, where turning by itself gives 4 counts."""
+def test_an_impact_on_a_stop_is_excluded_even_if_short() -> None:
+    """Roll at 60°/s, held at 32° for 50 ms: v T = 3°, where a turning point gives 4 counts."""
     n = 5000
     turning = 28 * np.sin(np.arange(n) * DT * 2)
     blow = turning.copy()
@@ -101,7 +101,7 @@ def test_an_angle_thrown_against_its_stop_is_left_out_however_short_it_rests_the
     assert not unusable(flight(np.round(turning / grid) * grid))["stop"].any()
 
 
-def test_where_it_has_rested_on_a_stop_a_soft_touch_is_left_out_too() -> None:
+def test_a_soft_touch_of_a_known_stop_is_excluded() -> None:
     """15°/s and 20 ms on the count where later it rests for 0.5 s: v T = 0.3°, 3.4 counts, which
     alone is a turning point."""
     n, at, grid = 5000, 2000, 360 / 4096
@@ -119,8 +119,8 @@ def test_where_it_has_rested_on_a_stop_a_soft_touch_is_left_out_too() -> None:
     assert rows.sum() < 280
 
 
-def test_yaw_has_no_stop_and_may_rest_anywhere() -> None:
-    """Dry friction holds yaw on one count at 90° while roll and pitch fly on."""
+def test_yaw_has_no_stop() -> None:
+    """Dry friction holds yaw on one count at 90° while roll and pitch move."""
     level = flight(np.full(3000, 5.0))
     angle = level.angle.copy()
     angle[:, YAW] = np.deg2rad(np.minimum(90.0, np.linspace(0.0, 180.0, len(angle))))
@@ -128,7 +128,7 @@ def test_yaw_has_no_stop_and_may_rest_anywhere() -> None:
     assert not rows["stop"].any()
 
 
-def test_the_flight_loop_s_own_ramp_down_is_left_out() -> None:
+def test_the_ramp_down_is_excluded() -> None:
     rec = flight(np.sin(np.arange(3000) * DT))
     rec.channels["phase"] = np.where(np.arange(3000) < 2500, 0.0, 1.0)  # type: ignore[index]
     rows = unusable(rec)

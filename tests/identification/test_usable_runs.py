@@ -1,4 +1,4 @@
-"""Late and lost samples do not cut a flight for the grey box; a long gap does."""
+"""For the grey box, a long gap ends a run; late and lost samples do not."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from heli3dof.model.estimation.filter_data import data_of
 from tests.identification.test_preprocessing import flying
 
 
-def test_samples_that_are_late_by_most_of_a_period_cut_nothing() -> None:
+def test_late_samples_end_no_run() -> None:
     n = 5000
     late = np.random.default_rng(3).uniform(0.0, 0.9, n)
     (run,) = usable_runs(flying(n, t=0.002 * (np.arange(n) + late)), 0)
     assert (run.start, run.stop) == (0, n)
 
 
-def test_a_lost_sample_is_stepped_over_with_the_voltage_held() -> None:
+def test_the_voltage_is_held_across_a_lost_sample() -> None:
     t = 0.002 * np.delete(np.arange(5001), np.arange(50, 5000, 100))
     rec = flying(len(t), t=t)
     data = data_of([rec], usable_runs(rec, 0))

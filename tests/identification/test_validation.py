@@ -33,7 +33,7 @@ def test_the_fit_is_the_hand_computed_one() -> None:
     assert result.rows == 20
 
 
-def test_rows_without_a_prediction_do_not_count() -> None:
+def test_rows_without_a_prediction_are_not_scored() -> None:
     y = np.tile([[1.0], [-1.0]], (10, 3))
     predicted = y.copy()
     predicted[:4] = np.nan
@@ -47,7 +47,7 @@ def test_each_pair_is_measured_against_its_own_mean() -> None:
     np.testing.assert_allclose(result.fit_percent, 50)
 
 
-def test_predictions_over_held_out_rows_use_what_came_before(flown: Recording) -> None:
+def test_predictions_of_held_out_rows_use_the_rows_before(flown: Recording) -> None:
     p = prepare([flown])
     model = hover_model(flown.profile)
     ((y, predicted),) = predictions(model, p, p.held_out, 0.5)
@@ -58,7 +58,7 @@ def test_predictions_over_held_out_rows_use_what_came_before(flown: Recording) -
     np.testing.assert_allclose(predicted, whole, atol=1e-3)
 
 
-def test_a_recording_of_its_own_has_a_warm_up(flown: Recording) -> None:
+def test_a_separate_recording_has_a_warm_up(flown: Recording) -> None:
     p = prepare([flown], held_out=[flight("steps", seed=2, seconds=20)])
     ((_, predicted),) = predictions(hover_model(flown.profile), p, p.held_out, 0.5)
     assert np.isnan(predicted[:1250]).all()  # 2 s to settle and the horizon, at 500 Hz
@@ -73,13 +73,13 @@ def test_replay_flies_the_recording_s_own_loop(flown: Recording) -> None:
     assert task.V_o == flown.profile.motor.V_o
 
 
-def test_replay_is_scored_on_the_asked_rows_alone(flown: Recording) -> None:
+def test_replay_is_scored_on_the_given_rows_only(flown: Recording) -> None:
     p = prepare([flown])
     ((y, predicted),) = replays(hover_model(flown.profile), p, p.held_out)
     assert len(y) == len(predicted) == p.held_out[0].stop - p.held_out[0].start
 
 
-def test_a_diverging_loop_is_infinitely_wrong_not_missing(flown: Recording) -> None:
+def test_a_diverging_loop_has_a_huge_error(flown: Recording) -> None:
     p = prepare([flown])
     model = hover_model(flown.profile)
     runaway = replace(model, B=-model.B)
@@ -88,7 +88,7 @@ def test_a_diverging_loop_is_infinitely_wrong_not_missing(flown: Recording) -> N
     assert result.replay.fit_percent.min() < -1e3
 
 
-def test_why_there_is_no_replay_is_said(flown: Recording) -> None:
+def test_the_reason_for_no_replay_is_given(flown: Recording) -> None:
     unknown = replace(flown, profile=flown.profile.model_copy(update={"controller": None}))
     result = metrics(hover_model(flown.profile), prepare([unknown]), prepare([unknown]).held_out)
     assert "has no [controller]" in result.replay_note

@@ -1,4 +1,4 @@
-"""The weak form: its integrals by hand, and a start near the truth on a flight of the mock rig."""
+"""The weak form: its integrals, and initial values close to the truth on a mock flight."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ DT = 0.002
 
 
 def test_a_parabola_has_its_own_acceleration() -> None:
-    """q = 3 t²/2 + 5t − 2: the weak form weighs 3 rad/s² against the model's."""
+    """q = 3 t²/2 + 5t − 2: the weak form compares 3 rad/s² with the model's."""
     t = np.arange(0, 2, DT)
     q = np.repeat((1.5 * t**2 + 5 * t - 2)[:, None], 3, axis=1)
     found = span(np.ones(len(t), dtype=bool), DT, 0.4).integrals(q, np.full_like(q, 2.0))

@@ -1,4 +1,4 @@
-"""The rows of docs/reference/safety.md that need one process: the device's output, period by period."""
+"""The rows of docs/reference/safety.md in one process: the device's output, by period."""
 
 from __future__ import annotations
 

@@ -3,12 +3,12 @@
     x̂[k+1] = Ã x̂[k] + B u[k] + K y[k],      Ã = A − K C
       ŷ[k] = C x̂[k] + d,                      e[k] = y[k] − ŷ[k]
 
-u (m columns) and y (l columns) are deviations from fixed trims; d (l,) is the offset that is left.
+u (m columns) and y (l columns) are deviations from fixed trims; d (l,) is the remaining offset.
 For a direction θ_q in (Ã, B, K, C) the sensitivity ξ_q = ∂x̂/∂θ_q obeys the same recursion,
 
     ξ_q[k+1] = Ã ξ_q[k] + ∂Ã x̂[k] + ∂B u[k] + ∂K y[k],      ∂ŷ/∂θ_q = C ξ_q + ∂C x̂[k]
 
-and the directions run together down the innermost loop, where the compiler vectorises them.
+The directions q form the innermost loop, which the compiler vectorises.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def filter_states(
 
 @njit(cache=True)
 def free_responses(At: np.ndarray, C: np.ndarray, N: int) -> np.ndarray:
-    """(N, l, n): C Ã^k, how each entry of x̂[0] shows in ŷ[k]."""
+    """(N, l, n): C Ã^k = ∂ŷ[k]/∂x̂[0]."""
     n, l = At.shape[0], C.shape[0]
     out = np.zeros((N, l, n))
     row = C.copy()

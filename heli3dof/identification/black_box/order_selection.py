@@ -1,19 +1,18 @@
-"""Fits of every order and interval that is tried, and the choice among them.
+"""The order search: fits of every order and interval, and the choice among them.
 
-Two things decide how good a black box is in the loop, its order and the interval it is fitted at.
-Every 2 ms the encoder's grid is most of what an innovation holds; over 40 to 80 ms the rig's own
-motion is, and the voltages enter by their exact means. What is fitted is always the likelihood of
-the innovations (`heli3dof.identification.black_box.pem`); what *chooses* among the fits is the use
-that the model is made for:
+Order and interval decide how good a black box is in the loop. At 2 ms the encoders' grid dominates
+the innovations; over 40 to 80 ms the rig's own motion does, and the exact mean voltages are known.
+Each candidate maximises the likelihood of the innovations
+(`heli3dof.identification.black_box.pem`). The choice among candidates is by their use, on the
+*training* flights, as the mean fit over the axes of
 
 * predictions 1 s ahead, and
-* where the loop is known, its replay,
+* the closed-loop replay, where the controller is known.
 
-both of the *training* flights, mean fit over the axes. Neither is what was minimised, so in spite
-of being in-sample they do not flatter the larger order; replay finds the fits that are fine one
-step ahead and fall apart in the loop, and prediction the ones whose noise model is poor.
-
-The smallest order within `TIE` points of the best is taken. Held-out data have no say.
+Neither is the fitted criterion, so these in-sample scores do not favour a larger order. The replay
+rejects models that are good one step ahead and diverge in the loop; the prediction rejects poor
+noise models. The smallest order within `TIE` points of the best is taken. Held-out data are not
+used.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -30,40 +28,21 @@ from heli3dof.identification import validation
 from heli3dof.identification.black_box.pbsid import Pair, StateSpace, realise, states, varx
 from heli3dof.identification.black_box.pem import PemFit, pem
 from heli3dof.identification.black_box.resampling import NoContinuousModel, at_rate, trims
-from heli3dof.identification.preprocessing import Prepared, Run, segments
+from heli3dof.identification.fit_result import Candidate
+from heli3dof.identification.preprocessing import Prepared, segments
+from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.linear.model import LinearModel
 
 INTERVALS_S = (0.04, 0.08)
 ORDERS = (6, 7, 8, 9, 10)
 PAST_S = 0.5
+"""s, the past window of the VARX."""
 TIE = 0.2
+"""Percent of fit: the smallest order this close to the best is taken."""
 MEMORY_S = 2.0
-"""The longest time constant that a predictor may have. Nearly undisturbed data let it grow to
-tens of seconds, a memory of one flight's trim that misleads on the next."""
+"""s, the longest time constant of a predictor. With little disturbance an unconstrained one grows
+to tens of seconds: it then remembers one flight's trim, which is wrong in the next."""
 SELECT_HORIZON_S = 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """One fit that was tried. ``score`` is the mean fit % that the choice was made by."""
-
-    order: int
-    interval_s: float
-    score: float
-    log_likelihood: float
-    bic: float
-    problem: str
-    """Why it cannot be used, or empty."""
-
-    def to_json(self) -> dict[str, Any]:
-        return {
-            "order": self.order,
-            "interval_s": self.interval_s,
-            "score_percent": self.score,
-            "log_likelihood": self.log_likelihood,
-            "bic": self.bic,
-            "problem": self.problem,
-        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +68,7 @@ class Decimated:
 
 
 def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Decimated:
-    """Segments at the multiple of the control period that is nearest to ``interval_s``."""
+    """Segments decimated to about ``interval_s``, a multiple of the control period."""
     factor = max(1, round(interval_s / prepared.dt))
     cut = segments(prepared, runs, factor)
     u_mean = np.vstack([s.u for s in cut]).mean(axis=0)
@@ -99,15 +78,14 @@ def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Dec
 
 
 def past_window(d: Decimated, largest_order: int) -> int:
-    """The VARX order: `PAST_S` long, no shorter than the states need, no longer than data bear."""
+    """The VARX order: `PAST_S`, but enough for the states and at most a 30th of the rows."""
     rows = sum(len(u) for u, _ in d.data)
     want = max(round(PAST_S / d.interval_s), -(-largest_order // 3) + 2)
-    bearable = max(2, rows // 30)
-    return min(want, bearable)
+    return min(want, max(2, rows // 30))
 
 
 def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
-    """PBSID-opt models of several orders from one VARX."""
+    """Order → PBSID-opt model, all from one VARX."""
     orders = sorted(orders)
     p = past_window(d, orders[-1])
     usable = [(u, y) for u, y in d.data if len(u) > p]
@@ -117,9 +95,9 @@ def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
 
 
 def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str) -> StateSpaceFit:
-    """The fit by ``method`` (pem, oe or pbsid) from a PBSID start, brought to the interval dt.
+    """The fit by ``method`` (pem, oe or pbsid) from a PBSID start, resampled to dt (s).
 
-    Raises NoContinuousModel where it cannot be.
+    Raises NoContinuousModel where it cannot be resampled.
     """
     found = None
     model = start
@@ -146,7 +124,7 @@ def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str
 
 
 def selection_score(model: LinearModel, prepared: Prepared) -> float:
-    """Mean fit % on the training flights, over axes: 1 s ahead and, where it can be, replayed."""
+    """Mean fit % on the training flights: 1 s ahead and, where possible, in closed-loop replay."""
     runs = prepared.train
     scores = [validation.score(validation.predictions(model, prepared, runs, SELECT_HORIZON_S))]
     if not validation.replay_obstacle(prepared, sorted({r.source for r in runs})):
@@ -163,9 +141,9 @@ def search(
     intervals_s: Sequence[float] = INTERVALS_S,
     name: str = "black box",
 ) -> tuple[StateSpaceFit, list[Candidate]]:
-    """The chosen fit, and everything that was tried, in the order tried.
+    """The chosen fit, and all candidates in the order tried.
 
-    Raises RecordingError where nothing can be used.
+    Raises RecordingError where no candidate can be used.
     """
     tried: list[tuple[Candidate, StateSpaceFit | None]] = []
     for interval_s in intervals_s:
@@ -195,10 +173,10 @@ def search(
             tried.append((Candidate(n, d.interval_s, value, likelihood, bic, ""), fit))
     usable = [(c, f) for c, f in tried if f is not None and np.isfinite(c.score)]
     if not usable:
-        why = "; ".join(sorted({c.problem for c, _ in tried if c.problem})) or "none predicts"
+        reasons = "; ".join(sorted({c.problem for c, _ in tried if c.problem})) or "none predicts"
         raise RecordingError(
-            f"No {method} model can be fitted to these recordings ({why}).",
-            cause="too little data, or too little motion in it, for the order asked for.",
+            f"No {method} model can be fitted to these recordings ({reasons}).",
+            cause="too little data or motion for this order.",
             fix="heli3dof run multisine for 60 s or more, or a lower --order",
         )
     best = max(c.score for c, _ in usable)

@@ -1,10 +1,10 @@
 """PBSID-opt: a state-space model in innovation form from closed-loop data, without iterations.
 
-With Ã = A − KC stable, the predictor forgets: after p steps ŷ depends on the past only through
+With Ã = A − KC stable, ŷ depends (up to Ã^p) on the last p samples only:
 
     ŷ[k] = Σ_{j=1..p} Ξ_j z[k−j] + d,     z = (u, y),     Ξ_j = C Ã^{j−1} [B K]
 
-1. Ξ by least squares (VARX, QR): the innovations are white, so feedback does no harm.
+1. Ξ by least squares (VARX, QR). The innovations are white, so feedback causes no bias.
 2. The extended observability matrix times the controllability matrix, Γ 𝒦, is block upper
    triangular Toeplitz in Ξ; x̂ = the first n right singular vectors of Γ 𝒦 Z_p.
 3. C, then e, then A, B, K by regressions on x̂.
@@ -45,7 +45,7 @@ class StateSpace:
 
 @dataclass(frozen=True, eq=False)
 class Varx:
-    """The high-order predictor: Ξ (p, l, m+l), d (l,), innovations and how well it fits."""
+    """The high-order predictor: Ξ (p, l, m+l), d (l,), innovations and their covariance S."""
 
     Xi: np.ndarray
     d: np.ndarray
@@ -132,5 +132,5 @@ def pbsid(data: Sequence[Pair], n: int, p: int) -> StateSpace:
 
 
 def _triangle(a: np.ndarray) -> np.ndarray:
-    """R of the QR factorisation: all that least squares needs, and small."""
+    """R of the QR factorisation, sufficient for least squares."""
     return np.asarray(np.linalg.qr(a, mode="r"))

@@ -4,13 +4,13 @@ The criterion is the Gaussian likelihood with the innovations' covariance elimin
 
     V(θ) = ½ log det S(θ),      S = (1/N) Σ e[k] e[k]ᵀ
 
-minimised by Levenberg–Marquardt steps in the tangent space of (Ã, B, K, C): of all n(n+m+2l)
-entries only n(m+2l) directions change the predictor, the rest is a change of state coordinates
-(Ã → TÃT⁻¹ …). Those directions are removed at each iterate by a QR ("data-driven local
+minimised by Levenberg–Marquardt steps in the tangent space of (Ã, B, K, C). Of the n(n+m+2l)
+entries only n(m+2l) directions change the predictor; the others are changes of state coordinates
+(Ã → TÃT⁻¹ …). A QR at each iterate removes those ("data-driven local
 coordinates", McKelvey, Helmersson & Ribarits, Automatica 40 (2004) 1629–1635). The initial state of
 each segment enters linearly and is eliminated exactly (variable projection); the offset d is a
-parameter like the others. Working with Ã, K rather than A, K keeps the predictor's stability one
-inequality, ρ(Ã) < 1, and lets A have integrators or unstable poles.
+parameter like the others. In terms of Ã and K, a stable predictor is one inequality, ρ(Ã) < 1, and
+A may have integrators or unstable poles.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ RHO_MAX = 1 - 1e-7
 
 @dataclass(frozen=True, eq=False)
 class PemFit:
-    """The fit and its statistics, in the coordinates of `model`."""
+    """A fit with its covariance, in the state coordinates of ``model``."""
 
     model: StateSpace
     innovations: tuple[np.ndarray, ...]
     tangent: np.ndarray
     """(n(n+m+2l), p): columns are the directions ∂vec([Ã B K], C) of the parameters."""
     covariance: np.ndarray
-    """(p, p): of the parameters along those directions, sandwich form."""
+    """(p, p): of the parameters along those directions, in sandwich form."""
     cost: float
     iterations: int
     converged: bool
@@ -67,15 +67,15 @@ def pem(
     output_error: bool = False,
     rho_max: float = RHO_MAX,
 ) -> PemFit:
-    """Refine ``start`` (its K made stable if need be) on the segments ``data``.
+    """Minimise V on the segments ``data`` from ``start``, whose K is stabilised if needed.
 
     Args:
         data: segments at one rate, u (N, m) and y (N, l), deviations from fixed trims.
         start: for instance from `heli3dof.identification.black_box.pbsid.pbsid`.
-        max_iterations: accepted steps at most.
-        tolerance: stop when a step lowers V by less.
-        rho_max: the largest ρ(Ã) allowed; steps beyond it are refused.
-        output_error: hold K = 0, so that e is a simulation error. Biased under feedback.
+        max_iterations: most accepted steps.
+        tolerance: the search ends when a step lowers V by less.
+        rho_max: largest ρ(Ã); steps beyond it are rejected.
+        output_error: fix K = 0, so e is the simulation error. Biased under feedback.
     """
     u_s = np.vstack([u for u, _ in data]).std(axis=0) + 1e-12
     y_s = np.vstack([y for _, y in data]).std(axis=0) + 1e-12
@@ -115,7 +115,7 @@ def pem(
     H, _, M = _gram(scaled, point, T, scores=True)
     Hi = np.linalg.pinv(H, rcond=1e-12, hermitian=True)
     cov = Hi @ M @ Hi
-    # Back to V and rad: columns of the tangent scale like the entries they move.
+    # Back to V and rad: the tangent's rows scale like the entries they change.
     m = len(u_s)
     unit_W = np.hstack([np.ones((n, n)), np.ones((n, 1)) / u_s, np.ones((n, 1)) / y_s])
     unit = np.concatenate([unit_W.ravel(), np.repeat(y_s, n)])
@@ -136,7 +136,7 @@ def pem(
 
 
 def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """The predictor in balanced coordinates: no state much larger or fainter than its effect."""
+    """The predictor in balanced coordinates."""
     from scipy.linalg import cholesky, solve_discrete_lyapunov, svd
 
     At = W[:, :n]
@@ -156,7 +156,7 @@ def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndar
 
 
 def _evaluate(data, W, C, d, S, rho_max) -> _Point:  # type: ignore[no-untyped-def]
-    """Innovations with the best initial states, and the criterion (inf where Ã is unstable)."""
+    """Innovations with the best initial states, and the criterion; inf if ρ(Ã) > ``rho_max``."""
     n = W.shape[0]
     m = data[0][0].shape[1]
     At, B, K = (np.ascontiguousarray(a) for a in np.split(W, [n, n + m], axis=1))
@@ -214,7 +214,7 @@ def _move(point: _Point, T: np.ndarray, step: np.ndarray, l: int):  # type: igno
 
 
 def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ignore[no-untyped-def]
-    """Information H (p+l, p+l) and gradient g of (θ, d), the initial states projected out."""
+    """Information H (p+l, p+l) and gradient g of (θ, d), with the initial states eliminated."""
     n, l = point.W.shape[0], point.C.shape[0]
     p = T.shape[1]
     w = point.W.size
@@ -254,7 +254,7 @@ def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ig
 
 
 def _score_blocks(F: np.ndarray, back: np.ndarray, n: int, block: int = 50) -> np.ndarray:
-    """Σ s sᵀ over blocks of scores s: honest where innovations are not quite white."""
+    """Σ s sᵀ over sums of scores s in blocks; holds where innovations are slightly coloured."""
     F = F[:, :, n:] - F[:, :, :n] @ back
     s = np.einsum("kiq,ki->kq", F[:, :, :-1], F[:, :, -1])
     s = np.add.reduceat(s, np.arange(0, len(s), block), axis=0)

@@ -1,19 +1,19 @@
 """From a fit at a decimated rate to a `LinearModel` at the control rate, exactly.
 
-A, B at the interval T = q dt become A^{1/q} and the matching B by way of continuous time (the
-matrix logarithm of [A B; 0 I]). A mode on the negative real axis or at zero has no logarithm; it
-has died within one interval, and is replaced by one at |λ| (at least 0.001) with the same gain
-at zero frequency. The noise gain at the control rate is the Kalman gain for the process noise
-K S Kᵀ spread evenly over the q samples: measured on held-out flights it predicts 0.1 to 2.5 s
-ahead as well as the fit at its own rate does, and better than a K fitted to single 2 ms steps,
-where the encoder's grid is most of what is left to explain.
+A, B at the interval T = q dt become A^{1/q} and the matching B via continuous time (the matrix
+logarithm of [A B; 0 I]). A mode on the negative real axis or at zero has no logarithm. It decays
+within one interval, so a mode at |λ| (at least 0.001) with the same static gain replaces it.
+
+The gain K at the control rate is the Kalman gain for the process noise K S Kᵀ spread evenly over
+the q samples. On held-out flights it predicts 0.1 to 2.5 s ahead as well as the fit at its own
+rate, and better than a K fitted at 2 ms, where the encoders' grid dominates the innovations.
 
 The predictor's offset d becomes trims: y0 and u0 such that the predictor of
 
     x[k+1] = A x[k] + B (V[k] − u0) + K e[k],  y[k] = C x[k] + y0 + e[k]
 
-has the same constant term; of all such pairs, the smallest change (yaw integrates, so its offset
-is carried by pitch and the voltages).
+has the same constant term. Of all such pairs, the smallest change is taken (yaw integrates, so its
+offset is carried by pitch and the voltages).
 """
 
 from __future__ import annotations
@@ -27,21 +27,23 @@ from heli3dof.identification.black_box.stabilisation import kalman_gain, with_st
 from heli3dof.model.discretisation import held, released
 
 FASTEST = 1e-3
-"""Modes with z below this have died within one sample."""
+"""A mode with z below this decays within one sample."""
 SLOWEST_NEGATIVE = -0.5
+"""A mode with z below this has no continuous equivalent."""
 WELL_CONDITIONED = 1e6
+"""Condition of the eigenvectors below which modes are converted one by one."""
 VOLT_FOR_RADIAN = 20.0
-"""V of trim that count as much as 1 rad of trim, in the smallest change."""
+"""V of trim that weigh as much as 1 rad, where the smallest trim change is chosen."""
 
 
 class NoContinuousModel(ValueError):
-    """The fit has a mode that rings at half its sampling rate: no continuous model matches it."""
+    """The fit has a slow mode at half its sampling rate, which no continuous model has."""
 
 
 def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """A, B with modes that have no logarithm replaced, and how many were.
+    """A, B with modes without a logarithm replaced, and the number of those modes.
 
-    Raises NoContinuousModel where such a mode is slow (z below −0.5).
+    Raises NoContinuousModel if such a mode is slow (z below `SLOWEST_NEGATIVE`).
     """
     lam, V = np.linalg.eig(A)
     real = np.abs(lam.imag) <= 1e-9 * np.maximum(1, np.abs(lam))
@@ -59,8 +61,8 @@ def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.nd
 def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
     """(A, B) in continuous time of a model at interval T (s). Raises NoContinuousModel.
 
-    Mode by mode, s = log(z)/T and b_s = b_z s/(z − 1), which is fast enough to differentiate by;
-    by the matrix logarithm where modes nearly coincide.
+    Mode by mode, s = log(z)/T and b_s = b_z s/(z − 1), which is fast; by the matrix logarithm where
+    modes nearly coincide.
     """
     A, B, _ = with_real_logarithm(model.A, model.B)
     z, V = np.linalg.eig(A)
@@ -79,7 +81,7 @@ def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def at_rate(model: StateSpace, T: float, dt: float) -> StateSpace:
-    """The model of interval T (s) at the interval dt (s)."""
+    """The model of interval T (s), resampled to dt (s)."""
     A, B = held(*continuous(model, T), dt)
     if not model.K.any():
         return replace(model, A=A, B=B)
@@ -94,7 +96,7 @@ def at_rate(model: StateSpace, T: float, dt: float) -> StateSpace:
 def trims(
     model: StateSpace, u_mean: np.ndarray, y_mean: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(u0, y0) that stand for the offset d about the means that were taken off the data.
+    """(u0, y0): trims equivalent to the offset d about the subtracted means of the data.
 
     With G = (I − Ã)⁻¹:  [I − C G K] δy0 − C G B δu0 = d.
     """

@@ -1,4 +1,4 @@
-"""Starts that an iteration may begin from: a predictor that forgets, or a plant that stays put."""
+"""Stable initial models: a stable predictor, or a stable plant for output error."""
 
 from __future__ import annotations
 
@@ -28,11 +28,10 @@ def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> n
 
 
 def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
-    """The model with K replaced by a Kalman gain where ρ(A − K C) exceeds ``rho``.
+    """The model, with K replaced by a Kalman gain if ρ(A − K C) exceeds ``rho``.
 
-    Regression on estimated states (PBSID) does not promise a stable predictor. The process noise
-    is K S Kᵀ, inflated as little as makes the filter forget even the modes that noise does not
-    reach.
+    PBSID's regression on estimated states does not guarantee a stable predictor. The process noise
+    is K S Kᵀ plus the smallest multiple of I that stabilises modes without noise.
     """
     if spectral_radius(model.At) <= rho:
         return model
@@ -46,10 +45,10 @@ def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
 
 
 def stable_plant(model: StateSpace, rho: float = RHO) -> StateSpace:
-    """K = 0, and poles of A beyond ``rho`` drawn back to it: what output error can simulate."""
+    """The model with K = 0 and all poles of A inside ``rho``, so that it can be simulated."""
     lam, V = np.linalg.eig(model.A)
     size = np.maximum(np.abs(lam), 1e-300)
-    # A hair inside, so that rounding cannot put it outside.
+    # Slightly inside, so that rounding cannot move a pole outside.
     inside = rho * (1 - 1e-4)
     A = np.real(V * (lam * np.minimum(1.0, inside / size)) @ np.linalg.inv(V))
     return replace(model, A=A, K=np.zeros_like(model.K))

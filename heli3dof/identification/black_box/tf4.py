@@ -3,14 +3,14 @@
     y_i(s) = Σ_j N_ij(s)/D(s) u_j(s) + I_i(s)/D(s) + c_i/s
     D(s) = (s² + a₁ s + a₀)(s² + b₁ s + b₀),  a, b > 0,      deg N, deg I ≤ 3
 
-Fitted as the toolbox of the paper does by default: *output error*, with a stable denominator. For
-a given D everything else enters linearly, so the search is over log(a₁, a₀, b₁, b₀) alone
-(variable projection, Golub & Pereyra 1973); the input is held over each interval, and every
-segment has an initial condition I of its own.
+It is fitted like the paper's toolbox does by default: *output error* with a stable denominator. For
+a given D all other coefficients enter linearly, so the search is over log(a₁, a₀, b₁, b₀) only
+(variable projection, Golub & Pereyra 1973). The input is held over each interval, and each segment
+has its own initial condition I.
 
-It is here to reproduce the paper. Output error takes the voltages as independent of the
-disturbances; in closed loop they answer them. And four stable poles cannot hold this plant, which
-has at least six states and an integrator in yaw (erratum E14).
+The method exists to reproduce the paper. Output error assumes voltages that are independent of the
+disturbances, which does not hold in closed loop. And four stable poles cannot describe this plant,
+which has at least six states and an integrator in yaw (erratum E14).
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from heli3dof.identification.transfer_function import TransferFunctions
 from heli3dof.model.discretisation import held
 
 STARTS = ((0.3, 0.2, 0.3, 1.2), (0.7, 0.3, 0.7, 1.25), (1.0, 0.05, 2.0, 4.0), (2.0, 1.0, 5.0, 20.0))
-"""(a₁, a₀, b₁, b₀); the second is near the denominator of (17)."""
+"""(a₁, a₀, b₁, b₀); the second is close to the denominator of (17)."""
 BLOCK_S = 2.0
-"""Simulation errors are strongly coloured: scores are summed over blocks of this length."""
+"""Block length for the scores' sums, since simulation errors are strongly coloured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +56,7 @@ def companion(den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _regressors(data: Sequence[Pair], den: np.ndarray, T: float) -> np.ndarray:
-    """(ΣN, 8 + 4 per segment + 1): both voltages through s^k/D, free responses, and ones."""
+    """(ΣN, 8 + 4 per segment + 1): both voltages filtered by s^k/D, free responses, and ones."""
     from scipy.signal import lfilter
 
     A, B = held(*companion(den), T)
@@ -82,7 +82,7 @@ def _regressors(data: Sequence[Pair], den: np.ndarray, T: float) -> np.ndarray:
         free = np.zeros(N)
         free[0] = 1.0
         for i in range(n):
-            # The four shifts of 1/det span every free response.
+            # The four shifts of 1/det span all free responses.
             shifted = np.concatenate([np.zeros(i), free[: N - i]])
             out[row : row + N, m * n + s * n + i] = lfilter([1.0], denom, shifted)
         row += N
@@ -132,7 +132,7 @@ def _covariance(
     E: np.ndarray,
     size: np.ndarray,
 ) -> np.ndarray:
-    """Of [den[1:], num.ravel()]: sandwich, with scores summed over blocks of `BLOCK_S`."""
+    """The covariance of [den[1:], num.ravel()]: sandwich form, scores summed over `BLOCK_S`."""
     q, outputs = X.shape[1], E.shape[1]
     p = 4 + q * outputs
     J = np.zeros((len(E), outputs, p))
@@ -153,7 +153,7 @@ def _covariance(
     block = max(1, round(BLOCK_S / T))
     sums = np.add.reduceat(scores, np.arange(0, len(scores), block), axis=0)
     cov = H @ (sums.T @ sums) @ H * np.outer(scale, scale)
-    # To coefficients: den from its logarithmic factors; num in the order of `TransferFunctions`.
+    # To coefficients: den from its logarithms, num in the order of `TransferFunctions`.
     a1, a0, b1, b0 = np.exp(log_p)
     a, b = np.array([1.0, a1, a0]), np.array([1.0, b1, b0])
     D = np.column_stack(

@@ -1,4 +1,4 @@
-"""Method ``tf4``: the paper's form as a model that can fly; see `black_box.tf4`."""
+"""Method ``tf4``: the paper's form as a `LinearModel`; the fit is `black_box.tf4`'s."""
 
 from __future__ import annotations
 
@@ -10,20 +10,26 @@ from heli3dof.errors import UsageError
 from heli3dof.identification.black_box.one_step_predictor import filter_states, free_responses
 from heli3dof.identification.black_box.order_selection import decimated
 from heli3dof.identification.black_box.tf4 import fit_tf4, state_space
-from heli3dof.identification.fit_result import Found, Innovations, Request
-from heli3dof.identification.preprocessing import Prepared, Run
-from heli3dof.identification.uncertainty import Pole
+from heli3dof.identification.fit_result import (
+    FitResult,
+    Innovations,
+    Pole,
+    Request,
+    rightmost_first,
+)
+from heli3dof.identification.preprocessing import Prepared
+from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.linear.model import LinearModel
 
 INTERVAL_S = 0.04
 FOURTH_ORDER = (
-    "Fourth order cannot hold this plant, which has at least six states and an integrator in yaw "
-    "(erratum E14 of the paper)."
+    "Fourth order is too low for this plant, which has at least six states and an integrator in "
+    "yaw (erratum E14 of the paper)."
 )
 
 
-def fit(prepared: Prepared, request: Request) -> Found:
-    """Eq (17)'s form. Raises UsageError where another order is asked for."""
+def fit(prepared: Prepared, request: Request) -> FitResult:
+    """Fit eq (17)'s form. Raises UsageError for an order other than 4."""
     if request.order not in (None, 4):
         raise UsageError(
             f"--method tf4 has order 4, not {request.order}.",
@@ -54,13 +60,12 @@ def fit(prepared: Prepared, request: Request) -> Found:
         g = -(s ** np.arange(3, -1, -1)) / np.polyval(np.polyder(den), s)
         std = [float(np.sqrt(max(part @ cov[:4, :4] @ part, 0))) for part in (g.real, g.imag)]
         found.append(Pole(complex(s), *std))
-    found.sort(key=lambda p: (-p.value.real, p.value.imag))
-    return Found(
+    return FitResult(
         model=model,
         order=4,
         interval_s=d.interval_s,
         innovations=lambda p, runs: simulation_errors(model, p, runs, d.interval_s),
-        poles=tuple(found),
+        poles=rightmost_first(found),
         transfer=fitted.transfer,
         warnings=(FOURTH_ORDER,),
         response=lambda omega: _response(model, omega),

@@ -1,16 +1,17 @@
-"""From an optimum to what is known: values, standard deviations, bounds, correlations, verdicts.
+"""From an optimum to an estimate: values, standard deviations, bounds, correlations, verdicts.
 
-The information H = Σ w ∂c ∂cᵀ is the noise model's; what the scores really do is told by their
-sums over half seconds, B = Σ_b s_b s_bᵀ. With n parameters and m blocks
+The noise model gives the information H = Σ w ∂c ∂cᵀ. The actual scatter of the scores s follows
+from their sums over blocks of half a second, B = Σ_b s_b s_bᵀ. With n parameters and m blocks
 
     κ = max(1, tr(H⁻¹ B)/n · m/(m − n))      cov = κ (H + Λ)⁻¹
 
-so the intervals stay right where the noise is not what the filter believes. One number is used,
-not the whole sandwich H⁻¹ B H⁻¹, because with a hundred blocks each entry of B is off by 10 to
-20 % and their average by 2 to 5 %.
+so the intervals hold even where the noise model does not. κ is one number in place of the full
+sandwich H⁻¹ B H⁻¹, because with a hundred blocks each entry of B is uncertain by 10 to 20 %, their
+average by 2 to 5 %. Values below 1 are not used: blocks of half a second miss the scatter from slow
+drifts.
 
-The Cramér–Rao bound beside each is that of the same rig read by encoders whose rounding is white
-noise of variance Δ²/12, at the process noise estimated (its intensity scaled by √κ too).
+The Cramér–Rao bound is that of the same rig with encoders whose rounding is white noise of variance
+Δ²/12, at the estimated process noise (its intensity scaled by √κ).
 """
 
 from __future__ import annotations
@@ -23,33 +24,34 @@ import numpy as np
 from heli3dof.identification.greybox.initialisation import likeliest_start
 from heli3dof.identification.greybox.likelihood import Likelihood, score_and_information
 from heli3dof.identification.greybox.maximum_likelihood import OTHER_ROUNDS, Optimum, maximise
+from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.model.effects import Term
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.physics.parametrisation import Free, Structure
 
 BLOCK_S = 0.5
 TIED = 0.9
-"""Parameters correlated more than this trade off against each other."""
+"""Parameters with a larger correlation trade off against each other."""
 PRIOR_SPEAKS = 0.5
-"""Share of the prior's standard deviation above which the recordings said nothing."""
+"""A parameter whose σ exceeds this share of its prior's is not identifiable."""
 VAGUE_LOG = 0.4
-"""Standard deviation of a logarithm above which a parameter counts as not identifiable."""
+"""A parameter whose logarithm has a larger σ is not identifiable."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What may be said of one parameter."""
+    """Whether one parameter can be relied on."""
 
     identifiable: bool
     absent: bool
-    """An effect that cannot be told from its absence, two standard deviations."""
+    """Within two standard deviations of having no effect."""
     tied_with: tuple[str, ...]
     sentence: str
-    """Empty where there is nothing to say."""
+    """A warning; empty if there is none."""
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class Estimate(PhysicalFit):
     """A fitted rig: n parameters in the order of ``structure.free``."""
 
     problem: Likelihood
@@ -63,29 +65,14 @@ class Estimate:
     def free(self) -> tuple[Free, ...]:
         return self.structure.free
 
-    @cached_property
-    def values(self) -> np.ndarray:
-        """(n,) in their units"""
-        return self.problem.values(self.optimum.theta)
-
     @property
     def theta(self) -> np.ndarray:
         """(n,) coordinates"""
         return self.optimum.theta
 
-    def values_at(self, theta: np.ndarray) -> np.ndarray:
-        """(n,) coordinates → values"""
-        return self.problem.values(theta)
-
-    @cached_property
-    def slopes(self) -> np.ndarray:
-        """(n,) ∂value/∂coordinate"""
-        return np.array([f.slope(v) for f, v in zip(self.free, self.values, strict=True)])
-
     @cached_property
     def inflation(self) -> float:
-        """κ, at least 1 (scores of half seconds scatter less than those of slow drifts); 1 where
-        there are too few blocks to say."""
+        """κ ≥ 1; 1 where there are too few blocks to estimate it."""
         o, n = self.optimum, len(self.free)
         scores = block_scores(self.problem.data, o, BLOCK_S)
         m = len(scores)
@@ -100,16 +87,6 @@ class Estimate:
         """(n, n) of the values, in their units"""
         A = self.optimum.information + np.diag(self.problem.prior_precision)
         return np.asarray(self.inflation * np.linalg.inv(A) * np.outer(self.slopes, self.slopes))
-
-    @property
-    def std(self) -> np.ndarray:
-        """(n,) in the units of the values"""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
-
-    @property
-    def correlation(self) -> np.ndarray:
-        """(n, n)"""
-        return np.asarray(self.covariance / np.outer(self.std, self.std))
 
     @cached_property
     def bound(self) -> np.ndarray:
@@ -147,18 +124,18 @@ class Estimate:
     def _sentence(self, f: Free, vague: bool, tied: tuple[str, ...]) -> str:
         if not vague:
             return ""
-        said = f"{f.name} is not identifiable from these recordings"
+        verdict = f"{f.name} is not identifiable from these recordings"
         if tied:
-            said += f": it trades off against {', '.join(tied)}"
+            verdict += f": it trades off against {', '.join(tied)}"
         owner = next((t for t in self.structure.terms if t.name == f.term), None)
         plan = (owner.effect.separated_by if owner else "") or "multisine"
-        return f"{said}. A recording of the plan {plan!r} would tell more: heli3dof run {plan}"
+        return f"{verdict}. The plan {plan!r} gives more information: heli3dof run {plan}"
 
 
 def estimate(
     problem: Likelihood, *, start: np.ndarray | None = None, noise: np.ndarray | None = None
 ) -> Estimate:
-    """The best of the starts: the nominal rig, and where that does not settle, others beside it."""
+    """The fit from the nominal rig, or from other starts if that does not converge."""
     if any(t.effect.starts for t in problem.structure.terms):
         start, noise = likeliest_start(
             problem, problem.prior_mean if start is None else start, noise
@@ -176,7 +153,7 @@ def estimate(
 
 
 def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
-    """(m, n) sums of the scores over blocks of that many seconds; blocks do not cross runs."""
+    """(m, n) sums of the scores over blocks of ``block_s``; blocks do not cross runs."""
     o = optimum
     which = np.zeros(len(data.t), dtype=np.int64)
     at = 0
@@ -189,7 +166,7 @@ def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
 
 
 def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """(n,) the bound on each coordinate's standard deviation, priors included; see the module."""
+    """(n,) the bound on each coordinate's standard deviation, prior included; see the module."""
     white = replace(
         problem,
         data=replace(problem.data, grid=np.zeros_like(problem.data.grid)),
@@ -202,20 +179,21 @@ def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.
 
 @dataclass(frozen=True)
 class Candidate:
-    """What one more term would bring: twice the log-likelihood it would win, and its numbers."""
+    """The score test of one more term, and its parameters' values."""
 
     name: str
     score: float
-    """χ² with as many degrees of freedom as the term has parameters, other parameters refitted."""
+    """χ² with as many degrees of freedom as the term has parameters: twice the log-likelihood
+    gained when all parameters are refitted, to second order."""
     values: tuple[float, ...]
-    """One Gauss–Newton step's estimate, in the parameters' units."""
+    """The estimate of one Gauss–Newton step, in the parameters' units."""
 
 
 def score_test(found: Estimate, term: Term) -> Candidate:
     """Rao's score test of one more term: one linearisation, no fit (10 ms per parameter per 60 s).
 
-    The term is taken at its absence; at its start where it has none (logarithms), or where the
-    first bit of it changes nothing (`motor.saturation`), and then the score says little.
+    The linearisation point is the term's absence. A logarithmic parameter has none, so its start is
+    used. The score of a term whose first order vanishes (`motor.saturation`) means little.
     """
     wider = Structure(found.structure.profile, (*found.structure.terms, term))
     problem = replace(found.problem, structure=wider)

@@ -1,35 +1,44 @@
-"""The method ``freeflight``: physical parameters from free flights of up to 3 s.
+"""The method ``freeflight``: physical parameters from free-run predictions of up to 3 s.
 
-For real rigs whose log's clock lies (`heli3dof.recording.logs.sampling_jitter` finds that from the
-motion), or whose motion one step ahead is no white noise
-(`heli3dof.identification.greybox.noise_check`); what is minimised, and why, stands in
-`heli3dof.identification.greybox.multistep`. ``greybox`` hands over to it by itself where it finds
-either and no terms were asked for.
+It suits real rigs with sampling jitter (`heli3dof.recording.logs.sampling_jitter`) or with
+unmodelled fast motion (`heli3dof.identification.greybox.noise_check`). The method ``greybox`` calls
+it where it detects either and no terms were given. The criterion stands in
+`heli3dof.identification.greybox.multistep`.
 
-`REAL_TERMS` are what identified rigs were found to need beside the defaults: thrust as a power of
-the rotor's speed, a spin-up limit, dry friction, inflow, the propellers' momentum, flapping, what a
-body that hangs below its axis does where the rig spins, and an offset of the pitch encoder that is
-another in every recording (it is zeroed wherever the body happened to hang), and a weight that is
-(what it lifts, or how well its motors pull when warm: `mass.imbalance` stands for both). `PRIORS`
-are what is known of their sizes before any flight.
+`REAL_TERMS` are the effects that identified rigs needed: thrust as a power of rotor speed, a limit
+on spin-up, dry friction, inflow, the propellers' angular momentum, flapping, and the coupling of a
+body that hangs below its axis while yaw moves. Two more differ by recording: the offset of the
+pitch encoder (it is zeroed wherever the body hung), and the trim torque (``mass.imbalance``:
+weight, or thrust that falls as motors warm up). `PRIORS` are the expected sizes.
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.errors import RecordingError
-from heli3dof.identification.fit_result import Found, Parameter, Request
+from heli3dof.identification.fit_result import FitResult, Parameter, Request
+from heli3dof.identification.greybox.linear_uncertainty import (
+    TEST_INTERVAL_S,
+    innovations,
+    linear_figures,
+)
 from heli3dof.identification.greybox.multistep import Fitted, MultiStep, search
 from heli3dof.identification.greybox.weak_form import weak_start
-from heli3dof.identification.preprocessing import Prepared, Run
-from heli3dof.identification.row_selection import unusable
+from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.row_selection import stretches, unusable
 from heli3dof.model.effects import terms
-from heli3dof.model.estimation.filter_data import GAP, Stretch, climb_rows, data_of, starts_on_table
+from heli3dof.model.estimation.filter_data import (
+    GAP,
+    Run,
+    Stretch,
+    climb_rows,
+    data_of,
+    starts_on_table,
+)
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.multistep import Flight
 from heli3dof.model.greybox.prediction import held, table_of
@@ -58,7 +67,7 @@ REAL_TERMS = (
 OFFSET = "encoder.offset.pitch.angle_deg"
 WEIGHT = "mass.imbalance.torque_Nm"
 VARYING = {OFFSET: 3.0, WEIGHT: 0.1}
-"""How far apart two recordings' zeros lie (°), and what a motor must lift (N·m)."""
+"""Parameter → standard deviation between recordings: encoder offset (°), weight (N·m)."""
 PRIORS: dict[str, tuple[float, float]] = {
     "motor.rotor_curve.exponent": (2.0, 0.2),
     "motor.lag.time_constant_s": (0.1, 0.05),
@@ -80,34 +89,35 @@ PRIORS: dict[str, tuple[float, float]] = {
     OFFSET: (0.0, 8.0),
     WEIGHT: (0.0, 0.1),
 }
-"""Mean and standard deviation: what identified rigs and propellers are like. Flights about
-one trim would let terms cancel one another: pitch damping and flapping act alike until yaw moves.
-"""
+"""Parameter → prior mean and standard deviation, from identified rigs and propellers. Without them
+terms would cancel one another in flights about one trim: pitch damping and flapping act alike until
+yaw moves."""
 POSITIVE = ("friction.", "aero.flapping", "stiffness.pendulum")
-"""What can only take energy, or pull back: never below zero."""
+"""Effects that only dissipate energy or restore: bounded below by zero."""
 COMMON_STD = 0.15
+"""Prior standard deviation of the logarithm of the inertias' common factor."""
 WINDOW_S = 3.0
 APART_S = 0.2
 LEAST_WINDOWS = 20
 LEAST_STARTS = 2
-"""Of one recording, to be fitted."""
+"""Recordings with fewer windows are left out."""
+PRIOR_SHARE = 0.7
+"""A parameter is reported as unreliable where its σ is above this share of its prior's."""
 INSTEAD = (
-    "Fitted to free flights of up to 3 s instead (method freeflight); "
+    "Fitted to free-run predictions of up to 3 s instead (method freeflight); "
     "--method greybox --terms NAME,… forces the likelihood."
 )
 
 
-def fit(prepared: Prepared, request: Request) -> Found:
-    """Free flights of the training runs of the prepared recordings."""
-    from heli3dof.identification.greybox.method import TEST_INTERVAL_S, innovations, linear_figures
-
+def fit(prepared: Prepared, request: Request) -> FitResult:
+    """The multi-step fit to the training runs."""
     sources = sorted({r.source for r in prepared.train})
     several = [_cut(prepared.recordings[i], prepared.train, i) for i in sources]
     found = fit_freeflight(several, request.terms or REAL_TERMS)
     whole = [prepared.recordings[i] for i in sources]
     model = model_of(found, whole, request.name)
     poles, transfer, response = linear_figures(found, prepared.dt)
-    return Found(
+    return FitResult(
         model=model,
         order=model.linear(prepared.dt).order,
         interval_s=prepared.dt,
@@ -123,27 +133,27 @@ def fit(prepared: Prepared, request: Request) -> Found:
 
 
 def fit_freeflight(
-    recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS, *, threads: int = 2,
+    recordings: Sequence[Recording],
+    names: Sequence[str] = REAL_TERMS,
+    *,
     say: Callable[[str], None] | None = None,
-) -> Fitted:  # fmt: skip
-    """Fit a rig with these terms to flights with all three angles; ``say`` hears of each round.
+) -> Fitted:
+    """Fit a rig with these terms to recordings with all three angles; ``say`` reports each round.
 
-    Raises RecordingError where no free flight of 3 s fits between take-off, table and stops.
+    Raises RecordingError where too few windows of 3 s lie between take-off, table and stops.
     """
-    problem = problem_of(recordings, names, threads=threads)
+    problem = problem_of(recordings, names)
     return search(problem, weak_start(problem, say=say), say=say)
 
 
-def problem_of(
-    recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS, *, threads: int = 2
-) -> MultiStep:
-    """The recordings cut into windows, with the priors of this module."""
+def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS) -> MultiStep:
+    """The least-squares problem: the recordings cut into windows, with this module's priors."""
     structure = Structure(recordings[0].profile, terms(names))
     parts = [(r, flight_of(r)) for r in recordings]
     flights = [(r, f) for r, f in parts if len(f.starts) >= LEAST_STARTS]
     if sum(len(f.starts) for _, f in flights) < LEAST_WINDOWS:
         raise RecordingError(
-            f"There are too few free flights of {WINDOW_S:.0f} s to fit.",
+            f"There are fewer than {LEAST_WINDOWS} windows of {WINDOW_S:.0f} s in flight to fit.",
             cause="the recordings are short, or spend their time on the table or at a stop.",
             fix="heli3dof info on the recordings, or --method greybox --terms NAME,…",
         )
@@ -168,12 +178,11 @@ def problem_of(
         centre={k: v for k, (v, _) in priors.items()},
         least={k: 0.0 for k in structure.names if k.startswith(POSITIVE)},
         common_std=COMMON_STD,
-        threads=threads,
     )
 
 
 def flight_of(recording: Recording) -> Flight:
-    """The recording and its starts, every `APART_S`, whose windows hold usable rows only."""
+    """The recording with its windows' starts, every `APART_S`, where all rows are usable."""
     r = recording
     n, every = round(WINDOW_S / r.dt), max(1, round(APART_S / r.dt))
     bad = ~free_rows(r)
@@ -187,38 +196,34 @@ def flight_of(recording: Recording) -> Flight:
 
 
 def free_rows(recording: Recording) -> np.ndarray:
-    """(N,) bool: usable, and a take-off counts from the end of its climb.
+    """(N,) bool: rows in flight that the rigid body may be fitted to.
 
-    A linear model needs seconds more (`heli3dof.identification.row_selection`), the rigid body does
-    not.
+    Take-off is usable from the end of the climb, seconds earlier than for a linear model
+    (`heli3dof.identification.row_selection`).
     """
     masks = unusable(recording)
     bad = np.logical_or.reduce([m for reason, m in masks.items() if reason != "take_off"])
     bad |= np.concatenate([[False], np.diff(recording.t) > GAP * recording.dt])
     roll = recording.angle[:, 0]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], masks["take_off"].astype(int), [0]])))
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
+    for a, b in stretches(masks["take_off"]):
         bad[a : a + climb_rows(roll[a:b], float(np.nanmin(roll)), recording.dt)] = True
     return np.asarray(~bad)
 
 
 def _airborne(recording: Recording) -> list[Stretch]:
-    """Stretches off the table in which everything was read: where the filter runs."""
+    """Stretches off the table without missing readings: where the filter runs."""
     ok = ~table_of(recording)[1] & ~unusable(recording)["unread"]
     breaks = np.flatnonzero(np.diff(recording.t) > GAP * recording.dt) + 1
-    edges = np.unique(
-        np.concatenate([[0, len(ok)], breaks, np.flatnonzero(np.diff(ok.astype(int))) + 1])
-    )
-    return [Stretch(0, int(a), int(b)) for a, b in itertools.pairwise(edges) if ok[a] and b - a > 2]
+    return [Stretch(0, a, b) for a, b in stretches(ok, breaks) if b - a > 2]
 
 
 def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:
-    """The recording up to the last row that may be fitted."""
+    """The recording up to its last training row."""
     return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
 
 
 def model_of(found: Fitted, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
-    """The fitted model, whose predictions re-estimate what differs by recording."""
+    """The fitted model; its predictions re-estimate parameters that differ by recording."""
     return GreyBoxModel(
         name=name,
         profile=found.structure.profile,
@@ -238,29 +243,30 @@ def model_of(found: Fitted, recordings: Sequence[Recording], name: str) -> GreyB
 
 
 def parameters(found: Fitted) -> dict[str, Parameter]:
-    """By name, with standard deviation, nominal value and verdict."""
+    """Name → value with standard deviation, nominal value and verdict."""
     out = {}
     std, prior = found.std, found.prior_std
     for f, v, s, p in zip(found.structure.free, found.values, std, prior, strict=True):
-        vague = s > 0.7 * p and f.name not in found.problem.varying
-        said = f"{f.name}: these recordings say little of it; its prior does." if vague else ""
+        vague = s > PRIOR_SHARE * p and f.name not in found.problem.varying
+        verdict = f"{f.name} is not identifiable from these recordings: its value is the prior's."
+        verdict = verdict if vague else ""
         nominal = f.start if f.term is None else f.null
-        out[f.name] = Parameter(float(v), float(s), f.unit, np.nan, nominal, said)
+        out[f.name] = Parameter(float(v), float(s), f.unit, np.nan, nominal, verdict)
     return out
 
 
 def warnings(found: Fitted) -> tuple[str, ...]:
-    """What to be told of besides the numbers."""
-    said = [p.verdict for p in parameters(found).values() if p.verdict]
+    """Warnings: unidentifiable parameters, no convergence, values that differ by recording."""
+    out = [p.verdict for p in parameters(found).values() if p.verdict]
     if not found.converged:
-        said.append(f"The fit had not settled after {found.rounds} rounds: too little motion.")
+        out.append(f"The fit had not converged after {found.rounds} rounds: too little motion.")
     for name, values in found.by_recording.items():
         each = ", ".join(f"{v:.3g}" for v in values)
-        whose = "differs by recording" if len(values) > 1 else "may differ by recording, here"
-        said.append(f"{name} {whose}: {each}. Predictions re-estimate it.")
-    return tuple(said)
+        claim = "differs by recording" if len(values) > 1 else "may differ by recording, here"
+        out.append(f"{name} {claim}: {each}. Predictions re-estimate it.")
+    return tuple(out)
 
 
-def handed_over(found: Found, why: str) -> Found:
-    """The same, saying why the likelihood was left."""
-    return replace(found, method="freeflight", warnings=(f"{why} {INSTEAD}", *found.warnings))
+def handed_over(found: FitResult, reason: str) -> FitResult:
+    """The result, marked as fitted by ``freeflight``, with the reason as its first warning."""
+    return replace(found, method="freeflight", warnings=(f"{reason} {INSTEAD}", *found.warnings))

@@ -1,8 +1,8 @@
-"""Where to start a fit whose likelihood has no slope at the start: at the likeliest of some values.
+"""Initial values where the likelihood is flat at the nominal start: the likeliest of a few.
 
-A play of an encoder (`encoder.backlash`) is such a one: a filter that believes in none puts all of
-it down to process noise, and then sees nothing. So the likelihood is evaluated at the values that
-the effect names in ``starts``, all of them, for there are several hills; the noise settles at each.
+An example is ``encoder.backlash``: a filter without backlash explains all of it by process noise,
+so its likelihood has no slope there. The likelihood is therefore evaluated at every value that the
+effect lists in ``starts`` (it can have several maxima), after the noise has adapted to each.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_START, better_noise
 
 SETTLING = 3
-"""Rounds of the noise at each value."""
+"""Noise updates at each value."""
 
 
 def likeliest_start(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(coordinates (n,), noise (4,)): ``theta`` with each such effect at the likeliest value.
+    """(coordinates (n,), noise (4,)): ``theta`` with each such effect at its likeliest start.
 
-    What ``theta`` says is one of the values.
+    The value in ``theta`` is one of those tried.
     """
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     theta = theta.copy()

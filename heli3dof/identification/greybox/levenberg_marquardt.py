@@ -1,39 +1,40 @@
-"""Levenberg's descent of residuals beside a prior, within bounds; with few or many tangents.
+"""Levenberg–Marquardt descent of residuals with a prior, within bounds.
 
     Q(z) = r(z)ᵀ r(z) + (z − z_0)ᵀ Λ (z − z_0),      D = ∂r/∂z by differences,  (dim, R)
 
-`descend` takes D anew in every round: dim evaluations of r for each step. `follow_on` starts near
-a minimum, with the tangents of a problem next to it (some rows fewer, a term fewer), and lets every
-evaluation mend them, with d the step and w = diag(D Dᵀ + Λ) d (Broyden):
+`descend` computes D in every round: dim evaluations of r per step. `follow_on` starts near a
+minimum with the tangents of a similar problem (without some rows or a term), and updates them from
+every evaluation (Broyden), with d the step and w = diag(D Dᵀ + Λ) d:
 
     D ← D + w (r(z + d) − r(z) − Dᵀ d)ᵀ / (wᵀ d)
 
-so that D predicts the step that was just made. D is taken anew only where a step that it proposed
-was worth less than half, or more than one and a half times, what it promised.
+It recomputes D only after a step gained less than half, or more than one and a half times, what D
+predicted.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+
+from heli3dof.parallel import in_threads
 
 TRIES = 8
 DAMPING = 1e-3
 FRESH = 2
-"""How often `follow_on` may take D anew."""
+"""How often `follow_on` may recompute D."""
 ENOUGH = 30
-"""Evaluations in which it ends, differences aside."""
+"""Largest number of evaluations in `follow_on`, differences aside."""
 KEPT = 0.5
-"""Of what was promised."""
+"""Share of a step's predicted gain; a larger deviation from the prediction triggers a new D."""
 Residuals = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
-class Valley:
-    """What is minimised, and where one may walk."""
+class LeastSquares:
+    """The cost Q, its prior and the bounds."""
 
     residuals: Residuals
     centre: np.ndarray
@@ -44,22 +45,21 @@ class Valley:
     high: np.ndarray
     difference: float
     """Step of the differences"""
-    many: Any = map
-    """As `map`, perhaps in threads"""
 
     def cost(self, r: np.ndarray, z: np.ndarray) -> float:
         d = z - self.centre
         return float(r @ r + d @ self.prior @ d)
 
     def tangents(self, z: np.ndarray, r: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
-        """(len(which), R) rows of D, all where none are named."""
+        """(len(which), R) rows of D; all rows by default."""
         side = np.where(z + self.difference < self.high, self.difference, -self.difference)
         j = np.arange(len(z)) if which is None else which
-        moved = list(self.many(self.residuals, [z + side * (np.arange(len(z)) == i) for i in j]))
+        points = [z + side * (np.arange(len(z)) == i) for i in j]
+        moved = in_threads(lambda k: self.residuals(points[k]), len(points))
         return np.asarray((np.array(moved).reshape(len(j), len(r)) - r) / side[j, None])
 
     def step(self, z: np.ndarray, g: np.ndarray, H: np.ndarray, damping: float) -> np.ndarray:
-        """Where that step leads; what would leave the bounds stops there, and the rest knows."""
+        """The end of a damped step; coordinates at a bound stay there, the others are re-solved."""
         A = H + damping * np.diag(np.diag(H))
         stopped = ((z <= self.low) & (g > 0)) | ((z >= self.high) & (g < 0))
         d = np.zeros(len(z))
@@ -76,13 +76,13 @@ class Valley:
 
 
 @dataclass(frozen=True, eq=False)
-class Reached:
-    """Where a descent ended."""
+class Descent:
+    """The result of a descent."""
 
     z: np.ndarray
     cost: float
     begun: float
-    """The cost at its start"""
+    """The cost at the start"""
     tangents: np.ndarray
     """(dim, R), of the last round"""
     rounds: int
@@ -90,10 +90,10 @@ class Reached:
 
 
 def descend(
-    v: Valley, z: np.ndarray, *, rounds: int, settled: float,
+    v: LeastSquares, z: np.ndarray, *, rounds: int, settled: float,
     say: Callable[[int, float, float], None] | None = None,
-) -> Reached:  # fmt: skip
-    """To where a round gains less than ``settled``; ``say(round, cost at the start, cost)``."""
+) -> Descent:  # fmt: skip
+    """Descend until a round gains less than ``settled``; calls ``say(round, first cost, cost)``."""
     r = v.residuals(z)
     here = begun = v.cost(r, z)
     damping, done, count = DAMPING, False, 0
@@ -115,15 +115,17 @@ def descend(
         if gain < settled:
             done = True
             break
-    return Reached(z, here, begun, D, count, done)
+    return Descent(z, here, begun, D, count, done)
 
 
 def follow_on(
-    v: Valley, z: np.ndarray, tangents: np.ndarray | None, *, settled: float, share: float = 0.0,
-    enough: int = ENOUGH, fresh: int = FRESH,
-) -> Reached:  # fmt: skip
-    """To where a step promises less than ``settled``; rows of ``tangents`` that are NaN are taken
-    anew, all where there are none."""
+    v: LeastSquares, z: np.ndarray, tangents: np.ndarray | None, *, settled: float,
+    share: float = 0.0, enough: int = ENOUGH, fresh: int = FRESH,
+) -> Descent:  # fmt: skip
+    """Descend until a step's predicted gain is below ``settled``, or below ``share`` of the cost.
+
+    ``tangents`` (dim, R) are the initial D; rows that are NaN are computed, all if it is None.
+    """
     r = v.residuals(z)
     here = begun = v.cost(r, z)
     D = np.full((len(z), len(r)), np.nan) if tangents is None else tangents.copy()
@@ -158,4 +160,4 @@ def follow_on(
             if failed > 1 and fresh:
                 fresh, doubted, failed, damping = fresh - 1, False, 0, DAMPING
                 D = v.tangents(z, r)
-    return Reached(z, here, begun, D, count, done)
+    return Descent(z, here, begun, D, count, done)

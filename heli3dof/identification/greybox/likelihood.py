@@ -2,15 +2,14 @@
 
     ℓ(θ, a) = Σ_k Σ_i ln Z_ik + ln prior(θ)
 
-from the filter of `heli3dof.model.estimation.ekf_quantised`; θ in the coordinates of `Free.inward`
-(logarithms, or units of the typical size), a (4,) the noise: the intensities of the angular
-acceleration on roll, pitch and yaw, rad/s²/√Hz, and the jitter of the samples' instants, s. The
-prior is N(start, spread²) per parameter: weak, there only so that a parameter of which the
-recordings say nothing stays where it was.
+Z comes from the filter of `heli3dof.model.estimation.ekf_quantised`. θ is in the coordinates of
+`Free.inward` (logarithms, or units of the typical size). a (4,) is the noise: the intensities of
+the angular acceleration on roll, pitch and yaw, rad/s²/√Hz, and the sampling jitter, s. The prior
+N(start, spread²) of each parameter is weak: it only fixes parameters that the recordings carry no
+information about.
 
-Far from the rig a simulated one may diverge between two readings. Then ℓ = −∞, so that a search
-rejects the point, and the readings' scores and the tangents that diverged count as zero: of such a
-coordinate only the prior says where to go.
+Far from the truth a simulation may diverge between two readings. Then ℓ = −∞, so a search rejects
+the point. Scores and tangents that diverged count as zero, so only the prior moves that coordinate.
 """
 
 from __future__ import annotations
@@ -26,20 +25,20 @@ from heli3dof.model.physics.parametrisation import Structure
 DIFFERENCE = 1e-4
 """Step of the differences, in the coordinates (of the order of one)."""
 DIVERGED = 1e4
-"""rad per coordinate: a tangent beyond this is a simulation that diverges. In flights they stay
-below 10; beside a negative dry friction first-order ones reached 1e243, and squares overflow."""
+"""rad per coordinate: a larger tangent means that the simulation diverges. In flights tangents stay
+below 10; with negative dry friction they reached 1e243, whose square overflows."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """One run of the filter with everything kept."""
+    """One run of the filter over E events (readings)."""
 
     loglik: np.ndarray
     """(3,) Σ ln Z by axis"""
     row: np.ndarray
     """(E,) the row of each event"""
     state: np.ndarray
-    """(E,) what it tells of; see `heli3dof.model.estimation.ekf_quantised`"""
+    """(E,) the state that the event informs; see `heli3dof.model.estimation.ekf_quantised`"""
     c: np.ndarray
     g: np.ndarray
     w: np.ndarray
@@ -47,12 +46,12 @@ class Pass:
     K: np.ndarray
     """(E, 6)"""
     X: np.ndarray | None
-    """(N, 6) states after the update, where asked for; (N, 9) with Σ ln Z by axis so far"""
+    """(N, 6) states after the update, or (N, 9) with the running Σ ln Z by axis, or None"""
 
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """Data and a structure. Stateless: every method takes the point."""
+    """The likelihood of data under a structure. Stateless: every method takes the point (θ, a)."""
 
     data: Data
     structure: Structure
@@ -80,7 +79,7 @@ class Likelihood:
 
     @cached_property
     def encoder_noise(self) -> np.ndarray:
-        """(3,) rad², the white noise R: within an encoder's step, or in place of it."""
+        """(3,) rad², the variance R of the readings' white noise."""
         return encoder_noise(self.data, self.noise_steps)
 
     def values(self, theta: np.ndarray) -> np.ndarray:
@@ -91,8 +90,11 @@ class Likelihood:
         return np.array([f.inward(v) for f, v in zip(self.structure.free, values, strict=True)])
 
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> Pass:
-        """The filter at θ and a; ``keep`` 0 the likelihood alone, 1 what `tangents` needs, 2 X,
-        3 X with the likelihood so far."""
+        """Run the filter at θ and a.
+
+        ``keep``: 0 the likelihood only, 1 also the events for `tangents`, 2 also the states X,
+        3 X with the running likelihood.
+        """
         from heli3dof.model.estimation.ekf_quantised import filter_blocks
 
         d = self.data
@@ -122,7 +124,7 @@ class Likelihood:
         return float(-0.5 * (self.prior_precision * (theta - self.prior_mean) ** 2).sum())
 
     def tangents(self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None) -> np.ndarray:
-        """(n, E) ∂c/∂θ along the coordinates ``which`` (all), the gains held; 0 if `diverged`."""
+        """(n, E) ∂c/∂θ at fixed gains, for coordinates ``which`` (default all); 0 if `diverged`."""
         from heli3dof.model.estimation.ekf_quantised import follow
 
         d = self.data
@@ -146,12 +148,12 @@ class Likelihood:
 
 
 def diverged(D: np.ndarray) -> np.ndarray:
-    """(n,) bool: which tangents (n, E) have left `DIVERGED` behind, or are no numbers."""
+    """(n,) bool: which tangents (n, E) exceed `DIVERGED` or are not finite."""
     return np.asarray(~(np.abs(D).max(axis=1, initial=0.0) < DIVERGED))
 
 
 def score_and_information(at: Pass, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Σ g ∂c (n,) and Σ w ∂c ∂cᵀ (n, n): the likelihood's alone, without the prior."""
+    """Σ g ∂c (n,) and Σ w ∂c ∂cᵀ (n, n) of the likelihood, without the prior."""
     return D @ at.g, (D * at.w) @ D.T
 
 

@@ -1,12 +1,13 @@
-"""Maximum likelihood by Gauss–Newton on the innovations, the noise estimated along the way.
+"""Maximum likelihood by Gauss–Newton steps on the innovations, with the noise estimated alongside.
 
-Each round: the filter at θ; a Newton step of each axis' log noise intensity, from the likelihood
-at three intensities (axis by axis: they hardly mix); then with gains held the tangents ∂m/∂θ, and
+Each round runs the filter at θ and takes a Newton step of each axis's log noise intensity, from the
+likelihood at three intensities (the axes are nearly independent). Then, with tangents ∂m/∂θ at
+fixed gains, it solves
 
     (H + Λ + λ diag H) δ = Σ g ∂m − Λ (θ − θ_0),     H = Σ w ∂m ∂mᵀ,   Λ the prior's precision
 
-(Levenberg and Marquardt's λ grows until the likelihood does), cut to the bounds. Done when half
-the Newton decrement, the likelihood still to be won, is below `TOLERANCE`.
+within the bounds; λ (Levenberg–Marquardt) grows until the likelihood does. The search ends when
+half the Newton decrement, the log-likelihood still to be gained, is below `TOLERANCE`.
 """
 
 from __future__ import annotations
@@ -23,34 +24,36 @@ from heli3dof.identification.greybox.likelihood import (
 from heli3dof.parallel import in_threads
 
 TOLERANCE = 2e-3
-"""Of the log-likelihood: a step of 0.06 standard deviations."""
+"""Log-likelihood; corresponds to a step of 0.06 standard deviations."""
 ROUNDS = 25
 OTHER_ROUNDS = 12
-"""For starts beside the first, which are tried where that does not settle."""
+"""Rounds from each further start, tried where the first does not converge."""
 SURE = 3.0
-"""A step that wins no more than this is taken without asking the likelihood, which is rough at
-that scale (its terms in P are left out of the score; their expectation is zero)."""
+"""Log-likelihood: a step that predicts a smaller gain is accepted without evaluating the
+likelihood, which is rough at this scale (the score omits its terms in P; their expectation is
+zero)."""
 AT_ONCE = 5
-"""Rounds of whole steps. A joint that sticks or slips makes the score as rough as a tenth of a
-standard deviation, and whole steps circle for ever. After these a step that turns back on the one
-before shortens all that follow, the n-th time to 1/(n + 1) of one (Kesten, 1958): they end at the
-middle of the roughness, and where the way only was long it is walked to its end."""
+"""Rounds of full steps. Dry friction makes the score rough at a tenth of a standard deviation, so
+full steps may never converge. After these rounds, each step that reverses the previous direction
+shortens all later ones, the n-th time to 1/(n + 1) (Kesten, 1958). The steps then converge to the
+middle of the rough region, while a long way in one direction is still taken in full steps."""
 NOISE_SETTLED = 0.05
-"""Of the log intensity."""
+"""Change of the log intensity at which the noise has converged."""
 NOISE_START = (0.03, 0.06, 0.02, 0.0)
-"""rad/s²/√Hz, roll, pitch, yaw: several times a quiet rig's, so that a poor start is survived;
-and s, the jitter of the sampling instants."""
+"""rad/s²/√Hz on roll, pitch, yaw, several times a quiet rig's so that a poor start does not
+diverge; and s, the sampling jitter."""
 NOISE_LOW, NOISE_HIGH = 1e-5, 30.0
 JITTERS = (0.001, 0.002, 0.004, 0.008)
-"""s; tried in turn, in the rounds `JITTER_ROUNDS`."""
+"""s; tried one after the other in the rounds `JITTER_ROUNDS`."""
 JITTER_ROUNDS = (2, 5)
 JITTER_WORTH = 10.0
+"""Log-likelihood that a jitter must gain to be accepted."""
 _PROBE = 0.5  # step of the log intensity
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """Where the search ended."""
+    """The maximum."""
 
     theta: np.ndarray
     """(n,) coordinates"""
@@ -76,7 +79,7 @@ def maximise(
     *,
     rounds: int = ROUNDS,
 ) -> Optimum:
-    """The maximum near ``start`` (n,) coordinates (the prior's mean) and ``noise`` (3,)."""
+    """The maximum near ``start`` (n,) coordinates (default: the prior's) and ``noise`` (4,)."""
     low, high = problem.bounds
     theta = problem.prior_mean.copy() if start is None else np.clip(start, low, high)
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
@@ -126,7 +129,7 @@ def maximise(
         settled = accepted and gain * part**2 < TOLERANCE and moved <= NOISE_SETTLED
         if settled or not accepted:
             break
-    # At a small last step the pass and the tangents are those of the optimum.
+    # The last step was small, so its pass and tangents hold at the optimum.
     g, H = score_and_information(at, D)
     return Optimum(theta, a, here, H, at, D, (theta <= low) | (theta >= high), count, settled)
 
@@ -134,10 +137,10 @@ def maximise(
 def better_noise(
     problem: Likelihood, theta: np.ndarray, a: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """One Newton step of the log intensities; the largest move made.
+    """The noise (4,) after one Newton step of the log intensities, and the largest step.
 
-    The likelihood is a little rough (the filter decides when to look), so its slope and bend are
-    taken over a factor of e^`_PROBE` either way.
+    Slope and curvature are differences over a factor of e^`_PROBE` either way, because the
+    likelihood is rough at smaller scales.
     """
     factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)
@@ -152,7 +155,7 @@ def better_noise(
 
 
 def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """The noise with the likeliest jitter; none unless it is worth `JITTER_WORTH`."""
+    """The noise with the likeliest jitter; zero unless the gain exceeds `JITTER_WORTH`."""
     best, best_loglik = 0.0, -np.inf
     for jitter in (0.0, *JITTERS):
         loglik = float(problem.run(theta, np.append(a[:3], jitter), keep=0).loglik.sum())

@@ -1,22 +1,23 @@
-"""A fit to free flights of up to 3 s, for logs whose clock lies or whose rig no model holds whole.
+"""The multi-step fit: physical parameters that minimise errors of predictions up to 3 s ahead.
 
-One step ahead, a sample that was taken at another time than it says is an error of the rate's size,
-and every parameter that acts through accelerations is pulled to zero. Over a second or more it is
-nothing. So the errors of free flights from the filter's states
-(`heli3dof.model.estimation.ekf_jitter`) are minimised, at several horizons h_j from many starts k::
+It is for logs with sampling jitter or unmodelled fast motion. One step ahead, a sample taken at
+another time than its stamp is an error in proportion to the rate, which pulls every parameter that
+acts through accelerations towards zero. Over a second or more that error is negligible.
+
+Predictions run freely from the filter's states (`heli3dof.model.estimation.ekf_jitter`) at S starts
+k, to M horizons h_j. Minimised is
 
     Q(θ) = (T/τ)/(S M) Σ_k Σ_j Σ_i ρ(e_i[k, j]/s_i[j]) + (θ − θ_0)ᵀ Λ (θ − θ_0),
     ρ(u) = 2 c² (√(1 + (u/c)²) − 1),   c = `ROBUST`
 
-with S starts, M horizons, and T/τ the number of independent windows in T seconds of flight
-(`WINDOW_S`). The scales s are the errors' own, taken again in each stage; the stages go from short
-horizons to long ones, because a poor start diverges over long ones. The descent is
-`heli3dof.identification.greybox.levenberg_marquardt`'s; the filter's dependence on θ is in the
-tangents.
+where T/τ is the number of independent windows in T seconds of flight (τ = `WINDOW_S`). The scales s
+are those of the errors, estimated again in each stage. Stages go from short horizons to long ones,
+because a poor start diverges over long ones. The search is
+`heli3dof.identification.greybox.levenberg_marquardt`; its tangents include the filter.
 
-Λ is the weak prior of every term, and of the inertias their geometry: their *ratios* follow from
-lengths and a few masses, their common factor (in units of K_f) from the thrust gain, which is off
-by a factor of two between rigs.
+Λ is the prior: weak for every term, and for the inertias their geometry. Lengths and a few masses
+determine the inertias' *ratios*. Their common factor (in units of K_f) follows from the thrust
+gain, which differs by a factor of two between rigs.
 
 A parameter named in ``varying`` has a value of its own in each recording, N(mean, spread²).
 """
@@ -24,7 +25,6 @@ A parameter named in ``varying`` has a value of its own in each recording, N(mea
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -32,7 +32,8 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.identification.greybox.levenberg_marquardt import Valley, descend
+from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, descend
+from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.model.estimation.ekf_jitter import follow
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.greybox.multistep import Flight, errors
@@ -41,30 +42,34 @@ from heli3dof.model.physics.parametrisation import Structure
 STAGES_S = ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0))
 ROUNDS = 8
 WINDOW_S = 3.0
-"""Windows that start further apart than this share nothing, and are taken as independent."""
+"""Windows that start at least this far apart count as independent."""
 ROBUST = 4.0
 RATIO_STD, COMMON_STD = 0.04, 0.5
-"""Of the logarithms: the inertias' ratios to roll's, and roll's."""
+"""Prior standard deviations of logarithms: inertia ratios to roll's, and roll's inertia."""
 DIFFERENCE = 1e-3
 SETTLED = 0.03
 NOISE_START = (0.08, 0.15, 0.06)
 """rad/s²/√Hz"""
 JITTERS_S = (0.0, 0.001, 0.002, 0.004)
 FAR = 3.0
-"""rad: an error no larger than that is counted."""
+"""rad: larger errors count as this."""
 
 
 @dataclass(frozen=True, eq=False)
 class MultiStep:
-    """Flights with the data of their filters, and a structure."""
+    """The least-squares problem: flights with their filters' data, and a model structure.
+
+    Coordinates z (dim,): n common ones, then each flight's own values of ``varying``.
+    """
 
     structure: Structure
     flights: tuple[Flight, ...]
     data: tuple[Data, ...]
-    """One per flight; blocks, laid end to end"""
+    """One per flight: its blocks, concatenated."""
     rows: tuple[np.ndarray, ...]
-    """(n_i,) per flight: which row of the flight each row of its data is; −1 where none"""
+    """(n_i,) per flight: data row → row of the flight; −1 where there is none."""
     varying: Mapping[str, float] = field(default_factory=dict)
+    """Parameter with a value per recording → its standard deviation between recordings."""
     spread: Mapping[str, float] = field(default_factory=dict)
     """Prior standard deviations in the parameters' units, in place of the effects' own."""
     centre: Mapping[str, float] = field(default_factory=dict)
@@ -73,7 +78,6 @@ class MultiStep:
     """Lowest values, in place of the effects' own."""
     ratio_std: float = RATIO_STD
     common_std: float = COMMON_STD
-    threads: int = 2
 
     @property
     def n(self) -> int:
@@ -81,7 +85,7 @@ class MultiStep:
 
     @cached_property
     def own(self) -> np.ndarray:
-        """(B,) indices of the parameters that vary."""
+        """(B,) indices of the parameters that vary by recording."""
         return np.array([self.structure.names.index(v) for v in self.varying], dtype=int)
 
     @property
@@ -90,7 +94,7 @@ class MultiStep:
 
     @cached_property
     def start(self) -> np.ndarray:
-        """(dim,) coordinates: the common ones, then each recording's own."""
+        """(dim,) coordinates of the prior mean."""
         theta = np.array([f.inward(self.centre.get(f.name, f.start)) for f in self.structure.free])
         return np.concatenate([theta, np.tile(theta[self.own], len(self.flights))])
 
@@ -133,7 +137,7 @@ class MultiStep:
         return L
 
     def values(self, z: np.ndarray, flight: int | None = None) -> np.ndarray:
-        """(n,) values, with a recording's own numbers where one is given."""
+        """(n,) values in their units; with ``flight``, that recording's."""
         theta = z[: self.n].copy()
         if flight is not None:
             b = len(self.own)
@@ -141,7 +145,7 @@ class MultiStep:
         return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     def states(self, z: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:
-        """(N, 6) of flight i's rows; NaN where there is none."""
+        """(N, 6) filtered states at flight i's rows; NaN where there is none."""
         flight = self.flights[i]
         X = np.full((len(flight.t), 6), np.nan)
         found = follow(self.structure, self.values(z, i), self.data[i], noise[:3], noise[3])
@@ -150,7 +154,7 @@ class MultiStep:
         return X
 
     def errors(self, z: np.ndarray, noise: np.ndarray, horizons_s: Sequence[float]) -> list[Any]:
-        """Per flight (S, M, 3) rad."""
+        """Per flight (S, M, 3) rad: prediction errors from S starts at M horizons."""
         out = []
         for i, flight in enumerate(self.flights):
             ahead = np.array([max(1, round(h / flight.dt)) for h in horizons_s])
@@ -162,7 +166,7 @@ class MultiStep:
         return out
 
     def loglik(self, z: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """(3,) of the filter's readings"""
+        """(3,) the filter's log-likelihood by axis."""
         parts = [
             follow(self.structure, self.values(z, i), d, noise[:3], noise[3]).loglik
             for i, d in enumerate(self.data)
@@ -171,8 +175,8 @@ class MultiStep:
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
-    """Where the search ended."""
+class Fitted(PhysicalFit):
+    """The minimum."""
 
     problem: MultiStep
     z: np.ndarray
@@ -192,7 +196,7 @@ class Fitted:
 
     @property
     def theta(self) -> np.ndarray:
-        """(n,) coordinates; of what differs by recording, the recordings' mean."""
+        """(n,) coordinates; for parameters that vary, the mean over recordings."""
         theta = self.z[: self.problem.n].copy()
         if len(self.problem.own):
             theta[self.problem.own] = self._own.mean(axis=0)
@@ -205,42 +209,18 @@ class Fitted:
 
     @property
     def by_recording(self) -> dict[str, np.ndarray]:
-        """(flights,) values of each parameter that differs, in its unit."""
+        """Parameter that varies → (flights,) values in its unit."""
         free = self.structure.free
         return {
             free[j].name: np.array([free[j].outward(c) for c in self._own[:, b]])
             for b, j in enumerate(self.problem.own)
         }
 
-    def values_at(self, theta: np.ndarray) -> np.ndarray:
-        """(n,) coordinates → values"""
-        return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
-
-    @property
-    def values(self) -> np.ndarray:
-        """(n,)"""
-        return self.values_at(self.theta)
-
-    @cached_property
-    def slopes(self) -> np.ndarray:
-        """(n,) ∂value/∂coordinate"""
-        return np.array([f.slope(v) for f, v in zip(self.structure.free, self.values, strict=True)])
-
-    @property
-    def std(self) -> np.ndarray:
-        """(n,) in the units of the values"""
-        return np.asarray(np.sqrt(np.diag(self.covariance)))
-
     @property
     def prior_std(self) -> np.ndarray:
-        """(n,) what it was before the recordings spoke"""
+        """(n,) the prior's standard deviations, in the units of the values."""
         n = self.problem.n
         return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.problem.prior))[:n]) * self.slopes)
-
-    @property
-    def correlation(self) -> np.ndarray:
-        """(n, n)"""
-        return np.asarray(self.covariance / np.outer(self.std, self.std))
 
     @cached_property
     def covariance(self) -> np.ndarray:
@@ -252,12 +232,12 @@ class Fitted:
 
 
 def robust(u: np.ndarray) -> np.ndarray:
-    """√ρ(u) with u's sign."""
+    """√ρ(u) with the sign of u."""
     return np.asarray(np.sign(u) * ROBUST * np.sqrt(2 * (np.sqrt(1 + (u / ROBUST) ** 2) - 1)))
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """(M, 3) rad from errors (S, M, 3), each cut at 1 rad: their RMS; zeros were not measured."""
+    """(M, 3) rad: RMS of errors (S, M, 3), each clipped at 1 rad; zeros were not measured."""
     there = np.maximum((e != 0).sum(axis=0), 1)
     size = np.sqrt((np.minimum(np.abs(e), 1.0) ** 2).sum(axis=0) / there)
     return np.asarray(np.maximum(size, np.radians(0.1)))
@@ -273,7 +253,11 @@ def search(
     fixed: np.ndarray | None = None,
     say: Callable[[str], None] | None = None,
 ) -> Fitted:
-    """The minimum from ``start`` (dim,), through the stages; ``fixed`` (M, 3) rad: the scales s."""
+    """The minimum from ``start`` (dim,), stage by stage.
+
+    ``noise`` (4,) and ``fixed`` (M, 3) rad give the filter's noise and the scales s; by default
+    each stage estimates them. ``say`` receives a line per round.
+    """
     p = problem
     z = p.start.copy() if start is None else start.copy()
     a = np.array([*NOISE_START, 0.002]) if noise is None else np.array(noise, dtype=float)
@@ -283,22 +267,22 @@ def search(
             a = better_noise(p, z, a)
         scale = scales(np.concatenate(p.errors(z, a, stage))) if fixed is None else fixed
 
-        def told(
+        def report(
             n: int, begun: float, here: float, last: float = stage[-1], before: int = count
         ) -> None:
             if say is not None:
-                say(f"flights of {last:g} s, round {before + n}: {begun:.0f} → {here:.0f}")
+                say(f"horizon {last:g} s, round {before + n}: cost {begun:.0f} → {here:.0f}")
 
         v = valley(p, a, stage, scale)
-        found = descend(v, z, rounds=rounds, settled=SETTLED, say=told)
+        found = descend(v, z, rounds=rounds, settled=SETTLED, say=report)
         z, count = found.z, count + found.rounds
     return Fitted(p, z, a, scale, found.cost, found.tangents, count, found.settled)
 
 
 def valley(
-    p: MultiStep, noise: np.ndarray, stage_s: Sequence[float], scale: np.ndarray, threads: int = 0
-) -> Valley:
-    """Q of these flights at these horizons and scales (M, 3) rad; in as many threads."""
+    p: MultiStep, noise: np.ndarray, stage_s: Sequence[float], scale: np.ndarray
+) -> LeastSquares:
+    """The cost Q of these flights at these horizons (s) and scales (M, 3) rad."""
     seconds = sum(len(f.starts) * _apart(f) for f in p.flights)
     size = len(stage_s) * sum(len(f.starts) for f in p.flights)
     weight = np.sqrt(seconds / WINDOW_S / size)
@@ -307,13 +291,11 @@ def valley(
         e = np.concatenate(p.errors(at, noise, stage_s))
         return np.asarray(weight * robust(e / scale).ravel())
 
-    threads = threads or p.threads
-    many: Any = ThreadPoolExecutor(threads).map if threads > 1 else map
-    return Valley(residuals, p.start, p.prior, *p.bounds, DIFFERENCE, many)
+    return LeastSquares(residuals, p.start, p.prior, *p.bounds, DIFFERENCE)
 
 
 def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """The likeliest jitter, then a few Newton steps of the log intensities."""
+    """(4,) the likeliest jitter, and intensities after Newton steps of their logarithms."""
     a = a.copy()
     tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]
     a[3] = JITTERS_S[int(np.argmax(tried))]
@@ -332,7 +314,7 @@ def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 
 def _apart(flight: Flight) -> float:
-    """s between starts"""
+    """s between starts of windows"""
     if len(flight.starts) < 2:
         return WINDOW_S
     return float(np.median(np.diff(flight.t[flight.starts])))

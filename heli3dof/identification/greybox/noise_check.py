@@ -1,16 +1,19 @@
-"""Whether what the likelihood calls noise is noise: a real rig's unmodelled motion is not white.
+"""Tests whether a likelihood can be used: sampling jitter, and process noise that is not noise.
 
-One step ahead whatever a model lacks looks like random torque, and the likelihood makes its noise
-as large as that. White torque of intensity a accumulates: from a known state, after h seconds,
+One step ahead, unmodelled motion looks like a random torque, and the likelihood estimates a process
+noise to match. White angular acceleration of intensity a (rad/s²/√Hz) accumulates: from a known
+state, after h seconds, the angle of a free axis has the standard deviation
 
-    σ_i(h) = a_i √(h³/3)                     of the angle, on a free axis
+    σ_i(h) = a_i √(h³/3)
 
-A rig that is predicted better than that was not driven by such noise: what changed sign from one
-sample to the next (a vibration, thrust that follows the voltage otherwise) was taken for it. The
-likelihood, its σ and its names with it, is not believed where on some axis a_i is `TIMES` larger
-than rigs are known to have it (`heli3dof.model.greybox.prediction.NOISE`) *and* σ_i over
-`HORIZON_S` exceeds the error of the refitted rigid body by `OVER`: an encoder's play alone does the
-latter, a cause that is missing the former.
+If predictions are better than that, the torque was not white: it changed sign from sample to sample
+(vibration, for example). Then the likelihood, its standard deviations and its choice of causes
+cannot be trusted. The criterion, on any axis:
+
+* a_i exceeds `TIMES` × the intensity of known rigs (`heli3dof.model.greybox.prediction.NOISE`), and
+* σ_i(`HORIZON_S`) exceeds `OVER` × the prediction error of the refitted rigid body.
+
+Encoder backlash alone meets the second condition, a missing effect alone the first.
 """
 
 from __future__ import annotations
@@ -21,15 +24,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.identification.fit_result import FitResult, Request
+from heli3dof.identification.greybox import freeflight, method
 from heli3dof.identification.greybox.estimate import estimate
 from heli3dof.identification.greybox.freeflight import LEAST_WINDOWS, flight_of
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.method import (
-    clock_lies,
     compile_first,
+    has_jitter,
     model_of,
     usable_runs,
 )
+from heli3dof.identification.preprocessing import Prepared
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.greybox.multistep import errors
 from heli3dof.model.greybox.prediction import NOISE, filtered
@@ -40,40 +46,42 @@ HORIZON_S = 1.0
 TIMES = 5.0
 OVER = 1.5
 FAR = np.pi
+"""rad: larger errors count as this."""
 CLOCK = (
-    "These logs' clocks are even, but the samples were not taken evenly (found from the motion): "
-    "one step ahead that is noise of the rate's size, which pulls every inertia and thrust "
-    "parameter off."
+    "The time stamps of these logs are even, but the motion shows that the samples were not: "
+    "sampling jitter. One step ahead it acts as noise in proportion to the rate, which biases "
+    "every inertia and thrust parameter."
 )
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseCheck:
-    """What the refitted rigid body's noise says of predictions, and what they are."""
+    """The refitted rigid body: its process noise, and its prediction error."""
 
     noise: np.ndarray
     """(3,) a, rad/s²/√Hz"""
     rmse_deg: np.ndarray
-    """(3,) over `HORIZON_S`"""
+    """(3,) degrees over `HORIZON_S`"""
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """(3,) σ over `HORIZON_S`"""
+        """(3,) degrees, σ over `HORIZON_S` if the noise were white."""
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
     def overstated(self) -> np.ndarray:
-        """(3,) bool: axes whose noise is none"""
+        """(3,) bool: axes that meet the criterion."""
         loud = self.noise > TIMES * NOISE
         return np.asarray(loud & (self.expected_deg > OVER * self.rmse_deg))
 
     @property
-    def believed(self) -> bool:
+    def usable(self) -> bool:
+        """True if the likelihood can be used."""
         return not self.overstated.any()
 
 
 def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
-    """Of recordings of one rig with all three angles; None where there is too little free flight.
+    """The check on recordings of one rig with all three angles; None if they are too short.
 
     Raises RecordingError where nothing is usable.
     """
@@ -96,17 +104,41 @@ def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
     return NoiseCheck(found.optimum.noise[:3].copy(), rmse)
 
 
+def fit(prepared: Prepared, request: Request) -> FitResult:
+    """The method ``greybox``: the likelihood's fit, or ``freeflight``'s where it cannot be used.
+
+    A request that names its terms always gets the likelihood.
+    """
+    if request.terms is None and not request.partial and (reason := no_likelihood(prepared)):
+        return freeflight.handed_over(freeflight.fit(prepared, request), reason)
+    return method.fit(prepared, request)
+
+
+def no_likelihood(prepared: Prepared) -> str:
+    """Why the training recordings rule out a likelihood; empty where it can be used.
+
+    Where the controller is known, only sampling jitter is tested.
+    """
+    sources = [prepared.recordings[i] for i in sorted({r.source for r in prepared.train})]
+    if any(r.profile.controller is not None for r in sources):
+        return CLOCK if all(has_jitter(r) for r in sources) else ""
+    return why_freeflight(sources)
+
+
 def why_freeflight(recordings: Sequence[Recording]) -> str:
-    """Why no likelihood may be trusted on recordings whose loop is unknown; empty where it may."""
-    if all(clock_lies(r) for r in recordings):
+    """Why recordings with an unknown controller rule out a likelihood; empty where it can be used.
+
+    Tests sampling jitter first, then the process noise.
+    """
+    if all(has_jitter(r) for r in recordings):
         return CLOCK
     check = noise_check(recordings)
-    if check is None or check.believed:
+    if check is None or check.usable:
         return ""
     i = int(np.argmax(check.overstated * check.expected_deg / check.rmse_deg))
     return (
-        f"One step ahead the rigid body leaves so much over on {AXES[i]} that, were it noise, "
-        f"{check.expected_deg[i]:.0f}° would be lost within {HORIZON_S:g} s; the flights are "
-        f"predicted to {check.rmse_deg[i]:.0f}°. It is motion that no term holds at that pace, "
-        "and a likelihood would explain it with causes that are none."
+        f"The process noise estimated on {AXES[i]} implies errors of "
+        f"{check.expected_deg[i]:.0f}° within {HORIZON_S:g} s, but predictions are off by only "
+        f"{check.rmse_deg[i]:.0f}°. So it is unmodelled fast motion, not noise, and a likelihood "
+        "would report false causes."
     )

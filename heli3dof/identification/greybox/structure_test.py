@@ -1,14 +1,14 @@
-"""Is the rig one by simplified equations? A look, and a second fit only where it pays.
+"""Tests whether simplified equations of motion describe the rig better, before refitting them.
 
-With θ̂ the fit of the whole body, C the tangents of the shares a that may be left out of its
-equations (`heli3dof.model.effects.simplified_couplings` and the constant yaw inertia), g their
-score and A the fit's information, priors included, leaving out a is worth to second order
+Let a be the shares of the couplings and of the yaw inertia's variation that are left out
+(`heli3dof.model.effects.simplified_couplings`), C their tangents, g their score at the fit θ̂ of the
+full equations, and A the fit's information with the prior. To second order, leaving out a gains
 
     Δℓ(a) = a·g − ½ aᵀ V a,      V = H_aa − H_aθ A⁻¹ H_θa
 
-Equations hold a term or they do not: a is all or nothing. Where the best of the three ways pays
-more than `SURE` times κ, what the scores scatter more than the noise model allows, the rig is
-fitted so, and taken so where that fit bears it out by as much.
+Each a is 0 or 1. If the best of the three combinations gains more than `SURE` × κ (κ: how much more
+the scores scatter than the noise model allows), the simplified equations are fitted. They replace
+the full ones if that fit gains as much.
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from heli3dof.identification.greybox.likelihood import score_and_information
 from heli3dof.model.effects import terms
 from heli3dof.model.physics.parametrisation import Structure
 
-WAYS = ("simplified.couplings", "simplified.yaw_inertia")
-ALL = (np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.array([1.0, 1.0]))
+SIMPLIFICATIONS = ("simplified.couplings", "simplified.yaw_inertia")
+COMBINATIONS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.array([1.0, 1.0]))
 SURE = 6.0
-"""Of the log-likelihood: odds of four hundred to one"""
+"""Log-likelihood: odds of 400 to 1."""
 
 
-def as_written(found: Estimate) -> Estimate:
-    """The fit, or that of simplified equations where the recordings ask for them."""
+def with_simplifications(found: Estimate) -> Estimate:
+    """The fit, or the refit with simplified equations where that is better by `SURE` κ."""
     g, V = left_out(found)
-    worth = [float(a @ g - 0.5 * a @ V @ a) for a in ALL]
+    worth = [float(a @ g - 0.5 * a @ V @ a) for a in COMBINATIONS]
     best = int(np.argmax(worth))
     if not worth[best] > SURE * found.inflation:
         return found
-    names = [n for n, a in zip(WAYS, ALL[best], strict=True) if a]
+    names = [n for n, a in zip(SIMPLIFICATIONS, COMBINATIONS[best], strict=True) if a]
     own = found.structure
     simpler = replace(found.problem, structure=Structure(own.profile, (*own.terms, *terms(names))))
     start = np.append(found.theta, simpler.prior_mean[len(found.theta) :])
@@ -45,12 +45,14 @@ def as_written(found: Estimate) -> Estimate:
 
 
 def left_out(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """(2,) g and (2, 2) V, in whole shares."""
+    """(2,) g and (2, 2) V, per unit of a."""
     o, n, own = found.optimum, len(found.theta), found.structure
-    wide = replace(found.problem, structure=Structure(own.profile, (*own.terms, *terms(WAYS))))
-    theta = np.append(o.theta, np.zeros(len(WAYS)))
+    wide = replace(
+        found.problem, structure=Structure(own.profile, (*own.terms, *terms(SIMPLIFICATIONS)))
+    )
+    theta = np.append(o.theta, np.zeros(len(SIMPLIFICATIONS)))
     new = wide.structure.free[n:]
-    C = wide.tangents(theta, o.at, np.arange(n, n + len(WAYS)))
+    C = wide.tangents(theta, o.at, np.arange(n, n + len(SIMPLIFICATIONS)))
     C *= np.array([[f.inward(1.0) - f.inward(0.0)] for f in new])
     g, H = score_and_information(o.at, np.vstack([o.tangents, C]))
     A = H[:n, :n] + np.diag(found.problem.prior_precision)

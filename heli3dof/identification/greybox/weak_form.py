@@ -1,32 +1,30 @@
-"""A start for the fit to free flights: the equations of motion in their weak form.
+"""Initial values for the multi-step fit, from the equations of motion in weak form.
 
-With a test function φ that vanishes with its slope at both ends of a span, two integrations by
-parts move the derivatives from the measured angles to φ,
+Let φ be a test function that vanishes with its slope at both ends of a span. Two integrations by
+parts move the derivatives from the measured angles q to φ:
 
-    ∫ φ″ q dt = ∫ φ q̈(q, q̇, F; θ) dt,      φ(τ) = (1 − τ²)³,  τ ∈ [−1, 1],
+    ∫ φ″ q dt = ∫ φ q̈(q, q̇, F; θ) dt,      φ(τ) = (1 − τ²)³,  τ ∈ [−1, 1]
 
-so that nothing is differentiated twice, and an angle that was read at another instant than it says
-costs what ∫ φ″ of a few counts is. q is the reading freed of what the encoders do to it
-(∂q/∂reading included), q̇ its derivative by a short polynomial (`SMOOTH_S`), F follows from the
-voltages alone. Spans of `SPANS_S` lie over all free rows. Minimised is
+So nothing is differentiated twice, and sampling jitter has little effect. q is the reading without
+the encoders' effects (∂q/∂reading included), q̇ its derivative by a local polynomial over
+`SMOOTH_S`, and the thrusts F follow from the voltages. Spans of `SPANS_S` cover all rows in flight.
+Minimised is
 
     Σ (2 asinh(e/2s))² + (θ − θ_0)ᵀ Λ (θ − θ_0)
 
-with s the errors' own scale (1.48 × their median size), taken again `ROUNDS` times. No motion is
-simulated, so that it converges from starts from which a free flight runs away, in seconds. The
-errors in q and q̇ on the right-hand side pull the estimates a little: it is a start, not the end.
+where s is the errors' scale (1.48 × their median size), estimated again in each of `ROUNDS` rounds.
+Nothing is simulated, so the search converges in seconds, also from starts from which a simulation
+diverges. Noise in q and q̇ biases the result slightly: it is a start, not an estimate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from heli3dof.identification.greybox.levenberg_marquardt import Valley, follow_on
+from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, follow_on
 from heli3dof.identification.greybox.multistep import MultiStep
 from heli3dof.model.compiled import compiled
 from heli3dof.model.greybox.multistep import Flight
@@ -39,18 +37,18 @@ from heli3dof.model.physics.rigid_body import accelerations
 R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
 SPANS_S = (0.4, 1.2)
 OVERLAP = 3
-"""Spans begin every third of their length."""
+"""Spans start every third of their length."""
 SMOOTH_S = 0.07
 ROUNDS = 4
 DIFFERENCE = 1e-4
 SETTLED = 1e-4
-"""Of the cost."""
+"""Share of the cost: a step that promises less ends the search."""
 FAR = 20.0
-"""Scales: what is not finite counts as that."""
+"""In scales: an error that is not finite counts as this."""
 
 
 def _along(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: ignore[no-untyped-def]
-    """out (N, 6): each row's angles, freed of the encoders, and the rig's accelerations there."""
+    """Fill out (N, 6): angles without the encoders' effects, and the rig's accelerations."""
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((3, 3))
     m, slope = np.empty(3), np.empty(3)
@@ -86,16 +84,16 @@ _along_compiled = compiled(
 
 @dataclass(frozen=True, eq=False)
 class Span:
-    """Test functions of one length over a flight: n spans of L rows."""
+    """A test function of L rows at n places of a flight."""
 
     rows: np.ndarray
     """(n,) their first rows"""
     phi: np.ndarray
     phi_2: np.ndarray
-    """(L,) weights of ∫ φ · dt and ∫ φ″ · dt, the former summing to 1"""
+    """(L,) weights of ∫ φ · dt and ∫ φ″ · dt; those of φ sum to 1."""
 
     def integrals(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """(n, 3) rad/s²: ∫ φ″ q dt − ∫ φ a dt from (N, 3) each."""
+        """(n, 3) rad/s²: ∫ φ″ q dt − ∫ φ a dt, for q and a (N, 3)."""
         each = np.lib.stride_tricks.sliding_window_view
         L = len(self.phi)
         if len(q) < L:
@@ -107,7 +105,7 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A flight as the weak form needs it."""
+    """A flight with smoothed readings and test functions."""
 
     flight: Flight
     y: np.ndarray
@@ -118,7 +116,7 @@ class Log:
 
 
 def log_of(flight: Flight, window_s: float = 3.0) -> Log:
-    """The flight's readings, smoothed, and the spans that lie inside its windows."""
+    """The flight with smoothed readings, and test functions inside its windows."""
     from scipy.signal import savgol_filter
 
     t, dt = flight.t, flight.dt
@@ -141,14 +139,14 @@ def span(free: np.ndarray, dt: float, width_s: float) -> Span:
     tau = np.linspace(-1, 1, n)
     phi = (1 - tau**2) ** 3
     phi_2 = (24 * tau**2 * (1 - tau**2) - 6 * (1 - tau**2) ** 2) * (2 / ((n - 1) * dt)) ** 2
-    phi_2 -= phi_2.mean()  # of a constant it is nothing, whatever the sum of rows says
+    phi_2 -= phi_2.mean()  # ∫ φ″ dt = 0 exactly, in spite of discretisation
     bad = np.concatenate([[0], np.cumsum(~free)])
     k = np.arange(0, max(len(free) - n, 0), max(1, n // OVERLAP))
     return Span(k[bad[k + n] == bad[k]], phi / phi.sum(), phi_2 / phi.sum())
 
 
 def residuals(problem: MultiStep, logs: Sequence[Log], z: np.ndarray) -> list[np.ndarray]:
-    """By length of span (n, 3) rad/s², all flights."""
+    """Per span length: (n, 3) rad/s² over all flights."""
     found: list[list[np.ndarray]] = [[] for _ in SPANS_S]
     for i, log in enumerate(logs):
         values, f, st = problem.values(z, i), log.flight, problem.structure
@@ -159,7 +157,7 @@ def residuals(problem: MultiStep, logs: Sequence[Log], z: np.ndarray) -> list[np
             s, st.hooks.first, st.hooks.address, par, st.memory, f.free, f.t, f.V, mean,
             log.y_smooth, log.y_dot, out,
         )  # fmt: skip
-        # What the encoders do to an angle is smooth: the unsmoothed one less the same.
+        # The encoders' correction is smooth, so the smoothed angle's applies to the raw one.
         q = log.y + (out[:, :3] - log.y_smooth)
         q[:, ~f.free] = 0.0
         for j, each in enumerate(log.spans):
@@ -168,10 +166,10 @@ def residuals(problem: MultiStep, logs: Sequence[Log], z: np.ndarray) -> list[np
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """(3,) rad/s²"""
+    """(3,) rad/s²: 1.48 × the median size of errors (n, 3)."""
     e = np.nan_to_num(e, nan=1e3, posinf=1e3, neginf=-1e3)
     out = np.ones(3)
-    for i in range(3):  # zeros were not measured
+    for i in range(3):  # a zero was not measured
         if (there := e[:, i] != 0).any():
             out[i] = 1.4826 * np.median(np.abs(e[there, i]))
     return np.maximum(out, 1e-6)
@@ -181,12 +179,12 @@ def weak_start(
     problem: MultiStep, start: np.ndarray | None = None, rounds: int = ROUNDS, *,
     say: Callable[[str], None] | None = None,
 ) -> np.ndarray:  # fmt: skip
-    """(dim,) coordinates from which the fit to free flights may start."""
+    """(dim,) coordinates to start the multi-step fit from; ``say`` receives a line per round."""
     logs = [log_of(f) for f in problem.flights]
     z = np.clip(problem.start if start is None else start, *problem.bounds)
     for n in range(rounds):
         if say is not None:
-            say(f"a start from the weak form, round {n + 1} of {rounds}")
+            say(f"initial values by the weak form, round {n + 1} of {rounds}")
         scale = [scales(e) for e in residuals(problem, logs, z)]
         z = _minimum(problem, logs, scale, z)
     return np.asarray(z)
@@ -201,6 +199,5 @@ def _minimum(
         flat = np.nan_to_num(flat, nan=FAR, posinf=FAR, neginf=-FAR)
         return np.asarray(2 * np.arcsinh(flat / 2))
 
-    many: Any = ThreadPoolExecutor(problem.threads).map if problem.threads > 1 else map
-    v = Valley(weighted, problem.start, problem.prior, *problem.bounds, DIFFERENCE, many)
+    v = LeastSquares(weighted, problem.start, problem.prior, *problem.bounds, DIFFERENCE)
     return follow_on(v, z, None, settled=0.0, share=SETTLED).z

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from heli3dof.identification import METHODS
+from heli3dof.identification.methods import methods
 from tests.bench.peers import flights, judge
 from tests.bench.peers.interface import Task, read_task, write_task
 
@@ -42,7 +42,7 @@ class Tool:
     def missing(self) -> str:
         """Why it cannot run here, or an empty string."""
         if self.ours:
-            known = self.arguments[0] in METHODS
+            known = self.arguments[0] in methods()
             return "" if known else f"heli3dof has no method {self.arguments[0]!r} yet"
         if not PEERS_PYTHON.exists():
             return "its environment is not there: make bench-peers"

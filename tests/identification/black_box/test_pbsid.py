@@ -58,12 +58,12 @@ def test_an_offset_of_the_outputs_does_not_move_the_poles() -> None:
     np.testing.assert_allclose(sorted_poles(a.A), sorted_poles(b.A), atol=1e-6)
 
 
-def test_too_few_rows_are_refused_with_their_number() -> None:
+def test_too_few_rows_are_an_error_with_their_number() -> None:
     with pytest.raises(ValueError, match="30 rows"):
         varx([record(integrating_system(), 40, 0)], 10)
 
 
-def test_states_space_knows_its_predictor() -> None:
+def test_the_state_space_form_gives_its_predictor() -> None:
     s = integrating_system()
     np.testing.assert_allclose(replace(s, K=0 * s.K).At, s.A)
     np.testing.assert_allclose(s.At, s.A - s.K @ s.C)

@@ -12,7 +12,7 @@ from heli3dof.identification.black_box.one_step_predictor import (
 )
 from heli3dof.identification.black_box.pbsid import StateSpace, pbsid
 from heli3dof.identification.black_box.pem import _tangent, pem
-from heli3dof.identification.uncertainty import poles, response, response_std
+from heli3dof.identification.black_box.uncertainty import poles, response, response_std
 from tests.identification.systems import integrating_system, record, sorted_poles
 
 T = 0.05
@@ -55,7 +55,7 @@ def test_free_responses_are_powers_of_the_state_matrix() -> None:
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=10, deadline=None)
-def test_tangent_directions_are_never_a_change_of_state_coordinates(seed: int) -> None:
+def test_tangent_directions_change_no_state_coordinates(seed: int) -> None:
     rng = np.random.default_rng(seed)
     W, C = rng.standard_normal((4, 9)), rng.standard_normal((3, 4))
     T = _tangent(W, C, False, 2)
@@ -82,12 +82,12 @@ def test_the_predictor_is_stable_and_the_integrator_is_found(fitted) -> None:  #
     assert min(abs(np.linalg.eigvals(fit.model.A) - 1)) < 0.005
 
 
-def test_innovations_have_the_variance_that_made_the_data(fitted) -> None:  # type: ignore[no-untyped-def]
+def test_innovations_have_the_variance_of_the_simulation(fitted) -> None:  # type: ignore[no-untyped-def]
     _, fit = fitted
     np.testing.assert_allclose(np.diag(fit.model.S), [1e-6, 0.7e-6, 0.5e-6], rtol=0.1)
 
 
-def test_the_answer_does_not_depend_on_the_start_s_coordinates(fitted) -> None:  # type: ignore[no-untyped-def]
+def test_the_fit_does_not_depend_on_the_start_s_coordinates(fitted) -> None:  # type: ignore[no-untyped-def]
     data, fit = fitted
     s = pbsid(data, 5, 12)
     Tr = np.random.default_rng(0).standard_normal((5, 5)) + 3 * np.eye(5)
@@ -98,20 +98,20 @@ def test_the_answer_does_not_depend_on_the_start_s_coordinates(fitted) -> None: 
     np.testing.assert_allclose(sorted_poles(again.model.A), sorted_poles(fit.model.A), atol=2e-3)
 
 
-def test_an_offset_goes_into_d_and_nowhere_else(fitted) -> None:  # type: ignore[no-untyped-def]
+def test_an_offset_changes_d_only(fitted) -> None:  # type: ignore[no-untyped-def]
     data, fit = fitted
     shifted = [(u, y + np.array([0.01, -0.02, 0.03])) for u, y in data]
     again = pem(shifted, pbsid(shifted, 5, 12))
     assert again.cost == pytest.approx(fit.cost, abs=1e-3)
 
 
-def test_a_bound_on_the_predictor_s_memory_is_kept() -> None:
+def test_the_bound_on_the_predictor_s_time_constant_holds() -> None:
     data = [record(integrating_system(), 1500, 2)]
     fit = pem(data, pbsid(data, 5, 12), rho_max=0.8)
     assert np.abs(np.linalg.eigvals(fit.model.At)).max() <= 0.8
 
 
-def test_ninety_five_percent_intervals_of_poles_and_responses_hold_the_truth() -> None:
+def test_95_percent_intervals_of_poles_and_responses_cover_the_truth() -> None:
     """Nominal 95 %; 40 records, 5 poles and 6 responses each. Seeds 100 to 139."""
     system = integrating_system()
     truth = sorted(np.log(np.linalg.eigvals(system.A).astype(complex)) / T, key=_key)
@@ -127,7 +127,7 @@ def test_ninety_five_percent_intervals_of_poles_and_responses_hold_the_truth() -
             inside += abs(got.value.real - want.real) <= 1.96 * got.std_real
             total += 1
         std = response_std(fit, T, omega)
-        # |G − Ĝ|² over its expectation; two degrees of freedom share it, so 3.0 is past 95 %
+        # |G − Ĝ|² over its expectation has two degrees of freedom, so 3.0 is past 95 %
         ratio = np.abs(response(fit.model, T, omega) - G0) ** 2 / std**2
         hits += int((ratio < 3.84).sum())
         asked += ratio.size

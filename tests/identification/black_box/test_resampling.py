@@ -40,7 +40,7 @@ def test_continuous_time_is_the_hand_computed_one() -> None:
     np.testing.assert_allclose([A[0, 0], B[0, 0]], [-2, 3])
 
 
-def test_a_double_integrator_survives_the_logarithm() -> None:
+def test_a_double_integrator_is_converted_exactly() -> None:
     A, B = held(np.array([[0.0, 1.0], [0, 0]]), np.array([[0.0], [2.0]]), 0.04)
     s = replace(integrating_system(), A=A, B=B, C=np.eye(1, 2), K=np.ones((2, 1)), S=np.eye(1))
     Ac, Bc = continuous(s, 0.04)
@@ -48,7 +48,7 @@ def test_a_double_integrator_survives_the_logarithm() -> None:
     np.testing.assert_allclose(Bc, [[0], [2]], atol=1e-8)
 
 
-def test_a_dead_mode_is_replaced_by_one_of_the_same_gain() -> None:
+def test_a_mode_at_zero_is_replaced_with_the_same_gain() -> None:
     A, B = np.diag([0.9, -0.1]), np.array([[1.0], [2.0]])
     A2, B2, count = with_real_logarithm(A, B)
     assert count == 1
@@ -62,7 +62,7 @@ def test_a_slow_ringing_mode_has_no_continuous_model() -> None:
         with_real_logarithm(np.diag([0.9, -0.8]), np.ones((2, 1)))
 
 
-def test_trims_stand_for_the_predictor_s_offset() -> None:
+def test_trims_reproduce_the_predictor_s_offset() -> None:
     s = replace(integrating_system(), d=np.array([0.01, -0.02, 0.03]))
     u0, y0 = trims(s, np.array([7.0, 7.1]), np.array([0.1, 0.2, 0.3]))
     # the constant output of the predictor about (u0, y0), written about the means
@@ -71,7 +71,7 @@ def test_trims_stand_for_the_predictor_s_offset() -> None:
     np.testing.assert_allclose(dy - CG @ (s.B @ du + s.K @ dy), s.d, atol=1e-9)
 
 
-def test_the_fast_predictor_forgets_and_predicts_as_well() -> None:
+def test_the_resampled_predictor_is_stable_and_predicts_as_well() -> None:
     slow = integrating_system()
     fast = at_rate(slow, 0.04, 0.002)
     assert spectral_radius(fast.At) < 1
@@ -86,12 +86,12 @@ def test_an_unstable_predictor_is_given_a_kalman_gain() -> None:
     np.testing.assert_array_equal(good.A, s.A)
 
 
-def test_a_stable_plant_keeps_the_poles_that_were_inside() -> None:
+def test_stable_plant_keeps_stable_poles() -> None:
     s = replace(integrating_system(), A=np.diag([1.2, 0.9, 0.8, 0.7, 0.6]))
     lam = np.sort(np.linalg.eigvals(stable_plant(s, 0.99).A))
     np.testing.assert_allclose(lam, [0.6, 0.7, 0.8, 0.9, 0.99], rtol=2e-4)
 
 
-def test_the_system_of_these_tests_needs_its_feedback() -> None:
+def test_the_test_system_is_only_stable_with_feedback() -> None:
     _, y = record(integrating_system(), 2000, 0)
     assert np.abs(y).max() < 10

@@ -77,7 +77,7 @@ def test_standard_deviations_cover_the_truth_in_open_loop() -> None:
     assert 66 <= inside <= 80
 
 
-def test_it_is_printed_as_the_paper_prints_it() -> None:
+def test_lines_are_printed_like_the_paper_s() -> None:
     first = eq17().lines()[0]
     assert first == (
         "T(s)_{1,1} = (2.52s^3 + 6.568s^2 + 7.539s + 3.989) / "
@@ -98,7 +98,7 @@ def test_it_is_printed_as_the_paper_prints_it() -> None:
         ([12345.6, 1.0], "1.235e+04s + 1"),
     ],
 )
-def test_polynomials_read_naturally(coefficients: list[float], text: str) -> None:
+def test_polynomials_are_formatted(coefficients: list[float], text: str) -> None:
     assert polynomial(np.array(coefficients)) == text
 
 

@@ -1,11 +1,11 @@
-"""Levenberg's descent: minima that are known, and what the steps know of bounds."""
+"""Levenberg–Marquardt: known minima, and steps at bounds."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from heli3dof.identification.greybox.levenberg_marquardt import Valley, descend, follow_on
+from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, descend, follow_on
 
 WIDE = np.full(2, 10.0)
 
@@ -15,16 +15,16 @@ def rosenbrock(z: np.ndarray) -> np.ndarray:
     return np.array([10 * (z[1] - z[0] ** 2), 1 - z[0]])
 
 
-def valley(residuals, low=-WIDE, high=WIDE, prior=0.0, calls=None) -> Valley:  # type: ignore[no-untyped-def]
+def valley(residuals, low=-WIDE, high=WIDE, prior=0.0, calls=None) -> LeastSquares:  # type: ignore[no-untyped-def]
     def counted(z: np.ndarray) -> np.ndarray:
         if calls is not None:
             calls.append(z)
         return np.asarray(residuals(z))
 
-    return Valley(counted, np.zeros(2), prior * np.eye(2), low, high, 1e-6)
+    return LeastSquares(counted, np.zeros(2), prior * np.eye(2), low, high, 1e-6)
 
 
-def test_both_ways_end_in_the_same_place() -> None:
+def test_descend_and_follow_on_reach_the_same_minimum() -> None:
     v = valley(rosenbrock)
     z = np.array([-1.2, 1.0])
     assert descend(v, z, rounds=50, settled=1e-9).z == pytest.approx([1, 1], abs=1e-3)
@@ -33,8 +33,8 @@ def test_both_ways_end_in_the_same_place() -> None:
     assert found.settled
 
 
-def test_near_a_minimum_tangents_of_a_neighbour_are_enough() -> None:
-    """A plane, started with tangents 20 % off: they mend themselves, none is taken anew."""
+def test_follow_on_needs_no_new_tangents_near_a_minimum() -> None:
+    """A linear residual with tangents 20 % off: Broyden updates correct them."""
     A, b = np.array([[2.0, 1.0], [0.0, 1.0], [1.0, -1.0]]), np.array([1.0, 2.0, 3.0])
     calls: list[np.ndarray] = []
     v = valley(lambda z: A @ z - b, calls=calls)
@@ -43,20 +43,20 @@ def test_near_a_minimum_tangents_of_a_neighbour_are_enough() -> None:
     assert len(calls) < 12
 
 
-def test_a_prior_draws_to_its_centre() -> None:
+def test_the_prior_pulls_towards_its_centre() -> None:
     """(z − 4)² + z² is least at 2."""
     found = descend(valley(lambda z: z - 4, prior=1.0), np.ones(2), rounds=9, settled=1e-9)
     assert found.z == pytest.approx([2, 2], abs=1e-3)
 
 
-def test_what_stops_at_a_bound_is_made_up_for_by_the_rest() -> None:
-    """z_0 + z_1 = 6 and z_0 = z_1 + 2 with z_0 ≤ 3: z_1 = 2, which a step clipped would miss."""
+def test_a_coordinate_at_its_bound_changes_the_others() -> None:
+    """z_0 + z_1 = 6 and z_0 = z_1 + 2 with z_0 ≤ 3: z_1 = 2."""
     low, high = -WIDE, np.array([3.0, 10.0])
     v = valley(lambda z: np.array([z[0] + z[1] - 6, z[0] - z[1] - 2]), low, high)
     r, D = np.array([-6.0, -2.0]), np.array([[1.0, 1.0], [1.0, -1.0]])
     assert v.step(np.zeros(2), D @ r, D @ D.T, 0.0) == pytest.approx([3, 2])
 
 
-def test_a_step_off_its_bound_is_free_and_one_into_it_is_not() -> None:
+def test_a_step_may_leave_a_bound_but_not_cross_it() -> None:
     v = valley(rosenbrock, low=np.zeros(2), high=WIDE)
     assert v.step(np.zeros(2), np.array([1.0, -1.0]), np.eye(2), 0.0) == pytest.approx([0, 1])

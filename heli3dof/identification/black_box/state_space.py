@@ -15,23 +15,29 @@ from heli3dof.identification.black_box.order_selection import (
 )
 from heli3dof.identification.black_box.pbsid import StateSpace
 from heli3dof.identification.black_box.stabilisation import with_stable_predictor
-from heli3dof.identification.fit_result import Found, Innovations, Request
-from heli3dof.identification.preprocessing import Prepared, Run
-from heli3dof.identification.transfer_function import TransferFunctions
-from heli3dof.identification.uncertainty import (
-    Pole,
+from heli3dof.identification.black_box.uncertainty import (
     poles,
     polynomials,
     propagate,
     response,
     response_std,
 )
+from heli3dof.identification.fit_result import (
+    FitResult,
+    Innovations,
+    Pole,
+    Request,
+    rightmost_first,
+)
+from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.transfer_function import TransferFunctions
+from heli3dof.model.estimation.filter_data import Run
 
 OPEN_RHO = 1 - 1e-6
 
 
-def fit(prepared: Prepared, request: Request) -> Found:
-    """The chosen state-space model, with standard deviations where the method has any."""
+def fit(prepared: Prepared, request: Request) -> FitResult:
+    """The chosen state-space model, with standard deviations except for PBSID."""
     orders = ORDERS if request.order is None else (request.order,)
     chosen, tried = search(
         request.method, prepared, orders=orders, intervals_s=request.intervals_s, name=request.name
@@ -39,29 +45,28 @@ def fit(prepared: Prepared, request: Request) -> Found:
     T = chosen.interval_s
     num, den = polynomials(chosen.state_space, T)
     covariance = None
-    said = []
+    warnings = []
     if chosen.pem is None:
         lam = np.linalg.eigvals(chosen.state_space.A).astype(complex)
         found = [Pole(complex(np.log(z)) / T, np.nan, np.nan) for z in lam]
-        found.sort(key=lambda p: (-p.value.real, p.value.imag))
-        said.append("PBSID gives no standard deviations; pem, which starts from it, does.")
+        warnings.append("PBSID gives no standard deviations; pem, which starts from it, does.")
     else:
         if not chosen.pem.converged:
-            said.append(
-                f"The fit had not settled after {chosen.pem.iterations} steps; more data, or a "
-                "lower order, would make it better determined."
+            warnings.append(
+                f"The fit had not converged after {chosen.pem.iterations} steps; use more data or "
+                "a lower order."
             )
         found = poles(chosen.pem, T)
         covariance = propagate(chosen.pem, lambda model: _coefficients(model, T))
-    return Found(
+    return FitResult(
         model=chosen.model,
         order=chosen.model.order,
         interval_s=T,
         innovations=lambda p, runs: innovations(chosen, p, runs),
-        poles=tuple(found),
+        poles=rightmost_first(found),
         transfer=TransferFunctions(num, den, covariance),
         candidates=tuple(tried),
-        warnings=tuple(said),
+        warnings=tuple(warnings),
         response=lambda omega: _response(chosen, omega),
     )
 
@@ -79,7 +84,7 @@ def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
-    """One-step errors at the interval of the fit, where innovations claim to be white."""
+    """One-step errors at the interval of the fit."""
     ss = chosen.state_space
     if ss.K.any():
         ss = with_stable_predictor(ss, rho=OPEN_RHO)

@@ -1,35 +1,27 @@
 """Standard deviations of poles, transfer functions and frequency responses (delta method).
 
-A fit's parameters move (Ã, B, K, C) along the columns of its tangent T with covariance P, so any
-smooth function f of the model has
+The parameters of a fit change (Ã, B, K, C) along the columns of its tangent T; P is their
+covariance. Any smooth function f of the model has
 
     cov f = F P Fᵀ,      F = ∂f/∂θ = ∂f/∂(Ã, B, K, C) · T
 
 For a simple pole λ of A = Ã + K C with left and right eigenvectors w, v (wᴴv = 1),
-∂λ = wᴴ (∂Ã + ∂K C + K ∂C) v, and s = log(λ)/T gives ∂s = ∂λ/(λ T). The rest is differentiated
-numerically. P holds the spread from noise; it knows nothing of a wrong order or of nonlinearity.
+∂λ = wᴴ (∂Ã + ∂K C + K ∂C) v, and s = log(λ)/T gives ∂s = ∂λ/(λ T). Other functions are
+differentiated numerically. P describes noise only, not a wrong order or nonlinearity.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.identification.black_box.pbsid import StateSpace
 from heli3dof.identification.black_box.pem import PemFit
 from heli3dof.identification.black_box.resampling import continuous
+from heli3dof.identification.fit_result import Pole
 from heli3dof.model.discretisation import Continuous, numerators
-
-
-@dataclass(frozen=True)
-class Pole:
-    """A pole in continuous time (1/s) and its standard deviations (NaN where unknown)."""
-
-    value: complex
-    std_real: float
-    std_imag: float
 
 
 def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
@@ -42,9 +34,9 @@ def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
 
 
 def poles(fit: PemFit, T: float) -> list[Pole]:
-    """Poles log(λ)/T with standard deviations, rightmost first; T in s.
+    """Poles log(λ)/T with standard deviations; T in s.
 
-    A mode that the model's continuous form replaces (z at or below zero) is left as log|z|/T.
+    A mode without a logarithm (z at or below zero) gives log|z|/T.
     """
     model = fit.model
     n, m, l = model.order, model.B.shape[1], len(model.C)
@@ -65,7 +57,7 @@ def poles(fit: PemFit, T: float) -> list[Pole]:
         s = complex(np.log(z)) / T
         std = np.sqrt(np.maximum(np.diag(cov), 0))
         found.append(Pole(s, float(std[0]), 0.0 if real else float(std[1])))
-    return sorted(found, key=lambda p: (-p.value.real, p.value.imag))
+    return found
 
 
 def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:

@@ -1,0 +1,95 @@
+"""Poles, transfer functions and frequency responses of a physical fit, with standard deviations.
+
+The model is linearised about hover. With f any of these figures, P the covariance of the parameters
+and F = ∂f/∂θ by differences, cov f = F P Fᵀ. `innovations` gives the errors for residual tests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from heli3dof.identification.fit_result import Innovations, Pole, rightmost_first
+from heli3dof.identification.greybox.physical_fit import PhysicalFit
+from heli3dof.identification.preprocessing import Prepared
+from heli3dof.identification.transfer_function import TransferFunctions
+from heli3dof.model.discretisation import Continuous, numerators
+from heli3dof.model.estimation.filter_data import Run
+from heli3dof.model.greybox.model import GreyBoxModel
+
+TEST_INTERVAL_S = 0.04
+"""Horizon of the errors in residual tests: at every sample, most of an error is rounding."""
+STEP = 1e-2
+"""Step of the differences, in standard deviations."""
+
+
+def linear_figures(
+    found: PhysicalFit, dt: float
+) -> tuple[
+    tuple[Pole, ...],
+    TransferFunctions,
+    Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+]:
+    """Poles, transfer functions, and the response ω (F,) rad/s → (G, std) (F, 3, 2)."""
+    theta = found.theta
+    sd = found.std / found.slopes
+    cov = found.covariance / np.outer(found.slopes, found.slopes)
+
+    def at(point: np.ndarray) -> Continuous:
+        model = GreyBoxModel(
+            "", found.structure.profile, tuple(t.name for t in found.structure.terms),
+            found.values_at(point), np.zeros(3), np.full((len(point), len(point)), np.nan),
+        )  # fmt: skip
+        return model.linear(dt).continuous()
+
+    here = at(theta)
+    steps = STEP * np.minimum(sd, 1.0)
+    moved = [at(theta + np.eye(len(theta))[j] * e) for j, e in enumerate(steps)]
+    p0 = np.linalg.eigvals(here.A)
+
+    def nearest(A: np.ndarray) -> np.ndarray:
+        p = list(np.linalg.eigvals(A))
+        return np.array([p.pop(int(np.argmin(np.abs(np.array(p) - z)))) for z in p0])
+
+    def std(slope: np.ndarray) -> float:
+        return float(np.sqrt(max(float(slope @ cov @ slope), 0)))
+
+    slopes = np.array([(nearest(c.A) - p0) / e for c, e in zip(moved, steps, strict=True)]).T
+    poles = [Pole(complex(z), std(s.real), std(s.imag)) for z, s in zip(p0, slopes, strict=True)]
+
+    def coefficients(c: Continuous) -> np.ndarray:
+        num, den = numerators(c)
+        return np.concatenate([den[1:], num.ravel()])
+
+    c0 = coefficients(here)
+    T = np.array([(coefficients(c) - c0) / e for c, e in zip(moved, steps, strict=True)]).T
+    num, den = numerators(here)
+
+    def response(omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def G(c: Continuous) -> np.ndarray:
+            eye = np.eye(len(c.A))
+            return np.array([c.C @ np.linalg.solve(1j * w * eye - c.A, c.B) + c.D for w in omega])
+
+        G0 = G(here)
+        dG = np.array([(G(c) - G0) / e for c, e in zip(moved, steps, strict=True)])
+        var = np.einsum("iabc,ij,jabc->abc", dG.real, cov, dG.real)
+        var += np.einsum("iabc,ij,jabc->abc", dG.imag, cov, dG.imag)
+        return G0, np.sqrt(np.maximum(var, 0))
+
+    return rightmost_first(poles), TransferFunctions(num, den, T @ cov @ T.T), response
+
+
+def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
+    """Errors of consecutive predictions over `TEST_INTERVAL_S`, and the mean voltages of each."""
+    q = max(1, round(TEST_INTERVAL_S / prepared.dt))
+    E, U = [], []
+    for run in runs:
+        part = prepared.recordings[run.source].rows(slice(run.start, run.stop))
+        n = (len(part) - 1) // q
+        if n < 2:
+            continue
+        rows = q * np.arange(1, n + 1)
+        E.append((part.angle - model.predict(part, q * part.dt))[rows])
+        U.append(part.voltage[: n * q].reshape(n, q, 2).mean(axis=1))
+    return E, U

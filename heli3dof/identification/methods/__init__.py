@@ -1,0 +1,61 @@
+"""The methods of identification, one file each with a ``METHOD``.
+
+Other packages register theirs as entry points of the group `GROUP`:
+``my_method = "my_package.my_module:METHOD"``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import pkgutil
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import entry_points
+
+from heli3dof.errors import UsageError, did_you_mean
+from heli3dof.identification.method import Method
+
+GROUP = "heli3dof.methods"
+
+
+@cache
+def built_in() -> Mapping[str, Method]:
+    """Name → method, for the files of this folder."""
+    names = [m.name for m in pkgutil.iter_modules(__path__)]
+    found = [importlib.import_module(f"{__name__}.{name}").METHOD for name in names]
+    return {m.name: m for m in found}
+
+
+@cache
+def methods() -> Mapping[str, Method]:
+    """Name → method, those of other packages included.
+
+    Logs a warning for a plug-in that does not load, and leaves it out.
+    """
+    out = dict(built_in())
+    for point in entry_points(group=GROUP):
+        try:
+            method = point.load()
+            if not isinstance(method, Method):
+                raise TypeError(f"it is a {type(method).__name__}, not a Method")
+            if method.name in out:
+                raise ValueError(f"there is already a method {method.name!r}")
+        except Exception as error:
+            logging.getLogger("heli3dof").warning(
+                "Warning: the method %s does not load (%s) and is left out.", point.value, error
+            )
+        else:
+            out[method.name] = method
+    return out
+
+
+def known_method(name: str) -> Method:
+    """The method of that name. Raises UsageError with the nearest name."""
+    if name in methods():
+        return methods()[name]
+    raise UsageError(
+        f"There is no method {name!r}.",
+        cause=f"a typing error; {did_you_mean(name, methods())}",
+        fix="--method with one of " + ", ".join(methods()),
+    )

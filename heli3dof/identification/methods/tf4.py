@@ -1,0 +1,10 @@
+"""``tf4``: the paper's transfer functions."""
+
+from heli3dof.identification.method import Method
+
+METHOD = Method(
+    "tf4",
+    "the paper's form: common fourth-order denominator, output error",
+    "heli3dof.identification.black_box.tf4_method:fit",
+    assumes_open_loop=True,
+)

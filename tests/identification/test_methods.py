@@ -1,0 +1,65 @@
+"""The registry of methods: one file each, plug-ins by entry point, no heavy imports."""
+
+from __future__ import annotations
+
+import logging
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+
+import pytest
+
+from heli3dof.errors import UsageError
+from heli3dof.identification import methods as registry
+from heli3dof.identification.method import Method
+from heli3dof.identification.methods import built_in, known_method, methods
+
+MEAN = Method("mean", "predicts the mean", "tests.identification.test_methods:fit_mean")
+
+
+def fit_mean(prepared: object, request: object) -> str:
+    """The function of a plug-in."""
+    return f"{prepared} {request}"
+
+
+@pytest.fixture
+def plug_in(monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
+    def register(value: str) -> None:
+        point = EntryPoint("mean", value, registry.GROUP)
+        monkeypatch.setattr(registry, "entry_points", lambda group: [point])
+        methods.cache_clear()
+
+    yield register
+    methods.cache_clear()
+
+
+def test_every_file_of_the_folder_is_a_method() -> None:
+    assert {"greybox", "freeflight", "pem", "pbsid", "tf4", "oe"} <= set(built_in())
+
+
+def test_an_entry_point_adds_a_method(plug_in) -> None:  # type: ignore[no-untyped-def]
+    plug_in("tests.identification.test_methods:MEAN")
+    assert known_method("mean").fit("a", "b") == "a b"  # type: ignore[arg-type, comparison-overlap]
+    assert "mean" not in built_in()
+
+
+@pytest.mark.parametrize("value", ["no_such_package:METHOD", "math:pi"])
+def test_a_broken_plug_in_is_left_out_with_a_warning(plug_in, caplog, value: str) -> None:  # type: ignore[no-untyped-def]
+    plug_in(value)
+    with caplog.at_level(logging.WARNING, "heli3dof"):
+        assert set(methods()) == set(built_in())
+    assert value in caplog.text
+
+
+def test_an_unknown_method_is_an_error_with_all_names() -> None:
+    with pytest.raises(UsageError, match="greybox, oe, pbsid, pem"):
+        known_method("zzz")
+
+
+def test_listing_the_methods_imports_no_numerical_library() -> None:
+    code = (
+        "import sys; from heli3dof.identification.methods import built_in; built_in();"
+        "print([m for m in ('numpy', 'scipy', 'numba') if m in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"
