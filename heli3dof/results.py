@@ -1,0 +1,70 @@
+"""`Result`, the base of what a notebook shows: recordings, identifications, comparisons, diagnoses.
+
+A figure is drawn by a package above the result's own (`heli3dof.report`). The result finds the
+function by its class name among the entry points of the group `FIGURES` in ``pyproject.toml``.
+"""
+
+from __future__ import annotations
+
+import importlib
+from html import escape
+from importlib.metadata import entry_points
+from typing import TYPE_CHECKING, Any
+
+from heli3dof.errors import UsageError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FIGURES = "heli3dof.figures"
+REPR_LINES = 3
+
+
+class Result:
+    """Text, HTML and figure of a result; a subclass writes `summary`.
+
+    Subclasses add ``to_dict()`` and ``to_dataframe()``. A dataclass needs ``repr=False``:
+    otherwise its generated repr, all arrays included, replaces this one.
+    """
+
+    def summary(self) -> str:
+        """A short text. Its first three lines are the repr."""
+        raise NotImplementedError
+
+    def plot(self, **options: Any) -> Figure:
+        """A matplotlib figure; ``options`` go to the function registered for this class.
+
+        Raises UsageError where no function is registered.
+        """
+        name = type(self).__name__
+        for point in entry_points(group=FIGURES, name=name):
+            figure: Figure = point.load()(self, **options)
+            return figure
+        raise UsageError(
+            f"No figure of a {name} is registered.",
+            cause="heli3dof was updated but not installed again.",
+            fix="pip install -e . in the checkout, or pip install --force-reinstall heli3dof",
+        )
+
+    def __repr__(self) -> str:
+        return "\n".join(self.summary().splitlines()[:REPR_LINES])
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.summary())}</pre>"
+
+
+def optional(library: str) -> Any:
+    """Import a library that the extra of the same name installs, such as ``pandas``.
+
+    Raises UsageError with the command that installs it.
+    """
+    try:
+        return importlib.import_module(library)
+    except ModuleNotFoundError as error:
+        if error.name != library:
+            raise
+        raise UsageError(
+            f"{library} is not installed.",
+            cause=f"it is needed only for this conversion, so it is the extra {library!r}.",
+            fix=f"pip install 'heli3dof[{library}]'",
+        ) from None

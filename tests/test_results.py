@@ -1,0 +1,31 @@
+"""What every result offers a notebook."""
+
+from __future__ import annotations
+
+import pytest
+
+from heli3dof.errors import UsageError
+from heli3dof.results import Result, optional
+
+
+class Four(Result):
+    def summary(self) -> str:
+        return "one\ntwo < three\nthree\nfour"
+
+
+def test_the_repr_is_the_first_three_lines_of_the_summary() -> None:
+    assert repr(Four()) == "one\ntwo < three\nthree"
+
+
+def test_html_holds_the_whole_summary_escaped() -> None:
+    assert Four()._repr_html_() == "<pre>one\ntwo &lt; three\nthree\nfour</pre>"
+
+
+def test_a_class_without_a_registered_figure_is_a_usage_error() -> None:
+    with pytest.raises(UsageError, match="No figure of a Four"):
+        Four().plot()
+
+
+def test_a_missing_library_names_the_extra_that_installs_it() -> None:
+    with pytest.raises(UsageError, match=r"pip install 'heli3dof\[no_such_library\]'"):
+        optional("no_such_library")
