@@ -77,12 +77,12 @@ def test_a_recording_without_rows_is_summarised_without_ranges() -> None:
     assert (about["samples"], about["voltage"]["min_V"], about["timing"]) == (0, None, None)
 
 
-def test_a_device_clock_that_stands_still_is_warned_of() -> None:
+def test_a_stopped_device_clock_gives_a_warning() -> None:
     made = flight(100)
     made.t[50:60] = made.t[50]
     about = summary(made)
     assert about["timing"] is None
-    assert any("the time does not rise at 9 of 100 samples" in w for w in about["warnings"])
+    assert any("the time does not increase at 9 of 100 samples" in w for w in about["warnings"])
 
 
 def test_a_slow_link_is_warned_of() -> None:

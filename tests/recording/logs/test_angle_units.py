@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
 from heli3dof.recording.logs.angle_units import check_angles, newton, on_grid
-from heli3dof.recording.logs.csv_log import read_csv
+from heli3dof.recording.logs.importers.csv_file import read as read_csv
 from heli3dof.rig.profile import load_profile
 from tests.paths import REAL_DATA, needs_real_data
 from tests.recording.make import flight, log_columns, open_profile

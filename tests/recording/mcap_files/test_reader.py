@@ -231,7 +231,7 @@ def test_commands_without_their_samples_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_recording_without_samples_says_so(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="holds no samples"):
+    with pytest.raises(RecordingError, match="contains no samples"):
         read_recording(write_flight(tmp_path / "a.mcap", 0))
 
 
@@ -242,7 +242,7 @@ def test_a_missing_recording_names_the_nearest(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "kind"),
     [
         (b"", "an empty file"),
         (b"t_s,v_front_V,v_back_V\n0,1,1\n", "CSV"),
@@ -256,10 +256,10 @@ def test_a_missing_recording_names_the_nearest(tmp_path: Path) -> None:
         ("ψ_grad;r_grad;x\n".encode(), "CSV"),
     ],
 )
-def test_what_is_no_mcap_is_called_by_its_name(tmp_path: Path, content: bytes, said: str) -> None:
+def test_a_file_that_is_no_mcap_is_described(tmp_path: Path, content: bytes, kind: str) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(content)
-    with pytest.raises(RecordingError, match=said) as caught:
+    with pytest.raises(RecordingError, match=kind) as caught:
         read_recording(path)
     assert caught.value.fix
 

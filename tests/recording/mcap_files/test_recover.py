@@ -141,7 +141,7 @@ def test_samples_are_saved_even_where_the_profile_is_lost(tmp_path: Path, whole:
 
 
 def test_a_whole_file_needs_no_recovery(whole: Path) -> None:
-    with pytest.raises(RecordingError, match="is whole"):
+    with pytest.raises(RecordingError, match="is intact"):
         recover(whole)
 
 
@@ -162,7 +162,7 @@ def test_a_flight_killed_at_once_says_that_nothing_is_there(tmp_path: Path) -> N
     )
     path = tmp_path / "torn.mcap"
     path.write_bytes(content[: outcome - 9])
-    with pytest.raises(RecordingError, match="ends before its first samples"):
+    with pytest.raises(RecordingError, match="ends before its first sample;"):
         recover(path)
 
 
