@@ -7,7 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heli3dof.comparison.metrics import METRICS, StepMetrics, axis_metrics, flight_metrics
+from heli3dof.comparison.metrics import (
+    METRICS,
+    StepMetrics,
+    axis_metrics,
+    step_metrics,
+)
 
 T = np.arange(0, 20, 0.002)
 
@@ -96,7 +101,7 @@ def test_a_held_axis_is_counted_from_the_first_step_of_any_axis() -> None:
     reference = np.column_stack([roll_ref, np.zeros_like(T), np.zeros_like(T)])
     pitch = np.radians(np.where(T < 2, 12.0, 0.0) * (T > 0.1) + np.where(T > 6, 3.0, 0.0))
     angle = np.column_stack([roll_ref, pitch, np.zeros_like(T)])
-    metrics = flight_metrics(T, angle, reference)
+    metrics = step_metrics(T, angle, reference)
     assert metrics["pitch"].reported.peak_deg == pytest.approx(3.0)
     assert metrics["pitch"].steps[0].peak_deg == pytest.approx(12.0)
     assert metrics["roll"].reported.kind == "step"

@@ -21,7 +21,11 @@ from heli3dof.report.figure_style import (
     to_png,
     to_svg,
 )
-from heli3dof.report.figures import comparison_figure, comparison_figures, flight_figure
+from heli3dof.report.figures import (
+    axis_figures,
+    comparison_figure,
+    flight_figure,
+)
 from heli3dof.report.labelled_curves import Curve, angle_figure, spread
 from heli3dof.report.model_figures import BodeCurve, autocorrelation, bode_figure, residual_figure
 from heli3dof.rig.profile import default_profile
@@ -42,7 +46,7 @@ def lines_of(figure) -> dict[str, np.ndarray]:  # type: ignore[no-untyped-def]
 
 
 def test_figures_7_to_9_show_reference_experiment_and_every_model(compared) -> None:  # type: ignore[no-untyped-def]
-    figures = comparison_figures(compared)
+    figures = axis_figures(compared)
     assert list(figures) == ["roll", "pitch", "yaw"]
     for number, (axis, figure) in zip((7, 8, 9), figures.items(), strict=True):
         assert set(lines_of(figure)) == {"reference", "experiment", "hover", "identification"}
@@ -50,12 +54,12 @@ def test_figures_7_to_9_show_reference_experiment_and_every_model(compared) -> N
         assert title.startswith(f"Figure {number}   {axis.capitalize()} in closed loop")
 
 
-def test_the_line_under_the_title_gives_the_peaks_in_numbers(compared) -> None:  # type: ignore[no-untyped-def]
-    said = comparison_figure(compared, "roll").texts[1].get_text().replace("\u00a0", " ")
+def test_the_subtitle_gives_the_peaks(compared) -> None:  # type: ignore[no-untyped-def]
+    text = comparison_figure(compared, "roll").texts[1].get_text().replace("\u00a0", " ")
     experiment = compared.experiment["roll"].reported.peak_deg
     difference = compared.difference(compared.models[0], "roll")["peak_deg"]
-    assert f"experiment {experiment:.1f}°" in said
-    assert f"({difference:+.1f}°)".replace("-", "−") in said
+    assert f"experiment {experiment:.1f}°" in text
+    assert f"({difference:+.1f}°)".replace("-", "−") in text
 
 
 def test_the_same_data_give_the_same_svg_and_png(compared) -> None:  # type: ignore[no-untyped-def]
@@ -76,14 +80,14 @@ def test_a_diverged_model_gets_a_cross_and_stays_in_the_picture() -> None:
     assert high - low < 60  # the experiment moves within about 6°, the model through 720°
 
 
-def test_an_unknown_loop_shows_windows_that_start_on_the_data() -> None:
+def test_an_unknown_loop_shows_windows_that_start_at_the_data() -> None:
     profile = default_profile().model_copy(update={"controller": None})
     recording = flight(duration_s=12.0, truth=FakeHover(thrust=0.9))
     log = make_recording(
         recording.t, recording.voltage, recording.angle, profile, meta={"name": "log"}
     )
     figure = comparison_figure(compare([log], [FakeHover()]).flights[0], "roll")
-    assert "predicted freely" in figure.texts[0].get_text()
+    assert "Roll predictions" in figure.texts[0].get_text()
     dots = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
     assert dots[0].get_xdata() == pytest.approx([0, 3, 6, 9])
 
@@ -93,7 +97,7 @@ def test_an_axis_that_was_not_recorded_has_no_panel_and_no_figure() -> None:
     angle = np.column_stack([np.sin(t), *[np.full_like(t, np.nan)] * 2])
     log = make_recording(t, np.zeros((len(t), 2)), angle, default_profile())
     assert len(flight_figure(log).axes) == 2
-    assert list(comparison_figures(compare([log], [FakeHover()]).flights[0])) == ["roll"]
+    assert list(axis_figures(compare([log], [FakeHover()]).flights[0])) == ["roll"]
 
 
 def test_an_axis_at_rest_looks_at_rest() -> None:
@@ -162,7 +166,7 @@ def test_importing_the_figures_does_not_import_matplotlib() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_a_name_with_dollar_signs_or_without_end_is_only_a_name() -> None:
+def test_a_name_with_dollar_signs_or_hundreds_of_characters_is_drawn_as_text() -> None:
     recording = flight(duration_s=1.0, name=r"cost $\frac{ $5" + 200 * "x")
     model = FakeHover(name="a$_b$" + 60 * "y", kind="statespace")
     figure = comparison_figure(compare([recording], [model]).flights[0], "roll")
