@@ -8,7 +8,7 @@ from __future__ import annotations
 from heli3dof.diagnosis.integrity import Stage, checks
 from heli3dof.pages import Page, table
 
-LOOKS_AT = {
+STAGES = {
     Stage.CLOCK: "the clock",
     Stage.COLUMNS: "the columns",
     Stage.VALUES: "the values",
@@ -18,8 +18,8 @@ LOOKS_AT = {
 
 def checks_table() -> str:
     """Markdown: a row for every check, in the order in which they run."""
-    rows = [[f"`{c.name}`", LOOKS_AT[c.stage], c.tells] for c in checks()]
-    return table(["check", "looks at", "tells"], rows)
+    rows = [[f"`{c.name}`", STAGES[c.stage], c.tells] for c in checks()]
+    return table(["check", "stage", "finds"], rows)
 
 
 PAGE = Page("heli3dof.diagnosis.integrity_page", {"integrity": checks_table})

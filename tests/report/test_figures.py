@@ -100,14 +100,14 @@ def test_an_axis_that_was_not_recorded_has_no_panel_and_no_figure() -> None:
     assert list(axis_figures(compare([log], [FakeHover()]).flights[0])) == ["roll"]
 
 
-def test_an_axis_at_rest_looks_at_rest() -> None:
+def test_single_counts_of_an_axis_at_rest_do_not_fill_the_axes() -> None:
     t = np.arange(0, 1, 0.01)
     tiny = Curve("experiment", t, 1e-15 * np.sin(9 * t), EXPERIMENT)
     low, high = angle_figure([tiny], title="", subtitle="", ylabel="p (°)").axes[0].get_ylim()
     assert high - low >= 2.0
 
 
-def test_the_hover_models_keep_their_colours_whatever_stands_beside_them() -> None:
+def test_the_hover_models_keep_their_colours_among_other_models() -> None:
     assert model_lines(["statespace", "hover", "tf4"])[1] is HOVER
     assert model_lines(["hover"])[0] is HOVER
     assert model_lines(["statespace", "hover", "tf4"])[2] is IDENTIFIED[1]
@@ -121,7 +121,7 @@ def test_labels_keep_their_order_and_their_distance(ends: list[float], gap: floa
     assert places.max() <= 1 + 1e-9
 
 
-def test_a_figure_never_overwrites_one_without_being_told(tmp_path: Path, compared) -> None:  # type: ignore[no-untyped-def]
+def test_a_figure_never_overwrites_another_without_force(tmp_path: Path, compared) -> None:  # type: ignore[no-untyped-def]
     figure = comparison_figure(compared, "roll")
     path = save(figure, tmp_path / "new" / "figure.svg")
     with pytest.raises(OutputExists):
@@ -175,3 +175,19 @@ def test_a_name_with_dollar_signs_or_hundreds_of_characters_is_drawn_as_text() -
     omega = np.geomspace(0.1, 10, 5)
     curve = BodeCurve(model.name, "statespace", 1 / (1j * omega))
     assert to_svg(bode_figure(omega, {"roll": [curve]}, title="$"))
+
+
+def test_the_figures_of_a_comparison_are_found_by_recording_and_axis() -> None:
+    result = compare([flight(duration_s=1.0, name="a")] * 2, [FakeHover()])
+    figures = comparison_figures(result)
+    assert list(figures) == ["a", "a (2)"]
+    assert list(figures["a"]) == ["roll", "pitch", "yaw"]
+
+
+def test_plot_draws_one_figure_and_names_the_recordings_there_are() -> None:
+    result = compare([flight(duration_s=1.0, name="a")], [FakeHover()])
+    assert "Pitch in closed loop" in result.plot(axis="pitch").texts[0].get_text()
+    with pytest.raises(UsageError, match="no figure of roll of b") as caught:
+        result.plot(recording="b")
+    assert "recordings: a" in caught.value.fix
+    assert flight(duration_s=1.0, name="a").plot().texts[0].get_text() == "Flight · a"
