@@ -1,7 +1,7 @@
-"""The reference recordings that ship; imported as ``heli3dof_recordings``.
+"""The reference recordings in the package, imported as ``heli3dof_recordings``.
 
-All were flown on the emulated rig; ``recordings.toml`` holds the command, profile and seed that
-made each, and ``python -m heli3dof_recordings.make`` makes them again.
+The emulated rig made all of them. ``recordings.toml`` has each one's command, profile and seed;
+``python -m heli3dof_recordings.make`` makes them again.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ FOLDER = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Reference:
-    """One reference recording: its file, what it is for, and the command that makes it."""
+    """One reference recording: its file, its use, and the command that makes it."""
 
     name: str
     use: str
-    """``identify``: fitted to; ``compare``: compared with."""
+    """``identify`` (models are fitted to it) or ``compare``"""
     about: str
     command: tuple[str, ...]
-    """The words after ``heli3dof``; paths are relative to this folder."""
+    """The arguments of ``heli3dof``; paths are relative to this folder."""
 
     @property
     def path(self) -> Path:

@@ -12,9 +12,9 @@ from heli3dof_recordings import FOLDER, Reference, references
 
 
 def make(reference: Reference, folder: Path = FOLDER) -> Path:
-    """Fly one reference's command and return the file that it wrote in ``folder``.
+    """Run one reference's command and return its file in ``folder``.
 
-    What tells the machine is left out: these files are published.
+    Host, git state and paths are omitted, because these files are published.
     """
     from heli3dof.cli.app import app
     from heli3dof.recording.mcap_files.reader import read_recording

@@ -91,12 +91,12 @@ def write_figures(found: Comparison, folder: Path, *, force: bool) -> list[Path]
     """Figures 7–9 of every recording, SVG and PNG; returns their paths."""
     from heli3dof.recording.atomic_write import new_folder
     from heli3dof.report.figure_style import save
-    from heli3dof.report.figures import comparison_figures
+    from heli3dof.report.figures import axis_figures
 
     new_folder(folder)
     written = []
     for flight in found.flights:
-        for name, figure in comparison_figures(flight).items():
+        for name, figure in axis_figures(flight).items():
             for ending in ENDINGS:
                 path = folder / f"{flight.recording.name}-{name}.{ending}"
                 written.append(save(figure, path, force=force))

@@ -40,7 +40,7 @@ def import_(
     from heli3dof.recording.info import summary
     from heli3dof.recording.logs.import_log import import_log, is_log
     from heli3dof.recording.write import write_recording
-    from heli3dof.rig.profile import default_profile, load_profile
+    from heli3dof.rig.profile import load_profile
 
     talk = Talk(as_json=as_json, quiet=quiet)
     if profile is None and is_log(log) and log.exists():
@@ -53,7 +53,7 @@ def import_(
         output = Path(f"{stem(log)}.mcap")
     if log.exists():  # which is the first thing to say
         check_outputs(output, force=force, inputs=[log])
-    recording = import_log(log, load_profile(profile) if profile else default_profile(), columns)
+    recording = import_log(log, load_profile(profile) if profile else None, columns)
     write_recording(recording, output, force=force)
     for warning in recording.meta.get("warnings", ()):
         talk.warn(warning)

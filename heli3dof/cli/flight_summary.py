@@ -21,11 +21,8 @@ if TYPE_CHECKING:
 def metrics_of(recording: Recording) -> Mapping[str, AxisMetrics]:
     """Step metrics of what the controller flew (the ramp to zero left out)."""
     from heli3dof.comparison.metrics import flight_metrics
-    from heli3dof.comparison.replay import under_control
 
-    flown = under_control(recording)
-    grain = recording.profile.encoder.rad_per_count
-    return flight_metrics(flown.t, flown.angle, flown.reference, resolution=grain)
+    return flight_metrics(recording)
 
 
 def recording_table(recording: Recording, title: str, note: str | None = None) -> Group:

@@ -1,21 +1,20 @@
-"""`compare`: recordings and models side by side, as Table II and Figures 7–9 do.
+"""`compare`: recordings and models side by side, as in Table II and Figures 7–9 of the paper.
 
-Where a recording's loop is known every model flies the same task (`heli3dof.comparison.replay`) and
-its step metrics stand beside the experiment's, with their differences (what Table II really
-holds, E11). Where it is unknown the models are judged by free prediction only
-(`heli3dof.comparison.prediction`), which is given for every recording.
+If a recording's controller is known, each model is simulated in the same closed loop
+(`heli3dof.comparison.replay`); its step metrics and their differences from the experiment's (the
+content of Table II, E11) are reported. For every recording, multi-step prediction errors are
+reported too (`heli3dof.comparison.prediction`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
-from heli3dof.comparison.metrics import METRICS, AxisMetrics, flight_metrics
+from heli3dof.comparison.metrics import AxisMetrics, step_metrics
 from heli3dof.comparison.prediction import (
     HORIZONS_S,
     STEPS_AVERAGED,
@@ -29,100 +28,20 @@ from heli3dof.comparison.prediction import (
     stitched,
 )
 from heli3dof.comparison.replay import Replay, replay, under_control, why_not_replayed
+from heli3dof.comparison.result import (
+    Comparison,
+    FlightComparison,
+    ModelComparison,
+    PredictionError,
+    Trace,
+)
 from heli3dof.errors import Heli3dofError
 from heli3dof.model.base import Model
 from heli3dof.recording.recording import Recording
 
+__all__ = ["Comparison", "FlightComparison", "compare", "compare_flight"]
+
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """A curve for a figure: t (M,) s, angle (M, 3) rad; NaN breaks the line."""
-
-    label: str
-    kind: str
-    """``replay`` of the closed loop, or ``prediction`` in stitched windows."""
-    t: np.ndarray
-    angle: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class PredictionError:
-    """RMSE in degrees (3,) by horizon in s, and over the whole of the longest one."""
-
-    ahead_deg: Mapping[float, np.ndarray]
-    over_window_deg: np.ndarray
-    window_s: float
-
-
-@dataclass(frozen=True, eq=False)
-class ModelComparison:
-    """One model against one recording."""
-
-    name: str
-    kind: str
-    metrics: Mapping[str, AxisMetrics] | None
-    """Per axis, of the replay; None where the loop is not replayed."""
-    replay_rmse_deg: np.ndarray | None
-    """(3,) degrees between replay and experiment; NaN where the model diverges."""
-    diverged_at_s: float | None
-    unstable_poles: tuple[complex, ...]
-    prediction: PredictionError | None
-    trace: Trace | None
-    cannot: tuple[str, ...]
-    """What could not be done with this model here, and why."""
-
-
-@dataclass(frozen=True, eq=False)
-class FlightComparison:
-    """One recording and every model against it."""
-
-    recording: Recording
-    """As it was given."""
-    flown: Recording
-    """The part that a controller flew: what everything below is about."""
-    experiment: Mapping[str, AxisMetrics]
-    loop: str
-    """``replayed`` or ``not replayed``."""
-    why: str | None
-    """Why the loop was not replayed."""
-    held_still: PredictionError | None
-    models: tuple[ModelComparison, ...]
-
-    def difference(self, model: ModelComparison, axis: str) -> dict[str, float]:
-        """The model's six metrics minus the experiment's; NaN where either is undefined."""
-        if model.metrics is None:
-            return dict.fromkeys(METRICS, np.nan)
-        ours = model.metrics[axis].reported.values()
-        theirs = self.experiment[axis].reported.values()
-        return {name: ours[name] - theirs[name] for name in METRICS}
-
-    def model(self, name: str) -> ModelComparison:
-        """The comparison of the model with this name. Raises KeyError."""
-        for m in self.models:
-            if m.name == name:
-                return m
-        raise KeyError(name)
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """Everything that `compare` found; see ``heli3dof.comparison.document`` for its JSON."""
-
-    flights: tuple[FlightComparison, ...]
-    horizons_s: tuple[float, ...]
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """One sentence for everything that could not be done or that diverged."""
-        found = []
-        for f in self.flights:
-            if f.why is not None:
-                found.append(f"{f.recording.name}: not replayed, for {f.why}.")
-            for m in f.models:
-                found += [f"{f.recording.name}, {m.name}: {c}" for c in m.cannot]
-        return tuple(found)
 
 
 Models = Sequence[Model] | Callable[[Recording], Sequence[Model]]
@@ -133,9 +52,9 @@ def compare(
 ) -> Comparison:
     """Compare every model with every recording.
 
-    ``models`` may be a function of the recording, for models that are made from its profile.
-    ``horizons_s`` are those of the free prediction; none are predicted when it is empty. Nothing
-    that one model cannot do stops the others: its reason stands under ``cannot``.
+    ``models`` may be a function that makes them from the recording's profile. ``horizons_s`` are
+    the prediction horizons; without any, nothing is predicted. If a model cannot be compared, the
+    reason is in its ``cannot`` and the others are compared.
     """
     flights = tuple(
         compare_flight(r, models(r) if callable(models) else models, horizons_s=horizons_s)
@@ -147,11 +66,11 @@ def compare(
 def compare_flight(
     recording: Recording, models: Sequence[Model], *, horizons_s: Sequence[float] = HORIZONS_S
 ) -> FlightComparison:
-    """One recording against several models."""
+    """Compare several models with one recording."""
     flown = under_control(recording)
     why = why_not_replayed(flown)
     fits = tuple(h for h in horizons_s if h < flown.duration)
-    steps = STEPS_DRAWN if why else STEPS_AVERAGED  # a replay is drawn itself
+    steps = STEPS_DRAWN if why else STEPS_AVERAGED  # a replay is drawn instead
     reasons: list[list[str]] = [[] for _ in models]
     replays = [
         None if why else _attempt(partial(replay, m, flown), reasons[i])
@@ -190,7 +109,7 @@ def _model_comparison(
     if replayed is not None:
         metrics = _metrics(flown, replayed.angle)
         error = np.degrees(replayed.angle - flown.angle)
-        # Not nanmean: a model that diverges has no RMSE, rather than that of its first seconds.
+        # Not nanmean: a model that diverges has no RMSE.
         rmse = np.sqrt(np.mean(error**2, axis=0))
         trace = Trace(model.name, "replay", replayed.t, replayed.angle)
         cannot = (*cannot, *_divergence(replayed))
@@ -212,7 +131,7 @@ def _model_comparison(
 def _metrics(flown: Recording, angle: np.ndarray) -> Mapping[str, AxisMetrics]:
     """Metrics of the experiment or of a replay over the same rows."""
     grain = flown.profile.encoder.rad_per_count
-    return flight_metrics(flown.t, angle, flown.reference, resolution=grain)
+    return step_metrics(flown.t, angle, flown.reference, resolution=grain)
 
 
 def _prediction_error(
@@ -232,19 +151,19 @@ def _prediction_error(
 
 
 def _divergence(replayed: Replay) -> list[str]:
-    """One sentence on a model that the gain does not hold."""
-    said = []
+    """A sentence if the gain does not stabilise the model."""
+    parts = []
     if replayed.unstable_poles:
         p = replayed.unstable_poles[0]
         pole = f"{p.real:+.3f}" + (f" ± {abs(p.imag):.3f}j" if abs(p.imag) > 1e-9 else "")
-        said.append(f"unstable in this loop, with a pole at {pole} rad/s")
+        parts.append(f"unstable in this loop, with a pole at {pole} rad/s")
     if replayed.diverged_at_s is not None:
-        said.append(f"diverges at {replayed.diverged_at_s:.2f} s, so it has no metrics")
-    return [f"{'; '.join(said)}."] if said else []
+        parts.append(f"diverges at {replayed.diverged_at_s:.2f} s, so it has no metrics")
+    return [f"{'; '.join(parts)}."] if parts else []
 
 
 def _attempt(work: Callable[[], T], reasons: list[str]) -> T | None:
-    """The work's result, or None with the reason noted where an error of ours explains it."""
+    """The work's result; None, with a new entry in ``reasons``, after an error of heli3dof."""
     try:
         return work()
     except Heli3dofError as error:

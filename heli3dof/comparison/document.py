@@ -10,40 +10,42 @@
                      axes.<axis>          the six metrics, difference (the same six, model minus
                                           experiment), replay_rmse_deg
                      prediction           rmse_deg.<horizon>.<axis>, over_window_deg.<axis>
-                   held_still             prediction of the angles held still
-    published[]    what the paper prints, ours, reproducible and why
+                   held_still             prediction error of constant angles
+    published[]    the paper's number, ours, whether it is reproducible, and why
 
 The six metrics are ``peak_deg overshoot_deg overshoot_percent steady_error_deg rise_time_s
-settling_time_s``; `heli3dof.comparison.metrics` defines them. What is not defined is null.
+settling_time_s``; `heli3dof.comparison.metrics` defines them. Undefined numbers are null.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.comparison.compare import (
-    Comparison,
-    FlightComparison,
-    ModelComparison,
-    PredictionError,
-)
 from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
+
+if TYPE_CHECKING:
+    from heli3dof.comparison.result import (
+        Comparison,
+        FlightComparison,
+        ModelComparison,
+        PredictionError,
+    )
 
 SCHEMA = "heli3dof.comparison/1"
 
 
 class PublishedRow(Protocol):
-    """A published number and ours (`heli3dof.paper.reproduction.Reproduced`)."""
+    """A published number with ours (`heli3dof.paper.reproduction.Reproduced`)."""
 
     def to_dict(self) -> dict[str, Any]: ...
 
 
 def to_json(comparison: Comparison, published: Iterable[PublishedRow] = ()) -> dict[str, Any]:
-    """A plain dict of JSON types: no NaN, no numpy."""
+    """A dict of JSON types, without NaN or numpy types."""
     document: dict[str, Any] = {
         "schema": SCHEMA,
         "horizons_s": list(comparison.horizons_s),
@@ -130,5 +132,5 @@ def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def _number(value: float) -> float | None:
-    """JSON has no NaN: what is not defined is null."""
+    """The number; None for NaN and infinity, which JSON does not have."""
     return float(value) if np.isfinite(value) else None

@@ -1,36 +1,33 @@
-"""What a step response shows: peak, overshoot, error, rise and settling time, per axis.
+"""Step metrics per axis: peak, overshoot, steady error, rise and settling time.
 
-A reference that stays constant for a while is a *segment*. With y the measured angle, y_r the
-set value and y_a the value the step starts from (degrees), s = sgn(y_r − y_a):
+A *segment* is a stretch of constant reference. With the measured angle y, the set value y_r and the
+start value y_a (degrees), and s = sgn(y_r − y_a):
 
-    peak               y_pk = the extreme of y in the step's direction, s·y_pk = max s·y
+    peak               y_pk, with s·y_pk = max s·y
     overshoot          s·(y_pk − y_r)                          (negative: it fell short)
     overshoot, percent 100 · overshoot / |y_r − y_a|
-    steady error       mean of y − y_r over the segment's last tenth ("measured minus set value")
-    rise time          from y_a + 10 % to y_a + 90 % of (y_r − y_a), crossings interpolated
+    steady error       mean of y − y_r over the last tenth of the segment
+    rise time          from y_a + 10 % to y_a + 90 % of (y_r − y_a), interpolated
     settling time      from the step until y stays within ±2 % of |y_r − y_a| about y_r
 
-The paper uses "overshoot" in two ways (E10): section II-C defines it as the largest difference
-from the set value, section III and Table II print *peak values*. Both stand here, under
+The paper's word "overshoot" has two meanings (E10): section II-C defines it as the largest
+difference from the set value, section III and Table II print peak values. Here they are
 ``overshoot_deg`` and ``peak_deg``.
 
 Kinds of segment:
 
-``step``     the reference changed at its start. y_a is the previous set value.
-``start``    the first segment with a reference, when it begins away from its set value (a flight
-             from rest, or the paper's run, whose reference is 10° from t = 0). y_a is its first
-             angle.
-``hold``     the reference is where the angle began: the paper's pitch and yaw during a roll step.
-             The peak is the angle farthest from the set value and the overshoot its distance
-             (≥ 0); percent, rise and settling time are not defined.
-``moving``   the reference never rests (a ramp, a multisine): as ``hold``, about the moving set
-             value, without the steady error.
-``none``     there is no reference: nothing is defined.
+``step``     the reference changes at its start; y_a is the previous set value.
+``start``    the first segment, if the angle starts away from its set value; y_a is the first angle.
+``hold``     the first segment, if the angle starts at its set value. The peak is the angle farthest
+             from the set value and the overshoot its distance (≥ 0). Percent, rise and settling
+             time are undefined.
+``moving``   the reference never rests (a ramp, a multisine): as ``hold``, relative to the moving
+             reference, without the steady error.
+``none``     there is no reference, and every metric is undefined.
 
-Which one is *reported* for an axis: its first ``step``; else its ``start``; else the ``hold`` or
-``moving`` reference, counted from the first change of *any* axis' reference, so that a take-off
-before the step does not drown what the step does. All segments are kept in ``AxisMetrics.steps``.
-What is not defined is NaN, never a made-up number.
+The *reported* segment of an axis is its first ``step``, else its ``start``, else the ``hold`` or
+``moving`` one. The latter counts from the first change of any axis' reference, which excludes the
+take-off. ``AxisMetrics.steps`` has all segments. Undefined metrics are NaN.
 """
 
 from __future__ import annotations
@@ -43,16 +40,19 @@ from typing import Literal
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.model.control.loop_task import under_control
+from heli3dof.recording.recording import Recording
 
 Kind = Literal["step", "start", "hold", "moving", "none"]
 
 MIN_STEP_DEG = 0.5
-"""A smaller difference between the first angle and the first set value is no step."""
+"""A smaller difference between first angle and first set value is a hold (a convention)."""
 MIN_HOLD_S = 0.5
-"""A reference that rests for less than this, for most of the time, is moving."""
+"""A reference that mostly rests for less than this is moving (a convention)."""
 SETTLING_BAND = 0.02
+"""of the step's size (a convention)"""
 STEADY_SHARE = 0.1
-"""The share of a segment, at its end, over which the steady error is averaged."""
+"""The last share of a segment, over which the steady error is averaged (a convention)"""
 
 METRICS = (
     "peak_deg",
@@ -70,12 +70,12 @@ class StepMetrics:
 
     kind: Kind
     start_s: float
-    """s on the recording's clock; rise is a duration, settling counts from here."""
+    """s on the recording's clock; the settling time counts from here."""
     stop_s: float
     from_deg: float
-    """Where the step starts from: y_a."""
+    """The start value y_a"""
     set_deg: float
-    """Where it should end: y_r. NaN for a moving reference."""
+    """The set value y_r; NaN for a moving reference"""
     peak_deg: float = np.nan
     overshoot_deg: float = np.nan
     overshoot_percent: float = np.nan
@@ -90,7 +90,7 @@ class StepMetrics:
 
 @dataclass(frozen=True)
 class AxisMetrics:
-    """The segment that is reported for an axis, and all of them."""
+    """The reported segment of an axis, and all segments."""
 
     reported: StepMetrics
     steps: tuple[StepMetrics, ...]
@@ -107,18 +107,28 @@ class _Segment:
 NOTHING = StepMetrics("none", np.nan, np.nan, np.nan, np.nan)
 
 
-def flight_metrics(
+def flight_metrics(recording: Recording) -> Mapping[str, AxisMetrics]:
+    """Metrics per axis of a recording, without the ramp to zero volts that ends a flight.
+
+    ``flight_metrics(r)["roll"].reported.steady_error_deg`` is what the command line prints.
+    """
+    flown = under_control(recording)
+    return step_metrics(
+        flown.t, flown.angle, flown.reference, resolution=flown.profile.encoder.rad_per_count
+    )
+
+
+def step_metrics(
     t: np.ndarray,
     angle: np.ndarray,
     reference: np.ndarray,
     *,
     resolution: np.ndarray | None = None,
 ) -> Mapping[str, AxisMetrics]:
-    """Metrics of all three axes of one flight, measured or simulated.
+    """Metrics per axis of arrays, measured or simulated.
 
-    t (N,) s, angle (N, 3) rad, reference (N, 3) rad before the rate limiter, NaN where absent;
-    resolution (3,) rad is the encoder's step: a settling band narrower than that is widened to
-    it, since a quantised angle cannot stay inside.
+    t (N,) s, angle (N, 3) rad, reference (N, 3) rad before the rate limiter, NaN where absent. The
+    settling band is at least ``resolution`` (3,) rad, the encoder's step.
     """
     changes = [_changes(reference[:, i]) for i in range(len(AXES))]
     first = min((int(c[0]) for c in changes if len(c)), default=0)
@@ -141,7 +151,7 @@ def axis_metrics(
 ) -> AxisMetrics:
     """Metrics of one axis: t (N,) s, angle (N,) rad, reference (N,) rad.
 
-    A ``hold`` is counted from ``since_s``; ``resolution`` (rad) is the encoder's step.
+    A ``hold`` counts from ``since_s``; ``resolution`` (rad) is the encoder's step.
     """
     y, ref = np.degrees(angle), np.degrees(reference)
     segments = _segments(t, y, ref)
@@ -162,7 +172,7 @@ def axis_metrics(
 
 
 def _changes(reference: np.ndarray) -> np.ndarray:
-    """Rows at which a reference takes a new value (rounding apart), appears or goes."""
+    """Rows at which a reference changes by more than rounding, begins or ends."""
     absent = np.isnan(reference)
     with np.errstate(invalid="ignore"):
         moved = np.abs(np.diff(reference)) > 1e-9
@@ -170,7 +180,7 @@ def _changes(reference: np.ndarray) -> np.ndarray:
 
 
 def _segments(t: np.ndarray, y: np.ndarray, ref: np.ndarray) -> list[_Segment]:
-    """The constant stretches of a reference, or one moving one, or none where it is absent."""
+    """The segments of a reference: its constant stretches, one moving one, or none."""
     known = np.flatnonzero(~np.isnan(ref))
     if not len(known):
         return []
@@ -195,7 +205,7 @@ def _segments(t: np.ndarray, y: np.ndarray, ref: np.ndarray) -> list[_Segment]:
 def _measure(
     t: np.ndarray, y: np.ndarray, ref: np.ndarray, segment: _Segment, grain_deg: float
 ) -> StepMetrics:
-    """The six numbers of one segment; y, ref in degrees."""
+    """The six metrics of one segment; y, ref in degrees."""
     rows = segment.rows
     t, y, ref = t[rows], y[rows], ref[rows]
     base = StepMetrics(segment.kind, float(t[0]), float(t[-1]), segment.from_deg, segment.set_deg)
@@ -235,7 +245,7 @@ def _steady_error(t: np.ndarray, error: np.ndarray) -> float:
 
 
 def _crossing(t: np.ndarray, progress: np.ndarray, level: float) -> float:
-    """When ``progress`` first rises through ``level``; NaN if it never does or began above."""
+    """Time (s) of the first rise of ``progress`` through ``level``; NaN if there is none."""
     above = progress >= level
     k = int(np.argmax(above))
     if not above[k] or k == 0:
@@ -245,7 +255,7 @@ def _crossing(t: np.ndarray, progress: np.ndarray, level: float) -> float:
 
 
 def _settling(t: np.ndarray, outside: np.ndarray) -> float:
-    """From the step to the first sample after which none is outside; NaN if the last one is."""
+    """Time (s) from the step until no later sample is outside; NaN if the last one is."""
     if outside[-1]:
         return np.nan
     last = np.flatnonzero(outside)

@@ -1,11 +1,10 @@
-"""Free prediction: the angles some time ahead, from states re-estimated from the data so far.
+"""Multi-step prediction errors: angles a horizon h ahead, from a state estimated up to then.
 
-    e_h[k] = y[k] − ŷ[k | angles up to k − h, voltages throughout],    RMSE_h = √(mean e_h²)
+    e_h[k] = y[k] − ŷ[k | angles up to k − h, measured voltages],    RMSE_h = √(mean e_h²)
 
-This judges a model where the loop cannot be replayed. Three horizons are given, and the error
-*over* the longest one (from 0 to 3 s, the mean of the squares over all the instants between),
-which is what other people quote for these rigs. Beside every model stands the simplest predictor
-of all, angles held still: ŷ[k] = y[k − h]. A model that does not beat it knows nothing.
+They need no controller. The RMSE is given for three horizons, and *over* the longest one (the mean
+square over all times from 0 to 3 s), as the literature on these rigs does. The baseline is constant
+angles, ŷ[k] = y[k − h]; a useful model has a smaller error.
 """
 
 from __future__ import annotations
@@ -20,30 +19,30 @@ from heli3dof.recording.recording import Recording
 
 HORIZONS_S = (0.5, 1.0, 3.0)
 STEPS_DRAWN = 30
-"""Instants of a window that is drawn (every 0.1 s of 3 s)."""
+"""Points of a window that is drawn: every 0.1 s of 3 s"""
 STEPS_AVERAGED = 12
-"""Instants of one that is only averaged (every 0.25 s): enough for a mean, and cheaper."""
+"""Points of a window that is only averaged: every 0.25 s of 3 s"""
 
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """A model's predictions of one recording at every instant of the windows, in rad."""
+    """A model's predictions of one recording, in rad."""
 
     ahead: Mapping[float, np.ndarray]
-    """By horizon in s: (N, 3) rad, row k predicted that long before; NaN where none."""
+    """Horizon in s → (N, 3) rad, the prediction of row k made that long before; NaN where none"""
     instants_s: np.ndarray
-    """(M,) s: the instants of a window after its start, the last being its whole length."""
+    """(M,) s: the points of a window, the last at its end"""
 
     @property
     def window_s(self) -> float:
-        """The longest horizon: the length of a stitched window."""
+        """The longest horizon, which is the length of a window."""
         return float(self.instants_s[-1])
 
 
 class HeldStill:
-    """ŷ[k] = y[k − h]: the predictor that every model must beat."""
+    """ŷ[k] = y[k − h]: constant angles, the baseline of every model."""
 
-    name = "angles held still"
+    name = "constant angles"
     kind = "held"
 
     def predict(self, recording: Recording, horizon_s: float) -> np.ndarray:
@@ -61,16 +60,16 @@ def predictions(
     *,
     steps: int = STEPS_DRAWN,
 ) -> Predictions:
-    """Predict at each horizon asked for, and at ``steps`` instants of windows of the longest."""
+    """Predict at each horizon, and at ``steps`` points of windows as long as the longest one."""
     instants = np.round(max(horizons_s) * np.arange(1, steps + 1) / steps, 9)
     wanted = sorted({round(float(h), 9) for h in (*horizons_s, *instants)})
     return Predictions({h: model.predict(recording, h) for h in wanted}, instants)
 
 
 def common_rows(several: Sequence[Predictions]) -> Mapping[float, np.ndarray]:
-    """By horizon: (N, 3) where every predictor that models the axis at all has a prediction.
+    """Horizon → (N, 3) bool: where every predictor that models the axis has a prediction.
 
-    Models are judged on the same rows, so that one that starts late gains nothing by it.
+    All models are evaluated on these rows, so that one with fewer predictions has no advantage.
     """
     rows: dict[float, np.ndarray] = {}
     for h in several[0].ahead if several else ():
@@ -82,7 +81,7 @@ def common_rows(several: Sequence[Predictions]) -> Mapping[float, np.ndarray]:
 def rmse_deg(
     recording: Recording, made: Predictions, rows: Mapping[float, np.ndarray] | None = None
 ) -> Mapping[float, np.ndarray]:
-    """By horizon: (3,) degrees, NaN for an axis that is not predicted or not measured."""
+    """Horizon → (3,) degrees; NaN for an axis that is not predicted or not measured."""
     return {
         h: _rms(np.degrees(y - recording.angle), None if rows is None else rows[h])
         for h, y in made.ahead.items()
@@ -90,10 +89,9 @@ def rmse_deg(
 
 
 def over_window_deg(by_horizon: Mapping[float, np.ndarray], made: Predictions) -> np.ndarray:
-    """(3,) degrees: the RMSE over a window, from 0 (no error yet) to its end.
+    """(3,) degrees: the RMSE over a window, from 0 (no error) to its end.
 
-    ``by_horizon`` is what `rmse_deg` gave. The squares are averaged over the window's instants by
-    the trapezoidal rule.
+    ``by_horizon`` is the result of `rmse_deg`; squares are averaged by the trapezoidal rule.
     """
     squares = np.array([by_horizon[float(h)] ** 2 for h in made.instants_s])
     squares = np.vstack([np.zeros((1, squares.shape[1])), squares])
@@ -102,9 +100,9 @@ def over_window_deg(by_horizon: Mapping[float, np.ndarray], made: Predictions) -
 
 
 def stitched(recording: Recording, made: Predictions) -> tuple[np.ndarray, np.ndarray]:
-    """Windows laid end to end: t (M,) s and angle (M, 3) rad, a row of NaN between windows.
+    """Successive windows: t (M,) s and angle (M, 3) rad, with a row of NaN between them.
 
-    Each window starts on the measured angles and runs free for ``made.window_s``.
+    Each window starts at the measured angles and is predicted for ``made.window_s``.
     """
     h = [float(x) for x in made.instants_s]
     steps = [0, *(max(1, round(x / recording.dt)) for x in h)]
@@ -119,7 +117,7 @@ def stitched(recording: Recording, made: Predictions) -> tuple[np.ndarray, np.nd
 
 
 def _rms(error: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
-    """(3,) root mean square of the finite rows of each column; NaN where there is none."""
+    """(3,) root mean square of each column's finite rows; NaN where there are none."""
     use = np.isfinite(error) if rows is None else np.isfinite(error) & rows
     count = use.sum(axis=0)
     total = np.where(use, error, 0.0) ** 2

@@ -2,10 +2,9 @@
 
     V[k] = V_o + K_g (x_ref − x)[k] + V_extra[k],   clipped to ±v_max            (7), E5, E6
 
-The model starts at rest at the flight's first angles, and is told nothing of what the rig did
-afterwards. That is the only fair replay of this plant: it integrates twice, so a voltage replayed
-open loop drifts (0.05 V of bias is 25° after 10 s), while the loop holds model and rig to the
-same references. It needs the controller, so a recording whose loop is unknown is not replayed.
+The model starts at rest at the flight's first angles; the rig's later motion does not enter. An
+open-loop replay would drift, because the plant integrates twice (0.05 V of bias is 25° after
+10 s), while the loop holds model and rig to the same references. The controller must be known.
 """
 
 from __future__ import annotations
@@ -22,27 +21,27 @@ from heli3dof.recording.recording import Recording
 __all__ = ["Replay", "loop_task", "replay", "under_control", "why_not_replayed"]
 
 DIVERGED_DEG = {ROLL: 180.0, PITCH: 180.0, YAW: 720.0}
-"""A model this far from its reference has left every rig: it diverges."""
+"""A model this far from its reference has diverged: no rig moves that far (a convention)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A model's flight at the recording's own instants."""
+    """A simulated flight at the recording's times."""
 
     t: np.ndarray
     """(N,) s"""
     angle: np.ndarray
-    """(N, 3) rad, NaN from the moment it diverges."""
+    """(N, 3) rad, NaN once it has diverged"""
     voltage: np.ndarray
-    """(N, 2) V after the limiter, NaN likewise."""
+    """(N, 2) V after the limiter, likewise"""
     diverged_at_s: float | None
-    """s on the recording's clock, or None."""
+    """s on the recording's clock, or None"""
     unstable_poles: tuple[complex, ...]
-    """rad/s: the model's poles in this loop that do not decay."""
+    """rad/s: the closed-loop poles in the right half plane"""
 
 
 def replay(model: Model, recording: Recording) -> Replay:
-    """Fly the model through the recording's task. Raises ValueError where the loop is unknown."""
+    """Simulate the model in the recording's loop. Raises ValueError if the loop is unknown."""
     flown = under_control(recording)
     task = loop_task(flown)
     with np.errstate(over="ignore", invalid="ignore"):

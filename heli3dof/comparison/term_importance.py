@@ -1,9 +1,9 @@
-"""What each term of a grey box is worth: its prediction error without the term, not refitted.
+"""Importance of a grey-box model's terms: the increase in prediction error without each term.
 
     share_t = RMSE(model, term t at its null) − RMSE(model)      over `HORIZON_S`, degrees
 
-The other parameters stay where they are, so this says how much the *fitted* model leans on a term,
-not how well a model without it could do. A log-parameter has no null: it goes to its lowest value.
+The other parameters keep their values, so this measures the fitted model's use of a term, not the
+error of a model refitted without it. A log-parameter has no null; it gets its lowest value.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ HORIZON_S = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """One term, and the model's error without it."""
+    """The prediction error of a model with and without one term."""
 
     term: str
     without_deg: np.ndarray
-    """(3,) RMSE over the window"""
+    """(3,) RMSE over the window, degrees"""
     whole_deg: np.ndarray
-    """(3,) the same with the term"""
+    """(3,) with the term"""
 
 
 def shares(
     model: GreyBoxModel, recordings: Sequence[Recording], horizon_s: float = HORIZON_S
 ) -> tuple[Share, ...]:
-    """One per term, in the model's order; mean squares are averaged over the recordings."""
+    """One per term, in the model's order; squares are averaged over the recordings."""
     whole = error_deg(model, recordings, horizon_s)
     return tuple(
         Share(t, error_deg(without(model, t), recordings, horizon_s), whole) for t in model.terms
@@ -48,7 +48,7 @@ def shares(
 
 
 def without(model: GreyBoxModel, term: str) -> GreyBoxModel:
-    """The model with the term's parameters where it is absent, and nothing refitted."""
+    """The model with the term's parameters at their null, and nothing refitted."""
     values = model.values.copy()
     free = model.structure.free
     own = {f.name for f in free if f.term == term}
@@ -62,7 +62,7 @@ def without(model: GreyBoxModel, term: str) -> GreyBoxModel:
 def error_deg(
     model: GreyBoxModel | HeldStill, recordings: Sequence[Recording], horizon_s: float
 ) -> np.ndarray:
-    """(3,) RMSE over all samples of windows of that length."""
+    """(3,) degrees: RMSE over windows of that length."""
     squares = []
     for r in recordings:
         made = predictions(model, r, (horizon_s,), steps=STEPS_AVERAGED)

@@ -116,7 +116,7 @@ def backward(
 ) -> Backward:
     """Which terms held-out windows need. ``found`` is the fit of ``problem``."""
     begun = search(problem, found.z, found.noise, stages_s=(STAGE_S,))
-    says("Fitting the blocks of each half …")
+    says("Fitting each half of the blocks …")
     first = stand = Stand.of(begun)
     gone: list[tuple[str, Worse, list[str]]] = []
     proven: dict[str, Trial] = {}
@@ -139,7 +139,7 @@ def backward(
         near = traded(stand.fit, out)
         proven = {k: v for k, v in proven.items() if k not in near}
         gone.append((out, trial.worse, near))
-        says(f"Without {out} … everything else once more")
+        says(f"Without {out} … refitting the others")
         stand = stand.without(out, trial.fits)
     stays = [Removal(t, tried.worse, (), tried) for t, tried in proven.items()]
     kept = [r for r in stays if r.worse.kept or r.term in known]
@@ -192,7 +192,7 @@ def tied(
     """The same with what went and serves as well in their place."""
     out = []
     for r in causes:
-        says(f"Looking for ties of {r.term} …")
+        says(f"Searching for causes confounded with {r.term} …")
         others = () if found.last is None else ties(found.last, r.term, found.gone, seed)
         out.append(replace(r, tied_with=others))
     return out

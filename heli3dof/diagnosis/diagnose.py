@@ -84,7 +84,7 @@ def _diagnosed(
     base: str,
 ) -> Diagnosis:  # fmt: skip
     names = (tuple(r.name for r in train), tuple(r.name for r in held))
-    clock.start("integrity", "Checking the recordings themselves …")
+    clock.start("integrity", "Checking the recordings …")
     faults = integrity([*train, *held])
     for stops in (Kind.BAD_DATA, Kind.NOT_IDENTIFIABLE):
         if any(f.kind == stops for f in faults):
@@ -95,28 +95,28 @@ def _diagnosed(
         )
     flights = QUICK_FLIGHTS if quick else FLIGHTS
     bench = Bench(tuple(train), seed, QUICK_PILOTS if quick else PILOTS, base, not quick)
-    clock.start("base", "Fitting the base simulation, and flying it for its bias …")
+    clock.start("base", "Fitting the base simulation and simulating its bias …")
     least = base_of(bench)
     steps, found = causes(bench, least, flights, clock)
     first = steps[0]
-    clock.start("backward", "Each cause once more without it …")
+    clock.start("backward", "Refitting without each cause …")
     found, steps = eliminated(bench, found, steps)
-    clock.start("gain", "Measuring the gain on what was not seen …")
+    clock.start("gain", "Measuring the gain on held-out data …")
     taken = [s.choice for s in steps if s.choice is not None and not s.choice.term.effect.formal]
     found, findings, dropped, after = adopted(
         found, taken, held, seed=seed, instead=partial(in_turn, bench)
     )
-    clock.start("left", "Looking for what has no name …")
+    clock.start("left", "Searching for unmodelled effects …")
     many = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
     last = unnamed(bench, Settled(found, findings, dropped, after), held, flights=many)
     last = replace(last, findings=with_near(last.findings))
     if not bench.loop_is_known:
-        clock.says("Asking each recording by itself …")
+        clock.says("Fitting each recording separately …")
         last = replace(last, findings=doubted(last.findings, train))
-    clock.start("gain", "Measuring the gain on what was not seen …")
+    clock.start("gain", "Measuring the gain on held-out data …")
     least = as_written(least, last.found)
     whole = fitted(least, last.found, last.after, train, held, seed=seed)
-    clock.start("off", "Asking whether the rig itself is off its profile …")
+    clock.start("off", "Comparing the calibration with the profile …")
     off = base_off(last) if last.sure else ()
     off = tuple(with_imitators(o, look_beside(steps, last.found)) for o in off)
     profile = train[0].profile

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.comparison.metrics import flight_metrics
+from heli3dof.comparison.metrics import step_metrics
 from heli3dof.comparison.replay import replay
 from heli3dof.model.control.loop_task import under_control, why_not_replayed
 from heli3dof.model.greybox.model import GreyBoxModel
@@ -44,7 +44,7 @@ def replayed(
         grain = np.abs(recording.profile.encoder.rad_per_count)
         flights = [flown.angle, *(replay(m, recording).angle for m in (before, after))]
         metrics = [
-            flight_metrics(flown.t, angle, flown.reference, resolution=grain) for angle in flights
+            step_metrics(flown.t, angle, flown.reference, resolution=grain) for angle in flights
         ]
         for axis in AXES:
             shown = [m[axis].reported for m in metrics]

@@ -107,8 +107,8 @@ def recommend(
     outlooks = _outlooks(base, tasks, worlds, looked)
     if not outlooks:
         raise UsageError(
-            f"No plan can be flown to separate {', '.join(names)}.",
-            cause="every plan leaves the envelope of this profile, on one of the models at least.",
+            f"No plan separates {', '.join(names)} on this rig.",
+            cause="every plan leaves the envelope of this profile on at least one of the models.",
             fix="widen [limits] in the profile, or write a gentler plan",
         )
     ranking = tuple(sorted(outlooks, key=lambda o: -o.margin / o.duration_s))
@@ -155,14 +155,14 @@ def _why(best: Outlook, names: Sequence[str]) -> str:
     seconds = f"{best.duration_s:.0f} s"
     if len(names) == 1:
         return (
-            f"simulated, {seconds} of it show {names[0]} with a score of {best.margin:.0f} "
-            f"({percent(best.certainty)} certain to be enough)"
+            f"in simulation, {seconds} of it give {names[0]} a score of {best.margin:.0f} "
+            f"({percent(best.certainty)} probability of a decision)"
         )
     what = " and ".join(names) if len(names) == 2 else ", ".join(names)
-    said = f"simulated, {seconds} of it part {what} by a margin of {best.margin:.0f}"
+    text = f"in simulation, {seconds} of it separate {what} by a margin of {best.margin:.0f}"
     if best.certainty < HOPELESS:
-        return f"{said}: more than any other plan, but hardly enough; fly it several times"
-    return f"{said}, {percent(best.certainty)} certain to be enough"
+        return f"{text}: more than any other plan, but hardly enough; fly it several times"
+    return f"{text} ({percent(best.certainty)} probability of a decision)"
 
 
 def _chance(margin: float) -> float:

@@ -86,7 +86,7 @@ def read_calibration(path: Path) -> Calibration:
     else:
         raise _none_in(path, "is neither a model file nor a diagnosis")
     if not found.base and not found.counts and not found.rest_deg:
-        raise _none_in(path, "holds no calibration (a recording that is itself at fault has none)")
+        raise _none_in(path, "contains no calibration (a diagnosis of a faulty recording has none)")
     return found
 
 
@@ -94,7 +94,7 @@ def _none_in(path: Path, what: str) -> RecordingError:
     recording = path if path.suffix in (".mcap", ".csv", ".mat") else "REC.mcap"
     return RecordingError(
         f"{path} {what}.",
-        cause="profile update reads what heli3dof diagnose wrote, or a grey-box model file.",
+        cause="profile update reads the output of heli3dof diagnose, or a grey-box model file.",
         fix=f"heli3dof diagnose {recording} -o model.json; heli3dof profile update --from "
         "model.json --profile rig.toml -o rig2.toml",
     )
@@ -133,8 +133,8 @@ def _of_model(path: Path) -> Calibration:
     model = read_model(path)
     if not isinstance(model, GreyBoxModel):
         raise RecordingError(
-            f"{path} holds a {model.kind} model, which has no physical parameters.",
-            cause="a black box says nothing of masses, thrust or inertias.",
+            f"{path} contains a {model.kind} model, which has no physical parameters.",
+            cause="a black-box model has no masses, thrust gain or inertias.",
             fix="heli3dof identify REC.mcap --method greybox -o model.json",
         )
     free = model.structure.free[:4]
@@ -162,7 +162,7 @@ def check_same_rig(found: Calibration, profile: Profile, file: str) -> None:
                 f"{found.source} was measured against another profile: its nominal {name} is "
                 f"{m.nominal:.5g}, that of {file} {own[name]:.5g}.",
                 cause="the recordings were flown with another profile, or it was changed since.",
-                fix="--profile with the file that the recordings were flown with",
+                fix="name the profile of the recordings with --profile",
             )
 
 

@@ -79,26 +79,28 @@ def explains(fit: Fitted, recordings: Sequence[Recording], causes: Container[str
             for r, v, s in each
             if len(s)
         )
-        said.append(f"The standing pitch is the encoder's zero (encoder.offset.pitch): {words}.")
+        said.append(
+            f"Pitch in steady flight is the encoder's zero offset (encoder.offset.pitch): {words}."
+        )
     rows = np.concatenate(seen)
     if "stiffness.pendulum.roll" in causes and len(rows) > 10:
         slope, level = np.polyfit(rows[:, 0], rows[:, 2], 1)
         low, high = (hover_voltage(fit, a) for a in (-10, 10))
         times = (high - low) / (20 * slope)
-        also = "" if 1 / ALIKE < times < ALIKE else ": that is not what was measured"
+        also = "" if 1 / ALIKE < times < ALIKE else ", unlike the measurement"
         said.append(
             "The hover voltage rises with roll because the arm is a pendulum "
             f"(stiffness.pendulum.roll): measured {level - 10 * slope:.1f} V at −10° and "
-            f"{level + 10 * slope:.1f} V at +10° (a line through the rows in which roll stands "
-            f"still); the model holds {low:.1f} V and {high:.1f} V{also}."
+            f"{level + 10 * slope:.1f} V at +10° (a line through the rows with constant roll); "
+            f"the model's are {low:.1f} V and {high:.1f} V{also}."
         )
     if "motor.rotor_curve" in causes and hover_voltage(fit, 0.0) > LEAST_HOVER * LOW_V[1]:
         n = fit.values[fit.structure.names.index(EXPONENT)]
         hover = hover_voltage(fit, 0.0)
         parts = [f"{100 * (v / hover) ** n:.0f} % at {v:g} V" for v in LOW_V]
         said.append(
-            "The dead zone of one motor is the thrust curve's foot (motor.rotor_curve, "
-            f"n = {n:.2f}): of its thrust in level hover ({hover:.1f} V) it gives "
-            f"{' and '.join(parts)}, and none backwards."
+            "The dead zone of one motor is the low end of the thrust curve (motor.rotor_curve, "
+            f"n = {n:.2f}): its thrust, relative to level hover ({hover:.1f} V), is "
+            f"{' and '.join(parts)}, and zero for negative voltages."
         )
     return said

@@ -91,11 +91,10 @@ def take_off(fit: Fitted, i: int, recording: Recording) -> Iterator[dict[str, An
             "measured": measured, "model": model, "model_std": std,
         },
         "sentence": f"The take-off of {recording.name} was not fitted. In its {seconds:.1f} s roll "
-        f"rises by {_deg(rises)}; the model says {_deg(rest)} with rotors at rest in the file's "
-        f"first row and {_deg(speed)} at the speed that its voltages would keep. {SPUN_UP_S:g} s "
-        f"after lift-off that is forgotten: from there pitch accelerates by {_number(measured)} "
-        f"rad/s² on average, where the thrusts that fit the flight say {_number(model)} ± "
-        f"{_number(std)}.",
+        f"rises by {_deg(rises)}; the model predicts {_deg(rest)} with rotors initially at rest "
+        f"and {_deg(speed)} with rotors at steady speed. From {SPUN_UP_S:g} s after lift-off, when "
+        f"this no longer matters, pitch accelerates by {_number(measured)} rad/s² on average; the "
+        f"thrusts that fit the flight give {_number(model)} ± {_number(std)}.",
     }  # fmt: skip
 
 
@@ -187,16 +186,16 @@ def creep(fit: Fitted, recording: Recording) -> Iterator[dict[str, Any]]:
     if c is None or (not c.creeps and abs(c.model_deg - c.early_deg) < OFF_DEG):
         return
     sentence = (
-        f"At {c.voltage_V:g} V on both motors ({c.recording}, not fitted) the arm stands at "
-        f"{_deg(c.early_deg)} after {EARLY_S[0]:.0f} to {EARLY_S[1]:.0f} s; the model says "
+        f"At {c.voltage_V:g} V on both motors ({c.recording}, not fitted) the arm is at "
+        f"{_deg(c.early_deg)} after {EARLY_S[0]:.0f} to {EARLY_S[1]:.0f} s; the model predicts "
         f"{_deg(c.model_deg)}."
     )
     if c.creeps:
         sentence += (
             f" Then it creeps to {_deg(c.late_deg)} by {c.seconds:.0f} s, as if thrust at that "
-            f"voltage grew by {100 * (c.thrust_late_over_early - 1):.0f} %: nothing in the model "
-            "is slower than its rotors. Warm motors, a bearing, a tilt that was not read? These "
-            "runs do not tell."
+            f"voltage grew by {100 * (c.thrust_late_over_early - 1):.0f} %. The model has no such "
+            "slow dynamics. Warm motors, a bearing or an unrecorded tilt are possible; these runs "
+            "do not separate them."
         )
     yield {"what": "creep", **asdict(c), "sentence": sentence}
 
@@ -210,7 +209,7 @@ def together(runs: Sequence[Crept]) -> Iterator[dict[str, Any]]:
         "voltage": [c.as_if_V for c in runs],
     }
     one = {k: min(v) > 0 and max(v) < ONE_SIZE * min(v) for k, v in each.items()}
-    told = "; ".join(
+    each_run = "; ".join(
         f"{c.voltage_V:g} V: {100 * (c.thrust_late_over_early - 1):.0f} % of thrust, or "
         f"{c.as_if_V:.2f} V".replace("-", "−")
         for c in runs
@@ -218,9 +217,9 @@ def together(runs: Sequence[Crept]) -> Iterator[dict[str, Any]]:
     fits = [k for k, v in one.items() if v]
     yield {
         "what": "creep_together", "runs": [c.recording for c in runs], "one_size": one,
-        "sentence": f"What creeps, run by run: {told}. "
-        + (f"One growth of {' or of '.join(fits)} would do for all of them."
-           if fits else "No one growth of thrust, nor one of voltage, does for all of them."),
+        "sentence": f"Equivalent growth during the creep, by run: {each_run}. "
+        + (f"One growth of {' or of '.join(fits)} explains all of them."
+           if fits else "No common growth of thrust or of voltage explains all of them."),
     }  # fmt: skip
 
 

@@ -66,20 +66,20 @@ from heli3dof.model.greybox.model import nominal
 from heli3dof.parallel import in_threads
 from heli3dof.recording.recording import Recording
 
-WHY = (
-    "The loop is unknown, so no nulls can be flown, and no likelihood can be trusted: {} So the "
-    "full physical model was fitted to free flights of 3 s. What blocks left out need, and "
-    "whose size is sure, is named; the rest is kept within what is known of such rigs. Sizes are "
-    "in units of the profile's K_f; there is no noise floor."
+METHOD = (
+    "The controller is unknown, so null simulations are not possible, and the likelihood is not "
+    "reliable: {} The full physical model was therefore fitted to 3 s predictions. "
 )
-QUICK = (
-    "The loop is unknown, so no nulls can be flown, and no likelihood can be trusted: {} So the "
-    "full physical model was fitted to free flights of 3 s. Quickly: no blocks were left out, so "
-    "every name is one by its size alone. Sizes are in units of the profile's K_f; there is no "
-    "noise floor."
+WHY = METHOD + (
+    "A term is a cause if left-out blocks need it and its size is significant; other terms keep "
+    "their prior. Sizes are in units of the profile's K_f; there is no noise floor."
 )
-FITTING = "Fitting the full physical model to free flights …"
-EACH = "Each cause once more without it …"
+QUICK = METHOD + (
+    "Quick mode leaves out no blocks, so causes rest on their sizes alone. Sizes are in units of "
+    "the profile's K_f; there is no noise floor."
+)
+FITTING = "Fitting the full physical model to multi-step predictions …"
+EACH = "Refitting without each cause …"
 BLOCKS = "blocks left out of the fit"
 Says = Callable[[str], None]
 
@@ -116,7 +116,7 @@ def diagnose_real(
     says(FITTING)
     full = fit_freeflight(whole, say=lambda round_: says(f"{FITTING} {round_}"))
     found = glance(full) if quick else backward(full.problem, full, seed=seed, says=says)
-    says("Fitting the base simulation in the same way …")
+    says("Fitting the base simulation …")
     simpler = BASES[base]
     least = fit_freeflight(whole, simpler)
     says("Measuring the gain …")
@@ -155,7 +155,7 @@ def diagnose_real(
         findings = tuple(unsure(f) for f in findings)
     left = leftovers(adopted)
     about = {
-        "method": "free flights of the full physical model, and backwards from it",
+        "method": "multi-step predictions of the full physical model, backward elimination",
         "why": (QUICK if quick else WHY).format(why),
         "gain_measured_on": against,
         "adopted": not poor,

@@ -50,10 +50,10 @@ def contradicted(found: Backward, r: Removal) -> str:
     if halves is None:
         return ""
     if not halves.one_size:
-        return "the halves of these flights give it two sizes"
+        return "the two halves of the data give it different sizes"
     if halves.by_both or r.term in known_beforehand(found.fit.problem):
         return ""
-    return "not each half of these flights shows it"
+    return "it is not significant in each half of the data"
 
 
 def certainty(found: Backward, r: Removal) -> float:
@@ -80,7 +80,7 @@ def left_open(
 def within(found: Backward, only_kept: list[Removal]) -> list[dict[str, Any]]:
     """JSON-able: each such term, its size beside what was known of it, and why it is no cause."""
     varying = {v.rsplit(".", 1)[0] for v in found.fit.problem.varying}
-    as_what = "as what differs by recording: "
+    as_what = "with one value per recording: "
     return [
         {
             "term": r.term,
@@ -93,14 +93,14 @@ def within(found: Backward, only_kept: list[Removal]) -> list[dict[str, Any]]:
 
 def _why(found: Backward, r: Removal) -> str:
     if not found.halves:
-        return "its size is not told from none, and no blocks were left out"
+        return "its size is not significant, and no blocks were left out"
     if r in found.gone:
-        return "blocks left out of the fit do not need it"
+        return "left-out blocks do not need it"
     if apart(found.fit, r.term) >= SURE and (why := contradicted(found, r)):
-        return f"blocks left out of the fit need it, but {why}"
+        return f"left-out blocks need it, but {why}"
     alike = ", ".join(traded(found.fit, r.term))
-    other = f", or what acts alike ({alike})" if alike else ""
-    return f"blocks left out of the fit need it{other}, but its size is not told from none"
+    other = f" or a similar term ({alike})" if alike else ""
+    return f"left-out blocks need it{other}, but its size is not significant"
 
 
 def sizes(fit: Fitted, name: str) -> dict[str, dict[str, float | str]]:

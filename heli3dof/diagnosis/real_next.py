@@ -121,10 +121,10 @@ def next_free_flight(
 def why_none(open_: Open | None) -> str:
     """Where `next_free_flight` has nothing to recommend, or was not asked."""
     if open_ is None:
-        return "the extension does not pay, so there is no rig to simulate plans on"
+        return "the extended model was not adopted, so there is no model to simulate plans on"
     if not wanted(open_):
-        return "no term is open whose size a plan would tell"
-    return "no plan was simulated, or none can be flown on the fitted rig by the default controller"
+        return "no open parameter can be estimated by a plan"
+    return "no plan is feasible on the fitted model with the default controller"
 
 
 def chance(u: float) -> float:
@@ -180,14 +180,14 @@ def _common(fit: Fitted) -> np.ndarray:
 
 def _why(best: Outlook, asked: Sequence[Wanted], tied: bool) -> str:
     each = ", ".join(
-        f"{w.name} ({w.size:.2g} {w.unit}: {percent(chance(math.sqrt(m)))} certain)"
+        f"{w.name} ({w.size:.2g} {w.unit}, probability {percent(chance(math.sqrt(m)))})"
         for w, m in zip(asked, best.margins, strict=True)
     )
-    said = "they serve as well in one another's place; " if tied else ""
-    said += (
-        f"simulated on the fitted rig with the default controller, {best.duration_s:.0f} s of it "
-        f"show by themselves {each}"
+    text = "these causes are confounded; " if tied else ""
+    text += (
+        f"in simulation with the fitted model and the default controller, {best.duration_s:.0f} s "
+        f"of it identify {each}"
     )
     if best.certainty < HOPELESS:
-        return f"{said}: more per second than any other plan, but hardly enough; repeat it"
-    return said
+        return f"{text}: more per second than any other plan, but hardly enough; repeat it"
+    return text

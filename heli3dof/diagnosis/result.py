@@ -18,10 +18,10 @@ from heli3dof.diagnosis.real_next import Open
 from heli3dof.diagnosis.select import Choice
 from heli3dof.model.greybox.model import GreyBoxModel
 
-DOES_NOT_PAY = "it does not pay on data that it has not seen"
-COLOURED = "this recording's own noise is slow, and does as much"
-WITHIN_A_COUNT = "an encoder does as much within one count"
-STANDS_IN = "it stood in for a torque that has no name"
+DOES_NOT_PAY = "held-out data do not confirm its gain"
+COLOURED = "this recording's low-frequency noise explains as much"
+WITHIN_A_COUNT = "an encoder error within one count explains as much"
+STANDS_IN = "it only compensated for an unmodelled torque"
 
 
 @dataclass(frozen=True, eq=False)

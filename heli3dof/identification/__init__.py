@@ -1,5 +1,6 @@
 """Models from recordings: preprocessing, feedback test, fit, validation.
 
-`identify.identify` does all of it. Each method is one file in `methods`. docs/explanation/identification.md
-explains the choices. This package imports nothing by itself, so that listing the methods is fast.
+`identify.identify` does all of it. Each method is one file in `methods`. The choices are explained
+in docs/explanation/identification.md. This package imports nothing by itself: listing methods is
+fast.
 """

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.comparison.metrics import AxisMetrics, flight_metrics
+from heli3dof.comparison.metrics import AxisMetrics, step_metrics
 from heli3dof.model.base import LoopTask, Model
 from heli3dof.paper.published import TABLE_II, TEXT, Published
 from heli3dof.rig.profile import ControllerSpec, Profile, default_profile
@@ -56,7 +56,7 @@ def hover_metrics(hover: Model, profile: Profile | None = None) -> Mapping[str, 
     """Step metrics per axis of the hover model flown through the paper's step."""
     task = paper_step(profile)
     result = hover.fly(task)
-    return flight_metrics(result.t, result.angle, task.reference)
+    return step_metrics(result.t, result.angle, task.reference)
 
 
 def reproduce(hover: Model | None) -> tuple[Reproduced, ...]:

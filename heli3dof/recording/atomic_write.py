@@ -1,4 +1,4 @@
-"""New files: never over an existing one without force, never half written under the final name."""
+"""New files: complete or absent, and never over an existing file without ``force``."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from typing import BinaryIO
 from heli3dof.errors import OutputExists, UsageError
 from heli3dof.write_errors import ELSEWHERE, explained
 
-LOGS = (".csv.gz", ".csv", ".mat")
-"""What a log of another program may end in."""
-ENDINGS = (*LOGS, ".mcap", ".parquet")
+RECORDINGS = (".mcap", ".parquet")
+"""Endings of files that heli3dof writes and no importer reads"""
 
 
 def stem(path: Path) -> str:
@@ -24,24 +23,27 @@ def stem(path: Path) -> str:
     >>> stem(Path("cable.yaw:0.1.mcap")), stem(Path("log.csv.gz"))
     ('cable.yaw:0.1', 'log')
     """
+    from heli3dof.recording.logs.importers import endings
+
     name = path.name
-    return next((name[: -len(e)] for e in ENDINGS if name.lower().endswith(e)), path.stem)
+    known = (*endings(), *RECORDINGS)
+    return next((name[: -len(e)] for e in known if name.lower().endswith(e)), path.stem)
 
 
 NAME_KEPT = 32
-"""Characters of a name in the name of its part: four bytes each leave room below 255"""
+"""Characters of a name in its temporary file's name: 4 bytes each stay below 255 bytes"""
 PROBE = b"\0" * 4096
-"""What is written to learn that a folder takes files: a block of most file systems"""
+"""Bytes written to test a folder: a block of most file systems"""
 
 
 def check_outputs(
     *outputs: Path | None, force: bool, inputs: Iterable[Path] = (), fix: str = ELSEWHERE
 ) -> None:
-    """Raise where one of the files cannot be created, before anything is computed for them.
+    """Raise an error if an output cannot be created; call it before computing anything.
 
-    OutputExists, UsageError (no such folder, not permitted, named twice, or one of ``inputs``,
-    which even ``force`` does not overwrite) or NoSpace. Every folder is tried with a real file.
-    None stands for an output that was not asked for.
+    OutputExists, UsageError (missing folder, no permission, the same name twice, or one of
+    ``inputs``, which ``force`` does not overwrite either) or NoSpace. A file is written to every
+    folder as a test. Outputs that are None are skipped.
     """
     read = [p for p in inputs if p.is_file()]
     seen: list[Path] = []
@@ -51,21 +53,21 @@ def check_outputs(
         check_output(path, force=force, fix=fix)
         if any(path.exists() and path.samefile(p) for p in read):
             raise UsageError(
-                f"{path} is read and cannot be written at the same time.",
-                cause="the output has the name of an input.",
-                fix="another name with -o",
+                f"{path} is an input and cannot be the output as well.",
+                cause="the output was given the name of an input.",
+                fix="choose another name with -o",
             )
         if path.absolute() in seen:
             raise UsageError(
-                f"Two files would be written to {path}.",
-                cause="two outputs were given one name, or two recordings have the same name.",
-                fix="give each a name of its own",
+                f"Two outputs have the same name {path}.",
+                cause="one name was given twice, or two recordings have the same name.",
+                fix="give each output its own name",
             )
         seen.append(path.absolute())
 
 
 def check_output(path: Path, *, force: bool, fix: str = ELSEWHERE) -> None:
-    """Raise OutputExists, UsageError or NoSpace where ``path`` cannot be created."""
+    """Raise OutputExists, UsageError or NoSpace if ``path`` cannot be created."""
     _check_name(path, force=force)
     with explained(path, fix=fix):
         place = path.resolve()
@@ -77,9 +79,9 @@ def check_output(path: Path, *, force: bool, fix: str = ELSEWHERE) -> None:
 
 
 def check_folder(folder: Path, *, fix: str = ELSEWHERE) -> None:
-    """Raise UsageError or NoSpace where ``folder`` is none that files can be written to.
+    """Raise UsageError or NoSpace if no files can be written to ``folder``.
 
-    It need not exist yet; nothing is made.
+    A missing folder is judged by the nearest existing one above it, and not created.
     """
     with explained(folder, fix=fix):
         there = folder.absolute()
@@ -89,7 +91,7 @@ def check_folder(folder: Path, *, fix: str = ELSEWHERE) -> None:
 
 
 def new_folder(folder: Path, *, fix: str = ELSEWHERE) -> Path:
-    """Make the folder where it is missing, and every one above it; raises as `check_folder`."""
+    """Create the folder and those above it; raises as `check_folder`."""
     with explained(folder, fix=fix):
         folder.mkdir(parents=True, exist_ok=True)
     check_folder(folder, fix=fix)
@@ -97,7 +99,7 @@ def new_folder(folder: Path, *, fix: str = ELSEWHERE) -> Path:
 
 
 def _probe(folder: Path) -> None:
-    """Write a file in the folder, and remove it. Raises OSError."""
+    """Write a file to the folder and remove it. Raises OSError."""
     probe = folder / f".{os.getpid()}-{threading.get_ident()}.part"
     try:
         with probe.open("xb", buffering=0) as stream:
@@ -108,7 +110,7 @@ def _probe(folder: Path) -> None:
 
 
 def _check_name(path: Path, *, force: bool) -> None:
-    """Raise OutputExists or UsageError where the name itself cannot be taken."""
+    """Raise OutputExists or UsageError for a name that cannot be used."""
     with explained(path):
         there, folder = path.exists(), path.is_dir()
     if folder:
@@ -119,28 +121,27 @@ def _check_name(path: Path, *, force: bool) -> None:
         )
     if there and not force:
         raise OutputExists(
-            f"{path} exists and was left as it is.",
-            cause="an earlier run wrote it; heli3dof never overwrites unasked.",
+            f"{path} exists and was not overwritten.",
+            cause="an earlier run wrote it.",
             fix=f"another name with -o, or --force to replace {path.name}",
         )
     if not path.parent.is_dir():
         raise UsageError(
             f"There is no folder {path.parent}.",
-            cause="a typing error in the output's path, or a folder not made yet.",
+            cause="a typing error in the output's path, or the folder was not created yet.",
             fix=f"mkdir -p {path.parent}",
         )
 
 
 def ours(path: Path, *, force: bool) -> Path:
-    """Where to write what nobody named: ``path``, and beside what is there without ``force``."""
+    """A default output's path: ``path`` itself with ``force``, else a name that is free."""
     return path if force else unused(path)
 
 
 def unused(path: Path) -> Path:
-    """A name of our own making: ``path``, or its first numbered neighbour that is free.
+    """``path``, or the first free numbered name: ``a-extended.json``, ``a-extended-2.json``, …
 
-    ``a-extended.json``, ``a-extended-2.json``, … Where nobody asked for a name, an earlier run is
-    no reason to refuse the next one.
+    For default names, so that an earlier run does not block the next one.
     """
     k, free = 1, path
     while free.exists():
@@ -150,9 +151,9 @@ def unused(path: Path) -> Path:
 
 
 def mode(path: Path, *, force: bool) -> str:
-    """How to open ``path`` for writing: a file so that it can be read, too, a pipe or device not.
+    """The mode to open ``path`` for writing: files also for reading, pipes and devices not.
 
-    A pipe that its writer could read as well would never tell it that the reader has gone.
+    A pipe that the writer holds open for reading would not report that its reader has gone.
     """
     if not force:
         return "x+b"
@@ -161,16 +162,15 @@ def mode(path: Path, *, force: bool) -> str:
 
 @contextlib.contextmanager
 def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
-    """A binary stream that becomes ``path`` when the block ends well, and vanishes when not.
+    """A binary stream that becomes ``path`` when the block ends without an error.
 
-    A file's can be read back.
-
-    Raises OutputExists, UsageError (no such folder, not permitted) or NoSpace.
+    After an error nothing is left. A regular file's stream can also be read. Raises OutputExists,
+    UsageError (missing folder, no permission) or NoSpace.
     """
     path = Path(path)
     check_output(path, force=force)
-    path = path.resolve()  # a link stays a link; what it names is replaced
-    if path.exists() and not path.is_file():  # /dev/stdout and its like are written, not replaced
+    path = path.resolve()  # a link stays a link; its target is replaced
+    if path.exists() and not path.is_file():  # write to /dev/stdout, do not replace it
         with explained(path), path.open("wb", buffering=0) as stream:
             yield stream
         return

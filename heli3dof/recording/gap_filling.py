@@ -1,12 +1,12 @@
-"""Lost samples given their rows back, so that what counts rows counts periods.
+"""Insert rows for lost samples, so that one row is one control period.
 
-Between t[k] and t[k+1] are missing
+Between t[k] and t[k+1] are
 
-    n = round((t[k+1] − t[k]) / dt) − 1        samples
+    n = round((t[k+1] − t[k]) / dt) − 1        missing samples
 
-and one less for a sample that came late, so that the next one follows early. They get times spread
-evenly, no angles (NaN), and what the recording says was held meanwhile: the last voltage (its
-integral over any interval stays what it was), the last reference, the last extra voltage.
+and one less if sample k+1 was late, so that the next interval is short. Inserted rows have evenly
+spaced times, no angles (NaN), and the last voltage, reference and extra voltage, which the rig
+held. The voltage's integral over any interval is unchanged.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ import numpy as np
 from heli3dof.recording.recording import Recording
 
 EARLY = 0.5
-"""Of the period: a step shorter than that follows a late sample."""
+"""Share of the period; a shorter interval follows a late sample."""
 
 
 def missing(t: np.ndarray, dt: float) -> np.ndarray:
-    """(N − 1,) how many samples are missing in each step of a clock with the period ``dt`` (s)."""
+    """(N − 1,) number of missing samples in each interval of times (N,) s; period ``dt`` in s."""
     d = np.diff(t)
     after = np.append(d[1:], dt)
     late = np.where(after < EARLY * dt, np.clip(dt - after, 0.0, d - dt), 0.0)
@@ -30,10 +30,10 @@ def missing(t: np.ndarray, dt: float) -> np.ndarray:
 
 
 def bridged(recording: Recording, longest: float) -> tuple[Recording, np.ndarray]:
-    """The recording with rows for what is missing, and where its own N rows are in it.
+    """The recording with inserted rows, and the indices (N,) of its own rows in it.
 
-    A step of more than ``longest`` periods stays as it is: a gap. Where nothing is missing the
-    recording itself is returned.
+    Intervals of more than ``longest`` periods remain gaps. Without missing samples the recording
+    itself is returned.
     """
     dt, own = recording.dt, np.arange(len(recording))
     n = missing(recording.t, dt)

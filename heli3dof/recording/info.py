@@ -1,4 +1,4 @@
-"""`info`: what is in a file, as one JSON-able dictionary. Works on torn files too."""
+"""`file_info`: the contents of a recording's file as a JSON-able dictionary, torn files too."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.recording.link_quality import link_warnings
 from heli3dof.recording.load import load
-from heli3dof.recording.logs.import_log import is_log
+from heli3dof.recording.logs.importers import importer_of
 from heli3dof.recording.logs.log_validation import timing
+from heli3dof.recording.mcap_files.reader import decode, open_mcap, profile_in
+from heli3dof.recording.mcap_files.recover import salvage
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import Profile
 
 LATE_S = 1e-3
-"""A tick later than this is counted as late."""
+"""s: a control period that starts later than this is counted as late (a convention)."""
 PROVENANCE = (
     "source", "started_utc", "device", "identity", "log", "versions", "git", "host",
     "command_line", "format",
@@ -29,39 +31,31 @@ def file_info(
 ) -> dict[str, Any]:
     """`summary` of the recording in a file, with ``file``, ``bytes`` and ``torn``.
 
-    A torn file of ours is summarised as far as it goes. Raises what `load` raises otherwise.
+    The summary of a torn recording is that of its intact part. Raises as `load` does.
     """
     path = Path(path)
-    torn = False
-    if is_log(path):
-        recording = load(path, profile, columns)
-    else:
-        from heli3dof.recording.mcap_files.reader import (
-            decode,
-            open_mcap,
-            profile_in,
-            read_recording,
-        )
-        from heli3dof.recording.mcap_files.recover import salvage
-
-        found = open_mcap(path)
-        torn = not found.whole
-        if torn:
-            rows = salvage(path, found).rows
-            if len(rows):
-                recording = decode(rows, found, profile or profile_in(found, path), path)
-            else:
-                recording = read_recording(path, profile)  # raises, saying that it is torn
-        else:
-            recording = read_recording(path, profile)
-    about: dict[str, Any] = {"file": str(path), "bytes": path.stat().st_size, "torn": torn}
-    if torn:
+    salvaged = _salvaged(path, profile) if importer_of(path) is None else None
+    about: dict[str, Any] = {
+        "file": str(path),
+        "bytes": path.stat().st_size if path.exists() else 0,
+        "torn": salvaged is not None,
+    }
+    if salvaged is not None:
         about["fix"] = f"heli3dof recover {path}"
-    return {**about, **summary(recording)}
+    return {**about, **summary(load(path, profile, columns) if salvaged is None else salvaged)}
+
+
+def _salvaged(path: Path, profile: Profile | None) -> Recording | None:
+    """The intact part of a torn recording; None for a complete one, and for one without samples."""
+    content = open_mcap(path)
+    if content.whole:
+        return None
+    rows = salvage(path, content).rows
+    return decode(rows, content, profile or profile_in(content, path), path) if len(rows) else None
 
 
 def summary(recording: Recording) -> dict[str, Any]:
-    """What a recording holds: length, timing, columns, ranges, loop, outcome, provenance."""
+    """Length, timing, columns, ranges, controller, outcome and provenance of a recording."""
     meta: Mapping[str, Any] = recording.meta
     angles = {}
     for i, axis in enumerate(AXES):
@@ -107,23 +101,23 @@ def summary(recording: Recording) -> dict[str, Any]:
 
 
 def _stuck_clock(stuck: int, samples: int) -> list[str]:
-    """What is wrong with times that do not rise."""
+    """A warning for times that do not increase."""
     if not stuck:
         return []
     return [
-        f"the time does not rise at {stuck} of {samples} samples. Likely cause: the device's clock "
-        "stands still or runs backwards. Try: heli3dof doctor, and what it says of the clock"
+        f"the time does not increase at {stuck} of {samples} samples. Likely cause: the device's "
+        "clock is stopped or runs backwards. Try: heli3dof doctor"
     ]
 
 
 def _range(values: np.ndarray) -> tuple[float | None, float | None]:
-    """Smallest and largest of the finite values; None where there is none."""
+    """The smallest and largest finite value; None where there is none."""
     finite = values[np.isfinite(values)]
     return (float(finite.min()), float(finite.max())) if finite.size else (None, None)
 
 
 def lateness(recording: Recording) -> dict[str, Any] | None:
-    """How late the ticks were, where the loop logged it; None on a virtual clock too."""
+    """Statistics of the control periods' lateness; None if not logged, or on a virtual clock."""
     late = recording.channels.get("lateness_s")
     if late is None or not np.isfinite(late).any():
         return None

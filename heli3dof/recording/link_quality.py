@@ -1,7 +1,7 @@
-"""What a flight's link did to its loop: dead time above one period, losses, duplicated samples.
+"""Warnings of a poor link: dead time above one period, losses, rejected samples.
 
-`link_warnings` judges the outcome details of a recording (``meta["outcome_details"]``), so that the
-end of a flight and ``heli3dof info`` report the same.
+`link_warnings` reads a recording's ``meta["outcome_details"]``, so the end of a flight and
+``heli3dof info`` print the same warnings.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ from collections.abc import Mapping
 from typing import Any
 
 SLOW_PERIODS = 1.05
-"""Periods: the median command-to-echo latency that is reported as slow. A rig that answers at once
-stays below 1; the margin is the histogram's bin (1 %) and the drift of two clocks."""
+"""Periods: a larger median command-to-echo latency is reported. A device without delay stays below
+1; the margin allows for the histogram's bins (1 %) and the drift of the two clocks."""
 LOSS_SHARE = 0.01
-"""Of all samples, or of all commands: the loss that is reported. One lost period in a hundred is
-what the estimators bridge without a visible effect; see docs/reference/recording.md, gaps."""
+"""Share of all samples, or of all commands: a larger loss is reported. The estimators bridge one
+lost period in a hundred without a visible effect; see docs/reference/recording.md, gaps."""
 
 
 def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
-    """One sentence each, with the likely cause and what to do; empty for a good link.
+    """Warnings with likely cause and remedy; empty for a good link.
 
-    ``details``: a flight's outcome details; ``dt``: its control period, s.
+    ``details`` are a flight's outcome details, ``dt`` its control period in s.
     """
     found: list[str] = []
     latency = details.get("latency") or {}
@@ -31,16 +31,16 @@ def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
     if median_s is not None and median_s > SLOW_PERIODS * dt:
         found.append(
             f"Command-to-echo latency is {1e3 * median_s:.1f} ms (median), more than the control "
-            f"period of {1e3 * dt:g} ms: the loop flies with this dead time. Likely cause: an "
-            "adapter that collects bytes (FTDI latency timer), a USB hub, a network link, or a "
-            "slow device. Try: heli3dof doctor; plug the rig in directly; a lower loop.rate_hz"
+            f"period of {1e3 * dt:g} ms: the loop has this dead time. Likely cause: an "
+            "adapter that buffers bytes (FTDI latency timer), a USB hub, a network link, or a "
+            "slow device. Try: heli3dof doctor; a direct connection; a lower loop.rate_hz"
         )
     elif commands and unacknowledged > LOSS_SHARE * commands:
-        left_out = details.get("left_out") or 0
+        skipped = details.get("device_skipped") or details.get("left_out") or 0
         cause = (
-            f"the device is held up (it left out {left_out} samples)"
-            if 2 * left_out >= unacknowledged
-            else "a line that loses frames, or a latency that at times exceeds the control period"
+            f"the device is overloaded (it skipped {skipped} samples)"
+            if 2 * skipped >= unacknowledged
+            else "a line that loses frames, or a latency that sometimes exceeds the control period"
         )
         found.append(
             f"{unacknowledged} of {commands} commands ({unacknowledged / commands:.1%}) were not "

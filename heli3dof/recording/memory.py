@@ -1,4 +1,4 @@
-"""Rows kept in memory: for the Python API, for tests and for simulations."""
+"""Record rows in memory, for the Python API, tests and simulations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from heli3dof.rig.profile import Profile
 
 
 class MemoryRecorder:
-    """A `RowSink` that keeps the rows themselves."""
+    """A `RowSink` that keeps the rows in a list."""
 
     def __init__(self) -> None:
         self.rows: list[Row] = []
@@ -22,12 +22,12 @@ class MemoryRecorder:
         self.rows.append(row)
 
     def recording(self, profile: Profile, meta: Mapping[str, Any]) -> Recording:
-        """The rows as arrays, with the same columns and channels as a file would give."""
+        """The rows as a recording, with the same columns and channels as from a file."""
         return rows_to_recording(self.rows, profile, meta)
 
 
 def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, Any]) -> Recording:
-    """Arrays from rows. The voltage is what the device says it put out."""
+    """A recording from rows. Its voltage is the output that the device reports."""
     n = len(rows)
 
     def column(values: list[Any], width: int) -> np.ndarray:

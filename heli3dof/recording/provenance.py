@@ -1,4 +1,4 @@
-"""Where a recording comes from: what anyone needs to judge it, or to make it again."""
+"""The provenance of a recording: source, versions, seeds and commands to reproduce it."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ def provenance(
     named_host: bool = True,
     **more: Any,
 ) -> dict[str, Any]:
-    """The start of ``Recording.meta``: JSON-able, known before the first sample.
+    """The first entries of ``Recording.meta``, JSON-able.
 
-    ``source`` is ``flight``, ``simulation`` or ``import``; ``device`` its URL; ``identity`` what
-    the rig answered. ``named_host=False`` leaves out what tells the machine (host, command line),
-    for recordings that are published. ``more`` is added as it is.
+    ``source`` is ``flight``, ``simulation`` or ``import``; ``device`` its URL; ``identity`` the
+    rig's. ``named_host=False`` omits host and command line, for published recordings. ``more`` is
+    added unchanged.
     """
     now = datetime.now(UTC)
     meta: dict[str, Any] = {
@@ -55,10 +55,9 @@ def provenance(
 
 
 def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
-    """What was drawn at random, and from which seed; ``seed`` sums it up in one number.
+    """The seeds of plan and device, None where nothing is random (a plan of steps, a real rig).
 
-    A plan of steps draws nothing, nor does a real rig: their seeds are None. ``seed`` is the
-    plan's where it draws, else the emulated rig's, else the one that was asked for.
+    ``seed`` is the plan's if not None, else the device's, else the requested one.
     """
     each = {"plan": plan if plan_draws else None, "device": device}
     return {"seed": next((s for s in each.values() if s is not None), plan), "seeds": each}
@@ -66,7 +65,7 @@ def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
 
 @cache
 def versions() -> Mapping[str, str]:
-    """Versions of Python, the system and the packages that shape a recording."""
+    """Versions of Python, the system and the packages that affect a recording."""
     found = {"python": platform.python_version(), "system": platform.system()}
     for name in PACKAGES:
         try:
@@ -78,7 +77,7 @@ def versions() -> Mapping[str, str]:
 
 @cache
 def git_state() -> Mapping[str, Any] | None:
-    """Revision and dirty flag where heli3dof runs from a checkout, else None."""
+    """Revision and dirty flag if heli3dof runs from a checkout, else None."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None

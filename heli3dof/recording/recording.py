@@ -1,8 +1,8 @@
-"""`Recording`: the one type that flows from reader to report.
+"""`Recording`: the arrays of one flight, its profile and its provenance.
 
-Sample k's voltage follows from sample k's angles and is held until sample k+1. So
+The controller computes sample k's voltage from sample k's angles and holds it until sample k+1. So
 ``voltage[k]`` acts on the plant between ``t[k]`` and ``t[k+1]``, and ``angle[k]`` was measured
-before it acted. SI throughout: s, V, rad.
+before that. Units are SI: s, V, rad.
 """
 
 from __future__ import annotations
@@ -10,36 +10,45 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from heli3dof.axes import AXES
+from heli3dof.recording.columns import contract_columns, unit_of
+from heli3dof.results import Result, optional
 from heli3dof.rig.profile import Profile
 
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
-@dataclass(frozen=True, eq=False)
-class Recording:
-    """A flight: arrays over N samples, the rig's profile, and where it came from.
+LISTED = 8
+"""Channel names in a recording's repr; the others are counted."""
 
-    Columns that were not logged are NaN throughout; ``has`` and ``axes`` tell which are there.
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Result):
+    """A flight: arrays over N samples, the rig's profile and the provenance.
+
+    Columns that were not logged are NaN throughout; see ``axes``, ``has_reference``, ``has_cmd``.
     """
 
     t: np.ndarray
     """(N,) s, strictly increasing, on the clock that timed the samples."""
     voltage: np.ndarray
-    """(N, 2) V, front and back, what reached the motors' amplifier after its limiter."""
+    """(N, 2) V, front and back, at the amplifier, after the limiter."""
     angle: np.ndarray
     """(N, 3) rad, roll, pitch, yaw, from the encoders."""
     reference: np.ndarray
-    """(N, 3) rad, what was asked for, before the reference rate limiter."""
+    """(N, 3) rad, before the reference rate limiter."""
     voltage_cmd: np.ndarray
-    """(N, 2) V, what the controller asked for, before the limiter."""
+    """(N, 2) V, the controller's output before the limiter."""
     voltage_extra: np.ndarray
     """(N, 2) V, what the experiment added to the controller's output."""
     profile: Profile
     channels: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """Further (N,) columns by their name with unit: counts, flags, lateness, unknown columns."""
+    """Name with unit → (N,): counts, flags, lateness, and a log's unknown columns."""
     meta: Mapping[str, Any] = field(default_factory=dict)
     """Provenance (JSON-able): name, source, plan, seed, versions, hashes, outcome."""
 
@@ -56,6 +65,43 @@ class Recording:
             got = getattr(self, name).shape
             if got != shape:
                 raise ValueError(f"Recording.{name} has shape {got}, not {shape}")
+
+    def summary(self) -> str:
+        """Three lines: size and rate; axes, references and profile; channels."""
+        rate = f"{self.duration:.1f} s at {1 / self.dt:.6g} Hz" if len(self) > 1 else "no duration"
+        references = [a for a in self.axes if self.has_reference(a)]
+        known = "" if self.profile.loop_is_known else ", controller unknown"
+        names = sorted(self.channels)
+        more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
+        return (
+            f"Recording {self.name!r}: {len(self)} samples, {rate}\n"
+            f"  axes: {', '.join(self.axes) or 'none'}; references: "
+            f"{', '.join(references) or 'none'}; profile: {self.profile.name}{known}\n"
+            f"  channels: {', '.join(names[:LISTED]) or 'none'}{more}"
+        )
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """A pandas data frame of the contract's columns, angles in degrees, with index ``t_s``.
+
+        Columns that were not logged are absent. Raises UsageError if pandas is missing.
+        """
+        pd = optional("pandas")
+        columns = contract_columns(self)
+        frame = pd.DataFrame(columns, index=pd.Index(columns.pop("t_s"), name="t_s"))
+        frame.attrs["name"] = self.name
+        return frame
+
+    def to_xarray(self) -> xarray.Dataset:
+        """An xarray data set of the same columns, each with its unit, over ``t_s``.
+
+        Raises UsageError if xarray is missing.
+        """
+        xr = optional("xarray")
+        columns = contract_columns(self)
+        t_s = columns.pop("t_s")
+        data = {name: ("t_s", v, {"units": unit_of(name)}) for name, v in columns.items()}
+        about = {"name": self.name, "profile": self.profile.name, "digest": self.digest}
+        return xr.Dataset(data, coords={"t_s": ("t_s", t_s, {"units": "s"})}, attrs=about)
 
     def __len__(self) -> int:
         return int(self.t.shape[0])
@@ -84,14 +130,14 @@ class Recording:
 
     @property
     def has_cmd(self) -> bool:
-        """True when the voltage before the limiter was logged."""
+        """True if the voltage before the limiter was logged."""
         return not bool(np.isnan(self.voltage_cmd).all())
 
     @property
     def digest(self) -> str:
-        """SHA-256 over time, voltages and angles, to 1e-9: the same flight in any format.
+        """SHA-256 of time, voltages and angles rounded to 1e-9 (s, V, rad).
 
-        (Degrees in a CSV move the last bits of an angle; those must not make another flight.)
+        It is the same in every file format: a CSV in degrees changes the last bits of an angle.
         """
         h = hashlib.sha256()
         for a in (self.t, self.voltage, self.angle):
@@ -104,7 +150,7 @@ class Recording:
         return self.rows(keep)
 
     def rows(self, keep: np.ndarray | slice) -> Recording:
-        """The rows picked by a mask or a slice."""
+        """The rows that a mask or a slice selects."""
         return replace(
             self,
             t=self.t[keep],
@@ -129,7 +175,7 @@ def make_recording(
     channels: Mapping[str, np.ndarray] | None = None,
     meta: Mapping[str, Any] | None = None,
 ) -> Recording:
-    """A `Recording` from arrays; what is not given becomes a column of NaN."""
+    """A `Recording` from arrays; omitted ones become columns of NaN."""
     n = len(t)
 
     def fill(a: np.ndarray | None, columns: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""One control period of a flight, as the loop hands it to whoever keeps it."""
+"""`Row`: one control period of a flight, as the loop passes it to a recorder."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CLOSED_LOOP, RAMP_DOWN = 0, 1
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One control period: the sample, what was computed from it, and what the device put out."""
+    """One control period: the sample, the command computed from it, and the device's output."""
 
     t: float
     """s since the first sample, on the device's clock."""
@@ -21,7 +21,7 @@ class Row:
     angle: tuple[float, float, float]
     """rad"""
     reference: tuple[float, float, float]
-    """rad, as asked for"""
+    """rad, before the reference rate limiter"""
     limited: tuple[float, float, float]
     """rad, after the reference rate limiter"""
     extra: tuple[float, float]
@@ -29,17 +29,17 @@ class Row:
     command: tuple[float, float]
     """V, before the limiter"""
     voltage: tuple[float, float]
-    """V, after it: what was sent"""
+    """V, after the limiter, as sent"""
     command_sequence: int
-    """The sequence it was sent with"""
+    """The sequence number of the command"""
     applied: tuple[float, float]
-    """V, what the device says it put out until the next sample"""
+    """V, the output until the next sample, as the device reports it"""
     lateness: float
-    """s that the sample came after its deadline"""
+    """s, delay of the sample after its deadline"""
     phase: int
 
 
 class RowSink(Protocol):
-    """Whoever keeps the rows: a recorder, or a list in memory."""
+    """Receives the rows: a recorder, or a list in memory."""
 
     def append(self, row: Row) -> None: ...

@@ -1,7 +1,7 @@
-"""`write_recording`: any `Recording` into a file, whole or not at all.
+"""`write_recording`: write a `Recording` to a file, completely or not at all.
 
-What the recording does not have is NaN in the fixed layout and listed in the metadata record
-``heli3dof.columns``, so that reading gives back exactly what was written.
+Columns that it does not have are NaN in the file and listed in its metadata record
+``heli3dof.columns``, so that reading restores the recording.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ ARRAYS: dict[str, tuple[str, ...]] = {
     "voltage_cmd": ("v_front_cmd_V", "v_back_cmd_V"),
     "voltage_extra": ("v_front_extra_V", "v_back_extra_V"),
 }
-"""Which columns of the messages make up which array of a `Recording`."""
+"""Array of a `Recording` → columns of the messages"""
 CORE = {name for names in ARRAYS.values() for name in names}
 INTEGER_RANGE = {"fixed32": (0, 2**32 - 1), "sfixed32": (-(2**31), 2**31 - 1)}
 
 
 def write_recording(recording: Recording, path: str | Path, *, force: bool = False) -> Path:
-    """Store a recording as MCAP; `read_recording` gives back equal arrays, channels and meta.
+    """Write a recording as MCAP; `read_recording` returns equal arrays, channels and meta.
 
     Raises OutputExists (without ``force``), UsageError, NoSpace.
     """
@@ -92,8 +92,8 @@ def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
     if len(extra) > MAX_CHANNELS:
         raise UsageError(
             f"The recording has {len(extra)} further channels; a file holds {MAX_CHANNELS}.",
-            cause="a log that was transposed, with a column per sample.",
-            fix="keep only the columns that are needed",
+            cause="a transposed log, with a column per sample.",
+            fix="keep only the necessary columns",
         )
     layouts: list[Layout] = [SAMPLE, COMMAND] + ([channels_layout(extra)] if extra else [])
     rows = RowFormat(layouts).empty(len(recording))
@@ -113,7 +113,7 @@ def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
 
 
 def _fits(values: np.ndarray, kind: str) -> bool:
-    """Whether a channel with a known name also has that column's type."""
+    """True if a channel with a known name has that column's type."""
     if kind == "double":
         return True
     low, high = INTEGER_RANGE[kind]

@@ -1,7 +1,6 @@
-"""The tables: step metrics, predictions, Table II beside the published one, the published numbers.
+"""Tables of a comparison: step metrics, prediction errors, Table II, the published numbers.
 
-Each function takes what `compare` found and returns a `Grid`; ``heli3dof.report.text_table`` shows
-it in a terminal, in Markdown or in HTML.
+Each function returns a `Grid`, which `heli3dof.report.text_table` renders.
 """
 
 from __future__ import annotations
@@ -12,13 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.comparison.compare import (
+from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
+from heli3dof.comparison.prediction import HeldStill
+from heli3dof.comparison.result import (
     Comparison,
     FlightComparison,
     ModelComparison,
     PredictionError,
 )
-from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
 from heli3dof.paper.published import CAVEATS, NO_EXPERIMENT, Quantity, Subject, published
 from heli3dof.paper.reproduction import Reproduced
 from heli3dof.report.text_table import NONE, Grid, fixed, short, to_rich
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 EXPERIMENT = "experiment"
 DIFFERENCE = "  Δ"
-DELTA = "Δ: model minus experiment, of which the paper prints the magnitude."
+DELTA = "Δ: model minus experiment; the paper prints its magnitude."
 QUANTITIES = {
     "peak": "peak",
     "error": "error",
@@ -38,7 +38,7 @@ QUANTITIES = {
 
 
 def step_name(step: StepMetrics) -> str:
-    """What the numbers of an axis are about: ``0 → 10° at 5 s``, ``held at 0° from 5 s``."""
+    """The segment that an axis' metrics describe: ``0 → 10° at 5 s``, ``held at 0° from 5 s``."""
     when = short(step.start_s, " s")
     if step.kind in ("step", "start"):
         return f"{short(step.from_deg)} → {short(step.set_deg, '°')} at {when}"
@@ -48,7 +48,7 @@ def step_name(step: StepMetrics) -> str:
 
 
 def metrics_table(flight: FlightComparison) -> Grid:
-    """The six metrics of the experiment and of every model, and model minus experiment."""
+    """The six metrics of the experiment and of each model, and their differences."""
     rows = []
     for i, axis in enumerate(AXES):
         measured = flight.experiment[axis].reported
@@ -64,13 +64,13 @@ def metrics_table(flight: FlightComparison) -> Grid:
                 rows.append([axis, DIFFERENCE, *_metric_cells(away, sign=True), ""])
     about = "; ".join(f"{axis} {step_name(flight.experiment[axis].reported)}" for axis in AXES)
     return Grid(
-        f"In closed loop · {flight.recording.name}",
+        f"Closed-loop replay · {flight.recording.name}",
         ["axis", "", *METRIC_HEADS, "RMSE °"],
         rows,
         notes=[
             f"Steps: {about}.",
-            "Δ: model minus experiment. Peak is what the paper prints as overshoot; overshoot here "
-            "is peak minus set value (E10), on a held axis the largest difference from it.",
+            "Δ: model minus experiment. The paper prints the peak as overshoot. Here overshoot is "
+            "peak minus set value (E10); on a held axis, the largest distance from the set value.",
             *_model_notes(flight),
         ],
         text_columns=2,
@@ -81,7 +81,7 @@ METRIC_HEADS = ("peak °", "overshoot °", "overshoot %", "error °", "rise s", 
 
 
 def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:
-    """The six metrics of one flight, one row for every step of every axis."""
+    """The six metrics of one flight, with a row for each step of each axis."""
     rows = [
         [axis, step_name(step), *_metric_cells(step.values())]
         for axis in AXES
@@ -99,7 +99,7 @@ def _metric_cells(values: Mapping[str, float], *, sign: bool = False) -> list[st
 
 
 def prediction_table(flight: FlightComparison) -> Grid | None:
-    """RMSE of the free predictions, by model, axis and horizon; None where none was made."""
+    """RMSE of the multi-step predictions by model, axis and horizon; None if there are none."""
     if flight.held_still is None:
         return None
     horizons = list(flight.held_still.ahead_deg)
@@ -109,16 +109,16 @@ def prediction_table(flight: FlightComparison) -> Grid | None:
         for m in flight.models:
             rows.append([axis, m.name, *_prediction_cells(m.prediction, axis, horizons)])
         held = _prediction_cells(flight.held_still, axis, horizons)
-        rows.append([axis, "angles held still", *held])
+        rows.append([axis, HeldStill.name, *held])
     heads = [f"{h:g} s ahead" for h in horizons]
     return Grid(
-        f"Free prediction, RMSE in degrees · {flight.recording.name}",
+        f"Multi-step prediction, RMSE in degrees · {flight.recording.name}",
         ["axis", "", *heads, f"over {window:g} s"],
         rows,
         notes=[
-            "States re-estimated from the data up to the start of each prediction; the measured "
-            "voltages throughout. Every model is judged on the same samples.",
-            *([] if flight.why is None else [f"Not replayed, for {flight.why}."]),
+            "Each prediction starts from a state estimated up to then and uses the measured "
+            "voltages. All models are evaluated on the same samples.",
+            *([] if flight.why is None else [f"Not replayed: {flight.why}."]),
             *([] if flight.why is None else _model_notes(flight)),
         ],
         text_columns=2,
@@ -135,10 +135,9 @@ def _prediction_cells(
 
 
 def table_ii(flight: FlightComparison) -> Grid | None:
-    """Table II in its own shape: differences from the experiment, the published ones beside ours.
+    """The paper's Table II with ours: |model − experiment| of peak ("overshoot", E10) and error.
 
-    As in the paper, magnitudes of model minus experiment: of the peak value ("overshoot", E10)
-    and of the error. None where the loop was not replayed.
+    None if the loop was not replayed.
     """
     if flight.why is not None:
         return None
@@ -163,8 +162,8 @@ def table_ii(flight: FlightComparison) -> Grid | None:
         ["axis", "model", "peak: here", "paper†", "error: here", "paper†"],
         rows,
         notes=[
-            f"† Cannot be reproduced: {NO_EXPERIMENT}; this is another flight, so the columns "
-            "need not agree.",
+            f"† Cannot be reproduced: {NO_EXPERIMENT}. This is another flight, so the columns may "
+            "differ.",
             *CAVEATS[:2],
         ],
         text_columns=2,
@@ -172,7 +171,7 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """Which of the paper's two models this one stands for: hover, or the first identified one."""
+    """The paper's model that this one corresponds to: hover, or the first identified one."""
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]
@@ -185,7 +184,7 @@ def _printed(axis: str, subject: Subject | None, quantity: Quantity) -> str:
 
 
 def published_table(rows: Iterable[Reproduced]) -> Grid:
-    """Every printed number with ours beside it, or why there can be none."""
+    """Every published number with ours, or the reason why there is none."""
     cells = []
     reasons: dict[str, str] = {}
     for r in rows:
@@ -203,7 +202,7 @@ def published_table(rows: Iterable[Reproduced]) -> Grid:
             ]
         )
     return Grid(
-        "What the paper prints, and what of it can be reproduced",
+        "The paper's numbers and their reproduction",
         ["axis", "of", "quantity", "paper °", "ours °", "reproducible", "where"],
         cells,
         notes=[*(f"({mark}) {why}." for why, mark in reasons.items()), DELTA, *CAVEATS],
@@ -213,14 +212,14 @@ def published_table(rows: Iterable[Reproduced]) -> Grid:
 
 
 def flight_grids(flight: FlightComparison) -> list[Grid]:
-    """The tables of one flight: step metrics and Table II where it was replayed, predictions."""
+    """The tables of one flight: step metrics and Table II if replayed, prediction errors."""
     replayed = metrics_table(flight) if flight.why is None else None
     grids = (replayed, table_ii(flight), prediction_table(flight))
     return [g for g in grids if g is not None]
 
 
 def comparison_grids(comparison: Comparison, reproduced: Sequence[Reproduced] = ()) -> list[Grid]:
-    """Every table of a comparison, flight by flight, and the published numbers last."""
+    """The tables of all flights, then the published numbers."""
     grids = [g for flight in comparison.flights for g in flight_grids(flight)]
     return [*grids, published_table(reproduced)] if reproduced else grids
 
@@ -228,7 +227,7 @@ def comparison_grids(comparison: Comparison, reproduced: Sequence[Reproduced] = 
 def comparison_renderables(
     comparison: Comparison, reproduced: Sequence[Reproduced] = ()
 ) -> list[RenderableType]:
-    """The same for a terminal, with a blank line after each."""
+    """The same tables for a terminal, each followed by a blank line."""
     from rich.padding import Padding
 
     below = (0, 0, 1, 0)

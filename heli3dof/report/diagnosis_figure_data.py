@@ -1,7 +1,7 @@
-"""What a diagnosis' report draws, gathered from the diagnosis and the recordings it is of.
+"""The data of a diagnosis report's figures, from the diagnosis and its recordings.
 
-Nothing is fitted here: the filter is run along the recordings once more for each finding, and the
-two simulations, before and after, are flown through each recording's own references.
+Nothing is fitted: the filter runs along the recordings once per finding, and the simulations before
+and after are replayed with each recording's references.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class Pictured:
-    """All that the section draws; what is None or empty is left out."""
+    """The data of the section's figures; None or empty ones are omitted."""
 
     wrong: HowWrong | None = None
     evidence: Sequence[Evidence] = ()
-    """Of the findings that are seen in a torque"""
+    """Of the findings that act as a torque"""
     leftovers: Sequence[Leftover] = ()
     leftover_evidence: Sequence[Evidence] = ()
     gain: Gain | None = None
@@ -33,13 +33,13 @@ class Pictured:
     after: HeldOut | None = None
     replayed: Sequence[Replayed] = ()
     names: Sequence[str] = ()
-    """Of the recordings on which the gain was measured"""
+    """Names of the recordings on which the gain was measured"""
 
 
 def pictured(
     found: Diagnosis, recordings: Sequence[Recording], holdout: Sequence[Recording] = ()
 ) -> Pictured:
-    """The pictures of a diagnosis; empty where the recordings themselves were at fault."""
+    """The figures' data of a diagnosis; empty if the recordings are faulty."""
     f = found.fitted
     if f is None:
         return Pictured()

@@ -1,8 +1,7 @@
-"""Figures of a diagnosis: a cause as it is seen in the residual torque, and what mending it does.
+"""Figures of a diagnosis: a cause in the residual torque, and predictions before and after.
 
-Arrays in (`heli3dof.diagnosis.torque_evidence`, `heli3dof.diagnosis.gain`), matplotlib figures out.
-The points are the recordings', with error bars of one standard error; the line is the fitted cause,
-which was fitted to the innovations and not to the points.
+Points are measured, with error bars of one standard error. The line is the fitted cause, which was
+fitted to the innovations, not to the points.
 """
 
 from __future__ import annotations
@@ -14,6 +13,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.gain import HORIZON_S, HeldOut, Worst
 from heli3dof.diagnosis.torque_evidence import Evidence
+from heli3dof.report.diagnosis_text import variable
 from heli3dof.report.figure_style import BLUE, GRID, INK, MEASURED, RC, SOFT, VERMILION, Line, plain
 from heli3dof.report.figures import SYMBOLS
 from heli3dof.report.labelled_curves import Curve, angle_figure, headline
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
 BEFORE = Line(VERMILION, 1.5, (6, 1.5), 5)
 AFTER = Line(BLUE, 1.6, (), 6)
 ROOM = 1.35
-"""The points are seen whole, and the line as far as this share of their range beyond."""
+"""Vertical range of the figure over the range of its points (a convention)"""
 
 
 def evidence_figure(e: Evidence) -> Figure:
-    """Residual torque in bins of what the cause depends on, and the fitted cause through it."""
+    """The residual torque, binned over the cause's variable, and the fitted cause."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -40,24 +40,24 @@ def evidence_figure(e: Evidence) -> Figure:
         axes.axhline(0.0, color=GRID, linewidth=1.4, zorder=1)
         axes.errorbar(
             e.z, e.torque, yerr=e.std, fmt="o", color=INK, markersize=4.2, elinewidth=1.1,
-            capsize=2.5, zorder=4, label="recorded",
+            capsize=2.5, zorder=4, label="measured",
         )  # fmt: skip
-        axes.plot(e.curve_z, e.curve, label="the fitted cause", **AFTER.kwargs())
+        axes.plot(e.curve_z, e.curve, label="fitted cause", **AFTER.kwargs())
         low = float(min(0.0, (e.torque - e.std).min()))
         high = float(max(0.0, (e.torque + e.std).max()))
         middle, half = 0.5 * (low + high), 0.5 * ROOM * max(high - low, 1e-9)
         axes.set_ylim(middle - half, middle + half)
-        axes.set_xlabel(f"{_words(e.depends_on)} ({e.unit})")
+        axes.set_xlabel(f"{variable(e.depends_on)} ({e.unit})")
         axes.set_ylabel(f"residual {e.axis} torque (N·m)")
         axes.legend(loc="best", fontsize=8.5)
-        headline(figure, f"{e.name}, as it is seen", height)
-        said = "What the model lacks without it, averaged in bins; bars: one standard error"
-        figure.text(0.015, 1 - 0.46 / height, plain(said), fontsize=8.5, color=SOFT, va="center")
+        headline(figure, f"{e.name} in the residual torque", height)
+        text = "Residual torque of the model without this cause, mean of bins ± one standard error"
+        figure.text(0.015, 1 - 0.46 / height, plain(text), fontsize=8.5, color=SOFT, va="center")
     return figure
 
 
 def stretch_figure(before: HeldOut, after: HeldOut, worst: Worst, recording: str = "") -> Figure:
-    """The worst stretch of held-out data: measured, and predicted 1 s ahead before and after."""
+    """The worst stretch of held-out data: measured, and 1 s predictions before and after."""
     i = AXES.index(worst.axis)
     c = before.course
     margin = 0.5 * (worst.stop_s - worst.start_s)
@@ -68,7 +68,7 @@ def stretch_figure(before: HeldOut, after: HeldOut, worst: Worst, recording: str
     def drawn(label: str, y: np.ndarray, line: Line) -> Curve:
         return Curve(label, c.t[rows][order], np.degrees(y[rows][order, i]), line)
 
-    unseen = "held-out recording" if before.on == "holdout" else "a block that was left out"
+    unseen = "held-out recording" if before.on == "holdout" else "left-out block"
     curves = [
         drawn("measured", c.measured, MEASURED),
         drawn("before", c.predicted, BEFORE),
@@ -77,15 +77,10 @@ def stretch_figure(before: HeldOut, after: HeldOut, worst: Worst, recording: str
     name = f" · {recording}" if recording else ""
     return angle_figure(
         curves,
-        title=f"The worst stretch of {worst.axis}, before and after{name}",
-        subtitle=f"Predicted {HORIZON_S:g} s ahead, {unseen}; RMSE from {worst.start_s:.1f} to "
+        title=f"Worst stretch of {worst.axis}, before and after{name}",
+        subtitle=f"{HORIZON_S:g} s predictions, {unseen}; RMSE from {worst.start_s:.1f} to "
         f"{worst.stop_s:.1f} s: before {fixed(worst.before_deg, 2, '°')}, "
         f"after {fixed(worst.after_deg, 2, '°')}",
         ylabel=f"{worst.axis} {SYMBOLS[worst.axis]} (°)",
         frame=("measured",),
     )
-
-
-def _words(variable: str) -> str:
-    """``pitch_rate`` → ``pitch rate``; a product is written with a cross."""
-    return variable.replace("_", " ").replace("*", " × ")

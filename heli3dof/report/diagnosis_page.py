@@ -1,4 +1,4 @@
-"""The HTML page of a diagnosis: the diagnosis, then its flights and where they came from."""
+"""The HTML page of a diagnosis: the diagnosis, its flights and their provenance."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def diagnosis_page(
     *,
     title: str = "",
 ) -> str:
-    """The whole HTML document; ``document`` is the contract's, of the same diagnosis."""
+    """The HTML document; ``document`` is the contract's document of the same diagnosis."""
     section = diagnosis_section(document, pictured(found, recordings, holdout))
     names = ", ".join(r.name for r in recordings)
     return flight_report(

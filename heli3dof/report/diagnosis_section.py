@@ -1,8 +1,7 @@
-"""A diagnosis as a section of the HTML report: what is wrong, the causes, each with its picture.
+"""A diagnosis as a section of the HTML report: verdict, tables, and a figure per cause.
 
-The words and the causes' table come from the contract's document
-(`heli3dof.report.diagnosis_text`, `heli3dof.report.diagnosis_tables`); the figures, and what the
-document has no room for, from `Pictured`.
+Sentences and tables are written from the contract's document (`heli3dof.report.diagnosis_text`,
+`heli3dof.report.diagnosis_tables`). Figures and further tables are drawn from `Pictured`.
 """
 
 from __future__ import annotations
@@ -18,8 +17,8 @@ from heli3dof.diagnosis.torque_evidence import Evidence
 from heli3dof.report import diagnosis_text as words
 from heli3dof.report.diagnosis_figure_data import Pictured
 from heli3dof.report.diagnosis_figures import evidence_figure, stretch_figure
-from heli3dof.report.diagnosis_tables import calibration, findings
-from heli3dof.report.diagnosis_text import Document
+from heli3dof.report.diagnosis_tables import calibration, findings, interval
+from heli3dof.report.diagnosis_text import Document, number
 from heli3dof.report.html import Section, figure, key, paragraph, subheading, table, warning
 from heli3dof.report.text_table import NONE, Grid, fixed
 
@@ -27,47 +26,43 @@ from heli3dof.report.text_table import NONE, Grid, fixed
 def diagnosis_section(
     document: Document, p: Pictured = Pictured(), title: str = "Diagnosis"
 ) -> Section:
-    """Verdict and faults, how wrong, the causes, the gain, what is left, what to do next."""
+    """Verdict, faults, next steps, simulation error, causes, gain and unmodelled effects."""
     bad = document["verdict"] == "bad_data"
     blocks = [key(words.verdict(document))]
     blocks += [warning(s) if bad else paragraph(s) for s in words.faults(document)]
-    blocks += map(paragraph, words.unmeasured(document))
-    blocks += [*_next(document), *_wrong(p), *_causes(document, p), *_gain(p), *_left(document, p)]
+    blocks += map(paragraph, words.limits(document))
+    if steps := [paragraph(s) for s in words.next_steps(document)]:
+        blocks += [subheading("What to do next"), *steps]
+    if p.wrong is not None:
+        blocks.append(table(error_table(p.wrong)))
+    blocks += [*_causes(document, p), *_gain(p), *_unmodelled(document, p)]
     if document["calibration"]:
         blocks.append(table(calibration(document)))
-        blocks += map(paragraph, words.perhaps_off(document))
+        blocks += map(paragraph, words.calibration_doubts(document))
     return Section(title, blocks)
 
 
-def _next(document: Document) -> list[str]:
-    steps = [paragraph(s) for s in words.next_steps(document)]
-    return [subheading("What to do next"), *steps] if steps else []
-
-
-def _wrong(p: Pictured) -> list[str]:
-    return [] if p.wrong is None else [table(how_wrong_table(p.wrong))]
-
-
 def _causes(document: Document, p: Pictured) -> list[str]:
-    told = findings(document)
-    if not told.rows:
+    grid = findings(document)
+    if not grid.rows:
         return []
-    blocks = [subheading("The causes"), table(told)]
-    drawn = {e.name: e for e in p.evidence}
-    said: set[str] = set()
+    blocks = [subheading("Causes"), table(grid)]
+    evidence = {e.name: e for e in p.evidence}
+    written: set[str] = set()
     for finding, sentence in zip(document["findings"], words.causes(document), strict=True):
-        e = drawn.get(words.name_of(finding))
-        if sentence not in said:  # two recordings may have one fault
-            blocks.append(paragraph(sentence))
-            blocks += [] if e is None else [figure(evidence_figure(e), _alt(e))]
-        said.add(sentence)
+        if sentence in written:  # two recordings may share a fault
+            continue
+        written.add(sentence)
+        blocks.append(paragraph(sentence))
+        if e := evidence.get(words.name_of(finding)):
+            blocks.append(figure(evidence_figure(e), _alt(e)))
     return blocks + [paragraph(s) for s in document.get("about", {}).get("explains", ())]
 
 
 def _gain(p: Pictured) -> list[str]:
     if p.gain is None:
         return []
-    blocks = [subheading("What mending gains"), table(gain_table(p.gain))]
+    blocks = [subheading("Gain of the extended model"), table(gain_table(p.gain))]
     if p.before is not None and p.after is not None and p.gain.worst is not None:
         w = p.gain.worst
         name = p.names[w.source] if w.source < len(p.names) else ""
@@ -78,61 +73,63 @@ def _gain(p: Pictured) -> list[str]:
     return blocks
 
 
-def _left(document: Document, p: Pictured) -> list[str]:
-    blocks = [paragraph(s) for s in (*words.written(document), *words.kept_within(document))]
-    blocks += [paragraph(s) for s in words.unadopted(document)]
+def _unmodelled(document: Document, p: Pictured) -> list[str]:
+    sentences = (words.equation_changes, words.kept_terms, words.not_adopted)
+    blocks = [paragraph(s) for each in sentences for s in each(document)]
     if p.leftovers:
-        blocks += [subheading("What is left"), *(map(paragraph, words.leftovers(document)))]
-        blocks.append(table(leftover_table(p.leftovers)))
+        blocks.append(subheading("Unmodelled effects"))
+        blocks += map(paragraph, words.unmodelled_effects(document))
+        blocks.append(table(unmodelled_table(p.leftovers)))
         blocks += [figure(evidence_figure(e), _alt(e)) for e in p.leftover_evidence]
-    hidden = [paragraph(s) for s in words.still_hidden(document)]
-    return [*blocks, subheading("What is still hidden"), *hidden] if hidden else blocks
+    if deviations := [paragraph(s) for s in words.model_deviations(document)]:
+        blocks += [subheading("Not explained by the extended model"), *deviations]
+    return blocks
 
 
-def how_wrong_table(w: HowWrong) -> Grid:
-    """RMSE per axis and horizon, each beside its floor."""
+def error_table(w: HowWrong) -> Grid:
+    """RMSE and noise floor of the simulation per axis and horizon."""
     rows = [
         [f"{h:g}", *(fixed(float(x[k, i]), 3) for i in range(3) for x in (w.rmse_deg, w.floor_deg))]
         for k, h in enumerate(w.horizons_s)
     ]
     notes = [
-        f"From states re-estimated every 50 ms. Floor: what noise alone leaves, by {w.floor_by}."
+        f"Predictions start from states re-estimated every 50 ms. Floor: RMSE that noise alone "
+        f"causes, by {w.floor_by}."
     ]
     notes += [
         f"Worst stretch of {s.axis}: {s.start_s:.1f} to {s.stop_s:.1f} s of {s.recording}, "
         f"RMSE {fixed(s.rmse_deg, 2, '°')} over 1 s."
         for s in w.worst
     ]
-    heads = ["s ahead", *(f"{a} {x}" for a in AXES for x in ("RMSE", "floor"))]
-    return Grid("How wrong the simulation is, degrees", heads, rows, notes, text_columns=0)
+    heads = ["horizon s", *(f"{a} {x}" for a in AXES for x in ("RMSE", "floor"))]
+    return Grid("Simulation error, degrees", heads, rows, notes, text_columns=0)
 
 
 def gain_table(g: Gain) -> Grid:
-    """RMSE before and after with the interval of the difference, and the likelihood's gain."""
+    """RMSE before and after, the difference with its interval, and the gain in log-likelihood."""
     rows = []
     for axis in AXES:
         fall = g.rmse_deg[axis]
         numbers = (g.before[axis], g.after[axis])
-        span = NONE if fall is None else f"{fixed(fall.low, 3)} … {fixed(fall.high, 3)}"
-        less = NONE if fall is None else fixed(fall.value, 3, sign=True)
-        rows.append([axis, *(NONE if v is None else fixed(v, 3) for v in numbers), less, span])
+        span = NONE if fall is None else interval((fall.low, fall.high))
+        reduction = NONE if fall is None else fixed(fall.value, 3, sign=True)
+        rows.append([axis, *(fixed(number(v), 3) for v in numbers), reduction, span])
     L = g.log_likelihood
     notes = [
-        f"On {'hold-out recordings' if g.on == 'holdout' else 'blocks of the flight left out'}, "
-        "1 s ahead, against the base simulation refitted; intervals of 95 %, by bootstrap over "
-        "cells of two seconds.",
+        f"1 s predictions on {'held-out recordings' if g.on == 'holdout' else 'left-out blocks'}. "
+        "Before: the refitted base simulation. Intervals: 95 %, bootstrap over cells of 2 s.",
     ]
     if L is not None:
         notes.append(
-            f"Log-likelihood won there: {fixed(L.value, 1, sign=True)} "
+            f"Gain in log-likelihood there: {fixed(L.value, 1, sign=True)} "
             f"({fixed(L.low, 1)} … {fixed(L.high, 1)})."
         )
-    heads = ["axis", "before °", "after °", "less by °", "95 %"]
-    return Grid("RMSE on data not seen", heads, rows, notes, text_columns=1)
+    heads = ["axis", "before °", "after °", "reduction °", "95 % interval"]
+    return Grid("RMSE on held-out data", heads, rows, notes, text_columns=1)
 
 
-def leftover_table(leftovers: Sequence[Leftover]) -> Grid:
-    """What no named cause explains."""
+def unmodelled_table(leftovers: Sequence[Leftover]) -> Grid:
+    """The residual torques that no known cause explains."""
     rows = [
         [
             r.axis,
@@ -144,20 +141,20 @@ def leftover_table(leftovers: Sequence[Leftover]) -> Grid:
         ]
         for r in leftovers
     ]
-    notes = ["Share: of the variance of the axis' residual torque."]
-    heads = ["torque on", "depends on", "share %", "confidence", "like", "or on"]
-    return Grid("What is left and has no name", heads, rows, notes, 2, prose_columns=2)
+    notes = ["Share of the variance of the axis' residual torque."]
+    heads = ["torque on", "depends on", "share %", "confidence", "similar to", "or on"]
+    return Grid("Unmodelled effects", heads, rows, notes, 2, prose_columns=2)
 
 
 def replayed_table(replayed: Sequence[Replayed]) -> Grid:
-    """Table II: overshoot and steady error in the experiment, before and after."""
+    """Overshoot and steady error as in Table II: measured, and by the models before and after."""
     rows = [
         [r.recording, r.axis, *(fixed(v, 2) for v in (*r.overshoot_deg, *r.steady_error_deg))]
         for r in replayed
     ]
     three = ("measured", "before", "after")
     heads = ["recording", "axis", *(f"{w} {x}" for w in ("overshoot", "error") for x in three)]
-    notes = ["Closed-loop replay of the recording's own references; degrees."]
+    notes = ["Closed-loop replay of the recording's references; degrees."]
     return Grid("Table II before and after", heads, rows, notes, text_columns=2)
 
 

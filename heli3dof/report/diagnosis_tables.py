@@ -1,7 +1,7 @@
-"""A diagnosis for the terminal: how wrong, the causes, what mending gains, what is left, what next.
+"""The tables of a diagnosis, and its terminal output: tables and sentences in reading order.
 
-Written from the contract's document (``heli3dof.diagnosis/1``) alone, so that a diagnosis read back
-from a file is told like one just made. Sentences are those of `heli3dof.report.diagnosis_text`.
+Everything is written from the contract's document (``heli3dof.diagnosis/1``), so a diagnosis read
+from a file looks like a new one. The sentences come from `heli3dof.report.diagnosis_text`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from heli3dof.report.text_table import NONE, Grid, fixed
 
 
 def split_unit(key: str) -> tuple[str, str]:
-    """A contract key's name and its unit: ``damping_Nms_per_rad`` → (``damping``, ``N·m·s/rad``).
+    """Split a contract key into name and unit.
 
     >>> split_unit("torque_Nm"), split_unit("ratio")
     (('torque', 'N·m'), ('ratio', ''))
@@ -27,6 +27,7 @@ def split_unit(key: str) -> tuple[str, str]:
     return key, ""
 
 
+CAUSES = "Causes, strongest first"
 UNITS = {
     "Nms_per_rad": "N·m·s/rad",
     "Nms2_per_rad2": "N·m·s²/rad²",
@@ -47,7 +48,7 @@ UNITS = {
 
 
 def significant(value: float | None, std: float | None = None) -> str:
-    """A value to the digit that its deviation makes meaningless (two digits of the deviation).
+    """A value with as many digits as show two digits of its standard deviation.
 
     >>> significant(0.030123, 0.00042), significant(1234.5, 20.0), significant(None)
     ('0.03012', '1234', '–')
@@ -61,26 +62,31 @@ def significant(value: float | None, std: float | None = None) -> str:
 
 
 def diagnosis_tables(document: Document) -> list[Grid | str]:
-    """Grids and sentences in reading order; those that have nothing to say are left out."""
-    grids = (wrong(document), findings(document), gains(document), calibration(document))
-    told = [grid for grid in grids if grid.rows]
+    """Tables and sentences in reading order, without the empty ones."""
     out: list[Grid | str] = [words.verdict(document), *words.faults(document)]
-    out += words.unmeasured(document)
-    for grid in told:
-        out.append(grid)
-        if grid is grids[1]:
-            out += dict.fromkeys(words.causes(document))  # two recordings may have one fault
-    out += words.perhaps_off(document)
+    out += words.limits(document)
+    for grid in (simulation_error(document), findings(document), gains(document)):
+        out += [grid] if grid.rows else []
+        if grid.title == CAUSES:
+            out += dict.fromkeys(words.causes(document))  # two recordings may share a fault
+    grid = calibration(document)
+    out += [grid] if grid.rows else []
+    out += words.calibration_doubts(document)
     out += document.get("about", {}).get("explains", ())
-    out += words.written(document)
-    said_of = (words.kept_within, words.leftovers, words.still_hidden, words.unadopted)
-    for said in (*said_of, words.next_steps):
-        out += said(document)
+    for sentences in (
+        words.equation_changes,
+        words.kept_terms,
+        words.unmodelled_effects,
+        words.model_deviations,
+        words.not_adopted,
+        words.next_steps,
+    ):
+        out += sentences(document)
     return out
 
 
-def wrong(document: Document) -> Grid:
-    """How wrong the simulation is as its profile has it, beside what noise alone would do."""
+def simulation_error(document: Document) -> Grid:
+    """Prediction error of the simulation with the profile's numbers, and the noise floor."""
     error = document["simulation_error"]
     rows = [
         [axis, _degrees(error[axis]["rmse_deg"]), _degrees(error[axis]["noise_floor_deg"])]
@@ -89,78 +95,79 @@ def wrong(document: Document) -> Grid:
     ]
     seconds = next((e["horizon_s"] for e in error.values()), 1.0)
     return Grid(
-        f"How wrong the simulation is, predicting {seconds:g} s ahead (RMS)",
-        ["axis", "simulation °", "noise alone °"],
+        f"Simulation error: RMSE of {seconds:g} s predictions",
+        ["axis", "RMSE °", "noise floor °"],
         rows,
-        notes=["The simulation as the profile has it, nothing fitted.", *_worst(error)],
+        notes=["The simulation has the profile's parameters; nothing is fitted.", *_worst(error)],
     )
 
 
 def _worst(error: Document) -> list[str]:
-    """Where it is furthest off, in one line."""
-    said = [
+    """The stretches with the largest errors, in one line."""
+    stretches = [
         f"{axis} {fixed(w['start_s'], 1)} to {fixed(w['stop_s'], 1)} s of {w['recording']} "
         f"({fixed(w['rmse_deg'], 2, '°')})"
         for axis in AXES
         for w in error[axis].get("worst", ())
     ]
-    return [f"Worst: {', '.join(said)}."] if said else []
+    return [f"Worst: {', '.join(stretches)}."] if stretches else []
 
 
 def findings(document: Document) -> Grid:
-    """The causes: size, deviation, and what each gains; how sure they are is said in words."""
+    """The causes: parameters with standard deviations, and the log-likelihood that each gains."""
     rows = []
     for f in document["findings"]:
-        won = fixed(number(f["gain"]["holdout_log_likelihood"]), 0)
-        for key, sized in f["parameters"].items() or [("", {"value": None, "std": None})]:
-            what, unit = split_unit(key)
-            value, std = sized["value"], sized["std"]
+        gain = fixed(number(f["gain"]["holdout_log_likelihood"]), 0)
+        for key, estimate in f["parameters"].items() or [("", {"value": None, "std": None})]:
+            parameter, unit = split_unit(key)
+            value, std = estimate["value"], estimate["std"]
             size = [significant(value, std), significant(std, std)]
-            rows.append([name_of(f), what, *size, unit, won])
-            won = ""
+            rows.append([name_of(f), parameter, *size, unit, gain])
+            gain = ""
+    note = "±: one standard deviation. Δ ln L: gain in log-likelihood on held-out data."
     return Grid(
-        "Causes, strongest first",
-        ["cause", "what", "size", "±", "unit", "ln\u00a0L"],
+        CAUSES,
+        ["cause", "parameter", "value", "±", "unit", "Δ\u00a0ln\u00a0L"],
         rows,
-        notes=["±: one standard deviation; ln L: log-likelihood won by the cause."] if rows else [],
+        notes=[note] if rows else [],
         text_columns=2,
     )
 
 
 def gains(document: Document) -> Grid:
-    """The base simulation refitted against the extended one, with the interval of what is won."""
-    heads = ["axis", "before °", "after °", "less by °", "95 % interval", "noise alone °"]
+    """Prediction error of the refitted base simulation and of the extended one, with intervals."""
+    heads = ["axis", "before °", "after °", "reduction °", "95 % interval", "noise floor °"]
     if not words.adopted(document):
         return Grid("", heads, [])
     gain = document["gain"]
     error = gain["holdout_rmse_deg"]
     before, after, floor = (error[k] for k in ("before", "after", "noise_floor"))
-    fall = gain.get("rmse_reduction_deg", {})
     rows = []
     for axis in AXES:
         if before.get(axis) is None:
             continue
-        won = fall.get(axis) or {"value": None, "interval": (None, None)}
+        fall = gain.get("rmse_reduction_deg", {}).get(axis) or {}
+        reduction = fixed(number(fall.get("value")), 3, sign=True)
+        span = interval(fall.get("interval", (None, None)))
         sides = (_degrees(side.get(axis)) for side in (before, after))
-        less = fixed(number(won["value"]), 3, sign=True)
-        rows.append([axis, *sides, less, interval(won["interval"]), _degrees(floor.get(axis))])
+        rows.append([axis, *sides, reduction, span, _degrees(floor.get(axis))])
     where = "the held-out recordings" if document["holdout"] else "blocks left out of the fit"
     if gain.get("measured_on") == "the recordings themselves":
-        where = "the recordings that were fitted, which flatters"
+        where = "the fitted recordings themselves, which is optimistic"
     notes = [
-        f"Measured on {where}; before: the base simulation with its own parameters refitted, "
-        "so that nothing here is mere calibration."
+        f"Measured on {where}. Before: the base simulation with its own parameters refitted; "
+        "calibration alone is therefore not counted as a gain."
     ]
     L = gain.get("holdout_log_likelihood")
     if L is not None:
-        span = gain.get("holdout_log_likelihood_interval", (None, None))
-        notes.append(f"Log-likelihood won there: {fixed(L, 0, sign=True)} ({interval(span, 0)}).")
-    title = f"What mending gains, predicting {gain['horizon_s']:g} s ahead (RMS)"
+        span = interval(gain.get("holdout_log_likelihood_interval", (None, None)), 0)
+        notes.append(f"Gain in log-likelihood there: {fixed(L, 0, sign=True)} ({span}).")
+    title = f"Gain of the extended model: RMSE of {gain['horizon_s']:g} s predictions"
     return Grid(title, heads, rows, notes)
 
 
 def interval(ends: Sequence[float | None], digits: int = 3) -> str:
-    """Two ends as people read them; a dash where there is none.
+    """The two ends of an interval; a dash where one is missing.
 
     >>> interval((0.1, 0.25)), interval((None, None))
     ('0.100 … 0.250', '–')
@@ -172,7 +179,7 @@ def interval(ends: Sequence[float | None], digits: int = 3) -> str:
 
 
 def calibration(document: Document) -> Grid:
-    """The base simulation's own parameters, refitted."""
+    """The base simulation's refitted parameters, and their difference from the profile's."""
     rows = []
     for c in document["calibration"]:
         nominal, value = c["nominal"], c["value"]
@@ -189,7 +196,7 @@ def calibration(document: Document) -> Grid:
         )
     return Grid(
         "Calibration of the base simulation",
-        ["parameter", "nominal", "value", "±", "unit", "off"],
+        ["parameter", "nominal", "value", "±", "unit", "difference"],
         rows,
     )
 

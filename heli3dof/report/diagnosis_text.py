@@ -1,6 +1,6 @@
-"""A diagnosis in sentences, from the contract's document alone: verdict, faults, causes, what next.
+"""The sentences of a diagnosis, written from the contract's document: verdict, causes, next steps.
 
-Each sentence stands by itself; those of `faults` and `next_steps` end with something to do.
+Each function returns or yields whole sentences. Those of `faults` and `next_steps` name an action.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from heli3dof.report.text_table import NONE, fixed
 Document = Mapping[str, Any]
 
 VERDICTS = {
-    "explained": "What the simulation gets wrong is explained by the causes below.",
-    "nothing_found": "Nothing was found that noise alone would not explain.",
-    "ambiguous": "Something is wrong, but this recording cannot tell its possible causes apart.",
-    "unexplained": "Something is left that no known cause explains.",
-    "not_identifiable": "These recordings hold too little to say what is wrong.",
-    "bad_data": "The recording itself is at fault: no physics is blamed before that is mended.",
+    "explained": "The causes below explain the simulation error.",
+    "nothing_found": "No simulation error beyond noise was found.",
+    "ambiguous": "The simulation is wrong; this recording does not separate the possible causes.",
+    "unexplained": "Part of the simulation error has no known cause.",
+    "not_identifiable": "These recordings carry too little information to name a cause.",
+    "bad_data": "The recording itself is faulty: correct it before looking for physical causes.",
 }
-UNCONFIRMED = "Something would fit better, but is not confirmed by data that it has not seen."
+UNCONFIRMED = "A further effect would fit better, but held-out data do not confirm it."
 LISTED = 6
-"""Names in a sentence before the rest are counted."""
-MUCH = 1.5
-"""How much larger than the simulation's error a noise floor is no floor any more."""
-COUNTED = "encoder.scale."
-NEVER = frozenset({"encoder.offset.yaw"})
-"""What no flight can show: nothing but a cable knows yaw's zero. Not worth a sentence."""
+"""Names in a sentence; the others are counted."""
+NOISE_EXCESS = 1.5
+"""Ratio of the noise floor to the simulation error above which a sentence warns (a convention)."""
+SCALE_PREFIX = "encoder.scale."
+NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
+"""Not identifiable from any flight (only a cable depends on yaw's zero), so no sentence."""
 
 
 def name_of(finding: Document) -> str:
@@ -41,7 +41,7 @@ def name_of(finding: Document) -> str:
 
 
 def variable(name: str) -> str:
-    """A variable as people write it.
+    """A variable's key in words.
 
     >>> variable("pitch*roll_rate")
     'pitch × roll rate'
@@ -50,7 +50,7 @@ def variable(name: str) -> str:
 
 
 def listed(names: Sequence[str], word: str = "and") -> str:
-    """Names in a sentence.
+    """Names joined for a sentence.
 
     >>> listed(["a", "b", "c"]), listed(["a"], "or")
     ('a, b and c', 'a')
@@ -59,7 +59,7 @@ def listed(names: Sequence[str], word: str = "and") -> str:
 
 
 def summary_of(name: str) -> str:
-    """What a cause is, in the catalogue's words; empty where this catalogue does not know it."""
+    """The catalogue's description of a cause; empty for a name that is not in it."""
     try:
         return term(name).effect.summary
     except UsageError:
@@ -67,272 +67,267 @@ def summary_of(name: str) -> str:
 
 
 def verdict(document: Document) -> str:
-    """The one sentence to take away."""
+    """The verdict in one or two sentences."""
     word = str(document["verdict"])
-    said = f"Verdict: {word.replace('_', ' ')}. {VERDICTS[word]}"
-    if word != "nothing_found":
-        return said
-    if document.get("dropped"):
-        said = f"Verdict: nothing found. {UNCONFIRMED}"
-    doubtful = [str(c["parameter"]) for c in not_surely(document)]
-    if doubtful:
-        said += f" But {listed(doubtful)} may be off: see the calibration."
-    return said
+    meaning = VERDICTS[word]
+    if word == "nothing_found":
+        if document.get("dropped"):
+            meaning = UNCONFIRMED
+        doubtful = [str(c["parameter"]) for c in possibly_off(document)]
+        if doubtful:
+            meaning += f" But {listed(doubtful)} may be off: see the calibration."
+    return f"Verdict: {word.replace('_', ' ')}. {meaning}"
 
 
-def not_surely(document: Document) -> list[Document]:
-    """The base's numbers that are estimated beyond the profile's tolerance, and not surely."""
+def possibly_off(document: Document) -> list[Document]:
+    """Calibrated parameters beyond the profile's tolerance, but not significantly."""
     return [c for c in document["calibration"] if c.get("beyond_tolerance") == "not_surely"]
 
 
-def perhaps_off(document: Document) -> Iterator[str]:
-    """What is far from the profile's and no finding, why it is none, and what would tell."""
-    doubtful = not_surely(document)
+def calibration_doubts(document: Document) -> Iterator[str]:
+    """One sentence per parameter of `possibly_off`, and how to settle them."""
+    doubtful = possibly_off(document)
     for c in doubtful:
         off = number(c["value"]) / c["nominal"] - 1
         spread = fixed(100 * number(c["std"]) / abs(c["nominal"]), 1, " %")
         yield (
             f"{c['parameter']} is estimated {fixed(100 * abs(off), 1, ' %')} "
-            f"{'above' if off > 0 else 'below'} the profile's (± {spread}); that is not surely "
-            f"beyond the {100 * c['tolerance']:g} % to which it is believed, so it is no finding."
+            f"{'above' if off > 0 else 'below'} the profile's value (± {spread}). This is not "
+            f"significantly beyond the tolerance of {100 * c['tolerance']:g} %, so it is no "
+            "finding."
         )
     if doubtful:
         yield (
             f"To settle {listed([str(c['parameter']) for c in doubtful])}: weigh and measure the "
-            "rig (docs/reference/profile.md); or diagnose a larger flight together with these "
+            "rig (docs/reference/profile.md), or diagnose these recordings together with a larger flight "
             "(heli3dof run large)."
         )
 
 
 def faults(document: Document) -> Iterator[str]:
-    """What the integrity checks say: what happened, the likely cause, what to do."""
+    """The results of the integrity checks: what happened, the likely cause, what to do."""
     for f in document.get("integrity", ()):
         if not isinstance(f, Mapping):
             yield str(f)
             continue
-        what = str(f["sentence"])
+        note = "Note: " if f["kind"] == "note" else ""
         cause = f" Likely cause: {f['cause']}" if f.get("cause") else ""
         fix = f" Try: {f['fix']}" if f.get("fix") else ""
-        yield f"{'Note: ' if f['kind'] == 'note' else ''}{what}{cause}{fix}"
+        yield f"{note}{f['sentence']}{cause}{fix}"
 
 
-def unmeasured(document: Document) -> Iterator[str]:
-    """What was not fitted; where how wrong the simulation is has no number, or none beside it."""
-    beside = document.get("about", {}).get("not_fitted")
-    if beside:
+def limits(document: Document) -> Iterator[str]:
+    """Recordings that were not fitted, and simulation errors that are missing or unreliable."""
+    not_fitted = document.get("about", {}).get("not_fitted")
+    if not_fitted:
         yield (
-            f"Not fitted, for they did not read all three angles, but held beside the model: "
-            f"{', '.join(beside)}."
+            "Not fitted, because an angle is missing; used to check the fitted model: "
+            f"{', '.join(not_fitted)}."
         )
     fitted = document["verdict"] not in ("bad_data", "not_identifiable")
     error = document["simulation_error"]
     if fitted and error and all(e["rmse_deg"] is None for e in error.values()):
         seconds = next(iter(error.values()))["horizon_s"]
         yield (
-            f"How wrong the simulation is was not measured: no stretch without a gap or a stop is "
-            f"long enough to predict {seconds:g} s ahead."
+            f"The simulation error was not measured: no stretch without a gap or a stop is long "
+            f"enough to predict {seconds:g} s ahead."
         )
     noisy = [
         axis
         for axis, e in error.items()
-        if number(e["noise_floor_deg"]) > MUCH * number(e["rmse_deg"])
+        if number(e["noise_floor_deg"]) > NOISE_EXCESS * number(e["rmse_deg"])
     ]
     if noisy:
         yield (
-            f"On {listed(noisy)} the fitted model expects more noise than the simulation is wrong: "
-            "some of what it calls noise is none (dry friction or play does that), and sizes on "
-            "that axis are rough."
+            f"On {listed(noisy)} the fitted noise is larger than the simulation error. Part of it "
+            "is not noise (dry friction and backlash look like this), so sizes on that axis are "
+            "rough."
         )
 
 
 def causes(document: Document) -> Iterator[str]:
-    """Each finding: what it is, how sure that is, and what it cannot be told from."""
+    """One paragraph per finding: what it is, its confidence, and what it is confounded with."""
+    unmodelled = {rest["axis"] for rest in document["leftover"]}
     for f in document["findings"]:
         name = name_of(f)
         what = summary_of(name)
-        said = f"{name}: {what}" if what else f"{name}."
-        sure = f["confidence"]
+        text = f"{name}: {what}" if what else f"{name}."
+        confidence = f["confidence"]
         if f["tied_with"]:
-            said += f" Something is there ({certainty(sure)}), but it cannot be told from "
-            said += _others(name, [str(x) for x in f["tied_with"]])
-        elif sure is not None:
-            said += f" Certainty that it is there: {certainty(sure)}."
-        named = f["gain"]["holdout_log_likelihood"] is not None
-        if named and f["axis"] in {rest["axis"] for rest in document["leftover"]}:
-            said += (
-                f" As something without a name acts on {f['axis']} too, read it as {name}-like: "
-                "it may stand in for a part of that."
+            text += f" An effect is present (confidence {percent(confidence)}), confounded with "
+            text += _confounded(name, [str(x) for x in f["tied_with"]])
+        elif confidence is not None:
+            text += f" Confidence: {percent(confidence)}."
+        if f["gain"]["holdout_log_likelihood"] is not None and f["axis"] in unmodelled:
+            text += (
+                f" An unmodelled effect also acts on {f['axis']} and may account for part of "
+                f"this: read it as {name}-like."
             )
         elif f.get("like"):
-            said += (
-                " Its size is open, it may be what is wrong with another one's formula, or data "
-                f"that it has not seen do not surely confirm it: read it as {name}-like, something "
-                "acts as this would."
+            text += (
+                f" Read it as {name}-like: its size is uncertain, it may compensate for another "
+                "cause's model error, or held-out data do not confirm it."
             )
-        yield said
+        yield text
 
 
-def _others(name: str, tied: Sequence[str]) -> str:
-    """What a finding is tied with, and what would tell them apart where no flight does."""
-    counted = [n for n in tied if n.startswith(COUNTED)]
-    flown = flyable(name, tied)
-    weighed = [n for n in tied if n not in flown and n not in counted]
-    said = []
-    if flown:
-        said.append(f"{listed(flown, 'or')} by these recordings: any of them fits about as well.")
-    if counted:
-        said.append(
-            f"{'Nor from ' if flown else ''}{listed(counted, 'or')} by any flight: "
-            f"{turned(counted)}."
+def _confounded(name: str, others: Sequence[str]) -> str:
+    """The causes that a finding is confounded with, and which measurement separates them."""
+    scales = [n for n in others if n.startswith(SCALE_PREFIX)]
+    flights = flyable(name, others)
+    weights = [n for n in others if n not in flights and n not in scales]
+    parts = []
+    if flights:
+        parts.append(f"{listed(flights, 'or')} in these recordings: each fits about as well.")
+    if scales:
+        parts.append(f"{listed(scales, 'or')} in any flight: {turn_by_hand(scales)}.")
+    if weights:
+        parts.append(
+            "motor.thrust_gain in any flight: thrust and weight scale together. Put a scale under "
+            "the arm, or use known masses."
         )
-    if weighed:
-        said.append(
-            f"{'Nor from ' if said else ''}motor.thrust_gain by any flight: thrust and weight "
-            "scale together; a scale under the arm, or masses that are known, decide."
-        )
-    return " ".join(said)
+    return " Also confounded with ".join(parts)
 
 
-def turned(counted: Sequence[str]) -> str:
-    """What tells a wrong count per revolution.
+def turn_by_hand(scales: Sequence[str]) -> str:
+    """How to find a wrong number of counts per revolution.
 
-    >>> turned(["encoder.scale.yaw"])[:45]
-    'turn yaw by hand through an angle that you kn'
+    >>> turn_by_hand(["encoder.scale.yaw"])[:35]
+    'turn yaw by hand through a known an'
     """
-    axes = listed([n.removeprefix(COUNTED) for n in counted], "and")
+    axes = listed([n.removeprefix(SCALE_PREFIX) for n in scales])
     return (
-        f"turn {axes} by hand through an angle that you know, and see with `heli3dof monitor` "
-        "whether the encoder counts as much"
+        f"turn {axes} by hand through a known angle and compare with the angle that "
+        "`heli3dof monitor` shows"
     )
 
 
 def adopted(document: Document) -> bool:
-    """Whether the model was extended; a fault of the recording or a calibration extends nothing."""
+    """True when the model was extended; a faulty recording or a calibration extends nothing."""
     return any(
         f["gain"]["holdout_log_likelihood"] is not None or "measured_on" in f["gain"]
         for f in document["findings"]
     )
 
 
-def leftovers(document: Document) -> Iterator[str]:
-    """What has no name, on which axis it acts and on what it depends."""
+def unmodelled_effects(document: Document) -> Iterator[str]:
+    """One sentence per residual torque: its axis, and the variable that it depends on."""
     for rest in document["leftover"]:
         share = number(rest["share"])
-        said = (
-            f"Left over: a torque on {rest['axis']} that depends on {variable(rest['depends_on'])}"
+        text = (
+            f"Unmodelled effect: a torque on {rest['axis']} that depends on "
+            f"{variable(rest['depends_on'])}"
         )
         if math.isfinite(share):
-            said += f", {share * 100:.0f} % of what is unexplained"
+            text += f", {share * 100:.0f} % of the unexplained variance"
         if rest.get("also"):
             also = listed([variable(str(v)) for v in rest["also"]], "or")
-            said += f" (or on {also}: this flight hardly tells)"
+            text += f" (or on {also}: this flight hardly separates them)"
         if rest.get("like"):
-            said += f"; it is {rest['like']}, not surely that cause"
-        yield f"{said}."
+            text += f"; it is {rest['like']}, but that cause is not confirmed"
+        yield f"{text}."
 
 
-def unadopted(document: Document) -> Iterator[str]:
-    """Causes that were found and do not pay, and what could not be seen at all."""
+def not_adopted(document: Document) -> Iterator[str]:
+    """Candidates without a confirmed gain, and effects that are not identifiable."""
     for x in document.get("dropped", ()):
         span = x["gain"].get("holdout_log_likelihood_interval", (None, None))
-        if span is None:  # judged by free flights
-            yield f"Not adopted: {x['effect']} is not needed on blocks that the fit has not seen."
+        if span is None:  # compared by multi-step predictions
+            yield f"Not adopted: {x['effect']} does not improve predictions of left-out blocks."
             continue
         low, high = span
-        why = str(x.get("why", "it does not surely pay on data that it has not seen"))
+        reason = str(x.get("why", "held-out data do not confirm its gain"))
         if high is not None and high < 0:
-            why = "data that it has not seen contradict it" + (
+            reason = "held-out data contradict it" + (
                 ": is the hold-out from the same rig?" if document["holdout"] else ""
             )
-        told = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"
-        yield f"Not adopted: {x['effect']} fits these recordings better, but {why} ({told})."
-    dark = [str(x) for x in document["not_identifiable"] if x not in NEVER]
-    counted = [x for x in dark if x.startswith(COUNTED)]
-    dark = [x for x in dark if x not in counted]
-    if dark:
-        more = f" and {len(dark) - LISTED} more" if len(dark) > LISTED else ""
+        change = f"ln L {fixed(number(low), 0)} … {fixed(number(high), 0)}"
+        yield f"Not adopted: {x['effect']} fits these recordings better, but {reason} ({change})."
+    hidden = [str(x) for x in document["not_identifiable"] if x not in NEVER_SHOWN]
+    scales = [x for x in hidden if x.startswith(SCALE_PREFIX)]
+    hidden = [x for x in hidden if x not in scales]
+    if hidden:
+        more = f" and {len(hidden) - LISTED} more" if len(hidden) > LISTED else ""
         yield (
-            f"These recordings could not show even a large {', '.join(dark[:LISTED])}{more}: "
-            "of that nothing is said."
+            f"Not identifiable from these recordings, even if large: {', '.join(hidden[:LISTED])}"
+            f"{more}."
         )
-    if counted:
+    if scales:
         yield (
-            f"Within the profile's tolerance {listed(counted, 'or')} may be there, and no flight "
-            f"like these would say so: {turned(counted)}."
+            f"{listed(scales, 'or')} within the profile's tolerance is not identifiable from such "
+            f"flights: {turn_by_hand(scales)}."
         )
 
 
-def written(document: Document) -> Iterator[str]:
-    """How the recordings ask the body's equations to be written, where not in full; no cause."""
+def equation_changes(document: Document) -> Iterator[str]:
+    """Simplifications of the body's equations that the recordings support."""
     yield from map(str, document.get("about", {}).get("written", ()))
 
 
-def kept_within(document: Document) -> Iterator[str]:
-    """Terms of the extended model that are not named: within what is known of such rigs."""
+def kept_terms(document: Document) -> Iterator[str]:
+    """Terms of the extended model that are not reported as causes, with estimate and prior."""
     for x in document.get("about", {}).get("kept_within_what_is_known", ()):
-        each = ", ".join(
-            f"{fixed(q['value'], 3)} ± {fixed(q['std'], 3)} {q['unit']} (known beforehand: "
+        sizes = ", ".join(
+            f"{fixed(q['value'], 3)} ± {fixed(q['std'], 3)} {q['unit']} (prior: "
             f"{fixed(q['prior_mean'], 3)} ± {fixed(q['prior_std'], 3)})"
             for q in x["parameters"].values()
         )
-        yield f"Kept in the model, but not named a cause: {x['term']}, {each}; {x['why']}."
+        yield f"Kept in the model, not reported as a cause: {x['term']}, {sizes}; {x['why']}."
 
 
-def still_hidden(document: Document) -> Iterator[str]:
-    """What the extended model does not explain, beside what is left over."""
+def model_deviations(document: Document) -> Iterator[str]:
+    """Deviations from the extended model, apart from the residual torques."""
     for x in document.get("about", {}).get("still_hidden", ()):
-        yield f"Still hidden: {x['sentence']}"
+        yield f"Not explained: {x['sentence']}"
 
 
 def next_steps(document: Document) -> Iterator[str]:
     """What to do now, each with its command."""
     if document["verdict"] == "bad_data":
-        yield "Mend that, record again or correct the log, and diagnose once more."
+        yield "Correct the log or record again, then run heli3dof diagnose again."
         return
     nulls = str(document.get("about", {}).get("nulls", "simulated"))
     if not nulls.startswith("simulated"):
         yield (
-            "The loop of these recordings is unknown, so no flights could be simulated to compare "
-            "with, and only what is plain is named. Where the controller is known, add "
-            "[controller] to the profile."
+            "The controller of these recordings is unknown, so there are no null simulations and "
+            "only clear causes are reported. If you know the controller, add [controller] to the "
+            "profile."
         )
     upcoming = document["next_experiment"]
     if upcoming is not None:
-        yield f"Fly next: heli3dof run {upcoming['plan']}. Why: {upcoming['why']}."
-    elif why := document.get("about", {}).get("no_next_experiment"):
-        yield f"No plan is recommended: {why}."
+        yield f"Next experiment: heli3dof run {upcoming['plan']}. Reason: {upcoming['why']}."
+    elif reason := document.get("about", {}).get("no_next_experiment"):
+        yield f"No next experiment is recommended: {reason}."
     elif document["verdict"] == "nothing_found":
         yield (
-            "What is small shows in a larger flight: heli3dof run large, and diagnose it together "
-            "with these."
+            "A larger flight shows smaller effects: heli3dof run large, then diagnose it together "
+            "with these recordings."
         )
-    if document["model"] and any(
-        c.get("beyond_tolerance", "no") != "no" for c in document["calibration"]
-    ):
+    off = any(c.get("beyond_tolerance", "no") != "no" for c in document["calibration"])
+    if document["model"] and off:
         yield (
-            "To correct the profile: heli3dof profile update --from "
-            f"{document['model']} --profile rig.toml -o rig2.toml writes one with the calibrated "
-            "numbers."
+            "To write a profile with the calibrated values: heli3dof profile update --from "
+            f"{document['model']} --profile rig.toml -o rig2.toml"
         )
     if document["leftover"]:
         yield (
-            "For what is left over: look at its picture (--report FILE.html), think what on the "
-            "rig could do that, and add it as an effect (CONTRIBUTING.md)."
+            "For the unmodelled effect: study its figure (--report FILE.html), find what on the "
+            "rig could cause it, and add it as an effect (CONTRIBUTING.md)."
         )
     if not document["model"] or not adopted(document):
         return
     if not document["holdout"]:
         yield (
-            "The gain was measured on blocks left out of the fit. On a flight of its own: "
-            "heli3dof diagnose REC... --holdout ANOTHER-REC"
+            "The gain was measured on blocks left out of the fit. To measure it on another "
+            "flight: heli3dof diagnose REC... --holdout ANOTHER-REC"
         )
-    yield f"Fly the extended simulation: heli3dof simulate steps --model {document['model']}"
+    yield f"To simulate the extended model: heli3dof simulate steps --model {document['model']}"
 
 
-def certainty(confidence: float | None) -> str:
-    """Never 100 %: nothing is.
+def percent(confidence: float | None) -> str:
+    """A confidence in percent, never rounded up to 100 %.
 
-    >>> certainty(0.9999), certainty(0.873), certainty(None)
+    >>> percent(0.9999), percent(0.873), percent(None)
     ('> 99 %', '87 %', '–')
     """
     if confidence is None or not math.isfinite(confidence):
@@ -341,5 +336,5 @@ def certainty(confidence: float | None) -> str:
 
 
 def number(value: float | None) -> float:
-    """NaN for what the document has no number of."""
+    """The value; NaN for a missing one."""
     return math.nan if value is None else float(value)

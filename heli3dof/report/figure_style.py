@@ -1,8 +1,7 @@
-"""How every figure looks, and how it becomes SVG or PNG: the same bytes for the same data.
+"""The style of all figures, and their output as SVG or PNG: equal data give equal bytes.
 
-Colours are Okabe and Ito's, which stay apart for colour-blind readers; line styles differ too, so
-that a grey print still tells the curves apart. matplotlib is imported inside the functions: it
-costs a light verb half a second.
+The colours (Okabe and Ito) are distinct for colour-blind readers; line styles differ too, for grey
+prints. matplotlib is imported inside the functions, because it takes half a second.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ PURPLE, ORANGE, SKY = "#CC79A7", "#E69F00", "#56B4E9"
 DPI = 150
 
 RC: Any = {
-    "font.family": "DejaVu Sans",  # it comes with matplotlib, so text is laid out alike everywhere
+    "font.family": "DejaVu Sans",  # part of matplotlib, so the layout is the same everywhere
     "font.size": 9.5,
     "text.color": INK,
     "axes.edgecolor": SOFT,
@@ -55,7 +54,7 @@ RC: Any = {
 
 @dataclass(frozen=True)
 class Line:
-    """How one curve is drawn."""
+    """The style of one curve."""
 
     color: str
     width: float
@@ -74,7 +73,7 @@ class Line:
 
 
 REFERENCE = Line(SOFT, 1.1, (4, 2), 2)
-# The experiment is broad and dark with the models thin on top: where they agree both are seen.
+# A broad dark experiment under thin models: both remain visible where they agree.
 EXPERIMENT = Line(INK, 2.5, (), 3)
 MEASURED = Line(INK, 1.5, (), 3)
 HOVER = Line(VERMILION, 1.6, (6, 1.5), 5)
@@ -88,14 +87,14 @@ IDENTIFIED = (
 
 
 def plain(text: str, most: int = 200) -> str:
-    """Text from outside for a figure: at most so many characters, and a ``$`` is no mathematics."""
+    """Text for a figure, shortened to ``most`` characters, without matplotlib's mathematics."""
     if len(text) > most:
         text = text[: most - 1] + "…"
     return text.replace("$", r"\$")
 
 
 def model_lines(kinds: list[str]) -> list[Line]:
-    """A line for each model by its kind: the hover models keep theirs in every figure."""
+    """A line style per model by its kind; the hover models have their own in every figure."""
     lines: list[Line] = []
     identified = 0
     for kind in kinds:
@@ -110,7 +109,7 @@ def model_lines(kinds: list[str]) -> list[Line]:
 
 
 def to_svg(figure: Figure) -> str:
-    """The figure as SVG text without a date or random ids: the same data give the same text."""
+    """The figure as SVG text, without date or random ids."""
     import matplotlib
 
     buffer = io.StringIO()
@@ -142,6 +141,6 @@ def save(figure: Figure, path: str | Path, *, force: bool = False) -> Path:
             fix=f"use {path.with_suffix('.svg').name} or {path.with_suffix('.png').name}",
         )
     path.parent.mkdir(parents=True, exist_ok=True)
-    check_output(path, force=force)  # before the figure is drawn, which takes a while
+    check_output(path, force=force)  # before drawing, which takes a second
     data = to_svg(figure).encode("utf-8") if path.suffix == ".svg" else to_png(figure)
     return write_file(path, data, force=force)

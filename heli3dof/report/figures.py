@@ -1,12 +1,9 @@
-"""Figures 7–9 of the paper, and the overview of a flight.
+"""Figures 7–9 of the paper, and the overview of a flight, as matplotlib figures.
 
-Figure 7 is roll, 8 pitch, 9 yaw: the reference, the experiment and every model over time. Where
-the loop is known the models' curves are closed-loop replays; where it is not they are free
-predictions in windows laid end to end, each starting on the measured angles. The line under the
-title says what is to be seen, in numbers.
-
-Every function takes arrays or what `compare` made of them, and returns a matplotlib figure;
-`heli3dof.report.figure_style` turns it into SVG or PNG.
+Figure 7 is roll, 8 pitch, 9 yaw: reference, experiment and every model over time. If the controller
+is known, the models' curves are closed-loop replays; otherwise they are multi-step predictions in
+successive windows, each starting at the measured angles. The subtitle gives the numbers.
+`heli3dof.report.figure_style` writes SVG or PNG.
 """
 
 from __future__ import annotations
@@ -17,8 +14,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.comparison.compare import FlightComparison, ModelComparison
 from heli3dof.comparison.replay import under_control
+from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
+from heli3dof.errors import UsageError
 from heli3dof.recording.recording import Recording
 from heli3dof.report.figure_style import (
     BLUE,
@@ -42,8 +40,35 @@ SYMBOLS = {"roll": "r", "pitch": "p", "yaw": "ψ"}
 NUMBER = {"roll": 7, "pitch": 8, "yaw": 9}
 
 
-def comparison_figures(flight: FlightComparison) -> dict[str, Figure]:
-    """Figures 7, 8 and 9 by axis; an axis that was not measured has none."""
+def comparison_figures(comparison: Comparison) -> dict[str, dict[str, Figure]]:
+    """Figures 7, 8 and 9: recording's name → axis → figure.
+
+    A repeated name is numbered. An axis that was not measured has no figure.
+    """
+    figures: dict[str, dict[str, Figure]] = {}
+    for flight in comparison.flights:
+        name = flight.recording.name
+        k = sum(f.recording.name == name for f in comparison.flights[: len(figures)])
+        figures[name if k == 0 else f"{name} ({k + 1})"] = axis_figures(flight)
+    return figures
+
+
+def comparison_plot(
+    comparison: Comparison, axis: str = "roll", recording: str | None = None
+) -> Figure:
+    """One of Figures 7–9: of the recording with that name, or of the first one."""
+    for flight in comparison.flights:
+        if recording in (None, flight.recording.name) and axis in flight.recording.axes:
+            return comparison_figure(flight, axis)
+    raise UsageError(
+        f"There is no figure of {axis} of {recording or 'any recording'}.",
+        cause="the angle was not recorded, or a typing error.",
+        fix=f"recordings: {', '.join(f.recording.name for f in comparison.flights)}",
+    )
+
+
+def axis_figures(flight: FlightComparison) -> dict[str, Figure]:
+    """Figures 7, 8 and 9 of one recording by axis; an axis that was not measured has none."""
     return {axis: comparison_figure(flight, axis) for axis in AXES if axis in flight.recording.axes}
 
 
@@ -57,21 +82,21 @@ def comparison_figure(flight: FlightComparison, axis: str) -> Figure:
     lines = model_lines([m.kind for m in flight.models])
     for m, line in zip(flight.models, lines, strict=True):
         if m.trace is not None and not np.isnan(m.trace.angle[:, i]).all():
-            y, free = np.degrees(m.trace.angle[:, i]), m.trace.kind == "prediction"
+            y, windows = np.degrees(m.trace.angle[:, i]), m.trace.kind == "prediction"
             cut = m.diverged_at_s is not None
-            curves.append(Curve(m.name, m.trace.t, y, line, cut_short=cut, dotted_starts=free))
-    what = "in closed loop" if flight.why is None else "predicted freely"
+            curves.append(Curve(m.name, m.trace.t, y, line, cut_short=cut, dotted_starts=windows))
+    what = "in closed loop" if flight.why is None else "predictions"
     return angle_figure(
         curves,
         title=f"Figure {NUMBER[axis]}   {axis.capitalize()} {what} · {recording.name}",
-        subtitle=_seen(flight, axis),
+        subtitle=_subtitle(flight, axis),
         ylabel=f"{axis} {SYMBOLS[axis]} (°)",
         frame=("reference", "experiment"),
     )
 
 
 def flight_figure(recording: Recording) -> Figure:
-    """A flight at a glance: the recorded angles with their references, and both voltages."""
+    """The recorded angles with their references, and both voltages."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -114,7 +139,7 @@ def flight_figure(recording: Recording) -> Figure:
             for axes in column:
                 axes.axvspan(flown.t[-1], recording.t[-1], color=GRID, alpha=0.6, linewidth=0)
             column[0].annotate(
-                "ramped to zero",
+                "ramp to zero",
                 xy=(flown.t[-1], 1.0),
                 xycoords=("data", "axes fraction"),
                 xytext=(0, 3),
@@ -125,24 +150,24 @@ def flight_figure(recording: Recording) -> Figure:
             )
         column[-1].set_xlabel("time (s)")
         column[-1].set_xlim(float(recording.t[0]), float(recording.t[-1]))
-        headline(figure, f"The flight · {recording.name}", height)
+        headline(figure, f"Flight · {recording.name}", height)
         figure.align_ylabels()
     return figure
 
 
-def _seen(flight: FlightComparison, axis: str) -> str:
-    """The line under the title: what is to be seen, in numbers."""
+def _subtitle(flight: FlightComparison, axis: str) -> str:
+    """Peaks of experiment and replays, or the RMSE of predictions."""
     parts = []
     if flight.why is None:
         experiment = flight.experiment[axis].reported.peak_deg
         if np.isfinite(experiment):
             parts.append(f"peak: experiment {fixed(experiment, 1, '°')}")
         for m in flight.models:
-            parts.append(f"{m.name} {_replay_seen(flight, m, axis)}")
+            parts.append(f"{m.name} {_replay_peak(flight, m, axis)}")
         return _list(parts)
     window = flight.held_still.window_s if flight.held_still else np.nan
     errors = [(m.name, m.prediction) for m in flight.models]
-    for name, error in (*errors, ("held still", flight.held_still)):
+    for name, error in (*errors, ("constant angles", flight.held_still)):
         if error is not None:
             value = error.over_window_deg[AXES.index(axis)]
             parts.append(f"{name} {fixed(value, 1, '°')}")
@@ -150,15 +175,15 @@ def _seen(flight: FlightComparison, axis: str) -> str:
 
 
 def _list(parts: Sequence[str]) -> str:
-    """Parts joined by commas; a line breaks between them only."""
+    """Parts joined by commas, with line breaks between parts only."""
     return ",  ".join(p.replace(" ", "\u00a0") for p in parts if p)
 
 
-def _replay_seen(flight: FlightComparison, model: ModelComparison, axis: str) -> str:
+def _replay_peak(flight: FlightComparison, model: ModelComparison, axis: str) -> str:
     if model.diverged_at_s is not None:
         return f"diverges at {model.diverged_at_s:.1f} s"
     if model.metrics is None:
-        return "not flown"
+        return "not replayed"
     peak = model.metrics[axis].reported.peak_deg
     difference = flight.difference(model, axis)["peak_deg"]
     if not np.isfinite(difference):

@@ -1,5 +1,6 @@
-"""The report of one or more flights: what flew, how the models did, what the paper says, warnings,
-and where everything came from. ``heli3dof report`` and ``heli3dof demo`` write it.
+"""The HTML report of flights: summary, warnings, flights, models, comparison, provenance.
+
+``heli3dof report``, ``diagnose --report`` and ``demo`` write it.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL
-from heli3dof.comparison.compare import Comparison, FlightComparison, ModelComparison
 from heli3dof.comparison.metrics import flight_metrics
-from heli3dof.comparison.replay import under_control
+from heli3dof.comparison.prediction import HeldStill
+from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
 from heli3dof.model.base import Model
 from heli3dof.paper.reproduction import Reproduced
 from heli3dof.recording.recording import Recording
@@ -22,7 +23,7 @@ from heli3dof.report.comparison_tables import (
     metrics_of,
     published_table,
 )
-from heli3dof.report.figures import NUMBER, comparison_figures, flight_figure
+from heli3dof.report.figures import NUMBER, axis_figures, flight_figure
 from heli3dof.report.html import (
     Section,
     facts,
@@ -39,7 +40,7 @@ from heli3dof.report.model_section import model_blocks
 from heli3dof.report.text_table import fixed
 
 LONG = 200
-"""Characters of a value beyond which it is shown as a listing of its own."""
+"""Characters of a value above which it gets its own listing (a convention)"""
 
 
 def flight_report(
@@ -53,25 +54,25 @@ def flight_report(
     lede: Sequence[str] = (),
     title: str = "",
 ) -> str:
-    """The whole HTML document.
+    """The HTML document.
 
-    ``extra`` sections (an identification's, a diagnosis's) stand between the comparison and the
-    paper's numbers, ``first`` ones before the flights, and ``lede`` sentences before everything;
-    ``reproduced`` is what `heli3dof.paper.reproduction.reproduce` returns.
+    ``lede`` sentences come first, ``first`` sections before the flights, and ``extra`` ones (of an
+    identification, a diagnosis) after the comparison. ``reproduced`` is the result of
+    `heli3dof.paper.reproduction.reproduce`.
     """
     names = ", ".join(r.name for r in recordings)
-    found = _warnings(recordings, comparison)
+    warnings = _warnings(recordings, comparison)
     short = [] if comparison is None else [in_a_sentence(f) for f in comparison.flights]
     sections = [
-        Section("In short", [key(s) for s in (*lede, *short)]),
-        Section("Warnings", [warning(w) for w in found]),
+        Section("Summary", [key(s) for s in (*lede, *short)]),
+        Section("Warnings", [warning(w) for w in warnings]),
         *first,
         Section("The flight" if len(recordings) == 1 else "The flights", _flights(recordings)),
         Section("Models", model_blocks(models, recordings[0].profile if recordings else None)),
         Section("Comparison", [] if comparison is None else _comparison(comparison)),
         *extra,
         Section("The paper's numbers", [table(published_table(reproduced))] if reproduced else []),
-        Section("Where it came from", _provenance(recordings)),
+        Section("Provenance", _provenance(recordings)),
     ]
     seconds = sum(r.duration for r in recordings)
     return page(
@@ -91,16 +92,13 @@ def _flights(recordings: Sequence[Recording]) -> list[str]:
             blocks.append(subheading(r.name))
         blocks.append(facts(_summary(r)))
         blocks.append(figure(flight_figure(r), f"Angles and voltages of {r.name} over time"))
-        flown = under_control(r)
         if any(r.has_reference(axis) for axis in AXES):
-            grain = r.profile.encoder.rad_per_count
-            metrics = flight_metrics(flown.t, flown.angle, flown.reference, resolution=grain)
-            blocks.append(table(metrics_of(metrics, "Every step")))
+            blocks.append(table(metrics_of(flight_metrics(r), "Step metrics")))
     return blocks
 
 
 def _summary(r: Recording) -> dict[str, Any]:
-    """What a reader asks first about a flight."""
+    """Plan, device, outcome, duration, rate, profile, controller and voltage range."""
     gaps = np.diff(r.t) > 1.5 * r.dt
     return {
         "plan": _plan_name(r),
@@ -110,19 +108,19 @@ def _summary(r: Recording) -> dict[str, Any]:
         "samples": f"{len(r)} at {1 / r.dt:.6g} Hz"
         + (f", {gaps.sum()} gaps" if gaps.any() else ""),
         "rig": r.profile.name,
-        "controller": "known" if r.profile.loop_is_known else "unknown: the loop is not replayed",
+        "controller": "known" if r.profile.loop_is_known else "unknown: no closed-loop replay",
         "voltage": f"{fixed(float(np.nanmin(r.voltage)), 1)} to "
         f"{fixed(float(np.nanmax(r.voltage)), 1)} V (limit ±{r.profile.motor.v_max:g} V)",
     }
 
 
 def _ending(r: Recording) -> list[str]:
-    """How a flight ended and, where that was written down, why; empty for an imported log."""
+    """A flight's outcome, and its reason where recorded; empty for an imported log."""
     outcome, details = r.meta.get("outcome"), r.meta.get("outcome_details", {})
     if outcome is None:
         return []
-    why = details.get("detail") or details.get("reason")
-    return [str(outcome), str(why)] if why else [str(outcome)]
+    reason = details.get("detail") or details.get("reason")
+    return [str(outcome), str(reason)] if reason else [str(outcome)]
 
 
 def _plan_name(r: Recording) -> str | None:
@@ -139,9 +137,9 @@ def _comparison(comparison: Comparison) -> list[str]:
             blocks.append(subheading(f.recording.name))
         if f.why is not None:
             blocks.append(
-                paragraph(f"Not replayed, for {f.why}. The models predict freely instead.")
+                paragraph(f"Not replayed: {f.why}. The curves are multi-step predictions.")
             )
-        for axis, drawn in comparison_figures(f).items():
+        for axis, drawn in axis_figures(f).items():
             alt = f"Figure {NUMBER[axis]}: {axis} of {f.recording.name}, experiment and models"
             blocks.append(figure(drawn, alt))
         blocks += [table(g) for g in flight_grids(f)]
@@ -149,66 +147,65 @@ def _comparison(comparison: Comparison) -> list[str]:
 
 
 def in_a_sentence(flight: FlightComparison) -> str:
-    """What the comparison says, for the reader who reads one sentence."""
+    """The result of one flight's comparison in a few sentences."""
     if not flight.models:
         return "No model was compared."
     if flight.why is None:
-        said = [_flown_in_words(flight, m) for m in flight.models]
         peak = flight.experiment["roll"].reported.peak_deg
-        said.append(_predicted_in_words(flight))
-        return f"{flight.recording.name}: roll peaks at {fixed(peak, 1, '°')}. " + " ".join(said)
-    said = []
+        sentences = [f"{flight.recording.name}: roll peaks at {fixed(peak, 1, '°')}."]
+        sentences += [_replay_sentence(flight, m) for m in flight.models]
+        return " ".join([*sentences, _prediction_sentence(flight)])
+    sentences = []
     for m in flight.models:
         if m.prediction is None:
-            said.append(f"{m.name} makes none.")
+            sentences.append(f"{m.name}: none.")
             continue
         errors = [
             f"{fixed(m.prediction.over_window_deg[AXES.index(a)], 1, '°')} in {a}"
             for a in flight.flown.axes
         ]
-        said.append(f"{m.name} is off by {', '.join(errors)}.")
+        sentences.append(f"{m.name}: {', '.join(errors)}.")
     window = flight.held_still.window_s if flight.held_still else 0.0
-    over = f"over free predictions of {window:g} s (RMSE)"
-    return f"{flight.recording.name}, {over}: " + " ".join(said)
+    title = f"{flight.recording.name}, RMSE of predictions over {window:g} s"
+    return f"{title}: " + " ".join(sentences)
 
 
-def _flown_in_words(flight: FlightComparison, m: ModelComparison) -> str:
+def _replay_sentence(flight: FlightComparison, m: ModelComparison) -> str:
     if m.diverged_at_s is not None:
         return f"{m.name} diverges at {m.diverged_at_s:.1f} s."
     if m.metrics is None or m.replay_rmse_deg is None:
-        return f"{m.name} was not flown."
+        return f"{m.name} was not replayed."
     difference = flight.difference(m, "roll")["peak_deg"]
     rmse = ", ".join(fixed(v, 2, "°") for v in m.replay_rmse_deg)
-    where = ""
+    peak = ""
     if np.isfinite(difference):
         apart = f"{fixed(abs(difference), 1, '°')} {'higher' if difference > 0 else 'lower'}"
-        where = f" peaks {apart if abs(difference) >= 0.05 else 'at the same height'},"
-    return f"{m.name}{where} and differs by {rmse} in roll, pitch and yaw over the flight (RMSE)."
+        peak = f" peaks {apart if abs(difference) >= 0.05 else 'at the same height'};"
+    return f"{m.name}{peak} its RMSE over the flight is {rmse} in roll, pitch, yaw."
 
 
-def _predicted_in_words(flight: FlightComparison) -> str:
-    """Beside a replay, which a loop flatters: how far free predictions of roll go off."""
+def _prediction_sentence(flight: FlightComparison) -> str:
+    """The roll error of predictions, which, unlike a replay, the controller does not reduce."""
     if flight.held_still is None:
         return ""
     named = [(m.name, m.prediction) for m in flight.models]
-    off = [
+    errors = [
         f"{fixed(p.over_window_deg[ROLL], 1, '°')} ({name})"
-        for name, p in (*named, ("angles held still", flight.held_still))
+        for name, p in (*named, (HeldStill.name, flight.held_still))
         if p is not None
     ]
-    return (
-        f"Predicted freely over {flight.held_still.window_s:g} s, roll is off by {', '.join(off)}."
-    )
+    window = flight.held_still.window_s
+    return f"RMSE of roll predictions over {window:g} s: {', '.join(errors)}."
 
 
 def _warnings(recordings: Sequence[Recording], comparison: Comparison | None) -> list[str]:
-    found = []
+    warnings = []
     for r in recordings:
-        found += [f"{r.name}: {w}" for w in r.meta.get("warnings", ())]
+        warnings += [f"{r.name}: {w}" for w in r.meta.get("warnings", ())]
         ending = _ending(r)
         if ending and ending[0] != "completed":
-            found.append(f"{r.name}: the flight did not end as planned; {': '.join(ending)}.")
-    return found + list(comparison.warnings if comparison else ())
+            warnings.append(f"{r.name}: the flight did not end as planned; {': '.join(ending)}.")
+    return warnings + list(comparison.warnings if comparison else ())
 
 
 def _provenance(recordings: Sequence[Recording]) -> list[str]:
@@ -225,7 +222,7 @@ def _provenance(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _flat(meta: Mapping[str, Any], prefix: str = "") -> tuple[dict[str, Any], dict[str, Any]]:
-    """Metadata as short values under dotted names, and what is too long for a line."""
+    """Metadata as short values under dotted names, and the values too long for a line."""
     short: dict[str, Any] = {}
     long: dict[str, Any] = {}
     for name, value in meta.items():
@@ -239,6 +236,6 @@ def _flat(meta: Mapping[str, Any], prefix: str = "") -> tuple[dict[str, Any], di
             long[f"{prefix}{name}"] = value
         else:
             plain = value is None or isinstance(value, (str, int, float))
-            said = value if plain else json.dumps(value, ensure_ascii=False, default=str)
-            short[f"{prefix}{name}"] = said
+            text = value if plain else json.dumps(value, ensure_ascii=False, default=str)
+            short[f"{prefix}{name}"] = text
     return short, long

@@ -1,9 +1,7 @@
-"""One HTML file with everything in it: the page and the blocks that it is made of.
+"""A self-contained HTML page: sections of blocks, without scripts or external links.
 
-No script, no link to anywhere, figures inlined: the file can be mailed, archived and printed.
-Every text that comes from a recording, a model or a file name is escaped where it enters a block.
-A page is a list of sections, a section a list of blocks (strings of HTML that the functions here
-return), so that other verbs add theirs without touching this file.
+Figures are embedded. A block is a string of HTML from one of the functions here, which escape every
+text from a recording, a model or a file name.
 """
 
 from __future__ import annotations
@@ -106,7 +104,7 @@ footer { margin-top: 3rem; padding-top: 1rem; border-top: 1px solid var(--line);
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and its blocks, each a string of HTML made by the functions below."""
+    """A heading and its blocks, strings of HTML from the functions below."""
 
     title: str
     blocks: Sequence[str]
@@ -123,12 +121,12 @@ def subheading(text: str) -> str:
 
 
 def key(text: str) -> str:
-    """A sentence that the reader should take away."""
+    """A highlighted sentence."""
     return f'<p class="key">{html.escape(text)}</p>'
 
 
 def warning(text: str) -> str:
-    """A sentence that must not be missed."""
+    """A warning."""
     return f'<p class="warning">{html.escape(text)}</p>'
 
 
@@ -138,7 +136,7 @@ def table(grid: Grid) -> str:
 
 
 def facts(values: Mapping[str, Any]) -> str:
-    """Names and values, one a line. What is None is left out."""
+    """Names and values, one per line; values that are None are omitted."""
     rows = "".join(
         f"<dt>{html.escape(str(name))}</dt><dd>{html.escape(str(value))}</dd>"
         for name, value in values.items()
@@ -154,7 +152,7 @@ def listing(value: Any) -> str:
 
 
 def figure(drawn: Figure, alt: str) -> str:
-    """A figure as an inlined SVG picture; ``alt`` says in words what it shows."""
+    """A figure as an embedded SVG image, with ``alt`` as its description."""
     data = base64.b64encode(to_svg(drawn).encode("utf-8")).decode("ascii")
     return (
         f'<figure><img alt="{html.escape(alt, quote=True)}" '
@@ -163,7 +161,7 @@ def figure(drawn: Figure, alt: str) -> str:
 
 
 def page(title: str, subtitle: str, sections: Iterable[Section], *, footer: str = "") -> str:
-    """The whole document. ``title``, ``subtitle`` and ``footer`` are plain text."""
+    """The HTML document. ``title``, ``subtitle`` and ``footer`` are plain text."""
     sections = [s for s in sections if s.blocks]
     links = "".join(
         f'<a href="#s{i}">{html.escape(s.title)}</a>' for i, s in enumerate(sections, 1)

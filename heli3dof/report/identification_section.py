@@ -1,8 +1,8 @@
-"""What an identification found, as tables for the terminal and as a section of the HTML report.
+"""The results of an identification as tables for the terminal and as a section of the HTML report.
 
-Poles with standard deviations, parameters where the method has them, the fits on held-out data,
-the residual tests, the orders that were tried; Bode diagrams of three channels with bands of two
-standard deviations, and the innovations of the first held-out segment with their autocorrelation.
+Poles and parameters with standard deviations, fits on held-out data, residual tests, candidate
+orders; Bode diagrams of three channels with bands of two standard deviations, and the innovations
+of the longest held-out segment with their autocorrelation.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from heli3dof.report.text_table import NONE, Grid, fixed
 
 POINTS = 200
 LOWEST = 0.1
-"""rad/s: slower than any flight of a minute can tell."""
+"""rad/s: flights of a minute have no information at lower frequencies."""
 MIXED = 0.8
-"""A correlation worth a word."""
+"""Correlation above which a pair of parameters gets a note (a convention)"""
 
 
 def identification_tables(found: Identification) -> list[Grid]:
-    """The tables that a terminal shows: those that have something to say."""
+    """The tables for a terminal, without empty ones."""
     grids = [
         parameters_table(found),
         poles_table(found),
@@ -36,7 +36,7 @@ def identification_tables(found: Identification) -> list[Grid]:
 
 
 def parameters_table(found: Identification) -> Grid:
-    """Physical parameters beside the profile's, each with its deviation and the bound on it."""
+    """Physical parameters with standard deviations, their Cramér–Rao bounds and nominal values."""
     rows, notes = [], ["σ: standard deviation; bound: the Cramér–Rao bound on it."]
     for name, p in found.found.parameters.items():
         numbers = (p.value, p.std, p.bound, p.nominal)
@@ -49,16 +49,16 @@ def parameters_table(found: Identification) -> Grid:
 
 
 def _short(name: str) -> str:
-    """``motor.lag.time_constant_s`` → ``motor.lag``: the unit stands in a column of its own."""
+    """``motor.lag.time_constant_s`` → ``motor.lag``; the unit has its own column."""
     return name.rpartition(".")[0] or name
 
 
 def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
-    """A sentence for every pair of parameters that trade off against each other."""
+    """A sentence for each pair of highly correlated parameters."""
     if correlation is None:
         return []
     return [
-        f"{_short(names[i])} and {_short(names[j])} trade off: {correlation[i, j]:+.2f} correlated."
+        f"{_short(names[i])} and {_short(names[j])} are correlated by {correlation[i, j]:+.2f}."
         for i in range(len(names))
         for j in range(i)
         if abs(correlation[i, j]) > MIXED
@@ -82,7 +82,7 @@ def poles_table(found: Identification) -> Grid:
 
 
 def fits_table(found: Identification) -> Grid:
-    """Fit in percent per axis: one step and further ahead, and in closed-loop replay."""
+    """Fit in percent per axis: one-step and multi-step predictions, and closed-loop replay."""
     metrics = found.metrics
     scores = {
         ("one step" if h == 0 else f"{h:g} s ahead"): s for h, s in metrics.prediction.items()
@@ -99,7 +99,7 @@ def fits_table(found: Identification) -> Grid:
 
 
 def residuals_table(found: Identification) -> Grid:
-    """Whiteness, and independence of past inputs, with the bounds they are held to."""
+    """Tests of whiteness and of independence from past inputs, with their bounds."""
     rows = [
         [
             test.name,
@@ -115,13 +115,13 @@ def residuals_table(found: Identification) -> Grid:
         "Residual tests, on held-out data",
         ["test", "verdict", "χ²", "99 % bound", "p", "explained %"],
         rows,
-        notes=["Explained: the share of the innovations that the tested past accounts for."],
+        notes=["Explained: the share of the innovations' variance that the tested past explains."],
         text_columns=2,
     )
 
 
 def candidates_table(found: Identification) -> Grid:
-    """The orders and intervals that were tried."""
+    """The candidate orders and sampling intervals."""
     rows = [
         [
             str(c.order),
@@ -133,7 +133,7 @@ def candidates_table(found: Identification) -> Grid:
         for c in found.found.candidates
     ]
     return Grid(
-        "Orders and intervals that were tried, on the training recordings",
+        "Candidate orders and sampling intervals, on the training recordings",
         ["order", "interval ms", "score %", "log likelihood", "problem"],
         rows,
         notes=[],
@@ -156,7 +156,7 @@ def identification_section(found: Identification) -> Section:
     if errors:
         e = max(errors, key=len)
         interval_s = found.found.test_interval_s or found.interval_s
-        settled = round(WARM_UP_S / interval_s)  # the filter finds its state first
+        settled = round(WARM_UP_S / interval_s)  # until the filter has converged
         e = e[settled:] if len(e) > 2 * settled else e
         t = np.arange(len(e)) * interval_s
         drawn = residual_figure(t, e, title="Innovations on held-out data")
@@ -165,7 +165,7 @@ def identification_section(found: Identification) -> Section:
 
 
 def bode_with_bands(found: Identification):  # type: ignore[no-untyped-def]
-    """Roll, pitch and yaw against the front motor; None for a model without a linear response."""
+    """Roll, pitch and yaw over the front motor; None for a model without a linear response."""
     omega = np.geomspace(LOWEST, 0.8 * np.pi / found.interval_s, POINTS)
     try:
         response, std = found.frequency_response(omega)

@@ -1,7 +1,7 @@
-"""Curves over time with their names at their ends: what the figures here are drawn with.
+"""Plot curves over time with a label at each curve's end instead of a legend.
 
-A name beside its curve needs no legend and no colour to be read. Where ends meet, the names move
-apart; where a curve leaves the picture or stops because its model diverged, its name stands there.
+Overlapping labels are moved apart. If a curve ends early, because its model diverged, its
+label is at that point.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LABEL_GAP = 0.062
-"""Room for one label at the right edge, as a share of the axes' height."""
+"""Height of one label, as a share of the axes' height"""
 
 TITLE_WIDTH, SUBTITLE_WIDTH, LABEL_WIDTH = 74, 120, 20
-"""Characters that fit in a title, on a line of the subtitle, and beside a curve."""
+"""Characters in a title, on a line of the subtitle, and in a label"""
 MIN_SPAN = 2.0
-"""No vertical axis shows less than this, in degrees or volts."""
+"""Least range of a vertical axis, in degrees or volts (a convention)"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +37,9 @@ class Curve:
     y: np.ndarray
     line: Line
     cut_short: bool = False
-    """A cross at its last point: it diverged there."""
+    """Mark the last point with a cross: the model diverged there."""
     dotted_starts: bool = False
-    """A dot where each unbroken stretch begins: a prediction sets out from the data there."""
+    """Mark the start of each unbroken stretch with a dot: a prediction starts there."""
 
 
 def angle_figure(
@@ -47,16 +47,16 @@ def angle_figure(
 ) -> Figure:
     """Angles over time with a label at each curve's end.
 
-    ``frame`` names the curves that must be seen whole; the others may leave the picture, so that
-    one model which runs away does not press the rest flat.
+    ``frame`` names the curves that determine the vertical range; others may leave the axes, so that
+    a diverging model does not hide the rest.
     """
     import matplotlib
     from matplotlib.figure import Figure
 
-    said = textwrap.wrap(plain(subtitle, 4 * SUBTITLE_WIDTH), SUBTITLE_WIDTH) or [""]
+    lines = textwrap.wrap(plain(subtitle, 4 * SUBTITLE_WIDTH), SUBTITLE_WIDTH) or [""]
     with matplotlib.rc_context(RC):
-        height = 3.75 + 0.18 * len(said)
-        top = 0.52 + 0.18 * len(said)
+        height = 3.75 + 0.18 * len(lines)
+        top = 0.52 + 0.18 * len(lines)
         figure = Figure(figsize=(8.6, height))
         axes = figure.add_axes((0.085, 0.52 / height, 0.735, (height - top - 0.52) / height))
         for c in curves:
@@ -69,7 +69,7 @@ def angle_figure(
         axes.set_ylabel(ylabel)
         label_ends(axes, curves)
         headline(figure, title, height)
-        for i, line in enumerate(said):
+        for i, line in enumerate(lines):
             y = 1 - (0.46 + 0.18 * i) / height
             figure.text(0.015, y, line, fontsize=9, color=SOFT, va="center")
     return figure
@@ -77,12 +77,12 @@ def angle_figure(
 
 def headline(figure: Figure, title: str, height: float) -> None:
     """The title of a figure ``height`` inches high, at its upper left."""
-    said = plain(title, TITLE_WIDTH)
-    figure.text(0.015, 1 - 0.21 / height, said, fontsize=11.5, fontweight="bold", va="center")
+    text = plain(title, TITLE_WIDTH)
+    figure.text(0.015, 1 - 0.21 / height, text, fontsize=11.5, fontweight="bold", va="center")
 
 
 def _marks(axes: Axes, c: Curve) -> None:
-    """Dots where predictions set out from the data, a cross where a model diverged."""
+    """Draw dots where predictions start and a cross where a model diverged."""
     style: dict[str, Any] = {"color": c.line.color, "zorder": c.line.z + 1, "clip_on": True}
     finite = np.isfinite(c.y)
     if c.dotted_starts:
@@ -94,7 +94,7 @@ def _marks(axes: Axes, c: Curve) -> None:
 
 
 def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]:
-    """The y range: the framed curves whole, the others as far as one framed range beyond."""
+    """The y range: all of the framed curves, and others up to one framed range beyond."""
     framed = [c.y[np.isfinite(c.y)] for c in curves if not frame or c.label in frame]
     framed = [y for y in framed if len(y)]
     low = min((float(y.min()) for y in framed), default=-1.0)
@@ -104,14 +104,14 @@ def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]
     low_all = min((float(y.min()) for y in everything), default=low)
     high_all = max((float(y.max()) for y in everything), default=high)
     low, high = max(low_all, low - room), min(high_all, high + room)
-    # An axis at rest shall look at rest: its encoder's counts are no event.
+    # Single encoder counts of an axis at rest must not fill the axes.
     short = max(0.0, MIN_SPAN - (high - low)) / 2
     margin = 0.06 * (high - low + 2 * short)
     return low - short - margin, high + short + margin
 
 
 def label_ends(axes: Axes, curves: Sequence[Curve], gap: float = LABEL_GAP) -> None:
-    """Each curve's name at the right edge beside its end, moved apart where they would meet."""
+    """Write each curve's name at the right edge, moved apart where names would overlap."""
     low, high = axes.get_ylim()
     ends: list[tuple[float, Curve]] = []
     for c in curves:
@@ -144,7 +144,7 @@ def label_ends(axes: Axes, curves: Sequence[Curve], gap: float = LABEL_GAP) -> N
 
 
 def _label_exit(axes: Axes, c: Curve) -> None:
-    """The name of a curve that stops early, where it leaves the picture."""
+    """Write the name of a curve that ends early at its last visible point."""
     from matplotlib import patheffects
 
     low, high = axes.get_ylim()
@@ -169,14 +169,14 @@ def _label_exit(axes: Axes, c: Curve) -> None:
 
 
 def spread(places: np.ndarray, gap: float) -> np.ndarray:
-    """Sorted places moved apart by at least ``gap``, within 0…1 where there is room, and little.
+    """Sorted places moved apart to at least ``gap``, as little as possible and within 0…1.
 
     >>> spread(np.array([0.5, 0.5]), 0.1).tolist()
     [0.45, 0.55]
     """
     if not len(places):
         return places
-    # Blocks of touching labels, each centred on the mean of where its labels would be.
+    # Blocks of adjacent labels, each centred on the mean of its labels' places.
     blocks: list[list[float]] = []
     for place in places:
         blocks.append([float(place)])
@@ -187,7 +187,7 @@ def spread(places: np.ndarray, gap: float) -> np.ndarray:
 
 
 def _start(block: list[float], gap: float) -> float:
-    """Where a block's first label stands: centred, but not below 0 nor above 1."""
+    """Place of a block's first label: the block is centred, within 0…1."""
     length = gap * (len(block) - 1)
     return float(np.clip(np.mean(block) - length / 2, 0.0, max(1.0 - length, 0.0)))
 

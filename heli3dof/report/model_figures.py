@@ -1,12 +1,12 @@
-"""Figures of models themselves: Bode diagrams with their uncertainty, and residual tests.
+"""Figures of models: Bode diagrams with uncertainty bands, and residual tests.
 
 Magnitude 20 log₁₀ |G(jω)| (dB) and phase arg G(jω) (degrees) over ω (rad/s). A band is ± two
-standard deviations of G where an identification gave them:
+standard deviations of G:
 
     |G| ± 2σ_|G|,    arg G ± 2σ_|G|/|G|   (circular uncertainty, small against |G|)
 
-Residuals of a right model are white: the autocorrelation R(τ)/R(0) stays within ± 2.58/√N for 99 %
-of the lags. Arrays in, a matplotlib figure out.
+Residuals of a correct model are white: the autocorrelation R(τ)/R(0) is within ± 2.58/√N at 99 %
+of the lags.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MIN_PHASE_SPAN = 90.0
-"""No phase axis shows less, degrees: a sampled integrator's few degrees shall look like few."""
+"""Least range of a phase axis, degrees (a convention)"""
 LAGS_S = 0.5
-"""s; residuals are correlated up to this lag."""
+"""s, the largest lag of the autocorrelation"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def bode_figure(
 def _bode_curve(magnitude, phase, omega, c: BodeCurve, line: Line) -> None:  # type: ignore[no-untyped-def]
     size = np.abs(c.response)
     angle = np.degrees(np.unwrap(np.angle(c.response)))
-    angle -= 360 * np.ceil(angle[0] / 360 - 1e-6)  # every curve sets out between −360° and 0°
+    angle -= 360 * np.ceil(angle[0] / 360 - 1e-6)  # every curve starts between −360° and 0°
     magnitude.plot(omega, _db(size), label=plain(c.label, LABEL_WIDTH), **line.kwargs())
     phase.plot(omega, angle, **line.kwargs())
     if c.std is not None:
@@ -157,6 +157,6 @@ def autocorrelation(
     e = residual - residual.mean()
     n = len(e)
     lags = np.arange(min(round(lags_s / dt), n - 1) + 1)
-    spectrum = np.abs(np.fft.rfft(e, 2 * n)) ** 2  # padded, so that the ends do not meet
+    spectrum = np.abs(np.fft.rfft(e, 2 * n)) ** 2  # zero-padded against circular correlation
     r = np.fft.irfft(spectrum)[: len(lags)]
     return lags * dt, r / (r[0] or 1.0), 2.58 / float(np.sqrt(n))

@@ -1,7 +1,7 @@
-"""What a report says of the models themselves: orders, poles, poles in the loop, Bode diagrams.
+"""The report's section on models: orders, poles, closed-loop poles, Bode diagrams.
 
-The Bode diagrams show what the rig's symmetry separates: roll and the voltage of both motors
-together (V_F = V_B = V), pitch and yaw and the voltage difference (V_F = −V_B = V).
+The channels follow the rig's symmetry: roll over the common voltage (V_F = V_B = V), pitch and yaw
+over the voltage difference (V_F = −V_B = V).
 
     G(jω) = C (e^{jωΔt} I − A)⁻¹ B,     ω up to 80 % of π/Δt
 """
@@ -26,12 +26,12 @@ CHANNELS = {
     "yaw / front − back (rad/V)": ("yaw", np.array([1.0, -1.0])),
 }
 LOWEST = 0.1
-"""rad/s: slower than any flight of a minute can tell."""
+"""rad/s: flights of a minute have no information at lower frequencies."""
 HIGHEST = 100.0
 
 
 def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
-    """The blocks of the models' section; ``profile`` gives the loop, where it is known."""
+    """The blocks of the models' section; ``profile`` provides the controller."""
     if not models:
         return []
     blocks = [table(models_table(models, profile))]
@@ -44,7 +44,7 @@ def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
 
 
 def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
-    """Name, kind, order and poles of each model, alone and in the profile's loop."""
+    """Name, kind, order, open-loop poles and closed-loop poles of each model."""
     rows = []
     for m in models:
         order, poles = NONE, NONE
@@ -55,19 +55,19 @@ def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
             loop = poles_text(m.loop_poles(profile.controller, profile.dt))
         rows.append([m.name, m.kind.replace("_", " "), order, poles, loop])
     return Grid(
-        "The models and their poles, in rad/s",
-        ["model", "kind", "order", "poles", "poles in the loop"],
+        "Models and their poles, in rad/s",
+        ["model", "kind", "order", "poles", "closed-loop poles"],
         rows,
-        notes=["A loop with a pole right of zero is unstable: such a model diverges when flown."],
+        notes=["A closed-loop pole in the right half plane means that the model diverges."],
         text_columns=2,
         prose_columns=2,
     )
 
 
 def plant_poles(model: LinearModel) -> np.ndarray:
-    """(n,) rad/s: log(z)/Δt, or of the continuous model where the discrete one was made from it.
+    """(n,) rad/s: log(z)/Δt; for a discretised continuous model, the continuous poles.
 
-    A chain of integrators has a repeated z = 1, whose logarithm would scatter.
+    The repeated z = 1 of a chain of integrators is ill-conditioned.
     """
     if model.exact_hold:
         return np.asarray(np.linalg.eigvals(model.continuous().A))
@@ -76,7 +76,7 @@ def plant_poles(model: LinearModel) -> np.ndarray:
 
 
 def poles_text(poles: np.ndarray, most: int = 12) -> str:
-    """Poles by their real part, rightmost first, conjugate pairs as one; slow ones in full.
+    """Poles by decreasing real part, conjugate pairs once, repeated ones counted.
 
     >>> poles_text(np.array([-1.5 - 0.79j, -0.1, -1.5 + 0.79j, 0.0, 0.0]))
     '0 (twice), −0.10, −1.50 ± 0.79j'
@@ -87,17 +87,17 @@ def poles_text(poles: np.ndarray, most: int = 12) -> str:
         at_zero = abs(p) < 5e-3
         word = "0" if at_zero else fixed(p.real)
         words.append(word if abs(p.imag) < 5e-3 else f"{word} ± {fixed(p.imag)}j")
-    said: list[str] = []
+    parts: list[str] = []
     for word in dict.fromkeys(words):
         n = words.count(word)
-        said.append(word if n == 1 else f"{word} ({'twice' if n == 2 else f'{n} times'})")
-    return ", ".join(said[:most]) + (", …" if len(said) > most else "")
+        parts.append(word if n == 1 else f"{word} ({'twice' if n == 2 else f'{n} times'})")
+    return ", ".join(parts[:most]) + (", …" if len(parts) > most else "")
 
 
 def bode_of(
     models: Sequence[LinearModel], points: int = 240
 ) -> tuple[np.ndarray, dict[str, list[BodeCurve]]]:
-    """ω (M,) rad/s and the curves of every channel that at least one model has."""
+    """ω (M,) rad/s, and the models' curves by channel."""
     fastest = min(HIGHEST, *(0.8 * np.pi / m.dt for m in models))
     omega = np.geomspace(LOWEST, fastest, points)
     channels: dict[str, list[BodeCurve]] = {}

@@ -1,7 +1,4 @@
-"""`Grid`: a table as plain strings, and its three renderings: terminal, Markdown, HTML.
-
-Whoever builds a table says once what stands in it; where it is shown is another matter.
-"""
+"""`Grid`: a table of strings, rendered for a terminal, in Markdown or in HTML."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 NONE = "–"
-"""What stands where nothing is defined."""
+"""The cell of an undefined number"""
 MINUS = "−"
 
 
@@ -30,7 +27,7 @@ class Grid:
     notes: Sequence[str] = ()
     text_columns: int = 1
     prose_columns: int = 0
-    """How many of the last columns hold sentences, and align left too."""
+    """Number of last columns with sentences, which align left too"""
 
     def __post_init__(self) -> None:
         for row in self.rows:
@@ -38,12 +35,12 @@ class Grid:
                 raise ValueError(f"{self.title}: {len(row)} cells in {len(self.columns)} columns")
 
     def is_number(self, column: int) -> bool:
-        """True for a column that aligns right."""
+        """True if the column aligns right."""
         return self.text_columns <= column < len(self.columns) - self.prose_columns
 
 
 def fixed(value: float, digits: int = 2, unit: str = "", *, sign: bool = False) -> str:
-    """A number as people read it: a true minus, no signed zero, a dash for what is not defined.
+    """A number with a minus sign, no negative zero, and a dash for NaN.
 
     >>> fixed(-0.001, sign=True), fixed(-1.5, 1, "°"), fixed(2.0, 1, sign=True), fixed(np.nan)
     ('0.00', '−1.5°', '+2.0', '–')
@@ -56,7 +53,7 @@ def fixed(value: float, digits: int = 2, unit: str = "", *, sign: bool = False) 
 
 
 def short(value: float, unit: str = "") -> str:
-    """A number to a tenth without a trailing zero, for running text.
+    """A number to one decimal without a trailing zero, for sentences.
 
     >>> short(10.04, "°"), short(-27.5)
     ('10°', '−27.5')
@@ -66,13 +63,13 @@ def short(value: float, unit: str = "") -> str:
 
 
 def to_rich(grid: Grid) -> Group:
-    """For the terminal; prints as text without colour where colour is off."""
+    """The table for a terminal."""
     from rich import box
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
-    # One space on either side of the (invisible) rule between columns is one too many for 80.
+    # One space of padding per column, so that wide tables fit 80 columns.
     table = Table(
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
@@ -82,7 +79,7 @@ def to_rich(grid: Grid) -> Group:
     )
     for i, head in enumerate(grid.columns):
         number = grid.is_number(i)
-        # A number's unit goes under its name, so that a row of them fits a narrow terminal.
+        # The unit goes under the name, so that columns of numbers are narrow.
         lines = head.rsplit(" ", 1) if number else ["", head]
         title = Text("\n".join(lines))
         table.add_column(
@@ -102,7 +99,7 @@ def to_rich(grid: Grid) -> Group:
 
 
 def to_markdown(grid: Grid) -> str:
-    """A Markdown table under its title in bold, with the notes as a list."""
+    """The table in Markdown, with a bold title and the notes as a list."""
     lines = [f"**{_md(grid.title)}**", ""]
     lines.append("| " + " | ".join(_md(c) for c in grid.columns) + " |")
     marks = ["--:" if grid.is_number(i) else ":--" for i in range(len(grid.columns))]
@@ -114,7 +111,7 @@ def to_markdown(grid: Grid) -> str:
 
 
 def to_html(grid: Grid) -> str:
-    """An HTML table with a caption; every text is escaped."""
+    """The table in HTML with a caption; every text is escaped."""
     heads = "".join(
         f'<th scope="col"{_css(grid, i)}>{html.escape(c)}</th>' for i, c in enumerate(grid.columns)
     )
@@ -125,7 +122,7 @@ def to_html(grid: Grid) -> str:
         for i, cell in enumerate(row):
             text = "" if i == 0 and _groups(grid) and not opens else html.escape(cell)
             cells.append(f"<td{_css(grid, i)}>{text}</td>")
-        # An indented name is an aside to the row above it.
+        # A row with an indented name belongs to the row above.
         aside = any(cell.startswith("  ") for cell in row)
         classes = " ".join(c for c, on in (("opens", opens), ("aside", aside)) if on)
         row_class = f' class="{classes}"' if classes else ""
@@ -140,7 +137,7 @@ def to_html(grid: Grid) -> str:
 
 
 def _groups(grid: Grid) -> bool:
-    """True where the first column repeats: its rows then stand together under one name."""
+    """True if the first column repeats names, which are then printed once."""
     first = [row[0] for row in grid.rows]
     return len(set(first)) < len(first)
 

@@ -64,7 +64,7 @@ def test_an_unknown_loop_gives_predictions_and_no_replay() -> None:
     assert any("loop is unknown" in w for w in result.warnings)
 
 
-def test_what_one_model_cannot_do_stops_no_other() -> None:
+def test_a_model_that_cannot_be_compared_does_not_stop_the_others() -> None:
     result = compare([flight()], [WrongRate(), FakeHover()])
     refused, flown = result.flights[0].models
     assert refused.metrics is None
@@ -100,7 +100,7 @@ def test_a_flight_shorter_than_a_horizon_is_predicted_at_the_others() -> None:
     assert set(prediction.ahead_deg) == {0.5, 1.0}
 
 
-def test_the_document_holds_the_six_metrics_and_their_differences_per_axis_and_model() -> None:
+def test_the_document_has_metrics_and_differences_per_axis_and_model() -> None:
     result = compare([flight(noise_deg=0.05)], [FakeHover()])
     document = to_json(result, reproduce(FakeHover()))
     text = json.dumps(document, allow_nan=False)  # raises on NaN
@@ -114,7 +114,7 @@ def test_the_document_holds_the_six_metrics_and_their_differences_per_axis_and_m
     assert axes["roll"]["peak_deg"] == pytest.approx(11.85, abs=0.03)
 
 
-def test_the_document_of_an_unknown_loop_and_a_refused_model_is_valid_too() -> None:
+def test_the_document_of_an_unknown_loop_and_a_refused_model_is_valid() -> None:
     one_angle = np.column_stack([np.sin(np.arange(0, 5, 0.002)), *[np.full(2500, np.nan)] * 2])
     log = make_recording(
         np.arange(0, 5, 0.002),
@@ -159,7 +159,7 @@ def test_the_hover_column_of_the_paper_comes_from_the_hover_model() -> None:
 
 @needs_real_data
 @pytest.mark.real_data
-def test_a_real_log_is_predicted_and_the_hover_model_is_worse_than_standing_still() -> None:
+def test_on_a_real_log_the_hover_model_is_worse_than_constant_angles() -> None:
     """rig-a 1b, over 3 s: the folder's own figures are hover 41/31/38°, held still 8.5/5/5°."""
     rig = REAL_DATA / "rig-a"
     log = load(rig / "closed-1b.csv", load_profile(rig / "profile.toml"))

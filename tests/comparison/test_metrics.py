@@ -1,13 +1,27 @@
-"""Step metrics against numbers worked out by hand, and against what symmetry demands."""
+"""Step metrics against hand-computed numbers and symmetries."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from heli3dof_recordings import references
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heli3dof.comparison.metrics import METRICS, StepMetrics, axis_metrics, flight_metrics
+from heli3dof.axes import AXES
+from heli3dof.cli.flight_summary import recording_document
+from heli3dof.comparison.metrics import (
+    METRICS,
+    StepMetrics,
+    axis_metrics,
+    flight_metrics,
+    step_metrics,
+)
+from heli3dof.recording.mcap_files.reader import read_recording
+from heli3dof.recording.recording import Recording
+from heli3dof.recording.row import RAMP_DOWN
 
 T = np.arange(0, 20, 0.002)
 
@@ -56,7 +70,7 @@ def test_a_first_order_step_rises_in_tau_ln_9_and_settles_in_tau_ln_50() -> None
     assert m.peak_deg == pytest.approx(-5.0, abs=1e-6)
 
 
-def test_both_readings_of_overshoot_stand_side_by_side() -> None:
+def test_peak_and_overshoot_are_both_reported() -> None:
     """E10: the hover model's 10° step peaks at 11.85°; the paper prints 12° as its overshoot."""
     m = step_at(0.0, 1.185 * first_order(T, 0.1), 10.0)
     assert (m.kind, m.from_deg, m.set_deg) == ("start", 0.0, pytest.approx(10.0))
@@ -73,7 +87,7 @@ def test_a_flight_from_rest_is_a_step_from_the_rest_angle() -> None:
     assert m.peak_deg == pytest.approx(10 + 0.16303 * 37.5, abs=0.001)
 
 
-def test_a_response_that_never_arrives_has_no_rise_or_settling_time() -> None:
+def test_a_response_that_stays_short_has_no_rise_or_settling_time() -> None:
     m = step_at(0.0, 0.5 * first_order(T), 10.0)
     assert np.isnan(m.rise_time_s)
     assert np.isnan(m.settling_time_s)
@@ -96,7 +110,7 @@ def test_a_held_axis_is_counted_from_the_first_step_of_any_axis() -> None:
     reference = np.column_stack([roll_ref, np.zeros_like(T), np.zeros_like(T)])
     pitch = np.radians(np.where(T < 2, 12.0, 0.0) * (T > 0.1) + np.where(T > 6, 3.0, 0.0))
     angle = np.column_stack([roll_ref, pitch, np.zeros_like(T)])
-    metrics = flight_metrics(T, angle, reference)
+    metrics = step_metrics(T, angle, reference)
     assert metrics["pitch"].reported.peak_deg == pytest.approx(3.0)
     assert metrics["pitch"].steps[0].peak_deg == pytest.approx(12.0)
     assert metrics["roll"].reported.kind == "step"
@@ -132,7 +146,7 @@ def test_without_a_reference_nothing_is_defined() -> None:
     assert np.isnan(list(m.values().values())).all()
 
 
-def test_a_reference_that_is_absent_for_a_while_invents_nothing() -> None:
+def test_an_interrupted_reference_gives_no_step() -> None:
     """Open loop from 5 to 10 s: what the angle does there belongs to no step."""
     reference = np.radians(np.where(T < 5, 0.0, 10.0))
     reference[(T >= 5) & (T < 10)] = np.nan
@@ -199,3 +213,36 @@ def test_a_shifted_level_shifts_the_peak_and_nothing_else(
     for name in METRICS:
         offset = level if name == "peak_deg" else 0.0
         assert shifted[name] == pytest.approx(plain[name] + offset, nan_ok=True, abs=1e-6)
+
+
+@pytest.fixture(scope="module")
+def reference_flight() -> Recording:
+    return read_recording({r.name: r.path for r in references()}["step-roll-10"])
+
+
+def test_the_metrics_of_a_recording_exclude_the_ramp_to_zero_volts(
+    reference_flight: Recording,
+) -> None:
+    """The arm sinks in the ramp, and with it the roll step would never settle."""
+    r = reference_flight
+    assert (r.channels["phase"] == RAMP_DOWN).any()
+    assert flight_metrics(r)["roll"].reported.settling_time_s == pytest.approx(1.906, abs=0.01)
+    with_ramp = step_metrics(r.t, r.angle, r.reference)["roll"].reported
+    assert np.isnan(with_ramp.settling_time_s)
+
+
+def test_a_landing_does_not_count_as_steady_error(reference_flight: Recording) -> None:
+    angle = reference_flight.angle.copy()
+    angle[reference_flight.channels["phase"] == RAMP_DOWN] = np.radians(-27.5)
+    r = replace(reference_flight, angle=angle)
+    assert step_metrics(r.t, r.angle, r.reference)["roll"].reported.steady_error_deg < -5
+    assert abs(flight_metrics(r)["roll"].reported.steady_error_deg) < 0.2
+
+
+def test_the_metrics_of_a_recording_are_those_that_the_command_line_prints(
+    reference_flight: Recording,
+) -> None:
+    printed, metrics = recording_document(reference_flight), flight_metrics(reference_flight)
+    for axis in AXES:
+        error = metrics[axis].reported.steady_error_deg
+        assert printed[axis]["steady_error_deg"] == pytest.approx(error)

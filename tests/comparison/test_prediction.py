@@ -21,7 +21,7 @@ def ramp(slope_deg_per_s: float = 2.0, duration_s: float = 12.0) -> Recording:
     return make_recording(t, np.zeros((len(t), 2)), angle, default_profile())
 
 
-def test_angles_held_still_are_wrong_by_slope_times_horizon() -> None:
+def test_constant_angles_have_an_error_of_slope_times_horizon() -> None:
     recording = ramp()
     made = predictions(HeldStill(), recording, (0.5, 1.0, 3.0))
     error = rmse_deg(recording, made)
@@ -29,7 +29,7 @@ def test_angles_held_still_are_wrong_by_slope_times_horizon() -> None:
     assert error[3.0] == pytest.approx([6.0, 0.0, 3.0])
 
 
-def test_over_the_window_a_ramp_is_wrong_by_its_end_over_root_three() -> None:
+def test_the_error_over_a_window_of_a_ramp_is_its_end_over_root_three() -> None:
     """√(1/T ∫₀ᵀ (a t)² dt) = aT/√3; the trapezoid over 30 instants adds 1/(4·30²)."""
     recording = ramp()
     made = predictions(HeldStill(), recording, (3.0,))
@@ -38,7 +38,7 @@ def test_over_the_window_a_ramp_is_wrong_by_its_end_over_root_three() -> None:
     )
 
 
-def test_models_are_judged_on_the_same_rows() -> None:
+def test_models_are_evaluated_on_the_same_rows() -> None:
     recording = ramp()
     early = predictions(HeldStill(), recording, (1.0,))
     late = predictions(HeldStill(), recording, (1.0,))
@@ -47,7 +47,7 @@ def test_models_are_judged_on_the_same_rows() -> None:
     assert rows[1.0][:, 0].sum() == len(recording) - 900
 
 
-def test_an_axis_that_one_model_lacks_is_still_judged_for_the_others() -> None:
+def test_an_axis_that_one_model_lacks_is_evaluated_for_the_others() -> None:
     recording = ramp()
     full, no_yaw = (predictions(HeldStill(), recording, (1.0,)) for _ in range(2))
     for y in no_yaw.ahead.values():
@@ -57,7 +57,7 @@ def test_an_axis_that_one_model_lacks_is_still_judged_for_the_others() -> None:
     assert np.isnan(rmse_deg(recording, no_yaw, rows)[1.0][2])
 
 
-def test_stitched_windows_start_on_the_data_and_run_free() -> None:
+def test_stitched_windows_start_at_the_data() -> None:
     recording = ramp()
     t, angle = stitched(recording, predictions(HeldStill(), recording, (3.0,)))
     starts = np.concatenate([[0], np.flatnonzero(np.isnan(t))[:-1] + 1])

@@ -18,7 +18,7 @@ def test_the_replay_of_the_true_model_is_the_flight_itself() -> None:
     np.testing.assert_allclose(flown.voltage, recording.voltage, atol=1e-7)
 
 
-def test_the_golden_step_peaks_where_the_paper_s_model_does() -> None:
+def test_the_reference_step_peaks_where_the_paper_s_model_does() -> None:
     """Ideal rates, no reference limit: 11.85° at 1.77 s, 10.10° at 10 s (paper-checked)."""
     flown = replay(FakeHover(), flight())
     roll = np.degrees(flown.angle[:, 0])
@@ -27,7 +27,7 @@ def test_the_golden_step_peaks_where_the_paper_s_model_does() -> None:
     assert roll[-1] == pytest.approx(10.10, abs=0.01)
 
 
-def test_an_unknown_loop_is_not_replayed_and_says_why() -> None:
+def test_an_unknown_loop_is_not_replayed_and_the_reason_is_given() -> None:
     recording = flight()
     unknown = replace(recording, profile=default_profile().model_copy(update={"controller": None}))
     assert "loop is unknown" in str(why_not_replayed(unknown))
@@ -66,7 +66,7 @@ def test_a_late_sample_keeps_its_own_control_period() -> None:
     assert int(np.argmax(task.reference[:, 0] > 0)) == 1000
 
 
-def test_the_ramp_down_at_the_end_is_not_flown() -> None:
+def test_the_ramp_down_is_not_replayed() -> None:
     recording = flight()
     reference = recording.reference.copy()
     reference[-250:] = np.nan
@@ -79,7 +79,7 @@ def test_the_ramp_down_at_the_end_is_not_flown() -> None:
     assert len(replay(FakeHover(), ours).t) == 4000
 
 
-def test_a_model_that_diverges_says_when_and_is_cut_there() -> None:
+def test_a_diverging_model_has_a_time_and_is_cut_there() -> None:
     """(10) as printed: K_g leaves a pole at +1.469 (E3); a push in pitch lets it go."""
     recording = flight(yaw_deg=5.0, duration_s=20.0)
     flown = replay(FakeHover(yaw_sign=+1.0), recording)

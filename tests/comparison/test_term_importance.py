@@ -11,7 +11,7 @@ from heli3dof.model.greybox.model import nominal
 from heli3dof.rig.profile import default_profile
 
 
-def test_a_term_left_out_is_at_its_absence_and_the_rest_stays() -> None:
+def test_a_removed_term_is_at_its_null_and_the_others_keep_their_values() -> None:
     model = nominal(default_profile(), ("bias.torque.yaw", "motor.lag"))
     model = replace(model, values=model.values + 0.01, varying={"bias.torque.yaw.torque_Nm": 1.0})
     bare = without(model, "bias.torque.yaw")

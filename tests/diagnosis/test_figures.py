@@ -121,7 +121,13 @@ def test_the_section_holds_tables_and_figures_and_is_the_same_twice(
     viscous = {**DOCUMENT["findings"][0], "effect": "friction.viscous"}
     section = diagnosis_section({**DOCUMENT, "findings": [viscous]}, everything)
     text = page("t", "s", [section])
-    for expected in ("Verdict", "How wrong", "roll × pitch", "RMSE on data not seen", "Fly next"):
+    for expected in (
+        "Verdict",
+        "Simulation error",
+        "roll × pitch",
+        "held-out data",
+        "Next experiment",
+    ):
         assert expected in text
     assert text.count("<img") == 2
     assert g.worst is not None

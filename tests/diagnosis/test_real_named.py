@@ -88,8 +88,8 @@ def test_what_one_half_of_the_flights_does_not_show_is_no_cause(flat: Fitted) ->
     doubted = replace(found, halves=(shows, shows_not))
     causes, kept = named(doubted)
     assert not causes
-    assert "two sizes" in contradicted(doubted, kept[0])
-    assert "two sizes" in within(doubted, kept)[0]["why"]
+    assert "different sizes" in contradicted(doubted, kept[0])
+    assert "different sizes" in within(doubted, kept)[0]["why"]
 
 
 def test_what_blocks_do_not_need_is_no_cause_but_stays_with_its_reason(flat: Fitted) -> None:
@@ -99,14 +99,14 @@ def test_what_blocks_do_not_need_is_no_cause_but_stays_with_its_reason(flat: Fit
     assert not causes
     said = {x["term"]: x["why"] for x in within(found, kept)}
     assert "do not need" in said[YAW]
-    assert "not told from none" in said[PITCH]
+    assert "not significant" in said[PITCH]
 
 
 def test_a_weight_that_is_kept_is_kept_as_what_differs_by_recording(flat: Fitted) -> None:
     found = backward_of(flat, {}, {"mass.imbalance": NOT_NEEDED, YAW: NOT_NEEDED})
     weight, friction = within(found, list(found.gone))
-    assert weight["why"].startswith("as what differs by recording")
-    assert not friction["why"].startswith("as")
+    assert weight["why"].startswith("with one value per recording")
+    assert not friction["why"].startswith("with")
 
 
 def test_certainty_is_the_lesser_of_size_and_need_and_what_is_known_needs_no_blocks(

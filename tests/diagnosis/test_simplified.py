@@ -55,7 +55,7 @@ def test_a_rig_by_the_simplified_equations_is_accused_of_nothing(innocent: Diagn
 def test_the_document_says_how_its_equations_are_written_and_no_more(innocent: Diagnosis) -> None:
     d = document(innocent)
     assert d["about"]["written"] == [term(n).effect.summary for n in WRITTEN]
-    assert list(words.written(d)) == d["about"]["written"]
+    assert list(words.equation_changes(d)) == d["about"]["written"]
     assert d["findings"] == []
     assert not any(n.startswith("simplified") for n in d["not_identifiable"])
 

@@ -17,11 +17,11 @@ from heli3dof.recording.atomic_write import new_file, stem, unused
     ("name", "plain"),
     [("cable.yaw:0.1.mcap", "cable.yaw:0.1"), ("log.CSV.gz", "log"), ("flight", "flight")],
 )
-def test_what_comes_of_a_recording_keeps_the_dots_of_its_name(name: str, plain: str) -> None:
+def test_the_stem_keeps_the_dots_of_a_name(name: str, plain: str) -> None:
     assert stem(Path(name)) == plain
 
 
-def test_a_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+def test_a_file_appears_complete_or_not_at_all(tmp_path: Path) -> None:
     path = tmp_path / "a"
     with pytest.raises(ZeroDivisionError), new_file(path) as stream:  # noqa: PT012
         stream.write(b"half")
@@ -33,7 +33,7 @@ def test_a_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
     assert path.read_bytes() == b"whole"
 
 
-def test_what_appeared_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
+def test_a_file_created_meanwhile_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "a"
     with pytest.raises(OutputExists), new_file(path) as stream:  # noqa: PT012
         stream.write(b"ours")
@@ -78,7 +78,7 @@ def test_a_link_stays_a_link_and_a_pipe_stays_a_pipe(tmp_path: Path) -> None:
     assert got == [b"rows"]
 
 
-def test_a_name_of_our_own_making_makes_way_for_what_is_there(tmp_path: Path) -> None:
+def test_a_default_name_is_numbered_if_it_exists(tmp_path: Path) -> None:
     ours = tmp_path / "a-extended.json"
     assert unused(ours) == ours
     ours.touch()

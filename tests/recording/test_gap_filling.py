@@ -42,7 +42,7 @@ def test_a_late_sample_is_not_a_lost_one() -> None:
     assert missing(np.delete(t, 49), DT).tolist() == [0] * 48 + [1] + [0] * 49
 
 
-def test_a_long_gap_is_left_alone() -> None:
+def test_a_long_gap_is_not_filled() -> None:
     rec = counting(DT * np.delete(np.arange(100), np.arange(40, 50)))
     whole, own = bridged(rec, 6.5)
     assert whole is rec
@@ -50,7 +50,7 @@ def test_a_long_gap_is_left_alone() -> None:
 
 
 @given(st.sets(st.integers(1, 198), max_size=60))
-def test_whatever_is_lost_every_row_finds_its_period_again(lost: set[int]) -> None:
+def test_every_row_keeps_its_period_for_any_losses(lost: set[int]) -> None:
     there = np.delete(np.arange(200), sorted(lost))
     rec = counting(DT * there)
     if abs(rec.dt - DT) > 1e-9:  # more steps are long than short: nobody knows the period

@@ -49,7 +49,7 @@ def test_gaps_are_counted_and_warnings_shown(tmp_path: Path) -> None:
     assert about["provenance"]["log"]["file"] == "a.csv"
 
 
-def test_a_torn_file_is_summarised_as_far_as_it_goes(tmp_path: Path) -> None:
+def test_a_torn_file_is_summarised_up_to_the_tear(tmp_path: Path) -> None:
     path = write_flight(tmp_path / "a.mcap", 500)
     path.write_bytes(path.read_bytes()[:-1])
     about = file_info(path)
@@ -77,15 +77,15 @@ def test_a_recording_without_rows_is_summarised_without_ranges() -> None:
     assert (about["samples"], about["voltage"]["min_V"], about["timing"]) == (0, None, None)
 
 
-def test_a_device_clock_that_stands_still_is_warned_of() -> None:
+def test_a_stopped_device_clock_gives_a_warning() -> None:
     made = flight(100)
     made.t[50:60] = made.t[50]
     about = summary(made)
     assert about["timing"] is None
-    assert any("the time does not rise at 9 of 100 samples" in w for w in about["warnings"])
+    assert any("the time does not increase at 9 of 100 samples" in w for w in about["warnings"])
 
 
-def test_a_slow_link_is_warned_of() -> None:
+def test_a_slow_link_gives_a_warning() -> None:
     made = flight(100)
     latency = {"commands": 100, "commands_unacknowledged": 100, "median_s": 12e-3}
     slow = replace(made, meta={**made.meta, "outcome_details": {"latency": latency}})

@@ -26,35 +26,35 @@ def changed(**changes: Any) -> dict[str, Any]:
     return {**GOOD, **{k: v for k, v in changes.items() if k in GOOD}, "latency": latency}
 
 
-def test_a_good_link_is_not_warned_of() -> None:
+def test_a_good_link_gives_no_warning() -> None:
     assert link_warnings(GOOD, DT) == []
     assert link_warnings({}, DT) == []
     assert link_warnings({"latency": None, "link": None}, DT) == []
 
 
-def test_latency_above_one_period_is_warned_of_with_its_size() -> None:
-    (said,) = link_warnings(changed(median_s=5.7e-3, commands_unacknowledged=1000), DT)
-    assert "latency is 5.7 ms (median), more than the control period of 2 ms" in said
-    assert "FTDI latency timer" in said
-    assert "heli3dof doctor" in said
+def test_latency_above_one_period_gives_a_warning_with_its_size() -> None:
+    (message,) = link_warnings(changed(median_s=5.7e-3, commands_unacknowledged=1000), DT)
+    assert "latency is 5.7 ms (median), more than the control period of 2 ms" in message
+    assert "FTDI latency timer" in message
+    assert "heli3dof doctor" in message
 
 
-def test_more_than_one_percent_of_unacknowledged_commands_is_warned_of() -> None:
-    (said,) = link_warnings(changed(commands_unacknowledged=11), DT)
-    assert said.startswith("11 of 1000 commands (1.1%) were not echoed by the next sample")
-    assert "loses frames" in said
+def test_more_than_one_percent_of_unacknowledged_commands_gives_a_warning() -> None:
+    (message,) = link_warnings(changed(commands_unacknowledged=11), DT)
+    assert message.startswith("11 of 1000 commands (1.1%) were not echoed by the next sample")
+    assert "loses frames" in message
 
 
-def test_a_device_that_is_held_up_is_not_put_down_to_the_line() -> None:
-    (said,) = link_warnings(changed(commands_unacknowledged=60, left_out=50), DT)
-    assert "the device is held up (it left out 50 samples)" in said
+def test_an_overloaded_device_is_named_as_the_cause() -> None:
+    (message,) = link_warnings(changed(commands_unacknowledged=60, left_out=50), DT)
+    assert "the device is overloaded (it skipped 50 samples)" in message
 
 
 @pytest.mark.parametrize(("lost", "warned"), [(10, 0), (11, 1)])
-def test_more_than_one_percent_of_lost_samples_is_warned_of(lost: int, warned: int) -> None:
+def test_more_than_one_percent_of_lost_samples_gives_a_warning(lost: int, warned: int) -> None:
     assert len(link_warnings(changed(lost=lost), DT)) == warned
 
 
-def test_a_repeated_sample_is_warned_of() -> None:
-    (said,) = link_warnings(changed(link={"rejected": 1}), DT)
-    assert "1 samples were rejected: repeated" in said
+def test_a_rejected_sample_gives_a_warning() -> None:
+    (message,) = link_warnings(changed(link={"rejected": 1}), DT)
+    assert "1 samples were rejected: repeated" in message

@@ -42,7 +42,7 @@ def full_after(writes: int):
     return write_chunk
 
 
-def test_a_full_disk_reaches_the_loop_and_everything_before_is_kept(
+def test_a_full_disk_is_reported_to_the_loop_and_earlier_rows_are_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(McapFile, "write_chunk", full_after(2))
@@ -54,7 +54,7 @@ def test_a_full_disk_reaches_the_loop_and_everything_before_is_kept(
             writer.append(tick(k))
             k += 1
             time.sleep(1e-4)
-    assert k < 20000, "the loop was told while it flew"
+    assert k < 20000, "the error reached the loop in flight"
     assert "df -h" in caught.value.fix
     with pytest.raises(NoSpace):
         writer.close()
@@ -85,7 +85,7 @@ except NoSpace:  # from an append, or where all were taken first, from close
 """
 
 
-def test_when_the_system_itself_says_full_the_file_is_whole_or_recoverable(tmp_path: Path) -> None:
+def test_on_a_full_file_system_the_file_is_complete_or_recoverable(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     done = subprocess.run(
         [sys.executable, "-c", FILL, str(path)], capture_output=True, text=True, timeout=END_S
@@ -107,7 +107,7 @@ def until(true: Callable[[], bool], seconds: float = END_S) -> bool:
     return true()
 
 
-def test_the_disk_is_asked_to_keep_what_was_written_while_the_flight_goes_on(
+def test_the_file_is_synchronised_during_the_flight(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "a.mcap"
@@ -121,7 +121,7 @@ def test_the_disk_is_asked_to_keep_what_was_written_while_the_flight_goes_on(
     assert len(synced) < 10, "only when there is something new"
 
 
-def test_a_disk_that_is_slow_to_keep_holds_up_neither_loop_nor_recorder(
+def test_a_slow_disk_delays_neither_loop_nor_recorder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "a.mcap"
@@ -136,7 +136,7 @@ def test_a_disk_that_is_slow_to_keep_holds_up_neither_loop_nor_recorder(
     assert path.read_bytes().endswith(MAGIC)
 
 
-def test_a_disk_that_fails_to_keep_is_told_to_the_loop(
+def test_a_failed_synchronisation_is_reported_to_the_loop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(fd: int) -> None:
@@ -152,7 +152,7 @@ def test_a_disk_that_fails_to_keep_is_told_to_the_loop(
         writer.close()
 
 
-def test_a_file_without_a_disk_is_no_failure() -> None:
+def test_a_file_that_cannot_be_synchronised_is_no_failure() -> None:
     read, write = os.pipe()
     syncer = fsync.Syncer(write)
     syncer.written()
@@ -161,7 +161,7 @@ def test_a_file_without_a_disk_is_no_failure() -> None:
     assert syncer.failure is None
 
 
-def test_a_recorder_that_falls_behind_says_so_before_memory_fills(
+def test_a_recorder_that_falls_behind_raises_an_error_before_memory_fills(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     go = threading.Event()
@@ -176,7 +176,7 @@ def test_a_recorder_that_falls_behind_says_so_before_memory_fills(
     path = tmp_path / "a.mcap"
     writer = RecordingWriter(path, default_profile())
     k = 0
-    with pytest.raises(RecordingError, match="does not keep up: 500 samples wait"):  # noqa: PT012
+    with pytest.raises(RecordingError, match="is too slow: 500 samples wait"):  # noqa: PT012
         for k in range(5000):
             writer.append(tick(k))
             time.sleep(1e-4)

@@ -35,7 +35,7 @@ def cell(grid, row_start: list[str], column: str) -> str:  # type: ignore[no-unt
     return str(row[list(grid.columns).index(column)])
 
 
-def test_both_readings_of_overshoot_stand_in_the_metrics_table(compared: FlightComparison) -> None:
+def test_the_metrics_table_has_peak_and_overshoot(compared: FlightComparison) -> None:
     grid = metrics_table(compared)
     step = compared.models[0].metrics["roll"].reported  # type: ignore[index]
     assert cell(grid, ["roll", "hover"], "peak °") == f"{step.peak_deg:.2f}"
@@ -43,7 +43,7 @@ def test_both_readings_of_overshoot_stand_in_the_metrics_table(compared: FlightC
     assert cell(grid, ["pitch", "hover"], "rise s") == "–"
 
 
-def test_a_difference_stands_under_its_model_with_its_sign(compared: FlightComparison) -> None:
+def test_a_difference_follows_its_model_with_its_sign(compared: FlightComparison) -> None:
     rows = [list(r) for r in metrics_table(compared).rows]
     k = next(i for i, r in enumerate(rows) if r[:2] == ["roll", "hover"])
     peak = compared.difference(compared.models[0], "roll")["peak_deg"]
@@ -51,7 +51,7 @@ def test_a_difference_stands_under_its_model_with_its_sign(compared: FlightCompa
     assert rows[k + 1][2] == f"{peak:+.2f}".replace("-", "−")
 
 
-def test_table_ii_puts_the_published_difference_beside_ours(compared: FlightComparison) -> None:
+def test_table_ii_has_the_published_differences(compared: FlightComparison) -> None:
     grid = table_ii(compared)
     assert grid is not None
     printed = {r[0]: (r[3], r[5]) for r in grid.rows if r[1] == "hover"}
@@ -61,7 +61,7 @@ def test_table_ii_puts_the_published_difference_beside_ours(compared: FlightComp
     assert "Cannot be reproduced" in grid.notes[0]
 
 
-def test_the_published_table_says_of_every_number_whether_and_why() -> None:
+def test_the_published_table_gives_a_reason_for_every_number() -> None:
     grid = published_table(reproduce(FakeHover()))
     assert len(grid.rows) == 25
     verdicts = [row[5] for row in grid.rows]
@@ -73,7 +73,7 @@ def test_the_published_table_says_of_every_number_whether_and_why() -> None:
         assert (row[4] == "–") == row[5].startswith("no")
 
 
-def test_an_unknown_loop_has_no_table_ii_and_says_why_beside_its_predictions() -> None:
+def test_an_unknown_loop_has_no_table_ii_and_its_predictions_give_the_reason() -> None:
     profile = default_profile().model_copy(update={"controller": None})
     log = replace(flight(duration_s=8.0), profile=profile)
     only = compare([log], [FakeHover(), WrongRate()]).flights[0]
@@ -107,6 +107,6 @@ def test_the_widest_table_fits_a_terminal_of_80_columns(compared: FlightComparis
     assert f"{peak:.2f}" in text
 
 
-def test_a_step_is_named_by_where_it_goes_and_when(compared: FlightComparison) -> None:
+def test_a_step_is_named_by_its_values_and_time(compared: FlightComparison) -> None:
     assert step_name(compared.experiment["roll"].reported) == "0 → 10° at 0 s"
     assert step_name(compared.experiment["yaw"].reported) == "held at 0° from 0 s"

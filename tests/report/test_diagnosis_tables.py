@@ -1,4 +1,4 @@
-"""A diagnosis told: every sentence that a teacher needs, written from the document alone."""
+"""The tables and sentences of a diagnosis, written from its document."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import copy
 import doctest
 from typing import Any
 
-from heli3dof.report import diagnosis_tables as module
+from heli3dof.report import diagnosis_tables as diagnosis_tables_module
+from heli3dof.report import diagnosis_text
 from heli3dof.report.diagnosis_tables import diagnosis_tables, split_unit
 from heli3dof.report.diagnosis_text import VERDICTS, summary_of
 from heli3dof.report.text_table import Grid, to_markdown
@@ -77,85 +78,90 @@ DOCUMENT: dict[str, Any] = {
 }
 
 
-def told(document: dict[str, Any]) -> str:
+def text_of(document: dict[str, Any]) -> str:
     return "\n".join(
         to_markdown(g) if isinstance(g, Grid) else g for g in diagnosis_tables(document)
     )
 
 
-def test_the_doctests() -> None:
-    assert doctest.testmod(module).failed == 0
+def changed(**keys: Any) -> dict[str, Any]:
+    return {**copy.deepcopy(DOCUMENT), **keys}
 
 
-def test_size_certainty_tie_gain_and_the_next_flight_are_said() -> None:
-    text = told(DOCUMENT)
-    for words in (
+def test_the_doctests_pass() -> None:
+    assert doctest.testmod(diagnosis_tables_module).failed == 0
+    assert doctest.testmod(diagnosis_text).failed == 0
+
+
+def test_size_confidence_confounding_gain_and_next_experiment_are_reported() -> None:
+    text = text_of(DOCUMENT)
+    for expected in (
         "friction.coulomb.yaw | torque | 0.03010 | 0.00040 | N·m | 123",
-        "Something is there (93 %)",
+        "An effect is present (confidence 93 %)",
         "frequency | 0.5 | – | Hz",
-        "it cannot be told from friction.viscous.yaw by these recordings",
+        "confounded with friction.viscous.yaw in these recordings: each fits about as well.",
         "| yaw | 3.000 | 0.300 | +2.700 | 2.500 … 2.900 | 0.200 |",
-        "depends on pitch rate, 40 % of what is unexplained",
-        "could not show even a large motor.delay",
+        "depends on pitch rate, 40 % of the unexplained variance",
+        "Not identifiable from these recordings, even if large: motor.delay.",
         "heli3dof run coast-down",
         "+10.0 %",
     ):
-        assert words in text
-    assert "| pitch | – |" not in text  # an axis that was not measured is not a row of dashes
+        assert expected in text
+    assert "| pitch | – |" not in text  # an axis that was not measured has no row
 
 
-def test_the_worst_stretch_is_named() -> None:
-    document = copy.deepcopy(DOCUMENT)
+def test_the_worst_stretch_is_reported() -> None:
+    document = changed()
     worst = {"recording": "step", "start_s": 4.5, "stop_s": 7.5, "rmse_deg": 6.408}
     document["simulation_error"]["pitch"]["worst"] = [worst]
-    assert "Worst: pitch 4.5 to 7.5 s of step (6.41°)." in told(document)
+    assert "Worst: pitch 4.5 to 7.5 s of step (6.41°)." in text_of(document)
 
 
-def test_what_is_kept_but_no_cause_and_what_is_still_hidden_are_said() -> None:
-    document = copy.deepcopy(DOCUMENT)
+def test_kept_terms_and_model_deviations_are_reported() -> None:
     size = {"value": 0.009, "std": 0.019, "prior_mean": 0.0, "prior_std": 0.05, "unit": "N·m"}
     kept = {"term": "friction.coulomb.roll", "parameters": {"torque_Nm": size}, "why": "small"}
-    document["about"] = {
+    about = {
         "not_fitted": ["open-roll-5V-1"],
         "kept_within_what_is_known": [kept],
         "still_hidden": [{"what": "creep", "sentence": "The arm creeps."}],
     }
-    text = told(document)
+    text = text_of(changed(about=about))
     assert (
-        "Kept in the model, but not named a cause: friction.coulomb.roll, 0.009 ± 0.019 N·m "
-        "(known beforehand: 0.000 ± 0.050); small." in text
+        "Kept in the model, not reported as a cause: friction.coulomb.roll, 0.009 ± 0.019 N·m "
+        "(prior: 0.000 ± 0.050); small." in text
     )
-    assert "Still hidden: The arm creeps." in text
-    assert "held beside the model: open-roll-5V-1." in text
+    assert "Not explained: The arm creeps." in text
+    assert "used to check the fitted model: open-roll-5V-1." in text
 
 
-def test_where_nothing_was_found_no_gain_is_claimed() -> None:
-    plain = copy.deepcopy(DOCUMENT)
-    plain.update(
-        verdict="nothing_found", findings=[], leftover=[], not_identifiable=[], next_experiment=None
+def test_without_findings_no_gain_is_reported() -> None:
+    text = text_of(
+        changed(
+            verdict="nothing_found",
+            findings=[],
+            leftover=[],
+            not_identifiable=[],
+            next_experiment=None,
+        )
     )
-    text = told(plain)
-    assert "Nothing was found that noise alone would not explain" in text
-    assert "mending" not in text
-    assert "Fly next" not in text
+    assert VERDICTS["nothing_found"] in text
+    assert "Gain" not in text
+    assert "Next experiment" not in text
 
 
-def test_inertias_that_are_one_factor_are_not_to_be_flown_but_weighed() -> None:
-    scaled = copy.deepcopy(DOCUMENT)
+def test_inertias_off_by_one_factor_need_a_scale_and_not_a_flight() -> None:
+    scaled = changed()
     scaled["findings"][0].update(effect="inertia", axis="roll", tied_with=["motor.thrust_gain"])
-    assert "motor.thrust_gain by any flight: thrust and weight scale together" in told(scaled)
+    assert "motor.thrust_gain in any flight: thrust and weight scale together" in text_of(scaled)
 
 
-def test_where_no_plan_is_recommended_it_is_said_why() -> None:
-    plain = copy.deepcopy(DOCUMENT)
-    plain.update(next_experiment=None, about={"no_next_experiment": "nothing is open"})
-    text = told(plain)
-    assert "No plan is recommended: nothing is open." in text
-    assert "Fly next" not in text
+def test_the_reason_for_no_next_experiment_is_reported() -> None:
+    text = text_of(changed(next_experiment=None, about={"no_next_experiment": "nothing is open"}))
+    assert "No next experiment is recommended: nothing is open." in text
+    assert "Next experiment" not in text
 
 
-def test_a_fault_of_the_recording_is_said_with_its_cause_and_a_remedy() -> None:
-    bad = copy.deepcopy(DOCUMENT)
+def test_a_faulty_recording_is_reported_with_cause_and_remedy() -> None:
     fault = {
         "check": "encoder.sign",
         "kind": "bad_data",
@@ -163,87 +169,86 @@ def test_a_fault_of_the_recording_is_said_with_its_cause_and_a_remedy() -> None:
         "cause": "the encoder's sign is wrong.",
         "fix": "set encoder.roll = 4096",
     }
-    bad.update(
+    bad = changed(
         verdict="bad_data", findings=[], leftover=[], next_experiment=None, model=None,
         calibration=[], not_identifiable=[], integrity=[fault, {**fault, "kind": "note"}],
     )  # fmt: skip
-    text = told(bad)
-    said = "step: roll turns the wrong way. Likely cause: the encoder's sign is wrong. Try: set"
-    assert f"\n{said}" in text
-    assert f"\nNote: {said}" in text
-    assert "diagnose once more" in text
+    text = text_of(bad)
+    sentence = "step: roll turns the wrong way. Likely cause: the encoder's sign is wrong. Try: set"
+    assert f"\n{sentence}" in text
+    assert f"\nNote: {sentence}" in text
+    assert "run heli3dof diagnose again" in text
     assert "{" not in text  # sentences, not dictionaries
 
 
-def test_noise_above_the_error_is_no_floor_and_is_said_to_be_none() -> None:
-    noisy = copy.deepcopy(DOCUMENT)
+def test_a_noise_floor_above_the_error_gives_a_warning() -> None:
+    noisy = changed()
     noisy["simulation_error"]["pitch"]["noise_floor_deg"] = 9.0
-    assert "On pitch the fitted model expects more noise" in told(noisy)
-    assert "expects more noise" not in told(DOCUMENT)
+    warning = "the fitted noise is larger than the simulation error"
+    assert f"On pitch {warning}" in text_of(noisy)
+    assert warning not in text_of(DOCUMENT)
 
 
-def test_a_cause_beside_something_unknown_on_its_axis_is_only_alike() -> None:
-    assert "read it as friction.coulomb.yaw-like" in told(DOCUMENT)
-    assert "roll-like" not in told(DOCUMENT)
+def test_a_cause_on_an_axis_with_an_unmodelled_effect_is_only_similar() -> None:
+    assert "read it as friction.coulomb.yaw-like" in text_of(DOCUMENT)
+    assert "roll-like" not in text_of(DOCUMENT)
 
 
-def test_a_cause_that_held_out_data_do_not_surely_confirm_is_only_alike() -> None:
-    alone = copy.deepcopy(DOCUMENT)
-    alone["leftover"] = []
-    assert "yaw-like" not in told(alone)
+def test_a_cause_that_held_out_data_do_not_confirm_is_only_similar() -> None:
+    alone = changed(leftover=[])
+    assert "yaw-like" not in text_of(alone)
     alone["findings"][0]["like"] = True
-    assert "do not surely confirm it: read it as friction.coulomb.yaw-like" in told(alone)
+    assert "Read it as friction.coulomb.yaw-like" in text_of(alone)
 
 
-def test_a_cause_that_is_not_confirmed_is_told_as_such() -> None:
+def test_an_unconfirmed_candidate_is_reported_as_not_adopted() -> None:
     dropped = {
         "effect": "motor.delay",
         "gain": {"holdout_log_likelihood_interval": [-24.0, 110.0]},
     }
-    text = told({**DOCUMENT, "verdict": "nothing_found", "findings": [], "dropped": [dropped]})
-    assert "not confirmed by data that it has not seen" in text
+    text = text_of(changed(verdict="nothing_found", findings=[], dropped=[dropped]))
+    assert "held-out data do not confirm it" in text
     assert "Not adopted: motor.delay" in text
     assert "(ln L −24 … 110)" in text
 
 
-def test_what_no_flight_can_tell_is_not_said_to_want_a_larger_one() -> None:
-    dark = ["motor.delay", "encoder.scale.pitch", "encoder.scale.yaw"]
-    text = told({**DOCUMENT, "not_identifiable": dark})
-    assert "could not show even a large motor.delay: of" in text
-    assert "tolerance encoder.scale.pitch or encoder.scale.yaw may be there, and no flight" in text
-    assert "turn pitch and yaw by hand through an angle" in text
+def test_an_encoder_scale_needs_a_turn_by_hand_and_not_a_larger_flight() -> None:
+    hidden = ["motor.delay", "encoder.scale.pitch", "encoder.scale.yaw"]
+    text = text_of(changed(not_identifiable=hidden))
+    assert "even if large: motor.delay.\n" in text
+    assert "encoder.scale.pitch or encoder.scale.yaw within the profile's tolerance is not" in text
+    assert "turn pitch and yaw by hand through a known angle" in text
 
 
-def test_a_base_number_that_is_far_off_and_not_surely_so_is_said_to_be() -> None:
-    plain = copy.deepcopy(DOCUMENT)
-    plain.update(verdict="nothing_found", findings=[], leftover=[], next_experiment=None)
+def test_a_parameter_insignificantly_beyond_its_tolerance_is_no_finding() -> None:
+    plain = changed(verdict="nothing_found", findings=[], leftover=[], next_experiment=None)
     row = {**plain["calibration"][0], "value": 0.79, "std": 0.031, "tolerance": 0.15}
     plain["calibration"] = [{**row, "beyond_tolerance": "not_surely"}]
-    text = told(plain)
+    text = text_of(plain)
     assert (
-        "T_g is estimated 21.0 % below the profile's (± 3.1 %); that is not surely beyond the "
-        "15 % to which it is believed, so it is no finding." in text
+        "T_g is estimated 21.0 % below the profile's value (± 3.1 %). This is not significantly "
+        "beyond the tolerance of 15 %, so it is no finding." in text
     )
     assert "But T_g may be off" in text
     assert "To settle T_g: weigh" in text
-    for sure in ("no", "surely"):
-        plain["calibration"] = [{**row, "beyond_tolerance": sure}]
-        assert "not surely" not in told(plain)
+    for clear in ("no", "surely"):
+        plain["calibration"] = [{**row, "beyond_tolerance": clear}]
+        assert "not significantly" not in text_of(plain)
 
 
-def test_the_readme_quotes_what_is_said() -> None:
+def test_the_readme_quotes_the_verdict_and_the_cause() -> None:
     text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").replace("> ", "").split())
     name = "stiffness.cable.yaw"
     assert VERDICTS["explained"] in text
     assert f"{name}: {summary_of(name)}" in text
 
 
-def test_what_an_unknown_loop_costs_is_said() -> None:
-    log = {**DOCUMENT, "about": {"nulls": "Bonferroni over the probes, doubled"}}
-    assert "add [controller] to the profile" in told(log)
-    assert "[controller]" not in told(DOCUMENT)
+def test_the_consequence_of_an_unknown_controller_is_reported() -> None:
+    log = changed(about={"nulls": "Bonferroni over the probes, doubled"})
+    assert "add [controller] to the profile" in text_of(log)
+    assert "[controller]" not in text_of(DOCUMENT)
 
 
-def test_an_unknown_unit_stays_in_the_parameter_s_name() -> None:
+def test_an_unknown_unit_stays_in_the_parameter_name() -> None:
     assert split_unit("flux_Wb") == ("flux_Wb", "")
     assert split_unit("damping_Nms_per_rad") == ("damping", "N·m·s/rad")

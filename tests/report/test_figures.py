@@ -21,7 +21,11 @@ from heli3dof.report.figure_style import (
     to_png,
     to_svg,
 )
-from heli3dof.report.figures import comparison_figure, comparison_figures, flight_figure
+from heli3dof.report.figures import (
+    axis_figures,
+    comparison_figure,
+    flight_figure,
+)
 from heli3dof.report.labelled_curves import Curve, angle_figure, spread
 from heli3dof.report.model_figures import BodeCurve, autocorrelation, bode_figure, residual_figure
 from heli3dof.rig.profile import default_profile
@@ -42,7 +46,7 @@ def lines_of(figure) -> dict[str, np.ndarray]:  # type: ignore[no-untyped-def]
 
 
 def test_figures_7_to_9_show_reference_experiment_and_every_model(compared) -> None:  # type: ignore[no-untyped-def]
-    figures = comparison_figures(compared)
+    figures = axis_figures(compared)
     assert list(figures) == ["roll", "pitch", "yaw"]
     for number, (axis, figure) in zip((7, 8, 9), figures.items(), strict=True):
         assert set(lines_of(figure)) == {"reference", "experiment", "hover", "identification"}
@@ -50,12 +54,12 @@ def test_figures_7_to_9_show_reference_experiment_and_every_model(compared) -> N
         assert title.startswith(f"Figure {number}   {axis.capitalize()} in closed loop")
 
 
-def test_the_line_under_the_title_gives_the_peaks_in_numbers(compared) -> None:  # type: ignore[no-untyped-def]
-    said = comparison_figure(compared, "roll").texts[1].get_text().replace("\u00a0", " ")
+def test_the_subtitle_gives_the_peaks(compared) -> None:  # type: ignore[no-untyped-def]
+    text = comparison_figure(compared, "roll").texts[1].get_text().replace("\u00a0", " ")
     experiment = compared.experiment["roll"].reported.peak_deg
     difference = compared.difference(compared.models[0], "roll")["peak_deg"]
-    assert f"experiment {experiment:.1f}°" in said
-    assert f"({difference:+.1f}°)".replace("-", "−") in said
+    assert f"experiment {experiment:.1f}°" in text
+    assert f"({difference:+.1f}°)".replace("-", "−") in text
 
 
 def test_the_same_data_give_the_same_svg_and_png(compared) -> None:  # type: ignore[no-untyped-def]
@@ -76,14 +80,14 @@ def test_a_diverged_model_gets_a_cross_and_stays_in_the_picture() -> None:
     assert high - low < 60  # the experiment moves within about 6°, the model through 720°
 
 
-def test_an_unknown_loop_shows_windows_that_start_on_the_data() -> None:
+def test_an_unknown_loop_shows_windows_that_start_at_the_data() -> None:
     profile = default_profile().model_copy(update={"controller": None})
     recording = flight(duration_s=12.0, truth=FakeHover(thrust=0.9))
     log = make_recording(
         recording.t, recording.voltage, recording.angle, profile, meta={"name": "log"}
     )
     figure = comparison_figure(compare([log], [FakeHover()]).flights[0], "roll")
-    assert "predicted freely" in figure.texts[0].get_text()
+    assert "Roll predictions" in figure.texts[0].get_text()
     dots = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
     assert dots[0].get_xdata() == pytest.approx([0, 3, 6, 9])
 
@@ -93,17 +97,17 @@ def test_an_axis_that_was_not_recorded_has_no_panel_and_no_figure() -> None:
     angle = np.column_stack([np.sin(t), *[np.full_like(t, np.nan)] * 2])
     log = make_recording(t, np.zeros((len(t), 2)), angle, default_profile())
     assert len(flight_figure(log).axes) == 2
-    assert list(comparison_figures(compare([log], [FakeHover()]).flights[0])) == ["roll"]
+    assert list(axis_figures(compare([log], [FakeHover()]).flights[0])) == ["roll"]
 
 
-def test_an_axis_at_rest_looks_at_rest() -> None:
+def test_single_counts_of_an_axis_at_rest_do_not_fill_the_axes() -> None:
     t = np.arange(0, 1, 0.01)
     tiny = Curve("experiment", t, 1e-15 * np.sin(9 * t), EXPERIMENT)
     low, high = angle_figure([tiny], title="", subtitle="", ylabel="p (°)").axes[0].get_ylim()
     assert high - low >= 2.0
 
 
-def test_the_hover_models_keep_their_colours_whatever_stands_beside_them() -> None:
+def test_the_hover_models_keep_their_colours_among_other_models() -> None:
     assert model_lines(["statespace", "hover", "tf4"])[1] is HOVER
     assert model_lines(["hover"])[0] is HOVER
     assert model_lines(["statespace", "hover", "tf4"])[2] is IDENTIFIED[1]
@@ -117,7 +121,7 @@ def test_labels_keep_their_order_and_their_distance(ends: list[float], gap: floa
     assert places.max() <= 1 + 1e-9
 
 
-def test_a_figure_never_overwrites_one_without_being_told(tmp_path: Path, compared) -> None:  # type: ignore[no-untyped-def]
+def test_a_figure_never_overwrites_another_without_force(tmp_path: Path, compared) -> None:  # type: ignore[no-untyped-def]
     figure = comparison_figure(compared, "roll")
     path = save(figure, tmp_path / "new" / "figure.svg")
     with pytest.raises(OutputExists):
@@ -162,7 +166,7 @@ def test_importing_the_figures_does_not_import_matplotlib() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_a_name_with_dollar_signs_or_without_end_is_only_a_name() -> None:
+def test_a_name_with_dollar_signs_or_hundreds_of_characters_is_drawn_as_text() -> None:
     recording = flight(duration_s=1.0, name=r"cost $\frac{ $5" + 200 * "x")
     model = FakeHover(name="a$_b$" + 60 * "y", kind="statespace")
     figure = comparison_figure(compare([recording], [model]).flights[0], "roll")
@@ -171,3 +175,19 @@ def test_a_name_with_dollar_signs_or_without_end_is_only_a_name() -> None:
     omega = np.geomspace(0.1, 10, 5)
     curve = BodeCurve(model.name, "statespace", 1 / (1j * omega))
     assert to_svg(bode_figure(omega, {"roll": [curve]}, title="$"))
+
+
+def test_the_figures_of_a_comparison_are_found_by_recording_and_axis() -> None:
+    result = compare([flight(duration_s=1.0, name="a")] * 2, [FakeHover()])
+    figures = comparison_figures(result)
+    assert list(figures) == ["a", "a (2)"]
+    assert list(figures["a"]) == ["roll", "pitch", "yaw"]
+
+
+def test_plot_draws_one_figure_and_names_the_recordings_there_are() -> None:
+    result = compare([flight(duration_s=1.0, name="a")], [FakeHover()])
+    assert "Pitch in closed loop" in result.plot(axis="pitch").texts[0].get_text()
+    with pytest.raises(UsageError, match="no figure of roll of b") as caught:
+        result.plot(recording="b")
+    assert "recordings: a" in caught.value.fix
+    assert flight(duration_s=1.0, name="a").plot().texts[0].get_text() == "Flight · a"

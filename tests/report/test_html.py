@@ -23,7 +23,7 @@ VOID = {"meta", "img", "br", "hr", "link", "input"}
 
 
 class Checker(HTMLParser):
-    """Every tag is closed in order, and nothing is fetched from anywhere."""
+    """Checks that tags are closed in order and that nothing refers to another file."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -83,19 +83,19 @@ def document() -> str:
     )
 
 
-def test_the_report_is_one_well_formed_file_that_fetches_nothing(document: str) -> None:
+def test_the_report_is_well_formed_and_refers_to_no_other_file(document: str) -> None:
     checked(document)
 
 
-def test_what_a_recording_says_is_text_and_never_markup(document: str) -> None:
+def test_text_from_a_recording_is_escaped(document: str) -> None:
     assert "<script" not in document
     assert NASTY in checked(document)
 
 
-def test_the_report_holds_flight_models_comparison_paper_warnings_and_origin(document: str) -> None:
+def test_the_report_has_all_its_sections(document: str) -> None:
     text = checked(document)
     for part in (
-        "In short",
+        "Summary",
         "A sentence from elsewhere.",
         "Warnings",
         "the flight did not end as planned; tripped: roll above 34°",
@@ -108,7 +108,7 @@ def test_the_report_holds_flight_models_comparison_paper_warnings_and_origin(doc
         "Diagnosis",
         "The paper's numbers",
         "11.75",
-        "Where it came from",
+        "Provenance",
         "versions.numpy",
     ):
         assert part in text, part
@@ -121,7 +121,7 @@ def test_the_same_flight_gives_the_same_report() -> None:
     assert flight_report([recording]) == flight_report([recording])
 
 
-def test_a_bare_log_of_one_angle_has_a_report_too() -> None:
+def test_a_log_of_one_angle_has_a_report() -> None:
     recording = flight(duration_s=4.0)
     angle = recording.angle.copy()
     angle[:, 1:] = np.nan
@@ -133,7 +133,7 @@ def test_a_bare_log_of_one_angle_has_a_report_too() -> None:
     assert "the loop is unknown" in text
 
 
-def test_facts_leave_out_what_is_not_known() -> None:
+def test_facts_omit_missing_values() -> None:
     assert facts({"a": None, "b": 0}) == "<dl><dt>b</dt><dd>0</dd></dl>"
 
 
@@ -144,7 +144,7 @@ def test_a_report_never_overwrites_another(tmp_path: Path) -> None:
     assert path.read_text() == "one"
 
 
-def test_poles_are_read_as_pairs_and_repeated_ones_counted() -> None:
+def test_poles_are_printed_as_pairs_and_repeated_ones_counted() -> None:
     poles = np.array([-1.5 - 0.79j, -0.1, -1.5 + 0.79j, 0.0, 1e-4])
     assert poles_text(poles) == "0 (twice), −0.10, −1.50 ± 0.79j"
     assert poles_text(plant_poles(hover_model(default_profile()))) == "0 (6 times)"
@@ -157,16 +157,16 @@ def test_the_hover_model_s_response_is_the_double_integrator_s() -> None:
     assert abs(g) == pytest.approx(2 * 0.6604 * 0.1188 / 0.9145, rel=1e-3)
 
 
-def test_the_first_sentence_says_how_far_each_model_is_off() -> None:
+def test_the_first_sentences_give_each_models_errors() -> None:
     recording = flight(truth=FakeHover(thrust=0.8))
     same = FakeHover(name="same", thrust=0.8)
     only = compare([recording], [FakeHover(), same]).flights[0]
-    said = in_a_sentence(only)
+    text = in_a_sentence(only)
     peak = only.difference(only.models[0], "roll")["peak_deg"]
     assert peak < 0
-    assert f"hover peaks {-peak:.1f}° lower" in said
-    assert "same peaks at the same height, and differs by 0.00°, 0.00°, 0.00°" in said
+    assert f"hover peaks {-peak:.1f}° lower" in text
+    assert "same peaks at the same height; its RMSE over the flight is 0.00°, 0.00°, 0.00°" in text
     assert only.held_still is not None
     still = only.held_still.over_window_deg[0]
-    assert "roll is off by" in said
-    assert f"{still:.1f}° (angles held still)." in said
+    assert "RMSE of roll predictions over 3 s" in text
+    assert f"{still:.1f}° (constant angles)." in text

@@ -24,7 +24,7 @@ def shown(grid: Grid, width: int = 80) -> str:
     return out.getvalue()
 
 
-def test_the_numbers_in_the_docstrings_are_what_is_printed() -> None:
+def test_the_doctests_pass() -> None:
     assert doctest.testmod(grid_module).failed == 0
 
 
@@ -35,7 +35,7 @@ def test_a_terminal_table_holds_every_cell_and_names_a_group_once() -> None:
         assert cell in text
 
 
-def test_no_markup_in_a_name_is_carried_out() -> None:
+def test_markup_in_a_name_is_printed_as_text() -> None:
     text = shown(
         Grid("[red]t[/red]", ["a", "b"], [["[bold]x[/bold]", "1"]], notes=["[dim]n[/dim]"])
     )

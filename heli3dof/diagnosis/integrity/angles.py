@@ -37,8 +37,8 @@ def unit(view: View, i: int) -> Iterable[Fault]:
         counts = abs(int(getattr(r.profile.encoder, axis)))
         yield Fault(
             "angle.unit", Kind.BAD_DATA, r.name,
-            f"{r.name}: {axis} holds whole numbers up to {np.abs(q).max():.6g}.",
-            f"raw encoder counts ({counts} per revolution) in place of an angle.",
+            f"{r.name}: {axis} contains whole numbers up to {np.abs(q).max():.6g}.",
+            f"raw encoder counts ({counts} per revolution) instead of an angle.",
             f"multiply by {360 / counts:.6g}° (and the encoder's sign)", axis=axis,
         )  # fmt: skip
         return
@@ -67,16 +67,16 @@ def grid(view: View, i: int) -> Iterable[Fault]:
         yield Fault(
             "encoder.grid", Kind.NOTE, r.name,
             f"{r.name}: {axis} does not lie on the encoder's grid of {360 / counts:.4f}°.",
-            "filtered, resampled, printed with few digits, or simulated without an encoder.",
-            "log the angles as the encoder gives them", axis=axis,
+            "filtering, resampling, printing with few digits, or a simulation without encoder.",
+            "log the angles as the encoder reads them", axis=axis,
         )  # fmt: skip
     elif seen != counts:
         yield Fault(
             "encoder.grid", Kind.NOTE, r.name,
             f"{r.name}: {axis} lies on a grid of {seen:.6g} counts per revolution; the profile "
-            f"says {counts}.",
+            f"has {counts}.",
             "another encoder, or edges counted once or twice instead of four times.",
-            f"set encoder.{axis} = {seen:.6g} in the profile if the angle's size is right",
+            f"set encoder.{axis} = {seen:.6g} in the profile if the angles are right",
             axis=axis,
         )  # fmt: skip
 

@@ -41,9 +41,9 @@ def order(view: View) -> Iterable[Fault]:
         long_enough(r.name, len(r))
         if not np.isfinite(r.t).all():
             raise RecordingError(
-                f"{r.name}: {int((~np.isfinite(r.t)).sum())} time stamps are no numbers.",
-                cause="cells were left empty, or the clock was not read.",
-                fix="remove these rows: a gap in time is understood",
+                f"{r.name}: {int((~np.isfinite(r.t)).sum())} time stamps are not finite.",
+                cause="cells are empty, or the clock was not read.",
+                fix="remove these rows; gaps in time are allowed",
             )
         time_increases(r.name, r.t, r.profile.dt, lambda k: f"row {k + 1}")
     except RecordingError as error:
@@ -57,28 +57,29 @@ def rate(view: View) -> Iterable[Fault]:
     if abs(m - 1) <= WORTH_SAYING:
         return
     says = (
-        f"{r.name} is sampled at {1 / view.ticks.period_s:.5g} Hz by its time stamps; the "
-        f"profile's loop runs at {r.profile.loop.rate_hz:.5g} Hz"
+        f"{r.name}: the time stamps give {1 / view.ticks.period_s:.5g} Hz, the profile's "
+        f"loop.rate_hz is {r.profile.loop.rate_hz:.5g} Hz"
     )
     fix = f"correct t_s, or set loop.rate_hz = {1 / view.ticks.period_s:.5g} in the profile"
     whole = max(m, 1 / m)
     if abs(m - 1) <= OFF:
-        yield Fault("clock.rate", Kind.NOTE, r.name, f"{says}: {100 * (m - 1):+.2g} % off.",
-                    "the host's timer is not the device's.", fix)  # fmt: skip
+        yield Fault("clock.rate", Kind.NOTE, r.name,
+                    f"{says}: a difference of {100 * (m - 1):+.2g} %.",
+                    "the host's timer differs from the device's.", fix)  # fmt: skip
     elif abs(whole - round(whole)) > OFF * whole or _clock_is_wrong(view, m):
         yield Fault(
             "clock.rate", Kind.BAD_DATA, r.name,
-            f"{says}. If the stamps are wrong, so is every rate ({m:.3g} times) and every "
-            f"acceleration ({m**2:.3g} times).",
-            "the stamps come from another clock, or the profile is another rig's.", fix,
+            f"{says}. With wrong time stamps, rates are wrong by a factor of {m:.3g} and "
+            f"accelerations by {m**2:.3g}.",
+            "the stamps come from another clock, or the profile belongs to another rig.", fix,
         )  # fmt: skip
     else:
         yield Fault(
             "clock.rate", Kind.NOTE, r.name,
-            f"{says}: what the voltages did in between is not known"
-            + (", and taken to lie on the line between." if m > 1 else "."),
-            "only some of the samples were logged, or each one several times.",
-            "log every sample of the loop; if the loop itself is that slow, set loop.rate_hz = "
+            f"{says}: the voltages between samples are unknown"
+            + (" and are interpolated." if m > 1 else "."),
+            "the log is decimated, or repeats samples.",
+            "log every sample of the loop; if the loop is that slow, set loop.rate_hz = "
             f"{1 / view.ticks.period_s:.5g} in the profile",
         )  # fmt: skip
 
@@ -104,9 +105,9 @@ def device(view: View) -> Iterable[Fault]:
             "clock.device", Kind.BAD_DATA, r.name,
             f"{r.name}: the device's clock runs {100 * off:+.3g} % against t_s "
             f"({np.ptp(own):.4g} s against {r.duration:.4g} s).",
-            "one of the two is set by another program, or counts ticks of another length.",
-            "time a flight with a watch and keep the clock that is right: heli3dof export REC -o "
-            "rec.csv, make it t_s there, heli3dof import rec.csv",
+            "another program sets one of the clocks, or one counts ticks of another length.",
+            "time a flight with a stopwatch to find the right clock; heli3dof export REC -o "
+            "rec.csv, write it to t_s, heli3dof import rec.csv",
         )  # fmt: skip
 
 
@@ -132,15 +133,15 @@ def repeated(view: View) -> Iterable[Fault]:
     if share > REPEATED:
         yield Fault(
             "clock.repeated", Kind.BAD_DATA, r.name,
-            f"{r.name}: {100 * share:.3g} % of the rows repeat the row before in every angle and "
-            "voltage while the rig flies.",
+            f"{r.name}: {100 * share:.3g} % of the rows in flight repeat the previous row's angles "
+            "and voltages.",
             "the log runs faster than the loop, or samples were written twice to fill gaps.",
-            "log once per sample; remove the repeated rows (a gap in time is understood)",
+            "log once per sample; remove the repeated rows (gaps in time are allowed)",
             confidence=0.99,
         )  # fmt: skip
 
 
 CHECKS = (
-    Check("clock", Stage.CLOCK, "time runs backwards, in ms, or at another rate", clock),
-    Check("clock.repeated", Stage.CLOCK, "rows written twice", repeated),
+    Check("clock", Stage.CLOCK, "time stamps that decrease, in ms, or of another rate", clock),
+    Check("clock.repeated", Stage.CLOCK, "repeated rows", repeated),
 )

@@ -61,8 +61,8 @@ def columns(view: View) -> Iterable[Fault]:
     r = view.recording
     yield Fault(
         "columns.swapped", Kind.BAD_DATA, r.name,
-        f"{r.name}: {_title(a)} and {_title(b)} are exchanged: {why}.",
-        "two columns of the log are named for each other, or two channels are wired so.",
+        f"{r.name}: {_title(a)} and {_title(b)} are swapped: {why}.",
+        "the names of two columns are swapped, or two channels are wired the wrong way.",
         f"swap the names {_column(a)} and {_column(b)} in the log's header line and import it again"
         if a not in ANGLE or b not in ANGLE else
         f"swap the names {_column(a)} and {_column(b)} in the log's header line, or the two "
@@ -136,8 +136,8 @@ def _by_motion(view: View) -> tuple[int, int, str] | None:
     axis = next(x for x in AXES if x in right)
     was, now = view.responses[axis], other[axis]
     return a, b, (
-        f"as logged {axis} answers its voltages {was.gain:+.2g} ± {was.std:.1g} times as the "
-        f"profile says (R² {was.explained:.2f}), exchanged back {now.gain:+.2g} ± {now.std:.1g} "
+        f"as logged, {axis}'s response to its voltages is {was.gain:+.2g} ± {was.std:.1g} times "
+        f"the profile's (R² {was.explained:.2f}); swapped back, {now.gain:+.2g} ± {now.std:.1g} "
         f"(R² {now.explained:.2f})"
     )  # fmt: skip
 
@@ -185,8 +185,8 @@ def _by_encoder(view: View) -> tuple[int, int, str] | None:
             ref = r.reference[rows, j]
             if np.isfinite(ref).all() and on_grid(ref, step, levels=LEVELS):
                 return i, 5 + j, (
-                    f"{AXES[i]} is on no encoder's grid, and {axis}'s reference moves in the "
-                    f"steps of {np.degrees(step):.3g}° that {AXES[i]}'s encoder makes"
+                    f"{AXES[i]} is not on its encoder's grid, but {axis}'s reference has the "
+                    f"encoder's steps of {np.degrees(step):.3g}°"
                 )  # fmt: skip
     return None
 
@@ -224,4 +224,4 @@ def _exchanged(r: Recording, T: np.ndarray, a: int, b: int) -> Recording:
     return replace(r, angle=np.radians(X[:, :3]), voltage=X[:, 3:5], reference=np.radians(X[:, 5:]))
 
 
-CHECKS = (Check("columns.swapped", Stage.COLUMNS, "two columns named for each other", columns),)
+CHECKS = (Check("columns.swapped", Stage.COLUMNS, "two swapped columns", columns),)

@@ -48,9 +48,9 @@ def directions(view: View) -> Iterable[Fault]:
         pushed = s["roll"] >= 0 and s["pitch"] >= 0
         yield _fault(
             view, "voltage.sign", None,
-            f"{r.name}: the rig flies on {h * V_o:.3g} V per motor; the profile says {V_o:.3g} V.",
-            "the profile's V_o has the wrong sign: every axis answers its voltages the right way "
-            "(the paper's Table I gives T_g the wrong sign)."
+            f"{r.name}: the rig hovers at {h * V_o:.3g} V per motor, the profile's at {V_o:.3g} V.",
+            "the profile's V_o has the wrong sign: every axis responds in the right direction "
+            "(the paper's Table I has the wrong sign of T_g)."
             if pushed
             else "the voltages are logged with the wrong sign.",
             f"set motor.V_o = {h * V_o:.3g}" if pushed else "change the sign of both voltages",
@@ -70,8 +70,9 @@ def directions(view: View) -> Iterable[Fault]:
     if p < 0 < y:
         yield _fault(
             view, "motors.swapped", None,
-            f"{r.name}: pitch answers the voltages' difference the wrong way ({about['pitch']} "
-            f"times the profile's), yet yaw answers the tilt the right way ({about['yaw']}).",
+            f"{r.name}: pitch responds to the voltage difference in the wrong direction "
+            f"({about['pitch']} times the profile's), but yaw to the tilt in the right one "
+            f"({about['yaw']}).",
             "front and back are swapped, at the amplifier or in the log.",
             "swap v_front_V and v_back_V, or the two motors' cables",
         )  # fmt: skip
@@ -79,10 +80,11 @@ def directions(view: View) -> Iterable[Fault]:
         both = y == 0
         yield _fault(
             view, "encoder.sign", "pitch",
-            f"{r.name}: pitch answers the voltages' difference the wrong way ({about['pitch']} "
-            "times the profile's)" + ("." if both else f", and yaw the tilt ({about['yaw']})."),
+            f"{r.name}: pitch responds to the voltage difference in the wrong direction "
+            f"({about['pitch']} times the profile's)"
+            + ("." if both else f", and so does yaw to the tilt ({about['yaw']})."),
             "the encoder's sign is wrong, or front and back are swapped; yaw moves too little to "
-            "tell." if both else "the encoder's sign is wrong.",
+            "decide." if both else "the encoder's sign is wrong.",
             _turn("pitch", r.profile.encoder.pitch), 0.5 if both else 0.99,
         )  # fmt: skip
     elif y < 0:
@@ -92,20 +94,19 @@ def directions(view: View) -> Iterable[Fault]:
             f"{r.name}: yaw turns against the tilt of the thrust ({about['yaw']} times the "
             "profile's).",
             "the encoder's sign is wrong" + (", or pitch's is." if both else
-            "; or pitch's is and front and back are swapped too, which is the same rig in a "
-            "mirror."),
+            "; or pitch's is, and front and back are swapped too (the rig's mirror image)."),
             _turn("yaw", r.profile.encoder.yaw), 0.5 if both else 0.99,
         )  # fmt: skip
 
 
 def _roll(view: View, sign_of_answer: int) -> str:
-    """What speaks against roll's sign; empty where nothing does."""
+    """The evidence against roll's sign; empty if there is none."""
     r = view.recording
     if sign_of_answer < 0:
         x = view.responses["roll"]
         return (
-            f"roll answers the voltages' sum the wrong way ({x.gain:+.2g} ± {x.std:.1g} times "
-            "the profile's)"
+            f"roll responds to the voltage sum in the wrong direction ({x.gain:+.2g} ± {x.std:.1g} "
+            "times the profile's)"
         )
     if ROLL not in view.measured:
         return ""

@@ -1,4 +1,4 @@
-"""Did the flight end as planned? A trip is no fault of the recording, but it has a cause."""
+"""Whether a safety monitor ended the flight. The recording is usable, but this has a cause."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ def ended(view: View) -> Iterable[Fault]:
     detail = details.get("detail", "") if isinstance(details, dict) else ""
     yield Fault(
         "flight.tripped", Kind.NOTE, r.name,
-        f"{r.name}: the flight was ended for safety after {r.duration:.3g} s"
+        f"{r.name}: a safety monitor ended the flight after {r.duration:.3g} s"
         + (f": {detail}." if detail else "."),
-        "a loop that this rig does not close as the profile says: an encoder's sign, front and "
-        "back swapped, the amplifier's gain; or an envelope too tight.",
-        "amplifier off, turn each axis by hand during heli3dof run-step --roll 1, and look at the "
-        "signs: heli3dof report REC",
+        "the rig differs from its profile: an encoder's sign, front and back swapped, the "
+        "amplifier's gain; or the envelope is too tight.",
+        "switch the amplifier off, turn each axis by hand during heli3dof run-step --roll 1, and "
+        "check the signs: heli3dof report REC",
         confidence=0.5,
     )  # fmt: skip
 
 
-CHECKS = (Check("flight.tripped", Stage.MOTION, "the flight was ended for safety", ended),)
+CHECKS = (Check("flight.tripped", Stage.MOTION, "a safety monitor ended the flight", ended),)

@@ -69,29 +69,29 @@ def frozen(view: View) -> Iterable[Fault]:
         )  # fmt: skip
         yield Fault(
             "encoder.frozen", Kind.BAD_DATA, r.name,
-            f"{r.name}: {AXES[i]} stands on one count ({np.degrees(r.angle[a, i]):.4g}°) {span}, "
+            f"{r.name}: {AXES[i]} stays on one count ({np.degrees(r.angle[a, i]):.4g}°) {span}, "
             f"{why}.",
             "the encoder's cable or its input on the card; or the axis is clamped, or rests at a "
             "stop that a wrong scale or offset hides.",
-            "amplifier off, turn the axis by hand during heli3dof run-step --roll 1; heli3dof "
-            "report REC must show it move; then record again"
+            "switch the amplifier off, turn the axis by hand during heli3dof run-step --roll 1, "
+            "check with heli3dof report REC that it moves, then record again"
             if whole or a < 5 / r.dt else
-            f"use the flight before: recording.between(0, {r.t[a]:.3g}); check the encoder's cable",
+            f"use the data before: recording.between(0, {r.t[a]:.3g}); check the encoder's cable",
             axis=AXES[i], confidence=0.99,
         )  # fmt: skip
 
 
 def _perhaps(view: View, i: int) -> Iterable[Fault]:
-    """An axis that never moves in a flight that does: said, for friction may hold it."""
+    """A note for an axis that never moves while others do; friction may hold it."""
     r = view.recording
     if np.ptp(r.angle[view.read, i]) == 0 and view.airborne.any():
         yield Fault(
             "encoder.frozen", Kind.NOTE, r.name,
-            f"{r.name}: {AXES[i]} never moves by a count. Its voltages are too small to tell "
-            "whether it should.",
+            f"{r.name}: {AXES[i]} never changes by a count. Its voltages are too small to decide "
+            "whether it should move.",
             "the axis is clamped or held by friction, or its encoder is not connected.",
-            "amplifier off, turn the axis by hand during heli3dof run-step --roll 1; heli3dof "
-            "report REC must show it move", axis=AXES[i], confidence=0.5,
+            "switch the amplifier off, turn the axis by hand during heli3dof run-step --roll 1, "
+            "and check with heli3dof report REC that it moves", axis=AXES[i], confidence=0.5,
         )  # fmt: skip
 
 
@@ -112,7 +112,7 @@ def _why(
             rise += rate * dt
         if rise < RISEN:
             return None
-        return a, b, "while its voltages would have lifted it off the table"
+        return a, b, "although its voltages would have lifted it off the table"
     width = max(1, round(SMOOTH_S / r.dt))
     if b - a < 2 * width:
         return None
@@ -120,9 +120,9 @@ def _why(
     half = float(np.ptp(smooth)) / 2 * J[i]
     if half < HOLDS_NM[i]:
         return None
-    return a, b, f"while the voltages' torque on it varies by ±{half:.2g} N·m"
+    return a, b, f"although the voltages' torque on it varies by ±{half:.2g} N·m"
 
 
 CHECKS = (
-    Check("encoder.frozen", Stage.MOTION, "an axis stands on one count and must not", frozen),
+    Check("encoder.frozen", Stage.MOTION, "an axis that must move stays on one count", frozen),
 )

@@ -42,17 +42,17 @@ def gaps(view: View) -> Iterable[Fault]:
             f"{1e3 * longest * view.ticks.period_s:.3g} ms"
         )
     if unread:
-        parts.append(f"{unread} of them are rows without a number")
+        parts.append(f"{unread} of them are rows without a finite value")
     yield Fault(
         "timing.gaps", Kind.BAD_DATA if share > HOPELESS else kind, r.name,
         f"{r.name}: {', '.join(parts)}.",
-        "the link dropped samples, or the logging program could not keep up; the voltage stood "
+        "the link dropped samples, or the logging program was too slow; the voltage was held "
         "meanwhile.",
-        "another cable or port, a faster disk; heli3dof run-step --roll 5 says how many periods "
-        "were late or missed",
+        "use another cable or port, or a faster disk; heli3dof run-step --roll 5 reports how many "
+        "periods were late or missed",
         effect="timing.gaps", parameters={"lost_share": (share, std)},
         confidence=1.0 if kind == Kind.FINDING else 0.5,
     )  # fmt: skip
 
 
-CHECKS = (Check("timing.gaps", Stage.CLOCK, "samples lost, or rows without a number", gaps),)
+CHECKS = (Check("timing.gaps", Stage.CLOCK, "lost samples, or rows without a finite value", gaps),)

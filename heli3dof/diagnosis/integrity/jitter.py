@@ -34,11 +34,11 @@ def jitter(view: View) -> Iterable[Fault]:
         sigma = float(np.hypot(seen, hidden.sigma_s))
         yield Fault(
             "timing.jitter", Kind.FINDING, r.name,
-            f"{r.name}: its clock looks {'even' if seen < WORTH_SAYING_S else 'jittery'}, but the "
-            f"angles were sampled ±{1e3 * hidden.sigma_s:.2g} ms (RMS) off it: all axes jump "
-            "together in proportion to their rates.",
-            "the logging host was late and caught up, and wrote the instants that were planned.",
-            "log the device's own time stamps; close what else runs on the logging computer",
+            f"{r.name}: the angles have a sampling jitter of ±{1e3 * hidden.sigma_s:.2g} ms (RMS) "
+            f"that the {'even' if seen < WORTH_SAYING_S else 'jittery'} time stamps do not show: "
+            "all axes jump together in proportion to their rates.",
+            "the logging host was late, caught up, and wrote the planned times.",
+            "log the device's own time stamps; close other programs on the logging computer",
             effect="timing.jitter",
             parameters={"jitter_s": (sigma, hidden.variance_std_s2 / (2 * sigma))},
         )  # fmt: skip
@@ -46,15 +46,13 @@ def jitter(view: View) -> Iterable[Fault]:
         named = seen >= WORTH_NAMING_S
         yield Fault(
             "timing.jitter", Kind.FINDING if named else Kind.NOTE, r.name,
-            f"{r.name}: samples are taken ±{1e6 * seen:.3g} µs (RMS) off their due instants, by "
-            "their stamps" + ("." if named else "; a computer's ordinary timer, no fault."),
-            "a timer without real-time priority, or a bus shared with others.",
-            "chrt -f 50 heli3dof run-step --roll 5: it says how many periods were late"
+            f"{r.name}: the time stamps have a sampling jitter of ±{1e6 * seen:.3g} µs (RMS)"
+            + ("." if named else ", which is usual for a computer's timer."),
+            "a timer without real-time priority, or a shared bus.",
+            "chrt -f 50 heli3dof run-step --roll 5, which reports how many periods were late"
             if named else "nothing to do",
             effect="timing.jitter", parameters={"jitter_s": (seen, std)},
         )  # fmt: skip
 
 
-CHECKS = (
-    Check("timing.jitter", Stage.CLOCK, "samples early or late, told by stamps or motion", jitter),
-)
+CHECKS = (Check("timing.jitter", Stage.CLOCK, "sampling jitter in time stamps or motion", jitter),)

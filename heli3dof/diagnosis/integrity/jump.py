@@ -64,17 +64,17 @@ def jumps(view: View) -> Iterable[Fault]:
             "encoder.jump", Kind.BAD_DATA, r.name,
             f"{r.name}: {AXES[i]} jumps {times} by {np.degrees(size):+.4g}° within one sample (at "
             f"{r.t[k + 1]:.4g} s)" + (
-                " and comes back." if back else
-                f", having stood on one count from {r.t[first]:.4g} s on." if froze else "."
+                " and returns." if back else
+                f", after staying on one count from {r.t[first]:.4g} s on." if froze else "."
             ),
-            f"the angle is folded into {turn}° or a turn." if turn else
-            "a glitch on the link." if back else
-            "the encoder was frozen meanwhile (its cable, its input on the card, or a log that "
+            f"the angle is wrapped to {turn}°." if turn else
+            "a transmission error on the link." if back else
+            "the encoder was frozen until then (its cable, its input on the card, or a log that "
             "repeats an old value); or the axis rested and the counter was reset." if froze else
-            "the counter was reset or lost counts: every angle after it is off.",
+            "the counter was reset or lost counts: all later angles are wrong.",
             "unwrap it: numpy.unwrap(angle)" if turn else
-            "remove the row (a gap in time is understood)" if back else
-            "use the flight before or after: "
+            "remove the row (gaps in time are allowed)" if back else
+            "use the data before or after: "
             f"recording.between(0, {r.t[first if froze else k]:.4g})",
             axis=AXES[i],
         )  # fmt: skip

@@ -26,7 +26,7 @@ def nothing(view: View) -> Iterable[Fault]:
     q = r.angle[view.read][:, view.measured]
     if not view.measured or not len(q):
         yield Fault(
-            "nothing.moves", Kind.NOT_IDENTIFIABLE, r.name, f"{r.name} holds no angle.",
+            "nothing.moves", Kind.NOT_IDENTIFIABLE, r.name, f"{r.name} contains no angle.",
             "no encoder was logged.", "log roll_deg, pitch_deg and yaw_deg",
         )  # fmt: skip
         return
@@ -49,8 +49,8 @@ def nothing(view: View) -> Iterable[Fault]:
     elif top < OFF * r.profile.motor.v_max:
         yield Fault(
             "nothing.moves", Kind.NOT_IDENTIFIABLE, r.name,
-            f"{r.name}: the voltage stays within ±{top:.3g} V; what moves, moves by itself.",
-            "the motors were off: a coast-down or a hand.",
+            f"{r.name}: the voltage stays within ±{top:.3g} V, too little to cause the motion.",
+            "the motors were off (a coast-down, or the rig was moved by hand).",
             "add a flight with the motors on: heli3dof run rich",
         )  # fmt: skip
     elif ROLL in view.measured:
@@ -69,5 +69,5 @@ def nothing(view: View) -> Iterable[Fault]:
             )  # fmt: skip
 
 
-CHECKS = (Check("nothing.moves", Stage.MOTION, "motors off, nothing moves, never left the table",
+CHECKS = (Check("nothing.moves", Stage.MOTION, "motors off, no motion, arm never off the table",
                 nothing),)  # fmt: skip

@@ -116,12 +116,12 @@ def counts(view: View) -> Iterable[Fault]:
         "encoder.counts", Kind.NOTE if lighter else Kind.BAD_DATA, r.name,
         f"{r.name}: {axis} moves about {k:g} times as far as its voltages explain"
         + (f", in steps of {k:g} counts" if coarser else "")
-        + f" (answers over the profile's: {told}).",
-        f"counts per revolution off by a factor of {k:g}: one, two or four edges of each line are "
-        + ("counted; " if tied else "counted.")
+        + f" (response over the profile's: {told}).",
+        f"the counts per revolution are wrong by a factor of {k:g} (one, two or four edges of each "
+        + ("line are counted)" if tied else "line are counted).")
         + (" Or the axis has half its inertia." if lighter else "")
-        + (f"or pitch's are, by {1 / k:g}, since the tilt pushes yaw." if tied else ""),
-        f"set encoder.{axis} = {round(n * k)} in the profile if angles come from counts, else "
+        + (f", or pitch's by {1 / k:g}, since the tilt drives yaw." if tied else ""),
+        f"set encoder.{axis} = {round(n * k)} in the profile if angles come from counts; else "
         f"divide the logged angle by {k:g}",
         effect="encoder.scale", axis=axis, parameters={"scale": scale},
         confidence=0.5 if tied or lighter else 0.99,
@@ -176,11 +176,11 @@ def amplifier(view: View) -> Iterable[Fault]:
     V_o = r.profile.motor.V_o
     yield Fault(
         "amplifier.gain", Kind.BAD_DATA, r.name,
-        f"{r.name}: every axis answers {K:.3g} times as strongly as the profile says, and the rig "
-        f"hovers on {h * V_o:.3g} V instead of {V_o:.3g} V: the motors get {factor:.3g} times the "
-        "logged voltage.",
-        "the amplifier's gain switch (1 or 3) does not stand where the profile and the log have it."
-        if switch else "the voltages are logged on the other side of an amplifier or divider.",
+        f"{r.name}: every axis responds {K:.3g} times as strongly as the profile predicts, and the "
+        f"rig hovers at {h * V_o:.3g} V instead of {V_o:.3g} V: the motors get {factor:.3g} times "
+        "the logged voltage.",
+        "the amplifier's gain switch (1 or 3) differs from the profile and the log."
+        if switch else "the voltages were logged before an amplifier or behind a divider.",
         f"set the switch, or multiply the logged voltages (and v_max) by {factor:.3g}",
         effect="motor.thrust_gain",
         parameters={"gain": (factor, factor * abs(float(np.log(K * h))) / 2)}, confidence=0.99,
@@ -188,6 +188,6 @@ def amplifier(view: View) -> Iterable[Fault]:
 
 
 CHECKS = (
-    Check("amplifier.gain", Stage.MOTION, "thrust and hover voltage off by the same 3", amplifier),
-    Check("encoder.counts", Stage.MOTION, "counts per revolution off by 2 or 4", counts),
+    Check("amplifier.gain", Stage.MOTION, "thrust and hover voltage wrong alike", amplifier),
+    Check("encoder.counts", Stage.MOTION, "counts per revolution wrong by 2 or 4", counts),
 )

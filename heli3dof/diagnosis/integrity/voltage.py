@@ -31,9 +31,9 @@ def limit(view: View) -> Iterable[Fault]:
     v, v_max = r.voltage, r.profile.motor.v_max
     if not np.isfinite(v).any(axis=0).all():
         yield Fault(
-            "voltage.limit", Kind.BAD_DATA, r.name, f"{r.name} holds no voltage of one motor.",
-            "the device does not report what it puts out, or the column was not logged.",
-            "log v_front_V and v_back_V, what reaches the amplifier",
+            "voltage.limit", Kind.BAD_DATA, r.name, f"{r.name} has no voltage of one motor.",
+            "the device does not report its output voltage, or the column was not logged.",
+            "log v_front_V and v_back_V, the voltages at the amplifier",
         )  # fmt: skip
         return
     front, back = np.nan_to_num(v).T
@@ -49,13 +49,13 @@ def limit(view: View) -> Iterable[Fault]:
         percent = top < 100.5 and h is not None and 0.8 < h * v_max / 100 < 1.25
         yield Fault(
             "voltage.limit", Kind.BAD_DATA, r.name,
-            f"{r.name}: the voltage reaches {top:.4g} V and is beyond the profile's ±{v_max:.4g} V "
+            f"{r.name}: the voltage reaches {top:.4g} V and exceeds the profile's ±{v_max:.4g} V "
             f"in {100 * beyond:.2g} % of the rows.",
             "per cent of the limit instead of volts." if percent else
-            "what the controller asked for was logged in place of what passed the limiter, or "
-            "motor.v_max is another amplifier's.",
+            "the command was logged instead of the limiter's output, or motor.v_max belongs to "
+            "another amplifier.",
             f"multiply by {v_max / 100:.4g}" if percent else
-            "name what was asked for v_front_cmd_V, v_back_cmd_V; or correct motor.v_max",
+            "rename commands to v_front_cmd_V, v_back_cmd_V; or correct motor.v_max",
         )  # fmt: skip
 
 
@@ -72,8 +72,8 @@ def unit(view: View) -> Iterable[Fault]:
             "voltage.sign", Kind.BAD_DATA, r.name,
             f"{r.name}: the rig flies with {mean[0]:+.3g} V on the front motor and "
             f"{mean[1]:+.3g} V on the back one: one lifts, the other pushes down.",
-            f"the {other} motor's voltage is logged with the wrong sign (a motor wired or mounted "
-            "the other way round).",
+            f"the {other} motor's voltage is logged with the wrong sign (the motor is wired or "
+            "mounted the other way round).",
             f"change the sign of v_{other}_V", confidence=0.99,
         )  # fmt: skip
         return
@@ -82,8 +82,8 @@ def unit(view: View) -> Iterable[Fault]:
     share = float(np.nanmax(np.abs(r.voltage))) <= 1.02
     yield Fault(
         "voltage.unit", Kind.BAD_DATA, r.name,
-        f"{r.name}: the rig flies on {h * V_o:.3g} V per motor; the profile says {V_o:.3g} V.",
-        "a share of the limit (−1 … 1) instead of volts." if share else
+        f"{r.name}: the rig hovers at {h * V_o:.3g} V per motor, the profile's at {V_o:.3g} V.",
+        "fractions of the limit (−1 … 1) instead of volts." if share else
         "kilovolts, DAC fractions or another unit instead of volts.",
         f"multiply by {v_max:.4g}" if share else "convert the voltages to volts",
     )  # fmt: skip
@@ -99,8 +99,8 @@ def clipped(view: View) -> Iterable[Fault]:
             "voltage.clipped", Kind.NOTE, r.name,
             f"{r.name}: {100 * at_limit.sum() / rows.sum():.2g} % of the flight is at the "
             f"amplifier's limit of ±{v_max:.4g} V, where the loop is open.",
-            "steps too large or gains too high for this amplifier.",
-            "smaller steps, or a slower reference: heli3dof run-step --roll 5",
+            "the steps are too large or the gains too high for this amplifier.",
+            "use smaller steps or a slower reference: heli3dof run-step --roll 5",
         )  # fmt: skip
     v = r.voltage[view.read]
     if len(v) < 100 or len(np.unique(v)) < 50:
@@ -110,9 +110,9 @@ def clipped(view: View) -> Iterable[Fault]:
     if top < 0.98 * v_max and flat.sum() > 20 and flat.mean() > FLAT:
         yield Fault(
             "voltage.clipped", Kind.NOTE, r.name,
-            f"{r.name}: the voltage ends flat at ±{top:.4g} V in {100 * flat.mean():.2g} % of the "
+            f"{r.name}: the voltage saturates at ±{top:.4g} V in {100 * flat.mean():.2g} % of the "
             f"rows; the profile's limit is ±{v_max:.4g} V.",
-            "another limiter: the DAC's range, or a controller's own.",
+            "another limiter, in the DAC or in the controller.",
             f"set motor.v_max = {top:.4g} in the profile if that is the amplifier's",
         )  # fmt: skip
 
@@ -139,21 +139,21 @@ def commanded(view: View) -> Iterable[Fault]:
     if abs(factor - 1) > 0.05 and np.std(y - factor * x) < 0.05 * max(spread, 1e-9):
         yield Fault(
             "voltage.commanded", Kind.BAD_DATA, r.name,
-            f"{r.name}: the voltage is {factor:.4g} times what was asked for, off the limiter too.",
-            "one of the two was logged before and one behind the amplifier's gain.",
-            "log both at the same place, or divide by the amplifier's gain; then check motor.K_f",
+            f"{r.name}: the voltage is {factor:.4g} times the command, even below the limit.",
+            "one of them was logged before, the other behind the amplifier's gain.",
+            "log both at the same point, or divide by the amplifier's gain; then check motor.K_f",
             confidence=0.99,
         )  # fmt: skip
         return
     late = _one_row_late(cmd, v, rows)
     yield Fault(
         "voltage.commanded", Kind.NOTE, r.name,
-        f"{r.name}: off the limiter, what reached the amplifier differs from what was asked for "
-        f"in {100 * share:.2g} % of the rows"
-        + (": it is the command of the row before." if late else "."),
-        "the log pairs a sample with the voltage that was still standing." if late else
-        "a limit on the voltage's slew, a watchdog, lost commands, or noise on a measured voltage.",
-        "nothing to do: what reached the amplifier is what counts",
+        f"{r.name}: below the limit, the amplifier's voltage differs from the command in "
+        f"{100 * share:.2g} % of the rows"
+        + (": it is the previous row's command." if late else "."),
+        "the log pairs a sample with the voltage held until then." if late else
+        "a slew-rate limit, a watchdog, lost commands, or noise of a measured voltage.",
+        "nothing to do: the models use the amplifier's voltage",
     )  # fmt: skip
 
 
@@ -166,8 +166,8 @@ def _one_row_late(cmd: np.ndarray, v: np.ndarray, rows: np.ndarray) -> bool:
 
 
 CHECKS = (
-    Check("voltage.limit", Stage.VALUES, "no volts, or beyond the amplifier's limit", limit),
-    Check("voltage.unit", Stage.MOTION, "hovers on a voltage of another unit", unit),
-    Check("voltage.clipped", Stage.MOTION, "share of the flight at the limiter", clipped),
-    Check("voltage.commanded", Stage.VALUES, "not what was asked for, off the limiter", commanded),
+    Check("voltage.limit", Stage.VALUES, "voltage missing, or beyond the amplifier's limit", limit),
+    Check("voltage.unit", Stage.MOTION, "hover voltage in another unit", unit),
+    Check("voltage.clipped", Stage.MOTION, "share of the flight at the voltage limit", clipped),
+    Check("voltage.commanded", Stage.VALUES, "voltage unlike its command", commanded),
 )

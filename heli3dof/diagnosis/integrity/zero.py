@@ -39,10 +39,10 @@ def zero(view: View) -> Iterable[Fault]:
     size = np.degrees(start - rest)
     yield Fault(
         "encoder.zero", Kind.BAD_DATA, r.name,
-        f"{r.name}: roll starts at {np.degrees(start):.3g}°, never goes below it and flies about "
-        f"{np.degrees(about):.3g}°; the profile's arm rests at {np.degrees(rest):.4g}°.",
-        "roll's zero is where the arm rests on the table, instead of level.",
-        f"add {-size:.4g}° to the logged roll, or set encoder.roll_rest_deg to where it rests",
+        f"{r.name}: roll starts at {np.degrees(start):.3g}°, never goes below it and flies near "
+        f"{np.degrees(about):.3g}°; the profile's rest angle is {np.degrees(rest):.4g}°.",
+        "roll was zeroed with the arm on the table instead of level.",
+        f"add {-size:.4g}° to the logged roll, or set encoder.roll_rest_deg to the rest angle",
         effect="encoder.offset", axis="roll",
         parameters={"angle_deg": (float(size), float(np.degrees(NEAR)))}, confidence=0.95,
     )  # fmt: skip

@@ -1,15 +1,15 @@
-"""Are the angles in the unit that their name says? Three witnesses, the strongest first.
+"""Check that angles have the unit in their column's name, by three tests.
 
-1. The encoder's grid. Angles are counts: steps of 360/N degrees or 2π/N radians for N counts
-   per revolution. Steps that fit one unit's grid do not fit the other's.
-2. Size. Roll and pitch cannot turn further than half a revolution.
-3. Newton. Over windows of T, the second difference of an angle is the doubly integrated torque,
+1. The encoder's grid: angles are multiples of 360/N degrees or 2π/N radians for N counts per
+   revolution. Values on one unit's grid are not on the other's.
+2. Size: roll and pitch cannot exceed half a revolution.
+3. Newton's law: over windows T, the second difference of an angle is the doubly integrated torque,
 
-       q(t+T) − 2 q(t) + q(t−T) = ∫ w(τ) M(t+τ)/J dτ,   w the triangle of height T and width 2T
+       q(t+T) − 2 q(t) + q(t−T) = ∫ w(τ) M(t+τ)/J dτ,   w a triangle of height T and width 2T
 
-   with M/J from the voltages: L_a K_f (V_f + V_b)/J_roll, L_h K_f (V_f − V_b)/J_pitch. What else
-   acts changes the ratio of their scatter by a factor of a few (0.4 … 2.7 on real rigs); a wrong
-   unit by 57.3.
+   with M/J from the voltages: L_a K_f (V_f + V_b)/J_roll, L_h K_f (V_f − V_b)/J_pitch. Other
+   torques change the ratio of the standard deviations by 0.4 … 2.7 on real rigs, a wrong unit
+   by 57.3.
 """
 
 from __future__ import annotations
@@ -26,27 +26,27 @@ TURN = {"deg": 360.0, "rad": 2 * np.pi}
 OTHER = {"deg": "rad", "rad": "deg"}
 FULL_NAME = {"deg": "degrees", "rad": "radians"}
 OFF_GRID = 0.2
-"""Share of a step: 90 % of on-grid values lie nearer to it than this, even printed with six
-digits; of values with no grid, 40 % do."""
+"""Share of a step. 90 % of on-grid values are nearer to the grid, even printed with six digits; of
+other values, 40 % are."""
 COMMON_COUNTS = (500, 512, 1000, 1024, 2000, 2048, 2500, 4000, 4096, 5000, 8000, 8192, 10000,
                  16384, 20000)  # fmt: skip
-OR_EXCHANGED = "; or two columns are named for each other: heli3dof diagnose tells."
+OR_EXCHANGED = "; or two columns are swapped, which heli3dof diagnose finds."
 NEWTON_WINDOW_S = 0.25
 NEWTON_FACTOR = float(np.sqrt(180 / np.pi))
-"""Halfway (as a ratio) between the right unit and the wrong one."""
+"""The geometric mean of the ratios of a right and a wrong unit"""
 
 COUNTS_FACTOR = 4.0
-"""Raw counts taken for degrees move 4096/360 = 11 or 23 times too far, real rigs up to 2.7."""
+"""Raw counts read as degrees give ratios of 4096/360 = 11 or 23, real rigs up to 2.7."""
 
 AGAINST = -0.4
-"""Real rigs: +0.3 … +0.8 in closed loop, −0.1 … 0 under a constant voltage."""
+"""Correlation below which a sign is wrong; real rigs have +0.3 … +0.8 in closed loop, −0.1 … 0 at a
+constant voltage."""
 
 
 def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
-    """Whether values (N,) lie on a grid of ``step`` through the first one, and show it.
+    """True if values (N,) lie on a grid of ``step`` through the first one.
 
-    Each distinct value counts once, or a long rest would outvote the motion; at least
-    ``levels`` of them must be seen, and more than half a step apart.
+    Each distinct value counts once. There must be ``levels`` of them, more than half a step apart.
     """
     seen = np.unique(values)
     steps = (seen - values[0]) / step
@@ -56,9 +56,9 @@ def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
 
 
 def check_angles(source: str, columns: Mapping[str, np.ndarray], profile: Profile) -> list[str]:
-    """Raise RecordingError for angles in another unit than named; return warnings.
+    """Raise RecordingError for an angle in another unit than its name's; return warnings.
 
-    ``columns`` are those of the contract's log, checked to be finite.
+    ``columns`` have the contract's names and are finite.
     """
     warnings: list[str] = []
     for axis in AXES:
@@ -87,13 +87,13 @@ def _check_angle(
 ) -> list[str]:
     values = columns[name]
     if np.ptp(values) == 0:
-        return [f"{name} never changes: the axis was locked or its encoder is not connected."]
+        return [f"{name} never changes: the axis is clamped, or its encoder is not connected."]
     found = newton(axis, values * (2 * np.pi / TURN[unit]), columns, profile)
     ratio = None if found is None else found[0]
     warnings: list[str] = []
     if found is not None and found[1] < AGAINST:
         warnings.append(
-            f"{name} moves against its voltages (correlation {found[1]:.2f}): its sign is wrong"
+            f"{name} moves against its voltages (correlation {found[1]:.2f}): wrong sign"
             + (", or front and back are swapped." if axis == "pitch" else ".")
         )
     if not on_grid(values, TURN[unit] / counts):
@@ -104,12 +104,12 @@ def _check_angle(
     if seen is not None:
         return [*warnings, _other_encoder(name, seen, counts)]
     warnings.append(
-        f"{name} does not lie on the encoder's grid of {360 / counts:.4f}°: filtered, resampled, "
-        "printed with few digits, or simulated without an encoder."
+        f"{name} does not lie on the encoder's grid of {360 / counts:.4f}°. Likely cause: "
+        "filtering, resampling, printing with few digits, or a simulation without encoder."
     )
     largest = float(np.abs(values).max())
     if unit == "deg" and largest < 1.6 and ratio is None:
-        warnings.append(f"{name} stays within ±{largest:.2g}: check that it is not in radians.")
+        warnings.append(f"{name} stays within ±{largest:.2g}: it may be in radians.")
     return warnings
 
 
@@ -122,7 +122,7 @@ def _refuse(
     counts: int,
     ratio: float | None,
 ) -> None:
-    """Raise RecordingError where a witness speaks against the unit of values off its grid."""
+    """Raise RecordingError if one of the tests contradicts the unit of off-grid values."""
     other = OTHER[unit]
     if on_grid(values, TURN[other] / counts, levels=4):
         raise wrong_unit(
@@ -135,13 +135,13 @@ def _refuse(
     too_far = ratio is not None and ratio > (COUNTS_FACTOR if unit == "deg" else NEWTON_FACTOR)
     if unit == "deg" and (too_large or too_far) and on_grid(values, 1, levels=10):
         raise RecordingError(
-            f"{source}: {name} holds whole numbers up to {largest:.6g}, which are no degrees.",
+            f"{source}: {name} contains whole numbers up to {largest:.6g}, which are not degrees.",
             cause=f"raw encoder counts ({counts} per revolution).",
             fix=f"multiply them by {360 / counts:.6g} (and by the encoder's sign)",
         )
     if unit == "deg" and too_large:
         raise RecordingError(
-            f"{source}: {name} reaches {largest:.6g}°; the arm cannot turn that far.",
+            f"{source}: {name} reaches {largest:.6g}°, more than the axis can turn.",
             cause="another unit, or roll and yaw swapped.",
             fix="convert the values to degrees, or correct the header line",
         )
@@ -151,15 +151,15 @@ def _refuse(
     if (too_near and largest < np.pi) or (unit == "rad" and too_far):
         raise wrong_unit(
             source, name, unit,
-            f"the angle moves {ratio:.2g} times as far as the voltages explain",
+            f"the motion is {ratio:.2g} times what the voltages explain",
         )  # fmt: skip
 
 
 def counts_seen(values: np.ndarray, unit: str, counts: int) -> float | None:
-    """Counts per revolution of the grid that values (N,) lie on; None where there is no grid.
+    """Counts per revolution of the grid of values (N,); None if there is no grid.
 
-    ``counts`` (the profile's) unless only every second (third …) of a good many is ever seen,
-    or another usual encoder's grid fits where the profile's does not.
+    The result is ``counts`` (the profile's), a fraction of it if only every second (third, …) count
+    occurs, or another common encoder's number.
     """
     if on_grid(values, TURN[unit] / counts):
         seen = np.unique(np.rint((values - values[0]) * counts / TURN[unit]).astype(np.int64))
@@ -170,7 +170,7 @@ def counts_seen(values: np.ndarray, unit: str, counts: int) -> float | None:
 
 def _other_encoder(name: str, seen: float, expected: int) -> str:
     return (
-        f"{name} lies on a grid of {seen:.6g} counts per revolution, but the profile says "
+        f"{name} lies on a grid of {seen:.6g} counts per revolution, but the profile has "
         f"{expected}: check [encoder] and the angle's scale."
     )
 
@@ -178,7 +178,7 @@ def _other_encoder(name: str, seen: float, expected: int) -> str:
 def _check_reference(
     source: str, name: str, angle: np.ndarray, ref: str, reference: np.ndarray
 ) -> None:
-    """A reference that the angle follows must not be 57 times larger or smaller (in turns)."""
+    """Raise RecordingError if an angle follows its reference with a slope of 57 or 1/57."""
     spread = float(np.std(reference))
     if spread == 0 or np.std(angle) == 0:
         return
@@ -187,21 +187,20 @@ def _check_reference(
     follows = covariance / (spread * float(np.std(angle))) > 0.5
     if follows and not 1 / 15 < slope < 15:
         raise RecordingError(
-            f"{source}: {name} follows {ref}, but {slope:.3g} times as far.",
-            cause=f"one of the two is in {'radians' if name.endswith('deg') else 'degrees'} "
-            f"in spite of its name (the factor would be {180 / np.pi:.3g}){OR_EXCHANGED}",
-            fix=f"rename the column that is wrong, {name} or {ref}, to its true unit",
+            f"{source}: {name} follows {ref} with a slope of {slope:.3g}.",
+            cause=f"one of the two is in {'radians' if name.endswith('deg') else 'degrees'}, "
+            f"unlike its name (a factor of {180 / np.pi:.3g}){OR_EXCHANGED}",
+            fix=f"rename {name} or {ref} to its true unit",
         )
 
 
 def newton(
     axis: str, angle: np.ndarray, columns: Mapping[str, np.ndarray], profile: Profile
 ) -> tuple[float, float] | None:
-    """How the angle's second differences scatter against the doubly integrated torque.
+    """Compare an angle's second differences (N,) rad with the doubly integrated torque.
 
-    ``angle`` (N,) in rad. The ratio of the two standard deviations, about one in the right unit,
-    and their correlation, positive with the right sign. None where it cannot be told: yaw, no
-    motion, no excitation, too short.
+    Returns the ratio of their standard deviations, about 1 in the right unit, and their
+    correlation, positive with the right sign; None for yaw, or without motion or excitation.
     """
     dt = float(np.median(np.diff(columns["t_s"])))
     n = max(1, round(NEWTON_WINDOW_S / dt))
@@ -229,7 +228,7 @@ def _moving_sum(x: np.ndarray, n: int) -> np.ndarray:
 
 
 def wrong_unit(source: str, name: str, unit: str, evidence: str) -> RecordingError:
-    """The error for an angle whose name lies."""
+    """The error for an angle in another unit than its name's."""
     true_name = name.removesuffix(unit) + OTHER[unit]
     return RecordingError(
         f"{source}: {name} does not look like {FULL_NAME[unit]}: {evidence}.",

@@ -1,28 +1,27 @@
-"""`export`: a `Recording` for other programs, with the contract's columns.
+"""`export`: a `Recording` as CSV (``.csv``, ``.csv.gz``), MAT (``.mat``) or Parquet (``.parquet``).
 
-CSV (``.csv``, ``.csv.gz``), MAT (``.mat``, a vector per column) and Parquet (``.parquet``, the
-extra of that name). Angles in degrees, every digit kept: importing it again gives the arrays
-back to 1e-12. Profile and provenance go along where the format can hold them.
+The columns are the contract's, angles in degrees with every digit: importing the file again gives
+the arrays back to 1e-12. MAT and Parquet files also hold the profile and the provenance.
 """
 
 from __future__ import annotations
 
+import csv
 import gzip
 import io
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.recording.atomic_write import check_output, write_file
-from heli3dof.recording.logs.column_table import ANGLES, VOLTAGES
-from heli3dof.recording.logs.csv_log import write_csv
+from heli3dof.recording.columns import contract_columns
 from heli3dof.recording.mcap_files.mcap_writer import to_json
 from heli3dof.recording.recording import Recording
 
-FORMATS = (".csv", ".csv.gz", ".mat", ".parquet")
+Columns = dict[str, np.ndarray]
 
 
 def export(recording: Recording, path: str | Path, *, force: bool = False) -> Path:
@@ -33,46 +32,32 @@ def export(recording: Recording, path: str | Path, *, force: bool = False) -> Pa
     path = Path(path)
     check_format(path)
     check_output(path, force=force)
-    columns = contract_columns(recording)
-    name = path.name.lower()
-    if name.endswith(".csv"):
-        data = write_csv(columns)
-    elif name.endswith(".csv.gz"):
-        data = gzip.compress(write_csv(columns), mtime=0)
-    elif name.endswith(".mat"):
-        data = _mat(recording, columns)
-    else:
-        data = _parquet(recording, columns)
-    return write_file(path, data, force=force)
+    write = next(w for ending, w in FORMATS.items() if path.name.lower().endswith(ending))
+    return write_file(path, write(recording, contract_columns(recording)), force=force)
 
 
 def check_format(path: Path) -> None:
-    """Raise UsageError for a file name that says no format of `FORMATS`."""
-    if not path.name.lower().endswith(FORMATS):
+    """Raise UsageError for a file name without an ending of `FORMATS`."""
+    if not path.name.lower().endswith(tuple(FORMATS)):
         ending = path.suffix or path.name
+        first, *others = FORMATS
         raise UsageError(
-            f"No format is known by the ending {ending!r}.",
-            cause=f"a typing error; {did_you_mean(ending, FORMATS)}",
-            fix=f"-o {path.stem}.csv (or {', '.join(FORMATS[1:])})",
+            f"There is no export format {ending!r}.",
+            cause=f"a typing error; {did_you_mean(ending, tuple(FORMATS))}",
+            fix=f"-o {path.stem}{first} (or {', '.join(others)})",
         )
 
 
-def contract_columns(recording: Recording) -> dict[str, np.ndarray]:
-    """The contract's columns that the recording has, angles in degrees, then its channels."""
-    columns: dict[str, np.ndarray] = {"t_s": recording.t}
-    for array, form in VOLTAGES.items():
-        for i, motor in enumerate(MOTORS):
-            columns[form.format(motor)] = getattr(recording, array)[:, i]
-    for array, form in ANGLES.items():
-        for i, axis in enumerate(AXES):
-            columns[f"{form.format(axis)}_deg"] = np.rad2deg(getattr(recording, array)[:, i])
-    columns = {name: v for name, v in columns.items() if not np.isnan(v).all()}
-    for name, values in recording.channels.items():
-        columns[name if name not in columns else f"channel_{name}"] = values
-    return columns
+def write_csv(columns: Columns) -> bytes:
+    """CSV text of columns: integers as integers, floats with every digit."""
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerow(re.sub(r"\s+", " ", name) for name in columns)
+    cells = [map(repr, values.tolist()) for values in columns.values()]
+    out.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
+    return out.getvalue().encode()
 
 
-def _mat(recording: Recording, columns: dict[str, np.ndarray]) -> bytes:
+def _mat(recording: Recording, columns: Columns) -> bytes:
     from scipy.io import savemat
 
     out = io.BytesIO()
@@ -86,14 +71,14 @@ def _mat(recording: Recording, columns: dict[str, np.ndarray]) -> bytes:
     return out.getvalue()
 
 
-def _parquet(recording: Recording, columns: dict[str, np.ndarray]) -> bytes:
+def _parquet(recording: Recording, columns: Columns) -> bytes:
     try:
         import pyarrow
         from pyarrow import parquet
     except ImportError:
         raise UsageError(
             "Parquet needs pyarrow, which is not installed.",
-            cause="it is an extra, because of its size.",
+            cause="it is an optional dependency, because of its size.",
             fix="pip install 'heli3dof[parquet]', or export to .csv or .mat",
         ) from None
     about = {
@@ -105,3 +90,12 @@ def _parquet(recording: Recording, columns: dict[str, np.ndarray]) -> bytes:
     parquet.write_table(table, sink, compression="zstd")
     data: bytes = sink.getvalue().to_pybytes()
     return data
+
+
+FORMATS: dict[str, Callable[[Recording, Columns], bytes]] = {
+    ".csv": lambda recording, columns: write_csv(columns),
+    ".csv.gz": lambda recording, columns: gzip.compress(write_csv(columns), mtime=0),
+    ".mat": _mat,
+    ".parquet": _parquet,
+}
+"""Ending → the file's bytes"""

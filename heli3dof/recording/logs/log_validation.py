@@ -1,7 +1,7 @@
-"""What a log must satisfy before anything is computed from it: numbers, time, voltages.
+"""Checks of a log's values, times and voltages.
 
-Errors are for what would make every later answer wrong; what is odd but usable comes back as
-warnings, which travel in ``Recording.meta["warnings"]`` and show in ``heli3dof info``.
+A log that would make every result wrong raises an error. Other problems are returned as warnings,
+which `import_log` stores in ``Recording.meta["warnings"]`` and ``heli3dof info`` prints.
 """
 
 from __future__ import annotations
@@ -15,52 +15,52 @@ from heli3dof.errors import RecordingError
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
 
 MIN_SAMPLES = 10
-"""Fewer say nothing about anything."""
+"""Samples; a shorter log is refused (a convention)"""
 GAP = 1.5
-"""An interval longer than this many periods is a gap."""
+"""Periods; a longer interval is a gap. Halfway between no and one lost sample."""
 JITTER = 0.02
-"""Share of the period by which intervals may scatter (RMS) before it is said."""
+"""RMS scatter of the intervals, as a share of the period, that gives a warning (a convention)"""
 
 Where = Callable[[int], str]
 
 
 def finite(source: str, name: str, values: np.ndarray, where: Where) -> None:
-    """Raise RecordingError naming the first cell that holds no finite number."""
+    """Raise RecordingError that names the first value that is not finite."""
     bad = ~np.isfinite(values)
     if not bad.any():
         return
     k = int(np.argmax(bad))
-    kind = "NaN or nothing" if np.isnan(values[k]) else "infinity"
+    kind = "no number" if np.isnan(values[k]) else "infinity"
     count = int(bad.sum())
     raise RecordingError(
-        f"{source}: {where(k)}, column {name}, holds {kind}"
+        f"{source}: {where(k)}, column {name}: {kind}"
         + (f" (and {count - 1} more in this column)." if count > 1 else "."),
-        cause="a sample was lost, a sensor was not read, or a division by zero was logged.",
-        fix="remove these rows (a gap in time is understood) or the whole column",
+        cause="a lost sample, a sensor that was not read, or a division by zero.",
+        fix="remove these rows (gaps in time are allowed) or the whole column",
     )
 
 
 @dataclass(frozen=True)
 class Timing:
-    """How regular the samples are."""
+    """Period, jitter and gaps of the time stamps."""
 
     period_s: float
-    """Median interval."""
+    """Median interval"""
     rate_hz: float
     jitter_s: float
-    """RMS deviation of the intervals from the median, gaps aside."""
+    """RMS deviation of the intervals, gaps excluded, from the median"""
     gaps: int
-    """Number of intervals longer than 1.5 periods."""
+    """Number of intervals longer than `GAP` periods"""
     longest_gap_s: float
     lost_share: float
-    """Samples that are missing in the gaps, as a share of all that should be there."""
+    """Samples missing in the gaps, as a share of all expected samples"""
 
     def to_dict(self) -> dict[str, float]:
         return asdict(self)
 
 
 def timing(t: np.ndarray) -> Timing:
-    """The regularity of strictly increasing times (N,) s, N ≥ 2."""
+    """The `Timing` of strictly increasing times (N,) s, N ≥ 2."""
     dt = np.diff(t)
     period = float(np.median(dt))
     gap = dt > GAP * period
@@ -79,15 +79,14 @@ def long_enough(source: str, n: int) -> None:
     """Raise RecordingError for fewer than ``MIN_SAMPLES``."""
     if n < MIN_SAMPLES:
         raise RecordingError(
-            f"{source} has {n} sample{'s' * (n != 1)}; "
-            f"nothing can be said with fewer than {MIN_SAMPLES}.",
-            cause="the logging program was stopped at once, or the file was cut short.",
+            f"{source} has {n} sample{'s' * (n != 1)}; at least {MIN_SAMPLES} are needed.",
+            cause="the logging program was stopped at once, or the file is incomplete.",
             fix="record again, or copy the whole file",
         )
 
 
 def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) -> list[str]:
-    """Check that time (N,) s increases and is in seconds; warn of gaps and jitter.
+    """Raise RecordingError unless time (N,) s increases in seconds; return warnings.
 
     ``period_s`` is the profile's control period.
     """
@@ -100,7 +99,7 @@ def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) ->
             f"t_s = {t[k + 1]:.9g} after {t[k]:.9g}.",
             cause="times were printed with too few digits, or a sample was logged twice."
             if same
-            else "two logs in one file, rows out of order, or a clock that was set back.",
+            else "two logs in one file, unsorted rows, or a clock that was set back.",
             fix="print t_s with more digits, or remove the repeated rows"
             if same
             else f"keep one log per file; sort the rows of {source} by t_s",
@@ -109,7 +108,7 @@ def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) ->
     for factor, unit in ((1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")):
         if 0.5 < found.period_s / (period_s * factor) < 2:
             raise RecordingError(
-                f"{source}: t_s steps by {found.period_s:.6g}, and the profile's period is "
+                f"{source}: t_s steps by {found.period_s:.6g}; the profile's period is "
                 f"{period_s:.6g} s.",
                 cause=f"t_s is in {unit}.",
                 fix=f"divide t_s by {factor:.0f}",
@@ -117,8 +116,8 @@ def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) ->
     warnings: list[str] = []
     if abs(found.period_s / period_s - 1) > 0.02:
         warnings.append(
-            f"Sampled at {found.rate_hz:.6g} Hz, but the profile's loop runs at "
-            f"{1 / period_s:.6g} Hz: the voltage between two samples is not known."
+            f"Sampled at {found.rate_hz:.6g} Hz, but the profile's loop.rate_hz is "
+            f"{1 / period_s:.6g} Hz: the voltages between samples are unknown."
         )
     if found.gaps:
         warnings.append(
@@ -127,48 +126,47 @@ def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) ->
         )
     if found.jitter_s > JITTER * found.period_s:
         warnings.append(
-            f"Time is jittery: intervals scatter by {1e3 * found.jitter_s:.3g} ms (RMS) about "
+            f"Sampling jitter: the intervals scatter by {1e3 * found.jitter_s:.3g} ms (RMS) about "
             f"{1e3 * found.period_s:.4g} ms."
         )
     return warnings
 
 
 def punctual(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -> list[str]:
-    """A warning where the motion says that samples were not taken when ``t`` (N,) s says.
+    """A warning of jitter in the angles (N, 3) rad that the times ``t`` (N,) s do not show.
 
-    angle (N, 3) rad; see `heli3dof.recording.logs.sampling_jitter`.
+    See `heli3dof.recording.logs.sampling_jitter`.
     """
     found = motion_jitter(t, angle, rad_per_count)
     if not found.found:
         return []
     return [
-        f"The clock looks even, but the angles were sampled ±{1e3 * found.sigma_s:.2g} ms (RMS) "
-        "off it: all axes jump together in proportion to their rates. The logging host was late "
-        "and caught up; every rate taken from this log is noisy, and fits must allow for it."
+        f"Hidden sampling jitter of ±{1e3 * found.sigma_s:.2g} ms (RMS): all axes jump together in "
+        "proportion to their rates. Likely cause: the logging host was late and caught up. Angular "
+        "rates from this log are noisy."
     ]
 
 
 def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> list[str]:
-    """Check the voltages against the amplifier's limit ``v_max`` (V); warn of a constant input."""
+    """Raise RecordingError for voltages far above the limit ``v_max`` (V); return warnings."""
     warnings: list[str] = []
     for name, v in (("v_front_V", front), ("v_back_V", back)):
         top = float(np.abs(v).max())
         if top > 20 * v_max:
             raise RecordingError(
-                f"{source}: {name} reaches {top:.6g}; the profile's amplifier ends at "
-                f"±{v_max:.6g} V.",
-                cause="millivolts or DAC counts instead of volts, or what the controller asked "
-                "for instead of what reached the amplifier.",
-                fix=f"convert it to volts; name what was asked for {name[:-2]}_cmd_V",
+                f"{source}: {name} reaches {top:.6g}; the profile's limit is ±{v_max:.6g} V.",
+                cause="millivolts or DAC counts instead of volts, or the command instead of the "
+                "limiter's output.",
+                fix=f"convert it to volts; rename a command to {name[:-2]}_cmd_V",
             )
         if top > 1.001 * v_max:
             warnings.append(
                 f"{name} reaches {top:.4g} V, beyond the profile's limit of ±{v_max:.4g} V: "
-                "another profile, or the voltage before the limiter."
+                "another rig's profile, or the command before the limiter."
             )
     if np.ptp(front) == 0 and np.ptp(back) == 0:
         warnings.append(
             f"The input is constant ({front[0]:.4g} V and {back[0]:.4g} V throughout): "
-            "nothing can be identified from it."
+            "no model can be identified."
         )
     return warnings

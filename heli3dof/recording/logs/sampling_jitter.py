@@ -1,21 +1,20 @@
-"""Samples that were not taken when the log says: found from the motion itself.
+"""Estimate sampling jitter from the motion, when the log's time stamps do not show it.
 
-A log may carry an even clock although its host sampled in bursts. If sample k was really taken
-δ_k later than t_k, every angle is off by the same time::
+If a host sampled in bursts but logged an even clock, sample k was taken δ_k later than t_k, and all
+angles are displaced by the same time::
 
     y_i(t_k + δ_k) ≈ y_i(t_k) + ẏ_i δ_k
 
-Each angle is fitted by a parabola over ± `HALF_WINDOW_S`; e_i is what is left at the middle, over
-√(1 − h) for the middle's own weight h in the fit. Encoder steps and the rig's own motion are not
-shared between axes, δ is. So over pairs of axes
+A parabola is fitted to each angle over ± `HALF_WINDOW_S`. e_i is its residual at the middle,
+divided by √(1 − h), h the middle's weight in the fit. Axes share δ, but not encoder steps or
+motion, so over pairs of axes
 
     σ_t² = Σ u e_i e_j w / Σ u w²,      w = ẏ_i ẏ_j,    u = 1 / (s_i² s_j²),  s² = q²/12 + (τ ẏ)²
 
-where u weighs by what scatters (q the encoder's step, τ = `SCALE_S`). With one axis alone it is
-the slope of e² against ẏ². The standard deviation is a jackknife over blocks of `BLOCK_S`. Where
-two axes move together in few blocks only, it is itself known badly: with b the blocks' shares of
-the lower sum there are ν = 1/Σ b² − 1 degrees of freedom, and σ_t² over its standard deviation is
-Student's t. Bursts longer than the window are seen in part only: the true jitter is then larger.
+with the encoder's step q and τ = `SCALE_S`. For a single axis, σ_t² is the slope of e² over ẏ². Its
+standard deviation is a jackknife over blocks of `BLOCK_S`; with the blocks' shares b of the
+denominator, σ_t² over it follows Student's t with ν = 1/Σ b² − 1 degrees of freedom. Bursts longer
+than the window are seen only in part, so the true jitter is then larger.
 """
 
 from __future__ import annotations
@@ -27,27 +26,27 @@ import numpy as np
 HALF_WINDOW_S = 0.03
 SCALE_S = 1e-3
 LEAST = 2
-"""Samples on either side of the middle, at least: a parabola takes three."""
+"""Samples on each side of the middle, at least; a parabola needs three in all"""
 BLOCK_S = 0.25
 CHANCE = 5e-4
-"""That an even clock is taken for one that jitters."""
+"""Probability of reporting jitter for an even clock"""
 WORTH_SAYING_S = 2e-4
 EVEN = 1e-6
-"""Share of the period below which a clock's scatter is its print."""
+"""Share of the period; a smaller scatter of the time stamps is their rounding."""
 
 
 @dataclass(frozen=True)
 class MotionJitter:
-    """What the motion says of the clock: σ_t and the standard deviation of σ_t², both by s."""
+    """The estimated jitter σ_t (s) and the standard deviation of σ_t² (s²)."""
 
     sigma_s: float
     variance_std_s2: float
     freedom: float = np.inf
-    """ν, of that standard deviation"""
+    """ν, the degrees of freedom of that standard deviation"""
 
     @property
     def found(self) -> bool:
-        """True when there is jitter beyond doubt, and enough to matter."""
+        """True if the jitter is significant and above `WORTH_SAYING_S`."""
         from scipy.stats import t
 
         if not self.sigma_s > WORTH_SAYING_S:
@@ -61,28 +60,28 @@ NONE_FOUND = MotionJitter(0.0, np.inf)
 def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -> MotionJitter:
     """σ_t of samples with times t (N,) s and angles (N, 3) rad (NaN: not measured).
 
-    ``rad_per_count`` (3,): an axis that moves less than two steps in the window says nothing.
+    An axis that moves by less than two steps ``rad_per_count`` (3,) in the window is not used.
     """
     dt = float(np.median(np.diff(t)))
     half = max(LEAST, round(HALF_WINDOW_S / dt))
     axes = [i for i in range(3) if np.isfinite(angle[:, i]).all()]
     if not axes or len(t) < 20 * half:
         return NONE_FOUND
-    left, rates = [], []
+    residuals, rates = [], []
     for i in axes:
-        e, rate = _left_over(t, angle[:, i], half)
+        e, rate = _residual(t, angle[:, i], half)
         moves = np.abs(rate) * 2 * half * dt > 2 * abs(rad_per_count[i])
-        left.append(np.where(moves, e, np.nan))
+        residuals.append(np.where(moves, e, np.nan))
         rates.append(rate)
     blocks = ((t[half:-half] - t[0]) / BLOCK_S).astype(int)
     if len(axes) == 1:
-        return _alone(left[0], rates[0], blocks)
+        return _single_axis(residuals[0], rates[0], blocks)
     top = np.zeros(blocks[-1] + 1)
     below = np.zeros_like(top)
     for j in range(len(axes)):
         for i in range(j):
             w = rates[i] * rates[j]
-            product = left[i] * left[j]
+            product = residuals[i] * residuals[j]
             u = 1 / (_scatter(rates[i], rad_per_count[i]) * _scatter(rates[j], rad_per_count[j]))
             there = np.isfinite(product)
             top += np.bincount(blocks[there], (u * product * w)[there], len(top))
@@ -90,13 +89,13 @@ def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -
     return _jackknife(top, below)
 
 
-def _left_over(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """(N − 2 half,) what a local parabola leaves in the middle, rescaled, and its slope there."""
+def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
+    """(N − 2 half,) the rescaled residual at the middle of a local parabola, and its slope."""
     width = 2 * half + 1
     windows = np.lib.stride_tricks.sliding_window_view
     T = windows(t, width) - t[half:-half, None]
     even = float(np.ptp(np.diff(t))) < EVEN * float(t[1] - t[0])
-    if even:  # one window stands for all
+    if even:  # all windows are alike
         T = T[:1]
     scale = float(np.abs(T).max())
     X = np.stack([np.ones_like(T), T / scale, (T / scale) ** 2], axis=2)
@@ -111,11 +110,11 @@ def _left_over(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.
 
 
 def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
-    """(N,) rad², the variance that weighs one axis: its encoder's, and a likely jitter's."""
+    """(N,) rad², one axis' variance for the weights: its encoder's, and a likely jitter's."""
     return np.asarray(step**2 / 12 + (SCALE_S * rate) ** 2)
 
 
-def _alone(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJitter:
+def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJitter:
     """One axis: e² = const + σ_t² ẏ², least squares."""
     there = np.isfinite(e)
     if there.sum() < 100:
@@ -129,7 +128,7 @@ def _alone(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJitter:
 
 
 def _jackknife(top: np.ndarray, below: np.ndarray) -> MotionJitter:
-    """Σ top / Σ below, and its standard deviation from leaving blocks out one at a time."""
+    """Σ top / Σ below, with its jackknife standard deviation."""
     kept = below > 0
     top, below = top[kept], below[kept]
     n = len(top)

@@ -1,7 +1,7 @@
-"""Where a recording's chunks stand, found again in the file itself once it is written.
+"""Build the chunk index by reading the finished file's chunk heads.
 
-A list kept in flight would grow by a row every 0.15 s. Each chunk's head holds all that its index
-needs, and the message indexes behind it are as long as its rows make them:
+A list kept during the flight would grow by an entry every 0.15 s. Each chunk's head contains the
+data of its index entry, and the length of its message indexes follows from its rows:
 
     n = uncompressed size / stride        each of the message indexes: 15 + 16 n bytes
 
@@ -25,18 +25,18 @@ CODEC = "zstd"
 HEAD = struct.Struct(f"<BQQQQII{len(CODEC)}sQ")
 """opcode, length; start, end, uncompressed size, checksum, codec, compressed size"""
 INDEX_HEAD = struct.Struct("<BQHI")
-"""Of a message index: opcode, length, channel, length of the entries"""
+"""A message index: opcode, length, channel, length of the entries"""
 BATCH = 256
-"""Chunks that are looked up before the first of them is written: a seek back for them all"""
+"""Chunk heads read before their index entries are written, with one seek back per batch"""
 
 
 def chunk_indexes(
     stream: BinaryIO, span: tuple[int, int], count: int, rows: RowFormat
 ) -> Iterator[ChunkIndex]:
-    """The index of each of the ``count`` chunks that stand at ``span`` (bytes: from, to).
+    """The index entry of each of the ``count`` chunks within ``span`` (bytes: from, to).
 
-    Whenever one is yielded the stream stands at its end, for more to be written. Raises OSError
-    where the file does not hold what was written.
+    At each yield the stream's position is its end. Raises OSError if the file does not contain what
+    was written.
     """
     at, end = span
     while at < end:
@@ -53,7 +53,7 @@ def chunk_indexes(
 
 
 def _at(stream: BinaryIO, at: int, rows: RowFormat) -> tuple[ChunkIndex | None, int]:
-    """The chunk that stands here, if it is one, and where the next record begins."""
+    """The index entry of the record at offset ``at``, None if it is no chunk; the next offset."""
     stream.seek(at)
     head = stream.read(HEAD.size)
     if len(head) < 9 or not head[0]:
@@ -82,4 +82,4 @@ def _at(stream: BinaryIO, at: int, rows: RowFormat) -> tuple[ChunkIndex | None, 
 
 
 def _gone() -> OSError:
-    return OSError(errno.EIO, "what was written is not there any more")
+    return OSError(errno.EIO, "the file no longer contains what was written")

@@ -1,10 +1,9 @@
-"""`RecordingWriter`: keeps a flight while it is flown, and loses little whatever happens.
+"""`RecordingWriter`: records a flight while it runs, with bounded losses.
 
-The loop's side of a row is one ``struct.pack`` and one append; a thread gathers the rows
-of ``CHUNK_S`` into chunks, another sees them onto the disk. A process that is killed loses the
-rows of the chunk in progress, a power cut those of the last half second; a disk that is full, or
-too slow for `BEHIND_MOST` rows, is reported to the loop at its next `append`, with all earlier
-chunks kept.
+The loop packs and appends a row. One thread writes the rows of ``CHUNK_S`` as a chunk, another
+synchronises the file. A killed process loses the chunk in progress, a power cut the last half
+second. If the disk is full, or `BEHIND_MOST` rows wait for it, the next `append` raises an error;
+earlier chunks are kept.
 """
 
 from __future__ import annotations
@@ -29,11 +28,11 @@ from heli3dof.rig.profile import Profile
 from heli3dof.write_errors import FULL, explained
 
 CHUNK_S = 0.15
-"""s of wall-clock time after which a chunk is closed and handed to the system."""
+"""s of wall-clock time per chunk"""
 _HALF, _MASK = 1 << 31, (1 << 32) - 1
-"""Counts are kept in 32 bits, as encoders count them"""
+"""For wrapping encoder counts to signed 32 bits"""
 BEHIND_MOST = 60_000
-"""Rows that may wait for the disk: two minutes at 500 Hz, some 25 MB."""
+"""Rows that may wait for the disk: two minutes at 500 Hz, about 25 MB"""
 
 
 class RecordingWriter:
@@ -46,7 +45,7 @@ class RecordingWriter:
             recording.append(row)
             recording.outcome("completed")
 
-    Leaving the block with an exception records the outcome ``error`` and what it said.
+    An exception in the block is recorded as the outcome ``error`` with its message.
     """
 
     def __init__(
@@ -75,9 +74,9 @@ class RecordingWriter:
         self._format = RowFormat()
         most = rows_of_chunk(self._format)
         self._room = memoryview(bytearray(most * self._format.stride))
-        """The rows of a chunk in progress"""
+        """The rows of the chunk in progress"""
         about = {"name": self.path.stem, **(meta or {}), "start_ns": self.start_ns}
-        ours_to_remove = not self.path.exists()
+        is_new = not self.path.exists()
         with explained(self.path):
             self._stream: BinaryIO = self.path.open(  # type: ignore[assignment]
                 mode(self.path, force=force), buffering=0
@@ -87,19 +86,16 @@ class RecordingWriter:
                 self._file.start({PROFILE: profile_record(profile), PROVENANCE: about})
             except BaseException:
                 self._stream.close()
-                if ours_to_remove:  # what stood there before may be a device, or somebody's link
+                if is_new:  # an existing path may be a device or a link
                     self.path.unlink(missing_ok=True)
                 raise
         self._syncer = Syncer(self._stream.fileno())
-        # A daemon: a program that dies without closing must not hang on its recorder.
+        # A daemon thread does not keep a crashed program alive.
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
     def append(self, row: Row) -> None:
-        """Keep a row: a sample, the command computed from it, and what came of it.
-
-        Raises NoSpace or RecordingError when the recorder could not keep earlier rows.
-        """
+        """Record a row. Raises NoSpace or RecordingError if earlier rows could not be written."""
         if self._failure is not None:
             self._raise_failure()
         if len(self._rows) >= BEHIND_MOST:
@@ -127,20 +123,20 @@ class RecordingWriter:
 
     @property
     def rows(self) -> int:
-        """How many rows were appended."""
+        """The number of appended rows."""
         return self._count
 
     def outcome(self, outcome: str, **details: Any) -> None:
-        """Say how the flight ended: ``completed``, ``tripped``, ``interrupted``, ``device`` …
+        """Set the outcome: ``completed``, ``tripped``, ``interrupted``, ``device`` …
 
-        Written last, when the recording is closed; the last call counts.
+        `close` writes it; a later call replaces an earlier one.
         """
         self._outcome = {"outcome": outcome, **details}
 
     def close(self) -> None:
-        """Write what is left, the outcome and the summary, and see them onto the disk.
+        """Write the remaining rows, the outcome and the summary, and synchronise the file.
 
-        Raises NoSpace or RecordingError when not everything could be kept. Idempotent.
+        Raises NoSpace or RecordingError if rows were lost. Idempotent.
         """
         if self._closed:
             return
@@ -166,14 +162,14 @@ class RecordingWriter:
         trace: TracebackType | None,
     ) -> None:
         if error is not None and not self._outcome:
-            said = error.what if isinstance(error, Heli3dofError) else str(error)
-            self.outcome("error", reason=f"{type(error).__name__}: {said}")
+            message = error.what if isinstance(error, Heli3dofError) else str(error)
+            self.outcome("error", reason=f"{type(error).__name__}: {message}")
         try:
             self.close()
         except RecordingError as lost:
             if error is None:
                 raise
-            error.add_note(str(lost))  # the first error is the one to report
+            error.add_note(str(lost))  # the first error is the one that propagates
 
     def _run(self) -> None:
         try:
@@ -185,7 +181,7 @@ class RecordingWriter:
 
     def _drain(self) -> None:
         stride, room, next_row = self._format.stride, self._room, self._rows.popleft
-        n = left = len(self._rows)  # appends meanwhile stay behind
+        n = left = len(self._rows)  # rows appended from now on wait for the next chunk
         while left:
             size = min(left * stride, len(room))
             for at in range(0, size, stride):
@@ -198,7 +194,7 @@ class RecordingWriter:
             raise self._syncer.failure
 
     def _finish(self) -> None:
-        """Outcome and summary; after a failed write, behind the last whole chunk if they fit."""
+        """Write outcome and summary; after a failed write, following the last complete chunk."""
         outcome = {"outcome": "unknown", **self._outcome, "rows": self._file.row_count}
         if self._failure is not None:
             outcome["rows_lost"] = self._count - self._file.row_count
@@ -220,7 +216,7 @@ class RecordingWriter:
 
     def _raise_behind(self) -> None:
         raise RecordingError(
-            f"The disk under {self.path} does not keep up: {len(self._rows)} samples wait for it.",
+            f"The disk of {self.path} is too slow: {len(self._rows)} samples wait to be written.",
             cause="it is slow, asleep or busy (a network drive, a full SD card, a backup).",
             fix="record to a local disk with -o, and copy the file afterwards",
         )
@@ -231,7 +227,7 @@ class RecordingWriter:
         if isinstance(error, OSError) and error.errno in FULL:
             raise NoSpace(
                 f"There is no space left for {self.path}: the first {kept} of {self._count} "
-                "samples are kept, the rest is lost.",
+                "samples are kept, the others are lost.",
                 cause="the disk or the quota is full.",
                 fix=f"df -h {self.path.parent}; free some space, then heli3dof info {self.path} "
                 f"(and heli3dof recover {self.path} if it is torn)",
@@ -244,5 +240,5 @@ class RecordingWriter:
 
 
 def profile_record(profile: Profile) -> dict[str, Any]:
-    """The profile as its metadata record holds it."""
+    """The content of the profile's metadata record."""
     return {"name": profile.name, "profile": profile.to_dict()}

@@ -1,9 +1,9 @@
-"""Seeing a file onto the disk while it is still being written.
+"""Synchronise a file to the disk while it is being written.
 
-What a program has written survives its death, but not the machine's: the system keeps it in
-memory for up to half a minute. A thread of its own asks for it to be put on the disk, again and
-again, as soon as there is something new. A slow disk holds up this thread only, neither the
-recorder nor (the call runs without the interpreter's lock) the loop.
+Written data survive the end of the process, but not a power cut: the system keeps them in memory
+for up to half a minute. A separate thread therefore calls fdatasync whenever there are new data. A
+slow disk delays this thread, but neither the recorder nor the loop, since the call releases the
+interpreter's lock.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ import os
 import threading
 
 SYNC_S = 0.15
-"""s at least between the end of one and the start of the next"""
+"""s, minimum pause between two calls"""
 NO_DISK = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
-"""What pipes and some network file systems say: there is nothing to be synced."""
+"""Errors of pipes and some network file systems, which cannot be synchronised"""
 
-_sync = getattr(os, "fdatasync", os.fsync)  # macOS has only the latter
+_sync = getattr(os, "fdatasync", os.fsync)  # macOS has no fdatasync
 
 
 class Syncer:
-    """Keeps an open file's data on the disk; `failure` holds what went wrong."""
+    """Synchronises an open file; `failure` is the error that stopped it."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -32,11 +32,11 @@ class Syncer:
         self._thread.start()
 
     def written(self) -> None:
-        """There is something new in the file."""
+        """Report new data in the file."""
         self._news.set()
 
     def close(self) -> None:
-        """Leave the file alone from now on. Idempotent."""
+        """Stop synchronising. Idempotent."""
         self._closing.set()
         self._news.set()
         self._thread.join()

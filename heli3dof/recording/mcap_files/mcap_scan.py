@@ -1,7 +1,7 @@
-"""Walking through an MCAP file, whole or torn, and telling what a file is that is none.
+"""Scan the records of an MCAP file, complete or torn; describe a file that is no MCAP.
 
-The ``mcap`` library's readers go message by message, or stop at the first damage with an
-exception; here the records are found first, and whoever asked decides what a tear means.
+The ``mcap`` library's readers stop with an exception at the first damage. Here the records are
+found first, and the caller decides how to handle a torn file.
 """
 
 from __future__ import annotations
@@ -26,29 +26,36 @@ from mcap.records import Channel, Metadata, Schema
 
 from heli3dof.errors import RecordingError
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC
+from heli3dof.recording.mcap_files.schema import (
+    CHANNELS_TOPIC,
+    COMMAND,
+    SAMPLE,
+    Layout,
+    channels_layout,
+)
 
 _RECORD = struct.Struct("<BQ")
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, length of the codec's name
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
-_thread = threading.local()  # a decompressor is quick to use again, and belongs to one thread
+_thread = threading.local()  # a decompressor is reused, and belongs to one thread
 LARGEST_CHUNK = 1 << 30
-"""bytes; a chunk that claims more is taken for damaged rather than given the memory."""
+"""bytes (1 GiB, a convention): a chunk that claims more is damaged; its memory is not allocated."""
 
 
 class Damaged(Exception):
-    """Bytes that are not what was written."""
+    """The bytes differ from what was written."""
 
 
 @dataclass(frozen=True)
 class Scan:
-    """The records of an MCAP file's data section: opcode, start and end of each content."""
+    """The records of an MCAP file's data section: opcode, start and end of their content."""
 
     data: bytes
     records: list[tuple[int, int, int]]
     whole: bool
-    """True when the file ends as it should: footer and magic."""
+    """True when the file ends with footer and magic."""
     good: int
-    """Offset behind the last whole record."""
+    """Offset after the last complete record."""
 
     def of(self, opcode: int) -> Iterator[bytes]:
         """The contents of all records of one kind, in order."""
@@ -56,7 +63,7 @@ class Scan:
 
     @property
     def intact(self) -> bool:
-        """True when the checksum over the data section, where there is one, is right."""
+        """True when the data section's checksum is right, or there is none."""
         if not self.records or self.records[-1][0] != Opcode.DATA_END:
             return True
         _, start, end = self.records[-1]
@@ -65,10 +72,10 @@ class Scan:
 
     @cached_property
     def metadata(self) -> dict[str, dict[str, Any]]:
-        """Name → contents of the metadata records, their JSON values decoded.
+        """Name → contents of the metadata records, with their JSON values decoded.
 
-        Records that make no sense are passed over, so that samples can be had without them;
-        ``intact`` tells that something is wrong.
+        Unreadable records are skipped, so that the samples remain readable; ``intact`` is then
+        False.
         """
         found: dict[str, dict[str, Any]] = {}
         for content in self.of(Opcode.METADATA):
@@ -81,7 +88,7 @@ class Scan:
 
     @cached_property
     def schemas(self) -> dict[int, Schema]:
-        """Id → schema, wherever it stands (chunks are only opened where they must be)."""
+        """Id → schema. Chunks are decompressed only if no schema is outside of them."""
         return {s.id: s for s in (_read(Schema, c) for c in self._anywhere(Opcode.SCHEMA))}
 
     @cached_property
@@ -118,12 +125,38 @@ def scan(data: bytes) -> Scan:
     records, good = records_in(data, len(MAGIC))
     end = next((i for i, r in enumerate(records) if r[0] == Opcode.DATA_END), None)
     ended = end is not None and records[-1][0] == Opcode.FOOTER and data[good:] == MAGIC
-    # The summary repeats schemas and channels without our checksum: it is not looked at.
+    # The summary repeats schemas and channels without a checksum, so it is ignored.
     return Scan(data, records if end is None else records[: end + 1], ended, good)
 
 
+def our_layouts(found: Scan) -> list[Layout] | None:
+    """The message layouts of a file that heli3dof wrote; None for another program's file."""
+    by_topic = {c.topic: c for c in found.channels.values()}
+    layouts = [SAMPLE, COMMAND]
+    if CHANNELS_TOPIC in by_topic:
+        layouts.append(channels_layout(channel_names(found)))
+    for layout in layouts:
+        channel = by_topic.get(layout.topic)
+        schema = None if channel is None else found.schemas.get(channel.schema_id)
+        if schema is None or schema.data != layout.descriptor_set:
+            return None
+    return layouts
+
+
+def channel_names(found: Scan) -> list[str]:
+    """The names of the further channels, from the MCAP channel's metadata. Raises Damaged."""
+    for channel in found.channels.values():
+        if channel.topic == CHANNELS_TOPIC:
+            try:
+                names: list[str] = json.loads(channel.metadata["columns"])
+                return names
+            except (KeyError, json.JSONDecodeError) as error:
+                raise Damaged("the names of its further channels are unreadable") from error
+    return []
+
+
 def records_in(data: bytes, at: int = 0) -> tuple[list[tuple[int, int, int]], int]:
-    """The whole records from offset ``at``, up to a footer, and the offset behind the last."""
+    """The complete records from offset ``at`` to a footer, and the offset after the last one."""
     records: list[tuple[int, int, int]] = []
     size, unpack = len(data), _RECORD.unpack_from
     while at + 9 <= size:
@@ -159,7 +192,7 @@ def _uncompress(codec: str, packed: bytes, size: int) -> bytes:
         return packed
     if codec == "zstd":
         if zstandard.frame_content_size(packed) > size:
-            raise Damaged("a chunk is longer than it says")
+            raise Damaged("a chunk is longer than its header states")
         if not hasattr(_thread, "decompress"):
             _thread.decompress = zstandard.ZstdDecompressor().decompress
         data: bytes = _thread.decompress(packed, size)
@@ -183,11 +216,11 @@ def _message(content: bytes) -> tuple[int, int, bytes]:
 
 
 def _read(kind: Any, content: bytes) -> Any:
-    """One record by the library. Raises Damaged where its bytes make no sense."""
+    """One record, decoded by the library. Raises Damaged."""
     try:
         return kind.read(ReadDataStream(BytesIO(content)))
     except (McapError, struct.error, UnicodeDecodeError) as error:
-        raise Damaged(f"a {kind.__name__} record makes no sense: {error}") from error
+        raise Damaged(f"a {kind.__name__} record is unreadable: {error}") from error
 
 
 def _from_json(text: str) -> Any:
@@ -198,7 +231,7 @@ def _from_json(text: str) -> Any:
 
 
 def read_bytes(path: Path) -> bytes:
-    """A file's bytes. Raises RecordingError naming the nearest file where there is none."""
+    """A file's bytes. Raises RecordingError, which for a missing file names the nearest one."""
     try:
         return path.read_bytes()
     except FileNotFoundError:
@@ -212,13 +245,13 @@ def read_bytes(path: Path) -> bytes:
     except OSError as error:
         raise RecordingError(
             f"{path} cannot be read: {error.strerror}.",
-            cause="the file belongs to someone else, or the disk has a fault.",
+            cause="you have no permission to read it, or the disk has a fault.",
             fix=f"ls -l {path}",
         ) from error
 
 
 def missing(path: Path) -> RecordingError:
-    """The error for a recording that is not there, with the nearest name in its folder."""
+    """The error for a missing recording, with the nearest name in its folder."""
     near: list[str] = []
     if path.parent.is_dir():
         names = [p.name for p in path.parent.iterdir() if p.is_file()]
@@ -232,14 +265,23 @@ def missing(path: Path) -> RecordingError:
     )
 
 
+def damaged(path: Path, error: Damaged) -> RecordingError:
+    """The error for a complete file with changed bytes."""
+    return RecordingError(
+        f"{path} is damaged: {error}.",
+        cause="the disk or a network copy changed some bytes.",
+        fix=f"copy it again, or recover the intact part: heli3dof recover {path}",
+    )
+
+
 _SIGNATURES = (
-    (b"\x89HDF\r\n\x1a\n", "an HDF5 file (a MAT-file of version 7.3, perhaps)"),
+    (b"\x89HDF\r\n\x1a\n", "an HDF5 file (possibly a MAT-file of version 7.3)"),
     (b"MATLAB 7.3", "a MAT-file of version 7.3"),
     (b"MATLAB 5.0", "a MAT-file"),
     (b"\x1f\x8b", "a gzip-compressed file"),
     (b"PK\x03\x04", "a ZIP archive or a spreadsheet"),
     (b"PAR1", "a Parquet file"),
-    (b"SQLite format 3", "an SQLite database (a ROS 2 bag, perhaps)"),
+    (b"SQLite format 3", "an SQLite database (possibly a ROS 2 bag)"),
     (b"#ROSBAG", "a ROS 1 bag"),
     (b"\x89PNG", "a PNG picture"),
     (b"%PDF", "a PDF document"),
@@ -247,14 +289,14 @@ _SIGNATURES = (
 
 
 def what_is(data: bytes) -> str:
-    """What a file is, from its first bytes: half a sentence for an error message."""
+    """A file's kind by its first bytes, as words for an error message."""
     if not data:
         return "an empty file"
     for signature, name in _SIGNATURES:
         if data.startswith(signature):
             return name
     if data.startswith(MAGIC[:5]):
-        return "the beginning of an MCAP file, or of another version of it"
+        return "an incomplete MCAP file, or one of another version"
     try:
         text = data[:4096].decode("utf-8-sig", errors="strict")
     except UnicodeDecodeError as error:
@@ -265,7 +307,7 @@ def what_is(data: bytes) -> str:
         return "a binary file of an unknown kind"
     line = text.split("\n", 1)[0]
     if line.lstrip().startswith(("{", "[")) and not line.count(","):
-        return "text, perhaps JSON or TOML"
+        return "text, possibly JSON or TOML"
     if any(line.count(separator) >= 2 for separator in ",;\t"):
-        return "a table in text, perhaps CSV"
+        return "a text table, possibly CSV"
     return "text"

@@ -1,10 +1,9 @@
-"""The MCAP file around the rows: header, metadata, schemas, chunks of whole rows, summary.
+"""Write an MCAP file: header, metadata, schemas, chunks of rows, summary.
 
-The records are the ``mcap`` library's; only chunks are ours
-(`heli3dof.recording.mcap_files.chunk`), because their messages come as whole packed rows. A chunk
-with its message indexes is one write, so that a process that is killed leaves whole chunks behind,
-and the bulk of the work (compression, checksum, disk) runs without the interpreter's lock: the
-control loop in the same process keeps its deadlines.
+The ``mcap`` library encodes all records but the chunks, whose messages are packed rows
+(`heli3dof.recording.mcap_files.chunk`). A chunk with its message indexes is one write, so a killed
+process leaves complete chunks. Compression, checksum and disk access release the interpreter's
+lock, so the control loop in the same process keeps its deadlines.
 """
 
 from __future__ import annotations
@@ -40,15 +39,14 @@ PROFILE = "heli3dof.profile"
 PROVENANCE = "heli3dof.provenance"
 OUTCOME = "heli3dof.outcome"
 SUMMARY_BYTES = 64 * 1024
-"""The summary is written in pieces of this size."""
+"""The summary is written in parts of this size."""
 
 
 class McapFile:
-    """Writes one recording to an unbuffered binary stream, and keeps nothing of what it wrote.
+    """Writes one recording to an unbuffered binary stream.
 
-    Where the stream can be read, `finish` finds the chunks in it and adds their index; a pipe has
-    to do without. ``good`` is the offset behind the last record that was written whole: what lies
-    beyond it after a failed write may be cut off.
+    If the stream can be read, `finish` adds an index of its chunks; a pipe has none. ``good`` is
+    the offset after the last complete record: after a failed write, the rest may be cut off.
     """
 
     def __init__(
@@ -62,9 +60,9 @@ class McapFile:
         self._chunks = ChunkMaker(rows)
         self._metadata: list[MetadataIndex] = []
         self._first = 0
-        """Where the first chunk may stand"""
+        """Offset of the first chunk"""
         self._times: tuple[int, int] | None = None
-        """Of the first and the last message"""
+        """Of the first and the last message, ns"""
         self.chunk_count = 0
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
@@ -80,7 +78,7 @@ class McapFile:
             self._channels.append(Channel(number, layout.topic, "protobuf", about, number))
 
     def start(self, metadata: Mapping[str, Mapping[str, Any]]) -> None:
-        """Magic, header and the metadata that stand first, then schemas and channels."""
+        """Write magic, header, metadata, schemas and channels."""
         builder = RecordBuilder()
         builder.write(MAGIC)
         Header(profile="", library=LIBRARY).write(builder)
@@ -93,7 +91,7 @@ class McapFile:
         self._first = self.good
 
     def add_metadata(self, name: str, data: Mapping[str, Any]) -> None:
-        """A Metadata record; every value is JSON text."""
+        """Write a Metadata record; every value is JSON text."""
         builder = RecordBuilder()
         Metadata(name, {k: to_json(v) for k, v in data.items()}).write(builder)
         offset, length = self.good, builder.count
@@ -101,7 +99,7 @@ class McapFile:
         self._metadata.append(MetadataIndex(offset, length, name))
 
     def write_chunk(self, data: bytes | memoryview) -> None:
-        """One chunk of whole rows, with its message indexes, in one write."""
+        """Write a chunk of rows with its message indexes, in one call."""
         chunk, rows, (start, end) = self._chunks.make(data)
         self._write(chunk)
         before = self._times or (start, end)
@@ -110,12 +108,12 @@ class McapFile:
         self.row_count += rows
 
     def finish(self) -> None:
-        """The summary and the closing magic."""
+        """Write the summary and the closing magic."""
         before = self.good
         try:
             self._finish()
         except OSError:
-            self.good = before  # a data section that was declared ended is of no use alone
+            self.good = before  # DataEnd without a summary is invalid
             raise
 
     def _finish(self) -> None:
@@ -123,7 +121,7 @@ class McapFile:
         builder = RecordBuilder()
         DataEnd(self._crc).write(builder)
         self._put(builder)
-        self._crc = 0  # from here on of the summary
+        self._crc = 0  # from here on, the summary's
         start = self.good
         offsets: list[SummaryOffset] = []
         groups: tuple[tuple[Opcode, Iterable[Any]], ...] = (
@@ -184,7 +182,7 @@ class McapFile:
 
 
 def to_json(value: Any) -> str:
-    """JSON text of a value of ``Recording.meta``; numpy's scalars and arrays are allowed."""
+    """JSON text of a value; numpy scalars and arrays are allowed."""
     return json.dumps(value, default=_plain, ensure_ascii=False)
 
 

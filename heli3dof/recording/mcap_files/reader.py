@@ -1,13 +1,12 @@
-"""`read_recording`: an MCAP file into a `Recording`, in bulk.
+"""`read_recording`: an MCAP file as a `Recording`.
 
-Our own chunks are whole packed rows: they are checked and taken as arrays, 60 s at 500 Hz in
-some tens of milliseconds. The same messages in another order (rewritten by other tools) are
-gathered one by one; files of other programs go through `heli3dof.recording.logs.mcap_import`.
+heli3dof's own chunks are packed rows, which are checked and read as arrays (60 s at 500 Hz take
+tens of milliseconds). If another tool rewrote the file, the messages are read one by one. Files of
+other programs are imported (`heli3dof.recording.logs.import_log`).
 """
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -15,34 +14,31 @@ import numpy as np
 from mcap.opcode import Opcode
 
 from heli3dof.errors import ProfileError, RecordingError
+from heli3dof.recording.logs.import_log import import_log
 from heli3dof.recording.mcap_files.mcap_scan import (
     Damaged,
     Scan,
+    channel_names,
+    damaged,
     decode_chunk,
+    our_layouts,
     read_bytes,
     records_in,
     scan,
     what_is,
 )
 from heli3dof.recording.mcap_files.mcap_writer import MAGIC, OUTCOME, PROFILE, PROVENANCE
-from heli3dof.recording.mcap_files.schema import (
-    CHANNELS_TOPIC,
-    COMMAND,
-    SAMPLE,
-    Layout,
-    RowFormat,
-    channels_layout,
-)
+from heli3dof.recording.mcap_files.schema import COMMAND, SAMPLE, RowFormat
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.write import ARRAYS, COLUMNS, CORE
 from heli3dof.rig.profile import Profile, profile_from_dict
 
 
 def read_recording(path: str | Path, profile: Profile | None = None) -> Recording:
-    """Read an MCAP recording: ours, or another program's with the contract's columns.
+    """Read an MCAP recording of heli3dof, or another program's with the contract's columns.
 
-    ``profile`` replaces the one in the file; a file of another program needs it. Raises
-    RecordingError for a file that is missing, torn, no MCAP, or MCAP of something else.
+    ``profile`` replaces the one in the file; another program's file needs it. Raises RecordingError
+    for a file that is missing, torn, damaged, no MCAP, or without the columns.
     """
     path = Path(path)
     found = open_mcap(path)
@@ -50,36 +46,29 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
         raise torn(path, found)
     try:
         if not found.intact:
-            raise Damaged("the checksum over its data is wrong")
+            raise Damaged("the checksum of its data is wrong")
         layouts = our_layouts(found)
         if layouts is None:
-            from heli3dof.recording.logs.mcap_import import read_foreign
-
-            foreign: Recording = read_foreign(path, found, profile)
-            return foreign
+            return import_log(path, profile)
         form = RowFormat(layouts)
         rows = _bulk_rows(found, form)
         if rows is None:
             rows = _gathered_rows(path, found, form)
     except Damaged as error:
-        raise RecordingError(
-            f"{path} is damaged: {error}.",
-            cause="the disk or a copy over the network changed some bytes.",
-            fix=f"copy it again, or heli3dof recover {path} for what is left",
-        ) from error
+        raise damaged(path, error) from error
     if not len(rows):
         ended = found.metadata.get(OUTCOME, {})
-        how = ", ".join(str(ended[key]) for key in ("outcome", "detail") if key in ended)
+        reason = ", ".join(str(ended[key]) for key in ("outcome", "detail") if key in ended)
         raise RecordingError(
-            f"{path} holds no samples" + (f": {how}." if how else "."),
+            f"{path} contains no samples" + (f": {reason}." if reason else "."),
             cause="the flight ended before its first control period.",
-            fix="fly again",
+            fix="repeat the experiment",
         )
     return decode(rows, found, profile or profile_in(found, path), path)
 
 
 def open_mcap(path: Path) -> Scan:
-    """Scan an MCAP file, torn or not. Raises RecordingError where it is none."""
+    """Scan an MCAP file, complete or torn. Raises RecordingError for any other file."""
     data = read_bytes(path)
     if not data.startswith(MAGIC):
         kind = what_is(data)
@@ -89,7 +78,7 @@ def open_mcap(path: Path) -> Scan:
             f"{path} is not an MCAP recording; it is {kind}.",
             cause="a log that was not imported yet."
             if ending
-            else "another file was meant, or the name's ending is wrong.",
+            else "you meant another file, or its ending is wrong.",
             fix=(f"mv {path} {named}; " if named != path else "")
             + f"heli3dof import {named} --profile PROFILE.toml -o {path.stem}.mcap"
             if ending
@@ -99,51 +88,25 @@ def open_mcap(path: Path) -> Scan:
 
 
 def torn(path: Path, found: Scan) -> RecordingError:
-    """The error for a file without its end."""
+    """The error for a file whose end is missing."""
     return RecordingError(
         f"{path} is torn: it ends after {found.good} bytes without its closing records.",
-        cause="the program was killed, the disk was full or the copy was cut short; "
-        "or it is still being recorded.",
+        cause="the program was killed, the disk was full, the copy is incomplete, or it is still "
+        "being recorded.",
         fix=f"heli3dof recover {path}",
     )
 
 
-def our_layouts(found: Scan) -> list[Layout] | None:
-    """The layouts of a file of ours; None for another program's file."""
-    by_topic = {c.topic: c for c in found.channels.values()}
-    layouts = [SAMPLE, COMMAND]
-    if CHANNELS_TOPIC in by_topic:
-        names = found_names(found)
-        layouts.append(channels_layout(names))
-    for layout in layouts:
-        channel = by_topic.get(layout.topic)
-        schema = None if channel is None else found.schemas.get(channel.schema_id)
-        if schema is None or schema.data != layout.descriptor_set:
-            return None
-    return layouts
-
-
-def found_names(found: Scan) -> list[str]:
-    """The names of the further channels, from the MCAP channel's metadata."""
-    for channel in found.channels.values():
-        if channel.topic == CHANNELS_TOPIC:
-            try:
-                names: list[str] = json.loads(channel.metadata["columns"])
-                return names
-            except (KeyError, json.JSONDecodeError) as error:
-                raise Damaged("the names of its further channels are lost") from error
-    return []
-
-
 def chunk_rows(data: bytes, form: RowFormat) -> np.ndarray | None:
-    """The rows of one uncompressed chunk, or None where it is laid out otherwise."""
-    if len(data) and data[0] != Opcode.MESSAGE:  # schemas and channels may stand in front
+    """The rows of one uncompressed chunk; None for another layout."""
+    if len(data) and data[0] != Opcode.MESSAGE:  # schemas and channels may come first
         front = next((a - 9 for kind, a, _ in records_in(data)[0] if kind == Opcode.MESSAGE), None)
         data = data[len(data) if front is None else front :]
     return form.parse(data)
 
 
 def _bulk_rows(found: Scan, form: RowFormat) -> np.ndarray | None:
+    """The rows of all chunks as arrays; None where the messages must be read one by one."""
     topics = [c.topic for _, c in sorted(found.channels.items())]
     if sorted(found.channels) != list(range(1, len(form.layouts) + 1)) or topics != [
         layout.topic for layout in form.layouts
@@ -157,12 +120,12 @@ def _bulk_rows(found: Scan, form: RowFormat) -> np.ndarray | None:
             rows = chunk_rows(decode_chunk(found.data[start:end]), form)
             if rows is None:
                 return None
-            parts.append(rows.view(np.uint8))  # joining structured arrays costs five times more
+            parts.append(rows.view(np.uint8))  # joining structured arrays is five times slower
     return np.concatenate(parts).view(form.dtype) if parts else form.empty(0)
 
 
 def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
-    """The same messages in any order, paired by their log times."""
+    """The rows of messages in any order, paired by their log times."""
     ids = {c.topic: i for i, c in found.channels.items()}
     payloads: dict[int, list[tuple[int, bytes]]] = {i: [] for i in ids.values()}
     for channel, log_time, payload in found.messages():
@@ -174,7 +137,7 @@ def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
             f"{len(c)} on {x.topic}" for c, x in zip(columns, form.layouts, strict=True)
         )
         raise RecordingError(
-            f"{path}: samples and commands do not belong together ({counts}).",
+            f"{path}: samples and commands do not match ({counts}).",
             cause="another tool dropped messages of one topic when it rewrote the file.",
             fix="use the original recording",
         )
@@ -183,7 +146,7 @@ def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
         part = rows[layout.name]
         part["log_time"] = part["publish_time"] = times[0]
         if any(len(m[1]) != layout.payload.itemsize for m in column):
-            raise Damaged(f"a message on {layout.topic} has a wrong length")
+            raise Damaged(f"a message on {layout.topic} has the wrong length")
         values = np.frombuffer(b"".join(m[1] for m in column), layout.payload)
         for name in layout.payload.names or ():
             if name.startswith("tag") and not (values[name] == part[name]).all():
@@ -193,7 +156,7 @@ def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
 
 
 def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recording:
-    """A `Recording` from the rows of a file of ours."""
+    """A `Recording` from the rows of a file that heli3dof wrote."""
     absent = set(found.metadata.get(COLUMNS, {}).get("absent", ()))
     stored = COLUMNS in found.metadata
     column = {
@@ -208,7 +171,7 @@ def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recor
         if array != "t"
     }
     if np.isnan(arrays["voltage"]).all() and "v_front_sent_V" in column:
-        # The device does not report what it puts out: then what it was sent is what is known.
+        # The device does not report its output: use the voltage that was sent.
         arrays["voltage"] = np.column_stack([column["v_front_sent_V"], column["v_back_sent_V"]])
     channels: dict[str, np.ndarray] = {}
     for name, values in column.items():
@@ -218,7 +181,7 @@ def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recor
             channels[name] = values.astype(np.int64)
         elif stored or not np.isnan(values).all():
             channels[name] = values
-    for number, name in enumerate(found_names(found), 1):
+    for number, name in enumerate(channel_names(found), 1):
         channels[name] = np.ascontiguousarray(rows["Channels"][f"column{number}"])
     return Recording(
         t=column["t_s"], profile=profile, channels=channels, meta=meta_in(found, path), **arrays
@@ -238,15 +201,15 @@ def meta_in(found: Scan, path: Path) -> dict[str, Any]:
 
 
 def profile_in(found: Scan, path: Path) -> Profile:
-    """The profile that a file carries. Raises RecordingError where it has none that is usable."""
+    """The profile in a file. Raises RecordingError where there is no usable one."""
     record = found.metadata.get(PROFILE, {}).get("profile")
     try:
         if record is None:
-            raise ProfileError("the file carries no profile")
+            raise ProfileError("the file contains no profile")
         return profile_from_dict(record, source=f"the profile in {path}", recorded=True)
     except ProfileError as error:
         raise RecordingError(
             f"{path}: {error.what}",
-            cause=error.cause or "another program wrote it, or an older heli3dof.",
-            fix="name the rig's profile with --profile PROFILE.toml",
+            cause=error.cause or "another program or an older heli3dof wrote it.",
+            fix="add the rig's profile: --profile PROFILE.toml",
         ) from error

@@ -1,9 +1,8 @@
-"""`recover`: what a torn or damaged recording still holds, into a new file.
+"""`recover`: write the intact part of a torn or damaged recording to a new file.
 
-A chunk is written at once and carries its checksum, so what can be trusted is known: every
-whole chunk whose checksum is right. A chunk cut in two is lost (its compressed bytes are one
-block, which decodes whole or not at all): at most 0.15 s of a flight. The original is not
-touched.
+Every complete chunk with a right checksum is kept. An incomplete chunk is lost, because its
+compressed bytes decode as a whole or not at all: at most 0.15 s of a flight. The original file is
+not changed.
 """
 
 from __future__ import annotations
@@ -18,30 +17,36 @@ from mcap.opcode import Opcode
 from heli3dof.errors import RecordingError
 from heli3dof.recording.atomic_write import new_file
 from heli3dof.recording.mcap_files.chunk import rows_of_chunk
-from heli3dof.recording.mcap_files.mcap_scan import Damaged, Scan, decode_chunk
+from heli3dof.recording.mcap_files.mcap_scan import (
+    Damaged,
+    Scan,
+    channel_names,
+    decode_chunk,
+    our_layouts,
+)
 from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, McapFile
-from heli3dof.recording.mcap_files.reader import chunk_rows, found_names, open_mcap, our_layouts
+from heli3dof.recording.mcap_files.reader import chunk_rows, open_mcap
 from heli3dof.recording.mcap_files.schema import SAMPLE, RowFormat
 
 
 @dataclass(frozen=True)
 class Recovery:
-    """What `recover` did."""
+    """The result of `recover`."""
 
     path: Path
-    """The new file."""
+    """The new file"""
     samples: int
     seconds: float
-    """From the first to the last sample that was brought back."""
+    """From the first to the last recovered sample"""
     bytes_lost: int
-    """Bytes behind the last whole record."""
+    """Bytes after the last complete record"""
     chunks_damaged: int
-    """Whole chunks with a wrong checksum, left out."""
+    """Complete chunks with a wrong checksum, which are dropped"""
 
 
 @dataclass(frozen=True, eq=False)
 class Salvage:
-    """The rows of every trustworthy chunk, in order, and how many chunks were not."""
+    """The rows of the intact chunks in order, and the number of damaged ones."""
 
     form: RowFormat
     rows: np.ndarray
@@ -49,10 +54,10 @@ class Salvage:
 
 
 def recover(path: str | Path, output: str | Path | None = None, *, force: bool = False) -> Recovery:
-    """Write what ``path`` still holds to ``output`` (``NAME.recovered.mcap`` beside it).
+    """Write the intact samples of ``path`` to ``output`` (default ``NAME.recovered.mcap``).
 
-    The new file's outcome is ``recovered``, with the outcome the original had, if any, and what
-    was lost. Raises RecordingError when there is nothing to mend or nothing to save.
+    The new file's outcome is ``recovered``, with the original outcome, if any, and the losses.
+    Raises RecordingError for an intact file, and for one without samples.
     """
     path = Path(path)
     output = path.with_name(f"{path.stem}.recovered.mcap") if output is None else Path(output)
@@ -60,15 +65,15 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
     saved = salvage(path, found)
     if found.whole and found.intact and not saved.chunks_damaged:
         raise RecordingError(
-            f"{path} is whole; there is nothing to recover.",
-            cause="another file is torn, or this one was recovered already.",
+            f"{path} is intact; there is nothing to recover.",
+            cause="you meant another file, or this one was recovered already.",
             fix=f"heli3dof info {path}",
         )
     if not len(saved.rows):
         raise RecordingError(
-            f"{path} ends before its first samples; there is nothing to bring back.",
+            f"{path} ends before its first sample; there is nothing to recover.",
             cause="the program was killed in the first fraction of a second.",
-            fix="fly again",
+            fix="repeat the experiment",
         )
     times = saved.rows[SAMPLE.name]["t_s"]
     result = Recovery(
@@ -89,7 +94,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
         "rows": result.samples,
     }
     with new_file(output, force=force) as stream:
-        names = found_names(found)
+        names = channel_names(found)
         file = McapFile(stream, saved.form, {"Channels": names} if names else None)
         file.start({name: data for name, data in found.metadata.items() if name != OUTCOME})
         step = rows_of_chunk(saved.form)
@@ -101,27 +106,27 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
 
 
 def salvage(path: Path, found: Scan) -> Salvage:
-    """Every row of ``found`` that can be trusted. Raises RecordingError for files not of ours."""
+    """The rows of intact chunks. Raises RecordingError for another program's file."""
     try:
         layouts = our_layouts(found) if found.channels else None
     except Damaged as error:
         raise RecordingError(
-            f"{path} is damaged where its columns are described: {error}.",
-            cause="the disk or a copy over the network changed some bytes.",
-            fix="copy it again from where it was recorded",
+            f"{path}: the description of its columns is damaged: {error}.",
+            cause="the disk or a network copy changed some bytes.",
+            fix="copy the original file again",
         ) from error
     if layouts is None:
         if found.channels or found.whole:
             raise RecordingError(
                 f"{path} was written by another program; only heli3dof's recordings can be "
-                "recovered here.",
+                "recovered.",
                 cause="its topics are not heli3dof's.",
                 fix=f"mcap recover {path} -o {path.stem}.recovered.mcap (MCAP's own tool)",
             )
         raise RecordingError(
             f"{path} ends within its first {len(found.data)} bytes, before any sample.",
-            cause="the program was killed as it began, or the copy was cut short.",
-            fix="copy it again from where it was recorded, or fly again",
+            cause="the program was killed at its start, or the copy is incomplete.",
+            fix="copy the original file again, or repeat the experiment",
         )
     form = RowFormat(layouts)
     parts: list[np.ndarray] = []

@@ -1,9 +1,9 @@
-"""The recording's messages: legal protobuf and packed struct at once.
+"""The recording's messages, which are both valid protobuf and packed structs.
 
-Only fixed-width types, every field always written in the order of its number, numbers below 16
-so that a tag is one byte. Then every message of a type has the same length and the same bytes
-between its values, so that encoding is one ``struct.pack`` and decoding one ``np.frombuffer``
-whose tags are checked in bulk; and any protobuf library reads it from the schema in the file::
+All types have fixed width, fields are written in the order of their numbers, and numbers are below
+16, so that a tag is one byte. All messages of a type then have the same length and the same bytes
+between their values: one ``struct.pack`` encodes a message, one ``np.frombuffer`` decodes all, and
+any protobuf library reads them with the schema in the file::
 
     tag = field number << 3 | wire type      wire type 1: 8 bytes, 5: 4 bytes, little-endian
 
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 FORMAT = "heli3dof.recording/1"
-"""Stands in every file's provenance; the number rises when a meaning changes."""
+"""In every file's provenance; the number increases when a meaning changes"""
 
 PACKAGE = "heli3dof"
 OPCODE_MESSAGE = 0x05
@@ -36,7 +36,7 @@ MESSAGE_HEADER = (
     ("log_time", "<u8"),
     ("publish_time", "<u8"),
 )
-"""What precedes the payload in an MCAP Message record; ``length`` counts from ``channel`` on."""
+"""The head of an MCAP Message record; ``length`` counts from ``channel`` on"""
 
 STRUCT_CODES = {"|u1": "B", "<u2": "H", "<u4": "I", "<i4": "i", "<u8": "Q", "<f8": "d"}
 # kind: (protobuf's FieldDescriptorProto.Type, wire type, numpy's type)
@@ -50,7 +50,7 @@ class Column:
     name: str
     kind: str = "double"
     proto_name: str | None = None
-    """The name in the protobuf schema, where it is not ``name``."""
+    """The name in the protobuf schema, if it is not ``name``"""
 
 
 def _columns(names: str, kind: str = "double") -> tuple[Column, ...]:
@@ -79,13 +79,13 @@ class Layout:
 
     @cached_property
     def record(self) -> np.dtype:
-        """The packed layout of a whole MCAP Message record: header and payload."""
+        """The packed layout of an MCAP Message record: header and payload."""
         descr = [(name, self.payload.fields[name][0].str) for name in self.payload.names or ()]  # type: ignore[index]
         return np.dtype([*MESSAGE_HEADER, *descr])
 
     @cached_property
     def descriptor_set(self) -> bytes:
-        """The serialised FileDescriptorSet that MCAP carries as the schema, written by hand."""
+        """The serialised FileDescriptorSet, which is the schema in the MCAP file."""
         fields = b"".join(
             _bytes(
                 2,
@@ -129,10 +129,10 @@ MAX_CHANNELS = 2000
 
 
 def channels_layout(names: Sequence[str]) -> Layout:
-    """The third message, for columns that the first two do not know (imported logs).
+    """The third message, for columns that the first two do not have (imported logs).
 
-    Its columns are ``column1`` … here; their own names, which may hold anything, stand in the
-    MCAP channel's metadata, and the nearest that protobuf allows in the schema.
+    Its columns are ``column1`` …; their names are in the MCAP channel's metadata, and, as far as
+    protobuf allows, in the schema.
     """
     columns: list[Column] = []
     taken: set[str] = set()
@@ -162,11 +162,11 @@ class RowFormat:
         self._fixed_bytes = self.template.view(np.uint8)[self._fixed_at]
 
     def empty(self, n: int) -> np.ndarray:
-        """(n,) rows with headers and tags in place and zeros for values."""
+        """(n,) rows with headers and tags; all values are zero."""
         return np.repeat(self.template, n)
 
     def parse(self, data: bytes | memoryview) -> np.ndarray | None:
-        """Whole rows as a structured array; None where the bytes are anything else."""
+        """The rows as a structured array; None if the bytes have another layout."""
         if len(data) % self.stride:
             return None
         raw = np.frombuffer(data, np.uint8).reshape(-1, self.stride)
@@ -217,7 +217,7 @@ def tag_value(number: int, kind: str) -> int:
 
 
 def _constants(layouts: Sequence[Layout]) -> list[tuple[tuple[str, str], int]]:
-    """(layout, field) and value of every byte that is the same in all rows."""
+    """(layout, field) and value of the bytes that are the same in all rows."""
     found: list[tuple[tuple[str, str], int]] = []
     for channel, layout in enumerate(layouts, 1):
         length = layout.record.itemsize - 9

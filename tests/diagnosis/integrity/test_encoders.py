@@ -166,7 +166,7 @@ def test_a_jump_that_ends_a_standstill_is_said_to_be_a_frozen_encoder_s(
     q[a:b] = q[a]
     fault = only(with_angle(r, axis, q))
     assert (fault.check, fault.axis) == ("encoder.jump", AXES[axis])
-    assert "having stood on one count from" in fault.sentence
+    assert "after staying on one count from" in fault.sentence
     assert "frozen" in fault.cause
     from_s = float(fault.fix.split("between(0, ")[1].rstrip(")"))
     assert from_s == pytest.approx(30.0, abs=0.05)

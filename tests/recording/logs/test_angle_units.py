@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
 from heli3dof.recording.logs.angle_units import check_angles, newton, on_grid
-from heli3dof.recording.logs.csv_log import read_csv
+from heli3dof.recording.logs.importers.csv_file import read as read_csv
 from heli3dof.rig.profile import load_profile
 from tests.paths import REAL_DATA, needs_real_data
 from tests.recording.make import flight, log_columns, open_profile
@@ -45,12 +45,12 @@ def test_degrees_under_rad_are_caught_by_the_encoders_grid(axis: str) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 1000), st.sampled_from(["roll", "pitch"]))
-def test_without_a_grid_newton_tells_radians_from_degrees(seed: int, axis: str) -> None:
+def test_without_a_grid_newton_separates_radians_from_degrees(seed: int, axis: str) -> None:
     data = columns(quantised=False, seed=seed)
     warnings = check_angles("log.csv", data, PROFILE)
     assert any("does not lie on the encoder's grid" in w for w in warnings)
     data[f"{axis}_deg"] = np.deg2rad(data[f"{axis}_deg"])
-    with pytest.raises(RecordingError, match="times as far as the voltages explain"):
+    with pytest.raises(RecordingError, match="times what the voltages explain"):
         check_angles("log.csv", data, PROFILE)
 
 
@@ -76,11 +76,11 @@ def test_raw_counts_are_recognised(factor: int) -> None:
 def test_an_angle_beyond_half_a_turn_is_refused() -> None:
     data = columns()
     data["pitch_deg"] = 40 * data["pitch_deg"] + 0.0123 * np.arange(3000)
-    with pytest.raises(RecordingError, match="cannot turn that far"):
+    with pytest.raises(RecordingError, match="more than the axis can turn"):
         check_angles("log.csv", data, PROFILE)
 
 
-def test_another_encoder_than_the_profiles_is_said() -> None:
+def test_another_encoder_gives_a_warning() -> None:
     data = columns(quantised=False)
     data["roll_deg"] = np.rint(data["roll_deg"] / 0.18) * 0.18
     warnings = check_angles("log.csv", data, PROFILE)
@@ -93,7 +93,7 @@ def test_another_encoder_than_the_profiles_is_said() -> None:
 def test_a_reference_in_another_unit_than_its_angle_is_refused() -> None:
     data = columns()
     data["pitch_ref_deg"] = np.deg2rad(data["pitch_deg"] + 0.3)
-    with pytest.raises(RecordingError, match=r"pitch_deg follows pitch_ref_deg, but 57\.3 times"):
+    with pytest.raises(RecordingError, match=r"pitch_ref_deg with a slope of 57\.3"):
         check_angles("log.csv", data, PROFILE)
 
 
@@ -128,7 +128,7 @@ def test_real_logs_under_a_wrong_unit_are_caught(rig: str) -> None:
 
 
 @pytest.mark.parametrize("axis", ["roll", "pitch"])
-def test_a_wrong_sign_is_said(axis: str) -> None:
+def test_a_wrong_sign_gives_a_warning(axis: str) -> None:
     data = columns()
     assert check_angles("log.csv", data, PROFILE) == []
     data[f"{axis}_deg"] = -data[f"{axis}_deg"]
@@ -138,7 +138,7 @@ def test_a_wrong_sign_is_said(axis: str) -> None:
 
 @needs_real_data
 @pytest.mark.real_data
-def test_on_real_rigs_newton_is_far_from_what_a_wrong_unit_or_sign_makes() -> None:
+def test_on_real_rigs_newtons_ratio_is_far_from_that_of_a_wrong_unit() -> None:
     ratios, correlations = [], []
     for path in sorted(REAL_DATA.glob("rig-*/*.csv")):
         data = read_csv(path).columns

@@ -1,4 +1,4 @@
-"""Out to other programs, and back."""
+"""Export to other programs, and import again."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from scipy.io import loadmat
 
 from heli3dof.errors import OutputExists, UsageError
-from heli3dof.recording.logs.csv_log import read_csv, write_csv
-from heli3dof.recording.logs.export import contract_columns, export
+from heli3dof.recording.columns import contract_columns
+from heli3dof.recording.logs.export import export, write_csv
 from heli3dof.recording.logs.import_log import import_log
+from heli3dof.recording.logs.importers.csv_file import read as read_csv
 from heli3dof.recording.mcap_files.reader import read_recording
 from tests.recording.make import flight, open_profile, write_flight
 
@@ -36,7 +37,7 @@ def test_an_exported_flight_imports_to_the_same_arrays(tmp_path: Path, name: str
     assert back.meta["warnings"] == []
 
 
-def test_a_flight_of_ours_keeps_its_counts_and_flags_through_csv(tmp_path: Path) -> None:
+def test_counts_and_flags_survive_csv(tmp_path: Path) -> None:
     flown = read_recording(write_flight(tmp_path / "a.mcap", 100))
     path = export(flown, tmp_path / "a.csv")
     text = path.read_text().splitlines()
@@ -78,7 +79,7 @@ def test_parquet_carries_columns_profile_and_provenance(tmp_path: Path) -> None:
     assert json.loads(about[b"heli3dof.meta"])["seed"] == 1
 
 
-def test_mat_carries_vectors_that_matlab_can_name(tmp_path: Path) -> None:
+def test_mat_vectors_have_names_that_matlab_accepts(tmp_path: Path) -> None:
     made = flight(100)
     made.channels["3rd gust (m/s)"] = np.arange(100.0)  # type: ignore[index]
     found = loadmat(export(made, tmp_path / "a.mat"))
@@ -87,7 +88,7 @@ def test_mat_carries_vectors_that_matlab_can_name(tmp_path: Path) -> None:
     assert json.loads(str(found["profile_json"][0])) == made.profile.to_dict()
 
 
-def test_without_pyarrow_the_command_to_install_it_is_named(
+def test_without_pyarrow_the_error_names_the_install_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = builtins.__import__
@@ -115,6 +116,6 @@ def test_export_never_overwrites_without_force(tmp_path: Path, name: str) -> Non
 
 
 def test_an_unknown_ending_names_the_nearest(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="No format is known") as caught:
+    with pytest.raises(UsageError, match="There is no export format") as caught:
         export(flight(20), tmp_path / "a.parket")
     assert "'.parquet'" in caught.value.cause

@@ -36,7 +36,7 @@ def test_the_size_of_the_jitter_is_right(sigma: float, dt: float) -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_a_punctual_log_is_left_alone(seed: int) -> None:
+def test_an_even_clock_gives_no_jitter(seed: int) -> None:
     rng = np.random.default_rng(seed)
     t, _ = sampled(0.0)
     noise = np.cumsum(rng.standard_normal((len(t), 3)), axis=0) * 2e-5
@@ -44,7 +44,7 @@ def test_a_punctual_log_is_left_alone(seed: int) -> None:
     assert not motion_jitter(t, angle, STEP).found
 
 
-def test_two_axes_that_move_together_for_a_moment_are_as_sure_as_they_say() -> None:
+def test_the_standard_deviation_holds_for_axes_that_briefly_move_together() -> None:
     """Of punctual logs one in twenty is beyond Student's t of one in twenty, and none is named."""
     surest = []
     for seed in range(100):
@@ -62,7 +62,7 @@ def test_two_axes_that_move_together_for_a_moment_are_as_sure_as_they_say() -> N
     assert min(surest) > 5e-4
 
 
-def test_a_log_that_carries_its_true_times_is_left_alone() -> None:
+def test_true_time_stamps_give_no_hidden_jitter() -> None:
     t = np.arange(20_000) * 0.002 + 0.0005 * np.random.default_rng(1).standard_normal(20_000)
     angle = np.round(motion(t) / STEP) * STEP
     assert not motion_jitter(t, angle, STEP).found
@@ -76,7 +76,7 @@ def test_one_angle_is_enough() -> None:
     assert found.sigma_s == pytest.approx(0.002, rel=0.2)
 
 
-def test_a_rig_that_stands_still_says_nothing() -> None:
+def test_a_rig_at_rest_gives_no_jitter() -> None:
     t = np.arange(20_000) * 0.002
     assert not motion_jitter(t, np.zeros((20_000, 3)), STEP).found
 
@@ -84,14 +84,14 @@ def test_a_rig_that_stands_still_says_nothing() -> None:
 @pytest.mark.parametrize(
     "hide", ["", "motor.lag:0.1", "friction.coulomb.yaw:0.05", "motor.delay:0.02"]
 )
-def test_the_emulated_rig_is_punctual_whatever_else_it_hides(hide: str) -> None:
+def test_no_emulated_effect_looks_like_jitter(hide: str) -> None:
     device = f"mock:?speed=max&hide={hide}"
     r = h3.fly_plan(h3.load_plan("rich"), device=device, seed=1).recording
     assert not motion_jitter(r.t, r.angle, r.profile.encoder.rad_per_count).found
 
 
 @needs_real_data
-def test_rig_a_sampled_in_bursts_behind_an_even_clock_and_rig_b_did_not() -> None:
+def test_rig_a_has_hidden_jitter_and_rig_b_has_none() -> None:
     for rig, names, expected in (
         ("rig-a", ("closed-1a", "closed-1b", "closed-2a"), True),
         ("rig-b", ("closed-03", "closed-05", "closed-09", "closed-13"), False),

@@ -47,7 +47,7 @@ def by_the_library(data: bytes, packed: bytes) -> bytes:
 
 @settings(max_examples=40)
 @given(st.lists(st.integers(1, FULL + 20), min_size=1, max_size=4), st.integers(0, 2**60))
-def test_every_chunk_is_what_the_library_makes_of_it(sizes: list[int], first: int) -> None:
+def test_every_chunk_equals_the_librarys(sizes: list[int], first: int) -> None:
     maker = ChunkMaker(FORM)
     for n in sizes:
         data = rows(n, first)
@@ -66,7 +66,7 @@ def test_rows_that_cannot_be_compressed_fit() -> None:
 
 
 @pytest.mark.parametrize("sizes", [(75, 76, 77, 90, FULL), (*[75] * 300, 1, 2, 10, 75, 76, FULL)])
-def test_whatever_sizes_come_zstd_keeps_the_room_that_the_first_took(sizes: tuple[int]) -> None:
+def test_zstd_keeps_its_buffers_for_all_sizes(sizes: tuple[int]) -> None:
     """Told the size, it takes more for each greater one, and after 128 chunks gives it back when
     a small one comes."""
     maker = ChunkMaker(FORM)
@@ -77,7 +77,7 @@ def test_whatever_sizes_come_zstd_keeps_the_room_that_the_first_took(sizes: tupl
         assert maker._compressor.memory_size() == taken
 
 
-def test_chunks_that_follow_stand_in_the_room_of_the_first() -> None:
+def test_later_chunks_use_the_first_chunks_buffer() -> None:
     maker = ChunkMaker(FORM)
     first, _, _ = maker.make(rows(FULL))
     second, _, _ = maker.make(rows(3, 7))

@@ -49,7 +49,7 @@ def write(stream: BinaryIO, sizes: list[int]) -> McapFile:
     return file
 
 
-def said(data: bytes) -> list[ChunkIndex]:
+def indexes_in(data: bytes) -> list[ChunkIndex]:
     """The index that the file ends with."""
     summary = make_reader(io.BytesIO(data), validate_crcs=True).get_summary()
     assert summary is not None
@@ -61,7 +61,7 @@ def test_every_chunk_is_where_its_index_says() -> None:
     sizes = [7, 1, 90, 3]
     write(stream, sizes)
     data = stream.getvalue()
-    indexes = said(data)
+    indexes = indexes_in(data)
     assert [i.uncompressed_size // FORM.stride for i in indexes] == sizes
     assert [(i.message_start_time, i.message_end_time) for i in indexes] == [
         (10 * k, 10 * k + n - 1) for k, n in enumerate(sizes)
@@ -82,12 +82,12 @@ def test_every_chunk_is_where_its_index_says() -> None:
         assert after in (Opcode.CHUNK, Opcode.METADATA, Opcode.DATA_END)
 
 
-def test_a_long_files_index_is_written_in_pieces_that_all_checksums_hold() -> None:
+def test_the_index_of_a_long_file_is_written_in_parts_with_right_checksums() -> None:
     stream = io.BytesIO()
     n = 4 * BATCH + 5
     file = write(stream, [1] * n)
     data = stream.getvalue()
-    indexes = said(data)
+    indexes = indexes_in(data)
     assert len(indexes) == n == file.chunk_count
     assert len(indexes) * 50 > SUMMARY_BYTES // 2, "more than one piece"
     assert [i.message_start_time for i in indexes] == [10 * k for k in range(n)]
@@ -96,7 +96,7 @@ def test_a_long_files_index_is_written_in_pieces_that_all_checksums_hold() -> No
     assert [m.log_time for _, _, m in messages] == [5000, 5000, 5010, 5010]
 
 
-def test_a_pipe_cannot_be_read_back_and_gets_a_file_without_index(tmp_path: Path) -> None:
+def test_a_pipe_gets_no_index(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     got: list[bytes] = []
@@ -105,7 +105,7 @@ def test_a_pipe_cannot_be_read_back_and_gets_a_file_without_index(tmp_path: Path
     r = flight(400)
     write_recording(r, pipe, force=True)
     reader.join(20)
-    assert said(got[0]) == []
+    assert indexes_in(got[0]) == []
     copy = tmp_path / "a.mcap"
     copy.write_bytes(got[0])
     assert (read_recording(copy).angle == r.angle).all()
@@ -119,10 +119,10 @@ def test_a_file_over_an_older_one_has_its_index_too(tmp_path: Path) -> None:
     with RecordingWriter(path, default_profile(), force=True) as writer:
         for k in range(200):
             writer.append(tick(k))
-    assert sum(i.uncompressed_size for i in said(path.read_bytes())) == 200 * FORM.stride
+    assert sum(i.uncompressed_size for i in indexes_in(path.read_bytes())) == 200 * FORM.stride
 
 
-def test_a_file_that_lost_what_was_written_is_said_to_be_torn_and_recovers(tmp_path: Path) -> None:
+def test_a_file_that_lost_data_is_reported_as_torn_and_recovers(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     writer = RecordingWriter(path, default_profile())
     for k in range(400):
@@ -130,13 +130,13 @@ def test_a_file_that_lost_what_was_written_is_said_to_be_torn_and_recovers(tmp_p
     writer._closing.set()
     writer._thread.join()
     os.truncate(path, path.stat().st_size - 10_000)  # as a network drive may, in mid-flight
-    with pytest.raises(RecordingError, match="not there any more") as caught:
+    with pytest.raises(RecordingError, match="no longer contains") as caught:
         writer.close()
     assert caught.value.fix == f"heli3dof recover {path}"
     assert recover(path).samples > 0
 
 
-def test_looking_chunks_up_leaves_the_stream_at_its_end() -> None:
+def test_reading_chunk_heads_leaves_the_stream_at_its_end() -> None:
     stream = io.BytesIO()
     file = McapFile(stream, FORM)
     file.start({})
@@ -148,7 +148,7 @@ def test_looking_chunks_up_leaves_the_stream_at_its_end() -> None:
 
 
 @pytest.mark.parametrize("harm", ["cut", "zeros", "one chunk less"])
-def test_a_file_that_does_not_hold_what_was_written_is_no_file_to_index(harm: str) -> None:
+def test_indexing_a_file_without_the_written_data_raises_an_error(harm: str) -> None:
     stream = io.BytesIO()
     file = McapFile(stream, FORM)
     file.start({})
@@ -161,7 +161,7 @@ def test_a_file_that_does_not_hold_what_was_written_is_no_file_to_index(harm: st
     elif harm == "zeros":
         data[first + 30 :] = bytes(len(data) - first - 30)
     count = 4 if harm == "one chunk less" else 3
-    with pytest.raises(OSError, match="not there any more"):
+    with pytest.raises(OSError, match="no longer contains"):
         list(chunk_indexes(io.BytesIO(data), (first, file.good), count, FORM))
 
 

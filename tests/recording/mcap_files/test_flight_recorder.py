@@ -29,7 +29,7 @@ from tests.recording.bench import append_seconds
 from tests.recording.make import STEP, tick, write_flight
 
 
-def test_a_flight_comes_back_as_it_was_flown(tmp_path: Path) -> None:
+def test_a_recorded_flight_is_read_unchanged(tmp_path: Path) -> None:
     r = read_recording(write_flight(tmp_path / "a.mcap", 300))
     k = np.arange(300)
     np.testing.assert_array_equal(r.t, k * 0.002)
@@ -60,7 +60,7 @@ def test_profile_plan_and_outcome_are_in_the_file(tmp_path: Path) -> None:
     assert r.meta["outcome"] == "completed"
 
 
-def test_a_device_that_does_not_report_its_output_is_taken_at_its_command(tmp_path: Path) -> None:
+def test_without_a_reported_output_the_sent_voltage_is_used(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with RecordingWriter(path, default_profile()) as writer:
         for k in range(20):
@@ -86,7 +86,7 @@ def test_an_exception_in_the_loop_is_the_outcome_and_nothing_is_lost(tmp_path: P
     assert r.meta["outcome_details"] == {"reason": "ZeroDivisionError: in the controller"}
 
 
-def test_the_last_outcome_counts_and_closing_twice_is_nothing(tmp_path: Path) -> None:
+def test_the_last_outcome_is_written_and_closing_is_idempotent(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     writer = RecordingWriter(path, default_profile())
     writer.append(tick(0))
@@ -109,12 +109,12 @@ def test_an_existing_file_is_never_overwritten_without_force(tmp_path: Path) -> 
     assert path.read_bytes() != before
 
 
-def test_a_missing_folder_is_said_before_anything_flies(tmp_path: Path) -> None:
+def test_a_missing_folder_is_an_error_before_the_flight(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="mkdir -p"):
         RecordingWriter(tmp_path / "nowhere" / "a.mcap", default_profile())
 
 
-def test_rows_reach_the_system_while_the_flight_goes_on(tmp_path: Path) -> None:
+def test_rows_are_written_during_the_flight(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with RecordingWriter(path, default_profile()) as writer:
         start = path.stat().st_size
@@ -126,7 +126,7 @@ def test_rows_reach_the_system_while_the_flight_goes_on(tmp_path: Path) -> None:
         assert path.stat().st_size > start
 
 
-def test_the_recorders_own_fault_is_not_lost(
+def test_an_error_of_the_recorder_is_raised(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(self: McapFile, data: bytes) -> None:
@@ -203,7 +203,7 @@ def test_a_tick_costs_under_twenty_microseconds_at_the_median(tmp_path: Path) ->
     assert min(statistics.median(run) for run in runs) < 20e-6 * slower()
 
 
-def test_provenance_tells_what_is_needed_to_judge_or_repeat(tmp_path: Path) -> None:
+def test_the_provenance_has_versions_seed_and_command(tmp_path: Path) -> None:
     identity = Identity("mock", "m", "1", "f", "p", (1, 2, 3), 24.0, 0.1, "host", True)
     meta = provenance(
         source="flight", plan={"steps": []}, seed=4, identity=identity, device="mock:"

@@ -156,7 +156,7 @@ def recordings(draw: st.DrawFn) -> Recording:
 
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(recordings())
-def test_any_recording_comes_back_equal(tmp_path_factory, recording: Recording) -> None:
+def test_any_recording_is_read_back_equal(tmp_path_factory, recording: Recording) -> None:
     path = tmp_path_factory.mktemp("r") / "a.mcap"
     back = read_recording(write_recording(recording, path))
     same(recording, back)
@@ -164,7 +164,7 @@ def test_any_recording_comes_back_equal(tmp_path_factory, recording: Recording) 
         assert back.meta[key] == value
 
 
-def test_storing_never_overwrites_and_leaves_no_half_written_file(tmp_path: Path) -> None:
+def test_writing_never_overwrites_and_leaves_no_incomplete_file(tmp_path: Path) -> None:
     path = write_recording(flight(20), tmp_path / "a.mcap")
     with pytest.raises(OutputExists):
         write_recording(flight(30), path)
@@ -215,9 +215,7 @@ def rewritten(source: Path, path: Path, *, reverse: bool = False, drop: int = 0,
         {"reverse": True},
     ],
 )
-def test_our_messages_are_read_however_another_tool_arranged_them(
-    tmp_path: Path, options: dict
-) -> None:
+def test_rewritten_files_are_read(tmp_path: Path, options: dict) -> None:
     source = write_flight(tmp_path / "a.mcap", 200)
     path = rewritten(source, tmp_path / "b.mcap", **options)
     same(read_recording(source), read_recording(path))
@@ -230,8 +228,8 @@ def test_commands_without_their_samples_are_refused(tmp_path: Path) -> None:
         read_recording(path)
 
 
-def test_a_recording_without_samples_says_so(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="holds no samples"):
+def test_a_recording_without_samples_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="contains no samples"):
         read_recording(write_flight(tmp_path / "a.mcap", 0))
 
 
@@ -242,7 +240,7 @@ def test_a_missing_recording_names_the_nearest(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "kind"),
     [
         (b"", "an empty file"),
         (b"t_s,v_front_V,v_back_V\n0,1,1\n", "CSV"),
@@ -256,17 +254,17 @@ def test_a_missing_recording_names_the_nearest(tmp_path: Path) -> None:
         ("ψ_grad;r_grad;x\n".encode(), "CSV"),
     ],
 )
-def test_what_is_no_mcap_is_called_by_its_name(tmp_path: Path, content: bytes, said: str) -> None:
+def test_a_file_that_is_no_mcap_is_described(tmp_path: Path, content: bytes, kind: str) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(content)
-    with pytest.raises(RecordingError, match=said) as caught:
+    with pytest.raises(RecordingError, match=kind) as caught:
         read_recording(path)
     assert caught.value.fix
 
 
 @settings(max_examples=150, deadline=None)
 @given(st.data())
-def test_a_changed_byte_never_passes_for_a_measurement(tmp_path_factory, data) -> None:
+def test_a_changed_byte_never_changes_a_measurement_silently(tmp_path_factory, data) -> None:
     folder = tmp_path_factory.getbasetemp()
     source = folder / "whole.mcap"
     if not source.exists():

@@ -32,9 +32,7 @@ def whole(tmp_path_factory) -> Path:
 
 @settings(max_examples=200, deadline=None)
 @given(data=st.data())
-def test_cut_anywhere_it_gives_back_a_prefix_or_says_why_not(
-    tmp_path_factory, whole: Path, data
-) -> None:
+def test_a_cut_anywhere_gives_a_prefix_or_an_error(tmp_path_factory, whole: Path, data) -> None:
     content = whole.read_bytes()
     cut = data.draw(st.integers(0, len(content) - 1))
     garbage = data.draw(st.binary(max_size=20))
@@ -59,7 +57,7 @@ def test_cut_anywhere_it_gives_back_a_prefix_or_says_why_not(
     assert path.read_bytes() == content[:cut] + garbage
 
 
-def test_everything_before_the_tear_comes_back(tmp_path: Path, whole: Path) -> None:
+def test_everything_before_the_tear_is_recovered(tmp_path: Path, whole: Path) -> None:
     content = whole.read_bytes()
     chunks = [(a, b) for kind, a, b in scan(content).records if kind == CHUNK_OPCODE]
     assert len(chunks) > 3
@@ -106,7 +104,7 @@ def test_a_missing_end_loses_no_sample(tmp_path: Path, whole: Path) -> None:
     assert back.meta["outcome_details"]["outcome_before"] == "completed"
 
 
-def test_a_damaged_chunk_is_left_out_and_counted(tmp_path: Path, whole: Path) -> None:
+def test_a_damaged_chunk_is_dropped_and_counted(tmp_path: Path, whole: Path) -> None:
     content = bytearray(whole.read_bytes())
     chunks = [(a, b) for kind, a, b in scan(bytes(content)).records if kind == CHUNK_OPCODE]
     content[chunks[1][1] - 20] ^= 0xFF
@@ -125,7 +123,7 @@ def test_a_damaged_chunk_is_left_out_and_counted(tmp_path: Path, whole: Path) ->
     assert np.diff(back.t).max() > 0.1, "the gap stays a gap"
 
 
-def test_samples_are_saved_even_where_the_profile_is_lost(tmp_path: Path, whole: Path) -> None:
+def test_samples_are_recovered_without_the_profile(tmp_path: Path, whole: Path) -> None:
     content = whole.read_bytes()
     path = tmp_path / "damaged.mcap"
     path.write_bytes(content.replace(b"heli3dof.profile", b"heli3dof.\xffrofile", 1))
@@ -140,8 +138,8 @@ def test_samples_are_saved_even_where_the_profile_is_lost(tmp_path: Path, whole:
     assert read_recording(result.path, good.profile).digest == good.digest
 
 
-def test_a_whole_file_needs_no_recovery(whole: Path) -> None:
-    with pytest.raises(RecordingError, match="is whole"):
+def test_an_intact_file_needs_no_recovery(whole: Path) -> None:
+    with pytest.raises(RecordingError, match="is intact"):
         recover(whole)
 
 
@@ -153,7 +151,7 @@ def test_recovering_never_overwrites(tmp_path: Path, whole: Path) -> None:
         recover(path)
 
 
-def test_a_flight_killed_at_once_says_that_nothing_is_there(tmp_path: Path) -> None:
+def test_a_file_without_samples_cannot_be_recovered(tmp_path: Path) -> None:
     content = write_flight(tmp_path / "a.mcap", 0).read_bytes()
     outcome = next(
         a
@@ -162,11 +160,11 @@ def test_a_flight_killed_at_once_says_that_nothing_is_there(tmp_path: Path) -> N
     )
     path = tmp_path / "torn.mcap"
     path.write_bytes(content[: outcome - 9])
-    with pytest.raises(RecordingError, match="ends before its first samples"):
+    with pytest.raises(RecordingError, match="ends before its first sample;"):
         recover(path)
 
 
-def test_another_programs_file_is_left_to_mcaps_own_tool(tmp_path: Path) -> None:
+def test_another_programs_file_is_refused_with_the_mcap_command(tmp_path: Path) -> None:
     from mcap.writer import Writer
 
     path = tmp_path / "other.mcap"

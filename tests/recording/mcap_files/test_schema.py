@@ -46,7 +46,7 @@ rows = st.tuples(
 
 @settings(max_examples=50, deadline=None)
 @given(rows)
-def test_protobuf_reads_what_one_struct_pack_wrote(row: tuple[tuple, tuple]) -> None:
+def test_protobuf_reads_packed_structs(row: tuple[tuple, tuple]) -> None:
     data = RowPacker()(7, 123456789, *row)
     form = RowFormat()
     assert len(data) == form.stride
@@ -67,7 +67,7 @@ def test_zeros_are_written_too_so_that_every_message_has_the_same_length() -> No
     assert len(zeros) == RowFormat().stride == 31 + sample + 31 + command
 
 
-def test_tags_are_one_byte_and_every_column_carries_its_unit() -> None:
+def test_tags_are_one_byte_and_column_names_end_in_units() -> None:
     unitless = {"roll_count", "pitch_count", "yaw_count", "flags", "sequence", "phase",
                 "command_sequence"}  # fmt: skip
     for layout in (SAMPLE, COMMAND):
@@ -76,7 +76,7 @@ def test_tags_are_one_byte_and_every_column_carries_its_unit() -> None:
             assert column.name in unitless or column.name.endswith(("_s", "_rad", "_V", "_A"))
 
 
-def test_the_first_bytes_of_a_sample_are_as_worked_out_by_hand() -> None:
+def test_the_first_bytes_of_a_sample_equal_the_worked_example() -> None:
     data = RowPacker()(0, 0, [1.0, *[0] * 14], [0] * 15)
     # opcode 5; length of what follows; channel 1; then t_s is field 1 of wire type 1: tag 0x09
     assert data[0] == 5

@@ -11,6 +11,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.writer import Writer
 
 from heli3dof.errors import RecordingError
+from heli3dof.recording.logs.import_log import import_log
 from heli3dof.recording.mcap_files.reader import read_recording
 from tests.recording.make import flight, log_columns, open_profile
 
@@ -43,7 +44,7 @@ def test_json_messages_with_the_contracts_columns_are_read(tmp_path: Path) -> No
     assert r.meta["source"] == "import"
 
 
-def test_without_t_s_the_log_time_is_taken_and_said(tmp_path: Path) -> None:
+def test_without_t_s_the_log_time_is_used_with_a_warning(tmp_path: Path) -> None:
     messages, times = rows()
     for message in messages:
         del message["t_s"]
@@ -53,7 +54,7 @@ def test_without_t_s_the_log_time_is_taken_and_said(tmp_path: Path) -> None:
     assert any("log time" in w for w in r.meta["warnings"])
 
 
-def test_topics_logged_at_the_same_instants_join_and_others_are_named(tmp_path: Path) -> None:
+def test_topics_with_equal_log_times_are_joined_and_others_give_a_warning(tmp_path: Path) -> None:
     messages, times = rows()
     angles = [{"roll_deg": m.pop("roll_deg")} for m in messages]
     pitch = [{"pitch_deg": m.pop("pitch_deg")} for m in messages]
@@ -67,7 +68,7 @@ def test_topics_logged_at_the_same_instants_join_and_others_are_named(tmp_path: 
     )
     r = read_recording(path, open_profile())
     assert r.axes == ("roll", "yaw")
-    assert any("pitch_deg on /pitch was left out" in w for w in r.meta["warnings"])
+    assert any("pitch_deg on /pitch was ignored" in w for w in r.meta["warnings"])
 
 
 def test_protobuf_messages_are_decoded_from_the_files_own_schema(tmp_path: Path) -> None:
@@ -94,13 +95,13 @@ def test_protobuf_messages_are_decoded_from_the_files_own_schema(tmp_path: Path)
     np.testing.assert_allclose(r.angle, flight(300).angle, atol=1e-12)
 
 
-def test_mcap_of_something_else_says_what_topics_it_has(tmp_path: Path) -> None:
+def test_an_mcap_without_the_columns_is_refused_with_its_topics(tmp_path: Path) -> None:
     path = json_file(tmp_path / "a.mcap", {"/imu": [(0, {"ax": 1})], "/gps": [(0, {"lat": 2})]})
     with pytest.raises(RecordingError, match=r"/imu \(my\./imu\), /gps"):
         read_recording(path)
 
 
-def test_an_encoding_that_is_not_decoded_is_named(tmp_path: Path) -> None:
+def test_an_unknown_encoding_is_named(tmp_path: Path) -> None:
     path = json_file(tmp_path / "a.mcap", {"/odom": [(0, {})]}, encoding="cdr")
     with pytest.raises(RecordingError, match=r"Not decoded: /odom \(cdr\)"):
         read_recording(path)
@@ -114,7 +115,7 @@ def test_a_foreign_file_needs_a_profile(tmp_path: Path) -> None:
     assert "--profile" in caught.value.fix
 
 
-def test_a_message_that_does_not_decode_is_named(tmp_path: Path) -> None:
+def test_an_undecodable_message_is_named(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with path.open("wb") as out:
         writer = Writer(out)
@@ -125,3 +126,11 @@ def test_a_message_that_does_not_decode_is_named(tmp_path: Path) -> None:
         writer.finish()
     with pytest.raises(RecordingError, match="message 2 on /log cannot be decoded"):
         read_recording(path)
+
+
+def test_another_programs_mcap_can_be_imported(tmp_path: Path) -> None:
+    messages, times = rows()
+    path = json_file(tmp_path / "a.mcap", {"/log": list(zip(times, messages, strict=True))})
+    assert import_log(path, open_profile()).digest == read_recording(path, open_profile()).digest
+    with pytest.raises(RecordingError, match="contains no profile"):
+        import_log(path, None)

@@ -1,15 +1,13 @@
-"""MCAP files of other programs, where they hold the contract's columns.
+"""MCAP files of other programs that contain the contract's columns.
 
-JSON messages and protobuf messages are decoded properly, message by message. Fields of one
-message are the columns; other topics join in where they were logged at the same instants.
-Nothing is resampled.
+JSON and protobuf messages are decoded. The fields of one topic's messages are the columns; other
+topics are joined where their log times are the same. Nothing is resampled.
 """
 
 from __future__ import annotations
 
-import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,92 +15,106 @@ import numpy as np
 from mcap.records import Channel, Schema
 
 from heli3dof.errors import RecordingError
-from heli3dof.recording.logs.column_table import KNOWN, Table, recording_from_table
-from heli3dof.recording.mcap_files.mcap_scan import Scan
-from heli3dof.recording.mcap_files.mcap_writer import PROFILE
-from heli3dof.recording.provenance import provenance
-from heli3dof.recording.recording import Recording
+from heli3dof.recording.columns import KNOWN
+from heli3dof.recording.logs.importer import Importer, Table
+from heli3dof.recording.mcap_files.mcap_scan import Damaged, Scan, damaged, our_layouts, scan
+from heli3dof.recording.mcap_files.mcap_writer import MAGIC, PROFILE
+from heli3dof.recording.mcap_files.schema import SAMPLE
 from heli3dof.rig.profile import Profile, profile_from_dict
 
 Decoder = Callable[[bytes], Mapping[str, Any]]
 VOLTAGES = {"v_front_V", "v_back_V"}
+HEAD_BYTES = 1 << 16
+"""Our schemas lie within the first bytes of our own files, which need no further scan."""
 
 
-def read_foreign(path: Path, found: Scan, profile: Profile | None) -> Recording:
-    """A `Recording` from another program's MCAP. Raises RecordingError naming its topics."""
-    if profile is None and PROFILE in found.metadata:
-        profile = profile_from_dict(
-            found.metadata[PROFILE].get("profile") or {},
-            source=f"the profile in {path}",
-            recorded=True,
+def is_foreign(path: Path) -> bool:
+    """True for a complete MCAP file that heli3dof did not write."""
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(HEAD_BYTES)
+        if not head.startswith(MAGIC) or SAMPLE.topic.encode() in head:
+            return False
+        content = scan(path.read_bytes())
+        return content.whole and content.intact and our_layouts(content) is None
+    except (OSError, Damaged):
+        return False
+
+
+def read(
+    path: Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
+) -> Table:
+    """Read another program's MCAP. Raises RecordingError that names its topics."""
+    content = scan(path.read_bytes())
+    try:
+        table = _table(path, content)
+    except Damaged as error:
+        raise damaged(path, error) from error
+    if profile is None and table.profile is None:
+        raise RecordingError(
+            f"{path} was written by another program and contains no profile of the rig.",
+            cause="only heli3dof's own recordings contain one.",
+            fix="add --profile PROFILE.toml",
         )
+    return table
+
+
+def _table(path: Path, content: Scan) -> Table:
     messages: dict[int, list[tuple[int, bytes]]] = {}
-    for number, log_time, payload in found.messages():
+    for number, log_time, payload in content.messages():
         messages.setdefault(number, []).append((log_time, payload))
     tables: dict[int, tuple[np.ndarray, dict[str, np.ndarray]]] = {}
     undecoded: list[str] = []
-    for number, channel in found.channels.items():
+    for number, channel in content.channels.items():
         if number not in messages:
             continue
-        decode = _decoder(channel, found.schemas.get(channel.schema_id), undecoded)
+        decode = _decoder(channel, content.schemas.get(channel.schema_id), undecoded)
         if decode is not None:
             tables[number] = _columns(path, channel.topic, messages[number], decode)
     base = next((i for i, (_, c) in tables.items() if c.keys() >= VOLTAGES), None)
     if base is None:
         raise RecordingError(
-            f"{path} is an MCAP file, but not a flight of a 3-DOF helicopter: no topic has "
-            f"v_front_V and v_back_V. Its topics: {_topics(found)}."
+            f"{path} is an MCAP file, but not a recording of a 3-DOF helicopter: no topic has "
+            f"v_front_V and v_back_V. Its topics: {_topics(content)}."
             + (f" Not decoded: {'; '.join(undecoded)}." if undecoded else ""),
-            cause="a recording of another system, or columns under other names.",
-            fix="export it as CSV with the columns t_s,v_front_V,v_back_V,roll_deg,… and "
-            "heli3dof import that",
+            cause="a recording of another system, or columns with other names.",
+            fix="export it as CSV with the columns t_s,v_front_V,v_back_V,roll_deg,…, then "
+            "heli3dof import that file",
         )
-    if profile is None:
-        raise RecordingError(
-            f"{path} was written by another program and carries no profile of the rig.",
-            cause="only heli3dof's own recordings carry one.",
-            fix="name it with --profile PROFILE.toml",
-        )
-    table = _joined(path, found, tables, base)
-    meta = provenance(
-        source="import",
-        name=path.stem,
-        log={
-            "file": path.name,
-            "bytes": len(found.data),
-            "sha256": hashlib.sha256(found.data).hexdigest(),
-        },
-    )
-    del meta["started_utc"]
-    return recording_from_table(table, profile, meta)
+    warnings: list[str] = []
+    joined = _joined(content, tables, base, warnings)
+    topic = content.channels[base].topic
+    profile = None
+    if PROFILE in content.metadata:
+        record = content.metadata[PROFILE].get("profile") or {}
+        profile = profile_from_dict(record, source=f"the profile in {path}", recorded=True)
+    return Table(path.name, joined, lambda k: f"message {k + 1} on {topic}", warnings, profile)
 
 
 def _joined(
-    path: Path,
-    found: Scan,
+    content: Scan,
     tables: Mapping[int, tuple[np.ndarray, dict[str, np.ndarray]]],
     base: int,
-) -> Table:
-    warnings: list[str] = []
+    warnings: list[str],
+) -> dict[str, np.ndarray]:
+    """The columns of the base topic, and of every topic with the same log times."""
     log_time, columns = tables[base]
     columns = dict(columns)
     if "t_s" not in columns:
         columns["t_s"] = (log_time - log_time[0]) / 1e9
-        warnings.append("There is no t_s; the messages' log time was taken.")
+        warnings.append("The messages have no t_s; their log time was used.")
     for number, (other_time, others) in tables.items():
         if number == base:
             continue
-        topic = found.channels[number].topic
         new = {name: v for name, v in others.items() if name not in columns}
         if np.array_equal(other_time, log_time):
             columns |= new
         elif new.keys() & KNOWN:
             warnings.append(
-                f"{', '.join(sorted(new.keys() & KNOWN))} on {topic} was left out: it was not "
-                f"logged at the instants of {found.channels[base].topic}."
+                f"{', '.join(sorted(new.keys() & KNOWN))} on {content.channels[number].topic} was "
+                f"ignored: its log times differ from those of {content.channels[base].topic}."
             )
-    topic = found.channels[base].topic
-    return Table(path.name, columns, lambda k: f"message {k + 1} on {topic}", warnings)
+    return columns
 
 
 def _columns(
@@ -113,10 +125,10 @@ def _columns(
     for k, (_, payload) in enumerate(messages):
         try:
             rows.append(decode(payload))
-        except Exception as error:  # whatever the decoders of other formats raise
+        except Exception as error:  # decoders have no common base error
             raise RecordingError(
                 f"{path}: message {k + 1} on {topic} cannot be decoded: {error}.",
-                cause="the file is damaged, or its schema is not the one of its messages.",
+                cause="the file is damaged, or its schema does not match its messages.",
                 fix="write the file again with the program that made it",
             ) from error
     names = [n for n, v in rows[0].items() if isinstance(v, int | float)]
@@ -137,9 +149,9 @@ def _decoder(channel: Channel, schema: Schema | None, undecoded: list[str]) -> D
         except ImportError:
             undecoded.append(f"{channel.topic} (protobuf; pip install protobuf to read it)")
         except Exception as error:  # protobuf's errors have no common base
-            undecoded.append(f"{channel.topic} (its schema is no protobuf: {error})")
+            undecoded.append(f"{channel.topic} (its schema is not valid protobuf: {error})")
         return None
-    undecoded.append(f"{channel.topic} ({channel.message_encoding or 'no encoding named'})")
+    undecoded.append(f"{channel.topic} ({channel.message_encoding or 'no encoding'})")
     return None
 
 
@@ -174,9 +186,12 @@ def _protobuf_decoder(schema: Schema) -> Decoder:
     return decode
 
 
-def _topics(found: Scan) -> str:
+def _topics(content: Scan) -> str:
     listed = [
-        f"{c.topic} ({getattr(found.schemas.get(c.schema_id), 'name', '') or c.message_encoding})"
-        for c in found.channels.values()
+        f"{c.topic} ({getattr(content.schemas.get(c.schema_id), 'name', '') or c.message_encoding})"
+        for c in content.channels.values()
     ]
     return ", ".join(listed[:12]) + (f" and {len(listed) - 12} more" if len(listed) > 12 else "")
+
+
+IMPORTER = Importer("MCAP", (".mcap",), read, recognises=is_foreign, carries_profile=True)

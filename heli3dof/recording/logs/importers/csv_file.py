@@ -1,38 +1,46 @@
-"""CSV logs: quick where they are as the contract says, and exact about where they are not.
+"""CSV logs (``.csv``, ``.csv.gz``): numpy parses the whole file, errors name line and column.
 
-The body goes through numpy's reader in one go; only when that fails is the text taken apart
-line by line, to say which line and column is to blame. Semicolons, tabs and spaces between the
-columns, and decimal commas, are understood and said.
+When numpy fails, the text is parsed cell by cell to find the faulty one. Semicolons, tabs or spaces
+between columns and decimal commas are accepted with a warning.
 """
 
 from __future__ import annotations
 
 import csv
 import gzip
-import io
-import re
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from heli3dof.errors import RecordingError
-from heli3dof.recording.logs.column_table import KNOWN, Table
+from heli3dof.errors import RecordingError, UsageError
+from heli3dof.recording.columns import KNOWN
+from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.mcap_files.mcap_scan import read_bytes, what_is
+from heli3dof.rig.profile import Profile
 
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", " ": "spaces"}
 EMPTY = {"", "nan", "na", "n/a", "null", "none", "-"}
 
 
-def read_csv(path: Path) -> Table:
-    """Read a CSV log, gzipped or not. Raises RecordingError naming line and column."""
+def read(
+    path: Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
+) -> Table:
+    """Read a CSV log, gzipped or not. Raises RecordingError that names line and column."""
+    if columns is not None:
+        raise UsageError(
+            f"--columns is for MAT matrices; {path.name} names its columns in its header line.",
+            cause="the option was meant for another log.",
+            fix="omit --columns, or rename the columns in the header line",
+        )
     text = _text(path)
     lines = text.splitlines()
     first = next((i for i, x in enumerate(lines) if x.strip() and x.lstrip()[0] != "#"), None)
     if first is None:
         raise RecordingError(
-            f"{path} holds no table.",
-            cause="the logging program was stopped before its first line.",
+            f"{path} is empty.",
+            cause="the logging program stopped before it wrote its first line.",
             fix="record again",
         )
     separator, names = _header(path, lines[first])
@@ -43,7 +51,7 @@ def read_csv(path: Path) -> Table:
     if separator != ",":
         warnings.append(f"Columns are separated by {SEPARATORS[separator]}, not commas.")
     if separator == ";" and any("," in x for x in body[:50]):
-        warnings.append("Numbers have decimal commas; they were read as such.")
+        warnings.append("Numbers have decimal commas.")
         body = [x.replace(",", ".") for x in body]
     if names[-1] == "" and all(x.rstrip().endswith(separator) for x in body):
         names = names[:-1]
@@ -52,13 +60,13 @@ def read_csv(path: Path) -> Table:
     if len(body) > 1 and not text.endswith(("\n", "\r")):
         cells = len(_cells(body[-1], separator))
         if cells < len(names):
-            warnings.append(f"The last line ({numbers[-1]}) is cut short; it was left out.")
+            warnings.append(f"The last line ({numbers[-1]}) is incomplete and was ignored.")
             body, numbers = body[:-1], numbers[:-1]
 
-    columns = _fast(body, separator, names)
-    if columns is None:
-        columns = _exact(path, body, numbers, separator, names, warnings)
-    return Table(path.name, columns, lambda k: f"line {numbers[k]}", warnings)
+    values = _fast(body, separator, names)
+    if values is None:
+        values = _exact(path, body, numbers, separator, names, warnings)
+    return Table(path.name, values, lambda k: f"line {numbers[k]}", warnings)
 
 
 def _text(path: Path) -> str:
@@ -68,8 +76,8 @@ def _text(path: Path) -> str:
             data = gzip.decompress(data)
         except (EOFError, zlib.error, gzip.BadGzipFile) as error:
             raise RecordingError(
-                f"{path} does not unpack: {error}.",
-                cause="the copy was cut short, or the log was still being written.",
+                f"{path} cannot be decompressed: {error}.",
+                cause="the copy is incomplete, or the log was still being written.",
                 fix=f"gzip -t {path}; copy it again",
             ) from error
     if encoding := _two_bytes(data):
@@ -77,24 +85,24 @@ def _text(path: Path) -> str:
             return data[: len(data) // 2 * 2].decode(encoding)  # a copy may be cut in a character
         except UnicodeDecodeError as error:
             raise RecordingError(
-                f"{path} begins as UTF-16 text and does not go on so at byte {error.start}.",
-                cause="the file was changed on the way, or two logs were joined.",
+                f"{path} is UTF-16 text up to byte {error.start} only.",
+                cause="the file was modified, or two logs were joined.",
                 fix="export the log again as CSV in UTF-8",
             ) from error
     if b"\0" in data[:4096]:
         raise RecordingError(
             f"{path} is not a CSV log; it is {what_is(data)}.",
-            cause="the name's ending does not tell what is inside.",
-            fix="name it by what it is: .mcap, .mat or .csv",
+            cause="the file has the wrong ending.",
+            fix="rename it to .mcap, .mat or .csv",
         )
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data.decode("latin-1")  # a ° or µ in a heading; names of ours are plain ASCII
+        return data.decode("latin-1")  # a ° or µ in a header; the contract's names are ASCII
 
 
 def _two_bytes(data: bytes) -> str | None:
-    """The name of UTF-16, with its mark or without: every other byte of plain text is zero."""
+    """The encoding's name for UTF-16, with or without byte order mark; None for other text."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
     first = data[:512]
@@ -113,9 +121,9 @@ def _header(path: Path, line: str) -> tuple[str, list[str]]:
     numeric = [_is_number(name.replace(",", ".")) for name in names]
     if names and all(numeric):
         raise RecordingError(
-            f"{path} has no header line: it begins with the number {names[0]}.",
-            cause="the logging program writes bare numbers.",
-            fix="add a first line with the columns' names: t_s,v_front_V,v_back_V,roll_deg,…",
+            f"{path} has no header line; its first line starts with the number {names[0]}.",
+            cause="the logging program writes numbers only.",
+            fix="add a first line with the column names: t_s,v_front_V,v_back_V,roll_deg,…",
         )
     return separator, names
 
@@ -125,13 +133,13 @@ def _check_header(path: Path, names: list[str], separator: str) -> None:
         if name == "":
             raise RecordingError(
                 f"{path}: column {i + 1} of the header line has no name.",
-                cause=f"two {SEPARATORS[separator]} in a row, or one too many at the end.",
+                cause=f"two {SEPARATORS[separator]} in a row, or an extra one at the end.",
                 fix="name every column",
             )
         if name in names[:i]:
             raise RecordingError(
-                f"{path}: the column {name} is there twice.",
-                cause="two signals were given the same name.",
+                f"{path} has two columns {name}.",
+                cause="two signals have the same name.",
                 fix="rename one of them in the header line",
             )
 
@@ -164,7 +172,7 @@ def _exact(
     names: list[str],
     warnings: list[str],
 ) -> dict[str, np.ndarray]:
-    """Cell by cell: empty cells are NaN, text in an unknown column drops it, else an error."""
+    """Parse cell by cell: an empty cell is NaN; an unknown column with text is ignored."""
     rows = [_cells(line, separator) for line in body]
     for number, row in zip(numbers, rows, strict=True):
         if len(row) != len(names):
@@ -185,15 +193,14 @@ def _exact(
             columns[name] = values
         elif name in KNOWN:
             raise RecordingError(
-                f"{path}: line {numbers[text[0]]}, column {name}, holds {text[1]!r}, "
-                "which is no number.",
+                f"{path}: line {numbers[text[0]]}, column {name}: {text[1]!r} is not a number.",
                 cause="a unit, a comment or an error message among the numbers.",
                 fix=f"remove line {numbers[text[0]]}, or write a number there",
             )
         else:
             warnings.append(
                 f"The column {name} holds text ({text[1]!r} in line {numbers[text[0]]}); "
-                "only numbers can be kept, it was left out."
+                "it was ignored, because channels are numeric."
             )
     return columns
 
@@ -212,8 +219,8 @@ def _ragged(
         cause = "decimal commas in a table separated by commas."
         fix = "export with decimal points, or with semicolons between the columns"
     else:
-        cause = "a line that was written by two programs at once, or cut short."
-        fix = f"look at line {number} of {path.name}"
+        cause = "two programs wrote the line at once, or it is incomplete."
+        fix = f"correct line {number} of {path.name}"
     return RecordingError(
         f"{path}: line {number} has {len(row)} cell{'s' * (len(row) != 1)}, "
         f"the header line {len(names)}.",
@@ -230,10 +237,4 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def write_csv(columns: dict[str, np.ndarray]) -> bytes:
-    """CSV text of columns, integers as integers and floats with every digit they have."""
-    out = io.StringIO()
-    csv.writer(out, lineterminator="\n").writerow(re.sub(r"\s+", " ", name) for name in columns)
-    cells = [map(repr, values.tolist()) for values in columns.values()]
-    out.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
-    return out.getvalue().encode()
+IMPORTER = Importer("CSV", (".csv", ".csv.gz"), read)

@@ -1,7 +1,6 @@
-"""MAT logs: a matrix whose rows or columns are named by ``--columns``, or named vectors.
+"""MAT logs: named vectors, or a matrix whose rows or columns ``--columns`` names.
 
-Versions 4 to 7 are read by scipy. Version 7.3 is HDF5, which would need another library: its
-error says how to save the log again.
+scipy reads versions 4 to 7. Version 7.3 (HDF5) is refused with the command to convert it.
 """
 
 from __future__ import annotations
@@ -14,21 +13,24 @@ from typing import Any
 import numpy as np
 
 from heli3dof.errors import RecordingError, UsageError
-from heli3dof.recording.logs.column_table import KNOWN, REQUIRED, Table
+from heli3dof.recording.columns import KNOWN, REQUIRED
+from heli3dof.recording.logs.importer import Importer, Table
 from heli3dof.recording.mcap_files.mcap_scan import read_bytes, what_is
+from heli3dof.rig.profile import Profile
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 SKIP = {"", "-", "_"}
-"""Names in ``--columns`` for rows or columns that are not wanted."""
+"""Names in ``--columns`` for rows or columns to skip"""
 
 
-def read_mat(path: Path, columns: str | Sequence[str] | None = None) -> Table:
+def read(
+    path: Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
+) -> Table:
     """Read a MAT log.
 
-    ``columns`` names the rows or columns of the matrix in order, ``t_s,v_front_V,…`` (``-`` for
-    one to leave out), with the variable's name before a colon where the file holds several:
-    ``log:t_s,v_front_V,…``. Without it, the variables (or the fields of one structure) must
-    carry the contract's names. Raises RecordingError, UsageError.
+    ``columns`` names the matrix's rows or columns in order: ``t_s,v_front_V,…``, with ``-`` for one
+    to skip. ``log:t_s,v_front_V,…`` also names the variable. Without ``columns``, the variables or
+    the fields of a structure must have the contract's names. Raises RecordingError, UsageError.
     """
     variables = _load(path)
     table = _structures(variables)
@@ -37,9 +39,9 @@ def read_mat(path: Path, columns: str | Sequence[str] | None = None) -> Table:
         vectors = _vectors(table)
         if not set(REQUIRED) & vectors.keys():
             raise RecordingError(
-                f"{path}: no variable is named as a log's column is. It holds "
+                f"{path}: no variable has a column name of a log. It contains "
                 f"{_listed(variables)}.",
-                cause="a matrix, whose rows or columns have no names.",
+                cause="the log is a matrix, whose rows or columns have no names.",
                 fix=f"heli3dof import {path} --columns t_s,v_front_V,v_back_V,roll_deg,… …",
             )
         return _table(path, vectors)
@@ -52,7 +54,7 @@ def read_mat(path: Path, columns: str | Sequence[str] | None = None) -> Table:
         raise UsageError(
             f"--columns names {twice} twice.",
             cause="a typing error.",
-            fix="- stands for a column that is not wanted",
+            fix="write - for a column to skip",
         )
     return _table(path, {name: matrix[:, i] for i, name in enumerate(names) if name not in SKIP})
 
@@ -61,25 +63,25 @@ def _load(path: Path) -> dict[str, Any]:
     data = read_bytes(path)
     if data.startswith((b"MATLAB 7.3", HDF5)) or data[512:520] == HDF5:
         raise RecordingError(
-            f"{path} is a MAT-file of version 7.3 (HDF5), which cannot be read.",
-            cause="it was saved with -v7.3, or this is the preference of that MATLAB.",
+            f"{path} is a MAT-file of version 7.3 (HDF5), which is not supported.",
+            cause="it was saved with -v7.3, or MATLAB's preferences select that version.",
             fix="in MATLAB: S = load('log.mat'); save('log.mat', '-struct', 'S', '-v7')",
         )
     from scipy.io import loadmat
 
     try:
         found: dict[str, Any] = loadmat(io.BytesIO(data))  # type: ignore[arg-type]
-    except Exception as error:  # scipy raises whatever the bytes lead it to
+    except Exception as error:  # damaged bytes make scipy raise anything
         raise RecordingError(
-            f"{path} cannot be read as a MAT-file: it is {what_is(data)} ({error}).",
-            cause="a copy that was cut short, or another kind of file.",
+            f"{path} is not a readable MAT-file; it is {what_is(data)} ({error}).",
+            cause="an incomplete copy, or another kind of file.",
             fix="save it again with save('log.mat', '-v7'), or export the log as CSV",
         ) from error
     return {k: v for k, v in found.items() if not k.startswith("__")}
 
 
 def _structures(variables: dict[str, Any]) -> dict[str, np.ndarray]:
-    """The variables, with the fields of structures brought to the top."""
+    """The variables, and the fields of structures as variables."""
     table: dict[str, np.ndarray] = {}
     for name, value in variables.items():
         if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
@@ -91,7 +93,7 @@ def _structures(variables: dict[str, Any]) -> dict[str, np.ndarray]:
 
 
 def _vectors(table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Numeric vectors; those not named by the contract only where they are as long as ``t_s``."""
+    """Numeric vectors with contract names, and others that are as long as ``t_s``."""
     found = {
         name: np.asarray(value, dtype=float).ravel()
         for name, value in table.items()
@@ -124,14 +126,14 @@ def _matrix(path: Path, table: dict[str, np.ndarray], wanted: str | None, count:
         raise RecordingError(
             f"{path}: --columns names {count} columns, but no matrix"
             f"{'' if wanted is None else f' {wanted!r}'} has {count} rows or columns. "
-            f"It holds {_listed(table)}.",
-            cause="a name too many or too few.",
-            fix="name every row or column of the matrix in order, - for one that is not wanted",
+            f"It contains {_listed(table)}.",
+            cause="a name is missing or extra.",
+            fix="name every row or column of the matrix in order, - for one to skip",
         )
     raise RecordingError(
-        f"{path} holds several matrices that fit: {_listed(fitting)}.",
+        f"{path} has several matrices of that size: {_listed(fitting)}.",
         cause="several logs in one file.",
-        fix=f"say which: --columns {next(iter(fitting))}:t_s,v_front_V,…",
+        fix=f"name one: --columns {next(iter(fitting))}:t_s,v_front_V,…",
     )
 
 
@@ -139,10 +141,10 @@ def _table(path: Path, columns: dict[str, np.ndarray]) -> Table:
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
         raise RecordingError(
-            f"{path}: the columns differ in length: "
+            f"{path}: the columns have different lengths: "
             + ", ".join(f"{name} {n}" for name, n in lengths.items())
             + ".",
-            cause="signals that were logged at different rates.",
+            cause="the signals were logged at different rates.",
             fix="log all of them at the control rate",
         )
     plain = {name: np.ascontiguousarray(v, dtype=float) for name, v in columns.items()}
@@ -154,3 +156,6 @@ def _listed(variables: dict[str, Any]) -> str:
         f"{name} ({' × '.join(map(str, np.shape(value)))})" for name, value in variables.items()
     )
     return ", ".join(shapes) or "nothing"
+
+
+IMPORTER = Importer("MAT", (".mat",), read)

@@ -1,0 +1,158 @@
+"""The results of `heli3dof.comparison.compare.compare`: one per comparison, recording and model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.comparison.document import to_json
+from heli3dof.comparison.metrics import METRICS, AxisMetrics
+from heli3dof.recording.recording import Recording
+from heli3dof.results import Result, optional
+
+if TYPE_CHECKING:
+    import pandas
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """A curve for a figure: t (M,) s, angle (M, 3) rad; NaN breaks the line."""
+
+    label: str
+    kind: str
+    """``replay`` of the closed loop, or ``prediction`` in successive windows"""
+    t: np.ndarray
+    angle: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class PredictionError:
+    """RMSE of multi-step predictions in degrees (3,): by horizon in s, and over the longest one."""
+
+    ahead_deg: Mapping[float, np.ndarray]
+    over_window_deg: np.ndarray
+    window_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class ModelComparison:
+    """One model compared with one recording."""
+
+    name: str
+    kind: str
+    metrics: Mapping[str, AxisMetrics] | None
+    """Per axis, of the replay; None if the loop is not replayed"""
+    replay_rmse_deg: np.ndarray | None
+    """(3,) degrees between replay and experiment; NaN if the model diverges"""
+    diverged_at_s: float | None
+    unstable_poles: tuple[complex, ...]
+    prediction: PredictionError | None
+    trace: Trace | None
+    cannot: tuple[str, ...]
+    """What could not be computed with this model, and why"""
+
+
+@dataclass(frozen=True, eq=False)
+class FlightComparison:
+    """One recording and the comparison of every model with it."""
+
+    recording: Recording
+    """As given"""
+    flown: Recording
+    """The part under control, which everything below describes"""
+    experiment: Mapping[str, AxisMetrics]
+    loop: str
+    """``replayed`` or ``not replayed``"""
+    why: str | None
+    """Why the loop was not replayed"""
+    held_still: PredictionError | None
+    models: tuple[ModelComparison, ...]
+
+    def difference(self, model: ModelComparison, axis: str) -> dict[str, float]:
+        """The model's six metrics minus the experiment's; NaN if either is undefined."""
+        if model.metrics is None:
+            return dict.fromkeys(METRICS, np.nan)
+        ours = model.metrics[axis].reported.values()
+        theirs = self.experiment[axis].reported.values()
+        return {name: ours[name] - theirs[name] for name in METRICS}
+
+    def model(self, name: str) -> ModelComparison:
+        """The comparison of the model with this name. Raises KeyError."""
+        for m in self.models:
+            if m.name == name:
+                return m
+        raise KeyError(name)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Result):
+    """Recordings and models side by side."""
+
+    flights: tuple[FlightComparison, ...]
+    horizons_s: tuple[float, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One sentence for each loop, model or metric that could not be computed."""
+        sentences = []
+        for f in self.flights:
+            if f.why is not None:
+                sentences.append(f"{f.recording.name}: not replayed, because {f.why}.")
+            for m in f.models:
+                sentences += [f"{f.recording.name}, {m.name}: {c}" for c in m.cannot]
+        return tuple(sentences)
+
+    def summary(self) -> str:
+        """The size of the comparison, then one line per recording: each model's RMSE."""
+        models = dict.fromkeys(m.name for f in self.flights for m in f.models)
+        lines = [
+            f"Comparison of {', '.join(models) or 'no model'} with {len(self.flights)} "
+            f"recording{'s' * (len(self.flights) != 1)}; RMSE of roll, pitch, yaw in degrees:"
+        ]
+        for f in self.flights:
+            each = "; ".join(f"{m.name} {_rmse(f, m)}" for m in f.models)
+            how = "closed-loop replay" if f.why is None else "multi-step prediction"
+            lines.append(f"  {f.recording.name}, {how}: {each}")
+        return "\n".join([*lines, *(f"  Warning: {w}" for w in self.warnings)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """The document of ``compare --json`` without the paper's numbers."""
+        return to_json(self)
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """A pandas data frame with a row per recording, model (and ``experiment``) and axis.
+
+        Columns: the six metrics, ``replay_rmse_deg``, and ``rmse_deg_H_s`` of predictions H s
+        ahead. Raises UsageError if pandas is missing.
+        """
+        rows = [row for f in self.flights for row in _rows(f)]
+        return optional("pandas").DataFrame(rows).set_index(["recording", "model", "axis"])
+
+
+def _rmse(flight: FlightComparison, m: ModelComparison) -> str:
+    values = m.replay_rmse_deg
+    if flight.why is not None:
+        values = None if m.prediction is None else m.prediction.over_window_deg
+    return "–" if values is None else ", ".join(f"{v:.2f}" for v in values)
+
+
+def _rows(flight: FlightComparison) -> list[dict[str, Any]]:
+    rows = []
+    for i, axis in enumerate(AXES):
+        key = {"recording": flight.recording.name, "model": "experiment", "axis": axis}
+        rows.append({**key, **flight.experiment[axis].reported.values()})
+        for m in flight.models:
+            row: dict[str, Any] = {**key, "model": m.name}
+            if m.metrics is not None:
+                row |= m.metrics[axis].reported.values()
+            if m.replay_rmse_deg is not None:
+                row["replay_rmse_deg"] = float(m.replay_rmse_deg[i])
+            if m.prediction is not None:
+                ahead = m.prediction.ahead_deg.items()
+                row |= {f"rmse_deg_{h:g}_s": float(v[i]) for h, v in ahead}
+            rows.append(row)
+    return rows

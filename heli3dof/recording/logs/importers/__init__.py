@@ -1,0 +1,53 @@
+"""The log formats that can be imported: one file each, found by being in this folder.
+
+A module defines ``IMPORTER``, an `Importer`: ``sniff`` recognises a file, ``read`` returns its
+columns as a `Table`. Checks, units and provenance are common to all formats
+(`heli3dof.recording.logs.import_log`). Another package adds a format through the entry point group
+``heli3dof.importers``::
+
+    [project.entry-points."heli3dof.importers"]
+    tdms = "my_package.tdms:IMPORTER"
+"""
+
+from __future__ import annotations
+
+import importlib
+import logging
+import pkgutil
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from heli3dof.recording.logs.importer import Importer
+
+GROUP = "heli3dof.importers"
+
+
+@cache
+def importers() -> tuple[Importer, ...]:
+    """Every importer, ours first. A plug-in that does not load is left out with a warning."""
+    found: list[Importer] = []
+    for module in pkgutil.iter_modules(__path__):
+        found.append(importlib.import_module(f"{__name__}.{module.name}").IMPORTER)
+    for point in entry_points(group=GROUP):
+        try:
+            importer = point.load()
+            if not isinstance(importer, Importer):
+                raise TypeError(f"it is a {type(importer).__name__}, not an Importer")
+        except Exception as error:  # a plug-in may raise anything
+            logging.getLogger("heli3dof").warning(
+                "Warning: the importer %s (%s) does not load: %s", point.name, point.value, error
+            )
+            continue
+        found.append(importer)
+    return tuple(found)
+
+
+def importer_of(path: str | Path) -> Importer | None:
+    """The first importer that recognises the file; None for heli3dof's own recordings too."""
+    return next((i for i in importers() if i.sniff(Path(path))), None)
+
+
+def endings() -> tuple[str, ...]:
+    """The endings of importable file names, ``.csv.gz`` before its own end ``.gz``."""
+    return tuple(sorted({e for i in importers() for e in i.endings}, key=len, reverse=True))

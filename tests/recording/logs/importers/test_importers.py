@@ -1,0 +1,78 @@
+"""A new log format is one file, or one entry point of another package."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from heli3dof.recording import atomic_write
+from heli3dof.recording.info import file_info
+from heli3dof.recording.load import load
+from heli3dof.recording.logs import importers
+from heli3dof.recording.logs.export import export
+from heli3dof.recording.logs.importer import Importer, Table
+from heli3dof.recording.write import write_recording
+from tests.recording.make import flight, open_profile
+
+NPY = Importer(
+    "NPY",
+    (".npy",),
+    lambda path, profile, columns: Table(
+        path.name,
+        dict(zip(("t_s", "v_front_V", "v_back_V", "roll_rad"), np.load(path), strict=True)),
+        lambda k: f"sample {k + 1}",
+    ),
+)
+
+
+@pytest.fixture
+def plug_ins(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    points = [
+        EntryPoint("npy", f"{__name__}:NPY", importers.GROUP),
+        EntryPoint("broken", "no_such_package:IMPORTER", importers.GROUP),
+        EntryPoint("wrong", "json:loads", importers.GROUP),
+    ]
+    monkeypatch.setattr(importers, "entry_points", lambda group: points)
+    importers.importers.cache_clear()
+    yield
+    importers.importers.cache_clear()
+
+
+def test_the_formats_in_the_folder_are_found() -> None:
+    assert [i.name for i in importers.importers()] == ["CSV", "MAT", "MCAP"]
+    assert importers.endings()[0] == ".csv.gz"
+
+
+def test_another_packages_format_is_loaded_and_described(
+    tmp_path: Path, plug_ins: None, caplog: pytest.LogCaptureFixture
+) -> None:
+    made = flight(500)
+    path = tmp_path / "a.npy"
+    np.save(path, [made.t, made.voltage[:, 0], made.voltage[:, 1], made.angle[:, 0]])
+    read = load(path, open_profile())
+    np.testing.assert_array_equal(read.angle[:, 0], made.angle[:, 0])
+    assert file_info(path, open_profile())["samples"] == 500
+    assert atomic_write.stem(path) == "a"
+    assert "importer broken (no_such_package:IMPORTER) does not load" in caplog.text
+    assert "importer wrong (json:loads) does not load: it is a function" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("name", "format_"),
+    [("a.CSV", "CSV"), ("a.csv.gz", "CSV"), ("a.mat", "MAT"), ("a.mcap", None), ("a.txt", None)],
+)
+def test_a_name_that_does_not_exist_is_recognised_by_its_ending(
+    name: str, format_: str | None
+) -> None:
+    importer = importers.importer_of(name)
+    assert (importer.name if importer else None) == format_
+
+
+def test_a_recording_of_heli3dof_needs_no_importer(tmp_path: Path) -> None:
+    path = write_recording(flight(50), tmp_path / "a.mcap")
+    assert importers.importer_of(path) is None
+    assert importers.importer_of(export(flight(50), tmp_path / "a.csv")) is not None

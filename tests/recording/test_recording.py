@@ -1,0 +1,64 @@
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from heli3dof.errors import UsageError
+from heli3dof.recording.recording import make_recording
+from tests.recording.make import flight, open_profile
+
+
+def test_the_repr_is_three_lines_with_size_axes_and_channels() -> None:
+    made = flight(501)
+    made.channels["gust_m_s"] = np.zeros(501)  # type: ignore[index]
+    first, second, third = repr(made).splitlines()
+    assert first == "Recording 'made-up': 501 samples, 1.0 s at 500 Hz"
+    assert second.startswith("  axes: roll, pitch, yaw; references: roll, pitch, yaw; profile: ")
+    assert second.endswith("controller unknown")
+    assert third == "  channels: gust_m_s"
+
+
+def test_the_repr_of_many_channels_counts_those_that_it_does_not_list() -> None:
+    made = flight(20)
+    made.channels.update({f"c{i:02}": np.zeros(20) for i in range(30)})  # type: ignore[attr-defined]
+    assert repr(made).endswith("c07 and 22 more")
+    assert len(repr(made).splitlines()) == 3
+
+
+def test_an_empty_recording_has_a_repr() -> None:
+    none = make_recording(np.zeros(0), np.zeros((0, 2)), np.zeros((0, 3)), open_profile())
+    assert "0 samples" in repr(none)
+
+
+def test_a_data_frame_has_the_contracts_columns_over_t_s() -> None:
+    pytest.importorskip("pandas")
+    made = flight(50)
+    made.angle[:, 1] = np.nan
+    frame = made.to_dataframe()
+    assert frame.index.name == "t_s"
+    assert list(frame)[:4] == ["v_front_V", "v_back_V", "v_front_cmd_V", "v_back_cmd_V"]
+    assert "pitch_deg" not in frame
+    np.testing.assert_allclose(frame["roll_deg"], np.degrees(made.angle[:, 0]))
+
+
+def test_a_data_set_has_the_same_columns_with_units() -> None:
+    pytest.importorskip("xarray")
+    made = flight(50)
+    data = made.to_xarray()
+    assert data.sizes == {"t_s": 50}
+    assert data["roll_deg"].attrs == {"units": "deg"}
+    assert data.attrs["digest"] == made.digest
+    np.testing.assert_array_equal(data["v_back_V"], made.voltage[:, 1])
+
+
+@pytest.mark.parametrize("library", ["pandas", "xarray"])
+def test_without_the_library_the_error_names_the_install_command(
+    library: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, library, None)
+    convert = {"pandas": flight(20).to_dataframe, "xarray": flight(20).to_xarray}[library]
+    with pytest.raises(UsageError, match=f"{library} is not installed") as caught:
+        convert()
+    assert f"pip install 'heli3dof[{library}]'" in caught.value.fix
