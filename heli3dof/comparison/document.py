@@ -132,3 +132,7 @@ def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
 def _number(value: float) -> float | None:
     """JSON has no NaN: what is not defined is null."""
     return float(value) if np.isfinite(value) else None
+
+
+comparison_document = to_json
+"""The public name"""

@@ -3,7 +3,7 @@
     with hold("serial:///dev/ttyACM0", profile) as rig:
         sample = rig.read()
 
-Whoever moves or reads a rig opens it here; `heli3dof.rig.drivers.open_rig` alone neither locks
+Whoever moves or reads a rig opens it here; `heli3dof.rig.drivers.open_driver` alone neither locks
 it nor lets ``heli3dof estop`` in.
 """
 
@@ -17,7 +17,7 @@ from typing import Any
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import DeviceError
 from heli3dof.rig.calibration import POWER_UP, rest_of
-from heli3dof.rig.drivers import is_private, open_rig
+from heli3dof.rig.drivers import is_private, open_driver
 from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.session.known_devices import remember
@@ -42,7 +42,7 @@ def hold(
     other session), or has no serial number.
     """
     with Session(device, private=is_private(device), doing=doing, began_ns=began_ns) as session:
-        opened = open_rig(device, profile)
+        opened = open_driver(device, profile)
         try:
             if not opened.identity.serial.strip():
                 raise _no_serial_number(device)
@@ -95,3 +95,7 @@ def reading(sample: Sample, profile: Profile) -> dict[str, Any]:
         "sequence": sample.sequence,
         "flags": [flag.name for flag in Flags if sample.flags & flag],
     }
+
+
+open_rig = hold
+"""The public name"""
