@@ -313,5 +313,5 @@ class MockRig:
             raise DeviceError(
                 "The emulated rig is closed.",
                 cause="close() was called before this.",
-                fix="open it again with heli3dof.rig.drivers.open_rig",
+                fix="open it again with heli3dof.open_rig",
             )

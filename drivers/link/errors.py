@@ -62,7 +62,7 @@ def closed(name: str) -> DeviceError:
     return DeviceError(
         f"{name} is closed.",
         cause="close() was called before this.",
-        fix="open it again with heli3dof.rig.drivers.open_rig",
+        fix="open it again with heli3dof.open_rig",
     )
 
 

@@ -191,7 +191,7 @@ class UsbTransport:
             raise DeviceError(
                 f"{self._name} is closed.",
                 cause="close() was called before this.",
-                fix="open it again with heli3dof.rig.drivers.open_rig",
+                fix="open it again with heli3dof.open_rig",
             )
 
 

@@ -1,64 +1,82 @@
-"""The command line: verbs by family, one file each. Heavy imports live inside the verbs."""
+"""The command line. Every module of this folder that has a ``register(app)`` is a verb.
+
+A new verb is one new file here, or a function ``register(app)`` of another package under the entry
+point group ``heli3dof.verbs``. Verbs import heavy libraries inside their functions, so that
+``heli3dof --help`` is quick.
+"""
 
 from __future__ import annotations
 
+import importlib
 import os
+import pkgutil
 import sys
-from collections.abc import Callable, Sequence
+from importlib.metadata import entry_points
 from typing import Any
 
 import typer
+from typer.core import TyperGroup
 
-from heli3dof.cli import (
-    compare,
-    demo,
-    devices,
-    diagnose,
-    doctor,
-    estop,
-    files,
-    identify,
-    monitor,
-    output_encoding,
-    plans,
-    profile,
-    report,
-    run,
-    simulate,
-    zero,
-)
+from heli3dof import cli
+from heli3dof.cli import output_encoding
+from heli3dof.cli.estop import estop_without_typer
+
+GROUP = "heli3dof.verbs"
+FAMILIES = {
+    "Fly": ("demo", "run-step", "run", "simulate"),
+    "Model": ("identify", "compare", "diagnose", "report"),
+    "Files": ("import", "export", "info", "recover"),
+    "Plans and rigs": ("plans", "devices", "doctor", "zero", "monitor", "estop", "profile"),
+}
+"""The order of ``heli3dof --help``; a verb that is not named here is listed under `MORE`"""
+MORE = "More"
+
+
+class Verbs(TyperGroup):
+    """Lists the verbs by family."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        order = [verb for family in FAMILIES.values() for verb in family]
+        rank = {verb: i for i, verb in enumerate(order)}
+        return sorted(self.commands, key=lambda verb: (rank.get(verb, len(order)), verb))
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        rows: dict[str, list[tuple[str, str]]] = {}
+        for name in self.list_commands(ctx):
+            family = next((f for f, verbs in FAMILIES.items() if name in verbs), MORE)
+            help_text = self.commands[name].get_short_help_str(limit=200)
+            rows.setdefault(family, []).append((name, help_text))
+        for family, listed in rows.items():
+            with formatter.section(family):
+                formatter.write_dl(listed)
+
 
 app = typer.Typer(
     name="heli3dof",
-    help="From a 3-DOF helicopter on the bench to a model that can be trusted.",
+    cls=Verbs,
+    help="Fly, identify, compare and diagnose a 3-DOF helicopter. Start with: heli3dof demo",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
+    rich_markup_mode=None,  # rich's help takes twice as long to load as everything else
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
-FAMILIES = (
-    demo, run, simulate, identify, compare, diagnose, report, files,
-    profile, plans, devices, doctor, zero, monitor, estop,
-)  # fmt: skip
 
-QUICK: dict[str, tuple[Callable[..., None], dict[str, str], dict[str, str]]] = {
-    "estop": (
-        estop.estop,
-        {"--json": "as_json", "--quiet": "quiet"},
-        {"--device": "device", "--reason": "reason"},
-    ),
-    "devices": (
-        devices.devices,
-        {"--ask": "ask", "--json": "as_json", "--quiet": "quiet"},
-        {},
-    ),
-}
-"""Verbs that nobody waits for: the function, its flags, its options with a value"""
+def _register_all() -> None:
+    for module in pkgutil.iter_modules(cli.__path__):
+        if module.name != "app":
+            found = importlib.import_module(f"{cli.__name__}.{module.name}")
+            if hasattr(found, "register"):
+                found.register(app)
+    for plug_in in entry_points(group=GROUP):
+        try:
+            plug_in.load()(app)
+        except Exception as error:
+            print(f"Warning: the verb {plug_in.name} does not load: {error}", file=sys.stderr)
 
-for family in FAMILIES:
-    family.register(app)
+
+_register_all()
 
 
 def main() -> None:
@@ -68,36 +86,11 @@ def main() -> None:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     output_encoding.prepare()
     try:
-        without_delay(sys.argv[1:])
+        if sys.argv[1:2] == ["estop"]:
+            estop_without_typer(sys.argv[2:])
         app()
     except SystemExit as end:
         code = 0 if output_encoding.reader_has_gone(end) else end.code
-    except OSError as error:  # of --help and its like; a verb's own are explained by the verb
+    except OSError as error:  # of --help; a verb explains its own errors
         code = output_encoding.lost(error)
     sys.exit(output_encoding.finish(code))
-
-
-def without_delay(words: Sequence[str]) -> None:
-    """A `QUICK` verb as it is meant to be typed, and the process's end; else nothing.
-
-    To read even one flag typer builds a validator, and loads pydantic for it: half of the time
-    until a rig stands still. What is not understood here at once is typer's to read or to refuse.
-    """
-    if not words or words[0] not in QUICK:
-        return
-    verb, flags, values = QUICK[words[0]]
-    given: dict[str, Any] = {}
-    rest = iter(words[1:])
-    for word in rest:
-        name, _, value = word.partition("=")
-        if word in flags:
-            given[flags[word]] = True
-        elif name in values and (value := value or next(rest, "")) and value[0] != "-":
-            given[values[name]] = value
-        else:
-            return
-    try:
-        verb(**given)
-    except typer.Exit as end:
-        sys.exit(end.exit_code)
-    sys.exit(0)

@@ -1,4 +1,4 @@
-"""``compare``: Table II and Figures 7–9, for any mix of recordings and models."""
+"""``compare``: Table II and Figures 7–9 of the paper, for any recordings and models."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from heli3dof.cli.options import AsJson, Force, ProfileFile, Quiet
-from heli3dof.cli.output import Talk, verb
+from heli3dof.cli.output import Output, verb
 
 if TYPE_CHECKING:
     from heli3dof.comparison.compare import Comparison
     from heli3dof.model.base import Model
     from heli3dof.recording.recording import Recording
+
+FORMATS = ("svg", "png")
 
 
 def register(app: typer.Typer) -> None:
@@ -24,22 +26,22 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def compare(
-    what: Annotated[
+    words: Annotated[
         list[str] | None,
         typer.Argument(metavar="[REC... MODEL...]", help="Recordings; model files or names."),
     ] = None,
     profile: ProfileFile = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", metavar="FOLDER", help="Where the figures go."),
+        typer.Option("-o", "--output", metavar="FOLDER", help="The folder of the figures."),
     ] = None,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Models against the experiment; with no argument, on the recordings that ship."""
-    from heli3dof.cli.inputs import load_all, models_for, split, with_shipped
-    from heli3dof.comparison.compare import compare as against
+    """Compare models with flights; without arguments, on the supplied recordings."""
+    from heli3dof.cli.inputs import load_all, models_for, reference_comparison, split
+    from heli3dof.comparison.compare import compare
     from heli3dof.comparison.document import to_json
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.paper.reproduction import reproduce
@@ -47,57 +49,52 @@ def compare(
     from heli3dof.report.comparison_tables import comparison_renderables
     from heli3dof.rig.profile import default_profile
 
-    talk = Talk(as_json=as_json, quiet=quiet)
+    out = Output(as_json=as_json, quiet=quiet)
     folder = output or Path("comparisons") / datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     check_folder(folder)
-    if what:
-        paths, names = split(what)
-        recordings = load_all(talk, paths, profile)
-        identified: list[Model] = []
+    names: list[str] = []
+    identified: list[Model] = []
+    if words:
+        paths, names = split(words)
+        recordings = load_all(out, paths, profile)
         if not names:
-            names = ["hover"]
-            talk.note("No model was named: the hover model is compared alone.")
+            out.note("No model was given: only the hover model is compared.")
     else:
-        names = ["hover"]
-        with talk.working("Identifying from the recordings that ship …"):
-            recordings, identified = with_shipped()
-
+        with out.working("Identifying models from the supplied recordings …"):
+            recordings, identified = reference_comparison()
+    names = names or ["hover"]
     if folder.exists():
-        check_outputs(*figure_paths(recordings, folder), force=force)
+        check_outputs(*_figure_paths(recordings, folder), force=force)
 
     def models(recording: Recording) -> list[Model]:
         return [*models_for(names, recording), *identified]
 
-    with talk.working("Comparing …"):
-        found = against(recordings, models)
-        figures = write_figures(found, folder, force=force)
+    with out.working("Comparing …"):
+        comparison = compare(recordings, models)
+        figures = write_figures(comparison, folder, force=force)
     published = reproduce(hover_model(default_profile()))
-    talk.show(*comparison_renderables(found, published))
-    for warning in found.warnings:
-        talk.warn(warning)
-    talk.note(f"Figures: {folder}")
-    talk.emit({**to_json(found, published), "figures": [str(f) for f in figures]})
+    out.show(*comparison_renderables(comparison, published))
+    for warning in comparison.warnings:
+        out.warn(warning)
+    out.note(f"Figures: {folder}")
+    out.emit({**to_json(comparison, published), "figures": [str(f) for f in figures]})
 
 
-ENDINGS = ("svg", "png")
+def _figure_paths(recordings: Sequence[Recording], folder: Path) -> list[Path]:
+    """The files that `write_figures` writes."""
+    return [folder / f"{r.name}-{a}.{e}" for r in recordings for a in r.axes for e in FORMATS]
 
 
-def figure_paths(recordings: Sequence[Recording], folder: Path) -> list[Path]:
-    """The files that `write_figures` makes."""
-    return [folder / f"{r.name}-{a}.{e}" for r in recordings for a in r.axes for e in ENDINGS]
-
-
-def write_figures(found: Comparison, folder: Path, *, force: bool) -> list[Path]:
-    """Figures 7–9 of every recording, SVG and PNG; returns their paths."""
+def write_figures(comparison: Comparison, folder: Path, *, force: bool) -> list[Path]:
+    """Write Figures 7–9 of every recording as SVG and PNG; return their paths."""
     from heli3dof.recording.atomic_write import new_folder
     from heli3dof.report.figure_style import save
     from heli3dof.report.figures import axis_figures
 
     new_folder(folder)
-    written = []
-    for flight in found.flights:
-        for name, figure in axis_figures(flight).items():
-            for ending in ENDINGS:
-                path = folder / f"{flight.recording.name}-{name}.{ending}"
-                written.append(save(figure, path, force=force))
-    return written
+    return [
+        save(figure, folder / f"{flight.recording.name}-{name}.{ending}", force=force)
+        for flight in comparison.flights
+        for name, figure in axis_figures(flight).items()
+        for ending in FORMATS
+    ]

@@ -1,4 +1,4 @@
-"""``demo``: the whole chain on the emulated rig, with no hardware and no arguments."""
+"""``demo``: the whole chain on the emulated rig, without hardware or arguments."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from heli3dof.cli.options import AsJson, Quiet, Seed
-from heli3dof.cli.output import Talk, verb
+from heli3dof.cli.output import Output, verb
 
 if TYPE_CHECKING:
     from heli3dof.experiment.plan import Plan
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 FOLDER = Path("heli3dof-demo")
 HIDDEN = "motor.lag:0.1,friction.coulomb.yaw:0.03"
-"""What the demo's rig hides: rotors that follow late, and dry friction in yaw. No part of the demo
-is told; the diagnosis has to find them."""
+"""Effects that the emulated rig has and the simulation lacks: a motor lag of 0.1 s and Coulomb
+friction of 0.03 N·m in yaw. The demo passes them to the emulator only."""
 
 
 def register(app: typer.Typer) -> None:
@@ -26,10 +26,10 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
-    """Fly the emulated rig, identify, compare, diagnose and report. No hardware needed."""
+    """Fly the emulated rig, identify, compare, diagnose and report. Needs no hardware."""
     from heli3dof.cli.compare import write_figures
-    from heli3dof.cli.diagnose import saying
-    from heli3dof.cli.inputs import both
+    from heli3dof.cli.diagnose import show_diagnosis, stages
+    from heli3dof.cli.inputs import identify_both
     from heli3dof.comparison.compare import compare
     from heli3dof.diagnosis.diagnose import diagnose
     from heli3dof.diagnosis.document import document as to_document
@@ -40,59 +40,59 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     from heli3dof.report.comparison_tables import comparison_renderables
     from heli3dof.report.diagnosis_figure_data import pictured
     from heli3dof.report.diagnosis_section import diagnosis_section
-    from heli3dof.report.diagnosis_tables import diagnosis_tables
     from heli3dof.report.flight_report import flight_report
     from heli3dof.report.html import write_page
     from heli3dof.report.identification_section import identification_section, parameters_table
-    from heli3dof.report.text_table import Grid, to_rich
+    from heli3dof.report.text_table import to_rich
     from heli3dof.rig.profile import default_profile
 
-    talk = Talk(as_json=as_json, quiet=quiet)
-    folder = _fresh(FOLDER)
-    talk.note(
-        "An emulated rig that hides two effects from the simulation: let us see which.\n"
-        f"Everything goes to {folder}/"
+    out = Output(as_json=as_json, quiet=quiet)
+    folder = _new_folder(FOLDER)
+    out.note(
+        "The emulated rig has two effects that the simulation lacks. The demo has to find them.\n"
+        f"All files go to {folder}/"
     )
-    train = _flown(talk, load_plan("rich"), folder / "rich.mcap", seed)
-    step = _flown(
-        talk,
+    train = _fly(out, load_plan("rich"), folder / "rich.mcap", seed)
+    step = _fly(
+        out,
         step_plan((10.0, None, 20.0), settle_s=5.0),
         folder / "step-roll-10-yaw-20.mcap",
         seed + 1,
-        start="level",  # a linear model about level is not judged by a take-off from the table
+        start="level",  # a take-off is outside the range of a model linear about level
     )
-    with talk.working("Identifying a black box and a grey box from the rich flight …"):
-        found = both([train], [step])
-    saved = [save_model(f.model, folder / f"{f.model.name.replace(' ', '-')}.json") for f in found]
-    talk.show(to_rich(parameters_table(found[-1])))
-    with talk.working("Comparing them and the hover model with the step flight …"):
-        models = [hover_model(step.profile), *(f.model for f in found)]
+    with out.working("Identifying a black box and a grey box from the rich flight …"):
+        identified = identify_both([train], [step])
+    saved = [
+        save_model(i.model, folder / f"{i.model.name.replace(' ', '-')}.json") for i in identified
+    ]
+    out.show(to_rich(parameters_table(identified[-1])))
+    with out.working("Comparing them and the hover model with the step flight …"):
+        models = [hover_model(step.profile), *(i.model for i in identified)]
         comparison = compare([step], models)
         write_figures(comparison, folder, force=False)
     published = reproduce(hover_model(default_profile()))
-    talk.show(*comparison_renderables(comparison, published))
-    talk.note("Diagnosing the rich flight …")
-    with saying(talk) as says:
-        wrong = diagnose(train, step, quick=True, seed=seed, says=says)
-        assert wrong.fitted is not None  # the emulated rig's recordings are sound
-        extended = save_model(wrong.fitted.model, folder / "extended.json")
-    document = to_document(wrong, str(extended))
-    told = diagnosis_tables(document)
-    talk.show(*(to_rich(g) if isinstance(g, Grid) else g for g in told))
-    with talk.working("Writing the report …"):
-        told_of = diagnosis_section(document, pictured(wrong, [train], [step]))
+    out.show(*comparison_renderables(comparison, published))
+    out.note("Diagnosing the rich flight …")
+    with stages(out) as stage:
+        diagnosis = diagnose(train, step, quick=True, seed=seed, says=stage)
+        assert diagnosis.fitted is not None  # the emulated rig's recordings have no faults
+        extended = save_model(diagnosis.fitted.model, folder / "extended.json")
+    document = to_document(diagnosis, str(extended))
+    show_diagnosis(out, document)
+    with out.working("Writing the report …"):
+        section = diagnosis_section(document, pictured(diagnosis, [train], [step]))
         text = flight_report(
             [step],
             models=models,
             comparison=comparison,
             reproduced=published,
-            extra=[*(identification_section(f) for f in found), told_of],
+            extra=[*(identification_section(i) for i in identified), section],
             title="heli3dof demo",
         )
         report = write_page(text, folder / "report.html")
-    talk.show(f"What the rig hid, and no part of this was told: {HIDDEN.replace(',', ', ')}")
-    talk.note(f"Report: {report.resolve()}")
-    talk.emit(
+    out.show(f"The effects that the emulated rig really has: {HIDDEN.replace(',', ', ')}")
+    out.note(f"Report: {report.resolve()}")
+    out.emit(
         {
             "schema": "heli3dof.demo/1",
             "folder": str(folder),
@@ -101,19 +101,19 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
             "models": [str(path) for path in (*saved, extended)],
             "hidden": HIDDEN,
             "diagnosis": document,
-            "warnings": [*(w for f in found for w in f.warnings), *comparison.warnings],
+            "warnings": [*(w for i in identified for w in i.warnings), *comparison.warnings],
         }
     )
 
 
-def _flown(talk: Talk, plan: Plan, path: Path, seed: int, start: str = "rest") -> Recording:
+def _fly(out: Output, plan: Plan, path: Path, seed: int, start: str = "rest") -> Recording:
     from heli3dof.cli.progress import progress
     from heli3dof.experiment.control_loop.loop import Live
     from heli3dof.experiment.fly import fly_plan
 
-    talk.note(f"Flying {plan.name}, {plan.duration_s:g} s, faster than real time …")
+    out.note(f"Flying {plan.name}, {plan.duration_s:g} s, faster than real time …")
     live = Live()
-    with progress(talk, live, plan.name):
+    with progress(out, live, plan.name):
         flight = fly_plan(
             plan,
             device=f"mock:?speed=max&seed={seed}&start={start}&hide={HIDDEN}",
@@ -125,8 +125,8 @@ def _flown(talk: Talk, plan: Plan, path: Path, seed: int, start: str = "rest") -
     return flight.recording
 
 
-def _fresh(folder: Path) -> Path:
-    """The folder, or the next one that does not exist yet: an earlier demo is kept."""
+def _new_folder(folder: Path) -> Path:
+    """Create the folder, or ``<folder>-2`` and so on if it exists."""
     from heli3dof.recording.atomic_write import new_folder
 
     number, path = 1, folder

@@ -1,4 +1,4 @@
-"""Default device when ``--device`` is omitted: the only real rig found, else the mock."""
+"""The device when ``--device`` is omitted: the only real rig found, else the emulated one."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.output import Talk
-
-MOCK = "mock:"
+from heli3dof.cli.output import Output
 
 AnyDevice = Annotated[
     str | None,
@@ -16,32 +14,22 @@ AnyDevice = Annotated[
         "--device",
         metavar="URL",
         envvar="HELI3DOF_DEVICE",
-        help="Which rig; default: the only one that is found, else the emulated one.",
+        help="The rig; default: the only one found, else the emulated one.",
     ),
 ]
 
 
-def the_rig(talk: Talk, device: str | None) -> str:
-    """The device asked for, else the only real rig found, else `MOCK`, and that is said.
+def device_or_default(out: Output, device: str | None) -> str:
+    """The given device, else the only real rig found, else the emulated one, with a note.
 
-    Raises UsageError where several are there, and for a URL without a driver.
+    Raises UsageError if several rigs are found, and for a URL without a driver.
     """
-    from heli3dof.errors import UsageError
-    from heli3dof.rig.drivers import find_rigs, is_private, load_driver
-    from heli3dof.rig.url import parse_url
+    from heli3dof.rig.drivers import MOCK, check_url, default_device
 
     if device is not None:
-        url = parse_url(device)
-        url.check_options(load_driver(url.scheme).options)
+        check_url(device)
         return device
-    real = [url for _, urls, _ in find_rigs() for url in urls if not is_private(url)]
-    if len(real) > 1:
-        raise UsageError(
-            f"Several rigs are there: {', '.join(real)}.",
-            cause="the command was not told which.",
-            fix=f"--device {real[0]}, or export HELI3DOF_DEVICE={real[0]}",
-        )
-    if not real:
-        talk.note("No rig was found: this is about the emulated one (--device names another).")
-        return MOCK
-    return real[0]
+    found = default_device()
+    if found == MOCK:
+        out.note("No rig was found. This is the emulated one; --device selects another.")
+    return found

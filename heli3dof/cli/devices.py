@@ -1,4 +1,4 @@
-"""``devices``: which rigs can be opened, on every door, and who flies them."""
+"""``devices``: the rigs that can be opened, by driver, and the processes that use them."""
 
 from __future__ import annotations
 
@@ -8,60 +8,62 @@ from typing import Annotated, Any
 
 import typer
 
-from heli3dof.cli.options import AsJson, ProfileFile, Quiet
-from heli3dof.cli.output import Talk, verb
+from heli3dof.cli.options import AsJson, ProfileFile, Quiet, rig_profile
+from heli3dof.cli.output import Output, verb
+from heli3dof.cli.renamed_options import renamed
 
 
 def register(app: typer.Typer) -> None:
-    app.command("devices")(devices)
+    app.command("devices", cls=renamed({"--ask": "--probe"}))(devices)
 
 
 @verb
 def devices(
-    ask: Annotated[
+    probe: Annotated[
         bool,
         typer.Option(
-            "--ask", help="Open each and ask who it is. Opening a port resets some boards."
+            "--probe", help="Open each rig and read its identity. This resets some boards."
         ),
     ] = False,
     profile: ProfileFile = None,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """List the rigs that can be opened, each driver that is installed, and what flies now."""
+    """List the rigs that can be opened, the installed drivers, and the rigs in use."""
     from rich.table import Table
 
     from heli3dof.rig.drivers import find_rigs
     from heli3dof.rig.session.client import running
     from heli3dof.rig.session.paths import device_name
 
-    talk = Talk(as_json=as_json, quiet=quiet)
+    out = Output(as_json=as_json, quiet=quiet)
     sessions = running()
-    held = {device_name(s.device): s for s in sessions if not s.private}
-    table = Table("driver", "device URL", "")
+    users = {device_name(s.device): s for s in sessions if not s.private}
+    table = Table("driver", "device URL", "state")
     drivers: list[dict[str, Any]] = []
     rigs: list[dict[str, Any]] = []
     for scheme, urls, problem in find_rigs():
         drivers.append({"driver": scheme, "devices": urls, "problem": problem})
         if problem is not None:
-            talk.warn(f"the driver {scheme} does not load: {problem.splitlines()[0]}")
+            out.warn(f"the driver {scheme} does not load: {problem.splitlines()[0]}")
             table.add_row(scheme, "", "does not load")
         for url in urls:
-            session = held.get(device_name(url))
-            if session is not None:
-                rigs.append({"device": url, "held_by": session.pid})
-                table.add_row(scheme, url, f"pid {session.pid} runs {session.doing}")
+            user = users.get(device_name(url))
+            if user is not None:
+                rigs.append({"device": url, "held_by": user.pid})
+                table.add_row(scheme, url, f"in use: pid {user.pid}, {user.doing}")
                 continue
-            rigs.append({"device": url, "held_by": None, **(_asked(url, profile) if ask else {})})
-            table.add_row(scheme, url, _told(rigs[-1]))
+            rigs.append({"device": url, "held_by": None, **(_probe(url, profile) if probe else {})})
+            table.add_row(scheme, url, _state_text(rigs[-1]))
         if not urls and problem is None:
             table.add_row(scheme, "", "no rig found")
     for session in sessions:
         if session.private:
             scheme = session.device.partition(":")[0]
-            table.add_row(scheme, session.device, f"pid {session.pid} runs {session.doing}")
-    talk.show(table)
-    talk.emit(
+            state = f"in use: pid {session.pid}, {session.doing}"
+            table.add_row(scheme, session.device, state)
+    out.show(table)
+    out.emit(
         {
             "schema": "heli3dof.devices/1",
             "drivers": drivers,
@@ -74,27 +76,22 @@ def devices(
     )
 
 
-def _asked(url: str, profile_file: Path | None) -> dict[str, Any]:
-    """Who answers; nothing is armed."""
+def _probe(url: str, profile: Path | None) -> dict[str, Any]:
+    """The identity and rest counts of a rig, which is opened but not armed."""
     from heli3dof.errors import DeviceError
-    from heli3dof.rig.profile import default_profile, load_profile
-    from heli3dof.rig.session.open_exclusive import hold
+    from heli3dof.rig.session.open_exclusive import open_rig
 
-    profile = load_profile(profile_file) if profile_file else default_profile()
     try:
-        with hold(url, profile) as rig:
+        with open_rig(url, rig_profile(profile)) as rig:
             identity, rest = dataclasses.asdict(rig.identity), rig.rest.to_dict()
-    except DeviceError as problem:
-        return {"identity": None, "problem": problem.what, "fix": problem.fix}
+    except DeviceError as error:
+        return {"identity": None, "problem": error.what, "fix": error.fix}
     return {"identity": identity, "rest": rest}
 
 
-def _told(rig: dict[str, Any]) -> str:
+def _state_text(rig: dict[str, Any]) -> str:
     identity = rig.get("identity")
-    if identity is not None:
-        known = "zeroed" if rig["rest"]["known_from"] == "zero" else "not zeroed"
-        return (
-            f"{identity['model']}, serial {identity['serial']}, firmware {identity['firmware']}, "
-            f"{known}"
-        )
-    return str(rig.get("problem", ""))
+    if identity is None:
+        return str(rig.get("problem", "free"))
+    zeroed = "zeroed" if rig["rest"]["known_from"] == "zero" else "not zeroed"
+    return "{model}, serial {serial}, firmware {firmware}, ".format(**identity) + zeroed

@@ -1,4 +1,4 @@
-"""``diagnose``: what the simulation gets wrong, the cause, the extended model, the gain."""
+"""``diagnose``: the simulation's error, its causes, the extended model and its gain."""
 
 from __future__ import annotations
 
@@ -6,20 +6,30 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
-from heli3dof.cli.options import AsJson, Force, LogProfile, Output, Quiet, Recordings, Seed
-from heli3dof.cli.output import Talk, live_allowed, verb
+from heli3dof.cli.options import (
+    AsJson,
+    Force,
+    Holdout,
+    LogProfile,
+    OutputFile,
+    Quick,
+    Quiet,
+    Recordings,
+    ReportFile,
+    Seed,
+    rig_profile,
+)
+from heli3dof.cli.output import Output, live_allowed, verb
+from heli3dof.errors import RecordingError
 
 if TYPE_CHECKING:
     from heli3dof.diagnosis.integrity import Fault
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.recording.recording import Recording
-
-BAD_DATA = 5
-"""Exit code of a recording that is itself at fault; its document is printed all the same."""
 
 
 class Base(StrEnum):
@@ -34,29 +44,23 @@ def register(app: typer.Typer) -> None:
 @verb
 def diagnose(
     recordings: Recordings,
-    holdout: Annotated[
-        list[Path] | None,
-        typer.Option("--holdout", metavar="REC", help="Measure the gain on this. Repeatable."),
-    ] = None,
+    holdout: Holdout = None,
     base: Annotated[
-        Base, typer.Option("--base", help="The simulation that is judged: rigid body, or hover.")
+        Base,
+        typer.Option("--base", help="The simulation to diagnose: rigid body, or linear hover."),
     ] = Base.rigid,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="A first look: fewer nulls, no blocks left out.")
-    ] = False,
-    report: Annotated[
-        Path | None, typer.Option("--report", metavar="FILE", help="Figures and tables, HTML.")
-    ] = None,
+    quick: Quick = False,
+    report: ReportFile = None,
     profile: LogProfile = None,
-    output: Output = None,
+    output: OutputFile = None,
     force: Force = False,
     seed: Seed = 0,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """What the simulation gets wrong, and why: heli3dof diagnose rec.mcap -o model.json."""
-    from heli3dof.cli.inputs import distinct, one_rig
-    from heli3dof.diagnosis.diagnose import diagnose as find
+    """Find the causes of the simulation's error: heli3dof diagnose rec.mcap -o model.json."""
+    from heli3dof.cli.inputs import check_distinct, check_same_rig
+    from heli3dof.diagnosis.diagnose import diagnose
     from heli3dof.diagnosis.document import document as to_document
     from heli3dof.diagnosis.next_experiment import next_of
     from heli3dof.diagnosis.result import Diagnosis
@@ -65,76 +69,73 @@ def diagnose(
     from heli3dof.report.diagnosis_page import diagnosis_page
     from heli3dof.report.html import write_page
 
-    talk = Talk(as_json=as_json, quiet=quiet)
+    out = Output(as_json=as_json, quiet=quiet)
     name = Path(f"{stem(recordings[0])}-extended.json")
-    given = [*recordings, *(holdout or [])]
-    check_outputs(output or ours(name, force=force), report, force=force, inputs=given)
-    train, at_fault = read(talk, recordings, profile)
-    test, also = read(talk, holdout or [], profile)
-    if at_fault or also:
-        names = [[stem(p) for p in side] for side in (recordings, holdout or [])]
-        refused = Diagnosis((*names[0],), (*names[1],), "bad_data", (*at_fault, *also))
+    inputs = [*recordings, *(holdout or [])]
+    check_outputs(output or ours(name, force=force), report, force=force, inputs=inputs)
+    train, faults = _load(out, recordings, profile)
+    test, test_faults = _load(out, holdout or [], profile)
+    if faults or test_faults:
+        names = tuple(map(stem, recordings)), tuple(map(stem, holdout or []))
+        refused = Diagnosis(*names, "bad_data", (*faults, *test_faults))
         document = to_document(refused)
-        show(talk, document)
-        complain(talk, refused)
-        talk.emit(document)
-        raise typer.Exit(BAD_DATA)
-    distinct(train, test)
-    one_rig([*train, *test])
-    with saying(talk) as says:
-        found = find(train, test or None, quick=quick, seed=seed, says=says, base=base.value)
-        written = None
-        if found.fitted is not None:
+        show_diagnosis(out, document)
+        out.emit(document)
+        _end_with_bad_data(out, refused)
+    check_distinct(train, test)
+    check_same_rig([*train, *test])
+    written = upcoming = None
+    with stages(out) as stage:
+        result = diagnose(train, test or None, quick=quick, seed=seed, says=stage, base=base.value)
+        if result.fitted is not None:
             path = output or ours(name, force=force)
-            written = str(save_model(found.fitted.model, path, force=force))
-        upcoming = None
-        if found.fitted is not None and not quick:
-            says("Simulating what to fly next …")
-            upcoming = next_of(found, seed=seed)
-    document = to_document(found, written, upcoming)
-    show(talk, document)
+            written = str(save_model(result.fitted.model, path, force=force))
+            if not quick:
+                stage("Simulating candidates for the next flight …")
+                upcoming = next_of(result, seed=seed)
+    document = to_document(result, written, upcoming)
+    show_diagnosis(out, document)
     if written is not None:
-        talk.note(f"Model: {written}")
+        out.note(f"Model: {written}")
     if report is not None:
-        with talk.working("Drawing the report …"):
-            write_page(diagnosis_page(found, document, train, test), report, force=force)
-        talk.note(f"Report: {report}")
-    elif found.fitted is not None:
-        talk.note("Pictures, and Table II before and after: add --report FILE.html")
-    talk.emit(document)
-    if found.verdict == "bad_data":
-        complain(talk, found)
-        raise typer.Exit(BAD_DATA)
+        with out.working("Drawing the report …"):
+            write_page(diagnosis_page(result, document, train, test), report, force=force)
+        out.note(f"Report: {report}")
+    elif result.fitted is not None:
+        out.note("For figures, and Table II before and after, add --report FILE.html")
+    out.emit(document)
+    if result.verdict == "bad_data":
+        _end_with_bad_data(out, result)
 
 
-def show(talk: Talk, document: Mapping[str, Any]) -> None:
-    """The document's tables and sentences."""
+def show_diagnosis(out: Output, document: Mapping[str, Any]) -> None:
+    """Print the document's tables and sentences."""
     from heli3dof.report.diagnosis_tables import diagnosis_tables
     from heli3dof.report.text_table import Grid, to_rich
 
     for each in diagnosis_tables(document):
-        talk.show(to_rich(each) if isinstance(each, Grid) else each)
+        out.show(to_rich(each) if isinstance(each, Grid) else each)
 
 
-def complain(talk: Talk, found: Diagnosis) -> None:
-    """What is wrong with the recordings, a line each, where nothing else was printed."""
-    if talk.quiet:
-        for fault in found.faults:
+def _end_with_bad_data(out: Output, result: Diagnosis) -> NoReturn:
+    """Exit with the code of a bad recording; with ``--quiet``, print each fault first."""
+    if out.quiet:
+        for fault in result.faults:
             fix = f" Try: {fault.fix}" if fault.fix else ""
-            talk.fail(f"{fault.recording}: {fault.sentence}{fix}")
+            out.fail(f"{fault.recording}: {fault.sentence}{fix}")
+    raise typer.Exit(RecordingError.exit_code)
 
 
-def read(
-    talk: Talk, paths: Sequence[Path], profile: Path | None
+def _load(
+    out: Output, paths: Sequence[Path], profile: Path | None
 ) -> tuple[list[Recording], list[Fault]]:
-    """The recordings, and what is wrong with logs of other programs that cannot be taken as one.
+    """The recordings, and the faults of logs that cannot be imported.
 
-    Such a log is bad data like any other: radians under the name of degrees, say. A file that is
-    missing, or a torn recording of ours, is an error.
+    A log that was refused (radians in a column named degrees, for example) is bad data, which the
+    diagnosis reports. A missing file or a damaged recording is an error.
     """
     from heli3dof.cli.inputs import load_all
     from heli3dof.diagnosis.integrity import Fault, Kind
-    from heli3dof.errors import RecordingError
     from heli3dof.recording.atomic_write import stem
     from heli3dof.recording.logs.import_log import is_log
 
@@ -142,40 +143,36 @@ def read(
     faults: list[Fault] = []
     for path in paths:
         try:
-            loaded += load_all(talk, [path], profile)
+            loaded += load_all(out, [path], profile)
         except RecordingError as e:
             if not path.is_file() or not is_log(path):
                 raise
-            name = stem(path)
-            refused = Fault("log.refused", Kind.BAD_DATA, name, e.what, e.cause, e.fix)
-            faults += exchanged(path, profile) or [refused]
+            refused = Fault("log.refused", Kind.BAD_DATA, stem(path), e.what, e.cause, e.fix)
+            faults += _swapped_columns(path, profile) or [refused]
     return loaded, faults
 
 
-def exchanged(path: Path, profile: Path | None) -> list[Fault]:
-    """Two columns named for each other in a log that was refused: angles in volts are no degrees
-    either."""
+def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
+    """Faults for swapped columns in a refused log: they can look like a wrong unit."""
     from heli3dof.diagnosis.integrity import integrity
-    from heli3dof.errors import RecordingError
     from heli3dof.recording.logs.import_log import import_log
-    from heli3dof.rig.profile import default_profile, load_profile
 
-    chosen = load_profile(profile) if profile else default_profile()
+    used = rig_profile(profile)
     try:
-        found = integrity(import_log(path, chosen, believed=False))
+        faults = integrity(import_log(path, used, believed=False))
     except RecordingError:
         return []
-    return [f for f in found if f.check == "columns.swapped"]
+    return [f for f in faults if f.check == "columns.swapped"]
 
 
 @contextmanager
-def saying(talk: Talk) -> Iterator[Callable[[str], None]]:
-    """What is being done: one line that changes on a terminal, a line for each stage elsewhere.
+def stages(out: Output) -> Iterator[Callable[[str], None]]:
+    """Yield a function that shows the current stage: a spinner, or a line per stage.
 
-    What stands behind the stage's "…" is how far it has come: a log file does not want that.
+    Text after a stage's "…" is its progress, which only the spinner shows.
     """
-    if talk.quiet or not live_allowed():
-        yield lambda sentence: None if "… " in sentence else talk.note(sentence)
+    if out.quiet or not live_allowed():
+        yield lambda sentence: None if "… " in sentence else out.note(sentence)
         return
-    with talk.err.status("Reading …") as status:
+    with out.err.status("Reading …") as status:
         yield status.update

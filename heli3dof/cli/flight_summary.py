@@ -1,4 +1,4 @@
-"""What is said at the end of a flight: peak, overshoot, error per axis, late periods."""
+"""The summary of a flight: step metrics per axis, outcome and timing, as a table and as JSON."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from heli3dof.axes import AXES
-from heli3dof.cli.timing_summary import punctuality_note
+from heli3dof.cli.timing_summary import timing_note
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 def metrics_of(recording: Recording) -> Mapping[str, AxisMetrics]:
-    """Step metrics of what the controller flew (the ramp to zero left out)."""
+    """Step metrics of the time under control, without the ramp to zero."""
     from heli3dof.comparison.metrics import flight_metrics
 
     return flight_metrics(recording)
 
 
 def recording_table(recording: Recording, title: str, note: str | None = None) -> Group:
-    """Step metrics for the terminal, a row for every step of every axis."""
+    """The table of step metrics: a row for every step of every axis."""
     from heli3dof.report.comparison_tables import metrics_of as metrics_grid
     from heli3dof.report.text_table import to_rich
 
@@ -36,15 +36,15 @@ def recording_table(recording: Recording, title: str, note: str | None = None) -
 
 def recording_document(recording: Recording) -> dict[str, Any]:
     """The step metrics of each axis, as JSON keys with units."""
-    found = metrics_of(recording)
+    metrics = metrics_of(recording)
     return {
-        axis: {"set_deg": found[axis].reported.set_deg, **found[axis].reported.values()}
+        axis: {"set_deg": metrics[axis].reported.set_deg, **metrics[axis].reported.values()}
         for axis in AXES
     }
 
 
 def flight_table(flight: Flight) -> Group | str:
-    """The metrics, how the flight ended, and how punctual the loop was."""
+    """The step metrics, the outcome and the loop's timing."""
     outcome = flight.outcome
     if not outcome.periods:
         return f"Nothing was flown: {outcome.detail}"
@@ -52,19 +52,19 @@ def flight_table(flight: Flight) -> Group | str:
     return recording_table(
         flight.recording,
         f"{flight.recording.name}: {outcome.ending}, {seconds:.1f} s in closed loop",
-        punctuality_note(outcome),
+        timing_note(outcome),
     )
 
 
 def flight_warnings(flight: Flight) -> list[str]:
-    """What the flight's link did that the user must know of."""
+    """Warnings about the link to the rig."""
     from heli3dof.recording.link_quality import link_warnings
 
     return link_warnings(flight.outcome.details(), flight.recording.profile.dt)
 
 
 def flight_document(flight: Flight) -> dict[str, Any]:
-    """``run-step --json`` and ``run --json``."""
+    """The document of ``run-step --json`` and ``run --json``."""
     outcome = flight.outcome
     details = outcome.details()
     return {

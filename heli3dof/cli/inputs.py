@@ -1,4 +1,4 @@
-"""Recordings and models that a verb was given, told apart and loaded with their warnings."""
+"""Load and check the recordings and models among a verb's arguments."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from heli3dof.cli.output import Talk
+from heli3dof.cli.options import log_profile
+from heli3dof.cli.output import Output
+from heli3dof.errors import RecordingError, UsageError
 
 if TYPE_CHECKING:
     from heli3dof.identification.identify import Identification
@@ -14,93 +16,86 @@ if TYPE_CHECKING:
     from heli3dof.recording.recording import Recording
 
 
-def load_all(talk: Talk, paths: Sequence[Path], profile: Path | None) -> list[Recording]:
-    """Load every recording; say aloud what is odd about each."""
-    from heli3dof.errors import RecordingError
+def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[Recording]:
+    """Load every recording and print its warnings."""
     from heli3dof.recording.load import load
-    from heli3dof.rig.profile import load_profile
 
-    chosen = load_profile(profile) if profile else None
+    used = log_profile(profile)
     loaded = []
     for path in paths:
         if path.suffix in (".json", ".toml") and path.is_file():
+            is_model = path.suffix == ".json"
             raise RecordingError(
-                f"{path} is no recording: its name is that of a "
-                f"{'model file' if path.suffix == '.json' else 'profile or a plan'}.",
-                cause="a file of another kind stands where recordings are expected.",
-                fix=f"heli3dof compare REC... {path}, to judge a model"
-                if path.suffix == ".json" else f"--profile {path}, or heli3dof run {path}",
+                f"{path} is not a recording: its name is that of a "
+                f"{'model file' if is_model else 'profile or a plan'}.",
+                cause="another kind of file was given in place of a recording.",
+                fix=f"heli3dof compare REC... {path}, to compare a model"
+                if is_model else f"--profile {path}, or heli3dof run {path}",
             )  # fmt: skip
-        recording = load(path, chosen)
+        recording = load(path, used)
         for warning in recording.meta.get("warnings", ()):
-            talk.warn(f"{path.name}: {warning}")
+            out.warn(f"{path.name}: {warning}")
         loaded.append(recording)
     return loaded
 
 
-def distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> None:
-    """Raise UsageError for a flight that is given twice, by what it holds and not by its name.
+def check_distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> None:
+    """Raise UsageError if two recordings contain the same samples, whatever their names.
 
-    Twice among the first it would count twice; in ``holdout`` it would confirm itself.
+    Twice in ``train``, they would count twice. In ``holdout``, they are no held-out data.
     """
-    from heli3dof.errors import UsageError
-
-    fitted = {r.digest: r.name for r in train}
+    names = {r.digest: r.name for r in train}
     for r in holdout:
-        if r.digest in fitted:
+        if r.digest in names:
             raise UsageError(
-                f"{r.name} holds the very samples of {fitted[r.digest]}, which is fitted: it is "
-                "no hold-out.",
-                cause="the same file, or a copy of it, stands on both sides of --holdout.",
-                fix="hold out another flight (heli3dof run rich --seed 2 makes one), or leave "
-                "--holdout away: the gain is then measured on blocks left out",
+                f"{r.name} contains the same samples as training recording {names[r.digest]}, so "
+                "it cannot be used as hold-out data.",
+                cause="the same file, or a copy of it, is also given before --holdout.",
+                fix="hold out another flight (heli3dof run rich --seed 2 makes one), or omit "
+                "--holdout: the gain is then cross-validated",
             )
-    if len(fitted) < len(train):
-        names = [r.name for r in train]
+    if len(names) < len(train):
         raise UsageError(
-            f"The same samples are given twice among {', '.join(names)}.",
+            f"The same samples are given twice among {', '.join(r.name for r in train)}.",
             cause="a file was named twice, or one is a copy of another.",
             fix="name every flight once",
         )
 
 
-def one_rig(recordings: Sequence[Recording]) -> None:
-    """Raise UsageError for recordings whose profiles are of different rigs: none is of both.
+def check_same_rig(recordings: Sequence[Recording]) -> None:
+    """Raise UsageError if the recordings' profiles describe different rigs.
 
-    Body, thrust gain and encoders make a rig; loop, limits and rest angles may change in between.
+    Geometry, masses, thrust gain and encoders identify a rig. Controller, limits and rest angles
+    may differ.
     """
-    from heli3dof.errors import UsageError
-
-    rigs = [_body(r) for r in recordings]
+    rigs = [_rig_numbers(r) for r in recordings]
     for r, rig in zip(recordings, rigs, strict=True):
-        other = [k for k, v in rig.items() if v != rigs[0][k]]
-        if other:
-            key = other[0]
+        differing = [k for k, v in rig.items() if v != rigs[0][k]]
+        if differing:
+            key = differing[0]
             raise UsageError(
                 f"{r.name} is of another rig than {recordings[0].name}: {key} = {rig[key]:g} and "
                 f"{rigs[0][key]:g} in their profiles"
-                + (f" (and {len(other) - 1} more)." if other[1:] else "."),
-                cause="flights of two rigs were given together, or a profile was corrected in "
-                "between.",
-                fix="give those of one rig; or --profile FILE.toml, if it was one and the same",
+                + (f" (and {len(differing) - 1} more)." if differing[1:] else "."),
+                cause="flights of two rigs were given, or the profile was corrected in between.",
+                fix="give flights of one rig; if it is the same rig, add --profile FILE.toml",
             )
 
 
-def _body(r: Recording) -> dict[str, float]:
-    """The profile's numbers that belong to the rig and no other."""
+def _rig_numbers(r: Recording) -> dict[str, float]:
+    """The numbers of the profile that identify the rig."""
     p = r.profile
     parts = {"geometry": p.geometry, "mass": p.mass}
-    out = {f"{k}.{n}": float(v) for k, part in parts.items() for n, v in part}
-    out["motor.K_f"] = p.motor.K_f
+    numbers = {f"{k}.{n}": float(v) for k, part in parts.items() for n, v in part}
+    numbers["motor.K_f"] = p.motor.K_f
     for axis in ("roll", "pitch", "yaw"):
-        out[f"encoder.{axis}"] = float(getattr(p.encoder, axis))
-        out[f"inertia.{axis}"] = getattr(p.inertia, axis, None) or 0.0  # 0: the masses'
-    return out
+        numbers[f"encoder.{axis}"] = float(getattr(p.encoder, axis))
+        numbers[f"inertia.{axis}"] = getattr(p.inertia, axis, None) or 0.0  # 0: from the masses
+    return numbers
 
 
 def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """Recordings, and models by name or file, among the arguments of a verb."""
-    from heli3dof.errors import UsageError
+    """Separate recordings from models (names or files) among a verb's arguments."""
     from heli3dof.paper.models import BUILT_IN
 
     models = [w for w in words if w in BUILT_IN or w.endswith(".json")]
@@ -108,32 +103,32 @@ def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
     if not recordings:
         raise UsageError(
             f"There is no recording among: {' '.join(words)}.",
-            cause="models were named, but nothing to compare them with.",
+            cause="only models were given.",
             fix=f"heli3dof compare REC.mcap {' '.join(models)}, or heli3dof compare alone",
         )
     return recordings, models
 
 
 def models_for(names: Sequence[str], recording: Recording) -> list[Model]:
-    """The named models: built-in ones are made from the recording's own profile."""
+    """The named models; built-in ones use the recording's profile."""
     from heli3dof.paper.models import load_model
 
     return [load_model(name, recording.profile) for name in names]
 
 
-def with_shipped() -> tuple[list[Recording], list[Model]]:
-    """The recordings that ship to compare with, and what is identified from the others."""
+def reference_comparison() -> tuple[list[Recording], list[Model]]:
+    """The supplied recordings for comparison, and models identified from the other ones."""
     from heli3dof_recordings import references
 
     from heli3dof.recording.mcap_files.reader import read_recording
 
     train = [read_recording(r.path) for r in references() if r.use == "identify"]
     test = [read_recording(r.path) for r in references() if r.use == "compare"]
-    return test, [found.model for found in both(train, test)]
+    return test, [result.model for result in identify_both(train, test)]
 
 
-def both(train: Sequence[Recording], test: Sequence[Recording]) -> list[Identification]:
-    """A black box, as the paper identified one, and the grey box, from the same recordings."""
+def identify_both(train: Sequence[Recording], test: Sequence[Recording]) -> list[Identification]:
+    """A black box, as in the paper, and the grey box, identified from the same recordings."""
     from heli3dof.identification.identify import identify
 
     return [

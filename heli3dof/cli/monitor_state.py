@@ -1,4 +1,4 @@
-"""What a monitor shows of a rig: its last reading, rates from two of them, ranges, flags seen.
+"""The state that ``monitor`` shows: last reading, rates, ranges of the angles, flags seen.
 
 rate = (angle[k] − angle[k−1]) / (t[k] − t[k−1]),  t on the device's clock
 """
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
-class View:
-    """Takes readings (`heli3dof.rig.session.open_exclusive.reading`); any key may be missing."""
+class MonitorState:
+    """Accumulates `heli3dof.rig.session.open_exclusive.reading`s; any key may be missing."""
 
     def __init__(self) -> None:
         self.readings = 0
@@ -26,37 +26,37 @@ class View:
         self.worst_lateness_s = 0.0
 
     def add(self, reading: dict[str, Any]) -> None:
-        """Take the next reading."""
-        before, self.last = self.last, reading
+        """Add the next reading."""
+        previous, self.last = self.last, reading
         self.readings += 1
         self.flags_seen.update(reading.get("flags", ()))
         self.worst_lateness_s = max(self.worst_lateness_s, reading.get("lateness_s", 0.0))
         if "device_time_s" not in reading:
             return
-        passed = reading["device_time_s"] - before.get("device_time_s", float("nan"))
+        elapsed_s = reading["device_time_s"] - previous.get("device_time_s", float("nan"))
         for axis in AXES:
             key = f"{axis}_deg"
             angle = reading[key]
-            if passed > 0:
-                self.rate_deg_per_s[axis] = (angle - before[key]) / passed
+            if elapsed_s > 0:
+                self.rate_deg_per_s[axis] = (angle - previous[key]) / elapsed_s
             self.low_deg[axis] = min(angle, self.low_deg.get(axis, angle))
             self.high_deg[axis] = max(angle, self.high_deg.get(axis, angle))
 
     def line(self) -> str:
-        """One line: for logs, and terminals without a live display."""
+        """One line, where there is no live display."""
         last = self.last
         if "roll_deg" not in last:
             return "no answer"
         words = [f"{axis} {last[f'{axis}_deg']:+7.2f}°" for axis in AXES]
         words += [f"{motor} {last[f'v_{motor}_V']:+6.2f} V" for motor in MOTORS]
-        return "  ".join([*words, *self._said()])
+        return "  ".join([*words, *self._status()])
 
     def table(self) -> Table:
-        """The live display."""
+        """The table of the live display."""
         from rich.table import Table
 
         last = self.last
-        table = Table("", "now", "per s", "lowest", "highest", caption=self._caption())
+        table = Table("", "now", "rate", "lowest", "highest", caption=self._caption())
         for column in table.columns[1:]:
             column.justify = "right"
         for axis in AXES:
@@ -65,7 +65,7 @@ class View:
                 table.add_row(
                     axis,
                     f"{last[f'{axis}_deg']:+.2f}°",
-                    "" if rate is None else f"{rate:+.1f}°",
+                    "" if rate is None else f"{rate:+.1f}°/s",
                     f"{self.low_deg[axis]:+.2f}°",
                     f"{self.high_deg[axis]:+.2f}°",
                 )
@@ -77,10 +77,10 @@ class View:
         return table
 
     def _caption(self) -> str:
-        return " · ".join(self._said()) if "flags" in self.last else "no answer"
+        return " · ".join(self._status()) if "flags" in self.last else "no answer"
 
-    def _said(self) -> list[str]:
-        """Flags, and how punctual: the flight's lateness, or how soon a free rig answered."""
+    def _status(self) -> list[str]:
+        """Flags, and the flight's lateness or a free rig's response time."""
         last = self.last
         words = [" ".join(last["flags"]) or "not enabled"]
         if "lateness_s" in last:
@@ -92,7 +92,7 @@ class View:
         return words
 
     def document(self) -> dict[str, Any]:
-        """What was seen, for scripts."""
+        """The keys of ``monitor --json``."""
         return {
             "readings": self.readings,
             "last": self.last or None,

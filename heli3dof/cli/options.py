@@ -1,11 +1,14 @@
-"""The options that verbs share, so that they read and mean the same everywhere."""
+"""Options that several verbs share, with the same name and meaning everywhere."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from heli3dof.rig.profile import Profile
 
 Device = Annotated[
     str,
@@ -13,33 +16,63 @@ Device = Annotated[
         "--device",
         metavar="URL",
         envvar="HELI3DOF_DEVICE",
-        help="Which rig: mock:?seed=1, serial:///dev/ttyACM0 … (heli3dof devices lists them).",
+        help="The rig, e.g. mock:?seed=1 or serial:///dev/ttyACM0; heli3dof devices lists them.",
     ),
 ]
 ProfileFile = Annotated[
     Path | None,
-    typer.Option("--profile", metavar="FILE", help="The rig's numbers; default: the paper's rig."),
+    typer.Option("--profile", metavar="FILE", help="The rig's profile; default: the paper's rig."),
 ]
 LogProfile = Annotated[
     Path | None,
     typer.Option(
-        "--profile",
-        metavar="FILE",
-        help="The rig's numbers: a log needs them, a recording has its own.",
+        "--profile", metavar="FILE", help="The rig's profile. Logs need it; recordings contain it."
     ),
 ]
-Output = Annotated[
-    Path | None, typer.Option("-o", "--output", metavar="FILE", help="Where to write.")
+OutputFile = Annotated[
+    Path | None, typer.Option("-o", "--output", metavar="FILE", help="The file to write.")
+]
+ReportFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--report", metavar="FILE", help="Also write figures and tables to this HTML file."
+    ),
+]
+Holdout = Annotated[
+    list[Path] | None,
+    typer.Option("--holdout", metavar="REC", help="Validate on this recording. Repeatable."),
+]
+Columns = Annotated[
+    str | None,
+    typer.Option("--columns", metavar="A,B,...", help="Names of a MAT matrix's rows or columns."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite the output file if it exists.")]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON document on stdout.")]
-Quiet = Annotated[bool, typer.Option("--quiet", help="Say only what went wrong.")]
-Seed = Annotated[
-    int, typer.Option("--seed", min=0, help="Seed of everything drawn at random, from 0.")
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document on stdout.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Print warnings and errors only.")]
+Quick = Annotated[
+    bool,
+    typer.Option("--quick", help="Faster: fewer null simulations, no cross-validation."),
 ]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers, from 0.")]
 DryRun = Annotated[
-    bool, typer.Option("--dry-run", help="Check everything and say what would be flown.")
+    bool, typer.Option("--dry-run", help="Check and print the plan; open and move nothing.")
 ]
 Recordings = Annotated[
-    list[Path], typer.Argument(metavar="REC...", help="Recordings: .mcap, or .csv/.mat logs.")
+    list[Path], typer.Argument(metavar="REC...", help="Recordings (.mcap), or .csv and .mat logs.")
 ]
+Recording = Annotated[Path, typer.Argument(metavar="REC", help="A recording or a log.")]
+Plan = Annotated[str, typer.Argument(metavar="PLAN", help="A plan's name, or its TOML file.")]
+
+
+def rig_profile(file: Path | None) -> Profile:
+    """The profile of ``--profile``; the paper's rig when it is omitted."""
+    from heli3dof.rig.profile import default_profile, load_profile
+
+    return load_profile(file) if file else default_profile()
+
+
+def log_profile(file: Path | None) -> Profile | None:
+    """The profile of ``--profile``; None when it is omitted, as recordings contain their own."""
+    from heli3dof.rig.profile import load_profile
+
+    return load_profile(file) if file else None

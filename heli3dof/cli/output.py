@@ -1,7 +1,7 @@
-"""What a verb says and where: results, progress and errors, for people or for scripts.
+"""Where a verb's results, progress and errors go, for people and for scripts.
 
 With ``--json`` exactly one JSON document goes to stdout and everything else to stderr. There is
-no live display and no colour where stderr is not a terminal or ``NO_COLOR`` is set.
+no live display and no colour if stderr is not a terminal or ``NO_COLOR`` is set.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 INTERRUPTED = 130
 TRACEBACK = "HELI3DOF_TRACEBACK"
-"""Set in the environment, it shows where a fault of ours happened."""
+"""Environment variable: if set, an internal error prints its traceback."""
 
 
 def live_allowed() -> bool:
-    """True where a progress bar may move: a terminal that does not refuse it."""
+    """Whether stderr may show a live display: it is a terminal, and ``NO_COLOR`` is not set."""
     return sys.stderr.isatty() and not os.environ.get("NO_COLOR")
 
 
-class Talk:
-    """The voice of one verb: ``show`` results, ``note`` asides, ``emit`` the JSON document."""
+class Output:
+    """The output of one verb: results (`show`), notes (`note`), the JSON document (`emit`)."""
 
     def __init__(self, *, as_json: bool = False, quiet: bool = False) -> None:
         self.as_json, self.quiet = as_json, quiet
@@ -52,27 +52,27 @@ class Talk:
             return self.err
         return _console(no_color=bool(os.environ.get("NO_COLOR")) or None)
 
-    def show(self, *what: RenderableType) -> None:
-        """A result: a table or a sentence."""
+    def show(self, *results: RenderableType) -> None:
+        """Print results (tables or sentences) on stdout, with ``--json`` on stderr."""
         if not self.quiet:
-            for each in what:
+            for each in results:
                 self.out.print(each, soft_wrap=isinstance(each, str), markup=False)
 
     def note(self, text: str) -> None:
-        """An aside on stderr: where a file went, what was assumed."""
+        """Print a note on stderr: a file that was written, an assumption."""
         if not self.quiet:
             self.err.print(text, soft_wrap=True, markup=False)
 
     def warn(self, text: str) -> None:
-        """A warning on stderr, even when quiet."""
+        """Print a warning on stderr, even with ``--quiet``."""
         self.err.print(f"Warning: {text}", soft_wrap=True, markup=False, style="yellow")
 
     def fail(self, text: str) -> None:
-        """A line on stderr, even when quiet: what did not hold."""
+        """Print a failure on stderr, even with ``--quiet``."""
         self.err.print(text, soft_wrap=True, markup=False, style="bold red")
 
     def emit(self, document: Mapping[str, Any]) -> None:
-        """The one JSON document, when asked for: UTF-8, or ASCII where the stream is not UTF-8."""
+        """With ``--json``, print the document: UTF-8, or ASCII if stdout is not UTF-8."""
         if self.as_json:
             plain = jsonable(document)
             text = json.dumps(plain, ensure_ascii=False, indent=2, allow_nan=False)
@@ -82,7 +82,7 @@ class Talk:
 
     @contextmanager
     def working(self, text: str) -> Iterator[None]:
-        """A spinner for something that takes over a second."""
+        """Show a spinner (without a terminal: a line) during work that takes over a second."""
         if self.quiet or not live_allowed():
             if not self.quiet:
                 self.note(text)
@@ -93,7 +93,7 @@ class Talk:
 
 
 def _console(**options: Any) -> Console:
-    """A console whose columns fit what its encoding makes of the text."""
+    """A console that replaces unprintable characters before it lays out columns."""
     from rich.console import Console
 
     class Encoded(Console):
@@ -107,7 +107,7 @@ def _console(**options: Any) -> Console:
 
 
 def jsonable(value: Any) -> Any:
-    """Plain JSON types; what is not a finite number becomes null."""
+    """The value in plain JSON types; numbers that are not finite become null."""
     if isinstance(value, Mapping):
         return {str(k): jsonable(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -124,43 +124,43 @@ def jsonable(value: Any) -> Any:
 
 
 def verb(function: Callable[P, None]) -> Callable[P, None]:
-    """Turn our errors into three sentences on stderr and the contract's exit code."""
+    """Decorate a verb: print its errors in three sentences and exit with the right code."""
 
     @functools.wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:
         try:
             function(*args, **kwargs)
         except Heli3dofError as error:
-            report(error, as_json=bool(kwargs.get("as_json")))
+            print_error(error, as_json=bool(kwargs.get("as_json")))
             raise typer.Exit(error.exit_code) from None
         except KeyboardInterrupt:
-            Talk().warn("stopped with Ctrl-C")
+            Output().warn("stopped with Ctrl-C")
             raise typer.Exit(INTERRUPTED) from None
         except BrokenPipeError:
-            # Whoever read our output has gone, as `| head` does; that is no fault.
+            # The reader of stdout ended first, as `head` does.
             sys.stdout = open(os.devnull, "w")  # noqa: SIM115
             raise typer.Exit(0) from None
         except Exception as error:
             if isinstance(error, typer.Exit):
                 raise
-            if isinstance(error, OSError) and (refused := _by_the_system(error)) is not None:
-                report(refused, as_json=bool(kwargs.get("as_json")))
-                raise typer.Exit(refused.exit_code) from None
+            if isinstance(error, OSError) and (explained := _explain_os_error(error)) is not None:
+                print_error(explained, as_json=bool(kwargs.get("as_json")))
+                raise typer.Exit(explained.exit_code) from None
             if os.environ.get(TRACEBACK):
                 raise
             fault = Heli3dofError(
                 f"heli3dof failed: {type(error).__name__}: {error}",
-                cause="a fault of ours.",
-                fix=f"{TRACEBACK}=1 heli3dof … shows where; please report it",
+                cause="a fault of ours (a bug in heli3dof).",
+                fix=f"run it again with {TRACEBACK}=1, and report the traceback",
             )
-            report(fault, as_json=bool(kwargs.get("as_json")))
+            print_error(fault, as_json=bool(kwargs.get("as_json")))
             raise typer.Exit(fault.exit_code) from error
 
     return run
 
 
-def _by_the_system(error: OSError) -> Heli3dofError | None:
-    """Our error for the system's, where it is about a file or the current folder."""
+def _explain_os_error(error: OSError) -> Heli3dofError | None:
+    """Our error for an OSError about a file or the current folder; None for any other."""
     try:
         os.getcwd()
     except OSError:
@@ -172,8 +172,8 @@ def _by_the_system(error: OSError) -> Heli3dofError | None:
     if error.filename is None and error.errno in FULL:
         return NoSpace(
             f"The output cannot be written: {error.strerror}.",
-            cause="the disk that it was sent to is full.",
-            fix="df -h; what the verb wrote to files of its own is whole",
+            cause="the disk is full.",
+            fix="df -h; files that the command wrote itself are complete",
         )
     if not isinstance(error.filename, (str, bytes)):
         return None
@@ -182,21 +182,21 @@ def _by_the_system(error: OSError) -> Heli3dofError | None:
         return refusal(Path(name), error)
     return UsageError(
         f"{name} cannot be used: {error.strerror}.",
-        cause="it is missing, belongs to someone else, or is of another kind.",
+        cause="it is missing, belongs to another user, or is not a file of this kind.",
         fix=f"ls -ld {name}",
     )
 
 
-def report(error: Heli3dofError, *, as_json: bool) -> None:
-    """An error: what happened, the likely cause, what to do."""
-    talk = Talk(as_json=as_json)
-    talk.err.print(f"Error: {error.what}", soft_wrap=True, markup=False, style="bold red")
+def print_error(error: Heli3dofError, *, as_json: bool) -> None:
+    """Print an error: what happened, the likely cause, the command to run."""
+    out = Output(as_json=as_json)
+    out.err.print(f"Error: {error.what}", soft_wrap=True, markup=False, style="bold red")
     if error.cause:
-        talk.err.print(f"Likely cause: {error.cause}", soft_wrap=True, markup=False)
+        out.err.print(f"Likely cause: {error.cause}", soft_wrap=True, markup=False)
     if error.fix:
-        talk.err.print(f"Try: {error.fix}", soft_wrap=True, markup=False)
-    with suppress(OSError):  # the error may be that nothing can be written there
-        talk.emit(
+        out.err.print(f"Try: {error.fix}", soft_wrap=True, markup=False)
+    with suppress(OSError):  # stdout itself may be what cannot be written
+        out.emit(
             {
                 "schema": "heli3dof.error/1",
                 "error": error.what,

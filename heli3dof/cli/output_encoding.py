@@ -1,4 +1,4 @@
-"""Output in whatever encoding the terminal or the file has: symbols become ASCII, none is lost.
+"""Print in any encoding: characters that the terminal or file lacks are replaced by ASCII text.
 
 ====================  ====================================  ==============================
 character             written as                            from
@@ -10,9 +10,9 @@ byte of a file name   ``\\xff``                              PEP 383's surrogate
 anything else         ``\\u65e5``                            Python's own escape
 ====================  ====================================  ==============================
 
-Only a character that the encoding lacks is replaced: cp1252 keeps its ``°``. `prepare` does this
-for everything that the process prints, other libraries' output included; `printable` does it for
-text that is laid out in columns, before its width is measured.
+A character that the encoding has is kept: cp1252 prints ``°``. `prepare` applies this to everything
+the process prints, other libraries included. `printable` applies it to text that is laid out in
+columns, before its width is measured.
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ ASCII = {
     "ß": "ss", "æ": "ae", "ø": "o", "ł": "l",
     "\u0307": "_dot", "\u0308": "_ddot", "\u0302": "_hat", "\u0304": "_bar",
 }  # fmt: skip
-"""The symbols we print; ``N.m.s/rad`` is how UCUM, the code of units for machines, writes it"""
+"""The symbols we print. ``N.m.s/rad`` follows UCUM, the code for units of measure."""
 
 
 def prepare() -> None:
-    """Let standard output and standard error take every character, in whatever encoding.
+    """Make stdout and stderr accept every character in their encoding.
 
-    One that was closed (``2>&-``) goes nowhere. Its number must not be left free: the next file
-    that is opened, a recording say, would get it, and what libraries print to stderr with it.
+    A closed stream (``2>&-``) is opened on the null device. Otherwise the next file to be opened,
+    perhaps a recording, would get its descriptor and receive what libraries print to stderr.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             with contextlib.suppress(OSError):
                 os.fstat(number)
                 continue
-            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest free number
             stream = open(number, "w" if number else "r", encoding="utf-8", closefd=False)  # noqa: SIM115
             setattr(sys, name, stream)
     codecs.register_error(HANDLER, _replace)
@@ -63,9 +63,9 @@ def prepare() -> None:
 
 
 def finish(code: str | int | None) -> str | int | None:
-    """The exit code, after everything printed has left the process.
+    """Flush stdout and stderr; return the exit code, which is an error if output was lost.
 
-    A reader that has gone, as `head` does, changes nothing; output that is lost is an error.
+    A reader that ended first, as `head` does, is not an error.
     """
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -80,21 +80,21 @@ def finish(code: str | int | None) -> str | int | None:
 
 
 def lost(error: OSError) -> int:
-    """Say on stderr that the output of the program could not be written; its exit code."""
+    """Report on stderr that output could not be written; return the exit code."""
     with contextlib.suppress(OSError):
         print(f"Error: The output cannot be written: {error.strerror}.", file=sys.stderr)
-        print("Likely cause: the disk that it was sent to is full.", file=sys.stderr)
-        print("Try: df -h; what the verb wrote to files of its own is whole", file=sys.stderr)
+        print("Likely cause: the disk is full.", file=sys.stderr)
+        print("Try: df -h; files that the command wrote itself are complete", file=sys.stderr)
     return RecordingError.exit_code
 
 
 def reader_has_gone(end: SystemExit) -> bool:
-    """Whether a library ended the process because nothing reads its output, of ``--help`` say."""
+    """Whether a library ended the process because the reader of its output ended first."""
     return isinstance(end.__context__, BrokenPipeError)
 
 
 def _discard(stream: TextIO) -> None:
-    """Let what the stream still holds go nowhere, so that the interpreter's end can flush it."""
+    """Send the stream's buffer to the null device, so that the interpreter can flush it at exit."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())
@@ -102,7 +102,7 @@ def _discard(stream: TextIO) -> None:
 
 
 def printable(text: str, encoding: str | None) -> str:
-    """The text with what the encoding lacks in ASCII.
+    """The text, with characters that the encoding lacks written in ASCII.
 
     >>> printable("5 °/s, χ² ≤ 2, ψ in cp1252", "ascii")
     '5 deg/s, chi^2 <= 2, psi in cp1252'
@@ -115,7 +115,7 @@ def printable(text: str, encoding: str | None) -> str:
 
 
 def carries(text: str, encoding: str | None) -> bool:
-    """Whether a Unicode stream of this encoding holds the text as it is."""
+    """Whether a stream of this encoding prints the text unchanged."""
     if not (encoding or "").lower().replace("_", "-").startswith("utf"):
         return text.isascii()
     try:
@@ -132,7 +132,7 @@ def _replace(error: UnicodeError) -> tuple[str, int]:
 
 
 def _in_ascii(text: str) -> str:
-    """Superscripts that stand together have one sign of a power."""
+    """ASCII for the text; adjacent superscripts share one ``^``."""
     joined = "".join(map(_one_in_ascii, text))
     return re.sub(r"(?<=\^[-+\dn])\^(?=[-+\dn])", "", joined)
 
@@ -149,7 +149,7 @@ def _one_in_ascii(c: str) -> str:
     form, _, simple = unicodedata.decomposition(c).rpartition(">")
     if simple:
         parts = [chr(int(code, 16)) for code in simple.split()]
-        if not form:  # a letter with its marks: the letter
+        if not form:  # a letter with diacritics: keep the letter
             parts = [p for p in parts if not unicodedata.combining(p)]
         plain = "".join(map(_one_in_ascii, parts))
         return f"^{plain}" if form == "<super" else plain

@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from heli3dof.cli.options import AsJson, Quiet
-from heli3dof.cli.output import Talk, verb
+from heli3dof.cli.output import Output, verb
 
 
 def register(app: typer.Typer) -> None:
@@ -14,13 +14,13 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def plans(as_json: AsJson = False, quiet: Quiet = False) -> None:
-    """List the plans that come with heli3dof: what each flies, how long, what it is good for."""
+    """List the plans that come with heli3dof: duration, content and purpose."""
     from rich.table import Table
 
     from heli3dof.experiment.plan import load_plan, named_plans
 
-    talk = Talk(as_json=as_json, quiet=quiet)
-    table = Table("plan", "duration", "what it flies", "good for")
+    out = Output(as_json=as_json, quiet=quiet)
+    table = Table("plan", "duration", "content", "purpose")
     listed = []
     for name, path in named_plans().items():
         plan = load_plan(name)
@@ -35,6 +35,6 @@ def plans(as_json: AsJson = False, quiet: Quiet = False) -> None:
                 "file": str(path),
             }
         )
-    talk.show(table)
-    talk.note("Fly one: heli3dof run NAME. Every key of a plan: docs/reference/plans.md")
-    talk.emit({"schema": "heli3dof.plans/1", "plans": listed})
+    out.show(table)
+    out.note("Fly a plan: heli3dof run NAME. Its keys: docs/reference/plans.md")
+    out.emit({"schema": "heli3dof.plans/1", "plans": listed})

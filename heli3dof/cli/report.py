@@ -1,4 +1,4 @@
-"""``report``: one self-contained HTML file about some flights."""
+"""``report``: one self-contained HTML file about recordings and models."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.options import AsJson, Force, LogProfile, Output, Quiet, Recordings
-from heli3dof.cli.output import Talk, verb
+from heli3dof.cli.options import AsJson, Force, LogProfile, OutputFile, Quiet, Recordings
+from heli3dof.cli.output import Output, verb
 
 
 def register(app: typer.Typer) -> None:
@@ -23,12 +23,12 @@ def report(
         typer.Option("--model", metavar="M", help="A model's name or file. Repeatable."),
     ] = None,
     profile: LogProfile = None,
-    output: Output = None,
+    output: OutputFile = None,
     force: Force = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """One self-contained HTML file: heli3dof report rec.mcap --model model.json."""
+    """Write one self-contained HTML file: heli3dof report rec.mcap --model model.json."""
     from heli3dof.cli.inputs import load_all, models_for
     from heli3dof.comparison.compare import compare
     from heli3dof.model.linear.hover import hover_model
@@ -38,19 +38,19 @@ def report(
     from heli3dof.report.html import write_page
     from heli3dof.rig.profile import default_profile
 
-    talk = Talk(as_json=as_json, quiet=quiet)
+    out = Output(as_json=as_json, quiet=quiet)
     path = output or ours(Path(f"{stem(recordings[0])}-report.html"), force=force)
     check_outputs(path, force=force, inputs=recordings)
-    loaded = load_all(talk, recordings, profile)
+    loaded = load_all(out, recordings, profile)
     names = models or ["hover"]
-    with talk.working("Comparing and drawing …"):
-        found = compare(loaded, lambda recording: models_for(names, recording))
+    with out.working("Comparing and drawing …"):
+        comparison = compare(loaded, lambda recording: models_for(names, recording))
         text = flight_report(
             loaded,
             models=models_for(names, loaded[0]),
-            comparison=found,
+            comparison=comparison,
             reproduced=reproduce(hover_model(default_profile())),
         )
     write_page(text, path, force=force)
-    talk.note(f"Report: {path}")
-    talk.emit({"schema": "heli3dof.report/1", "report": str(path), "warnings": found.warnings})
+    out.note(f"Report: {path}")
+    out.emit({"schema": "heli3dof.report/1", "report": str(path), "warnings": comparison.warnings})

@@ -1,174 +1,116 @@
-"""The verbs that move motors: ``run-step`` and ``run``."""
+"""``run``: fly a plan in closed loop and record it; ``run --auto``: fly, diagnose and repeat."""
 
 from __future__ import annotations
 
+import sys
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from heli3dof.cli.options import AsJson, Device, DryRun, Force, Output, ProfileFile, Quiet, Seed
-from heli3dof.cli.output import INTERRUPTED, Talk, report, verb
+from heli3dof.cli.options import (
+    AsJson,
+    Device,
+    DryRun,
+    Force,
+    OutputFile,
+    ProfileFile,
+    Quick,
+    Quiet,
+    Seed,
+    rig_profile,
+)
+from heli3dof.cli.output import INTERRUPTED, Output, print_error, verb
 from heli3dof.cli.progress import progress
-from heli3dof.errors import Heli3dofError
+from heli3dof.cli.renamed_options import renamed
+from heli3dof.errors import Heli3dofError, UsageError
 
 if TYPE_CHECKING:
+    from heli3dof.diagnosis.run_auto import AutoResult
     from heli3dof.experiment.fly import Flight
     from heli3dof.experiment.plan import Plan
+    from heli3dof.recording.recording import Recording
     from heli3dof.rig.profile import Profile
 
-MOCK = "mock:"
 FIRST = "rich"
-"""What `run --auto` flies first where it is not told"""
+"""The plan that `run --auto` flies first by default"""
 
 
 def register(app: typer.Typer) -> None:
-    app.command("run-step")(run_step)
-    app.command("run")(run)
-
-
-@verb
-def run_step(
-    roll: Annotated[
-        float | None,
-        typer.Option("--roll", "--elevation", help="Step to this roll angle, degrees."),
-    ] = None,
-    pitch: Annotated[
-        float | None, typer.Option("--pitch", help="Step to this pitch angle, degrees.")
-    ] = None,
-    yaw: Annotated[
-        float | None, typer.Option("--yaw", "--travel", help="Step to this yaw angle, degrees.")
-    ] = None,
-    settle: Annotated[
-        float, typer.Option("--settle", min=0, help="Seconds to take off and level first.")
-    ] = 10.0,
-    duration: Annotated[float, typer.Option("--duration", help="Seconds after the step.")] = 20.0,
-    device: Device = MOCK,
-    profile: ProfileFile = None,
-    output: Output = None,
-    force: Force = False,
-    seed: Seed = 0,
-    dry_run: DryRun = False,
-    as_json: AsJson = False,
-    quiet: Quiet = False,
-) -> None:
-    """Fly a step in closed loop and record it: heli3dof run-step --roll 10."""
-    from heli3dof.errors import UsageError
-    from heli3dof.experiment.plan import step_plan
-
-    if roll is None and pitch is None and yaw is None:
-        raise UsageError(
-            "run-step was not told where to step to.",
-            cause="none of --roll, --pitch and --yaw was given.",
-            fix="heli3dof run-step --roll 10",
-        )
-    plan = step_plan((roll, pitch, yaw), settle_s=settle, duration_s=duration)
-    talk = Talk(as_json=as_json, quiet=quiet)
-    _fly(talk, plan, device, profile, output, force, seed, dry_run)
+    app.command("run", cls=renamed({"--budget": "--budget-min"}))(run)
 
 
 @verb
 def run(
     plan: Annotated[
-        str | None, typer.Argument(metavar="PLAN", help="A plan's TOML file, or its name.")
+        str | None, typer.Argument(metavar="PLAN", help="A plan's name, or its TOML file.")
     ] = None,
     auto: Annotated[
-        bool, typer.Option("--auto", help="Fly, diagnose, fly what separates, until settled.")
+        bool,
+        typer.Option("--auto", help="Fly, diagnose and fly again until no causes are confounded."),
     ] = False,
-    budget: Annotated[
-        float, typer.Option("--budget", metavar="MIN", min=0.1, help="With --auto: of flight.")
+    budget_min: Annotated[
+        float,
+        typer.Option(
+            "--budget-min", metavar="MIN", min=0.1, help="With --auto: minutes of flight."
+        ),
     ] = 10.0,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="With --auto: fewer simulated nulls.")
-    ] = False,
-    device: Device = MOCK,
+    quick: Quick = False,
+    device: Device = "mock:",
     profile: ProfileFile = None,
-    output: Output = None,
+    output: OutputFile = None,
     force: Force = False,
     seed: Seed = 0,
     dry_run: DryRun = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Fly any experiment: heli3dof run steps, or heli3dof run my-plan.toml."""
-    from heli3dof.errors import UsageError
+    """Fly a plan and record it: heli3dof run steps, or heli3dof run my-plan.toml."""
     from heli3dof.experiment.plan import load_plan
 
     if plan is None and not auto:
         raise UsageError(
-            "run was not told what to fly.",
+            "There is nothing to fly.",
             cause="neither a plan nor --auto was given.",
             fix="heli3dof run rich, or heli3dof run --auto",
         )
-    talk = Talk(as_json=as_json, quiet=quiet)
+    out = Output(as_json=as_json, quiet=quiet)
     chosen = load_plan(plan or FIRST)
-    if auto and not dry_run:
-        _fly_auto(talk, chosen, device, profile, output, budget, quick, seed)
-        return
-    if auto:
-        talk.show(f"Automatic: {chosen.name} first, then what separates, {budget:g} min at most.")
-    _fly(talk, chosen, device, profile, output, force, seed, dry_run)
+    rig = rig_profile(profile).with_controller()
+    if not auto:
+        fly(out, chosen, device, rig, output, force, seed, dry_run)
+    elif dry_run:
+        out.show(f"Automatic: {chosen.name} first, at most {budget_min:g} min of flight.")
+        _show_plan(out, chosen, rig, device, seed)
+    else:
+        _fly_auto(out, chosen, device, rig, output, budget_min, quick, seed)
 
 
-def _fly_auto(
-    talk: Talk,
+def fly(
+    out: Output,
     plan: Plan,
     device: str,
-    profile_file: Path | None,
-    output: Path | None,
-    budget_min: float,
-    quick: bool,
-    seed: int,
-) -> None:
-    from heli3dof.cli.run_auto import run_auto
-    from heli3dof.errors import OutputExists
-    from heli3dof.rig.profile import default_profile, load_profile
-
-    profile = load_profile(profile_file) if profile_file else default_profile()
-    folder = output or default_path(f"auto-{plan.name}").with_suffix("")
-    if folder.exists():
-        raise OutputExists(
-            f"{folder} exists and was left as it is.",
-            cause="--auto keeps its flights in a folder of their own.",
-            fix="another name with -o",
-        )
-    document = run_auto(
-        talk, plan, device=device, profile=profile.with_controller(), folder=folder,
-        budget_min=budget_min, quick=quick, seed=seed,
-    )  # fmt: skip
-    talk.note(f"Report: {document['report']}")
-    talk.emit(document)
-
-
-def _fly(
-    talk: Talk,
-    plan: Plan,
-    device: str,
-    profile_file: Path | None,
+    profile: Profile,
     output: Path | None,
     force: bool,
     seed: int,
     dry_run: bool,
 ) -> None:
-    import sys
-
+    """Fly a plan with progress, print the summary, and exit with the code of its outcome."""
     from heli3dof.experiment.control_loop.loop import Live
     from heli3dof.experiment.fly import fly_plan
     from heli3dof.recording.atomic_write import check_output, new_folder
-    from heli3dof.rig.profile import default_profile, load_profile
 
-    profile = load_profile(profile_file) if profile_file else default_profile()
-    profile = profile.with_controller()
     if dry_run:
-        _say_plan(talk, plan, profile, device, seed)
+        _show_plan(out, plan, profile, device, seed)
         return
     if output is None:
         output = default_path(plan.name)
         new_folder(output.parent)
     check_output(output, force=force)
     live = Live()
-    with progress(talk, live, plan.name):
+    with progress(out, live, plan.name):
         flight = fly_plan(
             plan,
             device=device,
@@ -178,43 +120,114 @@ def _fly(
             force=force,
             meta={"command_line": ["heli3dof", *sys.argv[1:]]},
             live=live,
-            warn=talk.warn,
+            warn=out.warn,
         )
-    _say_flight(talk, flight)
-    if flight.outcome.ending == "interrupted":
-        outcome = flight.outcome
-        end = "ramped to zero" if outcome.ramped else "taken to zero volts at once"
+    _show_flight(out, flight)
+    outcome = flight.outcome
+    if outcome.ending == "interrupted":
+        end = "ramped to zero" if outcome.ramped else "set to zero volts at once"
         end = end if outcome.landed else "stopped at once"
-        talk.warn(f"{outcome.detail}; the motors were {end}")
+        out.warn(f"{outcome.detail}; the motors were {end}")
         raise typer.Exit(INTERRUPTED)
     try:
         flight.raise_if_cut_short()
     except Heli3dofError as error:
-        # On stderr only: the one JSON document was the flight's, and says how it ended.
-        report(error, as_json=False)
+        # On stderr only: the JSON document of the flight already contains the outcome.
+        print_error(error, as_json=False)
         raise typer.Exit(error.exit_code) from None
 
 
+def _fly_auto(
+    out: Output,
+    plan: Plan,
+    device: str,
+    profile: Profile,
+    output: Path | None,
+    budget_min: float,
+    quick: bool,
+    seed: int,
+) -> None:
+    from heli3dof.cli.diagnose import stages
+    from heli3dof.diagnosis.run_auto import run_auto
+
+    result = run_auto(
+        plan,
+        device=device,
+        profile=profile,
+        folder=output or default_path(f"auto-{plan.name}").with_suffix(""),
+        budget_min=budget_min,
+        quick=quick,
+        seed=seed,
+        fly=lambda plan, path, seed: _fly_one(out, plan, device, profile, path, seed),
+        diagnosing=lambda: stages(out),
+        each=out.show,
+    )
+    out.emit(_auto_document(out, result))
+
+
+def _auto_document(out: Output, result: AutoResult) -> dict[str, Any]:
+    """Write the model and the report, print the diagnosis, return the document."""
+    from heli3dof.cli.diagnose import show_diagnosis
+    from heli3dof.diagnosis.document import document as to_document
+    from heli3dof.model.model_file import save_model
+    from heli3dof.report.diagnosis_page import diagnosis_page
+    from heli3dof.report.html import write_page
+
+    diagnosis, folder = result.diagnosis, result.folder
+    model = None
+    if diagnosis.fitted is not None:
+        model = str(save_model(diagnosis.fitted.model, folder / "extended.json"))
+    document = to_document(diagnosis, model, result.next_experiment)
+    out.show(f"Ended: {result.ended}.")
+    show_diagnosis(out, document)
+    title = f"Diagnosis: {folder.name}"
+    text = diagnosis_page(diagnosis, document, list(result.recordings), title=title)
+    report = write_page(text, folder / "report.html")
+    out.note(f"Report: {report}")
+    return {
+        "schema": "heli3dof.auto/1",
+        "folder": str(folder),
+        "flights": [str(path) for path in result.paths],
+        "ended": result.ended,
+        "report": str(report),
+        "diagnosis": document,
+    }
+
+
+def _fly_one(
+    out: Output, plan: Plan, device: str, profile: Profile, path: Path, seed: int
+) -> Recording:
+    from heli3dof.experiment.control_loop.loop import Live
+    from heli3dof.experiment.fly import fly_plan
+
+    out.note(f"Flying {plan.name}, {plan.duration_s:g} s …")
+    live = Live()
+    with progress(out, live, plan.name):
+        flight = fly_plan(
+            plan, device=device, profile=profile, seed=seed, output=path, live=live, warn=out.warn
+        )  # fmt: skip
+    flight.raise_if_cut_short()
+    return flight.recording
+
+
 def default_path(name: str) -> Path:
-    """``flights/<UTC time>-<plan>.mcap``, in the folder where the command is run."""
+    """``flights/<UTC time>-<plan>.mcap``, in the current folder."""
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     return Path("flights") / f"{stamp}-{name}.mcap"
 
 
-def _say_plan(talk: Talk, plan: Plan, profile: Profile, device: str, seed: int) -> None:
-    """The dry run: everything that would be refused is, and nothing is opened or moved."""
+def _show_plan(out: Output, plan: Plan, profile: Profile, device: str, seed: int) -> None:
+    """The dry run: check everything that a flight checks, and print the plan."""
     from heli3dof.experiment.fly import prepare
-    from heli3dof.rig.drivers import load_driver
-    from heli3dof.rig.url import parse_url
+    from heli3dof.rig.drivers import check_url
 
-    url = parse_url(device)
-    url.check_options(load_driver(url.scheme).options)
+    check_url(device)
     signals = prepare(plan, profile, seed)
-    talk.show(f"Dry run: {plan.name}, {plan.duration_s:g} s on {device}, {profile.name}")
+    out.show(f"Dry run: {plan.name}, {plan.duration_s:g} s on {device}, {profile.name}")
+    out.show("The plan stays within the limits, and the gain stabilises the hover model.")
     for line in plan.summary():
-        talk.show(f"  {line}")
-    talk.show("The plan stays inside the envelope and the gain stabilises the hover model.")
-    talk.emit(
+        out.show(f"  {line}")
+    out.emit(
         {
             "schema": "heli3dof.dry_run/1",
             "plan": plan.to_dict(),
@@ -226,16 +239,15 @@ def _say_plan(talk: Talk, plan: Plan, profile: Profile, device: str, seed: int) 
     )
 
 
-def _say_flight(talk: Talk, flight: Flight) -> None:
-    """The summary at the end of a flight: peak, overshoot, error per axis, late periods."""
+def _show_flight(out: Output, flight: Flight) -> None:
     from heli3dof.cli.flight_summary import flight_document, flight_table, flight_warnings
     from heli3dof.cli.timing_summary import realtime_advice
 
-    talk.show(flight_table(flight))
+    out.show(flight_table(flight))
+    for warning in flight_warnings(flight):
+        out.warn(warning)
     advice = realtime_advice(flight.outcome)
     if advice:
-        talk.note(advice)
-    for warning in flight_warnings(flight):
-        talk.warn(warning)
-    talk.note(f"Recording: {flight.path}")
-    talk.emit(flight_document(flight))
+        out.note(advice)
+    out.note(f"Recording: {flight.path}")
+    out.emit(flight_document(flight))

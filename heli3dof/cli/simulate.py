@@ -1,4 +1,4 @@
-"""``simulate``: a plan flown on a model, recorded like a flight."""
+"""``simulate``: fly a plan on a model, and record it like a flight."""
 
 from __future__ import annotations
 
@@ -8,8 +8,17 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.options import AsJson, Force, Output, ProfileFile, Quiet, Seed
-from heli3dof.cli.output import Talk, verb
+from heli3dof.cli.options import (
+    AsJson,
+    Force,
+    OutputFile,
+    ProfileFile,
+    Quiet,
+    Seed,
+    rig_profile,
+)
+from heli3dof.cli.options import Plan as PlanName
+from heli3dof.cli.output import Output, verb
 
 
 class Start(StrEnum):
@@ -23,13 +32,15 @@ def register(app: typer.Typer) -> None:
 
 @verb
 def simulate(
-    plan: Annotated[str, typer.Argument(metavar="PLAN", help="A plan's TOML file, or its name.")],
+    plan: PlanName,
     model: Annotated[
         str, typer.Option("--model", metavar="M", help="hover, hover-printed …, or a model file.")
     ] = "hover",
-    start: Annotated[Start, typer.Option("--start", help="On the table, or level.")] = Start.rest,
+    start: Annotated[
+        Start, typer.Option("--start", help="Start at rest on the table, or level.")
+    ] = Start.rest,
     profile: ProfileFile = None,
-    output: Output = None,
+    output: OutputFile = None,
     force: Force = False,
     seed: Seed = 0,
     as_json: AsJson = False,
@@ -38,26 +49,25 @@ def simulate(
     """Fly a plan on a model: heli3dof simulate steps --model hover."""
     from heli3dof.cli.flight_summary import recording_document, recording_table
     from heli3dof.experiment.plan import load_plan
-    from heli3dof.experiment.simulate import simulate as fly_on_model
+    from heli3dof.experiment.simulate import simulate
     from heli3dof.paper.models import load_model
     from heli3dof.recording.atomic_write import check_outputs
     from heli3dof.recording.write import write_recording
-    from heli3dof.rig.profile import default_profile, load_profile
 
-    talk = Talk(as_json=as_json, quiet=quiet)
-    rig = (load_profile(profile) if profile else default_profile()).with_controller()
+    out = Output(as_json=as_json, quiet=quiet)
+    rig = rig_profile(profile).with_controller()
     chosen = load_model(model, rig)
     flown = load_plan(plan)
     path = output or Path(f"{flown.name}-on-{chosen.name}.mcap")
     check_outputs(path, force=force, inputs=[Path(model), Path(plan)])
-    with talk.working(f"Flying {flown.name} on {chosen.name} …"):
-        recording = fly_on_model(
+    with out.working(f"Simulating {flown.name} on {chosen.name} …"):
+        recording = simulate(
             flown, chosen, profile=rig, seed=seed, start="rest" if start is Start.rest else "level"
         )
         write_recording(recording, path, force=force)
-    talk.show(recording_table(recording, f"{flown.name} on {chosen.name}"))
-    talk.note(f"Recording: {path}")
-    talk.emit(
+    out.show(recording_table(recording, f"{flown.name} on {chosen.name}"))
+    out.note(f"Recording: {path}")
+    out.emit(
         {
             "schema": "heli3dof.simulation/1",
             "recording": str(path),

@@ -1,4 +1,4 @@
-"""How punctual a flight's loop was, in the words of ``info`` and of a flight's end."""
+"""The timing of a flight's control loop in words, for ``info`` and the summary of a flight."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from heli3dof.experiment.control_loop.outcome import Outcome
 
 
-def punctuality_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Rows for a recording, of `heli3dof.recording.info.summary`'s dictionary."""
+def timing_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Rows for a recording, from `heli3dof.recording.info.summary`'s dictionary."""
     rows: list[tuple[str, str]] = []
     late, details = about["lateness"], about["outcome_details"]
     if late:
@@ -19,10 +19,10 @@ def punctuality_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
     skipped = _skipped(*(details.get(name, 0) for name in ("missed", "lost", "left_out")))
     if skipped:
         rows.append(("skipped", skipped))
-    kept = details.get("punctuality")
-    if kept:
-        turn = (kept[f"turnaround_{q}_s"] for q in ("median", "p999", "worst"))
-        rows.append(("sample to command", _quantiles(*turn)))
+    timing = details.get("punctuality")
+    if timing:
+        turnaround = (timing[f"turnaround_{q}_s"] for q in ("median", "p999", "worst"))
+        rows.append(("sample to command", _quantiles(*turnaround)))
     latency = details.get("latency")
     if latency:
         if latency["median_s"] is not None:
@@ -36,15 +36,15 @@ def punctuality_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def punctuality_note(outcome: Outcome) -> str:
-    """What is said under the table at a flight's end."""
+def timing_note(outcome: Outcome) -> str:
+    """The note under the table of a flight: late and skipped periods, lateness, latency."""
     parts = [f"late by more than 1 ms: {outcome.late} of {outcome.periods} periods"]
     skipped = _skipped(outcome.missed, outcome.lost, outcome.left_out)
     if skipped:
         parts.append(skipped)
-    found = outcome.punctuality
-    if found:
-        parts.append(f"lateness {_quantiles(found.median_s, found.p999_s, found.worst_s)}")
+    timing = outcome.punctuality
+    if timing:
+        parts.append(f"lateness {_quantiles(timing.median_s, timing.p999_s, timing.worst_s)}")
     if outcome.latency:
         latency = outcome.latency.to_dict()
         if outcome.latency.median_s is not None:
@@ -55,15 +55,15 @@ def punctuality_note(outcome: Outcome) -> str:
 
 
 def latency_text(latency: Mapping[str, Any]) -> str:
-    """Command-to-echo latency: median, 99.9 %, worst, in ms and whole periods."""
+    """Command-to-echo latency: median, 99.9 % and maximum, in ms and whole periods."""
     return ", ".join(
         f"{name} {_ms(latency[f'{key}_s'])} ({_periods(latency[f'{key}_periods'])})"
-        for name, key in (("median", "median"), ("99.9 %", "p999"), ("at most", "worst"))
+        for name, key in (("median", "median"), ("99.9 %", "p999"), ("maximum", "worst"))
     )
 
 
 def unacknowledged_text(latency: Mapping[str, Any]) -> str:
-    """How many commands the sample after them did not echo."""
+    """How many commands were not echoed by the next sample, and how many never."""
     never = latency["commands_never_echoed"]
     return (
         f"{latency['commands_unacknowledged']} of {latency['commands']} commands not echoed by "
@@ -72,14 +72,14 @@ def unacknowledged_text(latency: Mapping[str, Any]) -> str:
 
 
 def realtime_advice(outcome: Outcome) -> str | None:
-    """What would make a loop that was late more punctual; None where it was not, or has it all."""
+    """How to make a late loop more punctual; None if it was not late or nothing was refused."""
     if outcome.realtime is None or not (outcome.late or outcome.missed):
         return None
     refused = outcome.realtime.refused
     if not refused:
         return None
-    whats = " and ".join(check.what for check in refused)
-    return f"Some periods were late, and {whats} was not granted. Try: {refused[0].fix}"
+    names = " and ".join(check.what for check in refused)
+    return f"Some periods were late, and {names} was not granted. Try: {refused[0].fix}"
 
 
 def _skipped(missed: int, lost: int, left_out: int) -> str:
@@ -88,14 +88,14 @@ def _skipped(missed: int, lost: int, left_out: int) -> str:
         for count, text in (
             (missed, f"{missed} missed by this computer"),
             (lost, f"{lost} lost on the line"),
-            (left_out, f"{left_out} left out by the device"),
+            (left_out, f"{left_out} skipped by the device"),
         )
         if count
     )
 
 
 def _quantiles(median_s: float, p999_s: float, worst_s: float) -> str:
-    return f"median {_ms(median_s)}, 99.9 % {_ms(p999_s)}, at most {_ms(worst_s)}"
+    return f"median {_ms(median_s)}, 99.9 % {_ms(p999_s)}, maximum {_ms(worst_s)}"
 
 
 def _ms(seconds: float) -> str:

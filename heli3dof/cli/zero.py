@@ -1,4 +1,4 @@
-"""``zero``: tell where the encoders stand at the rest angles. Moves nothing."""
+"""``zero``: store the encoder counts at the rest angles. Moves nothing."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from typing import Annotated
 
 import typer
 
-from heli3dof.cli.device_option import AnyDevice, the_rig
-from heli3dof.cli.options import AsJson, ProfileFile, Quiet
-from heli3dof.cli.output import Talk, verb
+from heli3dof.cli.device_option import AnyDevice, device_or_default
+from heli3dof.cli.options import AsJson, ProfileFile, Quiet, rig_profile
+from heli3dof.cli.output import Output, verb
 
-SECONDS = 1.0
 _HELP = "The rig stands at this {} angle now, degrees; default: its rest angle."
 
 
@@ -30,60 +29,42 @@ def zero(
     device: AnyDevice = None,
     profile: ProfileFile = None,
     dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Measure and show, but store nothing.")
+        bool, typer.Option("--dry-run", help="Measure and print; store nothing.")
     ] = False,
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Store where the encoders stand, with the rig at rest (or at the angles given)."""
-    from math import degrees
-
+    """Store the encoder counts of the rig at rest, or at the given angles. Moves nothing."""
     from heli3dof.axes import AXES
-    from heli3dof.rig.calibration import POWER_UP, store_calibration
-    from heli3dof.rig.drivers import is_private
-    from heli3dof.rig.profile import default_profile, load_profile
-    from heli3dof.rig.session.open_exclusive import hold
-    from heli3dof.rig.zero import calibrate, watch_standing
+    from heli3dof.rig.zero import MEASURE_S, zero
 
-    talk = Talk(as_json=as_json, quiet=quiet)
-    url = the_rig(talk, device)
-    rig_profile = load_profile(profile) if profile else default_profile()
-    with hold(url, rig_profile) as rig:
-        before, rig.rest = rig.rest, POWER_UP  # counts as the device gives them
-        standing = watch_standing(rig, SECONDS)
-        found = calibrate(standing, rig, rig_profile, url, (roll, pitch, yaw))
-    shift = [
-        degrees((found.counts_at_rest[i] - before.counts_at_rest[i]) * q)
-        for i, q in enumerate(rig_profile.encoder.rad_per_count)
-    ]
-    talk.show(f"{found.serial} on {url}: stood still for {SECONDS:g} s")
-    for i, axis in enumerate(AXES):
-        talk.show(
-            f"  {axis:5} {found.counts_at_rest[i]:+7d} counts at rest"
-            f"  ({shift[i]:+.2f}° from what was taken before)"
-        )
-    stored = None
-    if is_private(url):
-        talk.show("Nothing to store: an emulated rig starts at rest whenever it is opened.")
-    elif dry_run:
-        talk.show("Dry run: nothing was stored.")
+    out = Output(as_json=as_json, quiet=quiet)
+    url = device_or_default(out, device)
+    result = zero(url, rig_profile(profile), angles_deg=(roll, pitch, yaw), store=not dry_run)
+    measured = result.calibration
+    if result.emulated:
+        out.show("Nothing to store: an emulated rig always starts at rest.")
+    elif result.stored is None:
+        out.show("Dry run: nothing was stored.")
     else:
-        stored = store_calibration(found)
-        talk.show(f"Stored in {stored}; every flight of this rig goes by it" + _until(found.boot))
-    talk.emit(
+        out.show(f"Stored in {result.stored}. It applies to every flight{_until(measured.boot)}")
+    out.show(f"{measured.serial} on {url}, at rest for {MEASURE_S:g} s:")
+    for axis, counts, shift in zip(AXES, measured.counts_at_rest, result.shift_deg, strict=True):
+        out.show(f"  {axis:5} {counts:+7d} counts  ({shift:+.2f}° from the value used before)")
+    out.emit(
         {
             "schema": "heli3dof.zero/1",
             "device": url,
-            "serial": found.serial,
-            "boot": found.boot,
-            "counts_at_rest": found.counts_at_rest,
-            "shift_deg": dict(zip(AXES, shift, strict=True)),
-            "stored": None if stored is None else str(stored),
+            "serial": measured.serial,
+            "boot": measured.boot,
+            "counts_at_rest": measured.counts_at_rest,
+            "shift_deg": dict(zip(AXES, result.shift_deg, strict=True)),
+            "stored": None if result.stored is None else str(result.stored),
         }
     )
 
 
 def _until(boot: int | None) -> str:
     if boot is None:
-        return ". Run it again after the device was switched off: this one has no boot number."
+        return ". This device has no boot number: run zero again after switching it off."
     return " until the device restarts."

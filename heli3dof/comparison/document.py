@@ -134,3 +134,7 @@ def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
 def _number(value: float) -> float | None:
     """The number; None for NaN and infinity, which JSON does not have."""
     return float(value) if np.isfinite(value) else None
+
+
+comparison_document = to_json
+"""The public name"""

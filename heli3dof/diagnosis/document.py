@@ -234,3 +234,7 @@ def _next(d: Diagnosis) -> dict[str, Any] | None:
 def _number(value: float) -> float | None:
     """JSON knows neither NaN nor infinity."""
     return value if math.isfinite(value) else None
+
+
+diagnosis_document = document
+"""The public name"""

@@ -268,3 +268,7 @@ def _world(base: Estimate, cause: Cause | None) -> GreyBoxModel:
         base.optimum.noise[:3], np.full((len(values), len(values)), np.nan),
         jitter_s=float(base.optimum.noise[3]),
     )  # fmt: skip
+
+
+next_experiment = next_of
+"""The public name"""

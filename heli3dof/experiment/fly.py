@@ -24,7 +24,7 @@ from heli3dof.recording.row import RowSink
 from heli3dof.rig.drivers import is_private, seed_of, with_seed
 from heli3dof.rig.interface import Identity
 from heli3dof.rig.profile import Profile, default_profile
-from heli3dof.rig.session.open_exclusive import hold
+from heli3dof.rig.session.open_exclusive import open_rig
 from heli3dof.rig.session.stop_stamp import command_began_ns
 from heli3dof.rig.session.stoppable_rig import StoppableRig
 from heli3dof.rig.trip import Trip
@@ -111,7 +111,7 @@ def fly_plan(
     signals = prepare(plan, profile, seed)
     device = with_seed(device, seed)
     live = live or Live()
-    with hold(device, profile, also=lambda: _progress(live), began_ns=began_ns) as rig:
+    with open_rig(device, profile, also=lambda: _progress(live), began_ns=began_ns) as rig:
         opened(rig.identity)
         if rig.rest.note:
             warn(rig.rest.note)

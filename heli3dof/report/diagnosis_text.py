@@ -99,8 +99,8 @@ def calibration_doubts(document: Document) -> Iterator[str]:
     if doubtful:
         yield (
             f"To settle {listed([str(c['parameter']) for c in doubtful])}: weigh and measure the "
-            "rig (docs/reference/profile.md), or diagnose these recordings together with a larger flight "
-            "(heli3dof run large)."
+            "rig (docs/reference/profile.md), or diagnose these recordings together with a larger "
+            "flight (heli3dof run large)."
         )
 
 

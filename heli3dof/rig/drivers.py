@@ -52,12 +52,20 @@ def load_driver(scheme: str) -> Driver:
     return driver
 
 
-def open_rig(url: str | DeviceUrl, profile: Profile) -> Rig:
-    """Open the rig of a device URL, without a lock: see `heli3dof.rig.session.open_exclusive`."""
+def check_url(url: str | DeviceUrl) -> DeviceUrl:
+    """The parsed URL. Raises UsageError for an unknown scheme or option."""
     parsed = parse_url(url) if isinstance(url, str) else url
-    driver = load_driver(parsed.scheme)
-    parsed.check_options(driver.options)
-    return driver.open(parsed, profile)
+    parsed.check_options(load_driver(parsed.scheme).options)
+    return parsed
+
+
+def open_driver(url: str | DeviceUrl, profile: Profile) -> Rig:
+    """Open the rig of a device URL, without a lock: ``heli3dof estop`` cannot stop its process.
+
+    Applications use `heli3dof.open_driver`.
+    """
+    parsed = check_url(url)
+    return load_driver(parsed.scheme).open(parsed, profile)
 
 
 def is_private(url: str | DeviceUrl) -> bool:
@@ -91,3 +99,19 @@ def find_rigs() -> Iterator[tuple[str, list[str], str | None]]:
             yield scheme, list(load_driver(scheme).find()), None
         except Exception as error:
             yield scheme, [], str(error)
+
+
+MOCK = "mock:"
+"""The emulated rig"""
+
+
+def default_device() -> str:
+    """The only real rig found, or `MOCK` if there is none. Raises UsageError for several."""
+    real = [url for _, urls, _ in find_rigs() for url in urls if not is_private(url)]
+    if len(real) > 1:
+        raise UsageError(
+            f"Several rigs were found: {', '.join(real)}.",
+            cause="no device was given.",
+            fix=f"--device {real[0]}, or export HELI3DOF_DEVICE={real[0]}",
+        )
+    return real[0] if real else MOCK

@@ -12,12 +12,15 @@ import statistics
 import time
 from dataclasses import dataclass
 from math import degrees, radians
+from pathlib import Path
 
 from heli3dof.axes import AXES
 from heli3dof.errors import CheckFailed, SafetyTrip
-from heli3dof.rig.calibration import Calibration, Counts, now_utc
+from heli3dof.rig.calibration import POWER_UP, Calibration, Counts, now_utc, store_calibration
+from heli3dof.rig.drivers import default_device, is_private
 from heli3dof.rig.interface import Flags, Rig
-from heli3dof.rig.profile import Profile
+from heli3dof.rig.profile import Profile, default_profile
+from heli3dof.rig.session.open_exclusive import open_rig
 
 STILL_DEG = 0.2
 """°: a rig that swings moves further"""
@@ -25,6 +28,8 @@ STILL_COUNTS = 2
 """counts: an encoder between two counts moves by one"""
 EVERY_S = 0.01
 """s between readings"""
+MEASURE_S = 1.0
+"""s for which `zero` reads the encoders"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,3 +101,47 @@ def calibrate(
         device,
         identity.started_s,
     )
+
+
+@dataclass(frozen=True)
+class ZeroResult:
+    """The rest counts that `zero` measured."""
+
+    device: str
+    calibration: Calibration
+    shift_deg: tuple[float, float, float]
+    """Roll, pitch, yaw: the change from the rest counts in use before, degrees"""
+    stored: Path | None
+    """The file; None for a dry run or an emulated rig, which starts at rest every time"""
+    emulated: bool
+
+
+def zero(
+    device: str | None = None,
+    profile: Profile | None = None,
+    *,
+    angles_deg: tuple[float | None, float | None, float | None] = (None, None, None),
+    store: bool = True,
+) -> ZeroResult:
+    """Measure the encoder counts of a rig at rest and store them. Moves nothing.
+
+    ``angles_deg``: roll, pitch and yaw at which the rig stands now; None is the axis's rest angle.
+    Raises DeviceError, SafetyTrip for an armed rig, and CheckFailed for a rig that moves.
+    """
+    device, profile = device or default_device(), profile or default_profile()
+    with open_rig(device, profile) as rig:
+        before, rig.rest = rig.rest, POWER_UP  # raw counts of the device
+        standing = watch_standing(rig, MEASURE_S)
+        measured = calibrate(standing, rig, profile, device, angles_deg)
+    roll, pitch, yaw = (
+        degrees((now - then) * per_count)
+        for now, then, per_count in zip(
+            measured.counts_at_rest,
+            before.counts_at_rest,
+            profile.encoder.rad_per_count,
+            strict=True,
+        )
+    )
+    emulated = is_private(device)
+    stored = store_calibration(measured) if store and not emulated else None
+    return ZeroResult(device, measured, (roll, pitch, yaw), stored, emulated)

@@ -9,7 +9,7 @@ from collections import Counter
 from heli3dof_drivers.link.rig import LinkRig
 
 from heli3dof.experiment.control_loop.realtime_priority import realtime
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import TABLE_I, profile_from_dict
 from tests.bench import Figure, at_least, at_most
@@ -89,7 +89,7 @@ def against_the_firmware(trial: Trial) -> tuple[int, int]:
 def polled(door: Door, rate_hz: float) -> Figure:
     """The host keeps time and asks for each sample: what a question and its answer take."""
     profile = profile_from_dict({**TABLE_I, "loop": {"rate_hz": rate_hz}})
-    rig = open_rig(door.url("stream=0"), profile)
+    rig = open_driver(door.url("stream=0"), profile)
     assert isinstance(rig, LinkRig)
     with realtime() as granted:
         rig.arm()

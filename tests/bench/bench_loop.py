@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from heli3dof.recording.mcap_files.reader import read_recording
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import load_profile
 from tests.bench import Figure, Table, at_most
 from tests.drivers.firmware.building import rig_program
@@ -96,7 +96,7 @@ def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
 
 def device_late_s(device: str, profile: Path) -> float:
     """The worst lateness of the firmware's own process."""
-    rig: Any = open_rig(device, load_profile(profile))
+    rig: Any = open_driver(device, load_profile(profile))
     try:
         return float(rig.report().late_us) * 1e-6
     finally:

@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from heli3dof.experiment.plan import load_plan
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
 from tests.bench import Figure, at_least
@@ -26,7 +26,7 @@ SEEDS = (1, 2, 3)
 
 def times_real_time(hide: str) -> float:
     profile = default_profile()
-    rig = open_rig(f"mock:?speed=max&start=level&hide={hide}", profile)
+    rig = open_driver(f"mock:?speed=max&start=level&hide={hide}", profile)
     rig.arm()
     n = round(SECONDS / profile.dt)
     start = time.perf_counter()

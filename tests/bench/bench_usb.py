@@ -6,7 +6,7 @@ import os
 from typing import Any
 
 from heli3dof.experiment.control_loop.realtime_priority import realtime
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
 from tests.bench import Figure, Table, at_most
@@ -31,7 +31,7 @@ def measure() -> list[Figure | Table]:
 def flown(stream: bool) -> Figure:
     """One flight over the emulated bus."""
     profile = default_profile()
-    rig: Any = open_rig(f"usb+mock:?start=level&stream={int(stream)}", profile)
+    rig: Any = open_driver(f"usb+mock:?start=level&stream={int(stream)}", profile)
     n = round(SECONDS / profile.dt)
     try:
         with realtime() as granted:

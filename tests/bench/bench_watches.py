@@ -21,7 +21,7 @@ from heli3dof.experiment.fly import prepare
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
 from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.recording.row import CLOSED_LOOP, Row
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import Profile, default_profile
 from tests.bench import Figure, at_most
 from tests.drivers.doors import firmware_door
@@ -104,7 +104,7 @@ class Course:
 def flown(plan: Plan, url: str, profile: Profile, sink: Course) -> Outcome:
     monitors = monitors_for(profile)
     return fly(
-        open_rig(url, profile), profile, prepare(plan, profile, 1), sink,
+        open_driver(url, profile), profile, prepare(plan, profile, 1), sink,
         monitors=monitors.each_period, must_still_fall=monitors.must_still_fall,
     )  # fmt: skip
 

@@ -17,7 +17,7 @@ from heli3dof_drivers.mock import MockRig
 from heli3dof.experiment.control_loop import ramp_down
 from heli3dof.experiment.control_loop.loop import fly
 from heli3dof.experiment.plan import step_plan
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command, Sample
 from heli3dof.rig.profile import Profile, default_profile
 from tests.bench.simulated_trips import CLEAR, FALL_S, LAG_S, REST, SPREAD, Fall, Situation
@@ -53,7 +53,7 @@ def tripped(situation: Situation, seed: int, band: float) -> Fall | None:
     url = f"mock:?speed=max&seed={seed}&spread={SPREAD}&hide=motor.lag:{LAG_S * rng.uniform():.4f}"
     url += "&start=level" if situation.level else ""
     url += "&fault=reversed.roll@0" if situation.sign[0] < 0 else ""
-    rig = Watched(open_rig(url, profile))
+    rig = Watched(open_driver(url, profile))
     dt = profile.dt
     begins = round(situation.settle_s / dt)
     ends = begins + max(1, round(rng.uniform(*situation.moment_s) / dt))

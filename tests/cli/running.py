@@ -1,4 +1,4 @@
-"""Run the command line in this process, and look at what it says where."""
+"""Run the command line in this process and return its exit code and output."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from heli3dof.rig.session.stop_stamp import start_command
 
 
 @dataclass(frozen=True)
-class Said:
-    """What a command did: its exit code, stdout and stderr."""
+class Result:
+    """Exit code, stdout and stderr of a command."""
 
     code: int
     out: str
@@ -22,16 +22,16 @@ class Said:
 
     @property
     def document(self) -> dict[str, Any]:
-        """The one JSON document on stdout; anything else there makes this fail."""
+        """The JSON document on stdout; fails if stdout contains anything else."""
         loaded = json.loads(self.out)
         assert isinstance(loaded, dict)
         return loaded
 
 
-def heli3dof(*words: object) -> Said:
+def heli3dof(*words: object) -> Result:
     """``heli3dof words...``"""
     start_command()
     result = CliRunner().invoke(app, [str(w) for w in words])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
-    return Said(result.exit_code, result.stdout, result.stderr)
+    return Result(result.exit_code, result.stdout, result.stderr)

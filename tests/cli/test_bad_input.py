@@ -85,11 +85,11 @@ def radians_as_degrees() -> str:
 def test_a_bad_log_is_refused_and_the_reason_named(text: str, hints: list, tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text(text)
-    said = heli3dof("import", path, "--profile", RIG, "-o", tmp_path / "rec.mcap")
-    assert said.code == 5, said.err
+    result = heli3dof("import", path, "--profile", RIG, "-o", tmp_path / "rec.mcap")
+    assert result.code == 5, result.err
     for hint in hints:
-        assert hint in said.err
-    assert "Try:" in said.err
+        assert hint in result.err
+    assert "Try:" in result.err
     assert not (tmp_path / "rec.mcap").exists()
 
 
@@ -97,9 +97,9 @@ def test_a_log_without_a_profile_is_told_to_name_one(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text(log())
     for verb in ("import", "identify", "info", "compare", "report"):
-        said = heli3dof(verb, path)
-        assert said.code == 2
-        assert "--profile" in said.err
+        result = heli3dof(verb, path)
+        assert result.code == 2
+        assert "--profile" in result.err
 
 
 @pytest.mark.parametrize(
@@ -116,10 +116,10 @@ def test_a_log_that_imports_but_cannot_carry_a_fit_says_why(
     path = tmp_path / "log.csv"
     path.write_text(log(**columns))
     assert heli3dof("import", path, "--profile", RIG, "-o", tmp_path / "rec.mcap").code == 0
-    said = heli3dof("identify", tmp_path / "rec.mcap", "-o", tmp_path / "m.json")
-    assert said.code == 5, said.err
+    result = heli3dof("identify", tmp_path / "rec.mcap", "-o", tmp_path / "m.json")
+    assert result.code == 5, result.err
     for hint in hints:
-        assert hint in said.err
+        assert hint in result.err
     assert not (tmp_path / "m.json").exists()
 
 
@@ -129,10 +129,10 @@ def test_jitter_and_gaps_are_told_but_not_fatal(tmp_path: Path) -> None:
     t += 0.0004 * np.random.default_rng(0).random(4000)
     path = tmp_path / "log.csv"
     path.write_text(log(t_s=t))
-    said = heli3dof("import", path, "--profile", RIG, "-o", tmp_path / "rec.mcap")
-    assert said.code == 0
-    assert "gap" in said.err
-    assert "Warning" in said.err
+    result = heli3dof("import", path, "--profile", RIG, "-o", tmp_path / "rec.mcap")
+    assert result.code == 0
+    assert "gap" in result.err
+    assert "Warning" in result.err
 
 
 def foreign_mcap(path: Path) -> None:
@@ -155,9 +155,9 @@ def test_a_file_that_is_no_recording_is_exit_5(verb: str, tmp_path: Path) -> Non
         (text, "text"),
         (tmp_path / "foreign.mcap", "/camera/pose"),
     ):
-        said = heli3dof(verb, path)
-        assert said.code == 5, said.err
-        assert hint in said.err
+        result = heli3dof(verb, path)
+        assert result.code == 5, result.err
+        assert hint in result.err
 
 
 def test_a_model_file_that_is_none_is_exit_5(tmp_path: Path) -> None:
@@ -166,9 +166,9 @@ def test_a_model_file_that_is_none_is_exit_5(tmp_path: Path) -> None:
     for text, hint in (("{", "JSON"), ('{"schema": "heli3dof.model/99"}', "99"), ("[]", "model")):
         model = tmp_path / "model.json"
         model.write_text(text)
-        said = heli3dof("compare", rec, model, "-o", tmp_path / "out")
-        assert said.code == 5, said.err
-        assert hint in said.err
+        result = heli3dof("compare", rec, model, "-o", tmp_path / "out")
+        assert result.code == 5, result.err
+        assert hint in result.err
 
 
 def recording(path: Path, **geometry: float) -> Path:
@@ -186,13 +186,13 @@ def test_flights_of_two_rigs_are_not_taken_for_one(tmp_path: Path) -> None:
     two = recording(tmp_path / "two.mcap", L_a=0.5)
     for verb in ("diagnose", "identify"):
         for words in ((one, two), (one, "--holdout", two)):
-            said = heli3dof(verb, *words, "-o", tmp_path / "m.json")
-            assert said.code == 2, said.err
-            assert "two is of another rig than one: geometry.L_a = 0.5 and 0.66" in said.err
-            assert "--profile FILE.toml" in said.err
+            result = heli3dof(verb, *words, "-o", tmp_path / "m.json")
+            assert result.code == 2, result.err
+            assert "two is of another rig than one: geometry.L_a = 0.5 and 0.66" in result.err
+            assert "--profile FILE.toml" in result.err
     same = heli3dof("identify", one, "--holdout", one, "-o", tmp_path / "m.json")
     assert same.code == 2
-    assert "it is no hold-out" in same.err
+    assert "cannot be used as hold-out data" in same.err
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
@@ -203,26 +203,26 @@ def test_a_log_in_utf_16_is_read_with_its_mark_or_without_and_cut_short(
     path = tmp_path / "log.csv"
     data = log(n=200).encode(encoding)
     path.write_bytes(data[: len(data) - cut])
-    said = heli3dof("info", path, "--profile", RIG, "--json")
-    assert said.code == 0, said.err
-    assert said.document["samples"] >= 199
+    result = heli3dof("info", path, "--profile", RIG, "--json")
+    assert result.code == 0, result.err
+    assert result.document["samples"] >= 199
 
 
 def test_decimal_commas_between_commas_are_named_whatever_numbers_are_whole(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     header, *rows = log(n=200).splitlines()
     path.write_text("\n".join([header, *(r.replace(".", ",") for r in rows)]))
-    said = heli3dof("info", path, "--profile", RIG)
-    assert said.code == 5
-    assert "decimal commas" in said.err
+    result = heli3dof("info", path, "--profile", RIG)
+    assert result.code == 5
+    assert "decimal commas" in result.err
 
 
 def test_a_recording_is_no_log_to_import(tmp_path: Path) -> None:
     one = recording(tmp_path / "one.mcap")
     for profile in ((), ("--profile", RIG)):
-        said = heli3dof("import", one, *profile, "-o", tmp_path / "two.mcap")
-        assert said.code == 5
-        assert "is a recording already" in said.err
+        result = heli3dof("import", one, *profile, "-o", tmp_path / "two.mcap")
+        assert result.code == 5
+        assert "is a recording already" in result.err
 
 
 @pytest.mark.parametrize(
@@ -240,10 +240,10 @@ def test_a_place_where_no_file_can_be_is_the_user_s_to_change(
     words: tuple[str, ...], tmp_path: Path
 ) -> None:
     rec = recording(tmp_path / "one.mcap") if "REC" in words else ""
-    said = heli3dof(*(rec if w == "REC" else w for w in words))
-    assert said.code == 2, said.err
-    assert "cannot be written" in said.err
-    assert "another place with -o" in said.err
+    result = heli3dof(*(rec if w == "REC" else w for w in words))
+    assert result.code == 2, result.err
+    assert "cannot be written" in result.err
+    assert "another place with -o" in result.err
 
 
 @pytest.mark.parametrize("verb", ["export", "report", "simulate"])
@@ -253,13 +253,13 @@ def test_a_full_disk_is_said_to_be_full(verb: str, tmp_path: Path) -> None:
     )
     link = tmp_path / {"export": "x.csv", "report": "x.html", "simulate": "x.mcap"}[verb]
     link.symlink_to("/dev/full")
-    said = heli3dof(verb, *what, "-o", link, "--force")
-    assert said.code == 5, said.err
-    assert "no space left" in said.err
-    assert "df -h" in said.err
+    result = heli3dof(verb, *what, "-o", link, "--force")
+    assert result.code == 5, result.err
+    assert "no space left" in result.err
+    assert "df -h" in result.err
 
 
 def test_a_seed_below_zero_is_a_wrong_word(tmp_path: Path) -> None:
-    said = heli3dof("simulate", "steps", "--model", "hover", "--seed", "-1")
-    assert said.code == 2
-    assert "--seed" in said.err
+    result = heli3dof("simulate", "steps", "--model", "hover", "--seed", "-1")
+    assert result.code == 2
+    assert "--seed" in result.err

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from heli3dof.cli.monitor_state import View
+from heli3dof.cli.monitor_state import MonitorState
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.rig.calibration import load_calibration
@@ -70,18 +70,18 @@ def test_devices_lists_every_door_and_warns_of_a_broken_driver(monkeypatch) -> N
     only_drivers(
         monkeypatch, fake=FakeDriver(urls=("fake://1", "fake://2")), torn=ImportError("no libfoo")
     )
-    said = heli3dof("devices", "--json")
-    assert said.code == 0
-    drivers = {d["driver"]: d for d in said.document["drivers"]}
+    result = heli3dof("devices", "--json")
+    assert result.code == 0
+    drivers = {d["driver"]: d for d in result.document["drivers"]}
     assert drivers["fake"]["devices"] == ["fake://1", "fake://2"]
     assert "no libfoo" in drivers["torn"]["problem"]
-    assert "Warning: the driver torn does not load" in said.err
+    assert "Warning: the driver torn does not load" in result.err
 
 
 def test_devices_opens_nothing_unless_asked(fake: FakeDriver) -> None:
     heli3dof("devices")
     assert fake.rigs == []
-    (rig,) = heli3dof("devices", "--ask", "--json").document["rigs"]
+    (rig,) = heli3dof("devices", "--probe", "--json").document["rigs"]
     assert rig["identity"]["serial"] == "F-1"
     assert rig["rest"]["known_from"] == "power-up"
     assert fake.rigs[0].armed == 0
@@ -89,32 +89,32 @@ def test_devices_opens_nothing_unless_asked(fake: FakeDriver) -> None:
 
 def test_devices_says_who_flies(fake: FakeDriver) -> None:
     with Session("fake://1", doing="heli3dof run rich"):
-        said = heli3dof("devices", "--ask", "--json")
-    assert said.document["rigs"][0]["held_by"] == said.document["sessions"][0]["pid"]
+        result = heli3dof("devices", "--probe", "--json")
+    assert result.document["rigs"][0]["held_by"] == result.document["sessions"][0]["pid"]
     assert fake.rigs == []
 
 
 @pytest.mark.usefixtures("sound")
 def test_doctor_has_nothing_to_say_against_a_rig_that_is_well(fake: FakeDriver) -> None:
-    said = heli3dof("doctor")
-    assert said.code == 0
-    assert "fake://1, profile table-1" in said.out
-    assert "Nothing to mend." in said.out
+    result = heli3dof("doctor")
+    assert result.code == 0
+    assert "fake://1, profile table-1" in result.out
+    assert "No check failed." in result.out
     assert fake.rigs[0].armed == 0
 
 
 @pytest.mark.usefixtures("sound")
 def test_doctor_has_nothing_to_say_against_the_emulated_rig() -> None:
-    said = heli3dof("doctor", "--device", "mock:", "--json")
-    assert [c for c in said.document["checks"] if c["good"] is False] == []
+    result = heli3dof("doctor", "--device", "mock:", "--json")
+    assert [c for c in result.document["checks"] if c["good"] is False] == []
 
 
 @pytest.mark.usefixtures("sound")
 def test_doctor_prints_the_command_that_mends_and_exits_6(fake: FakeDriver) -> None:
     fake.checks = [Check("latency timer", "16 ms", False, "echo 1 | sudo tee /sys/x")]
-    said = heli3dof("doctor")
-    assert said.code == 6
-    assert "MEND  latency timer: 16 ms\n      → echo 1 | sudo tee /sys/x" in said.out
+    result = heli3dof("doctor")
+    assert result.code == 6
+    assert "FAIL  latency timer: 16 ms\n      → echo 1 | sudo tee /sys/x" in result.out
     document = heli3dof("doctor", "--json").document
     assert document["exit_code"] == 6
     assert [c["what"] for c in document["checks"] if c["good"] is False] == ["latency timer"]
@@ -126,30 +126,30 @@ def test_doctor_exits_3_where_the_rig_does_not_open_and_still_tells_the_rest(
 ) -> None:
     fake.checks = [Check("permission", "this user may not open it", False, "sudo usermod …")]
     with Session("fake://1", doing="heli3dof run rich"):
-        said = heli3dof("doctor", "--json")
-    assert said.code == 3
-    checks = said.document["checks"]
+        result = heli3dof("doctor", "--json")
+    assert result.code == 3
+    checks = result.document["checks"]
     assert checks[0]["what"] == "permission"
     assert "busy" in checks[-1]["found"]
-    assert said.document["opened"] is False
+    assert result.document["opened"] is False
 
 
 @pytest.mark.usefixtures("sound")
 def test_doctor_survives_a_rig_that_falls_silent(fake: FakeDriver) -> None:
     fake.silent_after = link.POLLS // 2
-    said = heli3dof("doctor", "--json")
-    assert said.code == 3
-    assert "does not answer" in said.document["checks"][-1]["found"]
+    result = heli3dof("doctor", "--json")
+    assert result.code == 3
+    assert "does not answer" in result.document["checks"][-1]["found"]
 
 
 @pytest.mark.usefixtures("sound")
 def test_a_quiet_doctor_prints_what_failed_and_nothing_else(fake: FakeDriver) -> None:
     assert heli3dof("doctor", "--quiet").err == ""
     fake.counts = (0, 2**30, 0)
-    said = heli3dof("doctor", "--quiet")
-    assert said.code == 6
-    assert said.out == ""
-    (line,) = said.err.splitlines()
+    result = heli3dof("doctor", "--quiet")
+    assert result.code == 6
+    assert result.out == ""
+    (line,) = result.err.splitlines()
     assert line.startswith("rest angles: ")
     assert "Try: switch the device off" in line
 
@@ -158,20 +158,20 @@ def test_a_quiet_doctor_prints_what_failed_and_nothing_else(fake: FakeDriver) ->
 def test_a_rig_that_answers_but_has_nowhere_to_store_its_zero_is_told_where(
     fake: FakeDriver, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("heli3dof.cli.zero.SECONDS", 0.05)
+    monkeypatch.setattr("heli3dof.rig.zero.MEASURE_S", 0.05)
     (tmp_path / "file").touch()
     for place in (tmp_path / "file", Path("/proc/heli3dof")):
         monkeypatch.setenv("XDG_STATE_HOME", str(place))
-        said = heli3dof("zero")
-        assert said.code == 2
-        assert f"{place}/heli3dof/rigs/F-1.toml cannot be written" in said.err
-        assert "set XDG_STATE_HOME to a folder of your own" in said.err
+        result = heli3dof("zero")
+        assert result.code == 2
+        assert f"{place}/heli3dof/rigs/F-1.toml cannot be written" in result.err
+        assert "set XDG_STATE_HOME to a folder of your own" in result.err
         assert heli3dof("doctor").code == 0, "to read nothing is not to fail"
     monkeypatch.delenv("XDG_STATE_HOME")
     monkeypatch.setattr(Path, "home", no_home)
-    said = heli3dof("zero")
-    assert said.code == 2
-    assert "set HOME or XDG_STATE_HOME" in said.err
+    result = heli3dof("zero")
+    assert result.code == 2
+    assert "set HOME or XDG_STATE_HOME" in result.err
     assert heli3dof("doctor").code == 0
     assert fake.rigs[0].armed == 0
 
@@ -181,22 +181,22 @@ def no_home() -> Path:
 
 
 def test_doctor_looks_at_the_emulated_rig_too() -> None:
-    said = heli3dof("doctor", "--device", "mock:", "--json")
-    assert said.code in (0, 6)
-    assert {c["group"] for c in said.document["checks"]} == {"computer", "recordings", "rig"}
+    result = heli3dof("doctor", "--device", "mock:", "--json")
+    assert result.code in (0, 6)
+    assert {c["group"] for c in result.document["checks"]} == {"computer", "recordings", "rig"}
 
 
 def test_zero_stores_what_every_flight_then_goes_by(
     fake: FakeDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fake.counts = (12, -3, 40)
-    monkeypatch.setattr("heli3dof.cli.zero.SECONDS", 0.05)
-    said = heli3dof("zero", "--json")
-    assert said.code == 0
-    assert said.document["counts_at_rest"] == [12, -3, 40]
+    monkeypatch.setattr("heli3dof.rig.zero.MEASURE_S", 0.05)
+    result = heli3dof("zero", "--json")
+    assert result.code == 0
+    assert result.document["counts_at_rest"] == [12, -3, 40]
     assert load_calibration("F-1") is not None
     assert (
-        heli3dof("devices", "--ask", "--json").document["rigs"][0]["rest"]["known_from"] == "zero"
+        heli3dof("devices", "--probe", "--json").document["rigs"][0]["rest"]["known_from"] == "zero"
     )
     flight = fly_plan(step_plan((0.0, None, None), settle_s=0, duration_s=0.1), device="fake://1")
     assert flight.recording.meta["rest"] == {"counts_at_rest": [12, -3, 40], "known_from": "zero"}
@@ -207,7 +207,7 @@ def test_zero_stores_what_every_flight_then_goes_by(
 def test_a_dry_run_of_zero_stores_nothing(
     fake: FakeDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("heli3dof.cli.zero.SECONDS", 0.05)
+    monkeypatch.setattr("heli3dof.rig.zero.MEASURE_S", 0.05)
     assert heli3dof("zero", "--dry-run").code == 0
     assert load_calibration("F-1") is None
 
@@ -215,16 +215,16 @@ def test_a_dry_run_of_zero_stores_nothing(
 @pytest.mark.usefixtures("own_clock")
 def test_zero_refuses_a_rig_that_moves(fake: FakeDriver) -> None:
     fake.script = {3: {"counts": (0, 30, 0)}}
-    said = heli3dof("zero")
-    assert said.code == 6
-    assert "pitch moved by 2.64°" in said.err
+    result = heli3dof("zero")
+    assert result.code == 6
+    assert "pitch moved by 2.64°" in result.err
     assert load_calibration("F-1") is None
 
 
 def test_a_flight_says_that_the_device_restarted_since_zero(
     fake: FakeDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("heli3dof.cli.zero.SECONDS", 0.05)
+    monkeypatch.setattr("heli3dof.rig.zero.MEASURE_S", 0.05)
     heli3dof("zero")
     fake.identity = replace(IDENTITY, boot=8)
     told: list[str] = []
@@ -237,32 +237,32 @@ def test_a_flight_says_that_the_device_restarted_since_zero(
 
 def test_several_rigs_and_no_word_which_is_a_usage_error(fake: FakeDriver) -> None:
     fake.urls = ("fake://1", "fake://2")
-    said = heli3dof("monitor", "--seconds", "0")
-    assert said.code == 2
-    assert "--device fake://1" in said.err
+    result = heli3dof("monitor", "--seconds", "0")
+    assert result.code == 2
+    assert "--device fake://1" in result.err
 
 
 def test_where_no_rig_is_found_the_emulated_one_is_looked_at_and_that_is_said(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     only_drivers(monkeypatch, fake=FakeDriver(urls=()), mock=load_driver("mock"))
-    said = heli3dof("monitor", "--seconds", "0", "--json")
-    assert said.code == 0
-    assert said.document["readings"] == 1
-    assert "No rig was found" in said.err
-    assert "mock:" in said.err
+    result = heli3dof("monitor", "--seconds", "0", "--json")
+    assert result.code == 0
+    assert result.document["readings"] == 1
+    assert "No rig was found" in result.err
+    assert "mock:" in result.err
 
 
 @pytest.mark.usefixtures("own_clock")
 def test_monitor_reads_a_free_rig_and_never_arms_it(fake: FakeDriver) -> None:
     fake.counts = (313, 0, 0)
-    said = heli3dof("monitor", "--seconds", "1", "--json")
-    assert said.code == 0
-    document = said.document
+    result = heli3dof("monitor", "--seconds", "1", "--json")
+    assert result.code == 0
+    document = result.document
     assert document["readings"] == 10, "10 Hz, and looking takes time too"
     assert document["last"]["roll_deg"] == pytest.approx(0, abs=0.05)
     assert document["pid"] is None
-    assert "not enabled" in said.err
+    assert "not enabled" in result.err
     assert fake.rigs[0].armed == 0
     assert fake.closed == 1
 
@@ -282,14 +282,14 @@ def test_monitor_watches_a_session_without_opening_its_rig(fake: FakeDriver) -> 
             "phase": "flying",
             "late": 3,
         }
-        said = heli3dof("monitor", "--device", "fake://1", "--seconds", "1", "--json")
-    document = said.document
+        result = heli3dof("monitor", "--device", "fake://1", "--seconds", "1", "--json")
+    document = result.document
     assert document["doing"] == "heli3dof run rich"
     assert document["rate_deg_per_s"]["roll"] == pytest.approx(20)
     assert document["flags_seen"] == ["ENABLED"]
     assert document["worst_lateness_s"] == 0.002
-    assert "front  +7.00 V" in said.err
-    assert "flying, 3 periods late" in said.err
+    assert "front  +7.00 V" in result.err
+    assert "flying, 3 periods late" in result.err
     assert fake.rigs == []
 
 
@@ -310,7 +310,7 @@ def _watched(url: str) -> str | None:
 
 
 def test_the_view_shows_amperes_beside_volts_and_never_as_a_rate() -> None:
-    view = View()
+    view = MonitorState()
     view.add({"v_front_V": 7.0, "i_front_A": 0.5, "v_back_V": 7.1, "i_back_A": None, "flags": []})
     now, rates = (list(view.table().columns[i].cells) for i in (1, 2))
     assert now == ["+7.00 V, +0.50 A", "+7.10 V"]
@@ -330,9 +330,9 @@ def test_monitor_ends_when_the_session_that_it_watches_ends(fake: FakeDriver) ->
         assert p.stdout is not None
         p.stdout.readline()
         start = time.monotonic()
-        said = heli3dof("monitor", "--device", "fake://1", "--seconds", "600")
-    assert said.code == 0
-    assert "the session has ended" in said.err
+        result = heli3dof("monitor", "--device", "fake://1", "--seconds", "600")
+    assert result.code == 0
+    assert "The session has ended" in result.err
     assert time.monotonic() - start < END_S
     assert running("fake://1") == []
 
@@ -341,9 +341,9 @@ def test_monitor_of_a_rig_that_falls_silent_exits_3(
     fake: FakeDriver,
 ) -> None:
     fake.silent_after = 2
-    said = heli3dof("monitor", "--seconds", "5", "--json")
-    assert said.code == 3
-    assert said.document["error"] == "The rig does not answer."
+    result = heli3dof("monitor", "--seconds", "5", "--json")
+    assert result.code == 3
+    assert result.document["error"] == "The rig does not answer."
 
 
 def test_monitor_ended_with_ctrl_c_tells_what_it_saw() -> None:

@@ -17,7 +17,7 @@ from heli3dof.paper.models import load_model
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.write import write_recording
 from heli3dof.rig.profile import default_profile
-from tests.cli.running import Said, heli3dof
+from tests.cli.running import Result, heli3dof
 
 RIG = Path(__file__).parents[2] / "recordings" / "rig.toml"
 KEYS = {
@@ -38,7 +38,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def said(flight: Path) -> Said:
+def result(flight: Path) -> Result:
     with pytest.MonkeyPatch.context() as few:
         few.setattr(module, "QUICK_FLIGHTS", 8, raising=False)
         few.setattr(module, "QUICK_PILOTS", 4, raising=False)
@@ -55,9 +55,9 @@ def numbers(value: Any) -> list[float]:
     return [value] if isinstance(value, float) else []
 
 
-def test_the_document_holds_every_key_of_the_contract(said: Said) -> None:
-    assert said.code == 0, said.err
-    d = said.document
+def test_the_document_holds_every_key_of_the_contract(result: Result) -> None:
+    assert result.code == 0, result.err
+    d = result.document
     assert set(d) >= KEYS
     assert d["schema"] == "heli3dof.diagnosis/1"
     assert d["recordings"] == ["cable"]
@@ -73,8 +73,8 @@ def test_the_document_holds_every_key_of_the_contract(said: Said) -> None:
     assert all(math.isfinite(n) for n in numbers(d))
 
 
-def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(said: Said) -> None:
-    (finding,) = said.document["findings"]
+def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(result: Result) -> None:
+    (finding,) = result.document["findings"]
     assert (finding["effect"], finding["axis"]) == ("stiffness.cable", "yaw")
     size = finding["parameters"]["stiffness_Nm_per_rad"]
     assert abs(size["value"] - 0.1) < max(4 * size["std"], 0.005)
@@ -82,13 +82,13 @@ def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(said: Said) -
     gain = finding["gain"]["holdout_rmse_deg"]
     assert gain["after"]["yaw"] < 0.25 * gain["before"]["yaw"]
     for words in ("stiffness.cable.yaw", "noise alone", "Calibration"):
-        assert words in said.err
-    assert "Screening against 8 simulated nulls …\n" in said.err
-    assert "nulls … " not in said.err  # how far it has come is for terminals
+        assert words in result.err
+    assert "Screening against 8 simulated nulls …\n" in result.err
+    assert "nulls … " not in result.err  # how far it has come is for terminals
 
 
 def test_the_page_holds_the_picture_of_the_cable_and_links_nowhere(
-    said: Said, flight: Path
+    result: Result, flight: Path
 ) -> None:
     page = flight.with_name("page.html").read_text(encoding="utf-8")
     assert 'alt="Residual yaw torque against yaw, with stiffness.cable.yaw as fitted"' in page
@@ -109,8 +109,8 @@ def test_what_was_fitted_is_no_hold_out_whatever_its_name(flight: Path, tmp_path
     assert "given twice" in twice.err
 
 
-def test_a_model_among_the_recordings_is_called_one(said: Said, tmp_path: Path) -> None:
-    model = said.document["model"]
+def test_a_model_among_the_recordings_is_called_one(result: Result, tmp_path: Path) -> None:
+    model = result.document["model"]
     wrong = heli3dof("diagnose", model, "-o", tmp_path / "m.json")
     assert wrong.code == 5
     assert "model file" in wrong.err
@@ -118,9 +118,9 @@ def test_a_model_among_the_recordings_is_called_one(said: Said, tmp_path: Path) 
 
 
 def test_the_extended_model_is_a_model_file_and_is_never_overwritten(
-    said: Said, flight: Path
+    result: Result, flight: Path
 ) -> None:
-    path = Path(said.document["model"])
+    path = Path(result.document["model"])
     model = load_model(path, default_profile())
     assert "stiffness.cable.yaw" in model.terms  # type: ignore[attr-defined]
     before = path.read_bytes()
@@ -136,12 +136,12 @@ def test_the_hover_model_is_judged_where_it_is_asked_for(
     monkeypatch.setattr(module, "QUICK_FLIGHTS", 8)
     monkeypatch.setattr(module, "QUICK_PILOTS", 4)
     out = tmp_path / "m.json"
-    said = heli3dof("diagnose", flight, "--base", "hover", "--quick", "-o", out, "--json")
-    assert said.code == 0, said.err
+    result = heli3dof("diagnose", flight, "--base", "hover", "--quick", "-o", out, "--json")
+    assert result.code == 0, result.err
     # The travel winds the cable in the last seconds only, and without them it cannot be foretold.
-    (body,) = (f for f in said.document["findings"] if f["effect"] == "geometry")
+    (body,) = (f for f in result.document["findings"] if f["effect"] == "geometry")
     assert body["parameters"]["share"]["value"] == pytest.approx(1.0, abs=0.2)
-    assert said.document["about"]["base"] == "hover"
+    assert result.document["about"]["base"] == "hover"
     model = load_model(out, default_profile())
     assert model.terms[0] == "base.hover"  # type: ignore[attr-defined]
 
@@ -194,8 +194,8 @@ def test_columns_whose_exchange_looks_like_another_unit_are_named_all_the_same(
     (fault,) = bad.document["integrity"]
     assert fault["check"] == "columns.swapped"
     assert "roll_deg and yaw_deg" in fault["fix"]
-    said = heli3dof("info", log, "--profile", RIG)
-    assert "heli3dof diagnose tells" in said.err
+    result = heli3dof("info", log, "--profile", RIG)
+    assert "heli3dof diagnose tells" in result.err
 
 
 def test_what_is_no_recording_and_a_log_without_a_profile_are_refused(tmp_path: Path) -> None:

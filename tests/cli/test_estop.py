@@ -16,7 +16,7 @@ from heli3dof.recording.row import RAMP_DOWN
 from heli3dof.rig.interface import Flags
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session.client import Running, running, state
-from heli3dof.rig.session.open_exclusive import hold
+from heli3dof.rig.session.open_exclusive import open_rig
 from heli3dof.rig.session.server import Session
 from heli3dof.rig.url import DeviceUrl
 from tests.cli.running import heli3dof
@@ -29,15 +29,15 @@ MOCK = "mock:?watchdog_s=5&start=level"
 
 def wait_for_flight(flight: subprocess.Popen[str]) -> Running:
     deadline = time.monotonic() + START_S
-    said: dict[int, object] = {}
+    result: dict[int, object] = {}
     while time.monotonic() < deadline:
         assert flight.poll() is None, flight.communicate()
         for session in running():
-            said[session.pid] = now = state(session, 5) or {}
+            result[session.pid] = now = state(session, 5) or {}
             if session.pid == flight.pid and now.get("phase") == "flying":
                 return session
         time.sleep(0.02)
-    raise AssertionError(f"no flight began: {said}")
+    raise AssertionError(f"no flight began: {result}")
 
 
 @pytest.mark.realtime
@@ -53,10 +53,10 @@ def test_a_flight_is_stopped_from_another_terminal(
     with subprocess.Popen(run, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as flight:
         wait_for_flight(flight)
         time.sleep(0.3)
-        said = heli3dof("estop", "--reason", "it smells", "--json")
+        result = heli3dof("estop", "--reason", "it smells", "--json")
         _, err = flight.communicate(timeout=END_S)
-    assert said.code == 0
-    (stopped,) = said.document["stopped"]
+    assert result.code == 0
+    (stopped,) = result.document["stopped"]
     assert f"pid {flight.pid}" in stopped["how"]
     assert flight.returncode == 4
     assert "it smells" in err
@@ -73,10 +73,10 @@ def test_a_session_that_hangs_is_passed_by(monkeypatch: pytest.MonkeyPatch) -> N
     driver = FakeDriver()
     only_drivers(monkeypatch, fake=driver)
     with Session("fake://1", doing="heli3dof run rich"):
-        said = heli3dof("estop", "--device", "fake://1")
-    assert said.code == 0
+        result = heli3dof("estop", "--device", "fake://1")
+    assert result.code == 0
     assert driver.stops == ["fake://1"]
-    assert "did not answer; the device said that it stopped" in said.out
+    assert "did not answer; the device said that it stopped" in result.out
 
 
 def test_without_a_session_the_device_is_told_directly(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -95,23 +95,23 @@ def test_one_that_flies_and_cannot_be_stopped_is_a_failure_and_hinders_no_other(
     deaf, well = FakeDriver(cannot_stop=DEAF), FakeDriver(urls=("well://1",))
     only_drivers(monkeypatch, fake=deaf, well=well)
     with Session("fake://1", doing="heli3dof run rich"):
-        said = heli3dof("estop")
-    assert said.code == 3
+        result = heli3dof("estop")
+    assert result.code == 3
     assert well.stops == ["well://1"]
-    assert "Stopped well://1" in said.out
-    assert "NOT STOPPED: fake://1" in said.err
-    assert DEAF in said.err
-    assert "switch off the amplifier" in said.err
+    assert "Stopped well://1" in result.out
+    assert "NOT STOPPED: fake://1" in result.err
+    assert DEAF in result.err
+    assert "switch off the amplifier" in result.err
 
 
 def test_a_port_that_is_only_found_may_be_no_rig(monkeypatch: pytest.MonkeyPatch) -> None:
     deaf, well = FakeDriver(cannot_stop=DEAF), FakeDriver(urls=("well://1",))
     only_drivers(monkeypatch, fake=deaf, well=well)
-    said = heli3dof("estop", "--json")
-    assert said.code == 0
-    assert [s["device"] for s in said.document["stopped"]] == ["well://1"]
-    assert said.document["unconfirmed"] == [{"device": "fake://1", "why": DEAF}]
-    assert "fake://1 did not confirm" in said.err
+    result = heli3dof("estop", "--json")
+    assert result.code == 0
+    assert [s["device"] for s in result.document["stopped"]] == ["well://1"]
+    assert result.document["unconfirmed"] == [{"device": "fake://1", "why": DEAF}]
+    assert "fake://1 did not confirm" in result.err
 
 
 class Ports(FakeDriver):
@@ -130,13 +130,13 @@ def test_what_may_be_no_rig_is_left_out_until_one_was_opened_there(
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     driver = Ports(urls=("fake://1", "fake://2", "fake://3"))
     only_drivers(monkeypatch, fake=driver)
-    with hold("fake://2", default_profile()):
+    with open_rig("fake://2", default_profile()):
         pass
-    said = heli3dof("estop", "--json")
-    assert said.code == 0
+    result = heli3dof("estop", "--json")
+    assert result.code == 0
     assert driver.stops == ["fake://2", "fake://3"]
-    assert said.document["left_out"] == ["fake://1"]
-    assert "heli3dof estop --device fake://1" in said.err
+    assert result.document["left_out"] == ["fake://1"]
+    assert "heli3dof estop --device fake://1" in result.err
 
 
 def test_a_port_that_no_driver_lists_is_reached_where_a_rig_was_opened_before(
@@ -145,7 +145,7 @@ def test_a_port_that_no_driver_lists_is_reached_where_a_rig_was_opened_before(
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     driver = Ports(urls=())
     only_drivers(monkeypatch, fake=driver)
-    with hold("fake://host:5000?speed=1", default_profile()):
+    with open_rig("fake://host:5000?speed=1", default_profile()):
         pass
     assert heli3dof("estop").code == 0
     assert driver.stops == ["fake://host:5000?speed=1"]
@@ -157,11 +157,11 @@ def test_where_all_is_left_out_nothing_is_said_to_be_stopped(
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     driver = Ports()
     only_drivers(monkeypatch, fake=driver)
-    said = heli3dof("estop")
-    assert said.code == 3
+    result = heli3dof("estop")
+    assert result.code == 3
     assert driver.stops == []
-    assert "No rig was stopped" in said.err
-    assert "heli3dof estop --device fake://1" in said.err
+    assert "No rig was stopped" in result.err
+    assert "heli3dof estop --device fake://1" in result.err
     assert heli3dof("estop", "--device", "fake://1").code == 0
     assert driver.stops == ["fake://1"]
 
@@ -171,9 +171,9 @@ def test_where_nothing_confirms_nothing_is_said_to_be_stopped(
     words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     only_drivers(monkeypatch, fake=FakeDriver(cannot_stop=DEAF))
-    said = heli3dof("estop", *words)
-    assert said.code == 3
-    assert "NOT STOPPED: fake://1" in said.err
+    result = heli3dof("estop", *words)
+    assert result.code == 3
+    assert "NOT STOPPED: fake://1" in result.err
 
 
 def test_where_sessions_cannot_be_trusted_the_device_is_told(
@@ -191,9 +191,9 @@ def test_where_sessions_cannot_be_trusted_the_device_is_told(
 
 def test_no_rig_at_all_is_said_and_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
     only_drivers(monkeypatch, fake=FakeDriver(urls=()))
-    said = heli3dof("estop", "--json")
-    assert said.code == 3
-    assert "No rig was stopped" in said.document["error"]
+    result = heli3dof("estop", "--json")
+    assert result.code == 3
+    assert "No rig was stopped" in result.document["error"]
 
 
 def test_an_unknown_device_is_a_usage_error() -> None:

@@ -27,9 +27,9 @@ QUICK = ("--settle", "0.5", "--duration", "3")
 
 def test_run_step_records_and_sums_up(tmp_path: Path) -> None:
     path = tmp_path / "step.mcap"
-    said = heli3dof("run-step", "--roll", "10", *QUICK, "--device", LEVEL, "-o", path, "--json")
-    assert said.code == 0
-    document = said.document
+    result = heli3dof("run-step", "--roll", "10", *QUICK, "--device", LEVEL, "-o", path, "--json")
+    assert result.code == 0
+    document = result.document
     assert document["outcome"] == "completed"
     assert document["periods"] == 1750
     assert document["axes"]["roll"]["set_deg"] == 10
@@ -42,10 +42,12 @@ def test_run_step_records_and_sums_up(tmp_path: Path) -> None:
 
 
 def test_the_summary_is_a_table_without_colour_where_nobody_watches(tmp_path: Path) -> None:
-    said = heli3dof("run-step", "--roll", "5", *QUICK, "--device", LEVEL, "-o", tmp_path / "a.mcap")
+    result = heli3dof(
+        "run-step", "--roll", "5", *QUICK, "--device", LEVEL, "-o", tmp_path / "a.mcap"
+    )
     for word in ("roll", "peak", "overshoot", "late by more than 1 ms: 0 of 1750"):
-        assert word in said.out
-    assert "\x1b" not in said.out + said.err
+        assert word in result.out
+    assert "\x1b" not in result.out + result.err
 
 
 def test_elevation_and_travel_are_aliases(tmp_path: Path) -> None:
@@ -59,9 +61,9 @@ def test_a_dry_run_opens_and_writes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    said = heli3dof("run-step", "--roll", "10", "--dry-run")
-    assert said.code == 0
-    assert "step 20 s to roll 10°" in said.out
+    result = heli3dof("run-step", "--roll", "10", "--dry-run")
+    assert result.code == 0
+    assert "step 20 s to roll 10°" in result.out
     assert not list(tmp_path.iterdir())
 
 
@@ -85,10 +87,10 @@ def test_what_cannot_be_flown_is_refused_with_a_hint(
     words: tuple, code: int, hints: list, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    said = heli3dof(*words)
-    assert said.code == code
+    result = heli3dof(*words)
+    assert result.code == code
     for hint in hints:
-        assert hint in said.err
+        assert hint in result.err
     assert not list(tmp_path.rglob("*.mcap"))
 
 
@@ -99,19 +101,19 @@ def test_a_gain_that_does_not_stabilise_is_refused_before_anything_moves(tmp_pat
     bad = tmp_path / "bad.toml"
     bad.write_text(profile.read_text() + f"\nK = {rows}\n")
     path = tmp_path / "never.mcap"
-    said = heli3dof(
+    result = heli3dof(
         "run-step", "--roll", "5", "--profile", bad, "--device", LEVEL, "-o", path, "--json"
     )
-    assert said.code == 6
-    assert said.document["exit_code"] == 6
-    assert "pole" in said.document["error"]
+    assert result.code == 6
+    assert result.document["exit_code"] == 6
+    assert "pole" in result.document["error"]
     assert not path.exists()
 
 
 def test_a_trip_ends_with_exit_4_and_a_recording_that_says_why(tmp_path: Path) -> None:
     path = tmp_path / "trip.mcap"
-    said = heli3dof("run-step", "--roll", "33", *QUICK, "--device", LEVEL, "-o", path)
-    assert said.code == 4
+    result = heli3dof("run-step", "--roll", "33", *QUICK, "--device", LEVEL, "-o", path)
+    assert result.code == 4
     recording = read_recording(path)
     assert recording.meta["outcome"] == "tripped"
     assert "roll reached" in recording.meta["outcome_details"]["detail"]
@@ -123,9 +125,9 @@ def test_a_recording_is_never_overwritten_unless_forced(tmp_path: Path) -> None:
     words = ("run-step", "--roll", "1", *QUICK, "--device", LEVEL, "-o", tmp_path / "a.mcap")
     assert heli3dof(*words).code == 0
     before = (tmp_path / "a.mcap").read_bytes()
-    said = heli3dof(*words)
-    assert said.code == 2
-    assert "--force" in said.err
+    result = heli3dof(*words)
+    assert result.code == 2
+    assert "--force" in result.err
     assert (tmp_path / "a.mcap").read_bytes() == before
     assert heli3dof(*words, "--force").code == 0
 
@@ -134,10 +136,10 @@ def test_a_recording_is_never_overwritten_unless_forced(tmp_path: Path) -> None:
 def test_a_full_disk_is_said_to_be_full(tmp_path: Path) -> None:
     full = tmp_path / "full.mcap"
     full.symlink_to("/dev/full")
-    said = heli3dof("run-step", "--roll", "1", *QUICK, "--device", LEVEL, "-o", full, "--force")
-    assert said.code == 5
+    result = heli3dof("run-step", "--roll", "1", *QUICK, "--device", LEVEL, "-o", full, "--force")
+    assert result.code == 5
     assert full.is_symlink()
-    assert "space" in said.err.lower()
+    assert "space" in result.err.lower()
 
 
 def test_the_same_seeds_fly_the_same_flight(tmp_path: Path) -> None:
@@ -167,8 +169,8 @@ def test_a_recording_says_what_was_drawn_from_which_seed(
     )
     path = tmp_path / "r.mcap"
     words = ("run", drawn) if plan == "drawn" else ("run-step", "--roll", "5", *QUICK)
-    said = heli3dof(*words, "--device", device, "--seed", "3", "-o", path)
-    assert said.code == 0, said.err
+    result = heli3dof(*words, "--device", device, "--seed", "3", "-o", path)
+    assert result.code == 0, result.err
     about = heli3dof("info", path, "--json").document
     assert about["seed"] == seed
     assert about["seeds"] == seeds
@@ -200,8 +202,8 @@ def test_the_seed_reaches_the_emulated_rig_unless_its_url_names_one(tmp_path: Pa
 
 def test_simulate_records_like_a_flight(tmp_path: Path) -> None:
     path = tmp_path / "sim.mcap"
-    said = heli3dof("simulate", "steps", "--model", "hover", "-o", path, "--json")
-    assert said.code == 0
+    result = heli3dof("simulate", "steps", "--model", "hover", "-o", path, "--json")
+    assert result.code == 0
     recording = read_recording(path)
     assert len(recording) == 30000
     assert recording.meta["model"] == "hover"
@@ -271,9 +273,9 @@ def test_kill_9_in_mid_flight_loses_at_most_half_a_second(tmp_path: Path) -> Non
         flight.ends(signal.SIGKILL)
         assert heli3dof("info", path, "--json").document["torn"]
         assert heli3dof("identify", path).code == 5
-        said = heli3dof("recover", path, "--json")
-        assert said.code == 0
-        recording = read_recording(Path(said.document["file"]))
+        result = heli3dof("recover", path, "--json")
+        assert result.code == 0
+        recording = read_recording(Path(result.document["file"]))
         assert recording.meta["outcome"] == "recovered"
         lost_s = killed - (recording.meta["start_ns"] / 1e9 + recording.t[-1])
         # Half a second's rows: a flight that a machine starves of them has the fewer to lose.

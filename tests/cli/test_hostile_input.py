@@ -13,7 +13,7 @@ import pytest
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.model.model_file import save_model
 from heli3dof.rig.profile import default_profile
-from tests.cli.running import Said, heli3dof
+from tests.cli.running import Result, heli3dof
 from tests.cli.test_bad_input import RIG, log, recording
 
 HELI3DOF = (sys.executable, "-m", "heli3dof")
@@ -47,12 +47,12 @@ def bad(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def judged(said: Said, *codes: int) -> None:
-    assert said.code in (codes or (2, 5)), said.err
-    assert "Error: " in said.err
-    assert "Try: " in said.err
-    assert "fault of ours" not in said.err
-    assert "Traceback" not in said.err
+def judged(result: Result, *codes: int) -> None:
+    assert result.code in (codes or (2, 5)), result.err
+    assert "Error: " in result.err
+    assert "Try: " in result.err
+    assert "fault of ours" not in result.err
+    assert "Traceback" not in result.err
 
 
 RECORDINGS = (
@@ -67,14 +67,14 @@ RECORDINGS = (
 def test_what_is_no_recording_is_refused_by_every_verb_that_reads_one(
     verb: str, name: str, bad: Path
 ) -> None:
-    said = heli3dof(verb, bad / name, "--profile", RIG)
+    result = heli3dof(verb, bad / name, "--profile", RIG)
     if name == "rec.json" and verb in ("info", "export"):
-        assert said.code == 0, "a recording by another name is one"
+        assert result.code == 0, "a recording by another name is one"
         return
-    if verb == "diagnose" and said.code == 5 and "Error: " not in said.err:
-        assert "at fault" in said.out  # a log that lies is a verdict, not an error
+    if verb == "diagnose" and result.code == 5 and "Error: " not in result.err:
+        assert "at fault" in result.out  # a log that lies is a verdict, not an error
         return
-    judged(said)
+    judged(result)
 
 
 @pytest.mark.parametrize("name", ["missing.mcap", "folder.mcap", "junk.mcap", "rec.mcap"])
@@ -112,9 +112,9 @@ def test_senseless_numbers_in_a_plan_are_refused(key: str, value: str, tmp_path:
     length = "" if name == "duration_s" else "duration_s = 2\n"
     plan = tmp_path / "p.toml"
     plan.write_text(f'name = "p"\n[[segment]]\nkind = "{kind}"\n{length}{name} = {value}\n')
-    said = heli3dof("run", plan, "--dry-run")
-    if said.code:
-        judged(said, 2)
+    result = heli3dof("run", plan, "--dry-run")
+    if result.code:
+        judged(result, 2)
     else:
         assert value == "1e-308" or (key == "step.roll_deg" and value in ("-1", "0"))
 
@@ -127,11 +127,11 @@ def test_senseless_numbers_in_a_profile_are_refused(key: str, value: str, tmp_pa
     lines[found[0]] = f"{key} = {value}"
     profile = tmp_path / "rig.toml"
     profile.write_text("\n".join(lines), encoding="utf-8")
-    said = heli3dof("run", "rich", "--dry-run", "--profile", profile)
+    result = heli3dof("run", "rich", "--dry-run", "--profile", profile)
     if (key, value) == ("roll", "-1"):
-        assert said.code == 0, "one count a turn: profile check says that it is unusual"
+        assert result.code == 0, "one count a turn: profile check says that it is unusual"
         return
-    judged(said, 2, 6)
+    judged(result, 2, 6)
 
 
 # Outputs: every verb refuses at once what it could not write at the end.
@@ -181,8 +181,8 @@ def test_an_output_that_cannot_be_written_is_an_error_before_the_work(
     (bad / "log.csv").write_text(log(n=100))
     words = [bad / w if (bad / str(w)).is_file() else w for w in WRITERS[writer]]
     option = "--report" if "--report" in writer else "-o"
-    said = heli3dof(*words, option, place)
-    judged(said, 2)
+    result = heli3dof(*words, option, place)
+    judged(result, 2)
     assert Path("there.csv").read_text() == "mine"
     assert sorted(p.name for p in Path().iterdir()) == ["file", "folder", "there.csv"]
 
@@ -194,9 +194,9 @@ def test_no_verb_writes_over_what_it_reads_even_with_force(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("log.csv").write_text(text := log(n=100))
-    said = heli3dof(writer, "log.csv", "--profile", RIG, "-o", "log.csv", "--force")
-    judged(said, 2)
-    assert "is read and cannot be written" in said.err
+    result = heli3dof(writer, "log.csv", "--profile", RIG, "-o", "log.csv", "--force")
+    judged(result, 2)
+    assert "is read and cannot be written" in result.err
     assert Path("log.csv").read_text() == text
 
 
@@ -224,9 +224,9 @@ def test_a_default_folder_that_cannot_be_made_is_the_user_s_to_change(
     Path("flights").touch()
     if words == ("demo",):
         monkeypatch.chdir("/proc")
-    said = heli3dof(*words)
-    judged(said, 2)
-    assert "cannot be written" in said.err
+    result = heli3dof(*words)
+    judged(result, 2)
+    assert "cannot be written" in result.err
     monkeypatch.chdir(tmp_path)
     (gone := tmp_path / "gone").mkdir()
     monkeypatch.chdir(gone)

@@ -20,7 +20,7 @@ TEST = [r.path for r in references() if r.use == "compare"]
 def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     path = tmp_path_factory.mktemp("identify") / "model.json"
     page = path.with_name("identification.html")
-    said = heli3dof(
+    result = heli3dof(
         "identify",
         *TRAIN,
         "--report",
@@ -37,8 +37,8 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
         "ours",
         "--json",
     )
-    assert said.code == 0, said.err
-    return path, said.document
+    assert result.code == 0, result.err
+    return path, result.document
 
 
 def test_identify_writes_a_model_and_scores_it_on_held_out_data(identified: tuple) -> None:
@@ -60,32 +60,32 @@ def test_identify_writes_a_model_and_scores_it_on_held_out_data(identified: tupl
 
 def test_the_default_is_the_grey_box_and_its_parameters_have_intervals(tmp_path: Path) -> None:
     path = tmp_path / "grey.json"
-    said = heli3dof("identify", *TRAIN, "--holdout", TEST[1], "-o", path, "--json")
-    assert said.code == 0, said.err
-    (model,) = said.document["models"]
+    result = heli3dof("identify", *TRAIN, "--holdout", TEST[1], "-o", path, "--json")
+    assert result.code == 0, result.err
+    (model,) = result.document["models"]
     assert model["kind"] == "greybox"
     lag = model["parameters"]["motor.lag.time_constant_s"]
     assert lag["unit"] == "s"
     assert lag["value"] == pytest.approx(0.1, abs=4 * lag["std"])
     assert 0 < lag["cramer_rao_bound"] < 0.01
     assert model["fit_percent"]["pitch"]["closed_loop_replay"] > 90
-    said = heli3dof("compare", TEST[1], path, "hover", "-o", tmp_path / "out", "--json")
-    assert [m["name"] for m in said.document["flights"][0]["models"]] == ["greybox", "hover"]
+    result = heli3dof("compare", TEST[1], path, "hover", "-o", tmp_path / "out", "--json")
+    assert [m["name"] for m in result.document["flights"][0]["models"]] == ["greybox", "hover"]
     flown = heli3dof("simulate", "steps", "--model", path, "-o", tmp_path / "sim.mcap", "--json")
     assert flown.code == 0, flown.err
 
 
 def test_terms_are_added_and_left_out_by_name(tmp_path: Path) -> None:
     words = ("identify", TRAIN[0], "-o", tmp_path / "m.json", "--force", "--json")
-    said = heli3dof(*words, "--terms", "+friction.coulomb.yaw,-bias.torque.pitch")
-    assert said.code == 0, said.err
-    names = said.document["models"][0]["parameters"]
+    result = heli3dof(*words, "--terms", "+friction.coulomb.yaw,-bias.torque.pitch")
+    assert result.code == 0, result.err
+    names = result.document["models"][0]["parameters"]
     assert "friction.coulomb.yaw.torque_Nm" in names
     assert "bias.torque.pitch.torque_Nm" not in names
     for wrong, hint in (("+friction.colomb.yaw", "friction.coulomb"), ("-motor.dela", "motor.lag")):
-        said = heli3dof(*words, "--terms", wrong)
-        assert said.code == 2
-        assert hint in said.err
+        result = heli3dof(*words, "--terms", wrong)
+        assert result.code == 2
+        assert hint in result.err
     assert heli3dof(*words, "--order", "8").code == 2
     assert heli3dof(*words, "--method", "pem", "--terms", "motor.lag").code == 2
 
@@ -99,9 +99,9 @@ def test_the_identification_report_shows_bands_and_residuals(identified: tuple) 
 
 def test_compare_gives_every_metric_and_its_difference(identified: tuple, tmp_path: Path) -> None:
     path, _ = identified
-    said = heli3dof("compare", *TEST, "hover", path, "-o", tmp_path / "out", "--json")
-    assert said.code == 0, said.err
-    document = said.document
+    result = heli3dof("compare", *TEST, "hover", path, "-o", tmp_path / "out", "--json")
+    assert result.code == 0, result.err
+    document = result.document
     assert [f["recording"] for f in document["flights"]] == [p.stem for p in TEST]
     for flight in document["flights"]:
         assert flight["loop"] == "replayed"
@@ -123,24 +123,24 @@ def test_compare_alone_works_on_the_recordings_that_ship(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    said = heli3dof("compare")
-    assert said.code == 0, said.err
+    result = heli3dof("compare")
+    assert result.code == 0, result.err
     for words in ("Table II", "identification", "grey box", "hover", "never published"):
-        assert words in said.out
+        assert words in result.out
     assert len(list(tmp_path.glob("comparisons/*/*.svg"))) == 6
 
 
 def test_models_without_recordings_are_refused() -> None:
-    said = heli3dof("compare", "hover")
-    assert said.code == 2
-    assert "no recording" in said.err
+    result = heli3dof("compare", "hover")
+    assert result.code == 2
+    assert "no recording" in result.err
 
 
 def test_report_is_one_file_that_needs_nothing_else(identified: tuple, tmp_path: Path) -> None:
     path, _ = identified
     page = tmp_path / "r.html"
-    said = heli3dof("report", TEST[1], "--model", "hover", "--model", path, "-o", page)
-    assert said.code == 0, said.err
+    result = heli3dof("report", TEST[1], "--model", "hover", "--model", path, "-o", page)
+    assert result.code == 0, result.err
     text = page.read_text(encoding="utf-8")
     assert "step-yaw-20" in text
     assert "ours" in text
@@ -155,9 +155,9 @@ def test_the_demo_does_the_whole_chain_and_keeps_an_earlier_one(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(diagnosing, "QUICK_FLIGHTS", 6)
     monkeypatch.setattr(diagnosing, "QUICK_PILOTS", 3)
-    said = heli3dof("demo", "--json")
-    assert said.code == 0, said.err
-    document = json.loads(said.out)
+    result = heli3dof("demo", "--json")
+    assert result.code == 0, result.err
+    document = json.loads(result.out)
     assert Path(document["report"]).stat().st_size > 100_000
     named = [
         ".".join(filter(None, (f["effect"], f["axis"]))) for f in document["diagnosis"]["findings"]
@@ -166,7 +166,7 @@ def test_the_demo_does_the_whole_chain_and_keeps_an_earlier_one(
     for made in (*document["recordings"], *document["models"]):
         assert Path(made).exists()
     (tmp_path / "heli3dof-demo" / "mine.txt").write_text("kept")
-    from heli3dof.cli.demo import FOLDER, _fresh
+    from heli3dof.cli.demo import FOLDER, _new_folder
 
-    assert _fresh(FOLDER).name == "heli3dof-demo-2"
+    assert _new_folder(FOLDER).name == "heli3dof-demo-2"
     assert (tmp_path / "heli3dof-demo" / "mine.txt").read_text() == "kept"

@@ -76,11 +76,11 @@ def test_every_verb_survives_every_encoding(
         pytest.skip("slow: the hardest encoding stands for all")
     code, out, err = shell(encoding, *(flight if w == "FLIGHT" else w for w in words))
     assert code in (0, 2, 3, 5, 6), err.decode(encoding)
-    said = (out + err).decode(encoding)
-    assert said.strip()
-    assert "fault of ours" not in said
-    assert "Traceback" not in said
-    assert "\N{REPLACEMENT CHARACTER}" not in said
+    result = (out + err).decode(encoding)
+    assert result.strip()
+    assert "fault of ours" not in result
+    assert "Traceback" not in result
+    assert "\N{REPLACEMENT CHARACTER}" not in result
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)

@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from heli3dof.cli import profile as module
+from heli3dof.cli import profile_questions as module
 from heli3dof.diagnosis import diagnose
 from heli3dof.experiment.plan import named_plans
 from heli3dof.rig.profile import TABLE_I, default_profile, load_profile
 from heli3dof.rig.profile_file import merged, new_text
-from tests.cli.running import Said, heli3dof
+from tests.cli.running import Result, heli3dof
 
 NUMBERS = {
     f"{section}.{key}": value
@@ -38,23 +38,23 @@ def write(path: Path, **changes: dict[str, Any]) -> Path:
 
 def test_the_papers_numbers_give_the_papers_profile(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
-    said = heli3dof("profile", "new", *sets(), "-o", path, "--json")
-    assert said.code == 0, said.err
+    result = heli3dof("profile", "new", *sets(), "-o", path, "--json")
+    assert result.code == 0, result.err
     profile = load_profile(path)
     assert profile.motor.V_o == 7.456
     assert profile.controller == default_profile().controller
-    assert "computed from the masses" in said.err
-    assert said.document["loop"]["stable"] is True
-    assert said.document["loop"]["disc_margin"] == pytest.approx(0.81, abs=0.01)
+    assert "computed from the masses" in result.err
+    assert result.document["loop"]["stable"] is True
+    assert result.document["loop"]["disc_margin"] == pytest.approx(0.81, abs=0.01)
 
 
 def test_a_rig_of_another_size_gets_a_gain_of_its_own(tmp_path: Path) -> None:
     path = tmp_path / "small.toml"
     small = sets(geometry__L_a=0.33, geometry__L_w=0.25, mass__m_w=0.5, mass__m_f=0.25,
                  mass__m_b=0.25, motor__v_max=12, motor__V_o=5)  # fmt: skip
-    said = heli3dof("profile", "new", *small, "-o", path)
-    assert said.code == 0, said.err
-    assert "designed for this rig by LQR" in said.err
+    result = heli3dof("profile", "new", *small, "-o", path)
+    assert result.code == 0, result.err
+    assert "designed for this rig by LQR" in result.err
     K = tomllib.loads(path.read_text())["controller"]["K"]
     assert K[0][6] == pytest.approx(5.0)
     assert heli3dof("profile", "check", path).code == 0
@@ -69,9 +69,9 @@ def test_an_existing_file_is_left_as_it_is(tmp_path: Path) -> None:
 
 
 def test_without_a_terminal_all_missing_numbers_are_named(tmp_path: Path) -> None:
-    said = heli3dof("profile", "new", "-o", tmp_path / "rig.toml")
-    assert said.code == 2
-    assert all(name in said.err for name in NUMBERS)
+    result = heli3dof("profile", "new", "-o", tmp_path / "rig.toml")
+    assert result.code == 2
+    assert all(name in result.err for name in NUMBERS)
     assert not (tmp_path / "rig.toml").exists()
 
 
@@ -84,11 +84,11 @@ def test_numbers_are_asked_for_until_they_are_plausible(
     )  # fmt: skip
     monkeypatch.setattr(module, "_is_terminal", lambda: True)
     monkeypatch.setattr(module.typer, "prompt", lambda *a, **k: next(answers))
-    said = heli3dof("profile", "new", "-o", tmp_path / "rig.toml")
-    assert said.code == 0, said.err
-    assert "in centimetres? 66 centimetres are 0.66 m" in said.err
-    assert "'abc' is no number" in said.err
-    assert "'4096.5' is no whole number" in said.err
+    result = heli3dof("profile", "new", "-o", tmp_path / "rig.toml")
+    assert result.code == 0, result.err
+    assert "in centimetres? 66 centimetres are 0.66 m" in result.err
+    assert "'abc' is not a number" in result.err
+    assert "'4096.5' is not a whole number" in result.err
     profile = load_profile(tmp_path / "rig.toml")
     assert (profile.name, profile.geometry.L_a, profile.encoder.roll) == ("lab 3", 0.66, -4096)
     assert profile.encoder.roll_rest_deg == -26.0
@@ -107,17 +107,17 @@ def test_ctrl_c_while_asked_leaves_no_file(tmp_path: Path, monkeypatch: pytest.M
 def test_a_gain_that_does_not_stabilise_is_not_written(tmp_path: Path) -> None:
     row = "-37.6, 13.2, -11.5, 20.9, 4.7, -16.1, 10.0, -1.0"
     words = [*sets(), "--set", f"controller.K=[[{row}],[{row}]]"]
-    said = heli3dof("profile", "new", *words, "-o", tmp_path / "rig.toml")
-    assert said.code == 6
+    result = heli3dof("profile", "new", *words, "-o", tmp_path / "rig.toml")
+    assert result.code == 6
     assert not (tmp_path / "rig.toml").exists()
 
 
 def test_an_unstable_profile_is_corrected_by_the_command_that_check_names(tmp_path: Path) -> None:
     row = [-37.6, 13.2, -11.5, 20.9, 4.7, -16.1, 10.0, -1.0]
     path = write(tmp_path / "rig.toml", controller={"K": [row, row]})
-    said = heli3dof("profile", "check", path)
-    assert said.code == 6
-    assert "heli3dof profile new --from" in said.err
+    result = heli3dof("profile", "check", path)
+    assert result.code == 6
+    assert "heli3dof profile new --from" in result.err
     better = tmp_path / "better.toml"
     assert heli3dof("profile", "new", "--from", path, "-o", better).code == 0
     assert heli3dof("profile", "check", better).code == 0
@@ -136,38 +136,38 @@ def test_check_names_everything_that_is_wrong_at_once(tmp_path: Path) -> None:
         text = text.replace(old, new)
     path = tmp_path / "bad.toml"
     path.write_text(text)
-    said = heli3dof("profile", "check", path)
-    assert said.code == 2
+    result = heli3dof("profile", "check", path)
+    assert result.code == 2
     for part in (
         "geometry.L_a = 66.0 is not plausible", "66 centimetres are 0.66 m",
         "'mass.m_f', 'loop.rate_hz' are missing", "unknown key 'encoder.yaww'",
         "did you mean 'yaw'?", "motor.V_o = 30 V is not below motor.v_max = 24 V",
     ):  # fmt: skip
-        assert part in said.err, part
-    assert "encoder.yaw'" not in said.err, "a misspelt key is not missing as well"
+        assert part in result.err, part
+    assert "encoder.yaw'" not in result.err, "a misspelt key is not missing as well"
 
 
 def test_show_gives_keys_and_what_follows_from_them() -> None:
-    said = heli3dof("profile", "show", "--json")
-    assert said.code == 0
-    derived = said.document["derived"]
+    result = heli3dof("profile", "show", "--json")
+    assert result.code == 0
+    derived = result.document["derived"]
     assert derived["T_g"] == {"value": pytest.approx(1.170, abs=1e-3), "unit": "N·m"}
     assert derived["J_pitch"]["value"] == pytest.approx(0.03635, abs=1e-5)
     assert derived["V_o of the masses"]["value"] == pytest.approx(-7.456, abs=1e-3)
-    assert said.document["profile"] == default_profile().to_dict()
+    assert result.document["profile"] == default_profile().to_dict()
 
 
 def test_plans_are_listed_with_what_they_are_good_for() -> None:
-    said = heli3dof("plans", "--json")
-    listed = {p["name"]: p for p in said.document["plans"]}
+    result = heli3dof("plans", "--json")
+    listed = {p["name"]: p for p in result.document["plans"]}
     assert set(listed) == set(named_plans())
     assert listed["ramp"]["duration_s"] == 75.0
     assert "dead zone" in listed["ramp"]["purpose"]
-    assert "good for" in heli3dof("plans").out
+    assert "purpose" in heli3dof("plans").out
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Said, Said, Said]:
+def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result, Result, Result]:
     """A rig with 20 % less thrust and 0.15 N·m more weight than its profile says: diagnosed,
     its profile updated, flown again with that profile, and diagnosed again."""
     folder = tmp_path_factory.mktemp("update")
@@ -178,7 +178,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Said, Said, S
     write(folder / "truth.toml", motor={"K_f": K_f, "V_o": V_o})
     device = f"mock:?speed=max&profile={folder / 'truth.toml'}&hide=mass.imbalance:0.15"
 
-    def diagnosed(profile: Path, name: str, seed: int) -> Said:
+    def diagnosed(profile: Path, name: str, seed: int) -> Result:
         flight = folder / f"{name}.mcap"
         words = ("rich", "--device", device, "--profile", profile, "--seed", seed, "-o", flight)
         assert heli3dof("run", *words).code == 0
@@ -199,7 +199,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Said, Said, S
 
 
 def test_an_updated_profile_simulates_its_rig_down_to_noise(
-    flown: tuple[Path, Said, Said, Said],
+    flown: tuple[Path, Result, Result, Result],
 ) -> None:
     _, before, updated, after = flown
     assert updated.code == 0, updated.err
@@ -211,7 +211,7 @@ def test_an_updated_profile_simulates_its_rig_down_to_noise(
         assert error["rmse_deg"] < 0.8, axis
 
 
-def test_the_updated_numbers_are_the_rigs(flown: tuple[Path, Said, Said, Said]) -> None:
+def test_the_updated_numbers_are_the_rigs(flown: tuple[Path, Result, Result, Result]) -> None:
     folder = flown[0]
     profile = load_profile(folder / "rig2.toml")
     assert profile.motor.K_f == pytest.approx(0.8 * 0.1188, rel=0.06)
@@ -224,7 +224,7 @@ def test_the_updated_numbers_are_the_rigs(flown: tuple[Path, Said, Said, Said]) 
 
 
 def test_an_update_keeps_the_comments_and_says_where_a_number_is_from(
-    flown: tuple[Path, Said, Said, Said],
+    flown: tuple[Path, Result, Result, Result],
 ) -> None:
     folder = flown[0]
     old, new = ((folder / n).read_text().splitlines() for n in ("rig.toml", "rig2.toml"))
@@ -234,33 +234,33 @@ def test_an_update_keeps_the_comments_and_says_where_a_number_is_from(
 
 
 def test_a_model_file_says_the_same_as_the_diagnosis(
-    flown: tuple[Path, Said, Said, Said],
+    flown: tuple[Path, Result, Result, Result],
 ) -> None:
     folder = flown[0]
     other = folder / "of-model.toml"
-    said = heli3dof(
+    result = heli3dof(
         "profile", "update", "--from", folder / "before.json", "--profile", folder / "rig.toml",
         "-o", other,
     )  # fmt: skip
-    assert said.code == 0, said.err
+    assert result.code == 0, result.err
     a, b = load_profile(other), load_profile(folder / "rig2.toml")
     assert a.motor.V_o == pytest.approx(b.motor.V_o, rel=1e-3)
     assert a.motor.K_f == pytest.approx(b.motor.K_f, rel=1e-3)
 
 
-def test_the_diagnosis_names_the_command(flown: tuple[Path, Said, Said, Said]) -> None:
+def test_the_diagnosis_names_the_command(flown: tuple[Path, Result, Result, Result]) -> None:
     folder, before, *_ = flown
     assert f"heli3dof profile update --from {folder / 'before.json'}" in before.err
 
 
 def test_a_calibration_against_another_profile_is_refused(
-    flown: tuple[Path, Said, Said, Said], tmp_path: Path
+    flown: tuple[Path, Result, Result, Result], tmp_path: Path
 ) -> None:
     source = flown[0] / "diagnosis.json"
     other = write(tmp_path / "other.toml", motor={"K_f": 0.2})
-    said = heli3dof("profile", "update", "--from", source, "--profile", other)
-    assert said.code == 2
-    assert "measured against another profile" in said.err
+    result = heli3dof("profile", "update", "--from", source, "--profile", other)
+    assert result.code == 2
+    assert "measured against another profile" in result.err
 
 
 @pytest.mark.parametrize(
@@ -270,9 +270,9 @@ def test_a_calibration_against_another_profile_is_refused(
 def test_a_file_without_a_calibration_is_refused(tmp_path: Path, content: str, code: int) -> None:
     source = tmp_path / "x.json"
     source.write_text(content)
-    said = heli3dof("profile", "update", "--from", source, "-o", tmp_path / "new.toml")
-    assert said.code == code
-    assert "heli3dof diagnose" in said.err
+    result = heli3dof("profile", "update", "--from", source, "-o", tmp_path / "new.toml")
+    assert result.code == code
+    assert "heli3dof diagnose" in result.err
     assert not (tmp_path / "new.toml").exists()
 
 
@@ -294,8 +294,8 @@ def test_encoder_findings_change_the_encoders(tmp_path: Path) -> None:
             }
         )
     )  # fmt: skip
-    said = heli3dof("profile", "update", "--from", source, "-o", new)
-    assert said.code == 0, said.err
+    result = heli3dof("profile", "update", "--from", source, "-o", new)
+    assert result.code == 0, result.err
     encoder = load_profile(new).encoder
     assert (encoder.roll, encoder.yaw, encoder.pitch_rest_deg) == (-4096, 4096, -2.0)
-    assert "No key of a profile holds: friction.coulomb.yaw" in said.err
+    assert "No key of a profile holds: friction.coulomb.yaw" in result.err

@@ -78,13 +78,13 @@ def test_it_flies_what_separates_until_nothing_is_tied(
     plans: Path, whole: diagnosing.Diagnosis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen = answering(monkeypatch, whole, [str(plans), None], plans)
-    said = heli3dof("run", plans, "--auto", "--device", LEVEL, "-o", "auto", "--json")
-    assert said.code == 0, said.err
-    d = said.document
+    result = heli3dof("run", plans, "--auto", "--device", LEVEL, "-o", "auto", "--json")
+    assert result.code == 0, result.err
+    d = result.document
     assert seen == [1, 2]  # every diagnosis is of all flights so far
     assert d["ended"] == "settled"
-    assert "Ended: settled." in said.err
-    assert "Verdict" in said.err
+    assert "Ended: settled." in result.err
+    assert "Verdict" in result.err
     assert [Path(p).name for p in d["flights"]] == ["1-short.mcap", "2-short.mcap"]
     for path in d["flights"]:
         assert read_recording(path).meta["outcome"] == "completed"
@@ -99,7 +99,18 @@ def test_it_stops_where_the_next_flight_would_exceed_the_budget(
     plans: Path, whole: diagnosing.Diagnosis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answering(monkeypatch, whole, [str(plans)] * 9, plans)
-    words = ("run", plans, "--auto", "--budget", "0.5", "--device", LEVEL, "-o", "auto", "--json")
+    words = (
+        "run",
+        plans,
+        "--auto",
+        "--budget-min",
+        "0.5",
+        "--device",
+        LEVEL,
+        "-o",
+        "auto",
+        "--json",
+    )
     d = heli3dof(*words).document
     assert len(d["flights"]) == 2  # 2 × 12 s in 30 s
     assert d["ended"].startswith("out of budget")
@@ -107,9 +118,9 @@ def test_it_stops_where_the_next_flight_would_exceed_the_budget(
 
 
 def test_a_budget_below_the_first_plan_and_a_folder_in_use_are_refused(plans: Path) -> None:
-    short = heli3dof("run", plans, "--auto", "--budget", "0.15", "--device", LEVEL, "-o", "a")
+    short = heli3dof("run", plans, "--auto", "--budget-min", "0.15", "--device", LEVEL, "-o", "a")
     assert short.code == 2
-    assert "does not hold" in short.err
+    assert "more than the budget" in short.err
     again = heli3dof("run", plans, "--auto", "--device", LEVEL, "-o", plans.parent)
     assert again.code == 2
     assert "exists" in again.err
@@ -117,7 +128,7 @@ def test_a_budget_below_the_first_plan_and_a_folder_in_use_are_refused(plans: Pa
 
 
 def test_a_dry_run_says_the_plan_and_flies_nothing(plans: Path) -> None:
-    said = heli3dof("run", plans, "--auto", "--dry-run", "--device", LEVEL)
-    assert said.code == 0
-    assert "Automatic: short first" in said.out
+    result = heli3dof("run", plans, "--auto", "--dry-run", "--device", LEVEL)
+    assert result.code == 0
+    assert "Automatic: short first" in result.out
     assert list(plans.parent.iterdir()) == [plans]

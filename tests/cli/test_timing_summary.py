@@ -1,10 +1,10 @@
-"""How punctual the loop was is said in words, and what would mend it where it was not."""
+"""How punctual the loop was is result in words, and what would mend it where it was not."""
 
 from __future__ import annotations
 
 from dataclasses import asdict, replace
 
-from heli3dof.cli.timing_summary import punctuality_note, punctuality_rows, realtime_advice
+from heli3dof.cli.timing_summary import realtime_advice, timing_note, timing_rows
 from heli3dof.experiment.control_loop.echo_latency import EchoLatency
 from heli3dof.experiment.control_loop.outcome import Outcome, Punctuality
 from heli3dof.experiment.control_loop.realtime_priority import Realtime
@@ -20,22 +20,22 @@ HELD_UP = replace(OUTCOME, left_out=7)
 
 
 def test_a_flights_end_says_late_missed_and_lost() -> None:
-    assert punctuality_note(OUTCOME) == (
+    assert timing_note(OUTCOME) == (
         "late by more than 1 ms: 5 of 1000 periods; 30 missed by this computer, "
-        "2 lost on the line; lateness median 2 µs, 99.9 % 0.40 ms, at most 31.20 ms"
+        "2 lost on the line; lateness median 2 µs, 99.9 % 0.40 ms, maximum 31.20 ms"
     )
 
 
 def test_what_the_device_itself_left_out_is_not_put_down_to_the_line() -> None:
-    said = "30 missed by this computer, 2 lost on the line, 7 left out by the device"
-    assert said in punctuality_note(HELD_UP)
+    result = "30 missed by this computer, 2 lost on the line, 7 skipped by the device"
+    assert result in timing_note(HELD_UP)
     about = {"lateness": None, "samples": 9, "outcome_details": HELD_UP.details()}
-    assert dict(punctuality_rows(about))["skipped"] == said
+    assert dict(timing_rows(about))["skipped"] == result
 
 
 def test_a_flight_on_a_virtual_clock_says_nothing_of_it() -> None:
     virtual = replace(OUTCOME, late=0, missed=0, lost=0, punctuality=None, realtime=None)
-    assert punctuality_note(virtual) == "late by more than 1 ms: 0 of 1000 periods"
+    assert timing_note(virtual) == "late by more than 1 ms: 0 of 1000 periods"
     assert realtime_advice(virtual) is None
 
 
@@ -53,26 +53,26 @@ def test_info_shows_what_the_recording_keeps() -> None:
         "samples": 1000,
         "outcome_details": {**OUTCOME.details(), "punctuality": asdict(FOUND)},
     }
-    rows = dict(punctuality_rows(about))
+    rows = dict(timing_rows(about))
     assert rows["late by over 1 ms"] == "5 of 1000 periods"
     assert rows["skipped"] == "30 missed by this computer, 2 lost on the line"
-    assert rows["sample to command"] == "median 24 µs, 99.9 % 0.18 ms, at most 0.21 ms"
+    assert rows["sample to command"] == "median 24 µs, 99.9 % 0.18 ms, maximum 0.21 ms"
     assert rows["real time"] == "scheduled no, memory locked no"
 
 
 def test_a_log_without_lateness_has_no_such_rows() -> None:
-    assert punctuality_rows({"lateness": None, "samples": 9, "outcome_details": {}}) == []
+    assert timing_rows({"lateness": None, "samples": 9, "outcome_details": {}}) == []
 
 
 LATENCY = EchoLatency(5469, 5468, 0, 5.7e-3, 5.9e-3, 7.8e-3, 3, 3, 4)
 
 
 def test_command_to_echo_latency_is_shown_in_ms_and_periods_at_the_end_and_in_info() -> None:
-    shown = "median 5.70 ms (3 periods), 99.9 % 5.90 ms (3 periods), at most 7.80 ms (4 periods)"
+    shown = "median 5.70 ms (3 periods), 99.9 % 5.90 ms (3 periods), maximum 7.80 ms (4 periods)"
     unacknowledged = "5468 of 5469 commands not echoed by the next sample, 0 never"
     slow = replace(OUTCOME, latency=LATENCY)
-    assert f"command to echo {shown}; {unacknowledged}" in punctuality_note(slow)
+    assert f"command to echo {shown}; {unacknowledged}" in timing_note(slow)
     about = {"lateness": None, "samples": 9, "outcome_details": slow.details()}
-    rows = dict(punctuality_rows(about))
+    rows = dict(timing_rows(about))
     assert rows["command to echo"] == shown
     assert rows["unacknowledged"] == unacknowledged

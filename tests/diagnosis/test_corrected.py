@@ -16,7 +16,7 @@ from heli3dof.identification.greybox.method import fit_greybox, usable_runs
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile, profile_from_dict
 
 DEVICE = "mock:?speed=max&spread=0.07&seed=1002"
@@ -28,7 +28,7 @@ def steps() -> Recording:
 
 def true_roll_inertia() -> float:
     """In units of the profile's K_f."""
-    rig = open_rig(DEVICE, default_profile())
+    rig = open_driver(DEVICE, default_profile())
     body = rig.truth.body  # type: ignore[attr-defined]
     rig.close()
     return float((body.J[0] + body.dJ[0]) * default_profile().motor.K_f / body.K_f)

@@ -15,7 +15,7 @@ from heli3dof.diagnosis.weighed import edge_rates, jacobian, three, weighed, wei
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan, step_plan
 from heli3dof.model.estimation.filter_data import Stretch, data_of
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile
 
 DEVICE = "mock:?speed=max&spread=0.07&seed=1022"
@@ -42,7 +42,7 @@ def test_the_rate_is_the_share_of_samples_at_which_a_count_changes(
 def test_the_inertias_lie_within_what_is_said_of_them(fitted: tuple[Bench, Corrected]) -> None:
     _, found = fitted
     assert found.spread is not None
-    rig = open_rig(DEVICE, default_profile())
+    rig = open_driver(DEVICE, default_profile())
     body = rig.truth.body  # type: ignore[attr-defined]
     rig.close()
     truth = (np.array(body.J) + np.array(body.dJ)) * default_profile().motor.K_f / body.K_f

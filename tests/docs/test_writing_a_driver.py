@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
 from tests.paths import ROOT
@@ -74,7 +74,7 @@ def test_the_pages_own_test_of_the_driver_passes(package: Path, amplifier: LabAm
 def test_a_pulled_cable_is_an_error_and_closing_is_quiet(
     installed: None, amplifier: LabAmplifier
 ) -> None:
-    rig = open_rig(f"lab://{amplifier.place}", default_profile())
+    rig = open_driver(f"lab://{amplifier.place}", default_profile())
     rig.arm()
     amplifier.hang_up()
     with pytest.raises(DeviceError, match=f"lab://{amplifier.place}"):
@@ -84,6 +84,6 @@ def test_a_pulled_cable_is_an_error_and_closing_is_quiet(
 
 def test_an_amplifier_that_is_off_is_an_error_that_says_what_to_do(installed: None) -> None:
     with pytest.raises(DeviceError) as caught:
-        open_rig("lab://127.0.0.1:1", default_profile())
+        open_driver("lab://127.0.0.1:1", default_profile())
     assert "refused" in caught.value.what.lower()
     assert caught.value.fix

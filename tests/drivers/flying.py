@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command, Sample
 from heli3dof.rig.profile import Profile, default_profile
 
@@ -69,7 +69,7 @@ def fly(
     """Fly references ((N, 3) rad, or a function of s) on the rig of a URL, in closed loop."""
     profile = profile or default_profile()
     n = len(reference) if isinstance(reference, np.ndarray) else round((seconds or 10) / profile.dt)
-    rig = open_rig(url, profile)
+    rig = open_driver(url, profile)
     grid, rest = profile.encoder.rad_per_count, profile.encoder.rest_rad
     sample = rig.arm()
     controller = ContractController(profile, rest + np.array(sample.counts) * grid)

@@ -8,7 +8,7 @@ from heli3dof_drivers.emulator.transport import emulated
 from heli3dof_drivers.link.frames import Arm, Cause, CommandFrame, SampleFrame, Splitter, wire
 
 from heli3dof.errors import UsageError
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command, Flags, Sample
 from heli3dof.rig.profile import default_profile
 
@@ -17,7 +17,7 @@ PROFILE = default_profile()
 
 def flown(url: str, periods: int = 60) -> list[Sample]:
     """More voltage in front than behind, so that every axis moves."""
-    rig = open_rig(f"mock:?speed=max&start=level&noise=0&{url}", PROFILE)
+    rig = open_driver(f"mock:?speed=max&start=level&noise=0&{url}", PROFILE)
     rig.arm()
     return [rig.exchange(Command(k + 1, 12.0, 8.0), 0.0) for k in range(periods)]
 
@@ -32,7 +32,7 @@ def flown(url: str, periods: int = 60) -> list[Sample]:
     ],
 )
 def test_the_amplifier_stops_at_once_and_until_it_is_armed(kind: str, flag: Flags):
-    rig = open_rig(f"mock:?speed=max&fault={kind}@0.05", PROFILE)
+    rig = open_driver(f"mock:?speed=max&fault={kind}@0.05", PROFILE)
     rig.arm()
     samples = [rig.exchange(Command(k + 1, 5.0, 5.0), 0.0) for k in range(60)]
     before = [s for s in samples if s.device_time_s < 0.05 - 1e-9]

@@ -15,7 +15,7 @@ import pytest
 from heli3dof.errors import DeviceError, ProfileError, UsageError
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import step_plan
-from heli3dof.rig.drivers import find_rigs, open_rig
+from heli3dof.rig.drivers import find_rigs, open_driver
 from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.profile import TABLE_I, default_profile, profile_from_dict
 from tests.clock import Clock
@@ -31,7 +31,7 @@ def roll_to(angle_deg: float, at_s: float = 0.0):
 
 
 def open_mock(options: str = ""):
-    return open_rig(f"mock:{options}", PROFILE)
+    return open_driver(f"mock:{options}", PROFILE)
 
 
 def test_the_mock_is_always_there_to_be_found():
@@ -130,10 +130,10 @@ def test_all_that_needs_compiling_is_compiled_before_the_motors_turn(tmp_path: P
     # In a process of its own with an empty cache: a first flight must not stall in mid-air.
     script = (
         "from numba.core import event\n"
-        "from heli3dof.rig.drivers import open_rig\n"
+        "from heli3dof.rig.drivers import open_driver\n"
         "from heli3dof.rig.interface import Command\n"
         "from heli3dof.rig.profile import default_profile\n"
-        "rig = open_rig('mock:?speed=max&hide=motor.lag:0.1,friction.coulomb.yaw:0.1', "
+        "rig = open_driver('mock:?speed=max&hide=motor.lag:0.1,friction.coulomb.yaw:0.1', "
         "default_profile())\n"
         "rig.arm()\n"
         "with event.install_recorder('numba:compiler_lock') as compiled:\n"
@@ -222,13 +222,13 @@ def test_a_profile_in_the_url_is_the_rigs_own_whatever_the_host_believes(tmp_pat
 def test_a_table_that_cannot_be_is_refused_by_its_key(key, angle):
     encoder = {"roll": 4096, "pitch": 4096, "yaw": 8192, key: angle}
     with pytest.raises(UsageError, match=key):
-        open_rig("mock:", profile_from_dict({**TABLE_I, "encoder": encoder}))
+        open_driver("mock:", profile_from_dict({**TABLE_I, "encoder": encoder}))
 
 
 def test_another_table_is_another_start():
     encoder = {"roll": -4096, "pitch": 4096, "yaw": 8192, "roll_rest_deg": -20.0}
     profile = profile_from_dict({**TABLE_I, "encoder": encoder})
-    rig = open_rig("mock:?speed=max&noise=0", profile)
+    rig = open_driver("mock:?speed=max&noise=0", profile)
     assert rig.arm().counts == (0, 0, 0)
     assert np.degrees(rig.truth.angle[0]) == pytest.approx(-20.0)
     for k in range(300):

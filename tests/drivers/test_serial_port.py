@@ -21,7 +21,7 @@ from heli3dof_drivers.link.link_statistics import LinkStatistics
 from heli3dof_drivers.link.serial_ports import holders
 
 from heli3dof.errors import DeviceError, UsageError
-from heli3dof.rig.drivers import load_driver, open_rig
+from heli3dof.rig.drivers import load_driver, open_driver
 from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.url import parse_url
@@ -55,14 +55,14 @@ def test_a_scheme_with_a_plus_belongs_to_the_driver_before_it():
 
 def test_a_port_that_is_not_there_is_named_with_those_that_are(monkeypatch):
     with pytest.raises(DeviceError, match=r"/dev/ttyNONE: there is no such port \(ports: "):
-        open_rig("serial:///dev/ttyNONE", PROFILE)
+        open_driver("serial:///dev/ttyNONE", PROFILE)
 
 
 def test_what_is_no_serial_port_says_so(tmp_path: Path):
     file = tmp_path / "file"
     file.touch()
     with pytest.raises(DeviceError, match=r"no serial port|not permitted|does not open") as caught:
-        open_rig(f"serial://{file}", PROFILE)
+        open_driver(f"serial://{file}", PROFILE)
     assert caught.value.exit_code == 3
 
 
@@ -71,7 +71,7 @@ def test_a_port_that_is_not_ours_to_open_names_the_group(tmp_path: Path):
     file = tmp_path / "port"
     file.touch(mode=0)
     with pytest.raises(DeviceError, match="not permitted") as caught:
-        open_rig(f"serial://{file}", PROFILE)
+        open_driver(f"serial://{file}", PROFILE)
     assert "usermod" in caught.value.fix
 
 
@@ -82,15 +82,15 @@ def test_a_place_and_options_that_make_no_sense_are_usage_errors():
         "serial+nonsense://x",
     ):  # fmt: skip
         with pytest.raises(UsageError):
-            open_rig(url, PROFILE)
+            open_driver(url, PROFILE)
 
 
 HOLD = """
 import sys, time
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import default_profile
-rig = open_rig(sys.argv[1], default_profile())
+rig = open_driver(sys.argv[1], default_profile())
 rig.arm()
 print("armed", flush=True)
 for k in range(1, 100_000):
@@ -107,7 +107,7 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
     assert flight.stdout is not None
     assert flight.stdout.readline() == "armed\n"
     with pytest.raises(DeviceError, match=f"process {flight.pid} ") as caught:
-        open_rig(url, PROFILE)
+        open_driver(url, PROFILE)
     assert "busy" in caught.value.what
     assert "estop" in caught.value.fix
     assert flight.pid in [pid for pid, _ in holders(door.path)]
@@ -120,7 +120,7 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
     assert "stop" in said
     assert flight.stdout.readline() == "16 0.0 0.0\n"
     flight.wait(timeout=END_S)
-    rig = open_rig(url, PROFILE)
+    rig = open_driver(url, PROFILE)
     assert rig.read().flags == Flags.ESTOP
     rig.close()
 
@@ -142,7 +142,7 @@ def test_estop_reaches_a_rig_whose_holder_hangs_with_the_line_full(door: Door):
 def test_estop_reaches_a_rig_that_nobody_holds(door: Door):
     url = parse_url(door.url())
     assert "the rig says so" in DRIVER.estop(url)
-    rig = open_rig(url, PROFILE)
+    rig = open_driver(url, PROFILE)
     assert rig.read().flags == Flags.ESTOP
     assert fly(rig).flags == Flags.ENABLED
     rig.close()
@@ -155,7 +155,7 @@ def test_estop_of_a_port_that_is_gone_is_a_device_error():
 
 def test_a_rig_that_dies_in_flight_is_a_device_error_that_says_so():
     with python_door() as mortal:
-        rig = open_rig(mortal.url(), PROFILE)
+        rig = open_driver(mortal.url(), PROFILE)
         fly(rig)
         mortal.end()
         with pytest.raises(DeviceError, match="is gone"):
@@ -183,25 +183,25 @@ def served() -> Iterator[str]:
 
 
 def test_a_rig_behind_a_socket_flies_and_a_socket_that_closes_is_noticed(served: str):
-    rig = open_rig(f"serial+socket://{served}?watchdog_s=0.5", PROFILE)
+    rig = open_driver(f"serial+socket://{served}?watchdog_s=0.5", PROFILE)
     assert fly(rig).sequence == 20
     rig.close()
 
 
 def test_a_socket_where_nobody_listens():
     with pytest.raises(DeviceError, match="does not open"):
-        open_rig("serial+socket://127.0.0.1:1", PROFILE)
+        open_driver("serial+socket://127.0.0.1:1", PROFILE)
 
 
 def test_a_loop_answers_with_what_it_was_asked_and_that_is_no_rig(monkeypatch):
     monkeypatch.setattr(handshake, "TRIES", 2)
     with pytest.raises(DeviceError, match="not a rig"):
-        open_rig("serial+loop://", PROFILE)
+        open_driver("serial+loop://", PROFILE)
 
 
 def test_a_spy_writes_down_what_passes(door: Door, tmp_path: Path):
     file = tmp_path / "bytes.txt"
-    rig = open_rig(f"serial+spy://{door.path}?file={file}&watchdog_s=0.5", PROFILE)
+    rig = open_driver(f"serial+spy://{door.path}?file={file}&watchdog_s=0.5", PROFILE)
     assert fly(rig).flags & Flags.ENABLED
     rig.close()
     assert "TX" in file.read_text()

@@ -15,7 +15,7 @@ import numpy as np
 from heli3dof.experiment.fly import Flight, fly_plan
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile
 from tests.hidden.equivalences import NEVER_SEEN, UNRATED
 from tests.hidden.sizes import EFFECTS, OUTSIDE, RATIO, SIGN, SIZES, Effect
@@ -165,7 +165,7 @@ class Truth:
 def truth_of(case: Case, recording: Recording) -> Truth:
     """From the case, the emulated rig's own body, and the voltages that were flown."""
     profile = default_profile()
-    rig = open_rig(case.device, profile)
+    rig = open_driver(case.device, profile)
     body = rig.truth.body  # type: ignore[attr-defined]
     rig.close()
     J, T_g = _nominal()

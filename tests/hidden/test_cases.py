@@ -9,7 +9,7 @@ import pytest
 
 from heli3dof.model.effects import all_names
 from heli3dof.recording.recording import Recording
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile
 from tests.hidden.cases import CLASSES, Case, Hidden, blind, draw, fly, plan_named, truth_of
 from tests.hidden.equivalences import equals
@@ -75,7 +75,7 @@ def test_sizes_are_held_to_the_truth_in_si() -> None:
     )
     case = Case("rich-large", 1000, hidden, 1005)
     profile = default_profile()
-    body = open_rig(case.device, profile).truth.body  # type: ignore[attr-defined]
+    body = open_driver(case.device, profile).truth.body  # type: ignore[attr-defined]
     recording = fly(Case("run-step-nothing", 1000, (), 1005)).recording
     truth = truth_of(case, recording)
     ratio = body.K_f / profile.motor.K_f

@@ -19,7 +19,7 @@ from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.recording.mcap_files.flight_recorder import RecordingWriter
 from heli3dof.recording.provenance import provenance
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
-from heli3dof.rig.session.open_exclusive import hold
+from heli3dof.rig.session.open_exclusive import open_rig
 from tests.profiles import END_S
 
 DEVICE = "mock:?speed=max&start=level"
@@ -47,7 +47,7 @@ def read_in_flight(
     readings: list[float] = []
     due = {k: i for i, k in enumerate(at)}
     with (
-        hold(DEVICE, profile) as rig,
+        open_rig(DEVICE, profile) as rig,
         RecordingWriter(path, profile, provenance(source="flight", identity=rig.identity)) as file,
     ):
 

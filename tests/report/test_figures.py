@@ -24,6 +24,7 @@ from heli3dof.report.figure_style import (
 from heli3dof.report.figures import (
     axis_figures,
     comparison_figure,
+    comparison_figures,
     flight_figure,
 )
 from heli3dof.report.labelled_curves import Curve, angle_figure, spread

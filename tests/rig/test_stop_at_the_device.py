@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Flags
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session.client import running, state
@@ -51,7 +51,7 @@ def flight(device: str, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
 
 
 def is_stopped(device: str) -> bool:
-    rig = open_rig(device, default_profile())
+    rig = open_driver(device, default_profile())
     sample = rig.read()
     rig.close()
     return bool(sample.flags & Flags.ESTOP) and sample.v_applied == (0.0, 0.0)

@@ -14,10 +14,10 @@ from heli3dof.errors import SafetyTrip
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import RAMP_DOWN
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import Profile
-from tests.cli.running import Said, heli3dof
+from tests.cli.running import Result, heli3dof
 from tests.safety.table import BY_NAME, STOPPED, Row
 
 SAFETY_TRIP = SafetyTrip.exit_code
@@ -35,7 +35,7 @@ class Aboard:
         self.when_arming: list[Callable[[], Any]] = []
         self._path = folder / "flight.mcap"
         self._to_do: list[tuple[float, Callable[[], Any]]] = []
-        monkeypatch.setattr("heli3dof.rig.session.open_exclusive.open_rig", self._open)
+        monkeypatch.setattr("heli3dof.rig.session.open_exclusive.open_driver", self._open)
 
     def at(self, t_s: float, what: Callable[[], Any]) -> None:
         """Call ``what`` at the start of the period that begins then."""
@@ -51,12 +51,12 @@ class Aboard:
         assert self.rig is not None
         return self.rig.device
 
-    def flown(self, device: str, *words: object) -> Said:
+    def flown(self, device: str, *words: object) -> Result:
         """``heli3dof run-step`` on that rig: a hold of 2 s, then a small step for 2 s."""
         step = ("--roll", "3", "--settle", "2", "--duration", "2")
         return heli3dof("run-step", *step, "--device", device, "-o", self._path, "--quiet", *words)
 
-    def flown_plan(self, plan: str, device: str) -> Said:
+    def flown_plan(self, plan: str, device: str) -> Result:
         """``heli3dof run PLAN`` on that rig."""
         return heli3dof("run", plan, "--device", device, "-o", self._path, "--quiet")
 
@@ -77,18 +77,18 @@ class Aboard:
         ends = [t + self.device.plant.dt for t, *v in self.volts if v != [0.0, 0.0]]
         return ends[-1]
 
-    def shows(self, name: str, done: Said, since_s: float, *, slack_s: float = 0.0) -> None:
+    def shows(self, name: str, result: Result, since_s: float, *, slack_s: float = 0.0) -> None:
         """Assert everything in the table's row, and that the device arms again afterwards."""
         row: Row = BY_NAME[name]
         meta = self.recording.meta
         detail = meta["outcome_details"]["detail"]
-        assert done.code == row.exit_code, done.err
+        assert result.code == row.exit_code, result.err
         assert meta["outcome"] == row.ending, detail
         assert row.detail in detail
         if row.exit_code == SAFETY_TRIP:
             # In the recording and on the screen, specific to the trip.
             for advice in ("likely_cause", "fix"):
-                assert meta["outcome_details"][advice] in done.err
+                assert meta["outcome_details"][advice] in result.err
         within_s = row.zero.seconds(self.recording.profile, self.device.watchdog_s)
         assert self.device.v == (0.0, 0.0)
         # Closing the rig takes the volts away too: a stop must have come before that.
@@ -105,7 +105,7 @@ class Aboard:
         assert (device.v, device.flags) == ((1.0, 2.0), Flags.ENABLED)
 
     def _open(self, url: str, profile: Profile) -> MockRig:
-        rig = open_rig(url, profile)
+        rig = open_driver(url, profile)
         assert isinstance(rig, MockRig)
         self.rig = rig
         plant: Any = rig.device.plant

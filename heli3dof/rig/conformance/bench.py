@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 from heli3dof.errors import CheckFailed, DeviceError
-from heli3dof.rig.drivers import is_private, load_driver, open_rig
+from heli3dof.rig.drivers import is_private, load_driver, open_driver
 from heli3dof.rig.interface import Command, Driver, Flags, Rig, Sample
 from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.url import parse_url
@@ -75,7 +75,7 @@ class Bench:
         return is_private(self.url)
 
     def open(self) -> Host:
-        rig = open_rig(self.url, self.profile)
+        rig = open_driver(self.url, self.profile)
         self._rigs.callback(rig.close)
         return Host(rig, self.profile.dt)
 

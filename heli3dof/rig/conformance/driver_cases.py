@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 from heli3dof.errors import DeviceError, UsageError
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Flags
 from heli3dof.rig.url import parse_url
 
@@ -44,7 +44,7 @@ def find_returns_urls_of_the_drivers_scheme_within_a_second(bench: Bench) -> Non
 def an_unknown_option_is_an_error_that_names_the_known_ones(bench: Bench) -> None:
     scheme = bench.driver.scheme
     try:
-        open_rig(f"{scheme}:?no_such_option=1", bench.profile).close()
+        open_driver(f"{scheme}:?no_such_option=1", bench.profile).close()
     except UsageError as problem:
         missing = [o for o in bench.driver.options if o not in str(problem)]
         require(not missing, "every option named in the error", f"without {missing}: {problem}")
@@ -73,7 +73,7 @@ def opening_an_open_rig_fails_and_does_not_disturb_it(bench: Bench) -> None:
     host.arm()
     host.send(2.0, 2.0)
     try:
-        open_rig(bench.url, bench.profile).close()
+        open_driver(bench.url, bench.profile).close()
     except DeviceError as problem:
         require(problem.fix, "an error with a fix when the rig is busy", problem)
     else:

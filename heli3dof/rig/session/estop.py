@@ -17,7 +17,7 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from heli3dof.errors import DeviceError, Heli3dofError, UsageError
 from heli3dof.rig.drivers import find_rigs, is_private, load_driver
@@ -132,3 +132,62 @@ def _directly(device: str, start: float) -> Stopped:
     except Exception as problem:
         how, done = f"{type(problem).__name__}: {problem}", False
     return Stopped(device, done, how, time.monotonic() - start, held=False)
+
+
+@dataclass(frozen=True)
+class EstopResult:
+    """What an emergency stop reached."""
+
+    stopped: list[Stopped] = field(default_factory=list)
+    unconfirmed: list[Stopped] = field(default_factory=list)
+    """Devices that did not confirm"""
+    skipped: list[str] = field(default_factory=list)
+    """URLs of ports at which no rig was ever opened: nothing was sent to them"""
+
+    def raise_if_not_stopped(self, device: str | None = None) -> None:
+        """Raise DeviceError if no rig was stopped, or one that moves may still be moving.
+
+        A device that was only found, and that no session of ours holds, may not be a rig: if
+        others were stopped, it is no error that it does not confirm.
+        """
+        failed = self.unconfirmed
+        if not self.stopped and not failed and self.skipped:
+            raise DeviceError(
+                "No rig was stopped: no flight runs, and no rig was ever opened at "
+                f"{', '.join(self.skipped)}.",
+                cause="these ports may belong to other instruments, so nothing was sent. A "
+                "flight that was starting before now will not arm.",
+                fix=" && ".join(f"heli3dof estop --device {url}" for url in self.skipped)
+                + "; or switch off the amplifier",
+            )
+        if not self.stopped and not failed:
+            raise DeviceError(
+                "No rig was stopped: no flight runs, and no rig was found"
+                + (f" at {device}." if device else "."),
+                cause="the rig is in another user's session, or is not plugged in. A flight of "
+                "yours that was starting before now will not arm.",
+                fix="switch off the amplifier; heli3dof devices lists the rigs in reach",
+            )
+        if failed and (device or not self.stopped or any(s.held for s in failed)):
+            raise DeviceError(
+                "NOT STOPPED: " + "; ".join(f"{s.device}: {s.how}" for s in failed),
+                cause="the cable is out, the device hangs, or you may not open the port.",
+                fix="switch off the amplifier. Without commands, its watchdog stops it",
+            )
+
+
+def request_estop(device: str | None, reason: str) -> EstopResult:
+    """Stop one device, or all; return what was reached, whether it stopped or not."""
+    reached, skipped = stop_rigs(device, reason)
+    return EstopResult([s for s in reached if s.done], [s for s in reached if not s.done], skipped)
+
+
+def estop(device: str | None = None, reason: str = "heli3dof.estop()") -> EstopResult:
+    """Stop a rig now, or every rig that runs or is found: zero volts, whoever flies it.
+
+    ``reason`` is stored in the recording of the flight that it ends. Raises DeviceError if no rig
+    was stopped or one did not confirm.
+    """
+    result = request_estop(device, reason)
+    result.raise_if_not_stopped(device)
+    return result

@@ -1,9 +1,9 @@
 """Open a rig in a session: locked, and other processes can stop and observe it.
 
-    with hold("serial:///dev/ttyACM0", profile) as rig:
+    with open_rig("serial:///dev/ttyACM0", profile) as rig:
         sample = rig.read()
 
-Every program that moves or reads a rig uses this. `heli3dof.rig.drivers.open_rig` alone does not
+Every program that moves or reads a rig uses this. `heli3dof.rig.drivers.open_driver` alone does not
 lock the rig, and ``heli3dof estop`` cannot reach it.
 """
 
@@ -17,7 +17,7 @@ from typing import Any
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import DeviceError
 from heli3dof.rig.calibration import POWER_UP, rest_of
-from heli3dof.rig.drivers import is_private, open_rig
+from heli3dof.rig.drivers import is_private, open_driver
 from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.session.known_devices import remember
@@ -26,7 +26,7 @@ from heli3dof.rig.session.stoppable_rig import StoppableRig
 
 
 @contextmanager
-def hold(
+def open_rig(
     device: str,
     profile: Profile,
     *,
@@ -43,7 +43,7 @@ def hold(
     the rig is missing, not permitted, busy (naming the other session), or without a serial number.
     """
     with Session(device, private=is_private(device), doing=doing, began_ns=began_ns) as session:
-        opened = open_rig(device, profile)
+        opened = open_driver(device, profile)
         try:
             if not opened.identity.serial.strip():
                 raise _no_serial_number(device)

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.profile import default_profile
 from tests.drivers.firmware.building import rig_program
@@ -39,7 +39,7 @@ def served(*options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
 @contextmanager
 def armed(url: str) -> Iterator[Any]:
     """A rig over a stream at the profile's rate."""
-    rig: Any = open_rig(url, PROFILE)
+    rig: Any = open_driver(url, PROFILE)
     try:
         rig.arm()
         yield rig

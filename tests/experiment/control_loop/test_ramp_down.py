@@ -15,7 +15,7 @@ from heli3dof.experiment.plan import step_plan
 from heli3dof.model.control.controller import Controller
 from heli3dof.recording.memory import MemoryRecorder
 from heli3dof.recording.row import RAMP_DOWN, Row
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.profile import Motor
 from tests.experiment.control_loop.test_loop import (
@@ -168,7 +168,7 @@ def highest_after_the_trip_deg(device: str) -> float:
     """° by which the true roll climbs above its value at the trip, until it is on the table."""
     profile = PROFILE.with_controller()
     sink = MemoryRecorder()
-    rig = open_rig(device, profile)
+    rig = open_driver(device, profile)
     signals = prepare(step_plan((10.0, None, None), settle_s=0, duration_s=5.0), profile, 0)
     outcome = fly(rig, profile, signals, sink)
     assert outcome.ending == "tripped"

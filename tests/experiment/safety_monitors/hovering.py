@@ -7,7 +7,7 @@ from heli3dof.experiment.control_loop.outcome import Outcome
 from heli3dof.experiment.fly import prepare
 from heli3dof.experiment.plan import plan_from_dict
 from heli3dof.experiment.safety_monitors import monitors_for
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import Profile, default_profile
 from tests.experiment.safety_monitors.test_false_alarms import Nowhere
 
@@ -21,7 +21,7 @@ def hover(seconds: float, seed: int, options: str = "") -> Outcome:
     plan = plan_from_dict({"name": "hold", "segment": [{"kind": "hold", "duration_s": seconds}]})
     noise = NOISE[seed % len(NOISE)]
     url = f"mock:?speed=max&start=level&seed={seed}&noise={noise:g}{options}"
-    rig = open_rig(url, profile)
+    rig = open_driver(url, profile)
     signals = prepare(plan, profile, seed)
     return fly(rig, profile, signals, Nowhere(), monitors=monitors_for(profile).each_period)
 

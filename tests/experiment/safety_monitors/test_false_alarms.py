@@ -10,7 +10,7 @@ from heli3dof.experiment.fly import prepare
 from heli3dof.experiment.plan import load_plan
 from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.recording.row import Row
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import default_profile
 from tests.paths import ROOT
 
@@ -48,7 +48,7 @@ def flown(plan: str, rig: str) -> Outcome:
     # A seed of its own for every pair.
     seed = 1 + PLANS.index(plan) + len(PLANS) * list(RIGS).index(rig)
     profile = default_profile().with_controller()
-    open_one = open_rig("mock:?speed=max&" + RIGS[rig].format(seed=seed), profile)
+    open_one = open_driver("mock:?speed=max&" + RIGS[rig].format(seed=seed), profile)
     signals = prepare(load_plan(plan), profile, seed)
     monitors = monitors_for(profile).each_period
     return fly(open_one, profile, signals, Nowhere(), monitors=monitors)

@@ -8,7 +8,7 @@ import pytest
 from heli3dof_drivers.link.link_statistics import LinkStatistics
 
 from heli3dof.rig.doctor import armed
-from heli3dof.rig.drivers import open_rig
+from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Check, Command, Flags, Sample
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session.server import Session
@@ -50,7 +50,7 @@ class Commanded(FakeRig):
 
 
 def test_the_emulated_rig_passes():
-    rig = open_rig("mock:?watchdog_s=0.3&noise=0", PROFILE)
+    rig = open_driver("mock:?watchdog_s=0.3&noise=0", PROFILE)
     good = {c.what: c.good for c in results_of(rig).values()}
     assert good["watchdog at work"] is True
     assert good["emergency stop at work"] is True

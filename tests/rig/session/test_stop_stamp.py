@@ -13,7 +13,7 @@ from heli3dof.errors import SafetyTrip
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session import stop_stamp
 from heli3dof.rig.session.estop import stop_rigs
-from heli3dof.rig.session.open_exclusive import hold
+from heli3dof.rig.session.open_exclusive import open_rig
 from heli3dof.rig.session.paths import runtime_folder
 from heli3dof.rig.session.stop_stamp import (
     ALL,
@@ -35,7 +35,7 @@ def runtime(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 def armed(device: str) -> bool:
-    with hold(device, PROFILE) as rig:
+    with open_rig(device, PROFILE) as rig:
         try:
             rig.arm()
         except SafetyTrip:
@@ -49,7 +49,7 @@ def test_a_command_begun_before_a_stop_does_not_arm_and_one_begun_after_it_does(
 ) -> None:
     only_drivers(monkeypatch, fake=FakeDriver())
     stop_rigs(stopped, "smoke")
-    with hold("fake://1", PROFILE) as rig, pytest.raises(SafetyTrip, match="smoke"):
+    with open_rig("fake://1", PROFILE) as rig, pytest.raises(SafetyTrip, match="smoke"):
         rig.arm()
     assert not armed("fake://1")  # so do the next flights of the same command
     start_command()
@@ -64,7 +64,7 @@ def test_a_stop_does_not_affect_another_rig(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_a_stop_affects_a_rig_through_each_of_its_ports(monkeypatch: pytest.MonkeyPatch) -> None:
     only_drivers(monkeypatch, pipe=FakeDriver(), port=FakeDriver(scheme="port"))
-    with hold("pipe://1", PROFILE):
+    with open_rig("pipe://1", PROFILE):
         pass
     stop_rigs("pipe://1", "smoke")
     assert not armed("port://1")

@@ -11,7 +11,7 @@ from heli3dof.errors import DeviceError, SafetyTrip
 from heli3dof.rig.calibration import Rest
 from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.profile import default_profile
-from heli3dof.rig.session.open_exclusive import hold
+from heli3dof.rig.session.open_exclusive import open_rig
 from heli3dof.rig.session.server import Session
 from heli3dof.rig.session.stoppable_rig import StoppableRig
 from tests.rig.fakes import IDENTITY, FakeDriver, FakeRig, only_drivers
@@ -78,9 +78,9 @@ def test_counts_are_zero_at_the_rest_angles(rig):
 def test_an_open_rig_is_locked(monkeypatch):
     only_drivers(monkeypatch, fake=FakeDriver())
     with (
-        hold("fake://1", default_profile()),
+        open_rig("fake://1", default_profile()),
         pytest.raises(DeviceError, match="busy"),
-        hold("fake://1", default_profile()),
+        open_rig("fake://1", default_profile()),
     ):
         pass
 
@@ -89,41 +89,41 @@ def test_a_rig_cannot_be_opened_through_two_ports(monkeypatch):
     pipe, port = FakeDriver(), FakeDriver(scheme="port")
     only_drivers(monkeypatch, pipe=pipe, port=port)
     for _ in range(2):
-        with hold("pipe://1", default_profile(), doing="heli3dof run rich"):
+        with open_rig("pipe://1", default_profile(), doing="heli3dof run rich"):
             with (
                 pytest.raises(DeviceError) as caught,
-                hold("port:///dev/null", default_profile()),
+                open_rig("port:///dev/null", default_profile()),
             ):
                 pass
             assert caught.value.exit_code == 3
             assert f"pid {os.getpid()} runs `heli3dof run rich`" in caught.value.what
             assert "through pipe://1" in caught.value.what
     assert port.closed == 2
-    with hold("port:///dev/null", default_profile()):
+    with open_rig("port:///dev/null", default_profile()):
         pass
 
 
 def test_rigs_with_one_serial_number_differ_by_their_boot_number(monkeypatch):
     one, two = FakeDriver(), FakeDriver(identity=replace(IDENTITY, boot=8))
     only_drivers(monkeypatch, one=one, two=two)
-    with hold("one://1", default_profile()), hold("two://1", default_profile()):
+    with open_rig("one://1", default_profile()), open_rig("two://1", default_profile()):
         pass
 
 
 def test_a_rig_is_closed_and_unlocked_after_an_error(monkeypatch):
     driver = FakeDriver()
     only_drivers(monkeypatch, fake=driver)
-    with pytest.raises(ZeroDivisionError), hold("fake://1", default_profile()):
+    with pytest.raises(ZeroDivisionError), open_rig("fake://1", default_profile()):
         raise ZeroDivisionError
     assert driver.closed == 1
-    with hold("fake://1", default_profile()):
+    with open_rig("fake://1", default_profile()):
         pass
 
 
 def test_a_rig_that_does_not_open_is_unlocked(monkeypatch):
     only_drivers(monkeypatch)
     for _ in range(2):
-        with pytest.raises(Exception, match="no driver"), hold("fake://1", default_profile()):
+        with pytest.raises(Exception, match="no driver"), open_rig("fake://1", default_profile()):
             pass
 
 
@@ -139,6 +139,9 @@ def test_the_devices_cause_is_passed_on(rig):
 def test_a_device_without_a_serial_number_is_refused(serial, monkeypatch):
     driver = FakeDriver(identity=replace(IDENTITY, serial=serial))
     only_drivers(monkeypatch, fake=driver)
-    with pytest.raises(DeviceError, match="no serial number"), hold("fake://1", default_profile()):
+    with (
+        pytest.raises(DeviceError, match="no serial number"),
+        open_rig("fake://1", default_profile()),
+    ):
         pass
     assert driver.closed == 1

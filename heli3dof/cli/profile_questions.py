@@ -1,0 +1,111 @@
+"""Ask for the numbers of a profile on the terminal."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from heli3dof.cli.output import Output
+from heli3dof.errors import UsageError
+
+if TYPE_CHECKING:
+    from pydantic.fields import FieldInfo
+
+COMPUTED = "motor.V_o"
+"""The required key that ``profile new`` computes from the masses if it is not given"""
+
+
+def ask_missing(out: Output, data: dict[str, Any]) -> None:
+    """Ask for the required keys that ``data`` lacks, and put the answers there.
+
+    Raises UsageError, which names all of them, if stdin is not a terminal.
+    """
+    from heli3dof.rig.profile_file import put
+
+    absent = [(name, field) for name, field in _questions() if value_at(data, name) is None]
+    missing = [name for name, field in absent if field.is_required() and name != COMPUTED]
+    if not missing:
+        return
+    if not _is_terminal():
+        raise UsageError(
+            f"{len(missing)} numbers are missing: {', '.join(missing)}.",
+            cause="the input is not a terminal, so heli3dof cannot ask for them.",
+            fix="--set KEY=VALUE for each (heli3dof profile show lists units and a rig's values), "
+            "or --from FILE",
+        )
+    out.err.print(
+        "Enter the rig's numbers; Enter alone takes the value in brackets. Ctrl-C writes no file.",
+        soft_wrap=True,
+    )
+    for name, field in absent:
+        value = _ask(out, name, field)
+        if value is not None:
+            put(data, name, value)
+
+
+def value_at(data: Mapping[str, Any], name: str) -> Any:
+    """The value of a dotted key in nested dicts; None if it is absent."""
+    at: Any = data
+    for part in name.split("."):
+        at = at.get(part) if isinstance(at, Mapping) else None
+    return at
+
+
+def _is_terminal() -> bool:
+    return sys.stdin.isatty()
+
+
+def _questions() -> Iterator[tuple[str, FieldInfo]]:
+    """The required keys, the name and the arm's rest angle."""
+    from heli3dof.rig.profile import Profile
+    from heli3dof.toml_file import keys
+
+    for name, field in keys(Profile):
+        if name in ("name", "encoder.roll_rest_deg") or field.is_required():
+            yield name, field
+
+
+def _ask(out: Output, name: str, field: FieldInfo) -> Any:
+    """Ask until the answer is plausible; None leaves the key out."""
+    from heli3dof.toml_file import key_of
+
+    key = key_of(field)
+    assert key is not None
+    how = f"\n  How: {key.measure}." if key.measure else ""
+    out.err.print(f"\n{name}: {key.meaning}{how}", soft_wrap=True, markup=False)
+    unit = "" if key.unit == "–" else f" in {key.unit}"
+    default = None if field.is_required() else field.default
+    hint = f" (common: {key.typical})" if key.typical else ""
+    if name == COMPUTED:
+        default, hint = "", " (Enter: from the masses)"
+    while True:
+        try:
+            text = str(typer.prompt(f"  {name}{unit}{hint}", default=default, err=True)).strip()
+        except typer.Abort:
+            raise KeyboardInterrupt from None
+        if field.annotation is str:
+            return text
+        if not text and name == COMPUTED:
+            return None
+        value, problem = _number(text, field)
+        if not problem:
+            return value
+        out.err.print(f"  {problem}", markup=False)
+
+
+def _number(text: str, field: FieldInfo) -> tuple[Any, str]:
+    """The number that was typed, and why it is refused (empty if it is accepted)."""
+    from heli3dof.rig.profile_file import toml_value
+    from heli3dof.toml_file import key_of, within
+
+    value, key = toml_value(text), key_of(field)
+    is_whole = field.annotation is int
+    if isinstance(value, bool) or not isinstance(value, int if is_whole else (int, float)):
+        return None, f"{text!r} is not a {'whole ' if is_whole else ''}number."
+    if key is not None and key.plausible is not None and not within(value, key.plausible):
+        low, high = key.plausible
+        return None, f"Not plausible: {low:g} to {high:g} {key.unit}. {key.slip(value)}"
+    return value, ""

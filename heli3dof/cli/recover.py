@@ -1,0 +1,44 @@
+"""``recover``: copy the intact part of a damaged recording to a new file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from heli3dof.cli.options import AsJson, Force, OutputFile, Quiet
+from heli3dof.cli.output import Output, verb
+
+
+def register(app: typer.Typer) -> None:
+    app.command("recover")(recover)
+
+
+@verb
+def recover(
+    recording: Annotated[Path, typer.Argument(metavar="REC", help="An incomplete recording.")],
+    output: OutputFile = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Copy the intact part of an incomplete recording to a new file; the original is unchanged."""
+    from heli3dof.recording.mcap_files.recover import recover
+
+    out = Output(as_json=as_json, quiet=quiet)
+    saved = recover(recording, output, force=force)
+    out.show(f"Recovered {saved.samples} samples, {saved.seconds:.2f} s.")
+    if saved.chunks_damaged:
+        out.warn(f"{saved.chunks_damaged} damaged chunks were skipped")
+    out.note(f"Recording: {saved.path}")
+    out.emit(
+        {
+            "schema": "heli3dof.recovery/1",
+            "file": str(saved.path),
+            "samples": saved.samples,
+            "duration_s": saved.seconds,
+            "bytes_lost": saved.bytes_lost,
+            "chunks_damaged": saved.chunks_damaged,
+        }
+    )

@@ -1,0 +1,66 @@
+"""``run-step``: fly a step in closed loop and record it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from heli3dof.cli.options import (
+    AsJson,
+    Device,
+    DryRun,
+    Force,
+    OutputFile,
+    ProfileFile,
+    Quiet,
+    Seed,
+    rig_profile,
+)
+from heli3dof.cli.output import Output, verb
+from heli3dof.cli.run import fly
+from heli3dof.errors import UsageError
+
+
+def register(app: typer.Typer) -> None:
+    app.command("run-step")(run_step)
+
+
+@verb
+def run_step(
+    roll: Annotated[
+        float | None,
+        typer.Option("--roll", "--elevation", help="Step to this roll angle, degrees."),
+    ] = None,
+    pitch: Annotated[
+        float | None, typer.Option("--pitch", help="Step to this pitch angle, degrees.")
+    ] = None,
+    yaw: Annotated[
+        float | None, typer.Option("--yaw", "--travel", help="Step to this yaw angle, degrees.")
+    ] = None,
+    settle: Annotated[
+        float, typer.Option("--settle", min=0, help="Seconds to take off and level first.")
+    ] = 10.0,
+    duration: Annotated[float, typer.Option("--duration", help="Seconds after the step.")] = 20.0,
+    device: Device = "mock:",
+    profile: ProfileFile = None,
+    output: OutputFile = None,
+    force: Force = False,
+    seed: Seed = 0,
+    dry_run: DryRun = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Fly a step in closed loop and record it: heli3dof run-step --roll 10."""
+    from heli3dof.experiment.plan import step_plan
+
+    if roll is None and pitch is None and yaw is None:
+        raise UsageError(
+            "run-step needs the angle to step to.",
+            cause="none of --roll, --pitch and --yaw was given.",
+            fix="heli3dof run-step --roll 10",
+        )
+    plan = step_plan((roll, pitch, yaw), settle_s=settle, duration_s=duration)
+    out = Output(as_json=as_json, quiet=quiet)
+    rig = rig_profile(profile).with_controller()
+    fly(out, plan, device, rig, output, force, seed, dry_run)

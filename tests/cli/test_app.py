@@ -1,0 +1,151 @@
+"""The command line as a whole: verbs from files and plug-ins, quick start, renamed options."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+import time
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+import typer
+from typer.main import get_command
+
+from heli3dof import cli
+from heli3dof.cli import app as command_line
+from heli3dof.cli.estop import estop, estop_without_typer
+from tests.cli.running import heli3dof
+from tests.rig.fakes import FakeDriver, only_drivers
+
+HELP_S = 0.25
+"""s of processor time for ``heli3dof --help``; 0.13 s on the machine where it was written"""
+HEAVY = ("numpy", "scipy", "numba", "mcap", "matplotlib", "pydantic")
+RUN = "import sys; from heli3dof.cli.app import main; sys.argv = ['heli3dof', *{words}]\n"
+PRINT = "try: main()\nexcept SystemExit: pass\nprint([m for m in {heavy} if m in sys.modules])"
+
+
+def test_help_lists_every_verb_in_the_order_of_the_families() -> None:
+    text = heli3dof("--help").out
+    names = [name for family in command_line.FAMILIES.values() for name in family]
+    assert set(names) == set(get_command(command_line.app).commands)
+    at = [text.index(f"\n  {name} ") for name in names]
+    assert at == sorted(at)
+
+
+def test_each_verb_is_a_file_of_its_own() -> None:
+    files = {p.stem for p in Path(cli.__path__[0]).glob("*.py")}
+    for name in get_command(command_line.app).commands:
+        assert {"import": "import_log"}.get(name, name.replace("-", "_")) in files
+
+
+def plug_in_verb(app: typer.Typer) -> None:
+    @app.command("hello")
+    def hello() -> None:
+        """Greet."""
+
+
+def test_verbs_of_other_packages_are_registered_and_a_broken_one_is_a_warning(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = [
+        EntryPoint("hello", f"{__name__}:plug_in_verb", command_line.GROUP),
+        EntryPoint("broken", "no_such_package:register", command_line.GROUP),
+    ]
+    app = typer.Typer(cls=command_line.Verbs)
+    monkeypatch.setattr(command_line, "app", app)
+    monkeypatch.setattr(command_line, "entry_points", lambda group: points)
+    command_line._register_all()
+    assert "hello" in get_command(app).commands
+    assert "the verb broken does not load" in capsys.readouterr().err
+
+
+def processor_time_s() -> float:
+    before = time.process_time()
+    code = "import resource, sys; from heli3dof.cli.app import main\n" + (
+        "sys.argv = ['heli3dof', '--help']\ntry: main()\nexcept SystemExit: pass\n"
+        "print(sum(resource.getrusage(resource.RUSAGE_SELF)[:2]), file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert time.process_time() - before < HELP_S
+    return float(done.stderr.splitlines()[-1])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs the module resource")
+def test_help_is_quick() -> None:
+    assert min(processor_time_s() for _ in range(5)) < HELP_S
+
+
+@pytest.mark.parametrize("words", [["estop", "--device", "mock:"], ["--help"]])
+def test_verbs_that_must_be_quick_import_nothing_heavy(words: list[str]) -> None:
+    code = RUN.format(words=words) + PRINT.format(heavy=HEAVY)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_estop_without_typer_accepts_typers_options() -> None:
+    options = {o for p in get_command(command_line.app).commands["estop"].params for o in p.opts}
+    assert options == {"--device", "--reason", "--json", "--quiet"}
+    assert list(inspect.signature(estop).parameters) == ["device", "reason", "as_json", "quiet"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        (),
+        ("--device", "fake://1"),
+        ("--device=fake://1", "--quiet"),
+        ("--device", "fake://1", "--reason", "it smells", "--json"),
+    ],
+)
+def test_estop_without_typer_stops_the_rig(
+    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver = FakeDriver()
+    only_drivers(monkeypatch, fake=driver)
+    with pytest.raises(SystemExit) as end:
+        estop_without_typer(words)
+    assert end.value.code == 0
+    assert driver.stops == ["fake://1"]
+
+
+def test_estop_without_typer_exits_with_the_code_of_the_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    only_drivers(monkeypatch, fake=FakeDriver(urls=()))
+    with pytest.raises(SystemExit) as end:
+        estop_without_typer([])
+    assert end.value.code == 3
+
+
+@pytest.mark.parametrize("words", [("--help",), ("--device",), ("mock:",), ("--unknown",)])
+def test_estop_leaves_other_words_to_typer(words: tuple[str, ...]) -> None:
+    estop_without_typer(words)
+
+
+def test_a_renamed_option_is_accepted_with_a_warning_that_names_the_new_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    only_drivers(monkeypatch, fake=FakeDriver())
+    former, present = (
+        heli3dof("devices", "--ask", "--json"),
+        heli3dof("devices", "--probe", "--json"),
+    )
+    assert former.code == 0
+    assert former.document["rigs"] == present.document["rigs"]
+    assert "Warning: --ask is now --probe" in former.err
+    assert "Warning" not in present.err
+
+
+@pytest.mark.parametrize("words", [("--budget", "0.1"), ("--budget=0.1",)])
+def test_a_renamed_option_keeps_its_value(words: tuple[str, ...], tmp_path: Path) -> None:
+    result = heli3dof("run", "rich", "--auto", *words, "-o", tmp_path / "auto")
+    assert result.code == 2
+    assert "more than the budget of 0.1 min" in result.err
+    assert "--budget is now --budget-min" in result.err
+
+
+@pytest.mark.parametrize(("verb", "former"), [("devices", "--ask "), ("run", "--budget ")])
+def test_the_help_does_not_list_a_former_name(verb: str, former: str) -> None:
+    assert former not in heli3dof(verb, "--help").out
