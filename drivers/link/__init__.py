@@ -1,1 +1,1 @@
-"""The heli3dof link: what both sides of a serial line or a USB pipe say. See docs/protocol.md."""
+"""The host's side of the heli3dof link, over a serial line or USB pipes; docs/protocol.md."""

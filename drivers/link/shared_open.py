@@ -1,7 +1,6 @@
-"""A port that another process holds, opened past its lock to stop the rig.
+"""Opens a port that another process has locked, to stop the rig.
 
-The descriptor is taken without pyserial's lock. The port's settings are the holder's own and
-right: they stay untouched.
+The port is opened without pyserial's lock. Its settings stay as the holder has set them.
 """
 
 from __future__ import annotations
@@ -16,8 +15,8 @@ if TYPE_CHECKING:
     from .transport import Transport
 
 
-def open_beside(path: str) -> Transport | None:
-    """The port with its holder; None where no process holds it, and on Windows, which lets in one.
+def open_shared(path: str) -> Transport | None:
+    """The port, shared with its holder; None where no process holds it, and on Windows.
 
     Raises DeviceError: missing or not permitted.
     """
@@ -34,7 +33,7 @@ def open_beside(path: str) -> Transport | None:
 
 
 def _is_locked(fd: int) -> bool:
-    """True when another process has locked the port, as every pyserial program of ours does."""
+    """True when another process has locked the port, as every heli3dof process does."""
     import fcntl
 
     try:

@@ -16,7 +16,7 @@ def punctuality_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
     if late:
         rows.append(("lateness", _quantiles(late["median_s"], late["p999_s"], late["max_s"])))
         rows.append(("late by over 1 ms", f"{late['late_ticks']} of {about['samples']} periods"))
-    skipped = _skipped(*(details.get(name, 0) for name in ("missed", "lost", "left_out")))
+    skipped = _skipped(*(details.get(name, 0) for name in ("missed", "lost", "device_skipped")))
     if skipped:
         rows.append(("skipped", skipped))
     kept = details.get("punctuality")
@@ -88,7 +88,7 @@ def _skipped(missed: int, lost: int, left_out: int) -> str:
         for count, text in (
             (missed, f"{missed} missed by this computer"),
             (lost, f"{lost} lost on the line"),
-            (left_out, f"{left_out} left out by the device"),
+            (left_out, f"{left_out} skipped by the device"),
         )
         if count
     )

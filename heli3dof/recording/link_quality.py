@@ -36,7 +36,7 @@ def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
             "slow device. Try: heli3dof doctor; plug the rig in directly; a lower loop.rate_hz"
         )
     elif commands and unacknowledged > LOSS_SHARE * commands:
-        left_out = details.get("left_out") or 0
+        left_out = details.get("device_skipped") or 0
         cause = (
             f"the device is held up (it left out {left_out} samples)"
             if 2 * left_out >= unacknowledged

@@ -115,7 +115,7 @@ class Rig(Protocol):
 
     A rig at a line may have ``statistics``, a dataclass of counters since it was opened, which the
     recording's outcome keeps; ``lost`` among them, the samples that were made and never came, and
-    ``left_out``, those that a device that was held up never made.
+    ``device_skipped``, those that a device that was held up never made; see `link_counters`.
 
     A rig whose device states why it holds its output at zero may have ``device_cause``, see there.
     """

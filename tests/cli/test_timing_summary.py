@@ -26,8 +26,8 @@ def test_a_flights_end_says_late_missed_and_lost() -> None:
     )
 
 
-def test_what_the_device_itself_left_out_is_not_put_down_to_the_line() -> None:
-    said = "30 missed by this computer, 2 lost on the line, 7 left out by the device"
+def test_samples_that_the_device_skipped_are_not_counted_as_lost() -> None:
+    said = "30 missed by this computer, 2 lost on the line, 7 skipped by the device"
     assert said in punctuality_note(HELD_UP)
     about = {"lateness": None, "samples": 9, "outcome_details": HELD_UP.details()}
     assert dict(punctuality_rows(about))["skipped"] == said

@@ -12,7 +12,7 @@ DT = 2e-3
 GOOD: dict[str, Any] = {
     "periods": 1000,
     "lost": 0,
-    "left_out": 0,
+    "device_skipped": 0,
     "link": {"rejected": 0},
     "latency": {
         "commands": 1000, "commands_unacknowledged": 10, "commands_never_echoed": 10,
@@ -46,7 +46,7 @@ def test_more_than_one_percent_of_unacknowledged_commands_is_warned_of() -> None
 
 
 def test_a_device_that_is_held_up_is_not_put_down_to_the_line() -> None:
-    (said,) = link_warnings(changed(commands_unacknowledged=60, left_out=50), DT)
+    (said,) = link_warnings(changed(commands_unacknowledged=60, device_skipped=50), DT)
     assert "the device is held up (it left out 50 samples)" in said
 
 

@@ -35,6 +35,7 @@ from heli3dof.recording.mcap_files.schema import (
 )
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.write import ARRAYS, COLUMNS, CORE
+from heli3dof.rig.link_counters import present_names
 from heli3dof.rig.profile import Profile, profile_from_dict
 
 
@@ -233,7 +234,7 @@ def meta_in(found: Scan, path: Path) -> dict[str, Any]:
     if "outcome" in details:
         meta["outcome"] = details.pop("outcome")
     if details:
-        meta["outcome_details"] = details
+        meta["outcome_details"] = present_names(details)
     return meta
 
 

@@ -10,6 +10,7 @@ from itertools import pairwise
 
 from heli3dof.errors import DeviceError
 from heli3dof.rig.interface import Flags, Sample
+from heli3dof.rig.link_counters import attribute_of
 
 from .bench import Bench, Case, Host, cases, owed, owed_rest, owed_volts
 
@@ -46,8 +47,8 @@ def what_a_rig_counts_are_numbers_that_recordings_can_keep(bench: Bench) -> None
     if statistics is None:
         raise unittest.SkipTest("this rig counts nothing")
     owed(is_dataclass(statistics), "statistics that are a dataclass", statistics)
-    for name in ("lost", "left_out"):
-        count = getattr(statistics, name, 0)
+    for name in ("lost", "device_skipped"):
+        count = getattr(statistics, attribute_of(statistics, name) or "", 0)
         owed(isinstance(count, int) and count >= 0, f"a count of samples {name}", count)
 
 

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 
 from heli3dof.rig.interface import Check, Command, Flags, Sample
+from heli3dof.rig.link_counters import attribute_of
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.session.stoppable_rig import StoppableRig
 
@@ -22,14 +23,14 @@ LONGEST_RAMP_S = 0.5
 LOST_SHARE = 1e-3
 WHERE = {
     "lost": "lost on the line",
-    "left_out": "left out by the device",
-    "passed_over": "came too late for this computer",
+    "device_skipped": "skipped by the device",
+    "samples_stale": "came too late for this computer",
 }
 """What a link counts of samples that are not flown, in words"""
 FIXES = {
     "lost": "a shorter, shielded cable away from the motors' leads; ground at one end; lower baud",
-    "left_out": "a lower loop.rate_hz in the profile: the device does not keep up with this one",
-    "passed_over": "see wake-up above: this computer pauses",
+    "device_skipped": "a lower loop.rate_hz in the profile: the device does not keep up",
+    "samples_stale": "see wake-up above: this computer pauses",
 }
 
 
@@ -87,9 +88,11 @@ def traffic(armed: Armed) -> Check:
 def _gone(rig: StoppableRig) -> dict[str, int]:
     """What a link counted of samples that were not flown; empty where it does not."""
     counts = getattr(rig.inner, "statistics", None)
-    if not all(hasattr(counts, why) for why in WHERE):
-        return {}
-    return {why: int(getattr(counts, why)) for why in WHERE}
+    names = {why: attribute_of(counts, why) for why in WHERE}
+    known = {why: name for why, name in names.items() if name}
+    return (
+        {w: int(getattr(counts, n)) for w, n in known.items()} if len(known) == len(WHERE) else {}
+    )
 
 
 def watchdog_expires(armed: Armed) -> Check:

@@ -13,6 +13,7 @@ from math import degrees
 from heli3dof.axes import AXES
 from heli3dof.rig.clock import wait_until
 from heli3dof.rig.interface import Check, Flags, Sample
+from heli3dof.rig.link_counters import attribute_of
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.session.stoppable_rig import StoppableRig
 
@@ -35,15 +36,15 @@ class Opened:
     samples: list[Sample]
     took_s: list[float]
     """Of each reading, from the question to the sample"""
-    repeats: int | None
+    retries: int | None
     """Questions that had to be asked again; None: this driver does not count them"""
-    damaged: int | None
+    malformed: int | None
     """Pieces on the line that were no frame"""
 
 
 def listen(rig: StoppableRig, profile: Profile) -> Opened:
     """Read the rig `POLLS` times, or as often as `LONGEST_S` allows."""
-    repeats, damaged = _counted(rig, "repeats"), _counted(rig, "damaged")
+    retries, malformed = _counted(rig, "retries"), _counted(rig, "malformed")
     samples, took = [], []
     first = time.monotonic()
     for k in range(POLLS):
@@ -55,7 +56,7 @@ def listen(rig: StoppableRig, profile: Profile) -> Opened:
             break
     return Opened(
         rig, profile, samples, took,
-        _less(_counted(rig, "repeats"), repeats), _less(_counted(rig, "damaged"), damaged),
+        _less(_counted(rig, "retries"), retries), _less(_counted(rig, "malformed"), malformed),
     )  # fmt: skip
 
 
@@ -113,11 +114,11 @@ def round_trip(opened: Opened) -> Check:
 
 def loss(opened: Opened) -> Check:
     """Questions without an answer, bytes that were no frame."""
-    if opened.repeats is None or opened.damaged is None:
+    if opened.retries is None or opened.malformed is None:
         return Check("loss", "this driver does not count it", None)
     n = len(opened.samples)
-    found = f"{opened.repeats} of {n} readings asked again, {opened.damaged} damaged frames"
-    if opened.repeats or opened.damaged:
+    found = f"{opened.retries} retries in {n} readings, {opened.malformed} malformed frames"
+    if opened.retries or opened.malformed:
         fix = "a shorter, shielded cable away from the motors' leads; ground at one end; lower baud"
         return Check("loss", found, False, fix)
     return Check("loss", found, True)
@@ -231,7 +232,8 @@ def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
 
 def _counted(rig: StoppableRig, name: str) -> int | None:
     """A counter that the link's rigs keep; other drivers need not."""
-    value = getattr(getattr(rig.inner, "statistics", None), name, None)
+    counts = getattr(rig.inner, "statistics", None)
+    value = getattr(counts, attribute_of(counts, name) or "", None)
     return value if isinstance(value, int) else None
 
 

@@ -88,15 +88,15 @@ def test_lost_samples_are_seen_in_the_devices_time():
     ("why", "said", "fix"),
     [
         ("lost", "lost on the line", "cable"),
-        ("left_out", "left out by the device", "lower loop.rate_hz"),
-        ("passed_over", "came too late for this computer", "wake-up"),
+        ("device_skipped", "skipped by the device", "lower loop.rate_hz"),
+        ("samples_stale", "came too late for this computer", "wake-up"),
     ],
 )
 def test_where_samples_went_is_told_by_a_link_that_counts_them(why: str, said: str, fix: str):
     class Counting(Commanded):
         def __init__(self) -> None:
             super().__init__()
-            self.statistics = LinkStatistics(lost=3, left_out=2, passed_over=1)
+            self.statistics = LinkStatistics(lost=3, device_skipped=2, samples_stale=1)
             self.lost_every = 10
 
         def exchange(self, command: Command, due_s: float) -> Sample:

@@ -100,20 +100,20 @@ def test_a_line_that_pauses_now_and_then_is_told_from_a_slow_one():
 
 
 @pytest.mark.parametrize(
-    ("repeats", "damaged", "good"), [(0, 0, True), (2, 0, False), (0, 1, False)]
+    ("retries", "malformed", "good"), [(0, 0, True), (2, 0, False), (0, 1, False)]
 )
-def test_lost_and_damaged_frames_are_counted(repeats, damaged, good):
-    check = link.loss(replace(opened(), repeats=repeats, damaged=damaged))
+def test_retries_and_malformed_frames_are_counted(retries, malformed, good):
+    check = link.loss(replace(opened(), retries=retries, malformed=malformed))
     assert check.good is good
-    assert f"{repeats} of 500" in check.found
+    assert f"{retries} retries in 500" in check.found
 
 
 def test_only_what_was_lost_while_we_listened_counts():
     rig = FakeRig(FakeDriver())
-    rig.statistics = SimpleNamespace(repeats=7, damaged=3)
+    rig.statistics = SimpleNamespace(retries=7, malformed=3)
     held = StoppableRig(rig, Session("fake://1", private=True))
     found = link.listen(held, PROFILE)
-    assert (found.repeats, found.damaged) == (0, 0)
+    assert (found.retries, found.malformed) == (0, 0)
 
 
 def test_a_device_whose_clock_runs_fast_is_found():
