@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from .emulator.device import Device
     from .emulator.plant import Truth
-    from .mock_options import MockOptions, RigOptions
+    from .options import MockOptions, RigOptions
 
 LONGEST_CATCH_UP_S = 60.0
 """s of the host's absence that the device integrates; by then it has long been at rest"""
@@ -43,7 +43,7 @@ class MockDriver:
 
     @property
     def options(self) -> Sequence[str]:
-        from .mock_options import MockOptions
+        from .options import MockOptions
 
         return MockOptions.names()
 
@@ -55,7 +55,7 @@ class MockDriver:
 
         Raises UsageError for a bad option, ProfileError for a bad profile.
         """
-        from .mock_options import MockOptions
+        from .options import MockOptions
 
         options = MockOptions.of(url)
         return MockRig(own_profile(options, profile), options)
@@ -111,7 +111,7 @@ class MockRig:
 
     def __init__(self, profile: Profile, options: MockOptions | None = None) -> None:
         if options is None:
-            from .mock_options import MockOptions
+            from .options import MockOptions
 
             options = MockOptions()
         self._device: Device = device_of(profile, options)

@@ -27,7 +27,7 @@ class SerialDriver:
 
     @property
     def options(self) -> Sequence[str]:
-        from .serial_options import SerialOptions
+        from .options import SerialOptions
 
         return SerialOptions.names()
 
@@ -53,7 +53,7 @@ class SerialDriver:
         """Open the port exclusively and identify the rig."""
         from .link.rig import LinkRig
         from .link.serial_line import open_line, pyserial_url
-        from .serial_options import SerialOptions
+        from .options import SerialOptions
 
         options = SerialOptions.of(url)
         line = open_line(
@@ -71,8 +71,7 @@ class SerialDriver:
     def estop(self, url: DeviceUrl) -> str:
         """Stop the rig's motors, even where another process holds its port."""
         from .link.emergency_stop import stop_over
-        from .link.serial_line import open_line, pyserial_url
-        from .link.shared_open import open_shared
+        from .link.serial_line import open_line, open_shared, pyserial_url
 
         place, baud = pyserial_url(url), _baud(url)
         line: Transport | None = None
@@ -89,7 +88,7 @@ class SerialDriver:
         """The port's file, permission, holder and latency timer; opens nothing."""
         from .link.serial_line import pyserial_url
         from .link.serial_port_checks import checks
-        from .serial_options import SerialOptions
+        from .options import SerialOptions
 
         SerialOptions.of(url)
         place = pyserial_url(url)
@@ -102,6 +101,6 @@ def _baud(url: DeviceUrl) -> int:
 
     if not url.options:
         return BAUD
-    from .serial_options import SerialOptions
+    from .options import SerialOptions
 
     return int(SerialOptions.of(url).baud)

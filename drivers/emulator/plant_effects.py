@@ -12,7 +12,9 @@ from typing import Any
 
 import numpy as np
 
-Function = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
+Row = np.ndarray
+"""(n,) float64, C-contiguous"""
+Function = Callable[[Row, Row, Row, Row, Row], None]
 
 
 class Kernel:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
     from heli3dof.rig.url import DeviceUrl
 
-    from ..mock_options import RigOptions
+    from ..options import RigOptions
     from .transport_usb import RigOnBus
 
 
@@ -28,7 +28,7 @@ class UsbMockDriver:
 
     @property
     def options(self) -> Sequence[str]:
-        from .usb_mock_options import UsbMockOptions
+        from ..options import UsbMockOptions
 
         return UsbMockOptions.names()
 
@@ -39,9 +39,9 @@ class UsbMockDriver:
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
         """A bus with the one rig that the URL describes. Raises UsageError for a bad option."""
         from ..mock import own_profile
+        from ..options import UsbMockOptions
         from ..usb_bulk.driver import open_on
         from .transport_usb import EmulatedBus
-        from .usb_mock_options import UsbMockOptions
 
         options = UsbMockOptions.of(url)
         rig = rig_on_bus(own_profile(options, profile), options, options.bus)

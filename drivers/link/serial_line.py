@@ -106,6 +106,35 @@ def open_line(url: str, *, baud: int = BAUD, low_latency: bool = True) -> Transp
     return PyserialLine(port, url)
 
 
+def open_shared(path: str) -> Transport | None:
+    """The port opened past its holder's lock; None where no process holds it, and on Windows.
+
+    Its settings stay as the holder has set them. Raises DeviceError: missing or not permitted.
+    """
+    if os.name != "posix":
+        return None
+    try:
+        fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError as problem:
+        raise refused(path, problem) from problem
+    if _is_locked(fd):
+        return DescriptorLine(fd, path, lambda: os.close(fd))
+    os.close(fd)
+    return None
+
+
+def _is_locked(fd: int) -> bool:
+    """True when another process has locked the port, as every heli3dof process does."""
+    import fcntl
+
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    fcntl.flock(fd, fcntl.LOCK_UN)
+    return False
+
+
 def prefer_low_latency(port: Serial) -> bool:
     """Ask the port's driver to deliver bytes at once; False where it has no such mode."""
     try:

@@ -17,10 +17,12 @@ import math
 from array import array
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .error_codes import EVERY_OUTPUT, Qerr, code_of, no_library
-from .wiring import Wiring
+
+if TYPE_CHECKING:
+    from .wiring import Wiring
 
 DAC_V = 10.0
 """V, the analog outputs' range; another program may have set a smaller one"""

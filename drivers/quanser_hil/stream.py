@@ -110,10 +110,10 @@ class EncoderStream:
         """The newest of the waiting samples; None: there are none."""
         counts: Counts | None = None
         while waiting := self._waiting():
-            asked = time.monotonic()
+            start = time.monotonic()
             counts = self._read(waiting)
             self.statistics.samples_stale += waiting
-            if time.monotonic() - asked < waiting * self._dt / 2:
+            if time.monotonic() - start < waiting * self._dt / 2:
                 self._doubts = 0
                 continue
             self._doubts += 1
@@ -132,7 +132,7 @@ class EncoderStream:
         return time.monotonic() - self.time_s - self._offset
 
     def _read(self, n: int) -> Counts:
-        asked = time.monotonic()
+        start = time.monotonic()
         try:
             counts = self._board.task_read(self._task, n)
         except self._board.error as error:
@@ -147,7 +147,7 @@ class EncoderStream:
         offset = now - self.time_s
         if self._offset is None:
             self._offset = offset
-        elif now - asked > BLOCKED * self._dt:
+        elif now - start > BLOCKED * self._dt:
             self._offset = min(offset, self._offset + DRIFT * n * self._dt)
         else:
             self._offset = min(offset, self._offset)

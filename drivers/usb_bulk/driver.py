@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
     from heli3dof.rig.url import DeviceUrl
 
-    from .options import UsbOptions
+    from ..options import UsbOptions
 
 STOP_TRIES = 8
 """Attempts of 0.25 s each: a stop has no other way to the rig than this control request"""
@@ -35,7 +35,7 @@ class UsbDriver:
 
     @property
     def options(self) -> Sequence[str]:
-        from .options import UsbOptions
+        from ..options import UsbOptions
 
         return UsbOptions.names()
 
@@ -52,7 +52,7 @@ class UsbDriver:
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
         """Claim the rig and identify it. Raises DeviceError or UsageError, each with its cause."""
-        from .options import UsbOptions
+        from ..options import UsbOptions
 
         options = UsbOptions.of(url)
         return open_on(self._backend(), url, profile, options)

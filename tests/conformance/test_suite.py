@@ -35,7 +35,7 @@ class Driver(MockDriver):
         return ["spoilt:"]
 
     def open(self, url: DeviceUrl, profile: Profile) -> MockRig:
-        from heli3dof_drivers.mock_options import MockOptions
+        from heli3dof_drivers.options import MockOptions
 
         return self.rig(profile, MockOptions.of(url))
 

@@ -13,7 +13,7 @@ import time
 from math import isfinite
 
 from heli3dof_drivers.mock import device_of
-from heli3dof_drivers.mock_options import MockOptions
+from heli3dof_drivers.options import MockOptions
 
 from heli3dof.rig.profile import Profile, default_profile
 

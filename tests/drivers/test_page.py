@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from heli3dof_drivers.emulator.noise import CORRELATION_S, SIGMA_NM
 from heli3dof_drivers.emulator.page import PAGE as MADE
-from heli3dof_drivers.mock_options import MockOptions
+from heli3dof_drivers.options import MockOptions
 
 from tests.paths import ROOT
 

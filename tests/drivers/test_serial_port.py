@@ -35,7 +35,7 @@ DRIVER = load_driver("serial")
 
 
 @pytest.fixture(scope="module")
-def door() -> Iterator[Door]:
+def emulated() -> Iterator[Door]:
     with python_door() as opened:
         yield opened
 
@@ -101,8 +101,8 @@ for k in range(1, 100_000):
 """
 
 
-def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
-    url = door.url("watchdog_s=0.5")
+def test_estop_reaches_a_rig_whose_port_another_process_holds(emulated: Door):
+    url = emulated.url("watchdog_s=0.5")
     flight = subprocess.Popen([sys.executable, "-c", HOLD, url], stdout=subprocess.PIPE, text=True)
     assert flight.stdout is not None
     assert flight.stdout.readline() == "armed\n"
@@ -110,11 +110,11 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
         open_rig(url, PROFILE)
     assert "busy" in caught.value.what
     assert "estop" in caught.value.fix
-    assert flight.pid in [pid for pid, _ in holders(door.path)]
+    assert flight.pid in [pid for pid, _ in holders(emulated.path)]
     held = {c.what: c for c in DRIVER.examine(parse_url(url))}["held by"]
     assert held.good is False
     assert str(flight.pid) in held.found
-    assert str(door.process.pid) not in held.found
+    assert str(emulated.process.pid) not in held.found
 
     said = DRIVER.estop(parse_url(url))
     assert "stop" in said
@@ -125,23 +125,23 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
     rig.close()
 
 
-def test_estop_reaches_a_rig_whose_holder_hangs_with_the_line_full(door: Door):
-    url = door.url("watchdog_s=0.5")
+def test_estop_reaches_a_rig_whose_holder_hangs_with_the_line_full(emulated: Door):
+    url = emulated.url("watchdog_s=0.5")
     flight = subprocess.Popen([sys.executable, "-c", HOLD, url], stdout=subprocess.PIPE, text=True)
     assert flight.stdout is not None
     assert flight.stdout.readline() == "armed\n"
     flight.send_signal(signal.SIGSTOP)
     time.sleep(0.4)  # its samples are not read
     try:
-        assert "the rig says so" in DRIVER.estop(parse_url(url))
+        assert "the rig confirmed it" in DRIVER.estop(parse_url(url))
     finally:
         flight.kill()
         flight.wait(timeout=END_S)
 
 
-def test_estop_reaches_a_rig_that_no_process_holds(door: Door):
-    url = parse_url(door.url())
-    assert "the rig says so" in DRIVER.estop(url)
+def test_estop_reaches_a_rig_that_no_process_holds(emulated: Door):
+    url = parse_url(emulated.url())
+    assert "the rig confirmed it" in DRIVER.estop(url)
     rig = open_rig(url, PROFILE)
     assert rig.read().flags == Flags.ESTOP
     assert fly(rig).flags == Flags.ENABLED
@@ -199,28 +199,28 @@ def test_a_loop_that_echoes_requests_is_not_a_rig(monkeypatch):
         open_rig("serial+loop://", PROFILE)
 
 
-def test_a_spy_logs_the_bytes(door: Door, tmp_path: Path):
+def test_a_spy_logs_the_bytes(emulated: Door, tmp_path: Path):
     file = tmp_path / "bytes.txt"
-    rig = open_rig(f"serial+spy://{door.path}?file={file}&watchdog_s=0.5", PROFILE)
+    rig = open_rig(f"serial+spy://{emulated.path}?file={file}&watchdog_s=0.5", PROFILE)
     assert fly(rig).flags & Flags.ENABLED
     rig.close()
     assert "TX" in file.read_text()
 
 
-def test_doctors_checks_of_a_port(door: Door, monkeypatch, tmp_path: Path):
-    found = {c.what: c for c in DRIVER.examine(parse_url(door.url()))}
+def test_doctors_checks_of_a_port(emulated: Door, monkeypatch, tmp_path: Path):
+    found = {c.what: c for c in DRIVER.examine(parse_url(emulated.url()))}
     assert found["port"].good
     assert found["permission"].good
     assert found["latency timer"].good
     # The emulated rig has its own end open without a lock.
     assert found["held by"].good is None
-    assert str(door.process.pid) in found["held by"].found
+    assert str(emulated.process.pid) in found["held by"].found
     assert not DRIVER.examine(parse_url("serial:///dev/ttyNONE"))[0].good
 
     timer = tmp_path / "latency_timer"
     timer.write_text("16\n")
     monkeypatch.setattr(serial_ports, "LATENCY_FILES", (str(timer),))
-    slow = {c.what: c for c in DRIVER.examine(parse_url(door.url()))}["latency timer"]
+    slow = {c.what: c for c in DRIVER.examine(parse_url(emulated.url()))}["latency timer"]
     assert slow.good is False
     assert slow.fix == f"echo 1 | sudo tee {timer}"
 

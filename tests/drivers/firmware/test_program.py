@@ -125,10 +125,10 @@ PATIENT = ("--watchdog", "1000")
 
 @contextmanager
 def rig(*options: str) -> Iterator[tuple[Door, Host]]:
-    with firmware_door(*options) as door:
-        host = Host(door.path)
+    with firmware_door(*options) as emulated:
+        host = Host(emulated.path)
         try:
-            yield door, host
+            yield emulated, host
         finally:
             host.port.close()
 
@@ -206,11 +206,11 @@ def test_a_host_that_does_not_read_stops_neither_the_clock_nor_the_watchdog(tmp_
 
 
 def test_the_host_may_close_the_port_and_open_it_again():
-    with rig() as (door, host):
+    with rig() as (emulated, host):
         boot = host.identity().boot
         for _ in range(3):
             host.port.close()
-            host = Host(door.path)
+            host = Host(emulated.path)
             assert host.identity().boot == boot
 
 
@@ -314,12 +314,12 @@ def test_on_a_lossy_line_accepted_frames_are_correct():
 
 def test_a_terminated_program_leaves_zero_volts_and_no_link(tmp_path: Path):
     link, log = tmp_path / "rig", tmp_path / "log"
-    with rig("--link", str(link), "--log", str(log)) as (door, host):
-        assert link.resolve() == Path(door.path)
+    with rig("--link", str(link), "--log", str(log)) as (emulated, host):
+        assert link.resolve() == Path(emulated.path)
         host.arm()
         host.fly(0.1)
-        door.process.terminate()
-        assert door.process.wait(PATIENCE_S) == 0
+        emulated.process.terminate()
+        assert emulated.process.wait(PATIENCE_S) == 0
         assert motors(log)[-1][1:] == (False, 0.0, 0.0)
         assert not link.is_symlink()
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from functools import cache
 
 from heli3dof_drivers.mock import device_of
-from heli3dof_drivers.mock_options import MockOptions
+from heli3dof_drivers.options import MockOptions
 
 from heli3dof.rig.profile import default_profile
 

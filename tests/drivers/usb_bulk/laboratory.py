@@ -6,7 +6,7 @@ import time
 
 from heli3dof_drivers.emulator.transport_usb import BusFault, EmulatedBus, RigOnBus
 from heli3dof_drivers.emulator.usb_mock import rig_on_bus
-from heli3dof_drivers.mock_options import RigOptions
+from heli3dof_drivers.options import RigOptions
 from heli3dof_drivers.usb_bulk import UsbDriver
 from heli3dof_drivers.usb_bulk.rig import UsbRig
 

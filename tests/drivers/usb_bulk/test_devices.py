@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from heli3dof_drivers.emulator.transport_usb import BusFault
 from heli3dof_drivers.emulator.usb_mock import UsbMockDriver
-from heli3dof_drivers.mock_options import RigOptions
+from heli3dof_drivers.options import RigOptions
 from heli3dof_drivers.udev import RULES
 from heli3dof_drivers.usb_bulk import UsbDriver, devices, errors
 

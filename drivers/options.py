@@ -1,4 +1,4 @@
-"""The options of ``mock:`` URLs; docs/mock.md."""
+"""The URL options of each driver, one model each; ``quanser:`` has `quanser_hil.wiring`."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, PlainValidator
 
+from .link.serial_line import BAUD, PASSED_ON
 from .url_options import UrlOptions, Whole, expected
 
 SPEEDS = {"real": 1.0, "max": math.inf}
@@ -15,11 +16,13 @@ SLOWEST, FASTEST = 0.01, 1e6
 
 
 def _speed(value: Any) -> float:
+    if value in SPEEDS:
+        return SPEEDS[value]
     try:
-        speed = SPEEDS[value] if value in SPEEDS else float(value)
+        speed = float(value)
     except ValueError:
         speed = math.nan
-    if speed == math.inf or SLOWEST <= speed <= FASTEST:
+    if SLOWEST <= speed <= FASTEST:
         return speed
     raise expected(f"a number from {SLOWEST:g} to {FASTEST:g}, real or max")
 
@@ -64,3 +67,46 @@ class MockOptions(RigOptions):
         description="times real time; real; max: as fast as possible",
     )
     """inf: as fast as possible"""
+
+
+class LinkOptions(UrlOptions):
+    """What every rig on the link has."""
+
+    stream: Literal["1", "0"] = Field(
+        default="1", description="1: the device times its samples; 0: the host asks for each one"
+    )
+    watchdog_s: float | None = Field(
+        default=None,
+        ge=1e-3,
+        le=1,
+        examples=[0.1],
+        description="s without a command before it latches",
+    )
+    signs: Literal["device", "profile"] = Field(
+        default="device", description="which of the two gives the encoders' counting direction"
+    )
+
+
+class SerialOptions(LinkOptions):
+    baud: float = Field(default=BAUD, ge=1200, le=12_000_000, description="bits per second")
+    low_latency: Literal["1", "0"] = Field(
+        default="1", description="1: ask the port's driver to deliver bytes at once"
+    )
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        return super().names() + PASSED_ON
+
+
+class UsbOptions(LinkOptions):
+    timeout_s: float = Field(
+        default=0.25, ge=1e-3, le=10, description="s that the rig may take to accept a frame"
+    )
+
+
+class UsbMockOptions(UsbOptions, RigOptions):
+    """Where both have an option, `UsbOptions` gives its bounds."""
+
+    bus: tuple[str, ...] = Field(
+        default=(), description="faults of the bus: KIND@SECONDS[:FOR_SECONDS]"
+    )
