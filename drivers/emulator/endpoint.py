@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from cobs.cobs import DecodeError, decode
 
@@ -43,7 +44,9 @@ from ..link.frames import (
 from .amplifier import STOPPED, Amplifier
 from .device import Device
 from .faults import Breaking
-from .plant import Truth
+
+if TYPE_CHECKING:
+    from .plant import Truth
 
 SHORTEST_US = 500
 QUIET_US = 2_000_000
