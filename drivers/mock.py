@@ -38,14 +38,13 @@ class MockDriver:
     """Opens emulated rigs."""
 
     scheme = "mock"
+    options: Sequence[str] = (
+        "profile", "hide", "seed", "noise", "start", "spread", "rate_hz", "watchdog_s", "fault",
+        "speed",
+    )  # fmt: skip
+    """The fields of `MockOptions`, which a stop must not load: pydantic is slow to import"""
     private = True
     """Every opening makes a rig of its own: see `heli3dof.rig.drivers.is_private`."""
-
-    @property
-    def options(self) -> Sequence[str]:
-        from .options import MockOptions
-
-        return MockOptions.names()
 
     def find(self) -> Sequence[str]:
         return ["mock:"]

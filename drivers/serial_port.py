@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 from heli3dof.rig.interface import Check, Rig
 
+from .link.serial_line import BAUD, PASSED_ON
+
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
     from heli3dof.rig.url import DeviceUrl
@@ -24,12 +26,10 @@ class SerialDriver:
     """Opens rigs on serial ports."""
 
     scheme = "serial"
-
-    @property
-    def options(self) -> Sequence[str]:
-        from .options import SerialOptions
-
-        return SerialOptions.names()
+    options: Sequence[str] = (
+        "stream", "watchdog_s", "signs", "baud", "low_latency", *PASSED_ON,
+    )  # fmt: skip
+    """The fields of `SerialOptions`, which a stop must not load: pydantic is slow to import"""
 
     def find(self) -> Sequence[str]:
         """The serial ports on USB. Only opening one shows whether a rig is connected to it."""
@@ -96,11 +96,10 @@ class SerialDriver:
 
 
 def _baud(url: DeviceUrl) -> int:
-    """The baud rate. A URL without options is read without pydantic: a stop must be quick."""
-    from .link.serial_line import BAUD
-
-    if not url.options:
-        return BAUD
+    """The baud rate for a stop; the option model is loaded only where it must explain an error."""
+    text = url.one("baud", str(BAUD))
+    if str(text).isdecimal():
+        return int(str(text))
     from .options import SerialOptions
 
     return int(SerialOptions.of(url).baud)

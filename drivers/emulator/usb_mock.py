@@ -23,14 +23,13 @@ class UsbMockDriver:
     """Opens emulated rigs through pyusb."""
 
     scheme = "usb+mock"
+    options: Sequence[str] = (
+        "profile", "hide", "seed", "noise", "start", "spread", "rate_hz", "watchdog_s", "fault",
+        "stream", "signs", "timeout_s", "bus",
+    )  # fmt: skip
+    """The fields of `UsbMockOptions`, which a stop must not load: pydantic is slow to import"""
     private = True
     """Every opening makes a rig of its own: see `heli3dof.rig.drivers.is_private`."""
-
-    @property
-    def options(self) -> Sequence[str]:
-        from ..options import UsbMockOptions
-
-        return UsbMockOptions.names()
 
     def find(self) -> Sequence[str]:
         """None: an emulated bus exists only while a process has it open."""

@@ -29,15 +29,14 @@ class QuanserDriver:
     """Opens boards. ``hardware`` returns the vendor's module; default: the installed one."""
 
     scheme = "quanser"
+    options: Sequence[str] = (
+        "front", "back", "roll", "pitch", "yaw", "enable", "enabled_by", "gain", "current",
+        "amps_per_V", "watchdog_s", "clock", "counts",
+    )  # fmt: skip
+    """The fields of `Wiring`, which a stop must not load: pydantic is slow to import"""
 
     def __init__(self, hardware: Callable[[], Any] = library) -> None:
         self._hardware = hardware
-
-    @property
-    def options(self) -> Sequence[str]:
-        from .wiring import Wiring
-
-        return Wiring.names()
 
     def find(self) -> Sequence[str]:
         """None: the library cannot list boards, and opening one may disturb a run."""

@@ -29,15 +29,11 @@ class UsbDriver:
     """Opens rigs on USB. ``backend`` returns pyusb's backend; default: the system's libusb."""
 
     scheme = "usb"
+    options: Sequence[str] = ("stream", "watchdog_s", "signs", "timeout_s")
+    """The fields of `UsbOptions`, which a stop must not load: pydantic is slow to import"""
 
     def __init__(self, backend: Callable[[], Any] = system_backend) -> None:
         self._backend = backend
-
-    @property
-    def options(self) -> Sequence[str]:
-        from ..options import UsbOptions
-
-        return UsbOptions.names()
 
     def find(self) -> Sequence[str]:
         """The rigs on the bus; empty where libusb is missing."""

@@ -167,8 +167,8 @@ def test_a_malformed_bus_fault_is_refused(text: str):
 
 def test_the_page_names_every_option_of_both_drivers():
     page = (ROOT / "docs" / "rigs.md").read_text(encoding="utf-8")
-    assert all(f"| `{option}` |" in page for option in UsbDriver().options)
-    assert set(UsbMockDriver().options) == {*UsbDriver().options, *RigOptions.names(), "bus"}
+    assert all(f"| `{option}` |" in page for option in UsbDriver.options)
+    assert set(UsbMockDriver.options) == {*UsbDriver.options, *RigOptions.names(), "bus"}
 
 
 def test_an_emulated_rig_is_not_listed_but_can_be_opened():
