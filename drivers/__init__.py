@@ -1,1 +1,1 @@
-"""Drivers that come with heli3dof; imported as ``heli3dof_drivers``."""
+"""The drivers that ship with heli3dof; imported as ``heli3dof_drivers``."""

@@ -1,14 +1,13 @@
-"""``mock:`` — the emulated rig behind the same port as a real one.
+"""``mock:`` — the emulated rig behind the same interface as a real one.
 
 ``mock:?profile=P&hide=friction.coulomb.yaw:0.03&seed=1&speed=max``; mock.md lists every
 option and effect. Two clocks:
 
-- ``speed=max`` or a number: a virtual clock. Every exchange is one control period of its
-  virtual clock, as fast as the machine can or that many times faster than real.
-- ``speed=real``: the host keeps time. The device runs on between exchanges; periods that the host
-  missed are caught up with the voltage that stood, and the watchdog counts them.
+- ``speed=max`` or a number: a virtual clock. Every exchange is one control period on it.
+- ``speed=real``: the host's clock. The device runs on between exchanges: it catches up the periods
+  that the host missed with the last voltage, and its watchdog counts them.
 
-Both integrate whole control periods only, so a flight is the same for the same seed and commands.
+Both integrate whole control periods only, so the same seed and commands give the same samples.
 """
 
 from __future__ import annotations
@@ -16,12 +15,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
-from heli3dof.errors import DeviceError, UsageError, did_you_mean
 from heli3dof.rig.clock import wait_until
 from heli3dof.rig.interface import Check, Command, Identity, Sample
+
+from .rig_errors import closed, not_a_voltage, watchdog_too_short
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
@@ -29,116 +28,57 @@ if TYPE_CHECKING:
 
     from .emulator.device import Device
     from .emulator.plant import Truth
+    from .options import MockOptions, RigOptions
 
-OPTIONS = (
-    "profile", "hide", "seed", "speed", "noise", "start", "spread", "rate_hz", "watchdog_s",
-    "fault",
-)  # fmt: skip
 LONGEST_CATCH_UP_S = 60.0
+"""s of the host's absence that the device integrates; by then it has long been at rest"""
 
 
 class MockDriver:
-    """Opens emulated rigs; there is always one to be found."""
+    """Opens emulated rigs."""
 
     scheme = "mock"
-    options: Sequence[str] = OPTIONS
-    private_to_process = True
-    """See `heli3dof.rig.interface.PrivateToProcess`."""
+    options: Sequence[str] = (
+        "profile", "hide", "seed", "noise", "start", "spread", "rate_hz", "watchdog_s", "fault",
+        "speed",
+    )  # fmt: skip
+    """The fields of `MockOptions`, which a stop must not load: pydantic is slow to import"""
+    private = True
+    """Every opening makes a rig of its own: see `heli3dof.rig.drivers.is_private`."""
 
     def find(self) -> Sequence[str]:
         return ["mock:"]
 
     def open(self, url: DeviceUrl, profile: Profile) -> MockRig:
-        """The emulated rig of the URL; without ``profile=`` it is the rig that the host expects.
+        """The emulated rig of the URL; it has the host's profile unless the URL gives another.
 
-        Raises UsageError for an option that makes no sense, ProfileError for a bad profile.
+        Raises UsageError for a bad option, ProfileError for a bad profile.
         """
-        options = Options.of(url)
-        if options.profile is not None:
-            from heli3dof.rig.profile import load_profile
+        from .options import MockOptions
 
-            profile = load_profile(options.profile)
-        return MockRig(profile, options)
+        options = MockOptions.of(url)
+        return MockRig(own_profile(options, profile), options)
 
     def estop(self, url: DeviceUrl) -> str:
-        """There is no rig outside the process that emulates it."""
-        return "an emulated rig lives in the process that flies it: nothing else holds one"
+        """Does nothing: an emulated rig exists only in the process that opened it."""
+        return "an emulated rig exists only in the process that runs it: nothing else to stop"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """The emulated rig needs no permission and no line."""
+        """Nothing to check: no permission, no line."""
         return ()
 
 
-@dataclass(frozen=True)
-class Options:
-    """The URL's options, checked."""
+def own_profile(options: RigOptions, profile: Profile) -> Profile:
+    """The profile in the URL, or the host's. Raises ProfileError."""
+    if options.profile is None:
+        return profile
+    from heli3dof.rig.profile import load_profile
 
-    profile: str | None = None
-    hide: tuple[str, ...] = ()
-    seed: int = 0
-    speed: float = 1.0
-    """times real time; inf: as fast as it can"""
-    noise: float = 1.0
-    start: Literal["rest", "level"] = "rest"
-    spread: float = 0.0
-    rate_hz: float | None = None
-    watchdog_s: float | None = None
-    fault: tuple[str, ...] = ()
-
-    @staticmethod
-    def of(url: DeviceUrl) -> Options:
-        url.check_options(OPTIONS)
-        start = url.one("start", "rest")
-        if start not in ("rest", "level"):
-            raise UsageError(
-                f"{url.text}: start={start} is not a way to start.",
-                cause=f"a typing error; {did_you_mean(str(start), ['rest', 'level'])}",
-                fix="start=rest (on the table) or start=level (held level until the first command)",
-            )
-        speed = url.one("speed", "real")
-        return Options(
-            profile=url.one("profile"),
-            hide=url.options.get("hide", ()),
-            seed=int(_number(url, "seed", "0", 0, 2**63, whole=True)),
-            speed={"real": 1.0, "max": math.inf}.get(str(speed))
-            or _number(url, "speed", "real", 0.01, 1e6, also="real or max"),
-            noise=_number(url, "noise", "1", 0, 100),
-            start="rest" if start == "rest" else "level",
-            spread=_number(url, "spread", "0", 0, 0.5),
-            rate_hz=_number(url, "rate_hz", "0", 10, 10000) if url.one("rate_hz") else None,
-            watchdog_s=_number(url, "watchdog_s", "0", 1e-3, 10) if url.one("watchdog_s") else None,
-            fault=url.options.get("fault", ()),
-        )
+    return load_profile(options.profile)
 
 
-def _number(
-    url: DeviceUrl,
-    name: str,
-    default: str,
-    low: float,
-    high: float,
-    *,
-    whole: bool = False,
-    also: str = "",
-) -> float:
-    text = str(url.one(name, default))
-    try:
-        value = float(int(text)) if whole else float(text)
-    except ValueError:
-        value = math.nan
-    if not low <= value <= high:
-        kind = "a whole number" if whole else "a number"
-        raise UsageError(
-            f"{url.text}: {name}={text} is not {kind} from {low:g} to {high:g}"
-            + (f", {also}." if also else "."),
-            cause="a typing error or another unit.",
-            fix=f"--device 'mock:?{name}={default}'",
-        )
-    return int(text) if whole else value
-
-
-def device_of(profile: Profile, options: Options) -> Device:
-    """The emulated electronics and plant of these options, for every door they stand behind."""
+def device_of(profile: Profile, options: RigOptions) -> Device:
+    """The emulated electronics and plant of these options, for any transport."""
     from .emulator.body import setup_of
     from .emulator.device import WATCHDOG_S, Device
     from .emulator.effect_spec import parse_hide
@@ -148,11 +88,7 @@ def device_of(profile: Profile, options: Options) -> Device:
     dt = 1 / (options.rate_hz or profile.loop.rate_hz)
     watchdog_s = options.watchdog_s or max(WATCHDOG_S, 3 * dt)
     if watchdog_s < 2 * dt:
-        raise UsageError(
-            f"watchdog_s={watchdog_s:g} is shorter than two control periods of {dt:g} s.",
-            cause="the watchdog would latch between any two commands.",
-            fix=f"watchdog_s={3 * dt:g} or more",
-        )
+        raise watchdog_too_short(watchdog_s, dt)
     level = options.start == "level"
     plant = Plant(
         setup_of(profile, options.start),
@@ -172,8 +108,11 @@ def device_of(profile: Profile, options: Options) -> Device:
 class MockRig:
     """An open emulated rig; see `heli3dof.rig.interface.Rig`."""
 
-    def __init__(self, profile: Profile, options: Options | None = None) -> None:
-        options = options or Options()
+    def __init__(self, profile: Profile, options: MockOptions | None = None) -> None:
+        if options is None:
+            from .options import MockOptions
+
+            options = MockOptions()
         self._device: Device = device_of(profile, options)
         dt, watchdog_s = self._device.plant.dt, self._device.watchdog_s
         self._dt = dt
@@ -201,7 +140,7 @@ class MockRig:
 
     @property
     def device(self) -> Device:
-        """The emulated electronics: for other doors to the same rig."""
+        """The emulated electronics, for other transports to the same rig."""
         return self._device
 
     @property
@@ -212,11 +151,12 @@ class MockRig:
 
     @property
     def truth(self) -> Truth:
-        """The true state and parameters: for tests and benches, never read by heli3dof."""
+        """The true state and parameters, for tests and benches; heli3dof never reads them."""
         return self._device.plant.truth
 
     def arm(self) -> Sample:
-        """Enable at zero volts, clear latches; a rig held level is let go at the first command."""
+        """Enable at zero volts and clear latches. A rig held level is released at the first
+        command."""
         self._check_open()
         now = time.monotonic()
         self._catch_up(now)
@@ -225,7 +165,7 @@ class MockRig:
         return self._sample()
 
     def read(self) -> Sample:
-        """The sample now; where the host keeps time, after the periods that have gone by."""
+        """The sample now; in real time, after the periods since the last call."""
         self._check_open()
         self._catch_up(time.monotonic())
         return self._sample()
@@ -236,12 +176,7 @@ class MockRig:
         device = self._device
         if not (math.isfinite(command.v_front) and math.isfinite(command.v_back)):
             device.stop()
-            raise DeviceError(
-                f"The command {command.sequence} is not a voltage: "
-                f"{command.v_front}, {command.v_back}.",
-                cause="the controller's output is not finite; the motors were stopped.",
-                fix="check the gains and references of this flight",
-            )
+            raise not_a_voltage(command.sequence, command.v_front, command.v_back)
         if self._real:
             return self._exchange_in_real_time(command, due_s)
         device.command(command.sequence, command.v_front, command.v_back)
@@ -249,7 +184,7 @@ class MockRig:
             pass
         if self._pace_s:
             now = time.monotonic()
-            # A slow host delays the virtual clock; it does not have to hurry afterwards.
+            # A slow host delays the virtual clock; later periods do not make up for it.
             last = max(self._last_s or now, now - 2 * self._pace_s)
             self._last_s = wait_until(last + self._pace_s)
         return self._sample()
@@ -262,13 +197,13 @@ class MockRig:
         if now - self._last_s > device.watchdog_s:
             self._catch_up(now)
         periods = max(1, round((due_s - self._last_s) / dt))
-        # A late command finds the old voltage still standing for the periods that have gone by.
-        stood = min(int((now - self._last_s) / dt), periods - 1)
-        for _ in range(stood):
+        # A late command: the old voltage held for the periods that have passed.
+        held = min(int((now - self._last_s) / dt), periods - 1)
+        for _ in range(held):
             device.period()
         device.command(command.sequence, command.v_front, command.v_back)
         arrived = True
-        for _ in range(periods - stood):
+        for _ in range(periods - held):
             arrived = device.period()
         while not arrived:
             periods += 1
@@ -278,10 +213,10 @@ class MockRig:
         return self._sample()
 
     def _catch_up(self, now: float) -> None:
-        """Let the device run on alone for the whole periods that have gone by (real time only)."""
+        """Integrate the whole periods that have passed without the host (real time only)."""
         if self._real and self._last_s is not None and now > self._last_s:
-            gone = int(min(now - self._last_s, LONGEST_CATCH_UP_S) / self._dt)
-            for _ in range(gone):
+            passed = int(min(now - self._last_s, LONGEST_CATCH_UP_S) / self._dt)
+            for _ in range(passed):
                 self._device.period()
             self._last_s = now
 
@@ -310,8 +245,4 @@ class MockRig:
 
     def _check_open(self) -> None:
         if not self._open:
-            raise DeviceError(
-                "The emulated rig is closed.",
-                cause="close() was called before this.",
-                fix="open it again with heli3dof.open_rig",
-            )
+            raise closed("The emulated rig")

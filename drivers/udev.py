@@ -1,4 +1,4 @@
-"""The udev rule that ships: who sits at the machine may open its rigs, without being root."""
+"""The udev rule that ships: it lets the user at the machine open its rigs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _IDS = re.compile(r'^[^#]*idVendor\}=="([0-9a-fA-F]{4})".*idProduct\}=="([0-9a-f
 
 
 def install_command() -> str:
-    """The command that installs the rule and applies it to what is plugged in already."""
+    """The command that installs the rule and applies it to connected devices."""
     return (
         f"sudo cp '{RULES}' {INSTALLED.parent}/ && sudo udevadm control --reload && "
         "sudo udevadm trigger"
@@ -20,7 +20,7 @@ def install_command() -> str:
 
 
 def known_ids() -> set[tuple[int, int]]:
-    """(vendor, product) of the USB rigs that the rule names, ours and those that a lab added."""
+    """(vendor, product) of the USB rigs in the rule, with those that a lab added."""
     text = ""
     for file in (RULES, INSTALLED):
         try:
@@ -31,7 +31,7 @@ def known_ids() -> set[tuple[int, int]]:
 
 
 def installed() -> bool | None:
-    """Whether the rule stands installed as it ships; None where there is no udev."""
+    """True where the rule is installed unchanged; None where there is no udev."""
     if not sys.platform.startswith("linux"):
         return None
     try:

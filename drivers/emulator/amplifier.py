@@ -1,11 +1,11 @@
-"""The emulated amplifier of protocol.md: states, ticket, watchdog, and volts at any instant.
+"""The emulated amplifier (docs/reference/protocol.md): states, ticket, watchdog, output.
 
     ARMED    v(t) = last command, clipped to ± v_max
-    LATCHED  v(t) = v·(1 − (t − t_expired)/ramp), cut towards zero to a whole microvolt
-             t_expired = the last command's arrival (or the ARM's) + watchdog
+    LATCHED  v(t) = v·(1 − (t − t_expired)/ramp), rounded towards zero to a whole microvolt
+             t_expired = arrival of the last command (or the ARM) + watchdog
     IDLE, STOPPED  v(t) = 0
 
-Whole microvolts and microseconds throughout.
+All voltages are whole microvolts, all times whole microseconds.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ RAMP_US = 200_000
 
 
 class Amplifier:
-    """What decides whether volts reach the motors."""
+    """Decides the voltages at the motors."""
 
     def __init__(self, v_max_uV: int, watchdog_us: int, ramp_us: int = RAMP_US) -> None:
         self.v_max_uV = v_max_uV
@@ -25,19 +25,19 @@ class Amplifier:
         self.ramp_us = ramp_us
         self.ticket = 1
         self.last = 0
-        """Number of the last command accepted, or of the ARM"""
+        """Number of the last accepted command, or of the ARM"""
         self.expiries = 0
         self.cause = 0
         self.faulty = False
-        """True while it reports a fault that arming cannot clear"""
+        """True while a fault prevents arming"""
         self._state = 0
         self._saturated = False
         self._uV = (0, 0)
-        """what was asked for, clipped"""
+        """The last command, clipped"""
         self._watchdog_us = watchdog_us
         self._fed_us = 0
         self._impulse = [0, 0]
-        """µV·µs since the mean was last taken"""
+        """µV·µs since the last call of `mean_V`"""
         self._summed_us = self._mean_from_us = 0
 
     @property
@@ -49,7 +49,7 @@ class Amplifier:
         return self._state == ENABLED
 
     def arm_code(self, ticket: int) -> Code:
-        """What an ARM with this ticket would be told, as far as it is the amplifier's to say."""
+        """The amplifier's result code for an ARM with this ticket."""
         if self.enabled:
             return Code.ALREADY_ARMED
         if ticket != self.ticket:
@@ -57,7 +57,7 @@ class Amplifier:
         return Code.FAULT if self.faulty else Code.OK
 
     def arm(self, now_us: int, number: int, watchdog_us: int) -> None:
-        """Enable at zero volts; the plant's next mean begins here."""
+        """Enable at zero volts; `mean_V` averages from here."""
         self._enter(now_us, ENABLED, Cause.NONE)
         self.last = number
         self._watchdog_us = watchdog_us
@@ -66,15 +66,15 @@ class Amplifier:
         self._mean_from_us = now_us
 
     def disarm(self, now_us: int) -> None:
-        """Zero volts; latches and stops stay."""
+        """Zero volts; LATCHED and STOPPED stay."""
         self._enter(now_us, 0 if self.enabled else self._state, self.cause)
 
     def stop(self, now_us: int, cause: int, flag: int = STOPPED) -> None:
-        """Zero volts at once, from every state."""
+        """Zero volts at once, in every state."""
         self._enter(now_us, flag, cause)
 
     def command(self, now_us: int, number: int, front_uV: int, back_uV: int) -> bool:
-        """Take a command, if it is newer than the last and volts may flow."""
+        """Apply a command. False where it is not newer than the last, or the output is disabled."""
         if not self.enabled or not 0 < (number - self.last) & 0xFFFFFFFF < 0x80000000:
             return False
         self._sum(now_us)
@@ -87,16 +87,16 @@ class Amplifier:
         return True
 
     def advance(self, now_us: int) -> None:
-        """Let the watchdog see the time."""
+        """Latch where the watchdog has expired."""
         if self.enabled and now_us > self._fed_us + self._watchdog_us:
             self._sum(self._expired_us)
             self._state, self._saturated = LATCHED, False
             self.cause = Cause.WATCHDOG
             self.expiries += 1
-            self._renew()
+            self._new_ticket()
 
     def output_uV(self, now_us: int) -> tuple[int, int]:
-        """What is put out at an instant that is not in the past."""
+        """The output at an instant, which must not lie before the last one."""
         self.advance(now_us)
         if self._state == ENABLED:
             return self._uV
@@ -107,7 +107,7 @@ class Amplifier:
         return (0, 0)
 
     def mean_V(self, now_us: int) -> tuple[float, float]:
-        """V, the mean from the last call (or the arming) until now."""
+        """V, the mean output since the last call or the arming."""
         self._sum(now_us)
         span = max(1, now_us - self._mean_from_us)
         front, back = self._impulse
@@ -123,13 +123,13 @@ class Amplifier:
         self._sum(now_us)
         self._state, self._saturated, self._uV = state, False, (0, 0)
         self.cause = cause
-        self._renew()
+        self._new_ticket()
 
-    def _renew(self) -> None:
+    def _new_ticket(self) -> None:
         self.ticket = (self.ticket + 1) & 0xFFFFFFFF
 
     def _sum(self, now_us: int) -> None:
-        """Add up the output until now; on the ramp with its value half-way."""
+        """Integrate the output until now; on the straight ramp by the midpoint rule."""
         self.advance(now_us)
         start = self._summed_us
         if now_us <= start:
@@ -147,7 +147,7 @@ class Amplifier:
 
 
 def _part(uV: int, left: int, whole: int) -> int:
-    """uV·left/whole, cut towards zero; zero where nothing is left."""
+    """uV·left/whole, rounded towards zero; 0 for left ≤ 0."""
     if left <= 0:
         return 0
     part = abs(uV) * left // whole

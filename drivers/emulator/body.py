@@ -1,4 +1,4 @@
-"""The numbers of the emulated body: from a profile, and how a real rig departs from them."""
+"""The emulated body's parameters, from a profile with a random spread."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PITCH_STOP_DEG = 32.0
 
 @dataclass(frozen=True)
 class Body:
-    """What `lagrange` and the motors need, SI; the symbols are `lagrange`'s."""
+    """The parameters of `lagrange` and of the motors, SI; the symbols are `lagrange`'s."""
 
     L_a: float
     """m"""
@@ -43,13 +43,13 @@ class Body:
     I_ab: float
     """kg·m²"""
     G_p: float
-    """N·m, gravity torque that tilts the level body towards its heavier motor"""
+    """N·m, gravity torque on the level body towards its heavier motor"""
     V_ref: float
-    """V at which a curved thrust map meets the straight one"""
+    """V at which a curved thrust map has the linear one's thrust"""
     dJ: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """kg·m², rotary inertia on the joints' shafts"""
     tau_m: float = 0.0
-    """s, the rotors' time constant; 0 is no lag"""
+    """s, the rotors' time constant; 0: no lag"""
     gain: tuple[float, float] = (1.0, 1.0)
     """thrust gain of the front and the back motor, relative to K_f"""
 
@@ -59,7 +59,7 @@ class Body:
         return self.J_w + self.I_bb, self.I_aa, self.J_w + self.I_bb + self.I_aa
 
     def vector(self) -> np.ndarray:
-        """(BODY_SIZE,) in the places that `plant_layout` names."""
+        """(BODY_SIZE,) array in the layout of `plant_layout`."""
         b = np.zeros(at.BODY_SIZE)
         b[at.L_A], b[at.L_H] = self.L_a, self.L_h
         b[at.K_F], b[at.T_G], b[at.J_W] = self.K_f, self.T_g, self.J_w
@@ -72,7 +72,7 @@ class Body:
 
 
 def body_of(profile: Profile) -> Body:
-    """The rigid body that a profile describes, with thrust linear in voltage and nothing else."""
+    """The rigid body of a profile, with thrust linear in voltage and no other effect."""
     m_f, m_b, m_w = profile.mass.m_f, profile.mass.m_b, profile.mass.m_w
     L_w, L_a, L_h = profile.geometry.L_w, profile.geometry.L_a, profile.geometry.L_h
     K_f, V_o = profile.motor.K_f, profile.motor.V_o
@@ -90,7 +90,7 @@ def body_of(profile: Profile) -> Body:
     )
     if profile.inertia is None:
         return body
-    # Measured inertias: what the masses do not have of them sits on the joints' shafts.
+    # Measured inertias: their excess over the masses' inertia is put on the joints' shafts.
     given = (profile.inertia.roll, profile.inertia.pitch, profile.inertia.yaw)
     roll, pitch, yaw = (J - m if J else 0.0 for J, m in zip(given, body.J, strict=True))
     return replace(body, dJ=(roll, pitch, yaw))
@@ -99,7 +99,7 @@ def body_of(profile: Profile) -> Body:
 def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
     """The body with K_f, T_g, J_w, I_aa and I_bb each drawn uniformly from ± ``spread``.
 
-    No two rigs are alike; geometry is easily measured and stays as it is.
+    Geometry stays as it is: it is easily measured.
     """
     k = 1 + spread * rng.uniform(-1, 1, size=5)
     return replace(
@@ -115,21 +115,21 @@ def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
 
 @dataclass(frozen=True)
 class Setup:
-    """An emulated rig before it is switched on; effects may change it once, in their order."""
+    """An emulated rig before power-up; effects may change it once, in their order."""
 
     body: Body
     nominal: Body
-    """the profile's body, before any spread"""
+    """The profile's body, without spread"""
     rest: tuple[float, float, float]
     """rad, where the counts are zero"""
     start: tuple[float, float, float]
-    """rad, the angles at the release"""
+    """rad, the initial angles"""
     low: tuple[float, float, float]
     """rad, lower stops; the roll's is the table"""
     high: tuple[float, float, float]
     """rad, upper stops"""
     lost_share: float = 0.0
-    """share of samples that never arrive"""
+    """Share of samples that are lost"""
     jitter_s: float = 0.0
     """s, standard deviation of the sampling instants"""
 
@@ -137,8 +137,8 @@ class Setup:
 def setup_of(profile: Profile, start: str) -> Setup:
     """The rig of a profile at rest on its table (``rest``) or held level (``level``).
 
-    Its table is where the profile says that the counts are zero. Raises UsageError where that is
-    no place for a table.
+    The table is at the profile's rest angles, where the counts are zero. Raises UsageError where
+    these are outside the range of a table.
     """
     body = body_of(profile)
     rest = tuple(profile.encoder.rest_rad.tolist())
@@ -150,8 +150,8 @@ def setup_of(profile: Profile, start: str) -> Setup:
         if not low <= angle <= high:
             raise UsageError(
                 f"The emulated rig cannot rest at {axis} {math.degrees(angle):g}°.",
-                cause=f"it lies on its table between {math.degrees(low):g}° and "
-                f"{math.degrees(high):g}°; the profile's {axis}_rest_deg says otherwise.",
+                cause=f"the profile's {axis}_rest_deg must lie between {math.degrees(low):g}° and "
+                f"{math.degrees(high):g}°.",
                 fix=f"correct encoder.{axis}_rest_deg in the profile",
             )
     return Setup(

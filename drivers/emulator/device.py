@@ -1,7 +1,7 @@
 """The emulated electronics: amplifier limit, enable line, watchdog, emergency stop.
 
-The watchdog counts the device's own time. When no command came for ``watchdog_s`` it latches:
-the output ramps to zero over `RAMP_S` and stays there until the device is armed again.
+The watchdog counts the device's own time. After ``watchdog_s`` without a command it latches: the
+output ramps to zero over `RAMP_S` and stays there until the device is armed again.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ FULL_CURRENT_A = 4.0
 
 
 class Device:
-    """What stands between the link and the plant."""
+    """The electronics between the link and the plant."""
 
     def __init__(
         self,
@@ -38,7 +38,7 @@ class Device:
         self.v_max = v_max
         self.watchdog_s = watchdog_s
         self.held = held
-        """True while a hand holds the rig: until the first command after arming"""
+        """True while the rig is held level: until the first command after arming"""
         self.sequence = 0
         self.enabled = self.latched = self.stopped = self.saturated = False
         self.fault = Flags(0)
@@ -46,68 +46,68 @@ class Device:
         self.cause = Cause.NONE
         """Why the output is held at zero"""
         self.v = (0.0, 0.0)
-        """V, what the amplifier puts out"""
-        self._asked = (0.0, 0.0)
+        """V, the amplifier's output"""
+        self._command = (0.0, 0.0)
         self._silent_s = 0.0
 
     def arm(self) -> None:
-        """Enable at zero volts and clear what was latched."""
+        """Enable at zero volts and clear all latches."""
         self.enabled, self.latched, self.stopped, self.saturated = True, False, False, False
         self.fault = Flags(0)
         self.cause = Cause.NONE
-        self.v = self._asked = (0.0, 0.0)
+        self.v = self._command = (0.0, 0.0)
         self._silent_s = 0.0
 
     def stop(self) -> None:
         """Zero volts now, until armed."""
         self.stopped, self.saturated = True, False
         self.cause = Cause.HOST_ESTOP
-        self.v = self._asked = (0.0, 0.0)
+        self.v = self._command = (0.0, 0.0)
 
     def disable(self) -> None:
         self.enabled, self.saturated = False, False
-        self.v = self._asked = (0.0, 0.0)
+        self.v = self._command = (0.0, 0.0)
 
     def command(self, sequence: int, v_front: float, v_back: float) -> None:
-        """Take a command: from now on these voltages (V), within the limit, if enabled."""
+        """Apply these voltages (V), clipped to the limit, if enabled."""
         self.sequence = sequence
         if not self.enabled or self.stopped or self.latched or self.fault:
             return
         if not (math.isfinite(v_front) and math.isfinite(v_back)):
-            self.stop()  # a NaN passes min and max as the limit
+            self.stop()  # min and max would turn a NaN into the limit
             return
         limit = self.v_max
         self.saturated = not (-limit <= v_front <= limit and -limit <= v_back <= limit)
         if self.saturated:
             v_front, v_back = max(-limit, min(limit, v_front)), max(-limit, min(limit, v_back))
-        self.v = self._asked = (v_front, v_back)
+        self.v = self._command = (v_front, v_back)
         self._silent_s = 0.0
         self.held = False
 
     def period(self) -> bool:
-        """One control period with the present output. False when its sample gets lost."""
+        """Run one control period with the present output. False when its sample is lost."""
         silent = self._silent_s > self.watchdog_s
         if silent and self.enabled and not self.stopped and not self.fault:
             self.latched, self.saturated = True, False
             self.cause = Cause.WATCHDOG
             left = max(0.0, 1 - (self._silent_s - self.watchdog_s) / RAMP_S)
-            self.v = (self._asked[0] * left, self._asked[1] * left)
+            self.v = (self._command[0] * left, self._command[1] * left)
         self._silent_s += self.plant.dt
         if self.held:
             return True
         arrived = self.plant.step(*self.v)
         if isinstance(self.plant, Breaking):
-            self._break(self.plant)
+            self._trip(self.plant)
         return arrived
 
-    def _break(self, plant: Breaking) -> None:
-        """What the amplifier stops for by itself: zero volts from this instant on."""
+    def _trip(self, plant: Breaking) -> None:
+        """Zero volts from now on where the amplifier stops for a fault of its own."""
         trip = plant.trip()
         if trip is None:
             return
         flag, self.cause = trip
         self.saturated = False
-        self.v = self._asked = (0.0, 0.0)
+        self.v = self._command = (0.0, 0.0)
         if flag == Flags.ESTOP:
             self.stopped = True
         else:
@@ -115,7 +115,7 @@ class Device:
 
     @property
     def current(self) -> tuple[float, float]:
-        """A, front and back: propeller load grows with the square of the speed."""
+        """A, front and back: a propeller's load grows with the square of its speed."""
         k = FULL_CURRENT_A / self.v_max**2
         return k * self.v[0] * abs(self.v[0]), k * self.v[1] * abs(self.v[1])
 

@@ -1,4 +1,4 @@
-"""The grammar of ``hide=``: ``name[.axis]:value[@value]``, several with commas or repeated.
+"""Parses ``hide=``: ``name[.axis]:value[@value]``, several separated by commas or repeated.
 
 ``hide=friction.coulomb.yaw:0.03,mass.change:0.05@20``
 """
@@ -15,10 +15,10 @@ from .effects import Effect, Hidden, catalogue
 
 
 def parse_hide(texts: Iterable[str]) -> tuple[Hidden, ...]:
-    """The effects that the values of ``hide=`` name.
+    """The effects in the values of ``hide=``, in the order in which they act.
 
     Raises UsageError for an unknown effect or axis (naming the nearest), a missing or superfluous
-    value, a value out of its range, and an effect given twice.
+    value, a value out of range, and an effect given twice.
     """
     hidden: list[Hidden] = []
     for text in texts:
@@ -27,7 +27,7 @@ def parse_hide(texts: Iterable[str]) -> tuple[Hidden, ...]:
             if any(h.effect is one.effect and h.axis == one.axis for h in hidden):
                 raise UsageError(
                     f"hide={part}: this effect is hidden twice.",
-                    cause="the same effect stands in hide= more than once.",
+                    cause="hide= names the same effect more than once.",
                     fix="give it once, with the sum of both values",
                 )
             hidden.append(one)
@@ -41,8 +41,8 @@ def _parse_one(text: str) -> Hidden:
         raise UsageError(
             "hide=geometry: the emulated rig cannot hide its geometry.",
             cause="it is always the full nonlinear rigid body; geometry is what the linear hover "
-            "model lacks on any flight.",
-            fix="leave it out; large steps show it: heli3dof run large",
+            "model lacks.",
+            fix="omit it; large steps show it: heli3dof run large",
         )
     effect, axis_name = known.get(name), ""
     if effect is None and "." in name:
@@ -52,7 +52,7 @@ def _parse_one(text: str) -> Hidden:
         raise UsageError(
             f"hide={text}: there is no effect {name!r}.",
             cause=f"a typing error; {did_you_mean(name, _names(known.values()))}",
-            fix="see docs/reference/mock.md for every effect with its unit and an example",
+            fix="docs/reference/mock.md lists every effect with its unit and an example",
         )
     return Hidden(effect, _axis(effect, axis_name, text), _values(effect, values, text))
 
@@ -72,9 +72,9 @@ def _axis(effect: Effect, name: str, text: str) -> int:
         return -1
     name = ALIASES.get(name, name)
     if name not in effect.axes:
-        what = f"there is no axis {name!r} for" if name else "an axis is missing after"
+        problem = f"there is no axis {name!r} for" if name else "an axis is missing after"
         raise UsageError(
-            f"hide={text}: {what} {effect.name}.",
+            f"hide={text}: {problem} {effect.name}.",
             cause=f"it acts on one axis; {did_you_mean(name, effect.axes)}",
             fix=f"hide={effect.example}",
         )
@@ -97,7 +97,7 @@ def _values(effect: Effect, text: str, whole: str) -> tuple[float, ...]:
             if parameter.default is None:
                 raise UsageError(
                     f"hide={whole}: the value of {label} is missing.",
-                    cause="every effect is given with its size, after a colon.",
+                    cause="every effect needs its size, after a colon.",
                     fix=f"hide={effect.example}",
                 )
             values.append(parameter.default)
@@ -116,7 +116,7 @@ def _values(effect: Effect, text: str, whole: str) -> tuple[float, ...]:
             raise UsageError(
                 f"hide={whole}: {label} = {value:g} lies outside "
                 f"{parameter.low:g} … {parameter.high:g}.",
-                cause="another unit, or a value that no rig of this size has.",
+                cause="another unit, or a value that is impossible for a rig of this size.",
                 fix=f"hide={effect.example}",
             )
         values.append(value)

@@ -1,14 +1,12 @@
 """The device's side of the link: protocol.md's state machine around the emulated rig.
 
-    IDLE ── ARM ──▶ ARMED ── silence > watchdog ──▶ LATCHED;   ESTOP, fault: STOPPED from anywhere
+    IDLE ── ARM ──▶ ARMED ── no command for the watchdog's time ──▶ LATCHED
+    every state ── ESTOP, fault ──▶ STOPPED
 
-    v(t) = V[last command], clipped          ARMED
-         = v·(1 − (t − t_expired)/ramp)      LATCHED, whole µV towards zero
-         = 0                                 else
-
-Time is whole microseconds on the device's clock, and comes from the caller: nothing here waits.
-The plant moves in whole control periods, counted from the arming; its voltage in a period is v's
-mean over it, so a command's delay is in the motion, too.
+`amplifier` gives the voltage in each state. Time is whole microseconds on the device's clock and
+comes from the caller: nothing here waits. The plant advances by whole control periods, counted from
+the arming. Its voltage in a period is the amplifier's mean over it, so the motion includes a
+command's delay.
 """
 
 from __future__ import annotations
@@ -16,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from cobs.cobs import DecodeError, decode
 
@@ -45,24 +44,26 @@ from ..link.frames import (
 from .amplifier import STOPPED, Amplifier
 from .device import Device
 from .faults import Breaking
-from .plant import Truth
+
+if TYPE_CHECKING:
+    from .plant import Truth
 
 SHORTEST_US = 500
 QUIET_US = 2_000_000
-"""µs without a whole frame from the host after which a stream ends"""
+"""µs without a valid frame from the host after which a stream ends"""
 NO_DELAY = 0xFFFF
 
 
 @dataclass(frozen=True, slots=True)
 class Unknown:
-    """A frame that is whole and right, of a type that no device knows."""
+    """A valid frame of an unknown type."""
 
     number: int
     kind: int
 
 
 class Endpoint:
-    """One device of protocol 1; bytes in, bytes out, on a clock that the caller keeps (µs)."""
+    """One device of protocol 1: bytes in, bytes out. The caller keeps the clock (µs)."""
 
     def __init__(
         self,
@@ -85,32 +86,32 @@ class Endpoint:
         self._frames = self._refused = self._late_us = 0
         self._now = 0
         self._period_us = 0
-        """of the stream; 0: there is none"""
+        """Period of the stream; 0: no stream"""
         self._armed_us = 0
         self._number = 0
-        """of the next sample: how many were made, those that got lost too"""
+        """Number of the next sample; lost samples count"""
         self._streamed = 0
-        """instants of the stream until now, those left out too"""
+        """Instants of the stream until now; skipped ones count"""
         self._sampled_us: int | None = None
         self._heard_us = 0
         self._arrived_us: int | None = None
-        """when the command that is echoed came; None: it was no command"""
+        """Arrival of the echoed command; None: the echo is an ARM's"""
         self._dt_us = device.plant.dt * 1e6
         self._grid_us, self._steps = 0, 0
         self._arrives = True
         self._jitter_us = 0
 
     def receive(self, now_us: int, data: bytes) -> bytes:
-        """What the host's bytes, read now, make the device say; with what was due until now."""
+        """The device's bytes in reply to the host's, after those that were due until now."""
         out = self.tick(now_us)
         for frame in self._splitter.feed(data):
             self._frames += 1
             self._heard_us = self._now
-            out += self._answer(frame)
+            out += self._reply(frame)
         return out
 
     def tick(self, now_us: int) -> bytes:
-        """What the device says of its own accord until now."""
+        """The bytes of the samples that are due until now."""
         out = b""
         while (due := self._next_sample_us()) is not None and due <= now_us:
             self._advance(due)
@@ -128,10 +129,10 @@ class Endpoint:
         return out
 
     def held_up(self, now_us: int) -> None:
-        """The device did nothing since it was last called: it wakes up now.
+        """The device did nothing since the last call and continues now.
 
-        Samples that were due a period ago or earlier are left out, never sent in a burst. Whoever
-        does not say so looks late at a device that was on time.
+        It skips the samples that were due a period ago or earlier, instead of sending a burst. A
+        caller that merely polls late does not call this: the device was on time.
         """
         due = self._next_sample_us()
         if due is None or now_us < due + self._period_us:
@@ -140,26 +141,26 @@ class Endpoint:
         self._streamed += (now_us - due) // self._period_us
 
     def next_us(self) -> int | None:
-        """When `tick` will have something to say; None: not of its own accord."""
+        """When the next sample of the stream is due; None: there is no stream."""
         return self._next_sample_us()
 
     def stop(self, now_us: int, cause: Cause = Cause.HOST_ESTOP, flag: int = STOPPED) -> bytes:
-        """A button, a fault (flag 2), a stall (4), a control request: zero volts now."""
+        """Zero volts now, for a button, a fault (flag 2), a stall (flag 4) or a control request."""
         out = self.tick(now_us)
         self._amplifier.stop(now_us, cause, flag)
         return out
 
     @property
     def amplifier(self) -> Amplifier:
-        """Its state and what it puts out, for doors and tests."""
+        """Its state and output, for transports and tests."""
         return self._amplifier
 
     @property
     def truth(self) -> Truth:
-        """The plant's true state, for tests and benches: no frame carries it."""
+        """The plant's true state, for tests and benches; no frame carries it."""
         return self._device.plant.truth
 
-    def _answer(self, frame: Frame | Unknown) -> bytes:
+    def _reply(self, frame: Frame | Unknown) -> bytes:
         amplifier, now = self._amplifier, self._now
         match frame:
             case CommandFrame():
@@ -192,7 +193,7 @@ class Endpoint:
             case _:
                 self._refused += 1
                 kind = frame.kind if isinstance(frame, Unknown) else frame.TYPE
-                if kind & 0x80:  # a device's own, come back: a line that echoes is not answered
+                if kind & 0x80:  # a device's frame: the line echoes, do not reply
                     return b""
                 return self._ack(frame.number, kind, Code.UNKNOWN_TYPE)
 
@@ -222,7 +223,7 @@ class Endpoint:
         return self._armed_us + (self._streamed + 1) * self._period_us
 
     def _advance(self, now_us: int) -> None:
-        """The plant's periods that end until now."""
+        """Run the plant's periods that end until now."""
         while (end := self._grid_us + round((self._steps + 1) * self._dt_us)) <= now_us:
             volts = self._amplifier.mean_V(end)
             self._steps += 1
@@ -276,7 +277,7 @@ class Endpoint:
         a = self._amplifier
         return wire(
             Report(
-                number, _u32(self._frames), _u32(self._splitter.damaged), _u32(self._refused),
+                number, _u32(self._frames), _u32(self._splitter.malformed), _u32(self._refused),
                 a.expiries, min(self._late_us, 0xFFFFFFFF), 0, _u32(self._now // 1000), a.flags,
                 a.cause, a.ticket,
             )
@@ -284,7 +285,7 @@ class Endpoint:
 
 
 class _Splitter(Splitter):
-    """A device tells an unknown type from damage: it answers it."""
+    """Also returns valid frames of unknown types, to which a device replies."""
 
     def frame(self, piece: bytes) -> Frame | Unknown | None:  # type: ignore[override]
         known = parse(piece)

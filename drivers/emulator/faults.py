@@ -1,7 +1,8 @@
-"""Drills: what breaks in the emulated rig, and when. ``fault=KIND[.AXIS]@SECONDS[:COUNTS]``
+"""Faults of the emulated rig, for drills: ``fault=KIND[.AXIS]@SECONDS[:COUNTS]``
 
-`KINDS` says what each does. Several with commas, or ``fault=`` again. Seconds are the device's own,
-and begin with its first period in motion. An amplifier's fault comes once: arming clears it.
+`KINDS` describes each. Several are separated by commas, or ``fault=`` is repeated. The seconds are
+on the device's clock, which starts with its first period in motion. A fault of the amplifier occurs
+once: arming clears it.
 """
 
 from __future__ import annotations
@@ -26,38 +27,38 @@ TRIPS = {
     "stall": (Flags.STALL, Cause.STALL),
     "button": (Flags.ESTOP, Cause.BUTTON),
 }
-"""What the amplifier stops for by itself: the flag and the cause that its samples then carry"""
+"""Faults at which the amplifier stops: the flag and cause that its samples then carry"""
 KINDS = {
-    "overcurrent": ("overcurrent@3", "The amplifier stops for it: zero volts, flag `FAULT`."),
-    "overtemperature": ("overtemperature@3", "The same, with another cause."),
+    "overcurrent": ("overcurrent@3", "The amplifier stops: zero volts, flag `FAULT`."),
+    "overtemperature": ("overtemperature@3", "The same with another cause."),
     "stall": ("stall@3", "A motor draws current and does not turn: zero volts, flag `STALL`."),
-    "button": ("button@3", "Somebody presses the rig's button: zero volts, flag `ESTOP`."),
-    "frozen": ("frozen.yaw@3", "An encoder's count stands still from then on."),
-    "jump": ("jump.pitch@3:200", "A count is 200 higher from then on, and nothing has moved."),
+    "button": ("button@3", "The rig's button is pressed: zero volts, flag `ESTOP`."),
+    "frozen": ("frozen.yaw@3", "An encoder's count no longer changes."),
+    "jump": ("jump.pitch@3:200", "A count is 200 higher from then on, without any motion."),
     "reversed": ("reversed.yaw@0", "An encoder counts the wrong way from then on."),
     "swapped": ("swapped@0", "The leads of the two motors are swapped."),
-    "dead": ("dead.front@3", "A motor (`front`, `back`) does not turn any more."),
+    "dead": ("dead.front@3", "A motor (`front`, `back`) no longer turns."),
     "inverted": ("inverted.back@0", "A motor turns the wrong way: its two wires are swapped."),
 }
+"""Kind → example and effect: the table in docs/reference/mock.md"""
 ON_MOTORS = ("dead", "inverted")
 """Kinds that name a motor instead of an axis"""
-"""Each with an example and what it does: the table in docs/reference/mock.md."""
 
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One thing that breaks."""
+    """One fault and its time."""
 
     kind: str
     at_s: float
     axis: int = -1
-    """or the motor, of a kind in `ON_MOTORS`"""
+    """Index of the axis, or of the motor for a kind in `ON_MOTORS`; −1: none"""
     counts: int = 0
-    """of a jump"""
+    """Size of a jump"""
 
 
 def parse_faults(texts: Iterable[str]) -> tuple[Fault, ...]:
-    """The faults that the values of ``fault=`` name, the earliest first.
+    """The faults in the values of ``fault=``, the earliest first.
 
     Raises UsageError for an unknown kind or axis (naming the nearest) and for a bad number.
     """
@@ -66,8 +67,8 @@ def parse_faults(texts: Iterable[str]) -> tuple[Fault, ...]:
 
 
 def _parse(text: str) -> Fault:
-    what, at, rest = text.partition("@")
-    kind, _, axis = what.partition(".")
+    name, at, rest = text.partition("@")
+    kind, _, axis = name.partition(".")
     if kind not in KINDS:
         raise UsageError(
             f"fault={text}: there is no fault {kind!r}.",
@@ -79,25 +80,21 @@ def _parse(text: str) -> Fault:
     at_s, jump = _number(seconds), _number(counts)
     if not at or not 0 <= at_s <= 1e6:
         raise _unclear(text, f"{seconds!r} is not a time in s from 0 on", example)
-    if kind in TRIPS:
+    if kind in TRIPS or kind == "swapped":
         if axis or counts:
             raise _unclear(text, f"{kind} has a time and nothing else", example)
-        return Fault(kind, at_s)
-    if kind == "swapped":
-        if axis or counts:
-            raise _unclear(text, "swapped leads have a time and nothing else", example)
         return Fault(kind, at_s)
     named = MOTORS if kind in ON_MOTORS else AXES
     axis = ALIASES.get(axis, axis)
     if axis not in named:
-        what = "motor" if kind in ON_MOTORS else "axis"
-        raise _unclear(text, f"{axis!r} is no {what}; {did_you_mean(axis, named)}", example)
+        target = "motor" if kind in ON_MOTORS else "axis"
+        raise _unclear(text, f"{axis!r} is no {target}; {did_you_mean(axis, named)}", example)
     if kind != "jump":
         if counts:
             raise _unclear(text, f"{kind} has a time and no counts", example)
         return Fault(kind, at_s, named.index(axis))
     if not (jump and jump == int(jump) and abs(jump) <= 1e6):
-        raise _unclear(text, f"{counts!r} is no whole number of counts, and not 0", example)
+        raise _unclear(text, f"{counts!r} is not a whole number of counts other than 0", example)
     return Fault(kind, at_s, AXES.index(axis), int(jump))
 
 
@@ -109,24 +106,24 @@ def _number(text: str) -> float:
     return value if math.isfinite(value) else math.inf
 
 
-def _unclear(text: str, why: str, example: str) -> UsageError:
+def _unclear(text: str, problem: str, example: str) -> UsageError:
     return UsageError(
-        f"fault={text}: {why}.", cause="a typing error or another unit.", fix=f"fault={example}"
+        f"fault={text}: {problem}.", cause="a typing error or another unit.", fix=f"fault={example}"
     )
 
 
 class Breaking:
-    """A plant whose encoders or motors fail; in all else the `Plant` that it stands for."""
+    """A plant whose encoders or motors fail, and that is otherwise the given `Plant`."""
 
     def __init__(self, plant: Plant, faults: tuple[Fault, ...]) -> None:
         self._plant = plant
         self._faults = faults
         self._stuck: dict[int, int] = {}
-        self._turned: dict[int, int] = {}
-        """Axis → the count at which its encoder began to count the wrong way"""
+        self._reversed: dict[int, int] = {}
+        """Axis → the count at which its encoder reversed"""
         self.dt = plant.dt
         self.trips = [f for f in faults if f.kind in TRIPS]
-        """Still to come"""
+        """Trips that have not occurred yet"""
 
     def step(self, v_front: float, v_back: float) -> bool:
         """See `Plant.step`."""
@@ -136,11 +133,11 @@ class Breaking:
             if fault.kind == "frozen" and fault.at_s <= self._plant.t:
                 self._stuck.setdefault(fault.axis, before[fault.axis])
             elif fault.kind == "reversed" and fault.at_s <= self._plant.t:
-                self._turned.setdefault(fault.axis, before[fault.axis])
+                self._reversed.setdefault(fault.axis, before[fault.axis])
         return arrived
 
     def _at_the_motors(self, v_front: float, v_back: float) -> tuple[float, float]:
-        """V that act, of those that the amplifier puts out."""
+        """V at the motors for this output of the amplifier."""
         volts = [v_front, v_back]
         for fault in self._faults:
             if fault.at_s <= self._plant.t:
@@ -151,7 +148,7 @@ class Breaking:
         return volts[0], volts[1]
 
     def trip(self) -> tuple[Flags, Cause] | None:
-        """What the amplifier has to stop for now; told once."""
+        """Flag and cause of a trip that is due; returned once."""
         if not self.trips or self.trips[0].at_s > self._plant.t:
             return None
         return TRIPS[self.trips.pop(0).kind]
@@ -162,7 +159,7 @@ class Breaking:
         for fault in self._faults:
             if fault.kind == "jump" and fault.at_s <= self._plant.t:
                 counts[fault.axis] += fault.counts
-        for axis, at in self._turned.items():
+        for axis, at in self._reversed.items():
             counts[axis] = 2 * at - counts[axis]
         for axis, stuck in self._stuck.items():
             counts[axis] = stuck

@@ -3,11 +3,11 @@
 Each substep of length h: the voltages at the motors; the rotors' first-order lag, solved exactly;
 the rigid body by classical Runge–Kutta of fourth order; then dry friction and stops as impulses.
 
-Dry friction is set-valued: its torque is whatever holds the axis still, up to its limit. So after
-the smooth step each dry axis gets the impulse λ_i that stops it, clipped to ±τ_i h, and each axis
-at a stop the one-sided impulse that ends its outward motion (inelastic), iterated over the axes
-because M couples them (projected Gauss–Seidel). A friction torque constant over the substep also
-moves the angles by ½ h M⁻¹λ; with that correction an axis that sticks does not creep.
+Dry friction is set-valued: at rest its torque holds the axis, up to its limit. So after the smooth
+step each dry axis gets the impulse λ_i that stops it, clipped to ±τ_i h, and each axis at a stop
+the one-sided impulse that ends its outward motion (inelastic). The impulses are iterated over the
+axes because M couples them (projected Gauss–Seidel). A friction torque constant over the substep
+also moves the angles by ½ h M⁻¹λ; with that correction an axis that sticks does not creep.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def _counts(state, t, body, first, address, par, mem):  # type: ignore[no-untype
 
 
 def _sources() -> str:
-    """A digest of the sources that go in: numba's cache does not see changes in what is called."""
+    """A digest of the sources: numba's cache does not detect changes in called functions."""
     h = hashlib.sha256()
     for name in ("kernel.py", "lagrange.py", "plant_layout.py"):
         h.update(Path(__file__).with_name(name).read_bytes())
@@ -144,7 +144,7 @@ def _compile(digest: str) -> tuple[Any, Any]:
         """
         _ = digest
         h = dt / substeps
-        # One allocation, many views: this runs for every control period.
+        # One allocation with many views: this runs in every control period.
         work = np.zeros(CONTEXT_SIZE + BODY_SIZE + 40)
         s, rest = work[:CONTEXT_SIZE], work[CONTEXT_SIZE + BODY_SIZE :]
         body = work[CONTEXT_SIZE : CONTEXT_SIZE + BODY_SIZE]

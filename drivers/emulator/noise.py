@@ -1,12 +1,12 @@
-"""Process noise: random torques on each axis, from the air and the rotors.
+"""Process noise: a random torque on each axis, from the air and the rotors.
 
 An Ornstein–Uhlenbeck torque per axis, τ_c ẇ = −w + √(2 τ_c) σ ξ(t), drawn exactly at the control
-period and held through it: w[k+1] = a w[k] + σ √(1 − a²) N(0, 1), a = exp(−dt/τ_c). So its
+period and held over it: w[k+1] = a w[k] + σ √(1 − a²) N(0, 1), a = exp(−dt/τ_c). So its
 standard deviation is σ and its correlation time τ_c at any control rate.
 
-Where σ comes from: flown by the contract's controller from level, the true plant without noise
-replays the angles of a noisy flight with this fit, 100 (1 − ‖y − ŷ‖/‖y − mean y‖), in percent
-for roll / pitch / yaw, mean of seeds 1–6 (lowest and highest pitch), plan seed 1:
+Source of σ: with the default controller from level, the true plant without noise replays the
+angles of a noisy run with this fit, 100 (1 − ‖y − ŷ‖/‖y − mean y‖), in percent for roll / pitch /
+yaw, mean of seeds 1–6 (lowest and highest pitch), plan seed 1:
 
 ==============  ======================  ===============
 plan            fit                     pitch
@@ -16,9 +16,9 @@ plan            fit                     pitch
 ``large``       99.5 / 96.6 / 99.6      96.1 … 97.1
 ==============  ======================  ===============
 
-so no model can fit a flight's pitch much better in closed-loop replay, whatever its making. Of
-the pitch error's variance about 70 % comes by way of yaw, whose controller acts through pitch.
-Below 16 Hz the noise is white for the eye, of density σ √(2 τ_c) / J: 0.0054, 0.0136 and
+So no model can fit a run's pitch much better in closed-loop replay. About 70 % of the pitch error's
+variance comes through yaw, whose controller acts through pitch. Below 16 Hz the noise is almost
+white, of density σ √(2 τ_c) / J: 0.0054, 0.0136 and
 0.0022 rad/s² per √Hz (two-sided) on the paper's rig.
 """
 
@@ -30,20 +30,20 @@ import numpy as np
 from numba import njit
 
 SIGMA_NM = (0.035, 0.0035, 0.015)
-"""N·m, standard deviation on roll, pitch, yaw at ``noise=1``"""
+"""N·m, standard deviation on roll, pitch and yaw at ``noise=1``"""
 CORRELATION_S = 0.01
 BLOCK = 512
 
 
 class TorqueNoise:
-    """A seeded stream of (3,) torques in N·m, one a control period."""
+    """A seeded stream of (3,) torques in N·m, one for each control period."""
 
     def __init__(self, rng: np.random.Generator, dt: float, scale: float) -> None:
         self._rng = rng
         self._a = math.exp(-dt / CORRELATION_S)
         self._sigma = scale * np.array(SIGMA_NM)
         self._w = self._sigma * rng.standard_normal(3)
-        # Now, not in the first period of a flight: a first use compiles.
+        # Fill now: the first call compiles, which must not happen while the motors turn.
         self._fill()
 
     def draw(self) -> np.ndarray:
@@ -62,7 +62,7 @@ class TorqueNoise:
 
 @njit(cache=True)
 def _correlate(w: np.ndarray, a: float, drive: np.ndarray) -> np.ndarray:
-    """The next torques, one row a period; ``w`` (3,) becomes the one after them."""
+    """The next torques, one row for each period; ``w`` (3,) becomes the one after them."""
     block = np.empty_like(drive)
     for k in range(len(drive)):
         for i in range(3):

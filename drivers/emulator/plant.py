@@ -1,8 +1,8 @@
 """The plant: body, effects, noise and encoders, one control period at a time.
 
-Everything random comes from one seed, in separate streams (spread, noise, timing), so that
-switching one on leaves the others as they were. The integrator runs well below the control
-period: at least `MIN_SUBSTEPS` substeps of at most `MAX_SUBSTEP_S`.
+All random numbers come from one seed in separate streams (spread, noise, timing): switching one on
+does not change the others. The integrator takes at least `MIN_SUBSTEPS` substeps of at most
+`MAX_SUBSTEP_S` for each control period.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from .noise import TorqueNoise
 MIN_SUBSTEPS = 4
 MAX_SUBSTEP_S = 0.5e-3
 LARGEST_JITTER = 0.4
-"""of a period: samples keep their order"""
+"""Of a period: below 0.5, so that samples keep their order"""
 
 log = logging.getLogger("heli3dof.mock")
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What no real rig tells. For tests and benches of this package: it does not pass the port."""
+    """The true state, for tests and benches; the rig interface does not carry it."""
 
     t: float
     """s on the device's clock, which starts with its first period in motion"""
@@ -64,7 +64,7 @@ class Plant:
         streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
         if spread:
             setup = replace(setup, body=spread_body(setup.body, spread, streams[0]))
-        # Descending: what comes last on a signal's path is undone first.
+        # Descending order: the last effect on a signal's path is undone first.
         for h in reversed(hidden):
             if h.effect.setup is not None:
                 setup = h.effect.setup(setup, h.axis, h.values)
@@ -90,10 +90,10 @@ class Plant:
         self.counts: tuple[int, int, int] = measure(
             self._state, 0.0, self._body, self._first, self._address, self._par, self._mem
         )
-        """what the encoders have counted since power-up: roll, pitch, yaw"""
+        """The encoders' counts since power-up: roll, pitch, yaw"""
 
     def step(self, v_front: float, v_back: float) -> bool:
-        """One control period under these voltages (V). False when its sample gets lost."""
+        """Run one control period under these voltages (V). False when its sample is lost."""
         self._w = self._noise.draw()
         self.periods += 1
         end = self.periods * self.dt
@@ -125,7 +125,7 @@ class Plant:
 
 
 def _attach(hidden: tuple[Hidden, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Stage bounds, addresses, parameters and memories of the effects, by stage."""
+    """Index bounds of each stage, then addresses, parameters and memories of the effects."""
     calls = [(stage, h) for stage in at.Stage for h in hidden if stage in h.effect.kernels]
     rows = max(1, len(calls))
     par = np.zeros((rows, at.PARAMETER_SIZE))
@@ -141,9 +141,11 @@ def _attach(hidden: tuple[Hidden, ...]) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def _compiled() -> tuple[Any, Any]:
-    """The compiled plant. The first use on a machine compiles it, which takes seconds: say so."""
+    """The compiled plant. Where compiling takes longer than a second, a warning says so."""
     timer = threading.Timer(
-        1.0, log.warning, ("Compiling the emulated rig; this happens once and takes a while …",)
+        1.0,
+        log.warning,
+        ("Compiling the emulated rig; this happens once and takes some seconds …",),
     )
     timer.daemon = True
     timer.start()

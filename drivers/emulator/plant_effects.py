@@ -1,8 +1,8 @@
-"""Calling effects from the compiled plant: each effect is a small compiled function.
+"""The compiled functions of the effects, which the compiled plant calls by address.
 
 An effect's function has the signature ``(s, body, par, mem, out) → None`` over float64 arrays
-(`plant_layout` names their places). The plant knows it only by its address, so a new effect
-compiles alone and the plant never has to be compiled again.
+(`plant_layout` names their indices). The plant knows only its address, so a new effect is compiled
+without compiling the plant again.
 """
 
 from __future__ import annotations
@@ -12,11 +12,13 @@ from typing import Any
 
 import numpy as np
 
-Function = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
+Row = np.ndarray
+"""(n,) float64, C-contiguous"""
+Function = Callable[[Row, Row, Row, Row, Row], None]
 
 
 class Kernel:
-    """A decorated effect function; compiled (and cached on disk) when first asked for."""
+    """A decorated effect function; compiled, and cached on disk, at first use."""
 
     def __init__(self, function: Function) -> None:
         self.function = function
@@ -24,7 +26,7 @@ class Kernel:
 
     @property
     def address(self) -> int:
-        """Where the machine code stands in this process."""
+        """Address of the machine code in this process."""
         if self._compiled is None:
             import numba
 

@@ -1,6 +1,6 @@
-"""Names for the places in the arrays that the compiled plant and the effects share.
+"""Indices of the arrays that the compiled plant and the effects share.
 
-Compiled effects are cached on disk with these numbers baked in: append, never renumber.
+Compiled effects on disk contain these numbers: append, never renumber.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ MEMORY_SIZE = 1024
 
 
 class Stage(enum.IntEnum):
-    """Where in a substep an effect is called, and what its `out` holds then."""
+    """Where in a substep an effect is called, and the content of its ``out``."""
 
     BODY = 0
     """once a substep; `out` is the body's numbers, to be changed in place"""

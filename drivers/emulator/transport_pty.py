@@ -1,8 +1,8 @@
 """``python -m heli3dof_drivers.emulator.transport_pty --device 'mock:?hide=…&seed=…'``
 
-The emulated rig behind a pseudo-terminal, in real time, in a process of its own that can be
-killed, stopped and started as a rig can. The terminal's path is the first line on stdout;
-``heli3dof … --device serial://PATH`` opens it.
+The emulated rig at a pseudo-terminal, in real time, in a process of its own that can be killed and
+restarted like a rig. The first line on stdout is the terminal's path, which
+``heli3dof … --device serial://PATH`` opens.
 """
 
 from __future__ import annotations
@@ -15,35 +15,33 @@ from .transport import emulated, serve
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="The emulated rig behind a pseudo-terminal.")
-    parser.add_argument("--device", default="mock:", help="which rig; see docs/reference/mock.md")
+    parser = argparse.ArgumentParser(description="The emulated rig at a pseudo-terminal.")
     parser.add_argument(
-        "--with-parent", action="store_true", help="end when the process that started this ends"
+        "--device", default="mock:", help="URL of the emulated rig; see docs/reference/mock.md"
     )
-    parser.add_argument(
-        "--delay-ms", type=float, default=0.0, help="every byte takes so long, each way"
-    )
+    parser.add_argument("--with-parent", action="store_true", help="end with the parent process")
+    parser.add_argument("--delay-ms", type=float, default=0.0, help="delay of every byte, each way")
     options = parser.parse_args()
     endpoint = emulated(options.device)
-    host_side, path = _terminal()
+    descriptor, path = _terminal()
     print(path, flush=True)
     parent = os.getppid()
     serve(
         endpoint,
-        host_side,
+        descriptor,
         lambda: not options.with_parent or os.getppid() == parent,
         delay_us=round(1e3 * options.delay_ms),
     )
 
 
 def _terminal() -> tuple[int, str]:
-    """A raw pseudo-terminal: our end, and the other's path.
+    """A raw pseudo-terminal: the rig's descriptor and the path of the host's end.
 
-    The other end stays open here too: a rig does not go away when its host does.
+    The host's end stays open here too, so that the rig outlives its host.
     """
-    ours, theirs = os.openpty()
-    tty.setraw(theirs)
-    return ours, os.ttyname(theirs)
+    rig_end, host_end = os.openpty()
+    tty.setraw(host_end)
+    return rig_end, os.ttyname(host_end)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
-"""The emulated rig behind pyusb, without libusb and without a bus: a backend of pyusb's own kind.
+"""An emulated USB bus: a backend for pyusb, without libusb and without hardware.
 
-What may befall a rig is in `KINDS`: ``bus=KIND@SECONDS[:FOR_SECONDS]``, as often as it does.
-Two openings of one bus are to each other what two processes are: an interface is claimed once.
+`KINDS` lists the faults of the bus: ``bus=KIND@SECONDS[:FOR_SECONDS]``, repeated as needed. Two
+openings of one bus act as two processes: an interface can be claimed once.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ import usb.core
 
 from heli3dof.errors import UsageError, did_you_mean
 
-from .usb_function import CONFIGURATION, DEVICE, IN, OUT, Setup, UsbFunction
+from .usb_function import CONFIGURATION, DEVICE, IN, OUT, UsbFunction
 
 KINDS = {
-    "unplug": ("unplug@3:1", "The cable comes out, and is back a second later, or never."),
-    "stall_in": ("stall_in@3", "The pipe to the host halts; with a time: again when cleared."),
-    "stall_out": ("stall_out@3:1", "The pipe to the rig does."),
-    "silent": ("silent@3:0.1", "No transfer on the pipes ends meanwhile."),
-    "refused": ("refused@0", "This user may not open the rig."),
+    "unplug": ("unplug@3:1", "The cable is unplugged for 1 s; without a duration: for good."),
+    "stall_in": ("stall_in@3", "The pipe to the host halts; with a duration: again when cleared."),
+    "stall_out": ("stall_out@3:1", "The same, for the pipe to the rig."),
+    "silent": ("silent@3:0.1", "No transfer on the pipes completes for 0.1 s."),
+    "refused": ("refused@0", "This user has no permission to open the rig."),
 }
-"""Each with an example and what it does: the table in docs/reference/mock.md"""
+"""Kind → example and effect: the table in docs/reference/mock.md"""
 _DEVICE = (
     "bLength bDescriptorType bcdUSB bDeviceClass bDeviceSubClass bDeviceProtocol bMaxPacketSize0 "
     "idVendor idProduct bcdDevice iManufacturer iProduct iSerialNumber bNumConfigurations"
@@ -49,7 +49,7 @@ _ENDPOINT = "bLength bDescriptorType bEndpointAddress bmAttributes wMaxPacketSiz
 
 @dataclass(frozen=True, slots=True)
 class BusFault:
-    """What befalls a rig ``at_s`` after its bus began, for ``for_s`` (None: for good, or once)."""
+    """A fault ``at_s`` after the bus began, for ``for_s`` seconds (None: for good, or once)."""
 
     kind: str
     at_s: float = 0.0
@@ -57,7 +57,7 @@ class BusFault:
 
     @staticmethod
     def of(text: str) -> BusFault:
-        """Raises UsageError for what is no fault.
+        """The fault in an option's text. Raises UsageError.
 
         >>> BusFault.of("silent@1:0.5")
         BusFault(kind='silent', at_s=1.0, for_s=0.5)
@@ -70,16 +70,16 @@ class BusFault:
             numbers = [-1.0]
         if kind not in KINDS or len(numbers) > 2 or not all(0 <= n < 1e6 for n in numbers):
             raise UsageError(
-                f"bus={text} is nothing that befalls a USB rig.",
-                cause=f"it is KIND@SECONDS or KIND@SECONDS:FOR; {did_you_mean(kind, KINDS)}",
+                f"bus={text} is not a fault of a USB bus.",
+                cause=f"a fault is KIND@SECONDS or KIND@SECONDS:FOR; {did_you_mean(kind, KINDS)}",
                 fix="bus=unplug@2",
             )
         return BusFault(kind, *numbers)
 
 
 @dataclass(eq=False)
-class Rig:
-    """A device on the bus with the faults that await it."""
+class RigOnBus:
+    """A device on the bus with its faults to come."""
 
     function: UsbFunction
     faults: Sequence[BusFault] = ()
@@ -87,12 +87,12 @@ class Rig:
     refused: bool = False
     claimed_by: Any = None
     plugs: int = 0
-    """How often it was put back: who opened it before holds nothing"""
+    """How often it was plugged in again: handles from before are invalid"""
 
 
 @dataclass(eq=False)
 class Handle:
-    rig: Rig
+    rig: RigOnBus
     plugs: int
 
 
@@ -100,38 +100,37 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def locked(method: F) -> F:
-    """One thread at a time; those that wait for something let others in."""
+    """Let one thread at a time in; a thread that waits releases the lock."""
 
     @functools.wraps(method)
-    def alone(self: EmulatedBus, *args: Any, **named: Any) -> Any:
+    def method_with_lock(self: EmulatedBus, *args: Any, **named: Any) -> Any:
         with self._lock:
             return method(self, *args, **named)
 
-    return alone  # type: ignore[return-value]
+    return method_with_lock  # type: ignore[return-value]
 
 
 class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
-    """pyusb's backend: emulated rigs and nothing else."""
+    """A pyusb backend that has emulated rigs only."""
 
-    def __init__(self, rigs: Iterable[Rig], clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, rigs: Iterable[RigOnBus], clock: Callable[[], float] = time.monotonic
+    ) -> None:
         super().__init__()
         self.rigs = list(rigs)
-        self.transfers = 0
         self._clock = clock
         self._began = clock()
-        # The host reads in one thread and writes in another; a reader waits for what a write does.
+        # The host reads in one thread and writes in another; a write may end a read.
         self._lock = threading.Condition(threading.RLock())
 
-    # What the user, or fate, does
-
     @locked
-    def unplug(self, rig: Rig) -> None:
+    def unplug(self, rig: RigOnBus) -> None:
         if rig.plugged:
             rig.plugged, rig.claimed_by = False, None
             rig.function.lost(self.now_us())
 
     @locked
-    def plug(self, rig: Rig) -> None:
+    def plug(self, rig: RigOnBus) -> None:
         if not rig.plugged:
             rig.plugged = True
             rig.plugs += 1
@@ -141,8 +140,8 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
         """The devices' clock."""
         return int((self._clock() - self._began) * 1e6)
 
-    def _befall(self) -> None:
-        """The faults whose time has come, and those whose time is over."""
+    def _apply_faults(self) -> None:
+        """Begin the faults whose time has come and end those whose time is over."""
         t = self._clock() - self._began
         for rig in self.rigs:
             waiting = []
@@ -157,7 +156,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
                     self._end(rig, fault)
             rig.faults = waiting
 
-    def _begin(self, rig: Rig, fault: BusFault) -> None:
+    def _begin(self, rig: RigOnBus, fault: BusFault) -> None:
         function, pipe = rig.function, IN if fault.kind == "stall_in" else OUT
         match fault.kind:
             case "unplug":
@@ -169,10 +168,10 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
             case _:
                 (function.halted if fault.for_s is None else function.stuck).add(pipe)
 
-    def _end(self, rig: Rig, fault: BusFault) -> None:
+    def _end(self, rig: RigOnBus, fault: BusFault) -> None:
         match fault.kind:
             case "unplug":
-                self.unplug(rig)  # nobody may have looked while it was out
+                self.unplug(rig)  # no call may have come while it was out
                 self.plug(rig)
             case "silent":
                 rig.function.silent = False
@@ -181,42 +180,42 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
             case _:
                 rig.function.stuck.discard(IN if fault.kind == "stall_in" else OUT)
 
-    # What pyusb asks for
+    # The methods of a pyusb backend
 
     @locked
-    def enumerate_devices(self) -> list[Rig]:
-        self._befall()
+    def enumerate_devices(self) -> list[RigOnBus]:
+        self._apply_faults()
         return [r for r in self.rigs if r.plugged]
 
-    def get_parent(self, dev: Rig) -> None:
+    def get_parent(self, dev: RigOnBus) -> None:
         return None
 
-    def get_device_descriptor(self, dev: Rig) -> SimpleNamespace:
+    def get_device_descriptor(self, dev: RigOnBus) -> SimpleNamespace:
         address = self.rigs.index(dev) + 1
         place = {"bus": 0, "address": address, "port_number": address, "port_numbers": (address,)}
         return _named(_DEVICE, "<BBHBBBBHHHBBBB", DEVICE, speed=3, **place)
 
-    def get_configuration_descriptor(self, dev: Rig, config: int) -> SimpleNamespace:
+    def get_configuration_descriptor(self, dev: RigOnBus, config: int) -> SimpleNamespace:
         if config:
             raise IndexError(f"there is no configuration {config}")
         return _named(_CONFIGURATION, "<BBHBBBBB", CONFIGURATION)
 
     def get_interface_descriptor(
-        self, dev: Rig, intf: int, alt: int, config: int
+        self, dev: RigOnBus, intf: int, alt: int, config: int
     ) -> SimpleNamespace:
         if intf or alt or config:
             raise IndexError(f"there is no interface {intf}.{alt}")
         return _named(_INTERFACE, "<9B", CONFIGURATION[9:])
 
     def get_endpoint_descriptor(
-        self, dev: Rig, ep: int, intf: int, alt: int, config: int
+        self, dev: RigOnBus, ep: int, intf: int, alt: int, config: int
     ) -> SimpleNamespace:
         extra = {"bRefresh": 0, "bSynchAddress": 0}
         return _named(_ENDPOINT, "<BBBBHB", CONFIGURATION[18 + 7 * ep :], **extra)
 
     @locked
-    def open_device(self, dev: Rig) -> Handle:
-        self._befall()
+    def open_device(self, dev: RigOnBus) -> Handle:
+        self._apply_faults()
         if not dev.plugged:
             _fail(errno.ENODEV)
         if dev.refused:
@@ -241,20 +240,16 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
     def is_kernel_driver_active(self, dev_handle: Handle, intf: int) -> bool:
         return False
 
+    @locked
     def set_configuration(self, dev_handle: Handle, config_value: int) -> None:
-        self.ctrl_transfer(dev_handle, 0x00, 9, config_value, 0, array("B"), 100)
+        self._reach(dev_handle).function.configure(self.now_us(), config_value)
 
     def get_configuration(self, dev_handle: Handle) -> int:
         return self._reach(dev_handle).function.configuration
 
-    def clear_halt(self, dev_handle: Handle, ep: int) -> None:
-        self.ctrl_transfer(dev_handle, 0x02, 1, 0, ep, array("B"), 100)
-
     @locked
-    def reset_device(self, dev_handle: Handle) -> None:
-        function = self._reach(dev_handle).function
-        function.lost(self.now_us())
-        function.configuration = 1
+    def clear_halt(self, dev_handle: Handle, ep: int) -> None:
+        self._reach(dev_handle).function.halted.discard(ep)
 
     @locked
     def ctrl_transfer(
@@ -262,12 +257,12 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
         data: Any, timeout: int,
     ) -> int:  # fmt: skip
         function = self._reach(dev_handle).function
-        setup = Setup(bmRequestType, bRequest, wValue, wIndex, len(data))
-        answer = function.setup(self.now_us(), setup)
-        if answer is None:
+        reply = function.control(self.now_us(), bmRequestType, bRequest, wValue)
+        if reply is None:
             _fail(errno.EPIPE)
-        data[: len(answer)] = array("B", answer)
-        return len(answer)
+        reply = reply[: len(data)]
+        data[: len(reply)] = array("B", reply)
+        return len(reply)
 
     @locked
     def bulk_write(self, dev_handle: Handle, ep: int, intf: int, data: Any, timeout: int) -> int:
@@ -295,9 +290,8 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
                 _fail(errno.EPIPE)
             self._wait(function, deadline)
 
-    def _reach(self, handle: Handle) -> Rig:
-        self._befall()
-        self.transfers += 1
+    def _reach(self, handle: Handle) -> RigOnBus:
+        self._apply_faults()
         if not handle.rig.plugged or handle.plugs != handle.rig.plugs:
             _fail(errno.ENODEV)
         return handle.rig
@@ -309,11 +303,11 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
         return rig.function
 
     def _wait(self, function: UsbFunction, deadline: float) -> None:
-        """Until something may have changed; raise at the deadline."""
+        """Wait until something may have changed; raise at the deadline."""
         now = self._clock()
         if now >= deadline:
             raise usb.core.USBTimeoutError("Operation timed out", errno=errno.ETIMEDOUT)
-        due = function.next_us()
+        due = function.endpoint.next_us()
         soon = now + 0.01 if due is None or function.silent else self._began + due / 1e6
         self._lock.wait(min(deadline, max(soon, now + 20e-6), now + 0.01) - now)
 

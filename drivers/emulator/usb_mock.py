@@ -1,71 +1,64 @@
-"""``usb+mock:?hide=…&seed=…`` — the rig of ``mock:`` on a USB of its own, without libusb.
+"""``usb+mock:?hide=…&seed=…`` — the rig of ``mock:`` on an emulated USB bus, without libusb.
 
 It takes every option of ``mock:`` but ``speed`` (a bus is real time), those of ``usb:``, and
-``bus=KIND@SECONDS[:FOR_SECONDS]`` for what befalls the bus; see `door_usb`.
+``bus=KIND@SECONDS[:FOR_SECONDS]`` for faults of the bus; see `transport_usb`.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from ..mock import OPTIONS as MOCK_OPTIONS
-from ..mock import Options, device_of
-from ..usb_bulk.driver import OPTIONS as USB_OPTIONS
-from ..usb_bulk.driver import open_on
-
 if TYPE_CHECKING:
-    from heli3dof.rig.interface import Check
-    from heli3dof.rig.interface import Rig as PortRig
+    from heli3dof.rig.interface import Check, Rig
     from heli3dof.rig.profile import Profile
     from heli3dof.rig.url import DeviceUrl
 
-    from .transport_usb import Rig
-
-OF_THE_RIG = tuple(name for name in MOCK_OPTIONS if name != "speed")
+    from ..options import RigOptions
+    from .transport_usb import RigOnBus
 
 
 class UsbMockDriver:
     """Opens emulated rigs through pyusb."""
 
     scheme = "usb+mock"
-    private_to_process = True
-    """See `heli3dof.rig.interface.PrivateToProcess`."""
-    options: Sequence[str] = tuple(dict.fromkeys((*OF_THE_RIG, *USB_OPTIONS, "bus")))
+    options: Sequence[str] = (
+        "profile", "hide", "seed", "noise", "start", "spread", "rate_hz", "watchdog_s", "fault",
+        "stream", "signs", "timeout_s", "bus",
+    )  # fmt: skip
+    """The fields of `UsbMockOptions`, which a stop must not load: pydantic is slow to import"""
+    private = True
+    """Every opening makes a rig of its own: see `heli3dof.rig.drivers.is_private`."""
 
     def find(self) -> Sequence[str]:
-        """None: what is emulated is there only for whoever asks for it."""
+        """None: an emulated bus exists only while a process has it open."""
         return []
 
-    def open(self, url: DeviceUrl, profile: Profile) -> PortRig:
+    def open(self, url: DeviceUrl, profile: Profile) -> Rig:
         """A bus with the one rig that the URL describes. Raises UsageError for a bad option."""
+        from ..mock import own_profile
+        from ..options import UsbMockOptions
+        from ..usb_bulk.driver import open_on
         from .transport_usb import EmulatedBus
 
-        url.check_options(self.options)
-        kept = {name: values for name, values in url.options.items() if name in OF_THE_RIG}
-        options = Options.of(dataclasses.replace(url, options=kept))
-        emulated = profile
-        if options.profile is not None:
-            from heli3dof.rig.profile import load_profile
-
-            emulated = load_profile(options.profile)
-        bus = EmulatedBus([rig_of(emulated, options, url.options.get("bus", ()))])
-        return open_on(bus, url, profile, where="")
+        options = UsbMockOptions.of(url)
+        rig = rig_on_bus(own_profile(options, profile), options, options.bus)
+        return open_on(EmulatedBus([rig]), url, profile, options, where="")
 
     def estop(self, url: DeviceUrl) -> str:
-        """There is no rig outside the process that emulates it."""
-        return "an emulated rig lives in the process that flies it: nothing else holds one"
+        """Does nothing: an emulated rig exists only in the process that opened it."""
+        return "an emulated rig exists only in the process that runs it: nothing else to stop"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
         return ()
 
 
-def rig_of(profile: Profile, options: Options, befalls: tuple[str, ...] = ()) -> Rig:
+def rig_on_bus(profile: Profile, options: RigOptions, faults: tuple[str, ...] = ()) -> RigOnBus:
     """One rig to be put on a bus."""
+    from ..mock import device_of
     from .endpoint import Endpoint
-    from .transport_usb import BusFault, Rig
+    from .transport_usb import BusFault, RigOnBus
     from .usb_function import UsbFunction
 
     e, serial = profile.encoder, f"mock-{options.seed}"
@@ -75,4 +68,4 @@ def rig_of(profile: Profile, options: Options, befalls: tuple[str, ...] = ()) ->
         serial=serial,
         boot=int.from_bytes(os.urandom(4), "little"),
     )
-    return Rig(UsbFunction(endpoint, serial), [BusFault.of(b) for b in befalls])
+    return RigOnBus(UsbFunction(endpoint, serial), [BusFault.of(text) for text in faults])

@@ -1,1 +1,1 @@
-"""The heli3dof link: what both sides of a serial line or a USB pipe say. See protocol.md."""
+"""The host's side of the link, over a serial line or USB; docs/reference/protocol.md."""

@@ -1,7 +1,7 @@
-"""A `Transport` straight over a file descriptor: a tty, a pseudo-terminal, a socket.
+"""A `Transport` over a file descriptor: a tty, a pseudo-terminal, a socket.
 
-Read as soon as the system says that bytes are there: a round trip costs a third of what it does
-through pyserial's own ``read``.
+It reads as soon as the system reports bytes: a round trip takes a third of the time that it takes
+through pyserial's ``read``.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from collections.abc import Callable
 from heli3dof.errors import DeviceError
 
 WRITE_S = 0.1
-"""s that a port may refuse to take a frame"""
+"""s for which a port may refuse to accept a frame"""
 CHUNK = 4096
 
 
 class DescriptorLine:
-    """An open descriptor, non-blocking from here on; ``release`` closes it."""
+    """An open descriptor, made non-blocking; ``release`` closes it."""
 
     def __init__(self, fd: int, name: str, release: Callable[[], None]) -> None:
         os.set_blocking(fd, False)
@@ -32,7 +32,7 @@ class DescriptorLine:
         return self._name
 
     def write(self, data: bytes) -> None:
-        """All of ``data``. Raises DeviceError when the port takes no more, or is gone."""
+        """Send all of ``data``. Raises DeviceError when the port is full or gone."""
         until = time.monotonic() + WRITE_S
         while data:
             try:
@@ -46,7 +46,7 @@ class DescriptorLine:
                 raise gone(self._name, problem) from problem
 
     def read(self, timeout_s: float) -> bytes:
-        """What is there; see `Transport.read`."""
+        """The bytes that have arrived; see `Transport.read`."""
         fd = self._open_fd()
         try:
             if not select.select([fd], [], [], timeout_s)[0]:
@@ -61,7 +61,7 @@ class DescriptorLine:
         return data
 
     def flush_input(self) -> None:
-        """Forget what has arrived."""
+        """Discard the bytes that have arrived."""
         for _ in range(64):
             if not self.read(0.0):
                 return
@@ -73,18 +73,18 @@ class DescriptorLine:
         try:
             release()
         except Exception:
-            return  # it is gone: nothing is left to be released
+            return  # the line is gone: nothing to release
 
     def _hung_up(self) -> bool:
-        """What it means that bytes were there and none could be read.
+        """True where a readable line without bytes has ended.
 
-        A terminal says so of its own: there, another process that stops the rig may have been
-        quicker. Elsewhere it is the end.
+        On a terminal, poll reports a hang-up; without it another process, such as heli3dof estop,
+        has read the bytes first. On any other descriptor it is the end.
         """
         if not os.isatty(self._fd):
             return True
         poll = select.poll()
-        poll.register(self._fd, 0)  # hang-up and error are always told
+        poll.register(self._fd, 0)  # hang-up and error are always reported
         return bool(poll.poll(0))
 
     def _open_fd(self) -> int:
@@ -94,18 +94,18 @@ class DescriptorLine:
 
 
 def gone(name: str, problem: Exception | None) -> DeviceError:
-    """The line is no longer there."""
+    """The line was unplugged."""
     return DeviceError(
         f"{name} is gone{f' ({problem})' if problem else ''}.",
         cause="the cable is out, or the device has lost its supply; its own watchdog takes the "
         "motors to zero.",
-        fix="plug it in again, then heli3dof devices",
+        fix="plug it in again; heli3dof devices lists it",
     )
 
 
 def _full(name: str) -> DeviceError:
     return DeviceError(
-        f"{name} takes no more bytes.",
-        cause="the device does not read what it is sent: it hangs, or flow control holds the line.",
+        f"{name} accepts no more bytes.",
+        cause="the device does not read: it hangs, or flow control holds the line.",
         fix="switch the device off and on; heli3dof doctor",
     )

@@ -1,4 +1,4 @@
-"""What can go wrong with a rig on the link, each with its cause and what to do."""
+"""The errors of a rig on the link, each with its cause and what to do."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .frames import Cause, Code
 def gone_silent(name: str) -> DeviceError:
     return DeviceError(
         f"{name}: the rig has gone silent.",
-        cause="the cable is out, or the device has lost its supply; its own watchdog has taken "
+        cause="the cable is out, or the device has lost its supply; its own watchdog has ramped "
         "the motors to zero.",
         fix="check cable and supply, then heli3dof doctor",
     )
@@ -20,72 +20,50 @@ def restarted(name: str) -> DeviceError:
     return DeviceError(
         f"{name}: the device has restarted.",
         cause="its supply dipped or its firmware crashed; the motors are at zero, and its encoder "
-        "counts began at zero where the rig stood then.",
+        "counts restarted from zero at the position of that moment.",
         fix="let the rig rest, then heli3dof zero, then start again",
     )
 
 
 def not_ours(name: str) -> DeviceError:
     return DeviceError(
-        f"{name}: the device is there, and is no longer armed by this program.",
-        cause="another program speaks with it.",
+        f"{name}: this program no longer controls the device.",
+        cause="another program has armed or disarmed it.",
         fix="end the other program; heli3dof doctor names it",
     )
 
 
-def not_stopped(name: str, tries: int, *, beside: bool = False) -> DeviceError:
-    """``beside``: another program held the line meanwhile."""
+def not_stopped(name: str, tries: int, *, shared: bool = False) -> DeviceError:
+    """``shared``: another program held the line meanwhile."""
     return DeviceError(
         f"{name}: the emergency stop was sent {tries} times and not acknowledged.",
-        cause="the line is broken, or the program that holds the port has read the answer."
-        if beside
+        cause="the line is broken, or the program that holds the port has read the reply."
+        if shared
         else "the line is broken; the device's own watchdog stops it.",
         fix="press the amplifier's button; then heli3dof doctor",
     )
 
 
-def not_a_voltage(sequence: int, v_front: float, v_back: float) -> DeviceError:
-    return DeviceError(
-        f"The command {sequence} is not a voltage: {v_front}, {v_back}.",
-        cause="the controller's output is not finite; the motors were stopped.",
-        fix="check the gains and references of this flight",
-    )
-
-
-def not_armed(name: str) -> DeviceError:
-    return DeviceError(
-        f"{name} is not armed.", cause="exchange() was called before arm().", fix="arm() first"
-    )
-
-
-def closed(name: str) -> DeviceError:
-    return DeviceError(
-        f"{name} is closed.",
-        cause="close() was called before this.",
-        fix="open it again with heli3dof.open_rig",
-    )
-
-
 def not_arming(name: str, code: int, cause: int, period_us: int, watchdog_us: int) -> DeviceError:
-    """Why an ARM was refused."""
+    """The device refused an ARM."""
     if code == Code.FAULT:
-        why = Cause(cause).name.lower() if cause in set(Cause) else f"number {cause}"
+        reason = Cause(cause).name.lower() if cause in set(Cause) else f"number {cause}"
         return DeviceError(
-            f"{name}: the device does not arm: its amplifier reports a fault ({why}).",
+            f"{name}: the device does not arm: its amplifier reports a fault ({reason}).",
             cause="overload, heat, a stalled motor or a pressed button.",
-            fix="release the button, let it cool, switch the amplifier off and on",
+            fix="release the button, let the amplifier cool, switch it off and on",
         )
     if code == Code.BAD_PARAMETER:
         return DeviceError(
             f"{name}: the device refuses a period of {period_us} µs with a watchdog of "
             f"{watchdog_us} µs.",
-            cause="a watchdog must last two periods at least and one second at most.",
-            fix="another watchdog_s in the device URL, or another loop.rate_hz",
+            cause="a watchdog must last at least two periods and at most one second.",
+            fix="change watchdog_s in the device URL, or loop.rate_hz in the profile",
         )
     if code in set(Code):
         return not_ours(name)
     return DeviceError(
-        f"{name}: the device refuses to arm with code {code}, which the protocol does not have.",
+        f"{name}: the device refuses to arm with code {code}, which the protocol does not define.",
         cause="its firmware is newer than this heli3dof, or wrong.",
         fix="pip install --upgrade heli3dof; compare the firmware with docs/reference/protocol.md",
     )

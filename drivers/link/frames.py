@@ -1,11 +1,11 @@
-"""The frames of protocol 1, byte by byte; docs/reference/protocol.md says what they mean.
+"""The frames of protocol 1, byte by byte; docs/reference/protocol.md defines their meaning.
 
     frame   = COBS(header body check) 0x00
     header  = version u8, type u8, number u32
-    check   = crc16(header body), crc16(header body backwards)
+    check   = crc16(header body), crc16(header body in reverse order)
 
-All integers are little-endian, every type has one length. Voltages are whole microvolts, currents
-whole milliamperes, times whole microseconds: no frame can hold a number that is not one.
+All integers are little-endian; every type has one length. Voltages are whole microvolts, currents
+whole milliamperes, times whole microseconds, so no frame can hold a NaN.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ VERSION: Final = 1
 NOT_MEASURED: Final = -0x8000
 """A current that the device does not measure."""
 LONGEST: Final = 128
-"""Bytes between two delimiters; what is longer is no frame."""
+"""Bytes between two delimiters at most; longer pieces are malformed"""
 _HEADER = Struct("<BBI")
 
 
 class Type(enum.IntEnum):
-    """Bit 7: from the device."""
+    """Bit 7 marks frames from the device."""
 
     HELLO = 0x01
     ARM = 0x02
@@ -44,7 +44,7 @@ class Type(enum.IntEnum):
 
 
 class Code(enum.IntEnum):
-    """What an ACK says."""
+    """The result in an ACK."""
 
     OK = 0
     ALREADY_ARMED = 1
@@ -72,34 +72,34 @@ class Cause(enum.IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """Who is there? Answered in every state by an `IdentityFrame`."""
+    """Request the identity. The reply, in every state, is an `IdentityFrame`."""
 
     TYPE: ClassVar = Type.HELLO
     BODY: ClassVar = Struct("<BB")
     number: int
     oldest: int = VERSION
     newest: int = VERSION
-    """Protocol versions that the host speaks"""
+    """Protocol versions that the host supports"""
 
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """Enable at zero volts. Answered by an `Ack`, then by sample 0."""
+    """Enable at zero volts. The reply is an `Ack`, then sample 0."""
 
     TYPE: ClassVar = Type.ARM
     BODY: ClassVar = Struct("<III")
     number: int
     ticket: int
-    """The device's present one: a repeated or delayed ARM arms nothing"""
+    """The device's current one, so that a repeated or delayed ARM has no effect"""
     period_us: int
-    """0: a sample for each POLL; else a sample every so many microseconds"""
+    """µs from sample to sample of the stream; 0: no stream, a sample for each POLL"""
     watchdog_us: int
-    """0: the device's own"""
+    """µs; 0: the device's own"""
 
 
 @dataclass(frozen=True, slots=True)
 class CommandFrame:
-    """Voltages, from now until the next command. ``number`` rises with every one."""
+    """Voltages until the next command. ``number`` increases with every command."""
 
     TYPE: ClassVar = Type.COMMAND
     BODY: ClassVar = Struct("<ii")
@@ -110,7 +110,7 @@ class CommandFrame:
 
 @dataclass(frozen=True, slots=True)
 class Poll:
-    """A sample now, in every state."""
+    """Request a sample now, in every state."""
 
     TYPE: ClassVar = Type.POLL
     BODY: ClassVar = Struct("")
@@ -119,7 +119,7 @@ class Poll:
 
 @dataclass(frozen=True, slots=True)
 class Disarm:
-    """Zero volts, amplifier disabled. Answered by an `Ack`."""
+    """Zero volts, amplifier disabled. The reply is an `Ack`."""
 
     TYPE: ClassVar = Type.DISARM
     BODY: ClassVar = Struct("")
@@ -128,7 +128,7 @@ class Disarm:
 
 @dataclass(frozen=True, slots=True)
 class Estop:
-    """Zero volts now, in every state, whatever the number. Answered by an `Ack`."""
+    """Zero volts now, in every state and whatever the number. The reply is an `Ack`."""
 
     TYPE: ClassVar = Type.ESTOP
     BODY: ClassVar = Struct("<B")
@@ -138,7 +138,7 @@ class Estop:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """How has the link been? Answered by a `Report`."""
+    """Request the device's counters. The reply is a `Report`."""
 
     TYPE: ClassVar = Type.STATUS
     BODY: ClassVar = Struct("")
@@ -147,18 +147,18 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class IdentityFrame:
-    """Who answers. ``number`` is the question's."""
+    """The device's identity. ``number`` is the request's."""
 
     TYPE: ClassVar = Type.IDENTITY
     BODY: ClassVar = Struct("<BBIIiiiIIII16s16s16s")
     number: int
     version: int
-    """The protocol that this device speaks with this host"""
+    """The protocol version that the device uses with this host"""
     flags: int
     boot: int
-    """Differs after every start of the device: the counts began at zero then"""
+    """Changes with every start of the device, where the counts restart from zero"""
     ticket: int
-    """What the next ARM must carry"""
+    """The ticket that the next ARM must carry"""
     counts_roll: int
     counts_pitch: int
     counts_yaw: int
@@ -167,7 +167,7 @@ class IdentityFrame:
     watchdog_us: int
     ramp_us: int
     shortest_us: int
-    """The shortest period of its stream"""
+    """µs, the shortest period of its stream"""
     model: bytes
     serial: bytes
     firmware: bytes
@@ -176,7 +176,7 @@ class IdentityFrame:
 
 @dataclass(frozen=True, slots=True)
 class Ack:
-    """What became of a request; ``number`` is the request's."""
+    """The result of a request; ``number`` is the request's."""
 
     TYPE: ClassVar = Type.ACK
     BODY: ClassVar = Struct("<BBBBI")
@@ -197,43 +197,43 @@ class SampleFrame:
     BODY: ClassVar = Struct("<IIiiiiihhHBB")
     number: int
     echo: int
-    """The number of the last command carried out"""
+    """The number of the last command applied"""
     time_us: int
-    """The device's clock, modulo 2³²"""
+    """The device's clock modulo 2³²"""
     roll: int
     pitch: int
     yaw: int
     """Counts since the device started"""
     front_uV: int
     back_uV: int
-    """What was put out until now"""
+    """The output until now"""
     front_mA: int
     back_mA: int
     delay_us: int
-    """From the sample before to the arrival of the command that is echoed; 65535: longer"""
+    """From the previous sample to the arrival of the echoed command; 65535: longer"""
     flags: int
     cause: int
 
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """The link as the device saw it since it started."""
+    """The device's counters since it started."""
 
     TYPE: ClassVar = Type.REPORT
     BODY: ClassVar = Struct("<IIIIIIIBBI")
     number: int
     frames: int
-    """Whole and right"""
-    damaged: int
-    """COBS, length or check wrong"""
+    """Valid frames received"""
+    malformed: int
+    """Received with wrong COBS, length or check"""
     refused: int
-    """Right, but of no use: stale or repeated commands, unknown types"""
+    """Valid but without effect: stale or repeated commands, unknown types"""
     expiries: int
     """Of the watchdog"""
     late_us: int
-    """The longest that a sample of the stream was late"""
+    """The greatest lateness of a sample of the stream"""
     encoder_errors: int
-    """Impossible steps of A and B"""
+    """Invalid transitions of A and B"""
     uptime_ms: int
     flags: int
     cause: int
@@ -264,16 +264,16 @@ def payload(frame: Frame) -> bytes:
 
 
 def wire(frame: Frame) -> bytes:
-    """What goes down the line, delimiter included; an ESTOP begins with one too, so that it is
-    read whatever was torn before it."""
+    """The bytes on the line with the delimiter. An ESTOP also begins with one, so that a torn frame
+    before it does not spoil it."""
     out: bytes = encode(payload(frame)) + b"\0"
     return b"\0" + out if frame.TYPE == Type.ESTOP else out
 
 
 def parse(stuffed: bytes) -> Frame | None:
-    """The frame between two delimiters; None for anything that is not exactly one.
+    """The frame between two delimiters, or None.
 
-    A HELLO is one whatever the version in its header: it asks which versions there are.
+    A HELLO is valid whatever the version in its header: it is the request for the versions.
     """
     try:
         data = decode(stuffed)
@@ -288,24 +288,24 @@ def parse(stuffed: bytes) -> Frame | None:
 
 
 def command(number: int, front_uV: int, back_uV: int) -> bytes:
-    """``wire(CommandFrame(…))``, for the loop: one pack, one check, one stuffing."""
+    """``wire(CommandFrame(…))``, faster, for the loop."""
     data = pack("<BBIii", VERSION, Type.COMMAND, number, front_uV, back_uV)
     out: bytes = encode(data + check(data)) + b"\0"
     return out
 
 
 class Splitter:
-    """Bytes in as they come, frames out: whatever is between two delimiters and is right."""
+    """Splits received bytes at the delimiters and returns the valid frames."""
 
     def __init__(self) -> None:
         self._rest = b""
-        self.damaged = 0
-        """Pieces that were no frame"""
+        self.malformed = 0
+        """Pieces that were not a valid frame"""
 
     def feed(self, data: bytes) -> list[Frame]:
         """The frames that these bytes complete, in order."""
         *whole, rest = (self._rest + data).split(b"\0")
-        if len(rest) > LONGEST:  # no frame is as long; its end is not waited for in memory
+        if len(rest) > LONGEST:  # too long for a frame: do not collect it
             rest = rest[: LONGEST + 1]
         self._rest = rest
         out = []
@@ -314,11 +314,11 @@ class Splitter:
                 continue
             frame = self.frame(piece) if len(piece) <= LONGEST else None
             if frame is None:
-                self.damaged += 1
+                self.malformed += 1
             else:
                 out.append(frame)
         return out
 
     def frame(self, piece: bytes) -> Frame | None:
-        """What a piece is taken for; a device that answers unknown types has its own."""
+        """The frame in a piece, or None. The emulated device overrides this for unknown types."""
         return parse(piece)

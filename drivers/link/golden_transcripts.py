@@ -1,10 +1,10 @@
-"""Golden transcripts: what a device of protocol 1 answers, microsecond by microsecond.
+"""Golden transcripts: the replies of a device of protocol 1, microsecond by microsecond.
 
-Each line is (time in µs on the device's clock, who speaks, frame or bytes). The golden device has
-just started at 0, its encoders stand, its currents are not measured, and its ticket counts up from
-1. Every device that is told these bytes at these times answers these bytes, in this order. A line
-of the clock's is an instant until which the device was held up: it did nothing since the line
-before.
+Each line has a time in µs on the device's clock, a sender, and a frame or bytes. The golden device
+has just started at 0, its encoders do not move, it measures no current, and its ticket counts up
+from 1. Every device that receives the host's bytes at these times replies with the device's bytes,
+in this order. A line of the clock is an instant until which the device was held up: it did nothing
+since the previous line.
 """
 
 from __future__ import annotations
@@ -46,24 +46,24 @@ V5 = 5_000_000
 
 @dataclass(frozen=True)
 class Line:
-    """One turn."""
+    """What one side sends at one time."""
 
     time_us: int
-    speaker: Literal["host", "device", "clock"]
-    said: Frame | bytes
+    sender: Literal["host", "device", "clock"]
+    content: Frame | bytes
     note: str = ""
 
     @property
     def bytes(self) -> bytes:
-        return self.said if isinstance(self.said, bytes) else wire(self.said)
+        return self.content if isinstance(self.content, bytes) else wire(self.content)
 
 
-def host(time_us: int, said: Frame | bytes, note: str = "") -> Line:
-    return Line(time_us, "host", said, note)
+def host(time_us: int, content: Frame | bytes, note: str = "") -> Line:
+    return Line(time_us, "host", content, note)
 
 
-def device(time_us: int, said: Frame, note: str = "") -> Line:
-    return Line(time_us, "device", said, note)
+def device(time_us: int, content: Frame, note: str = "") -> Line:
+    return Line(time_us, "device", content, note)
 
 
 def held_up(time_us: int, note: str) -> Line:
@@ -92,18 +92,18 @@ def volts(number: int, uV: int) -> CommandFrame:
 HELLO = (
     host(100, Hello(7)),
     device(100, replace(GOLDEN, number=7)),
-    host(200, Poll(8), "a reading without arming"),
+    host(200, Poll(8), "a sample without arming"),
     device(200, sample(0, 0, 200, 0, 0)),
-    host(300, volts(1, V5), "not armed: refused without an answer"),
+    host(300, volts(1, V5), "not armed: refused without a reply"),
     host(400, Status(9)),
     device(400, Report(9, 4, 0, 1, 0, 0, 0, 0, 0, 0, 1)),
-    host(500, Hello(10, 2, 3), "versions that this device does not speak"),
+    host(500, Hello(10, 2, 3), "versions that this device does not support"),
     device(500, Ack(10, Type.HELLO, Code.VERSION, 0, 0, 1)),
     host(600, of_version(2, Hello(11, 1, 2)), "a HELLO in a header of version 2"),
     device(600, replace(GOLDEN, number=11)),
-    host(700, of_version(2, Hello(12, 2, 2)), "from a host that speaks version 2 only"),
+    host(700, of_version(2, Hello(12, 2, 2)), "from a host that supports version 2 only"),
     device(700, Ack(12, Type.HELLO, Code.VERSION, 0, 0, 1)),
-    host(800, of_version(2, Poll(13)), "any other frame of version 2 is none"),
+    host(800, of_version(2, Poll(13)), "any other frame of version 2 is ignored"),
 )
 _FLYING = (
     host(1000, Arm(0, 1, 2000, 0)),
@@ -122,11 +122,11 @@ STREAM = (
     device(5400, Ack(0, Type.ESTOP, Code.OK, ESTOP, Cause.HOST_ESTOP, 3)),
     host(5500, volts(4, V5), "stopped: refused"),
     device(7000, sample(3, 3, 7000, 0, ESTOP, Cause.HOST_ESTOP)),
-    host(7100, Arm(0, 1, 2000, 0), "the first ARM once more: its ticket is stale"),
+    host(7100, Arm(0, 1, 2000, 0), "the first ARM repeated: its ticket is stale"),
     device(7100, Ack(0, Type.ARM, Code.STALE_TICKET, ESTOP, Cause.HOST_ESTOP, 3)),
     host(7200, Disarm(11), "ends the stream; the stop stays until armed"),
     device(7200, Ack(11, Type.DISARM, Code.OK, ESTOP, Cause.HOST_ESTOP, 4)),
-    host(9500, Arm(20, 4, 0, 0), "armed anew, without a stream"),
+    host(9500, Arm(20, 4, 0, 0), "armed again, without a stream"),
     device(9500, Ack(20, Type.ARM, Code.OK, ENABLED, 0, 5)),
     device(9500, sample(0, 20, 9500, 0, ENABLED)),
     host(9600, Arm(21, 5, 0, 0)),
@@ -137,7 +137,7 @@ WATCHDOG = (
     device(1000, Ack(0, Type.ARM, Code.OK, ENABLED, 0, 2)),
     device(1000, sample(0, 0, 1000, 0, ENABLED)),
     host(2000, volts(1, V5)),
-    host(52_000, Poll(2), "50 ms of silence are not longer than 50 ms"),
+    host(52_000, Poll(2), "50 ms without a command do not exceed 50 ms"),
     device(52_000, sample(1, 1, 52_000, V5, ENABLED, delay_us=1000)),
     host(152_000, Poll(3), "expired at 52 ms, and half-way down the ramp of 200 ms"),
     device(152_000, sample(2, 1, 152_000, V5 // 2, LATCHED, Cause.WATCHDOG)),
@@ -157,12 +157,14 @@ _WRONG = bytearray(wire(Poll(13)))
 _WRONG[4] ^= 0x10
 NOISE = (
     host(100, b"\x00\x00\x7f\xff\x13\x00", "noise between delimiters"),
-    host(200, _CUT + wire(Poll(13)), "a cut frame swallows the one behind it"),
+    host(200, _CUT + wire(Poll(13)), "a torn frame takes the next one with it"),
     host(300, wire(Poll(14))),
     device(300, sample(0, 0, 300, 0, 0)),
     host(400, bytes(_WRONG), "one wrong bit"),
     host(500, _CUT),
-    host(600, Estop(15), "an ESTOP begins with a delimiter, and is read after anything"),
+    host(
+        600, Estop(15), "an ESTOP begins with a delimiter, so a torn frame before it does no harm"
+    ),
     device(600, Ack(15, Type.ESTOP, Code.OK, ESTOP, Cause.HOST_ESTOP, 2)),
     host(700, Status(16)),
     device(700, Report(16, 3, 4, 0, 0, 0, 0, 0, ESTOP, Cause.HOST_ESTOP, 2)),
@@ -170,7 +172,7 @@ NOISE = (
 LATE = (
     *_FLYING,
     host(3400, volts(2, V5)),
-    held_up(9000, "samples of 5000 and 7000 are left out, without numbers"),
+    held_up(9000, "samples of 5000 and 7000 are skipped, without numbers"),
     device(9000, sample(2, 2, 9000, V5, ENABLED, delay_us=400)),
     device(11000, sample(3, 2, 11000, V5, ENABLED), "on the old grid"),
     host(11_100, Status(3)),
@@ -184,15 +186,15 @@ TRANSCRIPTS = {
 
 
 def text(lines: tuple[Line, ...]) -> str:
-    """``time > hex`` what the host says, ``time < hex`` what the device answers, ``time !`` until
-    when it was held up, # a note."""
+    """``time > hex``: the host sends; ``time < hex``: the device replies; ``time !``: the device
+    was held up until then; ``#``: a note."""
     out = []
     for line in lines:
-        if line.speaker == "clock":
+        if line.sender == "clock":
             out.append(f"{line.time_us} !  # held up until now: {line.note}")
             continue
-        arrow = ">" if line.speaker == "host" else "<"
-        kind = "bytes" if isinstance(line.said, bytes) else line.said.TYPE.name
+        arrow = ">" if line.sender == "host" else "<"
+        kind = "bytes" if isinstance(line.content, bytes) else line.content.TYPE.name
         note = f"{kind}: {line.note}" if line.note else kind
         out.append(f"{line.time_us} {arrow} {line.bytes.hex()}  # {note}")
     return "\n".join(out)

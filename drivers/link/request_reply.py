@@ -1,7 +1,7 @@
-"""Questions and answers over a transport, with patience and a count of everything.
+"""Requests and replies over a transport, with timeouts, retries and counters.
 
-An answer carries its question's number, so a late answer to an earlier try is an answer too, and
-one to another question never is. Samples that arrive meanwhile are kept for whoever wants them.
+A reply carries its request's number: a late reply to an earlier attempt counts, a reply to another
+request never does. Samples that arrive meanwhile are queued.
 """
 
 from __future__ import annotations
@@ -16,43 +16,43 @@ from .link_statistics import LinkStatistics
 from .transport import Transport
 
 TRIES = 3
-PATIENCE_S = 0.2
-"""s for each try"""
-OVERHEARD = 256
-"""bytes of what came last, kept for a diagnosis"""
+REPLY_TIMEOUT_S = 0.2
+"""s for each attempt"""
+TAIL = 256
+"""Most recent bytes that are kept to describe an unknown device"""
 F = TypeVar("F")
 
 
-class Dialogue:
-    """One host's end of one line."""
+class RequestClient:
+    """The host's end of one line."""
 
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
         self.statistics = LinkStatistics()
         self.samples: deque[tuple[SampleFrame, float]] = deque(maxlen=4096)
-        """Samples not yet looked at, and when they came (host's monotonic clock, s)"""
-        self.overheard = b""
-        """The last bytes that came while a question was open"""
-        self.trip_s = 0.0
-        """s that the last question took to be answered"""
+        """Samples not yet processed, and when they arrived (host's monotonic clock, s)"""
+        self.tail = b""
+        """The last bytes received during the last request"""
+        self.round_trip_s = 0.0
+        """From the last request to its reply"""
         self._splitter = Splitter()
         self._number = 0
 
     def next_number(self) -> int:
-        """For questions; apart from the commands' numbers, which have an order."""
+        """A number for a request; commands have numbers of their own, in order."""
         self._number = (self._number + 1) & 0xFFFFFFFF
         return self._number
 
     def send(self, data: bytes) -> None:
-        """One frame's bytes."""
+        """Send the bytes of one frame."""
         self.transport.write(data)
         self.statistics.sent += 1
 
     def receive(self, timeout_s: float) -> list[Frame]:
-        """Other frames than samples, of the bytes that come next; samples go to ``samples``."""
-        return self._sorted(self.transport.read(timeout_s))
+        """Read once. Returns the frames that are not samples; samples go to ``samples``."""
+        return self._process(self.transport.read(timeout_s))
 
-    def _sorted(self, data: bytes) -> list[Frame]:
+    def _process(self, data: bytes) -> list[Frame]:
         if not data:
             return []
         now = time.monotonic()
@@ -64,46 +64,46 @@ class Dialogue:
             else:
                 others.append(frame)
         self.statistics.received += len(frames)
-        self.statistics.damaged = self._splitter.damaged
+        self.statistics.malformed = self._splitter.malformed
         return others
 
-    def ask(
+    def request(
         self,
-        question: Callable[[int], Frame],
-        answer: Callable[[Frame, set[int]], F | None],
+        make: Callable[[int], Frame],
+        match: Callable[[Frame, set[int]], F | None],
         *,
         tries: int = TRIES,
-        patience_s: float = PATIENCE_S,
+        timeout_s: float = REPLY_TIMEOUT_S,
     ) -> F | None:
-        """Ask until ``answer`` recognises one; None when nobody does.
+        """The reply to a request; None when none arrived in any attempt.
 
-        ``question`` makes the frame from a fresh number; ``answer`` is shown every frame, and the
-        numbers asked so far.
+        ``make`` returns the request frame for a number. ``match`` is called with each received
+        frame and the numbers of all attempts; it returns the reply, or None for another frame.
         """
         numbers: set[int] = set()
-        self.overheard = b""
+        self.tail = b""
         for attempt in range(tries):
             number = self.next_number()
             numbers.add(number)
-            self.statistics.repeats += attempt > 0
-            asked = time.monotonic()
-            self.send(wire(question(number)))
-            again = time.monotonic() + patience_s
-            while (left := again - time.monotonic()) > 0:
+            self.statistics.retries += attempt > 0
+            sent_s = time.monotonic()
+            self.send(wire(make(number)))
+            deadline = time.monotonic() + timeout_s
+            while (left := deadline - time.monotonic()) > 0:
                 data = self.transport.read(left)
-                self.overheard = (self.overheard + data)[-OVERHEARD:]
-                for frame in self._sorted(data):
-                    found = answer(frame, numbers)
-                    if found is not None:
-                        self.trip_s = time.monotonic() - asked
-                        self.statistics.round_trip.add(self.trip_s)
-                        return found
+                self.tail = (self.tail + data)[-TAIL:]
+                for frame in self._process(data):
+                    reply = match(frame, numbers)
+                    if reply is not None:
+                        self.round_trip_s = time.monotonic() - sent_s
+                        self.statistics.round_trip.add(self.round_trip_s)
+                        return reply
         return None
 
     def drain(self) -> None:
-        """Read whatever has come, without waiting."""
+        """Process the bytes that have arrived, without waiting."""
         for _ in range(64):
             data = self.transport.read(0.0)
             if not data:
                 return
-            self._sorted(data)
+            self._process(data)

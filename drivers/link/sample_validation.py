@@ -1,24 +1,24 @@
-"""Which samples are believed: an arming's own, newer than the last, echoing what was sent.
+"""Accepts the samples of the current arming that are newer than the last one and echo a command
+that was sent.
 
-A sample with number n and echo e is taken while a_n = number of the last one, c_0 = the ARM's
-number and c = the last command's
+A sample with number n and echo e is accepted where, with n_last and e_last those of the last
+accepted sample (e_last is at first the ARM's number) and c the last command's number,
 
-    0 < (n − a_n) mod 2³² < 2³¹    and    (e − e_last) mod 2³² ≤ (c − e_last) mod 2³²
+    0 < (n − n_last) mod 2³² < 2³¹    and    (e − e_last) mod 2³² ≤ (c − e_last) mod 2³²
 
-e_last (c_0 at first) being the last echo: an echo never goes back, and never ahead of what was
-sent. A repeated, overtaken or older arming's sample fails one of them. The device's clock, modulo
-2³² µs, and its 32-bit counts are unwrapped here.
+An echo never goes back, and never ahead of the last command. So a repeated or overtaken sample, or
+one of an older arming, fails one of the two. The device's clock (µs modulo 2³²) and its 32-bit
+counts are unwrapped here.
 
-    lost     += (n − a_n) − 1                     made, and did not come
-    left out += (i − i_last) − (n − a_n)          never made: the device was held up
+    lost           += (n − n_last) − 1                 taken, and never arrived
+    device_skipped += (i − i_last) − (n − n_last)      never taken: the device was held up
 
-i being the instant of the stream that the sample's time belongs to (`Instants`): by the device's
-own clock in the period that it was armed with, so exactly.
+i is the index of the stream's instant to which the sample's time belongs (`Instants`). It is exact:
+time and period are both of the device's clock.
 """
 
 from __future__ import annotations
 
-from array import array
 from math import nan
 
 from heli3dof.rig.interface import Flags, Sample
@@ -31,23 +31,22 @@ _MASK = 0xFFFFFFFF
 _HALF = 0x80000000
 _FLAGS = [Flags(value & 63) for value in range(256)]
 BUSY = 0.9999
-"""Of a period: by how much a device may take a sample too late; from one on, it leaves it out. Its
-clock and its period are whole µs, so that nothing lies between."""
+"""Of a period: the most by which a device may take a sample too late; from one period on it skips
+the sample. Clock and period are whole µs, so nothing lies between."""
 REMEMBERED = 1024
-"""Commands whose sequence is known by their number; at least a second's worth"""
+"""Commands whose sequence is kept by their number; at least one second's worth"""
 
 
-class Intake:
-    """Numbers commands, judges samples, and turns those it takes into the port's."""
+class SampleValidator:
+    """Numbers commands, and turns the frames of valid samples into `Sample`s."""
 
     def __init__(self, statistics: LinkStatistics) -> None:
         self._statistics = statistics
         self.number = 0
-        """of the last command, or of the ARM"""
+        """Number of the last command, or of the ARM"""
         self.cause = 0
-        """Of the last sample: why the device holds its output at zero"""
+        """Cause in the last sample: why the device holds its output at zero"""
         self._sequences = [0] * REMEMBERED
-        self._sent_s = array("d", bytes(8 * REMEMBERED))
         self._echo = 0
         self._echoed = 0
         """The caller's sequence of the last command that was echoed"""
@@ -59,8 +58,7 @@ class Intake:
         self._instants: Instants | None = None
 
     def arm(self, period_us: int = 0) -> int:
-        """A new arming, for a stream with this period (0: none): its number, greater than every
-        command's before."""
+        """The number of a new ARM, higher than every earlier command's. 0 µs: no stream."""
         self._period_s = period_us * 1e-6
         self._instants = None
         self.number = self._echo = (self.number + 1) & _MASK
@@ -68,15 +66,14 @@ class Intake:
         self._last = None
         return self.number
 
-    def command(self, sequence: int, now_s: float) -> int:
-        """The number under which the caller's command ``sequence`` is sent now (monotonic, s)."""
+    def command(self, sequence: int) -> int:
+        """The number of the frame that carries the caller's command ``sequence``."""
         self.number = number = (self.number + 1) & _MASK
         self._sequences[number % REMEMBERED] = sequence
-        self._sent_s[number % REMEMBERED] = now_s
         return number
 
-    def take(self, frame: SampleFrame, host_time_s: float) -> Sample | None:
-        """The port's sample, or None for one that cannot be."""
+    def accept(self, frame: SampleFrame, host_time_s: float) -> Sample | None:
+        """The sample in a frame, or None for one that is rejected."""
         statistics = self._statistics
         ahead = (frame.echo - self._echo) & _MASK
         step = 1 if self._last is None else (frame.number - self._last) & _MASK
@@ -86,23 +83,22 @@ class Intake:
         if ahead:
             self._echo = frame.echo
             self._echoed = self._sequences[frame.echo % REMEMBERED]
-            statistics.latency.add(host_time_s - self._sent_s[frame.echo % REMEMBERED])
             if frame.delay_us != 0xFFFF:
                 statistics.delay.add(frame.delay_us * 1e-6)
-        sample = self.sample(frame, host_time_s)
+        sample = self.convert(frame, host_time_s)
         statistics.lost += step - 1
         self._last = frame.number
         if self._instants is not None:
             skipped = self._instants.skipped(sample.device_time_s)
-            statistics.left_out += max(0, skipped - (step - 1))
+            statistics.device_skipped += max(0, skipped - (step - 1))
         elif self._period_s:
             self._instants = Instants(self._period_s, sample.device_time_s, busy=BUSY, creep=0)
         return sample
 
-    def sample(self, frame: SampleFrame, host_time_s: float) -> Sample:
-        """The port's sample of any frame, as ``read`` needs it of a rig that is not armed."""
+    def convert(self, frame: SampleFrame, host_time_s: float) -> Sample:
+        """The sample in a frame, without any check; for a rig that is not armed."""
         r, p, y = self._counts
-        # The signed 32-bit difference to the last count; the first one is near zero.
+        # Signed 32-bit differences from the last counts; the first counts are near zero.
         self._counts = counts = (
             r + ((frame.roll - r + _HALF) & _MASK) - _HALF,
             p + ((frame.pitch - p + _HALF) & _MASK) - _HALF,
@@ -126,13 +122,12 @@ class Intake:
         )
 
     @property
-    def heard(self) -> bool:
-        """True when the last command has been echoed."""
+    def last_command_echoed(self) -> bool:
         return self._echo == self.number
 
 
 def cause_name(cause: int) -> str | None:
-    """The protocol's name of a cause; None for none."""
+    """The protocol's name of a cause; None for cause 0."""
     if cause in set(Cause):
         return Cause(cause).name if cause else None
     return f"CAUSE_{cause}"

@@ -1,9 +1,9 @@
-"""How a rig on the link comes by its samples: out of the stream, or one for each POLL.
+"""Reads the samples of a rig on the link: from the stream, or one for each POLL.
 
-Of several that came together the newest counts; those before it, and those that had come before
-they were wanted, are passed over and counted. A POLL that stays without an answer is repeated
-after four times what the last one took; its answer may then come twice, and the second of the two
-was sampled before the next exchange's command: `_stale` counts how many such may still come.
+Of several samples that arrived together the newest is used; the others, and those that arrived
+before the host waited for one, are discarded as stale. A POLL without a reply is repeated after
+four times the last round trip. Its reply may then arrive twice, and the second one was sampled
+before the next exchange's command: `_extra_replies` counts how many may still arrive.
 """
 
 from __future__ import annotations
@@ -14,99 +14,99 @@ from typing import TYPE_CHECKING
 from heli3dof.rig.interface import Flags, Sample
 
 from .frames import Poll, wire
-from .request_reply import Dialogue
+from .request_reply import RequestClient
 
 if TYPE_CHECKING:
-    from .sample_validation import Intake
+    from .sample_validation import SampleValidator
 
 SILENCE_S = 0.5
-"""s without the sample that was due until the rig counts as gone; its watchdog is quicker"""
-SOONEST_AGAIN_S, LATEST_AGAIN_S = 5e-3, 0.1
-"""s until a POLL that stays without an answer is repeated in flight. On the ground nothing
-hurries, and the longest is waited for."""
+"""s without a sample after which the rig counts as gone; its watchdog is quicker"""
+SHORTEST_RETRY_S, LONGEST_RETRY_S = 5e-3, 0.1
+"""s until a POLL is repeated while armed; otherwise the longest"""
 
 
 class Sampling:
-    """The samples of one open rig. ``armed``: they are judged by echo and number."""
+    """The samples of one open rig. ``armed``: echo and number are checked."""
 
-    def __init__(self, dialogue: Dialogue, intake: Intake) -> None:
-        self._dialogue, self._intake = dialogue, intake
+    def __init__(self, client: RequestClient, validator: SampleValidator) -> None:
+        self._client, self._validator = client, validator
         self.armed = False
-        self._again_s = SOONEST_AGAIN_S
-        self._stale = 0
-        """answers that may still come to POLLs of the exchange before"""
+        self._retry_s = SHORTEST_RETRY_S
+        self._extra_replies = 0
 
     def next_of_stream(self) -> Sample | None:
-        """The device's next sample; None when none came for `SILENCE_S`."""
-        until = time.monotonic() + SILENCE_S
+        """The stream's next sample; None when none arrived for `SILENCE_S`."""
+        deadline = time.monotonic() + SILENCE_S
         while (sample := self._newest()) is None:
-            left = until - time.monotonic()
+            left = deadline - time.monotonic()
             if left <= 0:
                 return None
-            self._dialogue.receive(left)
-        self._dialogue.statistics.commands_unacknowledged += not self._intake.heard
+            self._client.receive(left)
+        statistics = self._client.statistics
+        statistics.commands_unacknowledged += not self._validator.last_command_echoed
         return sample
 
     def first(self) -> Sample | None:
-        """The sample that follows the ARM of a polled device; None when none came."""
-        until = time.monotonic() + SILENCE_S
-        while time.monotonic() < until:
+        """The sample that follows the ARM of a polled device; None when none arrived."""
+        deadline = time.monotonic() + SILENCE_S
+        while time.monotonic() < deadline:
             sample = self._newest()
             if sample is not None:
                 return sample
-            self._dialogue.receive(LATEST_AGAIN_S)
-            if not self._dialogue.samples:
+            self._client.receive(LONGEST_RETRY_S)
+            if not self._client.samples:
                 return self.poll()
         return None
 
     def poll(self) -> Sample | None:
-        """A sample now; None when none came for `SILENCE_S`."""
-        dialogue, statistics = self._dialogue, self._dialogue.statistics
-        self.pass_over()
-        first, sent = time.monotonic(), 0
-        again_s = self._again_s if self.armed else LATEST_AGAIN_S
-        while time.monotonic() < first + SILENCE_S:
-            dialogue.send(wire(Poll(dialogue.next_number())))
+        """A sample now; None when none arrived for `SILENCE_S`."""
+        client, statistics = self._client, self._client.statistics
+        self.discard_stale()
+        first_s, sent = time.monotonic(), 0
+        retry_s = self._retry_s if self.armed else LONGEST_RETRY_S
+        while time.monotonic() < first_s + SILENCE_S:
+            client.send(wire(Poll(client.next_number())))
             sent += 1
-            again = time.monotonic() + again_s  # from now on: a slow line is listened to, too
-            while (left := again - time.monotonic()) > 0:
-                dialogue.receive(left)
-                stale = self._stale
+            deadline = time.monotonic() + retry_s  # from now: writing to a slow line takes time
+            while (left := deadline - time.monotonic()) > 0:
+                client.receive(left)
+                extra = self._extra_replies
                 sample = self._newest()
                 if sample is None:
                     continue
-                if stale and sample.flags & Flags.ENABLED and not self._intake.heard:
-                    statistics.passed_over += 1  # else every exchange would be one behind
+                echoed = self._validator.last_command_echoed
+                if extra and sample.flags & Flags.ENABLED and not echoed:
+                    statistics.samples_stale += 1  # else every exchange would lag by one
                     continue
-                self._stale = sent - 1
-                trip_s = sample.host_time_s - first
-                statistics.round_trip.add(trip_s)
-                self.took(trip_s)
-                statistics.commands_unacknowledged += self.armed and not self._intake.heard
+                self._extra_replies = sent - 1
+                round_trip_s = sample.host_time_s - first_s
+                statistics.round_trip.add(round_trip_s)
+                self.set_round_trip(round_trip_s)
+                statistics.commands_unacknowledged += self.armed and not echoed
                 return sample
-            statistics.repeats += 1
+            statistics.retries += 1
         return None
 
-    def took(self, trip_s: float) -> None:
-        """What the last question took: the next POLL is repeated after four times that."""
-        self._again_s = min(max(4 * trip_s, SOONEST_AGAIN_S), LATEST_AGAIN_S)
+    def set_round_trip(self, round_trip_s: float) -> None:
+        """Set the retry time to four times the last round trip."""
+        self._retry_s = min(max(4 * round_trip_s, SHORTEST_RETRY_S), LONGEST_RETRY_S)
 
-    def pass_over(self) -> None:
-        """What was sampled before now is of no use."""
-        self._dialogue.drain()
+    def discard_stale(self) -> None:
+        """Discard the samples taken before now."""
+        self._client.drain()
         if self._newest() is not None:
-            self._dialogue.statistics.passed_over += 1
+            self._client.statistics.samples_stale += 1
 
     def _newest(self) -> Sample | None:
-        """The newest of the samples that have come and can be; the others are passed over."""
-        samples = self._dialogue.samples
-        take = self._intake.take if self.armed else self._intake.sample
+        """The newest valid sample that has arrived; the others are stale."""
+        samples = self._client.samples
+        take = self._validator.accept if self.armed else self._validator.convert
         newest: Sample | None = None
         while samples:
-            frame, came_s = samples.popleft()
-            sample = take(frame, came_s)
+            frame, arrived_s = samples.popleft()
+            sample = take(frame, arrived_s)
             if sample is not None:
-                self._stale = max(0, self._stale - 1)
-                self._dialogue.statistics.passed_over += newest is not None
+                self._extra_replies = max(0, self._extra_replies - 1)
+                self._client.statistics.samples_stale += newest is not None
                 newest = sample
         return newest

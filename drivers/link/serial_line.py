@@ -1,7 +1,7 @@
-"""Opening what pyserial opens as a `Transport`, and the errors of doing so.
+"""Opens a port or a pyserial URL as a `Transport`, and explains why one does not open.
 
-A port with a file descriptor is read straight from it, what else pyserial knows (``loop://``,
-``rfc2217://``, ``spy://``) through pyserial.
+A port with a file descriptor is read from the descriptor; other pyserial URLs (``loop://``,
+``rfc2217://``, ``spy://``) are read through pyserial.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import errno
 import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
+from urllib.parse import urlencode
 
 from heli3dof.errors import DeviceError, UsageError
 
@@ -19,14 +20,18 @@ from .serial_ports import held_by, permission_fix, usb_ports
 if TYPE_CHECKING:
     from serial import Serial
 
+    from heli3dof.rig.url import DeviceUrl
+
     from .transport import Transport
 
 BAUD = 921_600
+PASSED_ON = ("file", "all", "raw", "color", "logging", "timeout", "ign_set_control", "poll_modem")
+"""Options of pyserial's own URLs"""
 T = TypeVar("T")
 
 
 class PyserialLine:
-    """A port whose bytes pyserial itself must carry."""
+    """A port that is read through pyserial."""
 
     def __init__(self, port: Serial, name: str) -> None:
         self._port = port
@@ -41,7 +46,7 @@ class PyserialLine:
         self._called(lambda: self._port.write(data))
 
     def read(self, timeout_s: float) -> bytes:
-        """What is there; see `Transport.read`."""
+        """The bytes that have arrived; see `Transport.read`."""
 
         def read() -> bytes:
             port = self._port
@@ -53,14 +58,14 @@ class PyserialLine:
         return self._called(read)
 
     def flush_input(self) -> None:
-        """Forget what has arrived."""
+        """Discard the bytes that have arrived."""
         self._called(self._port.reset_input_buffer)
 
     def close(self) -> None:
         try:
             self._port.close()
         except Exception:
-            return  # it is gone: nothing is left to be released
+            return  # the port is gone: nothing to release
 
     def _called(self, call: Callable[[], T]) -> T:
         from serial import SerialException
@@ -68,12 +73,12 @@ class PyserialLine:
         try:
             return call()
         except (SerialException, OSError, TypeError) as problem:
-            # TypeError: pyserial's own, of a port that was closed meanwhile.
+            # TypeError: what pyserial raises for a port that was closed meanwhile.
             raise gone(self._name, problem) from problem
 
 
 def open_line(url: str, *, baud: int = BAUD, low_latency: bool = True) -> Transport:
-    """Open a port or a pyserial URL for this process alone. Raises DeviceError or UsageError."""
+    """Open a port or a pyserial URL exclusively. Raises DeviceError or UsageError."""
     import serial
     from serial.urlhandler import protocol_socket
 
@@ -81,15 +86,15 @@ def open_line(url: str, *, baud: int = BAUD, low_latency: bool = True) -> Transp
         port = serial.serial_for_url(url, do_not_open=True)
     except ValueError as problem:
         raise UsageError(
-            f"{url}: pyserial does not open such a place ({problem}).",
-            cause="a typing error behind the + of the scheme.",
+            f"{url}: pyserial cannot open this URL ({problem}).",
+            cause="a typing error after the + of the scheme.",
             fix="serial+socket://host:port, serial+rfc2217://host:port, serial+spy://port",
         ) from problem
     plain = type(port) is serial.Serial
     try:
         port.baudrate = baud
         port.timeout = port.write_timeout = WRITE_S
-        if plain and os.name == "posix":  # Windows lets in one program at a time
+        if plain and os.name == "posix":  # Windows opens every port exclusively
             port.exclusive = True
         port.open()
     except (serial.SerialException, OSError, ValueError) as problem:
@@ -101,8 +106,37 @@ def open_line(url: str, *, baud: int = BAUD, low_latency: bool = True) -> Transp
     return PyserialLine(port, url)
 
 
+def open_shared(path: str) -> Transport | None:
+    """The port opened past its holder's lock; None where no process holds it, and on Windows.
+
+    Its settings stay as the holder has set them. Raises DeviceError: missing or not permitted.
+    """
+    if os.name != "posix":
+        return None
+    try:
+        fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError as problem:
+        raise refused(path, problem) from problem
+    if _is_locked(fd):
+        return DescriptorLine(fd, path, lambda: os.close(fd))
+    os.close(fd)
+    return None
+
+
+def _is_locked(fd: int) -> bool:
+    """True when another process has locked the port, as every heli3dof process does."""
+    import fcntl
+
+    try:
+        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return True
+    fcntl.flock(fd, fcntl.LOCK_UN)
+    return False
+
+
 def prefer_low_latency(port: Serial) -> bool:
-    """Ask the port's driver not to hold bytes back; False where it has no such mode."""
+    """Ask the port's driver to deliver bytes at once; False where it has no such mode."""
     try:
         port.set_low_latency_mode(True)
     except (AttributeError, OSError, ValueError, NotImplementedError):
@@ -111,12 +145,12 @@ def prefer_low_latency(port: Serial) -> bool:
 
 
 def refused(url: str, problem: Exception) -> DeviceError:
-    """Why a port did not open, and what opens it."""
+    """Why a port did not open, and what to do."""
     number = getattr(problem, "errno", None)
     if "://" in url:
         return DeviceError(
             f"{url} does not open: {problem}.",
-            cause="nobody listens there, or the name is another.",
+            cause="no program listens at this address, or the name is wrong.",
             fix="check host and port; heli3dof devices lists the local ones",
         )
     if number in (errno.EACCES, errno.EPERM):
@@ -128,34 +162,45 @@ def refused(url: str, problem: Exception) -> DeviceError:
     if number in (errno.EBUSY, errno.EAGAIN):
         return DeviceError(
             f"{url} is busy: {held_by(url)} holds it.",
-            cause="a rig is flown by one program at a time.",
+            cause="one program at a time may run a rig.",
             fix=f"end that program; heli3dof estop --device serial://{url} stops the motors now",
         )
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         there = ", ".join(usb_ports()) or "none on USB"
         return DeviceError(
             f"{url}: there is no such port (ports: {there}).",
-            cause="the cable is out, or the rig came up under another name.",
+            cause="the cable is out, or the rig has another port name now.",
             fix="heli3dof devices",
         )
     return DeviceError(
         f"{url} does not open: {problem}.",
-        cause="it is no serial port, or its driver hangs.",
+        cause="it is not a serial port, or its driver hangs.",
         fix="heli3dof devices lists the serial ports",
     )
 
 
-def pyserial_url(scheme: str, where: str) -> str:
-    """What pyserial calls the place of a device URL. Raises UsageError where there is none.
+def pyserial_url(url: DeviceUrl) -> str:
+    """The place of a device URL as pyserial writes it, with the options that are pyserial's own.
 
-    >>> pyserial_url("serial", "/dev/ttyACM0"), pyserial_url("serial+socket", "host:5000")
-    ('/dev/ttyACM0', 'socket://host:5000')
+    Raises UsageError where there is no place, or where a plain port is given such an option.
+
+    >>> from heli3dof.rig.url import parse_url
+    >>> pyserial_url(parse_url("serial+spy:///dev/ttyACM0?file=bytes.txt&baud=9600"))
+    'spy:///dev/ttyACM0?file=bytes.txt'
     """
-    inner = scheme.partition("+")[2]
-    if not where and inner != "loop":
+    inner = url.scheme.partition("+")[2]
+    if not url.where and inner != "loop":
         raise UsageError(
-            f"{scheme}: names no port.",
+            f"{url.scheme}: names no port.",
             cause="the place is missing.",
             fix="serial:///dev/ttyACM0; heli3dof devices lists the ports",
         )
-    return f"{inner}://{where}" if inner else where
+    query = urlencode([(name, v) for name in PASSED_ON for v in url.options.get(name, ())])
+    if query and not inner:
+        raise UsageError(
+            f"{url.text}: {query.partition('=')[0]} is an option of pyserial's own URLs.",
+            cause="a plain port has no such option.",
+            fix=f"serial+spy://{url.where}?{query}",
+        )
+    place = f"{inner}://{url.where}" if inner else url.where
+    return f"{place}?{query}" if query else place

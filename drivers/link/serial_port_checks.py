@@ -1,4 +1,4 @@
-"""What ``doctor`` asks of a serial port before it is opened: file, permission, holder, latency."""
+"""``doctor``'s checks of a serial port before it is opened: file, permission, holder, latency."""
 
 from __future__ import annotations
 
@@ -20,30 +20,32 @@ from .serial_ports import (
 
 
 def checks(path: str) -> Sequence[Check]:
-    """One `Check` a thing; opens nothing."""
+    """One `Check` for each; opens nothing."""
     if not os.path.exists(path):
         there = ", ".join(usb_ports()) or "none on USB"
         return (Check("port", f"{path} is not there (ports: {there})", False, "plug the rig in"),)
     if not stat.S_ISCHR(os.stat(path).st_mode):
-        return (Check("port", f"{path} is no serial port", False, "heli3dof devices"),)
+        return (Check("port", f"{path} is not a serial port", False, "heli3dof devices"),)
     return (Check("port", path, True), _permission(path), _holder(path), _latency(path))
 
 
 def _permission(path: str) -> Check:
     if os.access(path, os.R_OK | os.W_OK):
         return Check("permission", "this user may open it", True)
-    return Check("permission", "this user may not open it", False, permission_fix(path))
+    return Check(
+        "permission", "this user has no permission to open it", False, permission_fix(path)
+    )
 
 
 def _holder(path: str) -> Check:
     what = "held by"
     if locked := lockers(path):
-        fix = f"let it end; where it flies no rig: kill {locked[0][0]}"
+        fix = f"wait until it ends; if it runs no rig: kill {locked[0][0]}"
         return Check(what, f"{named(locked)}: locked", False, fix)
     if opened := holders(path):
-        fix = "end it where it talks to the port too; an emulated rig keeps its own end open"
-        return Check(what, f"nobody; open in {named(opened)}", None, fix)
-    return Check(what, "no process that we can see", True)
+        fix = "end it if it uses the port too; an emulated rig keeps its own end open"
+        return Check(what, f"no lock, but open in {named(opened)}", None, fix)
+    return Check(what, "no visible process", True)
 
 
 def _latency(path: str) -> Check:
@@ -55,7 +57,7 @@ def _latency(path: str) -> Check:
         return Check("latency timer", f"{ms} ms", True)
     return Check(
         "latency timer",
-        f"{ms} ms: samples come in lumps",
+        f"{ms} ms: samples arrive in bursts",
         False,
         f"echo {QUICK_MS} | sudo tee {file}",
     )

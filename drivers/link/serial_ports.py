@@ -1,4 +1,4 @@
-"""What the system knows of its serial ports: which there are, who holds one, how quick it is."""
+"""The system's serial ports: which exist, which process holds one, its latency timer."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 QUICK_MS = 1
-"""ms, an FTDI latency timer that does not hold samples back"""
+"""ms, the shortest FTDI latency timer"""
 PSEUDO = "/dev/pts/"
 LATENCY_FILES = (
     "/sys/bus/usb-serial/devices/{}/latency_timer",
@@ -19,7 +19,7 @@ LATENCY_FILES = (
 def usb_ports() -> Sequence[str]:
     """Device files of the serial ports on USB; nothing is opened.
 
-    A motherboard's own ports are left out: they are there whether or not a rig is.
+    A motherboard's own ports are omitted: they exist whether or not a rig is connected.
     """
     from serial.tools.list_ports import comports
 
@@ -27,9 +27,9 @@ def usb_ports() -> Sequence[str]:
 
 
 def is_known(path: str) -> bool:
-    """True where a rig is behind it for sure: by its USB number, or since heli3dof has locked it.
+    """True where a rig is known by its USB number, or a heli3dof process has locked the port.
 
-    Another user's flight counts, which no session of ours tells of.
+    The process may be another user's, whose sessions are not visible here.
     """
     from ..udev import known_ids
 
@@ -40,9 +40,9 @@ def is_known(path: str) -> bool:
 
 
 def plugged_in(path: str) -> str:
-    """What is plugged in at a port: the same at any port where it has a serial number.
+    """A name of the device at a port that holds at any port, if it has a serial number.
 
-    A pseudo-terminal is told from a later one of the same number by the time of its making.
+    A pseudo-terminal's name includes its creation time, as its number is used again.
     """
     if path.startswith(PSEUDO):
         return f"{path} of {os.stat(path).st_ctime_ns}" if os.path.exists(path) else path
@@ -70,21 +70,21 @@ def _runs_heli3dof(pid: int) -> bool:
 
 
 def holders(path: str) -> list[tuple[int, str]]:
-    """(pid, name) of the processes that have this device open, as far as /proc tells us."""
+    """(pid, name) of the processes that have this device open, as far as /proc shows them."""
     try:
         wanted = os.stat(path).st_rdev
     except OSError:
         return []
-    found = []
+    holding = []
     for process in Path("/proc").glob("[0-9]*"):
         if int(process.name) == os.getpid():
             continue
         try:
             if any(_is(fd, wanted) for fd in (process / "fd").iterdir()):
-                found.append((int(process.name), (process / "comm").read_text().strip()))
-        except OSError:  # another user's, or gone meanwhile
+                holding.append((int(process.name), (process / "comm").read_text().strip()))
+        except OSError:  # another user's, or ended meanwhile
             continue
-    return sorted(found)
+    return sorted(holding)
 
 
 def _is(fd: Path, device: int) -> bool:
@@ -95,7 +95,7 @@ def _is(fd: Path, device: int) -> bool:
 
 
 def lockers(path: str) -> list[tuple[int, str]]:
-    """(pid, name) of the processes that have locked this port for themselves, as pyserial does."""
+    """(pid, name) of the processes that have locked this port, as pyserial does."""
     try:
         file = os.stat(path)
         locks = Path("/proc/locks").read_text(encoding="ascii")
@@ -104,8 +104,8 @@ def lockers(path: str) -> list[tuple[int, str]]:
     place = f"{os.major(file.st_dev):02x}:{os.minor(file.st_dev):02x}:{file.st_ino}"
     # 1: FLOCK  ADVISORY  WRITE 4711 00:15:3 0 EOF
     rows = [line.split() for line in locks.splitlines()]
-    found = {int(row[4]) for row in rows if "FLOCK" in row and place in row and row[4].isdigit()}
-    return [(pid, _name(pid)) for pid in sorted(found)]
+    pids = {int(row[4]) for row in rows if "FLOCK" in row and place in row and row[4].isdigit()}
+    return [(pid, _name(pid)) for pid in sorted(pids)]
 
 
 def named(processes: list[tuple[int, str]]) -> str:
@@ -114,7 +114,7 @@ def named(processes: list[tuple[int, str]]) -> str:
 
 
 def held_by(path: str) -> str:
-    """Who has locked a port, or has it open, or that /proc does not tell."""
+    """The processes that have locked a port or have it open, or that /proc does not show."""
     return named(lockers(path) or holders(path)) or "a process of another user"
 
 
@@ -126,7 +126,7 @@ def _name(pid: int) -> str:
 
 
 def latency_timer(path: str) -> tuple[int, Path] | None:
-    """ms that an FTDI adapter holds bytes back, and where that is set; None: it has no such."""
+    """An FTDI adapter's latency timer in ms and its file; None for other ports."""
     name = Path(os.path.realpath(path)).name
     for place in LATENCY_FILES:
         file = Path(place.format(name))

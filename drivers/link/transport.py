@@ -1,7 +1,7 @@
-"""What carries the link's bytes: a serial line, a USB pipe, an emulated rig in the same process.
+"""The interface of what carries the link's bytes: a serial line, USB pipes, an emulated rig.
 
-A transport knows nothing of frames. What it cannot do is a DeviceError that says so: unplugged,
-not permitted, full.
+A transport knows nothing of frames. It raises DeviceError where it is unplugged, not permitted or
+full.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ class Transport(Protocol):
 
     @property
     def name(self) -> str:
-        """What the user calls it, for messages: a port, a USB path."""
+        """Its name in messages: a port, a USB path."""
         ...
 
     def write(self, data: bytes) -> None:
-        """All of ``data``, or DeviceError."""
+        """Send all of ``data``."""
         ...
 
     def read(self, timeout_s: float) -> bytes:
-        """What is there; waits until there is at least one byte, or b"" after ``timeout_s``."""
+        """The bytes that have arrived, at least one; b"" when none arrived within ``timeout_s``."""
         ...
 
     def flush_input(self) -> None:
-        """Forget what has arrived and was not read."""
+        """Discard the bytes that have arrived."""
         ...
 
     def close(self) -> None:

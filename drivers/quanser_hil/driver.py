@@ -1,7 +1,7 @@
 """``quanser://BOARD/NUMBER`` — a rig on a Quanser board, e.g. ``quanser://q8_usb/0``.
 
-The vendor's HIL library does the talking; it is not on PyPI and is imported when a board is
-opened. What is plugged in where stands in the URL: see `heli3dof_drivers.quanser_hil.wiring`.
+The board is reached through the vendor's HIL library, which is not on PyPI and is imported when a
+board is opened. The URL states the wiring: see `heli3dof_drivers.quanser_hil.wiring`.
 """
 
 from __future__ import annotations
@@ -12,68 +12,79 @@ from typing import TYPE_CHECKING, Any
 from heli3dof.errors import DeviceError
 from heli3dof.rig.interface import Check
 
-from .board import Card, library, version_of
+from ..rig_errors import watchdog_too_short
+from .board import Board, library, version_of
 from .error_codes import explained
-from .errors import no_enable_line, too_slow_a_watchdog
-from .wiring import OPTIONS, Wiring
+from .errors import no_enable_line
 
 if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
     from heli3dof.rig.url import DeviceUrl
 
     from .rig import QuanserRig
+    from .wiring import Wiring
 
 
 class QuanserDriver:
-    """Opens boards. ``hardware``: gives the vendor's module, the installed one unless given."""
+    """Opens boards. ``hardware`` returns the vendor's module; default: the installed one."""
 
     scheme = "quanser"
-    options: Sequence[str] = OPTIONS
+    options: Sequence[str] = (
+        "front", "back", "roll", "pitch", "yaw", "enable", "enabled_by", "gain", "current",
+        "amps_per_V", "watchdog_s", "clock", "counts",
+    )  # fmt: skip
+    """The fields of `Wiring`, which a stop must not load: pydantic is slow to import"""
 
     def __init__(self, hardware: Callable[[], Any] = library) -> None:
         self._hardware = hardware
 
     def find(self) -> Sequence[str]:
-        """None: the library cannot list boards, and opening one to see may disturb a flight."""
+        """None: the library cannot list boards, and opening one may disturb a run."""
         return ()
 
     def persistent_name(self, url: DeviceUrl) -> str:
-        """The board's place: `heli3dof estop` reaches a board that was opened there before."""
+        """The board's place, by which `heli3dof estop` finds a board that was opened before."""
         return url.where
 
     def open(self, url: DeviceUrl, profile: Profile) -> QuanserRig:
-        """Open the board and put its outputs to rest."""
+        """Open the board, set its outputs to zero and disable the amplifier."""
         from .rig import QuanserRig
+        from .wiring import Wiring
 
         wiring = Wiring.of(url)
         if wiring.watchdog_s < 2 * profile.dt:
-            raise too_slow_a_watchdog(url.text, wiring.watchdog_s, profile.dt)
-        return QuanserRig(self._card(url, wiring), wiring, profile, url.text)
+            raise watchdog_too_short(wiring.watchdog_s, profile.dt)
+        return QuanserRig(self._board(url, wiring), wiring, profile, url.text)
 
     def estop(self, url: DeviceUrl) -> str:
-        """Zero volts and disabled, on boards that let a second program in.
+        """Disable the amplifier and write zero volts, on boards that a second program can open.
 
-        A flight that goes on writes its volts again; disabled, they do not reach the motors.
+        A program that continues to run writes its volts again; with the amplifier disabled they do
+        not reach the motors.
         """
+        from .wiring import Wiring
+
         wiring = Wiring.of(url)
-        card = self._card(url, wiring)
+        board = self._board(url, wiring)
         try:
-            with explained(card.error, url.text, "being stopped"):
-                card.write_enable(False)
-                card.write_volts(0.0, 0.0)
+            with explained(board.error, url.text, "being stopped"):
+                board.write_enable(False)
+                board.write_volts(0.0, 0.0)
         except DeviceError:
-            if not card.watchdog_expired():
+            if not board.watchdog_expired():
                 raise
-            return "the board's own watchdog had put its outputs to rest already"
+            return "the board's own watchdog had already switched its outputs off"
         finally:
-            card.close()
+            board.close()
         if not wiring.enable:
             raise no_enable_line(url.text)
         lines = ", ".join(map(str, wiring.enable))
         return f"amplifier disabled by digital outputs {lines}, and zero volts written"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """The vendor's library; the board itself is not opened."""
+        """The vendor's library and the enable lines; the board is not opened."""
+        from .wiring import Wiring
+
         wiring = Wiring.of(url)
         what = "vendor's HIL library"
         try:
@@ -86,13 +97,15 @@ class QuanserDriver:
                 "enable lines",
                 f"digital outputs {', '.join(map(str, wiring.enable))}"
                 if wiring.enable
-                else "none: a program that hangs is stopped by the board's watchdog alone",
+                else "none: only the board's watchdog stops a program that hangs",
                 True if wiring.enable else None,
-                "" if wiring.enable else "wire the amplifier's enable input, and name it: enable=0",
+                ""
+                if wiring.enable
+                else "wire the amplifier's enable input and give its digital output: enable=0",
             ),
         )
 
-    def _card(self, url: DeviceUrl, wiring: Wiring) -> Card:
+    def _board(self, url: DeviceUrl, wiring: Wiring) -> Board:
         hardware = self._hardware()
         with explained(hardware.HILError, url.text, "being opened"):
-            return Card(hardware, wiring)
+            return Board(hardware, wiring)

@@ -1,4 +1,4 @@
-"""What the HIL library says by number, and what that means to whoever stands at the rig.
+"""The HIL library's error codes, each with its message, cause and fix for the user.
 
 Its functions raise HILError with a negative ``error_code``; the numbers are those of the vendor's
 quanser_errors.h.
@@ -12,11 +12,11 @@ from enum import IntEnum
 
 from heli3dof.errors import DeviceError
 
-from ..error_table import Trouble, Troubles, each
+from ..error_templates import ErrorTable, ErrorTemplate, each
 
 
 class Qerr(IntEnum):
-    """The codes that this driver tells apart, without their sign."""
+    """The codes that this driver distinguishes, without their sign."""
 
     NO_PERMISSION = 11
     TIMED_OUT = 14
@@ -73,7 +73,7 @@ EVERY_OUTPUT = (
     Qerr.ANALOG_EXPIRATIONS_NOT_CONFIGURED, Qerr.DIGITAL_EXPIRATIONS_NOT_CONFIGURED,
     Qerr.Q8_SERIES_EXPIRATIONS_NOT_CONFIGURED,
 )  # fmt: skip
-"""The board wants the expiration states of all its outputs, not of some"""
+"""The board needs the expiration states of all its outputs, not of some"""
 _CLOCK = (
     Qerr.CLOCK_NOT_SUPPORTED, Qerr.CLOCK_FREQUENCY_TOO_HIGH, Qerr.CLOCK_FREQUENCY_TOO_LOW,
     Qerr.CLOCK_FREQUENCY_INVALID,
@@ -84,17 +84,17 @@ _CHANNEL = {
     Qerr.INVALID_ANALOG_OUTPUT_CHANNEL: "front, back",
     Qerr.INVALID_DIGITAL_OUTPUT_CHANNEL: "enable",
 }
-TROUBLES: Troubles = {
-    Qerr.BOARD_NOT_FOUND: Trouble(
+ERRORS: ErrorTable = {
+    Qerr.BOARD_NOT_FOUND: ErrorTemplate(
         "{name}: there is no such board.",
-        "it is not plugged in or has no power, or it is a board of another type.",
+        "it is unplugged, has no power, or is a board of another type.",
         "plug it in and wait for its light; the URL is quanser://BOARD/NUMBER, "
         "e.g. quanser://q8_usb/0",
     ),
     **each(
         (Qerr.UNRECOGNIZED_BOARD_TYPE, Qerr.INVALID_BOARD_IDENTIFIER),
-        Trouble(
-            "{name}: the HIL library knows no board of this name.",
+        ErrorTemplate(
+            "{name}: the HIL library does not know this board name.",
             "a typing error, or a board that this system's library does not support "
             "(on Linux it supports fewer than on Windows).",
             "the names are in the HIL documentation: q8_usb, q2_usb, qpid_e, ...",
@@ -102,66 +102,66 @@ TROUBLES: Troubles = {
     ),
     **each(
         _BUSY,
-        Trouble(
+        ErrorTemplate(
             "{name} is in use.",
-            "another program holds the board: QUARC, Simulink, or another flight.",
-            "stop that program. The red button of the amplifier stops the motors meanwhile",
+            "another program holds the board: QUARC, Simulink, or another heli3dof.",
+            "stop that program; the amplifier's red button stops the motors meanwhile",
         ),
     ),
-    Qerr.NO_PERMISSION: Trouble(
-        "{name} may not be opened by this user.",
-        "the system does not let this user reach the board.",
+    Qerr.NO_PERMISSION: ErrorTemplate(
+        "{name}: this user has no permission to open it.",
+        "the system does not give this user access to the board.",
         "sudo apt-get install --reinstall quanser-sdk, then plug the board in again",
     ),
     **each(
         (Qerr.UNABLE_TO_OPEN_DRIVER, Qerr.LIBRARY_NOT_FOUND),
-        Trouble(
+        ErrorTemplate(
             "{name}: the board's driver does not load.",
-            "the HIL library is there and what it needs for this board is not.",
+            "the HIL library is installed, but the driver for this board is not.",
             "install the Quanser SDK again, for this board's type",
         ),
     ),
     **each(
         (Qerr.INVALID_LICENSE, Qerr.MISSING_LICENSE_FILE),
-        Trouble(
-            "{name}: the HIL library refuses for want of a licence.",
-            "QUARC is installed and its licence is missing or has run out.",
+        ErrorTemplate(
+            "{name}: the HIL library has no valid licence.",
+            "QUARC is installed, but its licence is missing or has expired.",
             "renew the licence, or install the Quanser SDK instead of QUARC",
         ),
     ),
     **each(
         OVERRUN,
-        Trouble(
-            "{name}: samples were lost: the board's buffer ran over while {doing}.",
-            "the host was away for longer than the buffer holds; the motors were stopped.",
-            "heli3dof doctor; close what keeps this machine busy",
+        ErrorTemplate(
+            "{name}: samples were lost: the board's buffer overflowed while {doing}.",
+            "the host stalled for longer than the buffer holds; the motors were stopped.",
+            "heli3dof doctor; close the programs that keep this machine busy",
         ),
     ),
     **each(
         (*_GONE, Qerr.TIMED_OUT),
-        Trouble(
+        ErrorTemplate(
             "{name} was lost while {doing}.",
-            "its cable came out or it lost its power. The board's watchdog puts the "
-            "outputs to rest.",
+            "its cable came out or it lost its power. The board's watchdog switches the "
+            "outputs off.",
             "plug it in and secure the cable; then open it again",
         ),
     ),
-    Qerr.HARDWARE_CLOCK_IN_USE: Trouble(
+    Qerr.HARDWARE_CLOCK_IN_USE: ErrorTemplate(
         "{name}: the board's clock is in use.",
         "another program times its samples with it.",
-        "end that program, or another clock: clock=1",
+        "end that program, or use another clock: clock=1",
     ),
     **each(
         _CLOCK,
-        Trouble(
+        ErrorTemplate(
             "{name}: the board's clock cannot run at the profile's rate.",
-            "the rate is beyond this board, or the clock is not one that times samples.",
-            "a lower [loop] rate_hz in the profile, or another clock: clock=1",
+            "the board is too slow for this rate, or this clock cannot time samples.",
+            "lower [loop] rate_hz in the profile, or use another clock: clock=1",
         ),
     ),
     **each(
         _CHANNEL,
-        Trouble(
+        ErrorTemplate(
             "{name}: the board has no such channel.",
             "one of {channels} in the URL is beyond what this board has.",
             "look at the terminal board and write each channel into the URL",
@@ -169,23 +169,23 @@ TROUBLES: Troubles = {
     ),
     **each(
         EVERY_OUTPUT,
-        Trouble(
-            "{name} cannot be flown: its watchdog wants to be told of every output.",
-            "the board does not say how many outputs it has.",
+        ErrorTemplate(
+            "{name} cannot be used: its watchdog needs the state of every output.",
+            "the board does not report how many outputs it has.",
             "update the board's firmware and the HIL library",
         ),
     ),
     **each(
         _NO_WATCHDOG,
-        Trouble(
-            "{name} cannot be flown: its watchdog cannot put the outputs to rest.",
+        ErrorTemplate(
+            "{name} cannot be used: its watchdog cannot switch the outputs off.",
             "this type of board has no expiration states: if this computer hangs, the "
-            "motors go on at the last voltage.",
-            "a board whose watchdog has them, e.g. a q8_usb",
+            "motors keep the last voltage.",
+            "use a board whose watchdog has them, e.g. a q8_usb",
         ),
     ),
 }
-"""The library's, by their number without its sign"""
+"""By the library's number without its sign"""
 
 
 def code_of(error: BaseException) -> int:
@@ -194,9 +194,9 @@ def code_of(error: BaseException) -> int:
 
 
 def explain(error: BaseException, name: str, doing: str) -> DeviceError:
-    """The error for a user. ``name``: the rig's URL; ``doing``: "starting its watchdog", say."""
+    """The error for a user. ``name``: the rig's URL; ``doing``: e.g. "starting its watchdog"."""
     code = code_of(error)
-    known = TROUBLES.get(code)
+    known = ERRORS.get(code)
     if known is not None:
         channels = _CHANNEL[Qerr(code)] if code in _CHANNEL else ""
         return known.error(name=name, doing=doing, channels=channels)
@@ -204,22 +204,22 @@ def explain(error: BaseException, name: str, doing: str) -> DeviceError:
         f"{name}: {_message(error)} while {doing}.",
         cause=f"the HIL library reports error {code}, which this driver does not know."
         if code
-        else "the HIL library failed in a way that it does not name.",
-        fix="heli3dof doctor; the number stands in the HIL documentation, Quanser Error Codes",
+        else "the HIL library failed without an error code.",
+        fix="heli3dof doctor; see the number in the HIL documentation, Quanser Error Codes",
     )
 
 
 def _message(error: BaseException) -> str:
     try:
-        said = str(error.get_error_message())  # type: ignore[attr-defined]
+        message = str(error.get_error_message())  # type: ignore[attr-defined]
     except Exception:
-        said = str(error) or type(error).__name__
-    return said.strip().rstrip(".")
+        message = str(error) or type(error).__name__
+    return message.strip().rstrip(".")
 
 
 @contextmanager
 def explained(hil_error: type[Exception], name: str, doing: str) -> Iterator[None]:
-    """Every HILError within becomes a DeviceError."""
+    """Turn every HILError inside into a DeviceError."""
     try:
         yield
     except hil_error as error:
@@ -227,18 +227,18 @@ def explained(hil_error: type[Exception], name: str, doing: str) -> Iterator[Non
 
 
 def no_library(error: BaseException) -> DeviceError:
-    """The vendor's Python package, or the library beneath it, is not there."""
+    """The vendor's Python package, or the library that it loads, is missing."""
     if isinstance(error, ImportError):
         return DeviceError(
-            "No Quanser board can be opened: the Python package quanser.hardware is not there.",
+            "No Quanser board can be opened: the Python package quanser.hardware is missing.",
             cause="it comes with the vendor's SDK, not from PyPI; or it was installed for "
-            "another Python than this one.",
+            "another Python.",
             fix="install the Quanser SDK (github.com/quanser/quanser_sdk) or QUARC, then with "
             "this Python: pip install the quanser_api wheel from the SDK's python folder",
         )
     return DeviceError(
         f"No Quanser board can be opened: the HIL library does not load ({error}).",
-        cause="the Python package is there, and the vendor's library beneath it is not.",
+        cause="the Python package is installed, but not the vendor's library that it loads.",
         fix="Linux: sudo apt-get install quanser-sdk (github.com/quanser/quanser_sdk_linux); "
         "Windows: install_quanser_sdk.exe (github.com/quanser/quanser_sdk_win64)",
     )

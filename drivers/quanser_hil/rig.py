@@ -3,15 +3,15 @@
 ::
 
     IDLE ──arm──▶ ARMED ──the board's watchdog expired──▶ LATCHED
-                    └──────estop, a voltage that is none──▶ STOPPED     (from every state)
+                    └──────estop, NaN command──▶ STOPPED     (from every state)
     LATCHED, STOPPED ──arm──▶ ARMED
 
-ARMED, one period: reload the watchdog, pass over what was sampled before, write the volts, wait
-for the board's next sample. In every other state nothing is written and the watchdog is not
-reloaded any more, so it has the last word on what this process left undone.
+One period when ARMED: reload the watchdog, discard older samples, write the volts, wait for the
+board's next sample. In every other state nothing is written and the watchdog is not reloaded, so
+it switches the outputs off if this process did not.
 
-The board measures counts and nothing else: volts are what was written, clipped to the amplifier's
-limit; the counts per revolution are believed to the profile.
+The board measures counts only. The volts in a sample are those written, clipped to the amplifier's
+limit; the counts per revolution are the profile's.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ from typing import TYPE_CHECKING
 
 from heli3dof.rig.interface import Command, Flags, Identity, Sample
 
-from .board import DAC_V, Card
+from ..rig_errors import closed, not_a_voltage, not_armed
+from .board import DAC_V, Board
 from .error_codes import explain, explained
-from .errors import closed, not_a_voltage, not_armed, not_stopped, task_ended
+from .errors import not_stopped, task_ended
 from .stream import EncoderStream, Ended, Overrun, StreamStatistics
 
 if TYPE_CHECKING:
@@ -46,32 +47,32 @@ class State(Enum):
 class QuanserRig:
     """An open board with a helicopter on it."""
 
-    def __init__(self, card: Card, wiring: Wiring, profile: Profile, name: str) -> None:
-        """Puts the outputs to rest. Raises DeviceError, and closes the board then."""
-        self._card, self._name = card, name
+    def __init__(self, board: Board, wiring: Wiring, profile: Profile, name: str) -> None:
+        """Switch the outputs off. Closes the board where that raises DeviceError."""
+        self._board, self._name = board, name
         self._state = State.IDLE
         self._open = True
         self._watching = False
         self._volts = (0.0, 0.0)
         self._saturated = False
         self._sequence = 0
-        self._stream = EncoderStream(card, profile.dt)
+        self._stream = EncoderStream(board, profile.dt)
         self.limit_V = min(profile.motor.v_max, DAC_V * wiring.gain)
         try:
-            with explained(card.error, name, "putting its outputs to rest"):
-                card.prepare()
+            with explained(board.error, name, "switching its outputs off"):
+                board.prepare()
         except BaseException:
-            card.watchdog_start_to_expire()
-            with suppress(card.error):
-                card.close()
+            board.watchdog_start_to_expire()
+            with suppress(board.error):
+                board.close()
             raise
         e = profile.encoder
         self._identity = Identity(
             driver="quanser",
             model=f"Quanser {wiring.board}",
             serial=f"{wiring.board}-{wiring.number}",
-            firmware=card.firmware(),
-            protocol=f"HIL {card.version()}",
+            firmware=board.firmware(),
+            protocol=f"HIL {board.version()}",
             counts_per_rev=(e.roll, e.pitch, e.yaw),
             v_max=self.limit_V,
             watchdog_s=wiring.watchdog_s,
@@ -85,56 +86,56 @@ class QuanserRig:
 
     @property
     def statistics(self) -> StreamStatistics:
-        """How the board's samples came since it was opened."""
+        """Counts of the board's samples since it was opened."""
         return self._stream.statistics
 
     @property
     def device_cause(self) -> str | None:
-        """The board states its watchdog only; a stop is this program's."""
+        """The board reports only its watchdog; a stop came from this program."""
         return {State.LATCHED: "WATCHDOG", State.STOPPED: "HOST_ESTOP"}.get(self._state)
 
     def arm(self) -> Sample:
-        """Zero volts, the watchdog set and started, the task started; then the enable lines."""
+        """Zero volts, then start the task and the watchdog, then enable the amplifier."""
         self._check_open()
-        card = self._card
+        board = self._board
         try:
-            with explained(card.error, self._name, "being armed"):
+            with explained(board.error, self._name, "being armed"):
                 if self._watching:
-                    problem = self._rest()
-                    if problem is not None and not card.watchdog_expired():
+                    problem = self._switch_off()
+                    if problem is not None and not board.watchdog_expired():
                         raise problem
-                    card.watchdog_stop()
+                    board.watchdog_stop()
                     self._watching = False
-                card.watchdog_clear()
-                card.write_volts(0.0, 0.0)
-                card.write_enable(False)
+                board.watchdog_clear()
+                board.write_volts(0.0, 0.0)
+                board.write_enable(False)
                 self._stream.start()
-                card.watchdog_start()
+                board.watchdog_start()
                 self._watching = True
-                card.write_enable(True)
+                board.write_enable(True)
                 self._state = State.ARMED
                 return self._next()
         except BaseException:
-            if self._rest() is not None and not self._watching:
-                card.watchdog_start_to_expire()
+            if self._switch_off() is not None and not self._watching:
+                board.watchdog_start_to_expire()
                 self._watching = True
             raise
 
     def read(self) -> Sample:
-        """The board's next sample; of a rig that was never armed, one taken now."""
+        """The board's next sample; before the first arming, one taken now."""
         self._check_open()
-        with explained(self._card.error, self._name, "being read"):
+        with explained(self._board.error, self._name, "being read"):
             if self._stream.running:
                 return self._next(after_now=True)
-            counts = self._card.read_counts()
+            counts = self._board.read_counts()
             return self._sample(counts, self._stream.now_s())
 
     def exchange(self, command: Command, due_s: float) -> Sample:
-        """One period of the board's clock under the command; ``due_s`` is not asked for."""
+        """One period of the board's clock under the command; ``due_s`` is not used."""
         self._check_open()
         v_front, v_back = command.v_front, command.v_back
         if not (math.isfinite(v_front) and math.isfinite(v_back)):
-            self.estop("a voltage that is not a number")
+            self.estop("a command that is not a number")
             raise not_a_voltage(command.sequence, v_front, v_back)
         if self._state is State.IDLE:
             raise not_armed(self._name)
@@ -142,50 +143,50 @@ class QuanserRig:
             if self._state is State.ARMED:
                 self._command(command.sequence, v_front, v_back)
             return self._next()
-        except self._card.error as error:
-            self._rest()
-            raise explain(error, self._name, "flying") from error
+        except self._board.error as error:
+            self._switch_off()
+            raise explain(error, self._name, "running") from error
 
     def estop(self, reason: str) -> None:
-        """Zero volts and disabled now; the watchdog is not reloaded any more."""
+        """Zero volts and amplifier disabled now; the watchdog is no longer reloaded."""
         if not self._open:
             return
-        problem = self._rest()
-        if problem is not None and not self._card.watchdog_expired():
+        problem = self._switch_off()
+        if problem is not None and not self._board.watchdog_expired():
             raise not_stopped(self._name, problem, self._identity.watchdog_s, self._watching)
 
     def close(self) -> None:
-        """Zero volts, disabled, the watchdog and the task ended, the board free for others.
+        """Zero volts, amplifier disabled, watchdog and task stopped, board released.
 
-        A latched board stays latched: whoever opens it next clears it, and puts it to rest. One
-        that did not take the zero volts keeps its watchdog.
+        A latched board stays latched: the next opening clears it. On a board that did not accept
+        the zero volts the watchdog keeps running.
         """
         if not self._open:
             return
         self._open = False
-        card = self._card
-        problem = self._rest()
+        board = self._board
+        problem = self._switch_off()
         if self._watching and problem is None:
-            with suppress(card.error):
-                card.watchdog_stop()
+            with suppress(board.error):
+                board.watchdog_stop()
         self._stream.end()
-        with suppress(card.error):
-            card.close()
+        with suppress(board.error):
+            board.close()
 
     def _command(self, sequence: int, v_front: float, v_back: float) -> None:
-        card, limit = self._card, self.limit_V
-        if not card.watchdog_reload():
+        board, limit = self._board, self.limit_V
+        if not board.watchdog_reload():
             self._latch()
             return
         try:
-            self._stream.pass_over()
+            self._stream.discard_waiting()
         except Overrun as problem:
             self._overran(problem)
         front, back = max(-limit, min(limit, v_front)), max(-limit, min(limit, v_back))
         try:
-            card.write_volts(front, back)
-        except card.error:
-            if not card.watchdog_expired():
+            board.write_volts(front, back)
+        except board.error:
+            if not board.watchdog_expired():
                 raise
             self._latch()
             return
@@ -198,48 +199,50 @@ class QuanserRig:
             if not stream.running:
                 stream.start()
             elif after_now:
-                stream.pass_over()
+                stream.discard_waiting()
             counts = stream.next()
         except Overrun as problem:
             self._overran(problem)
             counts = stream.next()
         except Ended as problem:
-            self._rest()
+            self._switch_off()
             stream.end()
             raise task_ended(self._name) from problem
         return self._sample(counts, stream.time_s)
 
     def _overran(self, problem: Overrun) -> None:
-        """Begin a new task. Samples lost in flight end the flight."""
+        """Begin a new task. Samples lost while armed end the run."""
         armed = self._state is State.ARMED
         if armed:
-            self._rest()
+            self._switch_off()
         self._stream.start(overrun=True)
         if armed:
             assert problem.__cause__ is not None
-            raise explain(problem.__cause__, self._name, "flying") from problem
+            raise explain(problem.__cause__, self._name, "running") from problem
 
     def _sample(self, counts: tuple[int, int, int], device_s: float) -> Sample:
-        came_s = time.monotonic()
+        arrived_s = time.monotonic()
         flags = self._state.value | (Flags.SATURATED if self._saturated else Flags(0))
-        return Sample(
-            self._sequence, device_s, counts, self._volts, self._card.read_currents(), flags, came_s
-        )
+        currents = self._board.read_currents()
+        return Sample(self._sequence, device_s, counts, self._volts, currents, flags, arrived_s)
 
     def _latch(self) -> None:
         self._state, self._volts, self._saturated = State.LATCHED, (0.0, 0.0), False
 
-    def _rest(self) -> BaseException | None:
-        """Zero volts and disabled, as far as the board still listens; what kept it from it."""
+    def _switch_off(self) -> BaseException | None:
+        """Zero volts and amplifier disabled; the board's error where it did not accept that."""
         latched = self._state is State.LATCHED
         self._state, self._volts, self._saturated = State.STOPPED, (0.0, 0.0), False
         problem: BaseException | None = None
         if not latched:
-            card = self._card
-            for act in (partial(card.write_volts, 0.0, 0.0), partial(card.write_enable, False)):
+            board = self._board
+            for write in (
+                partial(board.write_volts, 0.0, 0.0),
+                partial(board.write_enable, False),
+            ):
                 try:
-                    act()
-                except card.error as error:
+                    write()
+                except board.error as error:
                     problem = error
         return problem
 

@@ -1,17 +1,16 @@
-"""The board keeps the time: its encoder task samples on, and the host takes the newest.
+"""The board's encoder task samples at the board's own rate; the host takes the newest sample.
 
-A task fills its buffer at its own rate d = k·dt; reading one sample blocks until there is one. How
-many are waiting the library does not say, and a host that was late must not fly them one by one.
-So the two clocks are followed: a sample read at host time h is due at d + θ, and
+A task fills its buffer at d = k·dt; reading a sample blocks until there is one. The library does
+not report how many are waiting, and a host that was late must not use them one by one. So the
+offset θ between the two clocks is tracked: a sample read at host time h is due at d + θ, and
 
-    θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  where the read had to wait for it, so it was fresh
-    θ[k] = min(h − d,  θ[k−1])             where it did not
+    θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  where the read waited for the sample, so it was fresh
+    θ[k] = min(h − d,  θ[k−1])             where it did not wait
     waiting = ⌊(now − d − θ) / dt⌋
 
-Those that wait are read together, the last of them counts, and the device's time steps over the
-others. A host that was kept from running while it waited sees that too: θ does not follow a
-jump. Where samples that should have been waiting had to be waited for, twice, θ was wrong and
-begins anew.
+Waiting samples are read together; the last one is used, and the device's time advances over the
+others. θ does not follow a jump, so a host that stalled while it waited notices that too. Where
+the host twice had to wait for samples that should have been waiting, θ was wrong and is restarted.
 """
 
 from __future__ import annotations
@@ -20,17 +19,17 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from .board import Card
+from .board import Board
 from .error_codes import OVERRUN, code_of
 
 BUFFER_S = 2.0
-"""s of samples that the board keeps: longer than the longest watchdog"""
+"""s of samples that the board buffers: longer than the longest watchdog (1 s)"""
 BLOCKED = 0.1
-"""Of a period: a read that took longer had to wait for its sample"""
+"""Of a period: a read that took longer has waited for its sample"""
 DRIFT = 0.01
-"""s per s by which a board's clock may run slow; a crystal is a hundred times better"""
+"""s per s by which a board's clock may run slow; a crystal is within 1e-4"""
 DOUBTS = 2
-"""Times that samples were not waiting after all, until the clocks are compared anew"""
+"""Times that expected samples were not waiting until θ is restarted"""
 
 Counts = tuple[int, int, int]
 
@@ -40,28 +39,28 @@ class Overrun(Exception):
 
 
 class Ended(Exception):
-    """The task gives no more samples, though nobody here ended it."""
+    """The task gives no more samples, though this program did not end it."""
 
 
 @dataclass
 class StreamStatistics:
-    """Since the board was opened."""
+    """Counts since the board was opened."""
 
     samples: int = 0
-    """That the board took and this program read"""
-    passed_over: int = 0
-    """Of them, those that waited for too long to be of use"""
+    """Taken by the board and read by this program"""
+    samples_stale: int = 0
+    """Of them, those that had waited too long to be used"""
     lost: int = 0
     """Periods without a sample because the buffer had run over"""
     tasks: int = 0
-    """Encoder tasks begun"""
+    """Encoder tasks started"""
 
 
 class EncoderStream:
     """The running task, and the device's time: s since the board was opened."""
 
-    def __init__(self, card: Card, dt: float) -> None:
-        self._card, self._dt = card, dt
+    def __init__(self, board: Board, dt: float) -> None:
+        self._board, self._dt = board, dt
         self._samples = max(2, round(BUFFER_S / dt))
         self._task: Any = None
         self._k = 0
@@ -84,37 +83,37 @@ class EncoderStream:
         return self.time_s + max(0.0, self._late_s())
 
     def start(self, *, overrun: bool = False) -> None:
-        """Begin anew with an empty buffer; the device's time goes on."""
+        """Start a task with an empty buffer; the device's time continues."""
         self.end()
         before_s, self._base_s = self.time_s, self.now_s()
         if overrun:
             self.statistics.lost += round((self._base_s - before_s) / self._dt)
         self.statistics.tasks += 1
         self._k, self._offset, self._doubts = 0, None, 0
-        self._task = self._card.task_start(1 / self._dt, self._samples)
+        self._task = self._board.task_start(1 / self._dt, self._samples)
 
     def end(self) -> None:
         task, self._task = self._task, None
         if task is not None:
-            self._card.task_end(task)
+            self._board.task_end(task)
 
-    def pass_over(self) -> None:
-        """What was sampled before now is of no use."""
+    def discard_waiting(self) -> None:
+        """Discard the samples taken before now."""
         self._drain()
 
     def next(self) -> Counts:
-        """The next sample, or the newest where several have come."""
+        """The next sample, or the newest where several have arrived."""
         counts = self._read(1)
         return self._drain() or counts
 
     def _drain(self) -> Counts | None:
-        """The newest of the samples that wait; None: there are none."""
+        """The newest of the waiting samples; None: there are none."""
         counts: Counts | None = None
         while waiting := self._waiting():
-            asked = time.monotonic()
+            start = time.monotonic()
             counts = self._read(waiting)
-            self.statistics.passed_over += waiting
-            if time.monotonic() - asked < waiting * self._dt / 2:
+            self.statistics.samples_stale += waiting
+            if time.monotonic() - start < waiting * self._dt / 2:
                 self._doubts = 0
                 continue
             self._doubts += 1
@@ -133,10 +132,10 @@ class EncoderStream:
         return time.monotonic() - self.time_s - self._offset
 
     def _read(self, n: int) -> Counts:
-        asked = time.monotonic()
+        start = time.monotonic()
         try:
-            counts = self._card.task_read(self._task, n)
-        except self._card.error as error:
+            counts = self._board.task_read(self._task, n)
+        except self._board.error as error:
             if code_of(error) in OVERRUN:
                 raise Overrun from error
             raise
@@ -145,11 +144,11 @@ class EncoderStream:
         self._k += n
         self.statistics.samples += n
         now = time.monotonic()
-        found = now - self.time_s
+        offset = now - self.time_s
         if self._offset is None:
-            self._offset = found
-        elif now - asked > BLOCKED * self._dt:
-            self._offset = min(found, self._offset + DRIFT * n * self._dt)
+            self._offset = offset
+        elif now - start > BLOCKED * self._dt:
+            self._offset = min(offset, self._offset + DRIFT * n * self._dt)
         else:
-            self._offset = min(found, self._offset)
+            self._offset = min(offset, self._offset)
         return counts

@@ -1,155 +1,122 @@
-"""What is plugged in where: the URL's options, checked.
-
-============  =======  ==================================================================
-option        default  meaning
-============  =======  ==================================================================
-front, back   0, 1     analog outputs of the motors' amplifiers
-yaw           0        encoder inputs, by default as the vendor's helicopter is wired:
-pitch         1        its travel is our yaw, its elevation our roll
-roll          2
-enable        0,1      digital outputs that enable the amplifier; ``none``: it has none
-enabled_by    high     the level that enables: ``high`` or ``low``
-gain          3        V at the motor per V at the board (VoltPAQ: 3 or 1, by its switch)
-current       none     analog inputs that carry the currents, front and back: ``0,1``
-amps_per_V    1        A per V at those inputs
-watchdog_s    0.1      s of silence until the board itself puts the outputs to rest
-clock         0        the board's hardware clock that times the samples
-counts        keep     ``zero``: count from here; else from wherever the board stands
-============  =======  ==================================================================
-"""
+"""The options of ``quanser:`` URLs: the wiring of the board's channels; docs/how-to/quanser.md."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Annotated, Any, Literal, Self
 
-from heli3dof.errors import UsageError, did_you_mean
+from pydantic import BeforeValidator, Field
 
-if TYPE_CHECKING:
-    from heli3dof.rig.url import DeviceUrl
+from heli3dof.errors import UsageError
+from heli3dof.rig.url import DeviceUrl
 
-OPTIONS = (
-    "front", "back", "roll", "pitch", "yaw", "enable", "enabled_by", "gain", "current",
-    "amps_per_V", "watchdog_s", "clock", "counts",
-)  # fmt: skip
+from ..url_options import UrlOptions, expected
+
+CHANNELS = 1000
+"""More than any board has"""
 
 
-@dataclass(frozen=True)
-class Wiring:
-    """The board, its channels and what stands behind them."""
+def _channel(value: Any) -> int:
+    text = str(value)
+    if not (text.isascii() and text.isdigit() and int(text) < CHANNELS):
+        raise expected("a channel number: channels count from 0, as on the terminal board")
+    return int(text)
+
+
+def _channels(value: Any) -> tuple[int, ...]:
+    parts = value.split(",") if isinstance(value, str) else value
+    return () if value == "none" else tuple(map(_channel, parts))
+
+
+Channel = Annotated[int, BeforeValidator(_channel)]
+Channels = Annotated[tuple[int, ...], BeforeValidator(_channels)]
+
+
+class Wiring(UrlOptions):
+    """The board and its channels. By default the encoders are wired as on the vendor's helicopter:
+    its travel is our yaw, its elevation our roll."""
 
     board: str
     """The vendor's name of the board's type, e.g. q8_usb"""
     number: str
-    """Which board of that type: "0" is the first"""
-    motors: tuple[int, int] = (0, 1)
-    """Analog outputs, front and back"""
-    encoders: tuple[int, int, int] = (2, 1, 0)
-    """Encoder inputs: roll, pitch, yaw"""
-    enable: tuple[int, ...] = (0, 1)
-    """Digital outputs"""
-    enabled_by: int = 1
-    gain: float = 3.0
-    currents: tuple[int, int] | None = None
-    """Analog inputs, front and back"""
-    amps_per_V: float = 1.0
-    watchdog_s: float = 0.1
-    clock: int = 0
-    zero_counts: bool = False
+    """Which board of that type; "0" is the first"""
+    front: Channel = Field(default=0, description="analog output of the front motor's amplifier")
+    back: Channel = Field(default=1, description="analog output of the back motor's amplifier")
+    roll: Channel = Field(default=2, description="encoder input")
+    pitch: Channel = Field(default=1, description="encoder input")
+    yaw: Channel = Field(default=0, description="encoder input")
+    enable: Channels = Field(
+        default=(0, 1),
+        examples=["0,1"],
+        description="digital outputs that enable the amplifier; `none`: it has none",
+    )
+    enabled_by: Literal["high", "low"] = Field(default="high", description="the level that enables")
+    gain: float = Field(
+        default=3.0,
+        ge=0.01,
+        le=100,
+        description="V at the motor per V at the board (VoltPAQ: 3 or 1)",
+    )
+    current: Channels = Field(
+        default=(),
+        examples=["none"],
+        description="analog inputs that measure the currents, front and back: `0,1`",
+    )
+    amps_per_V: float = Field(default=1.0, ge=1e-3, le=1e3, description="A per V at those inputs")
+    watchdog_s: float = Field(
+        default=0.1,
+        ge=1e-3,
+        le=1.0,
+        description="s without a command before the board switches off",
+    )
+    clock: Channel = Field(
+        default=0, description="the board's hardware clock that times the samples"
+    )
+    counts: Literal["keep", "zero"] = Field(
+        default="keep", description="`zero`: set the counts to zero at opening"
+    )
 
-    @staticmethod
-    def of(url: DeviceUrl) -> Wiring:
-        """Raises UsageError for a place or an option that makes no sense."""
-        url.check_options(OPTIONS)
+    @property
+    def motors(self) -> tuple[int, int]:
+        """Analog outputs, front and back"""
+        return self.front, self.back
+
+    @property
+    def encoders(self) -> tuple[int, int, int]:
+        """Encoder inputs, roll, pitch and yaw"""
+        return self.roll, self.pitch, self.yaw
+
+    @property
+    def enable_level(self) -> int:
+        return int(self.enabled_by == "high")
+
+    @classmethod
+    def of(cls, url: DeviceUrl, **place: Any) -> Self:
+        """Raises UsageError for a bad place or option, and for a channel that is used twice."""
         board, slash, number = url.where.partition("/")
         number = number or ("" if slash else "0")
         if not board or not number:
             raise UsageError(
                 f"{url.text} does not name a board.",
-                cause="the board's type stands before the slash, its number after it.",
+                cause="the board's type comes before the slash, its number after it.",
                 fix="--device quanser://q8_usb/0",
             )
-        motors = (_channel(url, "front", 0), _channel(url, "back", 1))
-        encoders = (_channel(url, "roll", 2), _channel(url, "pitch", 1), _channel(url, "yaw", 0))
-        _all_different(url, "front, back", motors)
-        _all_different(url, "roll, pitch, yaw", encoders)
-        enable = _channels(url, "enable", "0,1")
-        _all_different(url, "enable", enable)
-        currents = _channels(url, "current", "none")
-        if len(currents) not in (0, 2):
+        wiring = super().of(url, board=board, number=number)
+        _all_different(url, "front, back", wiring.motors)
+        _all_different(url, "roll, pitch, yaw", wiring.encoders)
+        _all_different(url, "enable", wiring.enable)
+        if len(wiring.current) not in (0, 2):
             raise UsageError(
                 f"{url.text}: current={url.one('current')} is not two inputs.",
-                cause="there are two motors: the front one's input stands first.",
-                fix="current=0,1, or leave it out",
+                cause="there are two motors: the front one's input comes first.",
+                fix="current=0,1, or omit it",
             )
-        return Wiring(
-            board,
-            number,
-            motors,
-            encoders,
-            enable,
-            enabled_by=_choice(url, "enabled_by", ("high", "low")) == "high",
-            gain=_number(url, "gain", 3.0, 0.01, 100),
-            currents=(currents[0], currents[1]) if currents else None,
-            amps_per_V=_number(url, "amps_per_V", 1.0, 1e-3, 1e3),
-            watchdog_s=_number(url, "watchdog_s", 0.1, 1e-3, 1.0),
-            clock=_channel(url, "clock", 0),
-            zero_counts=_choice(url, "counts", ("keep", "zero")) == "zero",
-        )
+        return wiring
 
 
 def _all_different(url: DeviceUrl, names: str, channels: tuple[int, ...]) -> None:
     if len(set(channels)) < len(channels):
         raise UsageError(
             f"{url.text}: {names} are {', '.join(map(str, channels))}: one channel twice.",
-            cause="a default that another option took: name all of them.",
+            cause="another option uses a channel that is a default: name all of them.",
             fix="look at the terminal board and write each channel into the URL",
         )
-
-
-def _channel(url: DeviceUrl, name: str, default: int) -> int:
-    return _whole(url, name, str(url.one(name, str(default))))
-
-
-def _channels(url: DeviceUrl, name: str, default: str) -> tuple[int, ...]:
-    text = str(url.one(name, default))
-    return () if text == "none" else tuple(_whole(url, name, part) for part in text.split(","))
-
-
-def _whole(url: DeviceUrl, name: str, text: str) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) < 1000):
-        raise UsageError(
-            f"{url.text}: {name}={url.one(name)} is not a channel number.",
-            cause="channels are counted from 0, as on the terminal board.",
-            fix=f"{name}=0 (the board's page of the HIL documentation lists its channels)",
-        )
-    return int(text)
-
-
-def _number(url: DeviceUrl, name: str, default: float, low: float, high: float) -> float:
-    text = url.one(name)
-    if text is None:
-        return default
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not low <= value <= high:
-        raise UsageError(
-            f"{url.text}: {name}={text} is not a number from {low:g} to {high:g}.",
-            cause="a typing error or another unit.",
-            fix=f"{name}={default:g}",
-        )
-    return value
-
-
-def _choice(url: DeviceUrl, name: str, known: tuple[str, ...]) -> str:
-    text = str(url.one(name, known[0]))
-    if text not in known:
-        raise UsageError(
-            f"{url.text}: {name}={text} is none of {', '.join(known)}.",
-            cause=f"a typing error; {did_you_mean(text, known)}",
-            fix=f"{name}={known[0]}",
-        )
-    return text

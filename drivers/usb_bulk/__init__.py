@@ -1,4 +1,4 @@
-"""``usb://``: rigs on a USB bulk pipe, through pyusb. docs/reference/protocol.md, section USB."""
+"""``usb://``: rigs on USB bulk pipes, through pyusb. docs/reference/protocol.md, section USB."""
 
 from .driver import UsbDriver
 

@@ -1,8 +1,8 @@
-"""Which rigs are on the bus, and which one a URL means.
+"""Finds the rigs on the bus, and the one that a URL means.
 
-A rig is known by an interface of class 0xFF, subclass 0x48, protocol 0x01, whatever its VID:PID.
-Looking sends nothing to a device: descriptors and, on Linux, serial numbers are the kernel's
-copies.
+A rig is recognised by an interface of class 0xFF, subclass 0x48, protocol 0x01, whatever its
+VID:PID. The search sends nothing to a device: descriptors and, on Linux, serial numbers are the
+kernel's copies.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ _WHERE = re.compile(r"([0-9a-fA-F]{1,4}):([0-9a-fA-F]{1,4})(?:/(.*))?|/?([^:]*)"
 
 @dataclass(frozen=True)
 class OnBus:
-    """A rig that is plugged in."""
+    """A rig on the bus."""
 
     device: Any
     """usb.core.Device"""
     serial: str | None
-    """None: cannot be read without a permission that we do not have"""
+    """None: this user has no permission to read it"""
 
     @property
     def url(self) -> str:
@@ -41,25 +41,25 @@ class OnBus:
 
     @property
     def node(self) -> Path:
-        """Its file on Linux."""
+        """Its device file on Linux."""
         return Path(f"/dev/bus/usb/{self.device.bus or 0:03d}/{self.device.address or 0:03d}")
 
     def holder(self) -> str:
-        """The processes that have it open, as far as /proc shows them; "" where it does not."""
-        found = []
+        """The processes that have it open; "" where /proc shows none."""
+        holders = []
         for process in Path("/proc").glob("[0-9]*"):
             try:
                 links = [os.readlink(fd) for fd in (process / "fd").iterdir()]
                 if str(self.node) in links and int(process.name) != os.getpid():
                     name = (process / "comm").read_text().strip()
-                    found.append(f"{name} (process {process.name})")
+                    holders.append(f"{name} (process {process.name})")
             except OSError:
                 continue
-        return ", ".join(found)
+        return ", ".join(holders)
 
 
 def kernel_lists_one() -> bool:
-    """False where the kernel's list of interfaces holds no rig: then nothing need be loaded.
+    """False where the kernel's list of interfaces holds no rig, so libusb need not be loaded.
 
     True where there is no such list.
     """
@@ -71,13 +71,13 @@ def kernel_lists_one() -> bool:
         try:
             if tuple((interface / name).read_text().strip() for name in names) == wanted:
                 return True
-        except OSError:  # it went meanwhile
+        except OSError:  # unplugged meanwhile
             continue
     return False
 
 
 def system_backend() -> Any:
-    """pyusb on the system's libusb. Raises DeviceError where there is none."""
+    """pyusb's backend for the system's libusb. Raises DeviceError where it is missing."""
     from usb.backend import libusb1
 
     backend = libusb1.get_backend()
@@ -87,15 +87,15 @@ def system_backend() -> Any:
 
 
 def on_bus(backend: Any) -> Iterator[OnBus]:
-    """Every rig that is plugged in."""
+    """Every rig on the bus."""
     import usb.core
 
     for device in usb.core.find(find_all=True, backend=backend):
         try:
-            ours = interface_of(device) is not None
+            is_rig = interface_of(device) is not None
         except (usb.core.USBError, NotImplementedError):
-            continue  # a device that does not let itself be looked at is no rig
-        if ours:
+            continue  # a device whose descriptors cannot be read is not a rig
+        if is_rig:
             yield OnBus(device, _serial(device))
 
 
@@ -110,7 +110,7 @@ def interface_of(device: Any) -> Any:
 
 
 def _serial(device: Any) -> str | None:
-    """The serial number; from sysfs where it is, for that needs no permission."""
+    """The serial number; from sysfs where possible, which needs no permission."""
     import usb.core
     import usb.util
 
@@ -129,16 +129,16 @@ def _serial(device: Any) -> str | None:
 
 
 def select(backend: Any, text: str, where: str) -> OnBus:
-    """The one rig that ``usb://VID:PID/SERIAL`` means; either part may be left out, or both.
+    """The one rig that ``usb://VID:PID/SERIAL`` means; either part or both may be omitted.
 
-    Raises UsageError for a place that is none; DeviceError where no rig is there, or several are.
+    Raises UsageError for a malformed place, DeviceError where no rig fits or several do.
     """
     match = _WHERE.fullmatch(where)
     if where.endswith("/"):
         raise UsageError(
             f"{text} has an empty serial number.",
-            cause="nothing stands behind the /.",
-            fix=f"--device {text.rstrip('/')}, where one rig fits; heli3dof devices lists them",
+            cause="nothing follows the /.",
+            fix=f"--device {text.rstrip('/')}, if one rig fits; heli3dof devices lists them",
         )
     if match is None:
         raise UsageError(
@@ -154,7 +154,7 @@ def select(backend: Any, text: str, where: str) -> OnBus:
         d for d in present if vid is None or (d.device.idVendor, d.device.idProduct) == (vid, pid)
     ]
     if serial is not None:
-        # One whose serial number cannot be read may be the one: opening it says why it cannot.
+        # A rig whose serial number cannot be read may be the one: opening it reports why.
         unread = [d for d in fits if d.serial is None]
         fits = [d for d in fits if d.serial == serial] or unread
     if len(fits) == 1:
@@ -162,15 +162,15 @@ def select(backend: Any, text: str, where: str) -> OnBus:
     if fits:
         raise DeviceError(
             f"{text} means {len(fits)} rigs: {_listed(fits)}.",
-            cause="several are plugged in, and the URL does not say which.",
+            cause="several are plugged in, and the URL does not select one.",
             fix=f"--device {fits[0].url}",
         )
     raise DeviceError(
-        f"{text} is not there; "
-        + (f"there is {_listed(present)}." if present else "no USB rig is."),
-        cause="not plugged in, not powered, or another serial number."
+        f"{text} was not found; "
+        + (f"there is {_listed(present)}." if present else "no USB rig was."),
+        cause="unplugged, without power, or another serial number."
         if present
-        else "not plugged in, or not powered; or it is a serial rig.",
+        else "unplugged, or without power; or it is a serial rig.",
         fix=f"--device {present[0].url}" if present else "heli3dof devices",
     )
 

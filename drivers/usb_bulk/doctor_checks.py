@@ -1,4 +1,4 @@
-"""What ``doctor`` says of the USB door: libusb, the udev rule, and the rig of the URL."""
+"""``doctor``'s checks of a USB rig: libusb, the udev rule, and the rig of the URL."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SPEEDS = {1: "low, 1.5 Mbit/s", 2: "full, 12 Mbit/s", 3: "high, 480 Mbit/s", 4: 
 
 
 def examine(backend: Callable[[], Any], url: DeviceUrl) -> Sequence[Check]:
-    """Nothing is sent to the rig, and nothing is claimed."""
+    """Sends nothing to the rig and claims nothing."""
     try:
         pyusb = backend()
     except DeviceError as error:
@@ -26,15 +26,15 @@ def examine(backend: Callable[[], Any], url: DeviceUrl) -> Sequence[Check]:
     checks = [Check("libusb", "found", True)]
     rule = installed()
     if rule is not None:
-        found = f"as it ships, in {INSTALLED}" if rule else f"not in {INSTALLED}, or an older one"
-        # Another rule, or root, may do as well: whether the rig may be opened is what counts.
-        checks.append(Check("udev rule", found, rule or None, "" if rule else install_command()))
+        state = f"installed in {INSTALLED}" if rule else f"not in {INSTALLED}, or an older one"
+        # Another rule or root may do as well: the permission below decides.
+        checks.append(Check("udev rule", state, rule or None, "" if rule else install_command()))
     try:
         on = select(pyusb, url.text, url.where)
     except DeviceError as error:
         return [*checks, Check("USB rig", error.what, False, error.fix)]
     speed = SPEEDS.get(on.device.speed or 0, "unknown")
-    serial = on.serial or "that cannot be read"
+    serial = on.serial or "not readable"
     checks.append(Check("USB rig", f"{on.url}, serial number {serial}, speed {speed}", True))
     if sys.platform.startswith("linux") and on.node.exists():
         checks += _on_linux(on)
@@ -42,16 +42,15 @@ def examine(backend: Callable[[], Any], url: DeviceUrl) -> Sequence[Check]:
 
 
 def _on_linux(on: OnBus) -> list[Check]:
-    may = os.access(on.node, os.R_OK | os.W_OK)
+    permitted = os.access(on.node, os.R_OK | os.W_OK)
     checks = [
         Check(
             "permission",
-            f"{on.node} {'may' if may else 'may not'} be opened by this user",
-            may,
-            "" if may else install_command(),
+            f"this user {'may' if permitted else 'may not'} open {on.node}",
+            permitted,
+            "" if permitted else install_command(),
         )
     ]
-    who = on.holder()
-    if who:
-        checks.append(Check("in use", f"by {who}", None, "end it before a flight"))
+    if holder := on.holder():
+        checks.append(Check("in use", f"by {holder}", None, "end it before a run"))
     return checks

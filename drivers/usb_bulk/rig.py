@@ -1,4 +1,4 @@
-"""A rig on a USB pipe: the link over bulk transfers, and a stop that goes past them."""
+"""A rig on USB: the link over bulk transfers, and a stop by control request."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class UsbRig(LinkRig):
         return super().arm()
 
     def estop(self, reason: str) -> None:
-        """Zero volts now: by a control request first, which needs no pipe."""
+        """Zero volts now: first by a control request, which needs no pipe."""
         if not self._open:
             return
         try:
@@ -47,5 +47,5 @@ class UsbRig(LinkRig):
         except DeviceError:
             super().estop(reason)
             return
-        with suppress(DeviceError):  # it has stopped and said so; a dead pipe shows by itself
+        with suppress(DeviceError):  # it has stopped; the next transfer reports a dead pipe
             super().estop(reason)

@@ -1,13 +1,12 @@
-"""The link's bytes over a USB bulk pipe.
+"""The link's bytes over a pair of USB bulk pipes.
 
-    OUT 0x01   host → device      any cut: a transfer may hold several frames or a part of one
-    IN  0x81   device → host      a thread keeps one transfer waiting; what comes is queued
+    OUT 0x01   host → device      a transfer may hold several frames or a part of one
+    IN  0x81   device → host      a thread keeps one transfer pending and queues its bytes
     EP 0       bmRequestType 0x40, bRequest 0x45, wValue = reason: stop, whatever the pipes do
 
-Why a thread: libusb waits whole milliseconds at least, and to look whether something has come must
-cost nothing in a loop of 2 ms. A stalled pipe is cleared and used again; what was on its way is
-lost, and the link's checks and numbers deal with that. A pipe that stalls twice without a byte in
-between ends the connection.
+Reading needs a thread: libusb waits whole milliseconds, and a loop of 2 ms has to poll without
+waiting. A stalled pipe is cleared and used again; the link's checks and numbers detect the lost
+bytes. A pipe that stalls twice without a byte in between ends the connection.
 """
 
 from __future__ import annotations
@@ -25,29 +24,30 @@ from typing import Any
 
 from heli3dof.errors import DeviceError
 
+from ..rig_errors import closed
 from .devices import interface_of
 from .errors import explain, explained
 
 OUT, IN = 0x01, 0x81
 VENDOR_OUT, STOP = 0x40, 0x45
 LONGEST_READ = 4096
-"""Bytes; a multiple of every packet size, so that no packet is ever too long for what is left"""
+"""Bytes; a multiple of every packet size, so every packet fits"""
 WRITE_S = 0.25
 """s that the rig may take to accept a frame"""
 CONTROL_S = 0.25
 READ_S = 0.05
-"""s that one IN transfer waits: how long closing may take"""
+"""s that one IN transfer waits; closing takes as long"""
 
 
 def _ms(seconds: float) -> int:
-    """libusb's timeouts are whole milliseconds, and 0 is for ever."""
+    """A libusb timeout: whole milliseconds, at least 1 (0 would wait for ever)."""
     return max(1, math.ceil(seconds * 1000))
 
 
 def stop(device: Any, reason: int, name: str, tries: int = 1) -> None:
-    """Zero volts by a control request: needs no claim, and works while the pipes are stalled.
+    """Zero volts by a control request; it needs no claim and works while the pipes are stalled.
 
-    It may be sent again, and is, up to ``tries`` times, where the bus or the rig was too busy.
+    Repeated after a timeout, up to ``tries`` times in all.
     """
     import usb.core
 
@@ -62,7 +62,7 @@ def stop(device: Any, reason: int, name: str, tries: int = 1) -> None:
 
 
 class UsbTransport:
-    """An open pipe to one rig; see `heli3dof_drivers.link.transport.Transport`."""
+    """An open pair of pipes to one rig; see `heli3dof_drivers.link.transport.Transport`."""
 
     def __init__(
         self, device: Any, name: str, *, write_s: float = WRITE_S,
@@ -74,12 +74,12 @@ class UsbTransport:
         self._write_s = write_s
         self._open = True
         self.stalls = 0
-        """Pipes that were found stalled and cleared"""
+        """Stalled pipes that were cleared"""
         with explained(name, "opening it", holder):
             _claim(device, name)
-        self._came: queue.SimpleQueue[bytes | DeviceError] = queue.SimpleQueue()
+        self._received: queue.SimpleQueue[bytes | DeviceError] = queue.SimpleQueue()
         self._ended: DeviceError | None = None
-        self._reader = threading.Thread(target=self._listen, name=f"{name} in", daemon=True)
+        self._reader = threading.Thread(target=self._read_loop, name=f"{name} in", daemon=True)
         self._reader.start()
 
     @property
@@ -87,7 +87,7 @@ class UsbTransport:
         return self._name
 
     def write(self, data: bytes) -> None:
-        """All of it, or a DeviceError."""
+        """Send all of it, or raise DeviceError."""
         import usb.core
 
         self._check_open()
@@ -98,46 +98,46 @@ class UsbTransport:
                 sent = self._device.write(OUT, data, _ms(deadline - time.monotonic()))
             except usb.core.USBError as error:
                 self._recover(error, OUT, stalled, "taking a frame")
-                stalled, data = True, b"\0" + data  # whatever was torn ends there
+                stalled, data = True, b"\0" + data  # the delimiter ends a torn frame
                 continue
             data = data[sent:]
             if data and time.monotonic() >= deadline:
-                late = usb.core.USBTimeoutError("timeout", errno=errno.ETIMEDOUT)
-                raise explain(late, self._name, "taking a frame")
+                timeout = usb.core.USBTimeoutError("timeout", errno=errno.ETIMEDOUT)
+                raise explain(timeout, self._name, "taking a frame")
 
     def read(self, timeout_s: float) -> bytes:
-        """What is there, at least one byte; b"" when nothing came within ``timeout_s``."""
+        """The bytes that have arrived; b"" when none arrived within ``timeout_s``."""
         self._check_open()
         if self._ended is not None:
             raise self._ended
-        came, out = self._came, []
+        received, out = self._received, []
         with suppress(queue.Empty):
-            item = came.get(timeout=timeout_s) if timeout_s > 0 else came.get_nowait()
+            item = received.get(timeout=timeout_s) if timeout_s > 0 else received.get_nowait()
             while isinstance(item, bytes):
                 out.append(item)
-                item = came.get_nowait()
+                item = received.get_nowait()
             self._ended = item
         if self._ended is not None and not out:
             raise self._ended
         return b"".join(out)
 
     def flush_input(self) -> None:
-        """Forget what has come until now."""
+        """Discard the bytes that have arrived."""
         with suppress(queue.Empty):
             while True:
-                item = self._came.get_nowait()
+                item = self._received.get_nowait()
                 if isinstance(item, DeviceError):
                     self._ended = item
 
     def stop(self, reason: int) -> None:
-        """Zero volts now, past the pipes. The rig does not answer this on the pipe."""
+        """Zero volts now, by control request. The rig does not reply on the pipe."""
         self._check_open()
         stop(self._device, reason, self._name)
 
     def follow_scheduling(self) -> None:
-        """Give the listening thread the calling thread's policy and priority, where there are any.
+        """Give the reading thread the calling thread's scheduling policy and priority.
 
-        A loop under SCHED_FIFO must not wait for a listener that is scheduled like everybody.
+        A loop under SCHED_FIFO must not wait for a reader with normal scheduling.
         """
         if hasattr(os, "sched_setscheduler") and self._reader.native_id is not None:
             with suppress(OSError):
@@ -145,7 +145,7 @@ class UsbTransport:
                 os.sched_setscheduler(self._reader.native_id, policy, priority)
 
     def close(self) -> None:
-        """Release the interface; idempotent, and silent where the rig is gone."""
+        """Release the interface. Idempotent; no error where the rig is gone."""
         import usb.core
         import usb.util
 
@@ -155,8 +155,8 @@ class UsbTransport:
             with suppress(usb.core.USBError, NotImplementedError):
                 usb.util.dispose_resources(self._device)
 
-    def _listen(self) -> None:
-        """The thread: one IN transfer after the other, until closed or until the bus fails."""
+    def _read_loop(self) -> None:
+        """The thread: one IN transfer after another, until closed or until the bus fails."""
         import usb.core
 
         buffer = array("B", bytes(LONGEST_READ))
@@ -170,16 +170,16 @@ class UsbTransport:
                         self._recover(error, IN, stalled, "sending a sample")
                         stalled = True
                     continue
-                if n:  # a transfer without bytes only ends another
+                if n:  # a transfer without bytes only marks the end of another
                     stalled = False
-                    self._came.put(buffer[:n].tobytes())
+                    self._received.put(buffer[:n].tobytes())
         except DeviceError as error:
-            self._came.put(error)
-        except Exception as error:  # nothing may end this thread without the loop being told
-            self._came.put(explain(error, self._name, "sending a sample"))
+            self._received.put(error)
+        except Exception as error:  # whatever ends this thread, the loop must learn of it
+            self._received.put(explain(error, self._name, "sending a sample"))
 
     def _recover(self, error: Any, pipe: int, stalled: bool, doing: str) -> None:
-        """Clear a stall, once; raise everything else."""
+        """Clear a first stall; raise every other error."""
         if error.errno != errno.EPIPE or stalled:
             raise explain(error, self._name, doing) from error
         self.stalls += 1
@@ -188,15 +188,11 @@ class UsbTransport:
 
     def _check_open(self) -> None:
         if not self._open:
-            raise DeviceError(
-                f"{self._name} is closed.",
-                cause="close() was called before this.",
-                fix="open it again with heli3dof.open_rig",
-            )
+            raise closed(self._name)
 
 
 def _claim(device: Any, name: str) -> None:
-    """Take the rig's interface; usb.core.USBError where that cannot be."""
+    """Claim the rig's interface. Raises DeviceError or usb.core.USBError."""
     import usb.core
     import usb.util
 
@@ -207,7 +203,7 @@ def _claim(device: Any, name: str) -> None:
             cause="it has no interface of class 0xFF/0x48/0x01 with bulk pipes 0x01 and 0x81.",
             fix="heli3dof devices; docs/reference/protocol.md, section USB",
         )
-    # A rig that is configured already is left alone: SET_CONFIGURATION would stop its motors.
+    # A configured rig stays as it is: SET_CONFIGURATION would stop its motors.
     try:
         device.get_active_configuration()
     except usb.core.USBError as error:
@@ -215,7 +211,7 @@ def _claim(device: Any, name: str) -> None:
             raise
         device.set_configuration()
     number = int(interface.bInterfaceNumber)
-    with suppress(NotImplementedError):  # only Linux has drivers to be detached
+    with suppress(NotImplementedError):  # only Linux can detach a kernel driver
         if device.is_kernel_driver_active(number):
             device.detach_kernel_driver(number)
     usb.util.claim_interface(device, number)

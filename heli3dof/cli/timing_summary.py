@@ -16,7 +16,7 @@ def timing_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
     if late:
         rows.append(("lateness", _quantiles(late["median_s"], late["p999_s"], late["max_s"])))
         rows.append(("late by over 1 ms", f"{late['late_ticks']} of {about['samples']} periods"))
-    skipped = _skipped(*(details.get(name, 0) for name in ("missed", "lost", "left_out")))
+    skipped = _skipped(*(details.get(name, 0) for name in ("missed", "lost", "device_skipped")))
     if skipped:
         rows.append(("skipped", skipped))
     timing = details.get("punctuality")

@@ -36,7 +36,7 @@ def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
             "slow device. Try: heli3dof doctor; a direct connection; a lower loop.rate_hz"
         )
     elif commands and unacknowledged > LOSS_SHARE * commands:
-        skipped = details.get("device_skipped") or details.get("left_out") or 0
+        skipped = details.get("device_skipped") or 0
         cause = (
             f"the device is overloaded (it skipped {skipped} samples)"
             if 2 * skipped >= unacknowledged

@@ -155,8 +155,8 @@ class HasLinkStatistics(Protocol):
     def statistics(self) -> object:
         """A dataclass of counters since the rig was opened; the recording's outcome keeps it.
 
-        ``lost``: samples that the device sent and the host never got. ``left_out``: samples that
-        the device, being held up, never took.
+        ``lost``: samples that the device sent and the host never got. ``device_skipped``: samples
+        that the device, being held up, never took.
         """
         ...
 

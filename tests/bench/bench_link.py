@@ -109,5 +109,5 @@ def polled(door: Door, rate_hz: float) -> Figure:
         f"median ≤ {MEDIAN_US:g} µs",
         median <= MEDIAN_US,
         how=f"{trip.n} questions, {scheduling} scheduling, worst {1e3 * trip.worst_s:.2g} ms; "
-        f"{counted.repeats} asked again, {counted.lost} lost, {counted.damaged} damaged",
+        f"{counted.retries} retries, {counted.lost} lost, {counted.malformed} malformed",
     )

@@ -44,8 +44,8 @@ def flown(stream: bool) -> Figure:
         rig.close()
     trips = s.round_trip
     how = (
-        f"{n} periods, {s.passed_over} passed over by the host, "
-        f"{s.commands_unacknowledged} commands not echoed in time, {s.damaged} damaged; "
+        f"{n} periods, {s.samples_stale} stale samples, "
+        f"{s.commands_unacknowledged} commands not echoed in time, {s.malformed} malformed; "
         + ("" if granted.scheduled else "not ")
         + "under SCHED_FIFO"
     )

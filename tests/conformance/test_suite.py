@@ -35,9 +35,9 @@ class Driver(MockDriver):
         return ["spoilt:"]
 
     def open(self, url: DeviceUrl, profile: Profile) -> MockRig:
-        from heli3dof_drivers.mock import Options
+        from heli3dof_drivers.options import MockOptions
 
-        return self.rig(profile, Options.of(url))
+        return self.rig(profile, MockOptions.of(url))
 
 
 class FindsAnotherScheme(Driver):

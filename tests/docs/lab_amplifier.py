@@ -12,7 +12,8 @@ import threading
 import time
 from math import isfinite
 
-from heli3dof_drivers.mock import Options, device_of
+from heli3dof_drivers.mock import device_of
+from heli3dof_drivers.options import MockOptions
 
 from heli3dof.rig.profile import Profile, default_profile
 
@@ -24,9 +25,9 @@ class LabAmplifier:
 
     def __init__(self, profile: Profile | None = None) -> None:
         self.profile = profile or default_profile()
-        self._device = device_of(self.profile, Options(watchdog_s=WATCHDOG_S))
+        self._device = device_of(self.profile, MockOptions(watchdog_s=WATCHDOG_S))
         # The plant's first step may compile for seconds: not while the watchdog runs.
-        device_of(self.profile, Options(watchdog_s=WATCHDOG_S)).plant.step(0.0, 0.0)
+        device_of(self.profile, MockOptions(watchdog_s=WATCHDOG_S)).plant.step(0.0, 0.0)
         self._started = self._stepped = time.monotonic()
         self._master: socket.socket | None = None
         self._pending: dict[socket.socket, bytes] = {}

@@ -1,4 +1,4 @@
-"""Emulated rigs in processes of their own, behind pseudo-terminals."""
+"""Emulated rigs in their own processes, at pseudo-terminals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.drivers.firmware.building import rig_program
 
 
 class Door:
-    """A rig's process, and the path of its terminal."""
+    """A rig's process and the path of its terminal."""
 
     def __init__(self, command: list[str]) -> None:
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
@@ -32,18 +32,18 @@ class Door:
 def python_door(device: str = "mock:?watchdog_s=0.3") -> Iterator[Door]:
     """The emulated rig in Python."""
     module = "heli3dof_drivers.emulator.transport_pty"
-    door = Door([sys.executable, "-m", module, "--device", device, "--with-parent"])
+    rig = Door([sys.executable, "-m", module, "--device", device, "--with-parent"])
     try:
-        yield door
+        yield rig
     finally:
-        door.end()
+        rig.end()
 
 
 @contextmanager
 def firmware_door(*options: str) -> Iterator[Door]:
-    """The firmware in C as a program, with a plant of its own; skips where no C compiler is."""
-    door = Door([rig_program(), "--with-parent", "--watchdog", "300", *options])
+    """The firmware in C as a program with its own plant; skips where there is no C compiler."""
+    rig = Door([rig_program(), "--with-parent", "--watchdog", "300", *options])
     try:
-        yield door
+        yield rig
     finally:
-        door.end()
+        rig.end()

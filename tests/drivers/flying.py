@@ -1,7 +1,6 @@
-"""A small closed loop for tests of the emulated rig: the contract's default controller by itself.
+"""A small closed loop with the default controller, for tests of the emulated rig.
 
-Written from the contract, apart from heli3dof.model.control.controller, so that these tests stand
-alone.
+It is written from the controller's specification, independent of heli3dof.model.control.controller.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from heli3dof.rig.profile import Profile, default_profile
 
 
 class ContractController:
-    """V = V_o + K_g [errors; −rates; ∫errors] + extra, clipped; see contract.md."""
+    """V = V_o + K_g [errors; −rates; ∫errors] + extra, clipped."""
 
     def __init__(self, profile: Profile, angle: np.ndarray) -> None:
         spec = profile.with_controller().controller
@@ -49,7 +48,7 @@ class ContractController:
 
 @dataclass
 class Log:
-    """Arrays of a flight: t (N,) s; angle (N, 3) rad read; true (N, 3) rad; voltage (N, 2) V."""
+    """Arrays of a run: t (N,) s; measured angle and true angle (N, 3) rad; voltage (N, 2) V."""
 
     t: np.ndarray
     angle: np.ndarray
@@ -66,7 +65,7 @@ def fly(
     seconds: float | None = None,
     profile: Profile | None = None,
 ) -> Log:
-    """Fly references ((N, 3) rad, or a function of s) on the rig of a URL, in closed loop."""
+    """Run references ((N, 3) rad, or a function of s) on the rig of a URL, in closed loop."""
     profile = profile or default_profile()
     n = len(reference) if isinstance(reference, np.ndarray) else round((seconds or 10) / profile.dt)
     rig = open_driver(url, profile)

@@ -86,7 +86,7 @@ SHORT = 1e-5
         ("motor.thrust_curve:0.5", (0, 0, 0), (0, 0, 0), (0, 0, 0)),
         # κF about the normal, level: yaw only
         ("aero.reaction_torque:0.02", (0, 0, 0), (0, 0, 0), (0, 0, 0.02 * T_g / L_a / J_yaw)),
-        # rising at L_a ṙ = 0.0660 m/s loses k v of the thrust
+        # rising at L_a ṙ = 0.0660 m/s: the thrust drops by the share k v
         ("aero.inflow:0.3", (0, 0, 0), (0.1, 0, 0), (-0.3 * 0.06604 * T_g / J_roll, 0, 0)),
         # k·2 V_o = 0.014912 N·m·s; pitch rate turns roll, roll rate turns pitch
         ("aero.gyroscopic:0.001", (0, 0, 0), (0, 0.5, 0), (-0.014912 * 0.5 / J_roll, 0, 0)),
@@ -118,8 +118,8 @@ def test_an_effects_acceleration_is_its_torque_over_the_inertia(hide, angle, rat
     np.testing.assert_allclose(got - quiet, expected, rtol=2e-4, atol=2e-5)
 
 
-def test_a_pendulum_swings_at_the_root_of_stiffness_over_inertia():
-    # ω = √(k/J_roll). Small, because gravity falls with cos r and the thrust does not.
+def test_a_pendulums_frequency_is_the_root_of_stiffness_over_inertia():
+    # ω = √(k/J_roll). Small angles: gravity's torque falls with cos r, the thrust does not.
     p = plant("stiffness.pendulum.roll:1.0", angle=(1e-3, 0, 0))
     crossings = []
     while len(crossings) < 3:
@@ -141,7 +141,7 @@ def test_an_inertia_ratio_divides_the_acceleration_of_its_axis():
         assert got[("roll", "pitch").index(axis)] == pytest.approx(a / 1.25, rel=1e-4)
 
 
-def test_a_curved_thrust_is_steeper_at_hover_and_odd_in_the_voltage():
+def test_a_curved_thrust_is_steeper_at_hover_and_odd_in_voltage():
     # d/dV [(1 − s) V + s V²/V_o] at V_o = 1 + s
     up = acceleration(plant("motor.thrust_curve:0.5", dt=SHORT), V_o + 0.01, V_o + 0.01)
     assert up[0] == pytest.approx(1.5 * 2 * K_f * L_a * 0.01 / J_roll, rel=1e-3)
@@ -162,7 +162,7 @@ def test_a_rotors_lag_is_first_order_and_starts_in_hover():
 
 
 @pytest.mark.parametrize("delay_ms", [2.0, 2.8, 7.3, 20.0, 100.0])
-def test_a_delay_shifts_the_step_by_exactly_itself(delay_ms):
+def test_a_delay_shifts_a_step_by_exactly_the_delay(delay_ms):
     p = plant(f"motor.delay:{delay_ms / 1000}")
     a = 2 * K_f * L_a * 1.0 / J_roll
     n = 100
@@ -172,7 +172,7 @@ def test_a_delay_shifts_the_step_by_exactly_itself(delay_ms):
     assert p.truth.rate[0] == pytest.approx(a * (n * DT - delay_ms / 1000), rel=3e-4)
 
 
-def test_the_periodic_torque_starts_at_zero_and_integrates_as_a_sine_does():
+def test_the_periodic_torque_starts_at_zero_and_is_a_sine():
     p = plant("disturbance.periodic.yaw:0.02@0.5")
     for _ in range(500):
         p.step(V_o, V_o)
@@ -180,7 +180,7 @@ def test_the_periodic_torque_starts_at_zero_and_integrates_as_a_sine_does():
     assert p.truth.rate[2] == pytest.approx(0.02 / J_yaw * 2 / math.pi, rel=1e-4)
 
 
-def test_a_mass_put_on_at_its_time_pulls_with_its_weight_and_adds_its_inertia():
+def test_an_added_mass_acts_from_its_time_with_weight_and_inertia():
     p = plant("mass.change:0.05@1")
     for _ in range(500):
         p.step(V_o, V_o)
@@ -189,7 +189,7 @@ def test_a_mass_put_on_at_its_time_pulls_with_its_weight_and_adds_its_inertia():
     assert acceleration(p)[0] == pytest.approx(-0.345978, rel=1e-3)
 
 
-def test_near_the_table_the_thrust_is_larger_by_what_was_asked_and_higher_up_it_is_not():
+def test_ground_effect_increases_the_thrust_near_the_table_only():
     on = setup_of(PROFILE, "rest").start
     for angle, share in ((on, 0.2), ((0.0, 0.0, 0.0), 0.2 * math.exp(-0.304934 / 0.1))):
         # L_a sin 27.5° = 0.304934 m
@@ -203,7 +203,7 @@ def test_gyroscopic_torque_does_no_work():
     free = replace(LEVEL, low=(-math.inf,) * 3, high=(math.inf,) * 3)
     p = plant("aero.gyroscopic:0.01", angle=(0.2, 0.3, 0), rate=(0.5, 2, 1), setup=free)
     body = p.setup.body.vector()
-    p._body[plant_layout.K_F] = 0.0  # propellers that turn and do not lift
+    p._body[plant_layout.K_F] = 0.0  # propellers that turn without thrust
     before = energy(body, np.array(p.truth.angle), np.array(p.truth.rate))
     for _ in range(2000):
         p.step(10.0, 10.0)
@@ -212,7 +212,7 @@ def test_gyroscopic_torque_does_no_work():
 
 
 def swing(hide: str, **kwargs) -> tuple[np.ndarray, np.ndarray]:
-    """True angles and read angles, rad, of a pitch swing up and back."""
+    """True and measured angles, rad, of a pitch swing up and back."""
     p = plant(hide, **kwargs)
     rest, true, read = PROFILE.encoder.rest_rad, [], []
     for k in range(600):
@@ -223,12 +223,12 @@ def swing(hide: str, **kwargs) -> tuple[np.ndarray, np.ndarray]:
     return np.array(true), np.array(read)
 
 
-def test_without_effects_a_reading_is_the_angle_to_half_a_count():
+def test_without_effects_a_reading_is_within_half_a_count_of_the_angle():
     true, read = swing("")
     assert np.abs(true - read).max() <= np.abs(GRID).max() / 2 * (1 + 1e-9)
 
 
-def test_backlash_lags_by_half_its_width_each_way():
+def test_backlash_lags_by_half_its_width_in_each_direction():
     true, read = swing("encoder.backlash.pitch:0.5")
     gap = np.degrees(true - read)[:, 1]
     count = 360 / 4096
@@ -237,7 +237,7 @@ def test_backlash_lags_by_half_its_width_each_way():
     assert abs(np.degrees(true - read)[:, 0]).max() < count
 
 
-def test_an_offset_is_a_rig_that_reads_level_where_it_is_not():
+def test_an_offset_shifts_the_reading_of_a_level_rig():
     p = plant("encoder.offset.pitch:2.0")
     assert p.counts[1] == 0
     assert math.degrees(p.truth.angle[1]) == pytest.approx(-2.0)
@@ -260,15 +260,15 @@ def test_a_scale_stretches_the_reading_from_rest():
     p._state[0] = 0.0
     p.step(V_o, V_o)
     assert p.counts[0] == round(1.05 * 27.5 / 360 * 4096)
-    assert plant("encoder.scale.roll:1.05").counts[0] == 313  # held where it reads level
+    assert plant("encoder.scale.roll:1.05").counts[0] == 313  # held at the angle that reads level
 
 
-def test_a_falling_count_belongs_to_a_rising_angle_where_the_profile_says_so():
+def test_a_negative_resolution_makes_the_count_fall_as_the_angle_rises():
     p = Plant(LEVEL, GRID * [-1, 1, -1], dt=DT, noise=0.0, start_V=V_o)
     assert p.counts == (-313, 0, 0)
 
 
-def test_jittered_samples_keep_their_order_and_spread_as_asked():
+def test_jittered_samples_keep_their_order_and_have_the_given_spread():
     p = plant("timing.jitter:0.0002")
     t = []
     for _ in range(4000):
@@ -280,7 +280,7 @@ def test_jittered_samples_keep_their_order_and_spread_as_asked():
     assert abs(late.mean()) < 2e-5
 
 
-def test_jitter_changes_when_it_looks_and_not_how_it_moves():
+def test_jitter_changes_the_sampling_and_not_the_motion():
     quiet, jittery = plant(""), plant("timing.jitter:0.0005")
     for _ in range(500):
         quiet.step(V_o + 1, V_o + 1)
@@ -290,16 +290,16 @@ def test_jitter_changes_when_it_looks_and_not_how_it_moves():
     assert jittery.t != quiet.t
 
 
-def test_the_share_of_lost_samples_is_the_one_asked_for():
+def test_the_share_of_lost_samples_is_the_given_one():
     p = plant("timing.gaps:0.05")
     lost = sum(not p.step(V_o, V_o) for _ in range(4000))
     assert lost / 4000 == pytest.approx(0.05, abs=0.01)
 
 
 @pytest.mark.parametrize("name", catalogue())
-def test_hiding_an_effect_changes_the_flight_and_stays_finite(name):
+def test_every_effect_changes_the_motion_and_stays_finite(name):
     example = catalogue()[name].example.replace("@20", "@0.5")
-    # A wobble in everything, large enough to reach limits.
+    # All inputs oscillate, far enough to reach the limits.
     quiet, p = (
         Plant(LEVEL, GRID, dt=DT, hidden=parse_hide([h]), noise=0.0, start_V=V_o)
         for h in ("", example)

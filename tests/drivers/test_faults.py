@@ -1,4 +1,4 @@
-"""What breaks on order breaks at its time, and only that."""
+"""Faults occur at their time and change nothing else."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PROFILE = default_profile()
 
 
 def flown(url: str, periods: int = 60) -> list[Sample]:
-    """More voltage in front than behind, so that every axis moves."""
+    """Samples with more voltage in front than behind, so that every axis moves."""
     rig = open_driver(f"mock:?speed=max&start=level&noise=0&{url}", PROFILE)
     rig.arm()
     return [rig.exchange(Command(k + 1, 12.0, 8.0), 0.0) for k in range(periods)]
@@ -31,7 +31,7 @@ def flown(url: str, periods: int = 60) -> list[Sample]:
         ("button", Flags.ESTOP),
     ],
 )
-def test_the_amplifier_stops_at_once_and_until_it_is_armed(kind: str, flag: Flags):
+def test_the_amplifier_stops_at_once_until_it_is_armed(kind: str, flag: Flags):
     rig = open_driver(f"mock:?speed=max&fault={kind}@0.05", PROFILE)
     rig.arm()
     samples = [rig.exchange(Command(k + 1, 5.0, 5.0), 0.0) for k in range(60)]
@@ -43,7 +43,7 @@ def test_the_amplifier_stops_at_once_and_until_it_is_armed(kind: str, flag: Flag
     assert rig.exchange(Command(99, 5.0, 5.0), 0.0).v_applied == (5.0, 5.0)
 
 
-def test_a_frozen_encoder_stands_still_and_the_others_go_on():
+def test_a_frozen_encoder_keeps_its_count_and_the_others_change():
     whole, broken = flown("seed=1"), flown("seed=1&fault=frozen.pitch@0.06")
     moved = [s.counts[1] for s in whole]
     stuck = [s.counts[1] for s in broken]
@@ -55,13 +55,13 @@ def test_a_frozen_encoder_stands_still_and_the_others_go_on():
     ]
 
 
-def test_a_jump_adds_its_counts_once_and_for_good():
+def test_a_jump_adds_its_counts_once_and_permanently():
     whole, broken = flown("seed=1"), flown("seed=1&fault=jump.travel@0.06:-200")
     jumped = [b.counts[2] - a.counts[2] for a, b in zip(whole, broken, strict=True)]
     assert jumped == [0] * 29 + [-200] * 31
 
 
-def test_several_faults_come_in_the_order_of_their_times():
+def test_several_faults_are_sorted_by_time():
     assert parse_faults(["jump.roll@4:3,stall@2", "frozen.elevation@1"]) == (
         Fault("frozen", 1.0, 0),
         Fault("stall", 2.0),
@@ -70,13 +70,13 @@ def test_several_faults_come_in_the_order_of_their_times():
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_example_is_one(kind: str):
+def test_every_example_is_valid(kind: str):
     example, _ = KINDS[kind]
     assert parse_faults([example])[0].kind == kind
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("overcurent@3", "overcurrent"),
         ("overcurrent", "time in s"),
@@ -91,14 +91,14 @@ def test_every_example_is_one(kind: str):
         ("jump.roll@3:1.5", "counts"),
     ],
 )
-def test_a_fault_that_makes_no_sense_is_refused(text: str, said: str):
+def test_a_malformed_fault_is_refused(text: str, message: str):
     with pytest.raises(UsageError) as caught:
         parse_faults([text])
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert caught.value.fix.startswith("fault=")
 
 
-def test_behind_the_link_the_samples_carry_the_cause():
+def test_samples_on_the_link_carry_the_cause():
     endpoint = emulated("mock:?fault=overtemperature@0.05")
     endpoint.receive(0, wire(Arm(0, 1, 2000, 200_000)) + wire(CommandFrame(1, 5_000_000, 0)))
     said = [f for f in Splitter().feed(endpoint.tick(100_000)) if isinstance(f, SampleFrame)]

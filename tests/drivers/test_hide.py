@@ -1,4 +1,4 @@
-"""The grammar of hide=, and the catalogue against the contract."""
+"""The syntax of hide=, and the catalogue against the specified effect names."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from heli3dof_drivers.emulator.effects import catalogue
 from heli3dof.axes import AXES
 from heli3dof.errors import UsageError
 
-# contract.md, "Effect names": axes and parameters, word for word.
+# The specified effect names with their axes and parameters.
 CONTRACT = {
     "friction.coulomb": (AXES, ["torque_Nm"]),
     "friction.viscous": (AXES, ["damping_Nms_per_rad"]),
@@ -50,7 +50,7 @@ def test_every_effect_of_the_contract_is_there_with_its_axes_and_parameters(name
         assert [p.name for p in effect.parameters] == parameters
 
 
-def test_whatever_is_not_in_the_contract_says_so_in_its_name():
+def test_an_effect_outside_the_contract_is_named_other():
     assert all(name in CONTRACT or name.startswith("other.") for name in catalogue())
 
 
@@ -63,13 +63,13 @@ def test_every_example_parses_and_reads_back_as_itself(name):
 
 
 @pytest.mark.parametrize("name", catalogue())
-def test_every_effect_does_something_in_one_place_at_least(name):
+def test_every_effect_acts_on_the_setup_or_the_run(name):
     effect = catalogue()[name]
     assert effect.kernels or effect.setup
     assert effect.summary.endswith(".")
 
 
-def test_commas_repetition_and_the_airs_words_all_work():
+def test_commas_repetition_and_aliases_of_axes_all_work():
     hidden = parse_hide(["friction.coulomb.travel:0.03, mass.change:0.05@20", "motor.lag:1e-1"])
     assert {h.text for h in hidden} == {
         "friction.coulomb.yaw:0.03",
@@ -78,7 +78,7 @@ def test_commas_repetition_and_the_airs_words_all_work():
     }
 
 
-def test_effects_act_in_the_order_of_the_signals_path_whatever_the_order_given():
+def test_effects_act_in_the_order_of_the_signals_path():
     names = ["motor.thrust_curve:0.5", "motor.dead_zone:1", "motor.delay:0.02"]
     assert [h.effect.name for h in parse_hide(names)] == [
         "motor.delay",
@@ -107,7 +107,7 @@ def test_effects_act_in_the_order_of_the_signals_path_whatever_the_order_given()
         ("sorcery", "known"),
     ],
 )
-def test_what_makes_no_sense_is_refused_and_the_sense_named(text, says):
+def test_a_malformed_effect_is_refused_with_a_correction(text, says):
     with pytest.raises(UsageError) as caught:
         parse_hide([text])
     assert says in str(caught.value)
@@ -115,5 +115,5 @@ def test_what_makes_no_sense_is_refused_and_the_sense_named(text, says):
     assert caught.value.fix
 
 
-def test_nothing_hidden_is_nothing():
+def test_an_empty_text_hides_nothing():
     assert parse_hide([]) == parse_hide([""]) == ()

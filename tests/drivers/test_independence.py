@@ -1,4 +1,4 @@
-"""The emulated rig is the truth that models are tried against: it must share nothing with them."""
+"""The drivers share no code with the models that are tested against the emulated rig."""
 
 from __future__ import annotations
 
@@ -13,6 +13,6 @@ ALLOWED = {"errors", "axes", "rig"}
 @pytest.mark.parametrize(
     "path", sorted((ROOT / "drivers").rglob("*.py")), ids=lambda p: str(p.relative_to(ROOT))
 )
-def test_a_driver_imports_only_the_rig_package_the_errors_and_the_axes(path):
+def test_a_driver_imports_only_these_parts_of_heli3dof(path):
     ours = {n.split(".")[1] for n in imports_of(path) if n.startswith("heli3dof.")}
     assert ours <= ALLOWED

@@ -1,4 +1,4 @@
-"""How the plant is integrated: conservation, convergence, stops and dry friction."""
+"""The integration of the plant: conservation, convergence, stops and dry friction."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def plant(
     rate=(0.0, 0.0, 0.0),
     dt: float = 0.002,
 ) -> Plant:
-    """A plant without noise, put where the test wants it."""
+    """A plant without noise in a given state."""
     p = Plant(setup, GRID, dt=dt, hidden=parse_hide([hide]), noise=0.0)
     p._state[:6] = [*angle, *rate]
     return p
@@ -51,7 +51,7 @@ def test_without_thrust_energy_and_travel_momentum_are_conserved():
     assert travel_momentum(body, *state(p)) == pytest.approx(L0, rel=1e-9)
 
 
-def test_thrusts_add_the_energy_that_they_work():
+def test_the_energy_grows_by_the_work_of_the_thrusts():
     p = plant(angle=(0.1, 0.2, 0.0), rate=(0.2, 0.5, 0.3))
     body = p.setup.body.vector()
     E0, work, K_f = energy(body, *state(p)), 0.0, 0.1188
@@ -72,7 +72,7 @@ def test_thrusts_add_the_energy_that_they_work():
     assert energy(body, *state(p)) - E0 == pytest.approx(work, rel=1e-4)
 
 
-def test_the_integrators_step_is_far_below_what_matters():
+def test_the_integration_error_is_negligible():
     ends = []
     for substeps in (4, 40):
         p = plant(angle=(0.2, 0.3, 0.0), rate=(0.5, 3.0, 2.0))
@@ -83,7 +83,7 @@ def test_the_integrators_step_is_far_below_what_matters():
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)
 
 
-def test_the_plant_hovers_at_V_o_for_as_long_as_it_is_quiet():
+def test_the_plant_hovers_at_V_o_without_noise():
     p = Plant(setup_of(PROFILE, "level"), GRID, dt=0.002, noise=0.0, start_V=7.456)
     for _ in range(30000):
         p.step(7.456, 7.456)
@@ -91,7 +91,7 @@ def test_the_plant_hovers_at_V_o_for_as_long_as_it_is_quiet():
     assert p.counts == (313, 0, 0)  # 27.5° / (360°/4096) = 312.9
 
 
-def test_at_rest_it_lies_on_the_table_and_counts_zero():
+def test_at_rest_it_is_on_the_table_with_zero_counts():
     p = Plant(setup_of(PROFILE, "rest"), GRID, dt=0.002, noise=0.0)
     for _ in range(500):
         p.step(0.0, 0.0)
@@ -99,7 +99,7 @@ def test_at_rest_it_lies_on_the_table_and_counts_zero():
     assert p.truth.angle[0] == pytest.approx(math.radians(-27.5), abs=1e-12)
 
 
-def test_it_takes_off_only_when_thrust_beats_gravity():
+def test_it_takes_off_only_when_thrust_exceeds_gravity():
     for volts, lifts in ((7.40, False), (7.50, True)):
         p = Plant(setup_of(PROFILE, "rest"), GRID, dt=0.002, noise=0.0)
         for _ in range(1000):
@@ -109,7 +109,7 @@ def test_it_takes_off_only_when_thrust_beats_gravity():
         assert (p.counts[0] > 0) is lifts
 
 
-def test_the_table_and_the_stops_swallow_the_motion_and_are_one_sided():
+def test_the_table_and_the_stops_are_inelastic_and_one_sided():
     low, high, steep = math.radians(-27.5), math.radians(36), math.radians(32)
     p = plant(setup_of(PROFILE, "level"), rate=(0.0, 3.0, 0.0))
     while p.truth.angle[1] < steep - 1e-6:
@@ -130,25 +130,25 @@ def test_the_table_and_the_stops_swallow_the_motion_and_are_one_sided():
     assert p.truth.angle[1] < steep
 
 
-def test_a_stop_never_gives_energy_back():
+def test_a_stop_never_adds_energy():
     p = plant(setup_of(PROFILE, "level"), angle=(0.5, 0.3, 0.0), rate=(1.0, 3.0, 1.0))
     body = p.setup.body.vector()
     before = energy(body, *state(p))
     for _ in range(1500):
         p.step(0.0, 0.0)
         after = energy(body, *state(p))
-        assert after <= before + 1e-6  # J; a substep's overlap with a stop is pushed back out
+        assert after <= before + 1e-6  # J; the overlap of one substep with a stop is removed
         before = after
 
 
-def test_dry_friction_holds_without_creeping_below_its_limit():
+def test_dry_friction_below_its_limit_holds_without_creep():
     p = plant(hide="friction.coulomb.yaw:0.03,bias.torque.yaw:0.0299")
     for _ in range(30000):
         p.step(7.456, 7.456)
     assert abs(p.truth.angle[2]) < 1e-12
 
 
-def test_dry_friction_lets_go_above_its_limit():
+def test_dry_friction_slips_above_its_limit():
     p = plant(hide="friction.coulomb.yaw:0.03,bias.torque.yaw:0.04")
     for _ in range(500):
         p.step(7.456, 7.456)
@@ -156,7 +156,7 @@ def test_dry_friction_lets_go_above_its_limit():
     assert p.truth.angle[2] == pytest.approx(0.0105174 / 2, rel=1e-4)
 
 
-def test_dry_friction_brings_a_coasting_arm_to_rest_when_it_should_and_keeps_it_there():
+def test_dry_friction_stops_a_coasting_arm_at_the_computed_time_and_holds_it():
     p = plant(hide="friction.coulomb.yaw:0.1", rate=(0.0, 0.0, 0.2))
     stop = 0.2 * 0.950809 / 0.1  # J ω₀ / τ_c = 1.9016 s
     while p.t < stop - 0.01:
@@ -190,7 +190,7 @@ EXAMPLES = [e.example for e in catalogue().values()]
     st.sampled_from(["rest", "level"]),
     st.integers(0, 5),
 )
-def test_whatever_is_hidden_and_commanded_it_stays_between_its_stops(hide, volts, start, seed):
+def test_the_plant_stays_between_its_stops_with_any_effects_and_commands(hide, volts, start, seed):
     p = Plant(
         setup_of(PROFILE, start), GRID, dt=0.002, hidden=parse_hide(hide), seed=seed, spread=0.1
     )

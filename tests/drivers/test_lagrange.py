@@ -1,4 +1,4 @@
-"""The equations of motion against point masses in space, and numbers worked out by hand."""
+"""The equations of motion against point masses in space and hand calculations."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_the_mass_matrix_is_that_of_three_point_masses_in_space(r, p, psi):
 
 @few
 @given(angle, angle, rate, rate, rate)
-def test_velocity_torques_are_what_lagrange_makes_of_the_mass_matrix(r, p, rd, pd, yd):
+def test_velocity_torques_follow_from_the_mass_matrix_by_lagrange(r, p, rd, pd, yd):
     body = body_of(LOPSIDED).vector()
     q, qd, h = np.array([r, p, 0.0]), np.array([rd, pd, yd]), 1e-6
     dM = [(matrix(body, q + h * e) - matrix(body, q - h * e)) / (2 * h) for e in np.eye(3)]
@@ -85,7 +85,7 @@ def test_velocity_torques_are_what_lagrange_makes_of_the_mass_matrix(r, p, rd, p
 
 @few
 @given(angle, angle, angle, st.floats(-3, 3), st.floats(-3, 3))
-def test_thrusts_do_the_work_that_forces_along_the_bodys_normal_do(r, p, psi, front, back):
+def test_generalised_thrusts_do_the_virtual_work_of_forces_along_the_normal(r, p, psi, front, back):
     q, body = np.array([r, p, psi]), body_of(TABLE).vector()
     points, J = positions(TABLE, q), jacobians(TABLE, q)
     along = (points[1] - points[2]) / np.linalg.norm(points[1] - points[2])
@@ -151,7 +151,7 @@ def test_linearised_at_hover_it_is_the_corrected_hover_model():
     # (10), E3: A[6,2] = −2 L_a K_f V_o / J_yaw = −1.169929/0.950809
     per_pitch = (level((0, h, 0), V_o, V_o) - level((0, -h, 0), V_o, V_o)) / (2 * h)
     np.testing.assert_allclose(per_pitch, [0, 0, -1.23046], atol=1e-5)
-    # Everything else of A's lower left is zero: no restoring torque at level.
+    # The rest of A's lower left is zero: no restoring torque at level.
     per_roll = (level((h, 0, 0), V_o, V_o) - level((-h, 0, 0), V_o, V_o)) / (2 * h)
     np.testing.assert_allclose(per_roll, 0, atol=1e-8)
 
@@ -177,7 +177,7 @@ def test_measured_inertias_are_those_of_the_level_rig() -> None:
     profile = profile_from_dict({**TABLE.to_dict(), "inertia": measured}, source="test")
     body = body_of(profile)
     assert np.diag(matrix(body.vector(), np.zeros(3))) == pytest.approx(list(measured.values()))
-    # Away from level the rest turns with the joints: only the masses' part changes.
+    # Away from level only the masses' part changes; the rest is on the joints.
     q = np.array([0.4, 0.3, 0.0])
     change = matrix(body.vector(), q) - matrix(body_of(TABLE).vector(), q)
     assert change == pytest.approx(np.diag(body.dJ))

@@ -1,4 +1,4 @@
-"""The mock's options, its two clocks, and flights whose numbers are known."""
+"""The mock's options, its two clocks, and runs with known results."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def open_mock(options: str = ""):
     return open_driver(f"mock:{options}", PROFILE)
 
 
-def test_the_mock_is_always_there_to_be_found():
+def test_the_mock_is_always_listed():
     assert ("mock", ["mock:"], None) in list(find_rigs())
 
 
@@ -52,7 +52,7 @@ def scalar_roll_step(gravity: Callable[[float], float]) -> np.ndarray:
 
 
 def test_a_level_roll_step_peaks_where_the_papers_equations_say():
-    # paper-checked.md: 11.75° ± 0.03° on the linear model, with this very controller. Gravity's
+    # docs/explanation/paper.md: 11.75° ± 0.03° on the linear model with this controller. Gravity's
     # torque falls with cos r and the thrust does not, which on the rigid body adds 0.18°.
     linear = scalar_roll_step(lambda r: 1.0)
     assert linear.max() == pytest.approx(11.75, abs=0.03)
@@ -66,7 +66,7 @@ def test_a_level_roll_step_peaks_where_the_papers_equations_say():
     assert np.abs(np.degrees(log.true[:, 1:])).max() < 1e-6
 
 
-def test_the_products_own_loop_flies_the_mock_to_the_same_counts():
+def test_heli3dofs_loop_gives_the_same_counts():
     plan = step_plan((10.0, None, 20.0), settle_s=0, duration_s=4)
     device = "mock:?speed=max&start=level&seed=7&hide=motor.lag:0.05"
     flight = fly_plan(plan, device=device)
@@ -80,13 +80,13 @@ def test_from_rest_a_roll_step_overshoots_to_sixteen_degrees():
     assert np.degrees(log.true[:, 0]).max() == pytest.approx(16.2, abs=0.5)
 
 
-def test_a_yaw_step_swings_pitch_the_other_way_first():
+def test_a_yaw_step_first_swings_pitch_the_other_way():
     log = fly("mock:?speed=max&start=level&noise=0", lambda t: np.radians([0, 0, 20.0]), seconds=10)
     assert np.degrees(log.true[:, 2]).max() == pytest.approx(23.2, abs=0.4)
     assert np.degrees(log.true[:, 1]).min() == pytest.approx(-13.55, abs=0.4)
 
 
-def test_the_same_seed_flies_the_same_flight_and_another_does_not():
+def test_the_seed_determines_the_run():
     a, b, c = (
         fly(f"mock:?speed=max&hide=motor.lag:0.05&seed={s}", roll_to(5), seconds=2)
         for s in (3, 3, 4)
@@ -96,8 +96,8 @@ def test_the_same_seed_flies_the_same_flight_and_another_does_not():
     assert not np.array_equal(a.angle, c.angle)
 
 
-def test_real_time_flies_the_same_flight_as_full_speed(own_clock: Clock):
-    # On a clock of its own: a period that a busy machine misses is another flight.
+def test_a_run_is_the_same_in_real_time_and_at_full_speed(own_clock: Clock):
+    # A virtual clock: a missed period on a busy machine would change the run.
     options = "seed=5&hide=friction.coulomb.yaw:0.03,timing.jitter:0.0002"
     fast = fly(f"mock:?{options}&speed=max", roll_to(5), seconds=2.0)
     start = own_clock.now_s
@@ -108,14 +108,14 @@ def test_real_time_flies_the_same_flight_as_full_speed(own_clock: Clock):
 
 
 @pytest.mark.realtime
-def test_real_time_is_the_machines_own():
+def test_real_time_follows_the_machines_clock():
     start = time.monotonic()
     fly("mock:", roll_to(5), seconds=1.0)
     assert time.monotonic() - start >= 0.99
 
 
 @pytest.mark.realtime
-def test_a_number_for_speed_is_so_many_times_real_time():
+def test_speed_10_is_ten_times_real_time():
     rig = open_mock("?speed=10")
     assert rig.identity.timebase == "virtual"
     rig.arm()
@@ -126,8 +126,8 @@ def test_a_number_for_speed_is_so_many_times_real_time():
     assert 0.19 < time.monotonic() - start < 2.0
 
 
-def test_all_that_needs_compiling_is_compiled_before_the_motors_turn(tmp_path: Path):
-    # In a process of its own with an empty cache: a first flight must not stall in mid-air.
+def test_everything_is_compiled_before_the_motors_turn(tmp_path: Path):
+    # In a process with an empty cache: the first run must not stall.
     script = (
         "from numba.core import event\n"
         "from heli3dof.rig.drivers import open_driver\n"
@@ -148,21 +148,21 @@ def test_all_that_needs_compiling_is_compiled_before_the_motors_turn(tmp_path: P
     assert "Compiling the emulated rig" in done.stderr
 
 
-def test_a_host_that_skips_periods_finds_its_last_voltage_still_standing(own_clock: Clock):
+def test_the_last_voltage_is_kept_for_periods_that_the_host_skipped(own_clock: Clock):
     rig = open_mock("?speed=real&start=level&noise=0")
     now = rig.arm().host_time_s
     rig.exchange(Command(1, 12.0, 12.0), now + 0.002)
     own_clock.sleep(0.02)
     sample = rig.exchange(Command(2, 0.0, 0.0), now + 0.042)
     assert sample.device_time_s == pytest.approx(0.042, abs=1e-9)
-    # 2 ms and at least 18 ms of 12 V, at most 22 ms of nothing, from level.
+    # 2 ms and at least 18 ms of 12 V, at most 22 ms of 0 V, from level.
     up = 2 * 0.1188 * 0.6604 * (12 - 7.456) / 0.914455
     down = 2 * 0.1188 * 0.6604 * 7.456 / 0.914455
     assert up * 0.018 - down * 0.024 < rig.truth.rate[0] < up * 0.040
     assert sample.flags == Flags.ENABLED
 
 
-def test_a_silent_host_is_ramped_to_zero_and_latched_out(own_clock: Clock):
+def test_without_commands_the_output_ramps_to_zero_and_latches(own_clock: Clock):
     rig = open_mock("?speed=real&start=level&noise=0&watchdog_s=0.05")
     now = rig.arm().host_time_s
     rig.exchange(Command(1, 10.0, 10.0), now + 0.002)
@@ -176,14 +176,14 @@ def test_a_silent_host_is_ramped_to_zero_and_latched_out(own_clock: Clock):
         due += 0.002
         sample = rig.exchange(Command(3 + k, 10.0, 10.0), due)
     assert sample.v_applied == (0.0, 0.0)
-    assert sample.sequence == 202  # it hears, and does not obey
+    assert sample.sequence == 202  # it echoes commands without applying them
     sample = rig.arm()
     assert sample.flags == Flags.ENABLED
     sample = rig.exchange(Command(300, 10.0, 10.0), sample.host_time_s + 0.002)
     assert sample.v_applied == (10.0, 10.0)
 
 
-def test_held_level_it_stays_until_the_first_command_after_arming():
+def test_a_rig_held_level_stays_until_the_first_command_after_arming():
     rig = open_mock("?speed=max&start=level")
     for k in range(10):
         assert rig.exchange(Command(k + 1, 5.0, 5.0), 0.0).counts == (313, 0, 0)
@@ -193,7 +193,7 @@ def test_held_level_it_stays_until_the_first_command_after_arming():
     assert sample.counts[0] < 250
 
 
-def test_lost_samples_show_as_jumps_of_whole_periods_in_the_devices_time():
+def test_lost_samples_are_jumps_of_whole_periods_in_the_devices_time():
     log = fly("mock:?speed=max&start=level&hide=timing.gaps:0.05&seed=2", roll_to(0), seconds=8)
     steps = np.round(np.diff(log.t) / 0.002)
     assert set(steps) >= {1.0, 2.0}
@@ -201,7 +201,7 @@ def test_lost_samples_show_as_jumps_of_whole_periods_in_the_devices_time():
     assert (steps - 1).sum() / steps.sum() == pytest.approx(0.05, abs=0.015)
 
 
-def test_a_profile_in_the_url_is_the_rigs_own_whatever_the_host_believes(tmp_path: Path):
+def test_a_profile_in_the_url_is_the_rigs_whatever_the_hosts_profile(tmp_path: Path):
     path = tmp_path / "other.toml"
     path.write_text(
         "[geometry]\nL_w = 0.47\nL_a = 0.66\nL_h = 0.18\n[mass]\nm_w = 1.9\nm_f = 0.6\nm_b = 0.6\n"
@@ -219,13 +219,13 @@ def test_a_profile_in_the_url_is_the_rigs_own_whatever_the_host_believes(tmp_pat
 
 
 @pytest.mark.parametrize(("key", "angle"), [("roll_rest_deg", 5.0), ("pitch_rest_deg", 40.0)])
-def test_a_table_that_cannot_be_is_refused_by_its_key(key, angle):
+def test_an_impossible_table_is_refused_by_its_key(key, angle):
     encoder = {"roll": 4096, "pitch": 4096, "yaw": 8192, key: angle}
     with pytest.raises(UsageError, match=key):
         open_driver("mock:", profile_from_dict({**TABLE_I, "encoder": encoder}))
 
 
-def test_another_table_is_another_start():
+def test_another_rest_angle_is_another_start():
     encoder = {"roll": -4096, "pitch": 4096, "yaw": 8192, "roll_rest_deg": -20.0}
     profile = profile_from_dict({**TABLE_I, "encoder": encoder})
     rig = open_driver("mock:?speed=max&noise=0", profile)
@@ -236,7 +236,7 @@ def test_another_table_is_another_start():
     assert sample.counts[0] < 0 < np.degrees(rig.truth.angle[0]) + 20
 
 
-def test_a_spread_rig_departs_from_its_profile_by_no_more_than_asked_and_by_its_seed():
+def test_spread_bounds_the_deviation_from_the_profile_and_follows_the_seed():
     def body(seed: int):
         return open_mock(f"?spread=0.07&seed={seed}").truth.body
 
@@ -261,12 +261,14 @@ def test_a_spread_rig_departs_from_its_profile_by_no_more_than_asked_and_by_its_
         ("?noise=nan", "noise=nan"),
         ("?spread=7", "0 to 0.5"),
         ("?start=levl", "'level'"),
+        ("?noise=1e", "noise=1e"),
+        ("?watchdog_s=20", "0.001 to 10"),
         ("?watchdog_s=0.002", "two control periods"),
         ("?rate_hz=5", "10 to 10000"),
         ("?hide=motor.lagg:0.1", "motor.lag"),
     ],
 )
-def test_an_option_that_makes_no_sense_is_named_with_what_would(options, says):
+def test_a_wrong_option_is_named_with_its_range(options, says):
     with pytest.raises(UsageError) as caught:
         open_mock(options)
     assert says in str(caught.value)

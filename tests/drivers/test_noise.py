@@ -1,4 +1,4 @@
-"""The random torques, and how much of a flight they leave unexplained."""
+"""The random torques, and the fit that they limit."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_one_seed_is_one_stream_and_scale_scales_it():
 
 
 def test_the_true_plant_replays_a_noisy_flights_pitch_to_about_94_percent():
-    # The bar for every model: methods.md, point 6 (truth: 93.6 % on multisine).
+    # The upper bound for every model (93.6 % on multisine).
     profile = default_profile()
     signals = load_plan("multisine").render(profile.dt, 1)
     noisy = fly("mock:?speed=max&start=level&seed=1", signals.reference, signals.extra)

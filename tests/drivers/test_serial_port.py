@@ -1,4 +1,4 @@
-"""The serial driver against emulated rigs behind pseudo-terminals, sockets and loops."""
+"""The serial driver against emulated rigs at pseudo-terminals, sockets and loops."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ DRIVER = load_driver("serial")
 
 
 @pytest.fixture(scope="module")
-def door() -> Iterator[Door]:
+def emulated() -> Iterator[Door]:
     with python_door() as opened:
         yield opened
 
@@ -47,18 +47,18 @@ def fly(rig, periods: int = 20):
     return sample
 
 
-def test_a_scheme_with_a_plus_belongs_to_the_driver_before_it():
+def test_a_scheme_with_a_plus_belongs_to_the_driver_before_the_plus():
     assert load_driver("serial+socket").scheme == "serial"
     with pytest.raises(UsageError, match="no driver for 'serail:'"):
         load_driver("serail+socket")
 
 
-def test_a_port_that_is_not_there_is_named_with_those_that_are(monkeypatch):
+def test_the_error_for_a_missing_port_lists_the_ports(monkeypatch):
     with pytest.raises(DeviceError, match=r"/dev/ttyNONE: there is no such port \(ports: "):
         open_driver("serial:///dev/ttyNONE", PROFILE)
 
 
-def test_what_is_no_serial_port_says_so(tmp_path: Path):
+def test_a_file_that_is_no_serial_port_is_an_error(tmp_path: Path):
     file = tmp_path / "file"
     file.touch()
     with pytest.raises(DeviceError, match=r"no serial port|not permitted|does not open") as caught:
@@ -67,7 +67,7 @@ def test_what_is_no_serial_port_says_so(tmp_path: Path):
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may open everything")
-def test_a_port_that_is_not_ours_to_open_names_the_group(tmp_path: Path):
+def test_missing_permission_names_the_group(tmp_path: Path):
     file = tmp_path / "port"
     file.touch(mode=0)
     with pytest.raises(DeviceError, match="not permitted") as caught:
@@ -75,7 +75,7 @@ def test_a_port_that_is_not_ours_to_open_names_the_group(tmp_path: Path):
     assert "usermod" in caught.value.fix
 
 
-def test_a_place_and_options_that_make_no_sense_are_usage_errors():
+def test_wrong_places_and_options_are_usage_errors():
     for url in (
         "serial:", "serial:///dev/ttyACM0?baud=fast", "serial:///dev/ttyACM0?stream=2",
         "serial:///dev/ttyACM0?watchdog_s=20", "serial:///dev/ttyACM0?file=x",
@@ -101,8 +101,8 @@ for k in range(1, 100_000):
 """
 
 
-def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
-    url = door.url("watchdog_s=0.5")
+def test_estop_reaches_a_rig_whose_port_another_process_holds(emulated: Door):
+    url = emulated.url("watchdog_s=0.5")
     flight = subprocess.Popen([sys.executable, "-c", HOLD, url], stdout=subprocess.PIPE, text=True)
     assert flight.stdout is not None
     assert flight.stdout.readline() == "armed\n"
@@ -110,11 +110,11 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
         open_driver(url, PROFILE)
     assert "busy" in caught.value.what
     assert "estop" in caught.value.fix
-    assert flight.pid in [pid for pid, _ in holders(door.path)]
+    assert flight.pid in [pid for pid, _ in holders(emulated.path)]
     held = {c.what: c for c in DRIVER.examine(parse_url(url))}["held by"]
     assert held.good is False
     assert str(flight.pid) in held.found
-    assert str(door.process.pid) not in held.found
+    assert str(emulated.process.pid) not in held.found
 
     said = DRIVER.estop(parse_url(url))
     assert "stop" in said
@@ -125,35 +125,35 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(door: Door):
     rig.close()
 
 
-def test_estop_reaches_a_rig_whose_holder_hangs_with_the_line_full(door: Door):
-    url = door.url("watchdog_s=0.5")
+def test_estop_reaches_a_rig_whose_holder_hangs_with_the_line_full(emulated: Door):
+    url = emulated.url("watchdog_s=0.5")
     flight = subprocess.Popen([sys.executable, "-c", HOLD, url], stdout=subprocess.PIPE, text=True)
     assert flight.stdout is not None
     assert flight.stdout.readline() == "armed\n"
     flight.send_signal(signal.SIGSTOP)
-    time.sleep(0.4)  # samples that nobody reads
+    time.sleep(0.4)  # its samples are not read
     try:
-        assert "the rig says so" in DRIVER.estop(parse_url(url))
+        assert "the rig confirmed it" in DRIVER.estop(parse_url(url))
     finally:
         flight.kill()
         flight.wait(timeout=END_S)
 
 
-def test_estop_reaches_a_rig_that_nobody_holds(door: Door):
-    url = parse_url(door.url())
-    assert "the rig says so" in DRIVER.estop(url)
+def test_estop_reaches_a_rig_that_no_process_holds(emulated: Door):
+    url = parse_url(emulated.url())
+    assert "the rig confirmed it" in DRIVER.estop(url)
     rig = open_driver(url, PROFILE)
     assert rig.read().flags == Flags.ESTOP
     assert fly(rig).flags == Flags.ENABLED
     rig.close()
 
 
-def test_estop_of_a_port_that_is_gone_is_a_device_error():
+def test_estop_of_a_missing_port_is_a_device_error():
     with pytest.raises(DeviceError, match="no such port"):
         DRIVER.estop(parse_url("serial:///dev/ttyNONE"))
 
 
-def test_a_rig_that_dies_in_flight_is_a_device_error_that_says_so():
+def test_a_rig_that_fails_during_a_run_is_a_device_error():
     with python_door() as mortal:
         rig = open_driver(mortal.url(), PROFILE)
         fly(rig)
@@ -165,7 +165,7 @@ def test_a_rig_that_dies_in_flight_is_a_device_error_that_says_so():
 
 @pytest.fixture
 def served() -> Iterator[str]:
-    """A rig behind a TCP port."""
+    """An emulated rig at a TCP port."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         going = True
 
@@ -182,50 +182,50 @@ def served() -> Iterator[str]:
         thread.join(timeout=5)
 
 
-def test_a_rig_behind_a_socket_flies_and_a_socket_that_closes_is_noticed(served: str):
+def test_a_rig_at_a_socket_runs_and_a_closed_socket_is_an_error(served: str):
     rig = open_driver(f"serial+socket://{served}?watchdog_s=0.5", PROFILE)
     assert fly(rig).sequence == 20
     rig.close()
 
 
-def test_a_socket_where_nobody_listens():
+def test_a_socket_without_a_listener():
     with pytest.raises(DeviceError, match="does not open"):
         open_driver("serial+socket://127.0.0.1:1", PROFILE)
 
 
-def test_a_loop_answers_with_what_it_was_asked_and_that_is_no_rig(monkeypatch):
+def test_a_loop_that_echoes_requests_is_not_a_rig(monkeypatch):
     monkeypatch.setattr(handshake, "TRIES", 2)
     with pytest.raises(DeviceError, match="not a rig"):
         open_driver("serial+loop://", PROFILE)
 
 
-def test_a_spy_writes_down_what_passes(door: Door, tmp_path: Path):
+def test_a_spy_logs_the_bytes(emulated: Door, tmp_path: Path):
     file = tmp_path / "bytes.txt"
-    rig = open_driver(f"serial+spy://{door.path}?file={file}&watchdog_s=0.5", PROFILE)
+    rig = open_driver(f"serial+spy://{emulated.path}?file={file}&watchdog_s=0.5", PROFILE)
     assert fly(rig).flags & Flags.ENABLED
     rig.close()
     assert "TX" in file.read_text()
 
 
-def test_what_doctor_is_told_of_a_port(door: Door, monkeypatch, tmp_path: Path):
-    found = {c.what: c for c in DRIVER.examine(parse_url(door.url()))}
+def test_doctors_checks_of_a_port(emulated: Door, monkeypatch, tmp_path: Path):
+    found = {c.what: c for c in DRIVER.examine(parse_url(emulated.url()))}
     assert found["port"].good
     assert found["permission"].good
     assert found["latency timer"].good
-    # The emulated rig has its own end open, and has locked nothing.
+    # The emulated rig has its own end open without a lock.
     assert found["held by"].good is None
-    assert str(door.process.pid) in found["held by"].found
+    assert str(emulated.process.pid) in found["held by"].found
     assert not DRIVER.examine(parse_url("serial:///dev/ttyNONE"))[0].good
 
     timer = tmp_path / "latency_timer"
     timer.write_text("16\n")
     monkeypatch.setattr(serial_ports, "LATENCY_FILES", (str(timer),))
-    slow = {c.what: c for c in DRIVER.examine(parse_url(door.url()))}["latency timer"]
+    slow = {c.what: c for c in DRIVER.examine(parse_url(emulated.url()))}["latency timer"]
     assert slow.good is False
     assert slow.fix == f"echo 1 | sudo tee {timer}"
 
 
-def test_nothing_is_imported_that_finding_does_not_need():
+def test_finding_ports_imports_nothing_heavy():
     code = (
         "import sys; from heli3dof_drivers.serial_port import SerialDriver; SerialDriver().find();"
         "print(sorted({'numpy', 'pydantic', 'numba'} & set(sys.modules)))"
@@ -234,12 +234,12 @@ def test_nothing_is_imported_that_finding_does_not_need():
     assert done.stdout == "[]\n"
 
 
-def test_the_page_names_every_option_and_every_count():
-    page = (ROOT / "docs" / "reference" / "serial.md").read_text(encoding="utf-8")
+def test_the_page_names_every_option_and_every_counter():
+    page = (ROOT / "docs" / "serial.md").read_text(encoding="utf-8")
     rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
     named = set(re.findall(r"`(\w+?)(?:_…_s)?`", "".join(rows)))
     counted = {f.name for f in fields(LinkStatistics)}
     assert set(DRIVER.options) <= named
     assert named - set(DRIVER.options) <= counted
-    assert counted - named == {"sent", "received", "commands"}  # they speak for themselves
-    assert f"for {handshake.TRIES * handshake.PATIENCE_S:g} s" in page
+    assert counted - named == {"sent", "received", "commands"}  # self-explanatory
+    assert f"for {handshake.TRIES * handshake.REPLY_TIMEOUT_S:g} s" in page

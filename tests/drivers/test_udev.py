@@ -1,4 +1,4 @@
-"""The udev rule that ships: every line is one that udev understands, and nobody gets 0666."""
+"""The udev rule that ships: every line is valid, and no device gets mode 0666."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def test_a_line_is_matches_then_assignments_and_nothing_else(line: str):
     assert all(pairs), line
     signs = [p[2] for p in pairs if p]
     matches = [s for s in signs if s in ("==", "!=")]
-    assert matches == signs[: len(matches)]  # a match after an assignment would be a typing error
+    assert matches == signs[: len(matches)]  # a match after an assignment is a typing error
     assert len(signs) > len(matches)
     assert {v for k, _, v in (p.groups() for p in pairs if p) if k == "MODE"} <= {"0660"}
 
 
 def rules_for(**device: str) -> str:
-    """All that the rules assign to a device with these properties, as text."""
+    """The rules' assignments for a device with these properties, as text."""
     done = []
     for line in LINES:
         pairs = [p.groups() for p in PAIR.finditer(line)]
@@ -39,7 +39,7 @@ def rules_for(**device: str) -> str:
     return " ".join(done)
 
 
-def test_who_sits_at_the_machine_may_use_a_usb_rig():
+def test_the_user_at_the_machine_may_open_a_usb_rig():
     usb = {
         "SUBSYSTEM": "usb",
         "ENV_of_DEVTYPE_end": "usb_device",
@@ -51,21 +51,21 @@ def test_who_sits_at_the_machine_may_use_a_usb_rig():
 
 
 @pytest.mark.parametrize("port", ["ttyACM0", "ttyUSB11"])
-def test_who_sits_at_the_machine_may_use_a_serial_rig(port: str):
+def test_the_user_at_the_machine_may_open_a_serial_rig(port: str):
     assert rules_for(SUBSYSTEM="tty", KERNEL=port) == "TAG+=uaccess"
     assert rules_for(SUBSYSTEM="tty", KERNEL="ttyS0") == ""
 
 
-def test_an_ftdi_adapter_is_made_quick():
+def test_an_ftdi_adapter_gets_the_shortest_latency_timer():
     done = rules_for(ACTION="add", SUBSYSTEM="usb-serial", DRIVER="ftdi_sio")
     assert done == "ATTR{latency_timer}=1"
 
 
-def test_the_rule_comes_before_the_one_that_reads_the_tag():
+def test_the_rule_runs_before_the_one_that_reads_the_tag():
     assert udev.RULES.name < "73-seat-late.rules"
 
 
-def test_the_command_installs_this_file_and_applies_it():
+def test_the_command_installs_and_applies_this_file():
     command = udev.install_command()
     assert f"cp '{udev.RULES}' /etc/udev/rules.d/" in command
     assert command.index("--reload") < command.index("udevadm trigger")

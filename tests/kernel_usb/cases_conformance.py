@@ -1,4 +1,4 @@
-"""Every case that a driver owes the port (`heli3dof.rig.conformance`), over the kernel's stack."""
+"""Every case of the driver conformance suite (`heli3dof.rig.conformance`) on the kernel's stack."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NOT_OF_A_RIG_THAT_STANDS_STILL = ("equal_volts_lift_the_body",)
 
 
 def suite() -> Any:
-    """The cases and how to run one. No numpy and no installed package here: both are stood in."""
+    """The cases, and the function to run one. Replaces numpy and the entry points."""
     from heli3dof.rig import drivers
 
     profile: Any = ModuleType("heli3dof.rig.profile")

@@ -129,7 +129,7 @@ def serial_the_firmware_in_c_flies_behind_a_true_port() -> dict[str, Any]:
                 samples = fly(r, 100)
                 assert samples[-1].flags == Flags.ENABLED
                 assert samples[-1].v_applied == (5.0, 5.0)
-                assert r.statistics.damaged == 0
+                assert r.statistics.malformed == 0
                 measured["firmware"] = r.identity.firmware
                 measured[f"lost, stream={stream}"] = r.statistics.lost
             finally:

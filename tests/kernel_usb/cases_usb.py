@@ -67,7 +67,7 @@ def the_kernel_enumerates_the_rig_and_it_is_found() -> dict[str, Any]:
 
 @case
 def udev_gives_the_rig_to_whoever_sits_there() -> dict[str, Any]:
-    """The rules that ship, in force: logind turns the tag into an access list."""
+    """The rules that ship are in force: logind turns the tag into an access list."""
     hand()
     (device,) = [
         path.parent
@@ -98,7 +98,7 @@ def a_streamed_flight() -> dict[str, Any]:
 
 
 def round_trips(ask: Any, hear: Any) -> dict[str, Any]:
-    """400 POLLs and their samples: µs, and how many answers were not one whole sample."""
+    """400 POLLs: times in µs, and the number of replies that were not one sample."""
     from heli3dof_drivers.link.frames import Poll, SampleFrame, Splitter, wire
 
     trips, splitter, wrong = [], Splitter(), 0
@@ -110,14 +110,14 @@ def round_trips(ask: Any, hear: Any) -> dict[str, Any]:
             frames = list(splitter.feed(hear()))
         trips.append(time.monotonic() - start)
         wrong += len(frames) != 1 or not isinstance(frames[0], SampleFrame)
-    assert wrong == splitter.damaged == 0
+    assert wrong == splitter.malformed == 0
     trips.sort()
     return {"median_us": 1e6 * trips[200], "99_us": 1e6 * trips[396], "wrong": wrong}
 
 
 @case
 def bare_pyusb_round_trips() -> dict[str, Any]:
-    """The stack itself, and two emulated processes: what the listener costs is the difference."""
+    """The stack alone, to compare with the transport's reading thread."""
     import usb.util
     from heli3dof_drivers.usb_bulk.devices import select, system_backend
 
@@ -182,7 +182,7 @@ def a_user_without_permission_is_told_the_rule() -> dict[str, Any]:
     )
     assert URL in said.splitlines()[0]  # found all the same, with its serial number
     assert "'permission': False" in said
-    assert "may not be opened by this user" in said
+    assert "this user has no permission to open it" in said
     assert "70-heli3dof.rules" in said
     return {"said": said.splitlines()[2]}
 
@@ -201,7 +201,7 @@ def a_stall_of_either_pipe_is_cleared_in_flight() -> dict[str, Any]:
                 sample = r.exchange(Command(11 + k, 5.0, 5.0), time.monotonic() + 1 / RATE_HZ)
             assert sample.flags == Flags.ENABLED
             assert r._pipe.stalls == 1, r._pipe.stalls
-            measured[f"unheard_{pipe}"] = r.statistics.commands_unacknowledged
+            measured[f"commands_unacknowledged_{pipe}"] = r.statistics.commands_unacknowledged
         finally:
             r.close()
     return measured

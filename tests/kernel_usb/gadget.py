@@ -3,9 +3,9 @@
     pyserial ── /dev/ttyACM0 ── cdc-acm ── dummy_hcd ── usb_f_acm ── /dev/ttyGS0 ── Endpoint
                                                                               or ── C firmware
 
-configfs describes the device; binding it to the controller is plugging it in. Which device it is,
-the command ``firmware`` or ``python`` says. ``python -m tests.kernel_usb.gadget``: commands on
-stdin, one a line.
+configfs describes the device; binding it to the controller plugs it in. The commands ``firmware``
+and ``python`` select the device. ``python -m tests.kernel_usb.gadget``: one command per line of
+stdin.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ CONTROLLER = "dummy_udc.0"
 PORT = "/dev/ttyGS0"
 SERIAL = "G1"
 FIRMWARE = Path("/firmware/heli3dof-rig")
-"""There where the host had a C compiler"""
+"""Present where the host had a C compiler"""
 
 
 def describe() -> None:
@@ -46,7 +46,7 @@ def describe() -> None:
 
 
 class Firmware:
-    """The device in C, a program at a terminal, in the place of an `Endpoint`."""
+    """The device in C, a program at a terminal, instead of an `Endpoint`."""
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
@@ -77,7 +77,7 @@ class Firmware:
 
 
 class Server:
-    """The device's processor between its port and the hand on the cable."""
+    """The device between its port and the commands for its cable."""
 
     def __init__(self) -> None:
         describe()
@@ -149,7 +149,7 @@ class Server:
                 front, back = amplifier.output_uV(self._now_us())
                 return f"{amplifier.flags} {int(amplifier.cause)} {front} {back}"
             case _:
-                return f"what is {line!r}?"
+                return f"unknown command {line!r}"
         return "ok"
 
 

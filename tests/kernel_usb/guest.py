@@ -1,6 +1,6 @@
-"""In the guest: load the modules, plug the emulated rig in, and try what protocol.md promises.
+"""In the guest: load the modules, plug the emulated rig in, test the protocol's statements.
 
-Each case is a function that asserts; it may return what it measured. Results go to the second
+Each case is a function with assertions that may return measurements. Results go to the second
 serial port, one line of JSON for each case.
 """
 
@@ -37,7 +37,7 @@ def case(function: Callable[[], dict[str, Any] | None]) -> Callable[[], dict[str
 
 
 class Hand:
-    """Does things to the device's process."""
+    """Sends commands to the device's process."""
 
     def __init__(self, module: str) -> None:
         self._process = subprocess.Popen(
@@ -80,7 +80,7 @@ def fly(rig: Any, periods: int, volts: float = 5.0) -> list[Any]:
 
 
 def failure(action: Callable[[], Any]) -> Any:
-    """The DeviceError that an action ends with; with a cause and a fix."""
+    """The DeviceError of an action; it must have a cause and a fix."""
     from heli3dof.errors import DeviceError
 
     found = None
@@ -102,7 +102,7 @@ from tests.kernel_usb.guest import PROFILE as profile, fly
 
 
 def in_another_process(code: str, user: int = 0) -> str:
-    """What a second process prints."""
+    """The output of a second process."""
     done = subprocess.run(
         [sys.executable, "-c", _PREAMBLE + code],
         capture_output=True, text=True, user=user, group=user, extra_groups=[],
@@ -112,7 +112,7 @@ def in_another_process(code: str, user: int = 0) -> str:
 
 
 def flying_process(setup: str) -> subprocess.Popen[str]:
-    """A second process that flies until it is killed; ``setup`` gives it ``driver`` and ``url``."""
+    """A second process that runs the rig; ``setup`` defines its ``driver`` and ``url``."""
     code = _PREAMBLE + setup + "fly(driver.open(url, profile), 10000)"
     return subprocess.Popen([sys.executable, "-c", code])
 

@@ -18,8 +18,11 @@ ROOT = Path(__file__).parent.parent.parent
 MODULES = ("vhci-hcd", "dummy_hcd", "usb_f_acm", "cdc-acm")
 FIRMWARE = ROOT / "build/firmware/heli3dof-rig"
 LIBRARIES = "/usr/lib/guest"
-PURE = ("usb", "serial", "cobs")
-"""Libraries of ours that the guest's side imports"""
+PACKAGES = (
+    "usb", "serial", "cobs", "pydantic", "pydantic_core", "annotated_types", "typing_inspection",
+    "typing_extensions.py",
+)  # fmt: skip
+"""The libraries that the guest's side imports"""
 NOT_IN_THE_GUEST = re.compile(
     r"/(test|tests|idlelib|tkinter|turtledemo|lib2to3|ensurepip|site-packages|config-[^/]*|"
     r"pydoc_data|distutils|__pycache__)(/|$)|opt-[12]\.pyc$|_test[^/]*\.so$"
@@ -157,12 +160,14 @@ def _project(archive: Archive) -> None:
         "heli3dof_drivers": ROOT / "drivers",
         "tests/kernel_usb": ROOT / "tests/kernel_usb",
         "tests/drivers/emulator": ROOT / "tests/drivers/emulator",
-        **{name: pure / name for name in PURE},
+        **{name: pure / name for name in PACKAGES},
     }
     for name, tree in trees.items():
-        for path in sorted(tree.rglob("*")):
-            if path.suffix in (".py", ".toml", ".rules"):
-                archive.copy(path, f"/py/{name}/{path.relative_to(tree)}")
+        for path in sorted(tree.rglob("*")) if tree.is_dir() else [tree]:
+            if path.suffix in (".py", ".toml", ".rules", ".so"):
+                archive.copy(path, f"/py/{name}/{path.relative_to(tree)}".removesuffix("/."))
+            if path.suffix == ".so":
+                _shared(archive, path)
     archive.file("/py/tests/__init__.py", b"")
     archive.file("/py/tests/drivers/__init__.py", b"")
 

@@ -15,7 +15,7 @@ ALONE = (
     "udev", "libacl1", "libblkid1", "libkmod2", "libselinux1", "libcap2",
 )  # fmt: skip
 """Without what they depend on: of the first only its accelerator is used."""
-# What runs here uses this system's own; the rest are sound, screens and tools that nobody starts.
+# Programs here use this system's own; the rest are sound, screens and tools that are not run.
 NOT_NEEDED = re.compile(
     r"libc6|libgcc-s1|gcc-.*|dpkg|tar|debconf|cdebconf|adduser|passwd|install-info|iso-codes|"
     r"qemu-system-common|qemu-system-gui|libselinux1|readline-common|libpam.*|ipxe-qemu|libaudit.*"

@@ -1,4 +1,4 @@
-"""``python -m tests.kernel_usb.run``: fetch, build, boot, and say what the guest found."""
+"""``python -m tests.kernel_usb.run``: fetch, build, boot, and print the guest's results."""
 
 from __future__ import annotations
 
@@ -51,15 +51,15 @@ def boot(root: Path, arguments: Sequence[str]) -> list[dict[str, Any]]:
         if done.returncode:
             raise Missing(f"{EMULATOR} does not run: {done.stderr.strip()}")
     except subprocess.TimeoutExpired:
-        print(f"The guest did not end within {LONGEST_S} s; {console} has its last words.")
+        print(f"The guest did not end within {LONGEST_S} s; {console} has its last output.")
     text = results.read_text(encoding="utf-8", errors="replace") if results.exists() else ""
     return [json.loads(line) for line in text.splitlines() if line.startswith("{")]
 
 
 def run_guest(arguments: Sequence[str] = ()) -> list[dict[str, Any]]:
-    """The guest's lines: one says which kernel, one for each case, ``done`` last. Raises Missing.
+    """The guest's lines: the kernel, one for each case, ``done`` last. Raises Missing.
 
-    ``arguments``: words; only cases whose name holds one of them are run.
+    ``arguments``: run only the cases whose name contains one of these words.
     """
     return boot(fetch(FOLDER), arguments)
 
@@ -68,8 +68,8 @@ def main() -> int:
     start = time.monotonic()
     try:
         lines = run_guest(sys.argv[1:])
-    except Missing as why:
-        print(f"The test with a real USB stack cannot run here: {why}")
+    except Missing as reason:
+        print(f"The test with a real USB stack cannot run here: {reason}")
         return 1
     cases = [line for line in lines if "case" in line]
     for line in lines:

@@ -1,4 +1,4 @@
-"""What is tried through every door of the kernel alike; a door's own cases say what else holds."""
+"""The runs that are the same on every transport; further cases are in the transports' own files."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ PULLED_AFTER_S = 0.2
 
 
 def polled(rig: Any, periods: int) -> dict[str, Any]:
-    """A POLL that is answered late is asked again, and its second sample may come after the next
-    command: a sample may be one command behind, never ahead, and never go back."""
+    """A polled run. A late reply causes a second POLL, whose sample may come after the next
+    command: a sample may be one command behind, never ahead."""
     try:
         samples = fly(rig, periods)
         behind = [k - sample.sequence for k, sample in enumerate(samples)]
@@ -28,11 +28,11 @@ def polled(rig: Any, periods: int) -> dict[str, Any]:
         assert samples[-1].flags == Flags.ENABLED
         assert samples[-1].v_applied == (5.0, 5.0)
         s = rig.statistics
-        assert s.damaged == 0
+        assert s.malformed == 0
         return {
             "round_trip_median_us": 1e6 * s.round_trip.quantile_s(0.5),
             "round_trip_99_us": 1e6 * s.round_trip.quantile_s(0.99),
-            "repeats": s.repeats,
+            "retries": s.retries,
             "one_behind": sum(behind),
         }
     finally:
@@ -40,27 +40,31 @@ def polled(rig: Any, periods: int) -> dict[str, Any]:
 
 
 def streamed(rig: Any, periods: int) -> tuple[list[Any], dict[str, Any]]:
-    """The samples, and what became of those that did not come."""
+    """The samples and the counters of the missing ones."""
     try:
         samples = fly(rig, periods)
         assert samples[-1].flags == Flags.ENABLED
         s = rig.statistics
-        assert s.damaged == 0
-        lost = {"lost": s.lost, "passed_over": s.passed_over, "unheard": s.commands_unacknowledged}
+        assert s.malformed == 0
+        lost = {
+            "lost": s.lost,
+            "samples_stale": s.samples_stale,
+            "commands_unacknowledged": s.commands_unacknowledged,
+        }
         return samples, lost
     finally:
         rig.close()
 
 
 def stopped_by_another(rig: Any, hand: Hand, elsewhere: str) -> str:
-    """What a second process says that stops the rig in flight; ``elsewhere`` gives it ``driver``
-    and ``url``."""
+    """A second process stops the rig; returns its output. ``elsewhere`` defines its ``driver`` and
+    ``url``."""
     try:
         assert fly(rig, 10)[-1].flags == Flags.ENABLED
-        said = in_another_process(elsewhere + "print(driver.estop(url))")
+        output = in_another_process(elsewhere + "print(driver.estop(url))")
         assert hand.state() == (STOPPED, HOST_ESTOP, 0, 0)
         assert rig.read().flags & Flags.ESTOP
-        return said
+        return output
     finally:
         rig.close()
 
@@ -69,17 +73,17 @@ OPENING = "try: driver.open(url, profile)\nexcept DeviceError as error: print(er
 
 
 def held(rig: Any, elsewhere: str) -> str:
-    """What a second process is told that wants to fly it, too."""
+    """The error of a second process that opens the same rig."""
     try:
-        said = in_another_process(elsewhere + OPENING)
-        assert f"process {os.getpid()}" in said, said
-        return said.splitlines()[0]
+        output = in_another_process(elsewhere + OPENING)
+        assert f"process {os.getpid()}" in output, output
+        return output.splitlines()[0]
     finally:
         rig.close()
 
 
 def pulled(rig: Any, hand: Hand, gone: Callable[[], bool]) -> tuple[Any, dict[str, Any]]:
-    """The cable is pulled in flight: the error, and how soon it came. The rig is not closed."""
+    """Unplug the cable during a run: the error and its delay. The rig is not closed."""
     fly(rig, 5)
     threading.Timer(PULLED_AFTER_S, hand, ["pull"]).start()
 
@@ -95,7 +99,7 @@ def pulled(rig: Any, hand: Hand, gone: Callable[[], bool]) -> tuple[Any, dict[st
 
 
 def killed(hand: Hand, elsewhere: str) -> dict[str, Any]:
-    """kill -9 in flight: the kernel takes the port back, the watchdog does the rest."""
+    """kill -9 during a run: the kernel frees the port, the watchdog stops the motors."""
     process = flying_process(elsewhere)
     until(lambda: hand.state()[2] == 5_000_000, "five volts are out")
     process.kill()

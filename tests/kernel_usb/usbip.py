@@ -1,12 +1,12 @@
-"""The emulated rig on the kernel's vhci-hcd: its USB host controller with a socket for a cable.
+"""The emulated rig on the kernel's vhci-hcd, a USB host controller with a socket as its cable.
 
     kernel ── CMD_SUBMIT (setup or data) ──▶ this process ── UsbFunction ── Endpoint
            ◀── RET_SUBMIT (status, data) ──
            ── CMD_UNLINK ──▶ ◀── RET_UNLINK        a transfer that timed out is taken back
 
-Messages are 48 bytes, big-endian, then data (Documentation/usb/usbip_protocol.rst). A transfer that
-the device answers with NAK waits here. ``python -m tests.kernel_usb.usbip``: commands on stdin, one
-a line; answers ``ok`` or a value.
+Messages are 48 bytes, big-endian, then data (Documentation/usb/usbip_protocol.rst). A transfer to
+which the device replies NAK waits here. ``python -m tests.kernel_usb.usbip``: one command per line
+of stdin; it replies ``ok`` or a value.
 """
 
 from __future__ import annotations
@@ -20,9 +20,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from heli3dof_drivers.emulator.endpoint import Endpoint
-from heli3dof_drivers.emulator.usb_function import IN, OUT, Setup, UsbFunction
+from heli3dof_drivers.emulator.usb_function import IN, OUT
 
 from tests.drivers.emulator.still import StillDevice
+
+from .usb_requests import KernelUsbFunction, Setup
 
 VHCI = Path("/sys/devices/platform/vhci_hcd.0")
 HIGH_SPEED, DEVICE_ID = 3, 0x00010002
@@ -35,7 +37,7 @@ SERIAL = "K1"
 
 @dataclass
 class Waiting:
-    """A transfer that the device has not taken yet."""
+    """A transfer that the device has not accepted yet."""
 
     number: int
     towards_device: bool
@@ -44,9 +46,9 @@ class Waiting:
 
 
 class Cable:
-    """One plugging in: from attach to the pulled cable."""
+    """One connection, from attach to unplugging."""
 
-    def __init__(self, function: UsbFunction, port: int = 0) -> None:
+    def __init__(self, function: KernelUsbFunction, port: int = 0) -> None:
         self._function = function
         self._waiting: list[Waiting] = []
         kernels, self.socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -82,8 +84,8 @@ class Cable:
         return True
 
     def serve(self, now_us: int) -> None:
-        """Every waiting transfer that the device takes or stalls now."""
-        # What the host says first: it may be what the device answers.
+        """Complete every waiting transfer that the device accepts or stalls now."""
+        # First the host's data: the device may reply to it.
         for waiting in sorted(self._waiting, key=lambda w: not w.towards_device):
             if waiting.towards_device:
                 taken = self._function.take(now_us, waiting.data)
@@ -126,12 +128,12 @@ class Cable:
 
 
 class Server:
-    """The device, its cable and the hand that does things to both."""
+    """The device, its cable, and the commands for both."""
 
     def __init__(self) -> None:
         self._start = time.monotonic()
         self._endpoint = Endpoint(StillDevice(watchdog_s=1.0), serial=SERIAL)  # type: ignore[arg-type]
-        self._function = UsbFunction(self._endpoint, SERIAL, configured=False)
+        self._function = KernelUsbFunction(self._endpoint, SERIAL, configured=False)
         self._cable: Cable | None = None
 
     def _now_us(self) -> int:
@@ -155,7 +157,7 @@ class Server:
                 print(self.command(line.strip()), flush=True)
 
     def _until(self) -> float:
-        due = self._function.next_us()
+        due = self._endpoint.next_us()
         if due is None or self._cable is None or not self._cable.waits_for_device:
             return 0.02
         return min(0.02, max(0.0, (due - self._now_us()) / 1e6))
@@ -187,7 +189,7 @@ class Server:
                 front, back = amplifier.output_uV(self._now_us())
                 return f"{amplifier.flags} {int(amplifier.cause)} {front} {back}"
             case _:
-                return f"what is {line!r}?"
+                return f"unknown command {line!r}"
         return "ok"
 
 

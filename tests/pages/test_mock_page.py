@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from heli3dof_drivers.emulator.noise import CORRELATION_S, SIGMA_NM
-from heli3dof_drivers.mock import OPTIONS
+from heli3dof_drivers.options import MockOptions
 
 from tests.pages import mock_page
 
@@ -11,7 +11,7 @@ PAGE = mock_page.PAGE.read()
 
 
 def test_every_option_has_a_row():
-    assert all(f"| `{option}` |" in PAGE for option in OPTIONS)
+    assert all(f"| `{option}` |" in PAGE for option in MockOptions.names())
 
 
 def test_the_quoted_noise_is_the_emulators():

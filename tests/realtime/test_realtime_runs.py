@@ -47,7 +47,7 @@ def test_a_flight_on_the_firmware_is_recorded_completely_with_the_live_view(tmp_
     assert abs(round(float(t[-1] - t[0]) * 500) - (len(t) - 1) - skipped) <= 2
     assert document["punctuality"]["median_s"] < 0.01
     assert document["link"]["lost"] == 0
-    assert document["link"]["left_out"] == document["left_out_periods"]
+    assert document["link"]["device_skipped"] == document["left_out_periods"]
     assert 0 < document["link"]["delay_median_s"] < 0.01
 
 

@@ -12,7 +12,7 @@ DT = 2e-3
 GOOD: dict[str, Any] = {
     "periods": 1000,
     "lost": 0,
-    "left_out": 0,
+    "device_skipped": 0,
     "link": {"rejected": 0},
     "latency": {
         "commands": 1000, "commands_unacknowledged": 10, "commands_never_echoed": 10,
@@ -46,7 +46,7 @@ def test_more_than_one_percent_of_unacknowledged_commands_gives_a_warning() -> N
 
 
 def test_an_overloaded_device_is_named_as_the_cause() -> None:
-    (message,) = link_warnings(changed(commands_unacknowledged=60, left_out=50), DT)
+    (message,) = link_warnings(changed(commands_unacknowledged=60, device_skipped=50), DT)
     assert "the device is overloaded (it skipped 50 samples)" in message
 
 

@@ -1,12 +1,12 @@
-"""What the air and the rotors do besides thrust along the body's normal.
+"""Effects of the air and the rotors other than thrust along the body's normal.
 
-- Ground effect: near its table a rotor thrusts more, F (1 + a exp(−h/h₀)), h the height of the
-  body above the table, L_a (sin r − sin r_rest).
-- Inflow: a rotor that moves along its axis at v_n (m/s) thrusts less, F (1 − k v_n), with
+- Ground effect: near the table the thrust is F (1 + a exp(−h/h₀)); h = L_a (sin r − sin r_rest) is
+  the body's height above the table.
+- Inflow: a rotor that moves along its axis at v_n (m/s) has the thrust F (1 − k v_n), with
   v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇), front +, back −.
-- Reaction torque: both propellers turn the same way and twist the body about its normal n by κF.
-  By virtual work: Q_r = κF sin p, Q_p = 0, Q_ψ = κF cos r cos p.
-- Gyroscopic: their angular momentum H = k (V_f + V_b) n resists being turned: −ω × H, i.e.
+- Reaction torque: both propellers turn in the same direction; the torque κF acts on the body about
+  its normal n. By virtual work: Q_r = κF sin p, Q_p = 0, Q_ψ = κF cos r cos p.
+- Gyroscopic torque of the rotors' angular momentum H = k (V_f + V_b) n: −ω × H, i.e.
   Q_r = −H cos p ω_a, Q_p = −H ω_b, Q_ψ = −H sin r ω_b + H cos r sin p ω_a (it does no work).
 """
 
@@ -14,9 +14,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from ..plant_effects import kernel
+from ..plant_effects import Row, kernel
 from ..plant_layout import (
     F_BACK,
     F_FRONT,
@@ -38,9 +36,7 @@ from .base import Effect, Parameter
 
 
 @kernel
-def ground_effect(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def ground_effect(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     height = body[L_A] * (math.sin(s[R]) - math.sin(body[REST]))
     k = 1 + par[A] * math.exp(-max(0.0, height) / par[B])
     out[0] *= k
@@ -48,9 +44,7 @@ def ground_effect(
 
 
 @kernel
-def inflow(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def inflow(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     arm = math.cos(s[P]) * s[R_DOT] - math.cos(s[R]) * math.sin(s[P]) * s[PSI_DOT]
     tilt = s[P_DOT] + math.sin(s[R]) * s[PSI_DOT]
     for i in range(2):
@@ -60,18 +54,14 @@ def inflow(
 
 
 @kernel
-def reaction_torque(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def reaction_torque(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     twist = par[A] * (s[F_FRONT] + s[F_BACK])
     out[0] += twist * math.sin(s[P])
     out[2] += twist * math.cos(s[R]) * math.cos(s[P])
 
 
 @kernel
-def gyroscopic(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def gyroscopic(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     H = par[A] * (s[V_FRONT] + s[V_BACK])
     sr, cr, sp, cp = math.sin(s[R]), math.cos(s[R]), math.sin(s[P]), math.cos(s[P])
     w_a = s[P_DOT] + sr * s[PSI_DOT]
@@ -95,7 +85,7 @@ EFFECTS = (
     ),
     Effect(
         name="aero.inflow",
-        summary="Less thrust when a rotor moves along its axis: F (1 − k v_n).",
+        summary="Less thrust where a rotor moves along its axis: F (1 − k v_n).",
         parameters=(Parameter("loss_s_per_m", "s/m", 0.0, 2.0, "k"),),
         example="aero.inflow:0.3",
         kernels={Stage.THRUST: inflow},
@@ -103,14 +93,14 @@ EFFECTS = (
     ),
     Effect(
         name="aero.reaction_torque",
-        summary="The propellers twist the body about its normal by κF.",
+        summary="The propellers' torque κF on the body about its normal.",
         parameters=(Parameter("torque_per_thrust_m", "m", -0.2, 0.2, "κ, N·m per N"),),
         example="aero.reaction_torque:0.02",
         kernels={Stage.TORQUE: reaction_torque},
     ),
     Effect(
         name="aero.gyroscopic",
-        summary="The propellers' angular momentum resists being turned: −ω × H.",
+        summary="The gyroscopic torque of the propellers' angular momentum: −ω × H.",
         parameters=(Parameter("momentum_Nms_per_V", "N·m·s/V", -0.05, 0.05, "k"),),
         example="aero.gyroscopic:0.001",
         kernels={Stage.TORQUE: gyroscopic},

@@ -1,4 +1,4 @@
-"""What an effect is: its name, its parameters with units and bounds, and where it acts."""
+"""The description of an effect: name, parameters with units and bounds, and where it acts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ALL_AXES = ("roll", "pitch", "yaw")
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect; outside ``low`` … ``high`` it is a typing error."""
+    """One number of an effect; values outside ``low`` … ``high`` are refused."""
 
     name: str
     unit: str
@@ -22,15 +22,15 @@ class Parameter:
     high: float
     meaning: str
     default: float | None = None
-    """the value when it is left out; None: it must be given"""
+    """The value where none is given; None: it must be given"""
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One thing that a rig does and the base simulation does not.
+    """Behaviour of a rig that the base simulation does not have.
 
-    ``kernels`` act while the rig runs, ``setup`` once before; effects of one stage act in
-    ascending ``order`` (the order of the signal's path, where it matters).
+    ``kernels`` act while the rig runs, ``setup`` once before. Effects of one stage act in ascending
+    ``order``, the order of the signal's path.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Hidden:
-    """An effect switched on: on which axis (−1: none) and with which values."""
+    """A hidden effect with its axis (−1: none) and values."""
 
     effect: Effect
     axis: int
@@ -53,7 +53,7 @@ class Hidden:
 
     @property
     def text(self) -> str:
-        """As `hide=` takes it."""
+        """The text of ``hide=`` for it."""
         from heli3dof.axes import AXES
 
         name = self.effect.name + (f".{AXES[self.axis]}" if self.axis >= 0 else "")

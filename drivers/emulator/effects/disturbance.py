@@ -1,38 +1,29 @@
-"""Torques from outside: a constant one, and one that comes and goes.
-
-Bias: τ. Periodic: τ sin(2π f t), t on the device's clock.
-"""
+"""External torques: a constant one τ, and τ sin(2π f t) with t on the device's clock."""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from ..plant_effects import kernel
+from ..plant_effects import Row, kernel
 from ..plant_layout import AXIS, A, B, Stage, T
 from .base import ALL_AXES, Effect, Parameter
 
 
 @kernel
-def bias(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def bias(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     out[int(par[AXIS])] += par[A]
 
 
 @kernel
-def periodic(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def periodic(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     out[int(par[AXIS])] += par[A] * math.sin(2 * math.pi * par[B] * s[T])
 
 
 EFFECTS = (
     Effect(
         name="bias.torque",
-        summary="A constant torque: a lopsided body, a tilted base, a draught.",
-        parameters=(Parameter("torque_Nm", "N·m", -0.5, 0.5, "the torque, + as the angle"),),
+        summary="A constant torque, e.g. from an asymmetric body, a tilted base or a draught.",
+        parameters=(Parameter("torque_Nm", "N·m", -0.5, 0.5, "the torque, positive as the angle"),),
         example="bias.torque.pitch:0.02",
         axes=("pitch", "yaw"),
         kernels={Stage.TORQUE: bias},

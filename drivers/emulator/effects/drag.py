@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from ..plant_effects import kernel
+from ..plant_effects import Row, kernel
 from ..plant_layout import AXIS, R_DOT, A, Stage
 from .base import ALL_AXES, Effect, Parameter
 
 
 @kernel
-def quadratic(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def quadratic(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     axis = int(par[AXIS])
     rate = s[R_DOT + axis]
     out[axis] -= par[A] * abs(rate) * rate
@@ -21,7 +17,7 @@ def quadratic(
 EFFECTS = (
     Effect(
         name="drag.quadratic",
-        summary="Air drag growing with the square of the rate: −d |q̇| q̇.",
+        summary="Air drag, quadratic in the rate: −d |q̇| q̇.",
         parameters=(Parameter("drag_Nms2_per_rad2", "N·m·s²/rad²", 0.0, 10.0, "d"),),
         example="drag.quadratic.yaw:0.2",
         axes=ALL_AXES,

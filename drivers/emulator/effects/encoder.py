@@ -1,10 +1,10 @@
-"""What the encoders make of the angles, before they are counted.
+"""Errors of the encoders, before the angles are counted.
 
-Backlash: play of full width w between the axis and its encoder; the encoder moves only when a
-flank carries it. Offset: the rig was not at its nominal rest when the counts were zeroed,
-reading = angle + offset; the table, and the hand that holds the rig level, stand at the same
-readings as ever and so at other true angles. Scale: a wrong number of lines, reading =
-rest + k (angle − rest).
+- Backlash of full width w between the axis and its encoder: the encoder moves only while one of the
+  two flanks is in contact.
+- Offset: the rig was not at its nominal rest when the counts were zeroed: reading = angle + offset.
+  Table and level start stay at their readings, and so at other true angles.
+- Scale: a wrong number of lines: reading = rest + k (angle − rest).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..body import Setup
-from ..plant_effects import kernel
+from ..plant_effects import Row, kernel
 from ..plant_layout import AXIS, REST, A, Stage
 from .base import ALL_AXES, Effect, Parameter
 
@@ -23,9 +23,7 @@ ROLL = 0
 
 
 @kernel
-def backlash(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def backlash(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     axis = int(par[AXIS])
     half = 0.5 * par[A] * RAD_PER_DEG
     if mem[0] == 0.0:
@@ -35,18 +33,14 @@ def backlash(
 
 
 @kernel
-def scale(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def scale(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     axis = int(par[AXIS])
     rest = body[REST + axis]
     out[axis] = rest + par[A] * (out[axis] - rest)
 
 
 @kernel
-def offset(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def offset(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     out[int(par[AXIS])] += par[A] * RAD_PER_DEG
 
 
@@ -60,7 +54,7 @@ def _offset(setup: Setup, axis: int, values: tuple[float, ...]) -> Setup:
     shift = values[0] * RAD_PER_DEG
     start, low = list(setup.start), list(setup.low)
     start[axis] -= shift
-    if axis == ROLL:  # the table is what roll was zeroed on
+    if axis == ROLL:  # roll was zeroed on the table
         low[axis] -= shift
     return replace(setup, start=(start[0], start[1], start[2]), low=(low[0], low[1], low[2]))
 
@@ -68,8 +62,8 @@ def _offset(setup: Setup, axis: int, values: tuple[float, ...]) -> Setup:
 EFFECTS = (
     Effect(
         name="encoder.backlash",
-        summary="Play between the axis and its encoder.",
-        parameters=(Parameter("angle_deg", "°", 0.0, 10.0, "full width of the play"),),
+        summary="Backlash between the axis and its encoder.",
+        parameters=(Parameter("angle_deg", "°", 0.0, 10.0, "full width"),),
         example="encoder.backlash.pitch:0.5",
         axes=ALL_AXES,
         kernels={Stage.MEASURE: backlash},
@@ -87,7 +81,7 @@ EFFECTS = (
     ),
     Effect(
         name="encoder.scale",
-        summary="The count per revolution is wrong: reading = rest + k (angle − rest).",
+        summary="Wrong counts per revolution: reading = rest + k (angle − rest).",
         parameters=(Parameter("scale", "–", 0.5, 2.0, "k"),),
         example="encoder.scale.roll:1.05",
         axes=ALL_AXES,

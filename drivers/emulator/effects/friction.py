@@ -1,29 +1,23 @@
 """Friction of the joints.
 
-Coulomb: a torque of constant size τ_c against the motion, −τ_c sgn(q̇); at rest it is whatever
-holds the joint still, up to τ_c (set-valued, see `kernel`). Viscous: −c q̇.
+Coulomb: −τ_c sgn(q̇); at rest, the torque that keeps the joint at rest, up to ±τ_c (set-valued, see
+`kernel`). Viscous: −c q̇.
 """
 
 from __future__ import annotations
 
-import numpy as np
-
-from ..plant_effects import kernel
+from ..plant_effects import Row, kernel
 from ..plant_layout import AXIS, R_DOT, A, Stage
 from .base import ALL_AXES, Effect, Parameter
 
 
 @kernel
-def coulomb(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def coulomb(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     out[int(par[AXIS])] += par[A]
 
 
 @kernel
-def viscous(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def viscous(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     axis = int(par[AXIS])
     out[axis] -= par[A] * s[R_DOT + axis]
 
@@ -39,7 +33,7 @@ EFFECTS = (
     ),
     Effect(
         name="friction.viscous",
-        summary="Friction proportional to the rate: −c q̇.",
+        summary="Viscous friction, proportional to the rate: −c q̇.",
         parameters=(Parameter("damping_Nms_per_rad", "N·m·s/rad", 0.0, 5.0, "c"),),
         example="friction.viscous.yaw:0.05",
         axes=ALL_AXES,

@@ -1,20 +1,18 @@
-"""Masses and inertias that are not what the profile says.
+"""Masses and inertias that differ from the profile's.
 
 - ``mass.imbalance``: the level arm's gravity torque T_g is larger by τ (+: heavier body).
-- ``inertia``: the axis' inertia, level, is ``ratio`` times the profile's. The difference sits as
+- ``inertia``: the inertia of the axis at level is ``ratio`` times the profile's. The difference is
   rotary inertia on the joint's shaft (ΔJ in `lagrange`).
-- ``mass.change``: m kg are put onto the body, at L_a on the pitch axis, at time t₀: T_g grows by
-  m g L_a, I_bb and I_nn by m L_a². It is put down gently: the rates do not jump.
+- ``mass.change``: a mass m is added to the body at L_a on the pitch axis at time t₀: T_g grows by
+  m g L_a, I_bb and I_nn by m L_a². The rates do not jump.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from ..body import Setup, g
-from ..plant_effects import kernel
+from ..plant_effects import Row, kernel
 from ..plant_layout import I_BB, I_NN, L_A, T_G, A, B, Stage, T
 from .base import ALL_AXES, Effect, Parameter
 
@@ -31,9 +29,7 @@ def _inertia(setup: Setup, axis: int, values: tuple[float, ...]) -> Setup:
 
 
 @kernel
-def change(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def change(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     if s[T] >= par[B]:
         L_a = out[L_A]
         out[T_G] += par[A] * G * L_a
@@ -47,24 +43,24 @@ EFFECTS = (
     Effect(
         name="mass.imbalance",
         summary="The level arm's gravity torque differs from nominal (+: heavier body).",
-        parameters=(Parameter("torque_Nm", "N·m", -1.0, 1.0, "what is added to T_g"),),
+        parameters=(Parameter("torque_Nm", "N·m", -1.0, 1.0, "added to T_g"),),
         example="mass.imbalance:0.1",
         setup=_imbalance,
     ),
     Effect(
         name="inertia",
-        summary="The axis' inertia differs from nominal.",
-        parameters=(Parameter("ratio", "–", 0.5, 2.0, "to the profile's, level"),),
+        summary="The inertia of the axis differs from nominal.",
+        parameters=(Parameter("ratio", "–", 0.5, 2.0, "to the profile's, at level"),),
         example="inertia.yaw:1.2",
         axes=ALL_AXES,
         setup=_inertia,
     ),
     Effect(
         name="mass.change",
-        summary="A mass is put onto the body during the flight.",
+        summary="A mass is added to the body during the run.",
         parameters=(
             Parameter("mass_kg", "kg", -0.2, 0.5, "the mass, at L_a on the pitch axis"),
-            Parameter("time_s", "s", 0.0, 3600.0, "when, on the device's clock"),
+            Parameter("time_s", "s", 0.0, 3600.0, "time on the device's clock"),
         ),
         example="mass.change:0.05@20",
         kernels={Stage.BODY: change},

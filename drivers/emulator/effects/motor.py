@@ -1,13 +1,13 @@
-"""The motors: what lies between a commanded voltage and a thrust.
+"""The motors, from the commanded voltage to the thrust, along the signal's path.
 
-Along the signal's path, V in volts per motor:
+V in volts per motor:
 
 1. ``motor.delay``: V(t − T), exactly: the mean of the delayed voltage over each substep.
-2. ``motor.supply_sag``: the supply gives way under load: V (1 − k (|V_f| + |V_b|)).
+2. ``motor.supply_sag``: the supply voltage drops under load: V (1 − k (|V_f| + |V_b|)).
 3. ``motor.saturation``: |V| ≤ limit, below the amplifier's own.
-4. ``motor.dead_zone``: nothing below V_d, and V − V_d sgn V above.
+4. ``motor.dead_zone``: zero for |V| below V_d, and V − V_d sgn V above.
 5. ``motor.thrust_curve``: V → (1 − s) V + s V |V| / V_ref: a share s of the thrust is quadratic;
-   at V_ref = |V_o| the thrust is the straight line's.
+   at V_ref = |V_o| the thrust is that of the linear map.
 6. ``motor.thrust_gain``: thrust of both times k; ``motor.thrust_mismatch``: front over back m,
    F_f : F_b = m : 1 at equal voltages with their sum unchanged.
 7. ``motor.lag``: τ_m Ḟ = K_f V − F, each rotor.
@@ -17,22 +17,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from ..body import Setup
-from ..plant_effects import kernel
+from ..plant_effects import Row, kernel
 from ..plant_layout import V_BACK, V_FRONT, V_REF, V_START, A, H, Stage
 from .base import Effect, Parameter
 
 LONGEST_DELAY_S = 0.1
 SLOTS = 500
-"""substeps that the delay remembers"""
+"""Substeps that the delay stores"""
 
 
 @kernel
-def delay(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def delay(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     # mem: [number of substeps seen, then SLOTS pairs of voltages, one a substep, as a ring]
     seen = int(mem[0])
     if seen == 0:
@@ -52,35 +48,27 @@ def delay(
 
 
 @kernel
-def supply_sag(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def supply_sag(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     left = max(0.0, 1 - par[A] * (abs(out[0]) + abs(out[1])))
     out[0] *= left
     out[1] *= left
 
 
 @kernel
-def saturation(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def saturation(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     for i in range(2):
         out[i] = min(par[A], max(-par[A], out[i]))
 
 
 @kernel
-def dead_zone(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def dead_zone(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     for i in range(2):
         over = max(0.0, abs(out[i]) - par[A])
         out[i] = over if out[i] > 0 else -over
 
 
 @kernel
-def thrust_curve(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def thrust_curve(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     for i in range(2):
         out[i] *= 1 - par[A] + par[A] * abs(out[i]) / body[V_REF]
 
@@ -123,7 +111,7 @@ EFFECTS = (
     ),
     Effect(
         name="motor.saturation",
-        summary="The motors get no more than this, whatever the amplifier's limit.",
+        summary="The voltage at the motors is limited, below the amplifier's limit.",
         parameters=(Parameter("limit_V", "V", 1.0, 100.0, "the limit on |V|"),),
         example="motor.saturation:10",
         kernels={Stage.VOLTAGE: saturation},
@@ -131,7 +119,7 @@ EFFECTS = (
     ),
     Effect(
         name="motor.dead_zone",
-        summary="No thrust below this voltage, and that much less above.",
+        summary="No thrust below this voltage; above, the voltage is reduced by it.",
         parameters=(Parameter("voltage_V", "V", 0.0, 6.0, "half the zone's width"),),
         example="motor.dead_zone:1.0",
         kernels={Stage.VOLTAGE: dead_zone},
@@ -139,7 +127,7 @@ EFFECTS = (
     ),
     Effect(
         name="motor.thrust_curve",
-        summary="Part of the thrust grows with V²; at V_o it is the straight line's.",
+        summary="Part of the thrust is quadratic in V; at V_o it equals the linear thrust.",
         parameters=(Parameter("quadratic_share", "–", -0.5, 1.0, "share s"),),
         example="motor.thrust_curve:0.5",
         kernels={Stage.VOLTAGE: thrust_curve},
@@ -147,7 +135,7 @@ EFFECTS = (
     ),
     Effect(
         name="motor.thrust_gain",
-        summary="Both motors thrust k times as much as K_f says.",
+        summary="The thrust of both motors is k times K_f V.",
         parameters=(Parameter("gain", "–", 0.3, 3.0, "k"),),
         example="motor.thrust_gain:0.9",
         setup=_gain,
@@ -155,7 +143,7 @@ EFFECTS = (
     ),
     Effect(
         name="motor.thrust_mismatch",
-        summary="The front motor thrusts m times as much as the back one; their sum is unchanged.",
+        summary="The front motor's thrust is m times the back one's; their sum is unchanged.",
         parameters=(Parameter("front_over_back", "–", 0.5, 2.0, "m"),),
         example="motor.thrust_mismatch:1.05",
         setup=_mismatch,

@@ -1,8 +1,8 @@
-"""Effects that no catalogue has, to see whether a diagnosis owns up to the unknown.
+"""Effects outside the diagnosis' catalogue, to test that it reports an unexplained torque.
 
 - ``other.yaw_torque_from_pitch_rate``: −k ṗ on yaw;
-- ``other.roll_torque_from_yaw_angle``: k sin ψ on roll (a base that is not level);
-- ``other.pitch_torque_from_voltage_product``: k V_f V_b on pitch (the rotors' wakes meet);
+- ``other.roll_torque_from_yaw_angle``: k sin ψ on roll (a tilted base);
+- ``other.pitch_torque_from_voltage_product``: k V_f V_b on pitch (interacting wakes);
 - ``other.yaw_torque_from_roll_rate_squared``: k ṙ |ṙ| on yaw.
 """
 
@@ -10,38 +10,28 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from ..plant_effects import kernel
+from ..plant_effects import Row, kernel
 from ..plant_layout import P_DOT, PSI, R_DOT, V_BACK, V_FRONT, A, Stage
 from .base import Effect, Parameter
 
 
 @kernel
-def yaw_from_pitch_rate(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def yaw_from_pitch_rate(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     out[2] -= par[A] * s[P_DOT]
 
 
 @kernel
-def roll_from_yaw(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def roll_from_yaw(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     out[0] += par[A] * math.sin(s[PSI])
 
 
 @kernel
-def pitch_from_product(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def pitch_from_product(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     out[1] += par[A] * s[V_FRONT] * s[V_BACK]
 
 
 @kernel
-def yaw_from_roll_rate(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def yaw_from_roll_rate(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     out[2] += par[A] * s[R_DOT] * abs(s[R_DOT])
 
 
@@ -55,7 +45,7 @@ EFFECTS = (
     ),
     Effect(
         name="other.roll_torque_from_yaw_angle",
-        summary="Outside the catalogue: k sin ψ on roll, as on a base that is not level.",
+        summary="Outside the catalogue: k sin ψ on roll, as on a tilted base.",
         parameters=(Parameter("torque_Nm", "N·m", -1.0, 1.0, "k"),),
         example="other.roll_torque_from_yaw_angle:0.1",
         kernels={Stage.TORQUE: roll_from_yaw},

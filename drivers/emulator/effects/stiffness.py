@@ -1,32 +1,26 @@
-"""Torques that depend on an angle alone.
+"""Restoring torques that depend on an angle only.
 
-Pendulum: the centre of mass lies below the joint's axis, so gravity pulls the axis back:
-−k sin q (negative k: above the axis). Cable: the bundle at the slip ring twists: −k ψ.
+Pendulum: a centre of mass below the joint's axis gives −k sin q (negative k: above the axis).
+Cable: the twisted cable bundle at the slip ring gives −k ψ.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
-from ..plant_effects import kernel
+from ..plant_effects import Row, kernel
 from ..plant_layout import AXIS, A, R, Stage
 from .base import Effect, Parameter
 
 
 @kernel
-def pendulum(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def pendulum(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     axis = int(par[AXIS])
     out[axis] -= par[A] * math.sin(s[R + axis])
 
 
 @kernel
-def cable(
-    s: np.ndarray, body: np.ndarray, par: np.ndarray, mem: np.ndarray, out: np.ndarray
-) -> None:
+def cable(s: Row, body: Row, par: Row, mem: Row, out: Row) -> None:
     axis = int(par[AXIS])
     out[axis] -= par[A] * s[R + axis]
 
@@ -42,7 +36,7 @@ EFFECTS = (
     ),
     Effect(
         name="stiffness.cable",
-        summary="The cable winds up with the travel: −k ψ.",
+        summary="The cable twists with the travel: −k ψ.",
         parameters=(Parameter("stiffness_Nm_per_rad", "N·m/rad", 0.0, 2.0, "k"),),
         example="stiffness.cable.yaw:0.05",
         axes=("yaw",),

@@ -1,8 +1,8 @@
-"""When samples are taken, and whether they arrive.
+"""Sampling jitter and lost samples.
 
-Jitter: sample k is taken at k dt + ε, ε normal with the given standard deviation (at most 0.4 of
-a period); the device's time stamps tell the true instants. Gaps: this share of the samples never
-arrives; the voltage stands meanwhile and the device's time jumps.
+Jitter: sample k is taken at k dt + ε, ε normal with the given standard deviation (|ε| at most 0.4
+of a period); the device's time stamps are the true instants. Gaps: this share of the samples is
+lost; the voltage is held and the device's time jumps.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ def _jitter(setup: Setup, axis: int, values: tuple[float, ...]) -> Setup:
 EFFECTS = (
     Effect(
         name="timing.gaps",
-        summary="Samples get lost; the voltage stands meanwhile.",
+        summary="Samples are lost; the voltage is held.",
         parameters=(Parameter("lost_share", "–", 0.0, 0.5, "share of the samples"),),
         example="timing.gaps:0.01",
         setup=_gaps,
     ),
     Effect(
         name="timing.jitter",
-        summary="Samples are taken early or late; their time stamps tell the true instants.",
+        summary="Samples are taken early or late; their time stamps are the true instants.",
         parameters=(Parameter("jitter_s", "s", 0.0, 0.01, "standard deviation"),),
         example="timing.jitter:0.0002",
         setup=_jitter,

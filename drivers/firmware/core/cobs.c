@@ -2,7 +2,7 @@
 
 size_t cobs_encode(const uint8_t *in, size_t n, uint8_t *out)
 {
-    size_t code = 0; /* where the present piece's length goes */
+    size_t code = 0; /* index of the current piece's length */
     size_t end = 1;
     for (size_t i = 0; i < n; i++) {
         if (in[i] == 0) {

@@ -1,5 +1,5 @@
 /* Consistent Overhead Byte Stuffing (Cheshire and Baker 1999) without the delimiter:
- * the payload is cut at its zeros, each piece is preceded by its length plus one. */
+ * the payload is split at its zeros; each piece is preceded by its length plus one. */
 #ifndef HELI3DOF_COBS_H
 #define HELI3DOF_COBS_H
 
@@ -11,7 +11,7 @@
 /* Stuffs n < 254 bytes into n + 1, none of them zero; returns n + 1. */
 size_t cobs_encode(const uint8_t *in, size_t n, uint8_t *out);
 
-/* Takes what stood between two delimiters; returns the payload's length, less than n, or
+/* Decodes the bytes between two delimiters; returns the payload's length, less than n, or
  * COBS_BAD. `out` may be `in`. */
 size_t cobs_decode(const uint8_t *in, size_t n, uint8_t *out);
 

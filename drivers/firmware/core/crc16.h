@@ -1,5 +1,5 @@
 /* The check of docs/reference/protocol.md: CRC-16/IBM-3740 (polynomial 0x1021, initial 0xFFFF, nothing
- * reflected, nothing inverted), and the same function of the bytes taken last first.
+ * reflected, nothing inverted), and the same function of the bytes in reverse order.
  * "123456789" gives 0x29B1. */
 #ifndef HELI3DOF_CRC16_H
 #define HELI3DOF_CRC16_H

@@ -34,7 +34,7 @@ static uint64_t expiry_us(const struct device *device)
     return device->command_us + device->watchdog_us;
 }
 
-/* LATCHED: v (1 - (t - t_expired) / ramp), cut towards zero. */
+/* LATCHED: v (1 - (t - t_expired) / ramp), rounded towards zero. */
 bool device_output(const struct device *device, uint64_t now_us, int32_t uV[2])
 {
     const uint64_t ramp_us = device->config.ramp_us;
@@ -48,7 +48,7 @@ bool device_output(const struct device *device, uint64_t now_us, int32_t uV[2])
     if (device->state == LATCHED && now_us - expiry_us(device) < ramp_us)
         left_us = ramp_us - (now_us - expiry_us(device));
     if (left_us == 0 || (device->set_uV[0] == 0 && device->set_uV[1] == 0))
-        return false; /* the ramp is over, or was cut off by DISARM */
+        return false; /* the ramp is over, or DISARM ended it */
     for (int i = 0; i < 2; i++)
         uV[i] = (int32_t)((int64_t)device->set_uV[i] * (int64_t)left_us / (int64_t)ramp_us);
     return true;
@@ -148,7 +148,7 @@ static void send_report(struct device *device, uint32_t number, uint64_t now_us)
     uint8_t frame[FRAME_LONGEST_OUT];
     const struct report report = {
         .frames = device->frames,
-        .damaged = device->damaged,
+        .malformed = device->malformed,
         .refused = device->refused,
         .expiries = device->expiries,
         .late_us = device->late_us,
@@ -165,15 +165,15 @@ static void send_report(struct device *device, uint32_t number, uint64_t now_us)
 
 static void stream(struct device *device, uint64_t now_us)
 {
-    const uint64_t end_us = device->heard_us + STREAM_UNHEARD_US;
+    const uint64_t end_us = device->heard_us + STREAM_SILENCE_US;
     if (now_us >= device->next_us && device->next_us <= end_us) {
-        /* Late by more than a period: the samples in between are never made, nor sent in a burst.
-         * The time shows it; a gap in the numbers would say that the line lost them. */
+        /* Late by more than a period: skip the samples in between instead of sending a burst. The
+         * time shows it; a gap in the numbers would mean that the line lost them. */
         const uint64_t late_us = now_us - device->next_us;
-        const uint64_t left_out = late_us / device->period_us;
+        const uint64_t skipped = late_us / device->period_us;
         if (late_us > device->late_us)
             device->late_us = late_us < UINT32_MAX ? (uint32_t)late_us : UINT32_MAX;
-        device->next_us += (left_out + 1) * device->period_us;
+        device->next_us += (skipped + 1) * device->period_us;
         send_sample(device, now_us);
     }
     if (now_us > end_us)
@@ -316,7 +316,7 @@ static void answer(struct device *device, uint64_t now_us, const struct request 
     case STATUS: send_report(device, request->number, now_us); break;
     default:
         device->refused++;
-        /* Bit 7 is the device's own: a line that echoes must not make it answer itself. */
+        /* Bit 7 marks the device's frames: on a line that echoes it must not reply to itself. */
         if (!(request->type & 0x80u))
             send_ack(device, request, UNKNOWN_TYPE);
         break;
@@ -331,8 +331,8 @@ void device_receive(struct device *device, uint64_t now_us, const uint8_t *bytes
     for (size_t i = 0; i < n; i++) {
         if (!link_in_byte(&device->in, bytes[i], &length))
             continue;
-        if (frame_read(device->in.piece, length, &request) == FRAME_DAMAGED) {
-            device->damaged++;
+        if (frame_read(device->in.piece, length, &request) == FRAME_MALFORMED) {
+            device->malformed++;
             continue;
         }
         device->frames++;

@@ -1,10 +1,10 @@
-/* Quadrature counting, times four: A leading B counts up.
+/* Quadrature decoding, four counts per line: A leading B counts up.
  *
- *     A B   00 -> 10 -> 11 -> 01 -> 00   +1 each; the other way round -1
+ *     A B   00 -> 10 -> 11 -> 01 -> 00   +1 each; in reverse -1
  *
- * Both lines changing at once is a step that was missed or noise: it is counted as an error and
- * moves nothing, for nobody knows which way. Call from the pins' interrupt, or where the board
- * counts in hardware, not at all. */
+ * If both lines change at once, a step was missed or there was noise. The direction is unknown, so
+ * the count stays and an error is counted. Call it from the pins' interrupt; a board that counts in
+ * hardware does not need it. */
 #ifndef HELI3DOF_ENCODER_H
 #define HELI3DOF_ENCODER_H
 
@@ -12,7 +12,7 @@
 
 struct encoder {
     uint32_t count;  /* modulo 2^32; read it with encoder_count */
-    uint32_t errors; /* impossible steps */
+    uint32_t errors; /* invalid steps */
     uint8_t lines;   /* the last state, A << 1 | B */
 };
 

@@ -18,14 +18,14 @@ static uint32_t get32(const uint8_t *at)
            ((uint32_t)at[3] << 24);
 }
 
-/* Two's complement without relying on how a compiler converts. */
+/* Two's complement without implementation-defined conversion. */
 static int32_t get_signed(const uint8_t *at)
 {
     const uint32_t u = get32(at);
     return u < 0x80000000u ? (int32_t)u : (int32_t)(u - 0x80000000u) + INT32_MIN;
 }
 
-/* Bytes of a body; -1 for a type that version 1 does not have. */
+/* Bytes of a body; -1 for an unknown type. */
 static int body_length(uint8_t type)
 {
     switch (type) {
@@ -55,11 +55,11 @@ enum verdict frame_read(uint8_t *piece, size_t n, struct request *request)
 {
     const size_t length = n <= FRAME_LONGEST ? cobs_decode(piece, n, piece) : COBS_BAD;
     if (length == COBS_BAD || length < FRAME_HEADER + FRAME_CHECK)
-        return FRAME_DAMAGED;
+        return FRAME_MALFORMED;
     if (piece[0] != FRAME_VERSION && piece[1] != HELLO)
-        return FRAME_DAMAGED;
+        return FRAME_MALFORMED;
     if (!check_right(piece, length))
-        return FRAME_DAMAGED;
+        return FRAME_MALFORMED;
 
     const uint8_t *body = piece + FRAME_HEADER;
     const int expected = body_length(piece[1]);
@@ -67,7 +67,7 @@ enum verdict frame_read(uint8_t *piece, size_t n, struct request *request)
     if (expected < 0)
         return FRAME_UNKNOWN;
     if (length != FRAME_HEADER + (size_t)expected + FRAME_CHECK)
-        return FRAME_DAMAGED;
+        return FRAME_MALFORMED;
     switch (request->type) {
     case HELLO:
         request->oldest = body[0];
@@ -195,7 +195,7 @@ size_t frame_report(uint8_t *out, uint32_t number, const struct report *report)
     struct payload p;
     begin(&p, REPORT, number);
     put32(&p, report->frames);
-    put32(&p, report->damaged);
+    put32(&p, report->malformed);
     put32(&p, report->refused);
     put32(&p, report->expiries);
     put32(&p, report->late_us);

@@ -1,7 +1,7 @@
-/* The frames of protocol 1 (docs/reference/protocol.md), byte by byte: explicit little-endian access, no
- * struct is ever laid over bytes.
+/* The frames of protocol 1 (docs/reference/protocol.md), byte by byte, with explicit little-endian
+ * access.
  *
- *     payload = version u8, type u8, number u32, body, crc16 u16, crc16 backwards u16
+ *     payload = version u8, type u8, number u32, body, crc16 u16, crc16 in reverse order u16
  */
 #ifndef HELI3DOF_FRAMES_H
 #define HELI3DOF_FRAMES_H
@@ -12,7 +12,7 @@
 #define FRAME_VERSION 1u
 #define FRAME_HEADER 6u
 #define FRAME_CHECK 4u
-#define FRAME_LONGEST 128u      /* bytes between two delimiters; what is longer is no frame */
+#define FRAME_LONGEST 128u      /* bytes between two delimiters at most */
 #define FRAME_LONGEST_OUT 98u   /* IDENTITY, with its delimiter */
 #define FRAME_TEXT 16u
 #define NOT_MEASURED INT16_MIN  /* a current that the device does not measure */
@@ -55,18 +55,18 @@ enum cause {
 
 enum code { OK, ALREADY_ARMED, STALE_TICKET, FAULT, BAD_PARAMETER, UNKNOWN_TYPE, VERSION };
 
-/* What the bytes between two delimiters are. */
+/* The kind of bytes between two delimiters. */
 enum verdict {
-    FRAME_DAMAGED, /* COBS, length, version or check wrong */
-    FRAME_UNKNOWN, /* whole and right, of no type of version 1 */
+    FRAME_MALFORMED, /* COBS, length, version or check wrong */
+    FRAME_UNKNOWN, /* valid, of an unknown type */
     FRAME_TAKEN
 };
 
-/* A frame as received; which fields hold something depends on the type. */
+/* A received frame; the type determines the used fields. */
 struct request {
     uint8_t type;
     uint32_t number;
-    uint8_t oldest, newest;                  /* HELLO: protocol versions that the host speaks */
+    uint8_t oldest, newest;                  /* HELLO: protocol versions that the host supports */
     uint32_t ticket, period_us, watchdog_us; /* ARM */
     int32_t uV[2];                           /* COMMAND: front, back */
     uint8_t reason;                          /* ESTOP */
@@ -95,12 +95,12 @@ struct sample {
 };
 
 struct report {
-    uint32_t frames, damaged, refused, expiries, late_us, encoder_errors, uptime_ms;
+    uint32_t frames, malformed, refused, expiries, late_us, encoder_errors, uptime_ms;
     uint8_t flags, cause;
     uint32_t ticket;
 };
 
-/* Unstuffs `piece` in place (n bytes, at most FRAME_LONGEST) and reads it. */
+/* Decodes `piece` in place (n bytes, at most FRAME_LONGEST) and parses it. */
 enum verdict frame_read(uint8_t *piece, size_t n, struct request *request);
 
 /* Each writes a whole frame with its delimiter to `out` (FRAME_LONGEST_OUT bytes are enough) and

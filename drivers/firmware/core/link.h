@@ -1,9 +1,8 @@
-/* Bytes in, pieces out; frames in, bytes out. Neither side ever waits.
+/* Splits received bytes into pieces, and buffers frames to be sent. Never waits.
  *
- * In: what stands between two delimiters, at most FRAME_LONGEST bytes of it. Out: a ring; a frame
- * that does not fit is dropped whole, so that a host that does not read delays nothing and still
- * finds whole frames. Samples leave LINK_SPARE bytes to answers: a stream that nobody reads must
- * not swallow an ESTOP's ACK. */
+ * In: the bytes between two delimiters, at most FRAME_LONGEST. Out: a ring; a frame that does not fit
+ * is dropped whole, so that a host that does not read causes no delay and gets valid frames later.
+ * Samples leave LINK_SPARE bytes free for replies: an unread stream must not block an ESTOP's ACK. */
 #ifndef HELI3DOF_LINK_H
 #define HELI3DOF_LINK_H
 
@@ -23,7 +22,7 @@ struct link_in {
 
 struct link_out {
     uint8_t ring[LINK_OUT];
-    uint32_t head, tail; /* bytes put and taken, modulo 2^32 */
+    uint32_t head, tail; /* bytes written and read, modulo 2^32 */
     uint32_t dropped;    /* frames */
 };
 
@@ -34,7 +33,7 @@ bool link_in_byte(struct link_in *in, uint8_t byte, size_t *n);
 /* Leaves at least `spare` bytes free. */
 void link_out_frame(struct link_out *out, const uint8_t *frame, size_t n, size_t spare);
 
-/* What can be sent in one go: `*at` is set to its beginning. Then say how much was sent. */
+/* The bytes to send next, contiguous from `*at`. Then call link_sent with the number sent. */
 size_t link_out_peek(const struct link_out *out, const uint8_t **at);
 void link_out_sent(struct link_out *out, size_t n);
 

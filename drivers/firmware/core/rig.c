@@ -34,7 +34,7 @@ void rig_turn(struct device *device)
     const uint64_t now_us = hal_now_us();
     hal_inputs(&inputs);
     device_sense(device, now_us, &inputs);
-    /* A bounded bite, so that a host that shouts cannot keep the volts from being put out. */
+    /* A bounded number of bytes, so that a flood of bytes cannot delay the output. */
     const size_t n = hal_read(bytes, sizeof bytes);
     device_receive(device, now_us, bytes, n);
     put_out(device, now_us);

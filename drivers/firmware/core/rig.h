@@ -4,11 +4,11 @@
 
 #include "device.h"
 
-/* First thing after a start or a reset: zero volts, amplifier disabled, IDLE. */
+/* Call first after a start or a reset: zero volts, amplifier disabled, IDLE. */
 void rig_start(struct device *device, const struct device_config *config);
 
-/* Reads the lines and the link, lets time pass, puts volts out, sends. Call it when bytes have
- * come, at device_next_us, and at least every millisecond. */
+/* Reads inputs and link, advances the device, sets the output, sends. Call it when bytes have
+ * arrived, at device_next_us, and at least every millisecond. */
 void rig_turn(struct device *device);
 
 #endif

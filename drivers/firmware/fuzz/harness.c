@@ -1,14 +1,14 @@
-/* The core under arbitrary bytes and times, with what must always hold checked at every step:
+/* The core under arbitrary bytes and times. At every step the harness checks that
  *
- *  1. no volts unless ARMED by an ARM with the ticket of that moment, or on the ramp after it;
+ *  1. the output is zero unless ARMED by an ARM with the current ticket, or on the ramp after it;
  *  2. |output| <= v_max, always;
- *  3. once no command was accepted for longer than watchdog + ramp: zero, amplifier disabled;
- *  4. after an ESTOP that was read, a fault, a stall or the button: zero, at once;
- *  5. frames + damaged never exceeds the pieces; refused never exceeds frames; every answer is a
- *     whole frame that the core's own reader takes.
+ *  3. after watchdog + ramp without an accepted command: zero, amplifier disabled;
+ *  4. after a received ESTOP, a fault, a stall or the button: zero at once;
+ *  5. frames + malformed never exceeds the pieces; refused never exceeds frames; every reply is a
+ *     valid frame for the core's own parser.
  *
- * The input is a program: an operation byte, its arguments, and so on. Whole frames with right
- * checks are among the operations, else no random input would ever get past the check. */
+ * The input is a program: operation bytes with arguments. Some operations send frames with correct
+ * checks, as random input would almost never pass the check. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -36,12 +36,12 @@ static struct device device;
 static struct device_inputs inputs;
 static uint64_t now_us;
 
-/* What the harness knows by itself. */
-static uint64_t pieces;        /* delimiters sent: no more frames can there be */
-static uint64_t alive_us;      /* the last moment at which volts may have been renewed */
-static uint64_t watchdog_us;   /* the longest that may be in force */
-static bool may_have_volts;    /* an ARM with the right ticket was said since the last stop */
-static struct link_in host_in; /* the host's ears */
+/* The harness's own state. */
+static uint64_t pieces;        /* delimiters sent: an upper bound of the frames */
+static uint64_t alive_us;      /* the last time at which a voltage may have been set */
+static uint64_t watchdog_us;   /* the longest that may be set */
+static bool may_have_volts;    /* an ARM with the current ticket was sent since the last stop */
+static struct link_in host_in; /* the host's receiver */
 
 static void must(bool holds, const char *what)
 {
@@ -84,7 +84,7 @@ static void check_output(void)
     must(device.state != IDLE || !enabled, "idle");
     must(now_us <= alive_us + watchdog_us + CONFIG.ramp_us || !enabled, "3: disabled");
     must((device_flags(&device) & 0xC0) == 0, "flags 64 and 128 are zero");
-    must((uint64_t)device.frames + device.damaged <= pieces, "5: frames and damaged");
+    must((uint64_t)device.frames + device.malformed <= pieces, "5: frames and malformed");
     must(device.refused <= device.frames, "5: refused");
     must(device.state == IDLE || device.state == ARMED || device.cause || device.stop_flag,
          "held at zero for a cause");
@@ -114,7 +114,7 @@ static void say(const uint8_t *bytes, size_t n)
     device_receive(&device, now_us, bytes, n);
 }
 
-/* With the right check behind it, however short it is. */
+/* With a correct check, of any length. */
 static void say_payload(uint8_t payload[64], size_t n)
 {
     uint8_t stuffed[72] = {0};
@@ -123,7 +123,7 @@ static void say_payload(uint8_t payload[64], size_t n)
     payload[n + 1] = (uint8_t)(c >> 8);
     payload[n + 2] = (uint8_t)back;
     payload[n + 3] = (uint8_t)(back >> 8);
-    n = cobs_encode(payload, n + 4, stuffed + 1); /* with a delimiter before it, too */
+    n = cobs_encode(payload, n + 4, stuffed + 1); /* also with a delimiter before it */
     stuffed[n + 1] = 0;
     say(stuffed, n + 2);
 }
@@ -144,7 +144,7 @@ static void say_anything_with_a_check(struct cursor *c)
     for (size_t i = 1; i < n; i++)
         payload[i] = next8(c);
     if (n >= FRAME_HEADER && payload[0] == FRAME_VERSION && payload[1] <= STATUS)
-        return; /* operations of their own say those, and know what to expect */
+        return; /* other operations send those, and know the expected result */
     const uint32_t frames = device.frames;
     say_payload(payload, n);
     must(n >= FRAME_HEADER || device.frames == frames, "what is shorter than a frame is none");
@@ -196,14 +196,14 @@ static void say_command(struct cursor *c)
     must(device.echo == (due ? number : before), "a stale or repeated command does nothing");
 }
 
-/* Bytes as they are; they may hold a right frame by chance of a corpus only, so volts are judged
- * by what the core says it accepted. */
+/* Raw bytes. A corpus may contain a valid frame, so the voltages are checked against the commands
+ * that the core reports as accepted. */
 static void say_noise(struct cursor *c)
 {
     struct request request;
     const size_t n = next8(c);
     const uint32_t echo = device.echo, ticket = device.ticket;
-    uint8_t *noise = malloc(n + 1); /* the heap: a sanitizer sees the first byte beyond */
+    uint8_t *noise = malloc(n + 1); /* on the heap: a sanitizer detects the first byte beyond */
     if (!noise)
         return;
     for (size_t i = 0; i < n; i++)

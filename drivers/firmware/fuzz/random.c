@@ -1,4 +1,4 @@
-/* Drives the harness where no libFuzzer is: random programs, and mutations of those before.
+/* Drives the harness without libFuzzer: random programs, and mutations of earlier ones.
  * `heli3dof-fuzz SECONDS [SEED]`. */
 #include <stdint.h>
 #include <stdio.h>
@@ -28,7 +28,7 @@ int main(int argc, char **argv)
         const uint32_t changes = runs % 8 ? 1 + any() % 16 : sizeof program;
         for (uint32_t i = 0; i < changes; i++)
             program[any() % sizeof program] = (uint8_t)any();
-        /* From the heap, so that a sanitizer sees the first byte beyond the end. */
+        /* On the heap, so that a sanitizer detects the first byte beyond the end. */
         const size_t n = 1 + any() % sizeof program;
         uint8_t *copy = malloc(n);
         if (!copy)

@@ -1,4 +1,4 @@
-/* The bench behind the HAL: the plant, encoders on its axes, and the drills that disturb them. */
+/* The simulated bench of the HAL: the plant, its encoders, and the drills. */
 #ifndef HELI3DOF_BENCH_H
 #define HELI3DOF_BENCH_H
 
@@ -20,13 +20,13 @@ struct bench {
 
 void bench_start(struct bench *bench, const struct options *options, double t_s);
 
-/* Lets time pass under the voltages that are out. */
+/* Advances the plant under the present voltages. */
 void bench_advance(struct bench *bench, double t_s);
 
-/* Where the encoders' counters begin at zero: the device starts again. */
+/* The device restarts: the counts restart from zero. */
 void bench_reset_counters(struct bench *bench);
 
-/* Whether `after` seconds from the first arming lie behind t_s. */
+/* True when t_s is more than `after` seconds after the first arming. */
 bool bench_due(const struct bench *bench, double t_s, double after_s);
 
 void bench_inputs(const struct bench *bench, struct device_inputs *inputs);

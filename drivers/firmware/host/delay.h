@@ -1,11 +1,11 @@
-/* A line on which every byte takes the same time. */
+/* A line that delays every byte by the same time. */
 #ifndef HELI3DOF_DELAY_H
 #define HELI3DOF_DELAY_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-#define DELAY_ROOM 65536u /* bytes under way at once: 25 ms at 2.6 MB/s; what exceeds it is lost */
+#define DELAY_ROOM 65536u /* bytes on the way at once: 25 ms at 2.6 MB/s; more are lost */
 
 struct delay {
     uint64_t arrives_us[DELAY_ROOM];
@@ -18,7 +18,7 @@ void delay_put(struct delay *delay, uint64_t arrives_us, uint8_t byte);
 /* The bytes that have arrived by now, at most `room`; returns how many. */
 size_t delay_get(struct delay *delay, uint64_t now_us, uint8_t *bytes, size_t room);
 
-/* When the next byte arrives; UINT64_MAX where none is under way. */
+/* When the next byte arrives; UINT64_MAX where none is on the way. */
 uint64_t delay_next_us(const struct delay *delay);
 
 #endif

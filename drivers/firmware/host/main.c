@@ -1,5 +1,5 @@
-/* heli3dof-rig: the core on a PTY in real time, a bench plant behind it. This file is the HAL of
- * the host, and its main loop. */
+/* heli3dof-rig: the core on a PTY in real time, with a simulated helicopter. This file has the host's
+ * HAL and main loop. */
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
@@ -21,7 +21,7 @@
 #include "rig.h"
 #include "tcp.h"
 
-#define REAL_TIME_PRIORITY 80 /* hardware never waits for its host */
+#define REAL_TIME_PRIORITY 80 /* as hardware: the host's load must not delay it */
 #define TURN_US 1000u
 #define MOTION_S 5e-3
 #define LATE_US 200u /* a turn takes some 10 us */
@@ -42,7 +42,7 @@ static double monotonic_s(void)
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-static uint64_t now_us; /* what the core was told last */
+static uint64_t now_us; /* the last time given to the core */
 
 uint64_t hal_now_us(void)
 {
@@ -93,7 +93,7 @@ size_t hal_read(uint8_t *bytes, size_t room)
     return delay_get(&there, told_us, bytes, room);
 }
 
-/* Bytes that have taken their time leave for the host. */
+/* Send the delayed bytes that are due to the host. */
 static void deliver(void)
 {
     uint8_t byte;
@@ -119,7 +119,7 @@ static size_t write_now(const uint8_t *bytes, size_t n)
 size_t hal_write(const uint8_t *bytes, size_t n)
 {
     if (line < 0)
-        return n; /* nobody there */
+        return n; /* no host */
     if (options.delay_s <= 0)
         return write_now(bytes, n);
     for (size_t i = 0; i < n; i++) {
@@ -131,7 +131,7 @@ size_t hal_write(const uint8_t *bytes, size_t n)
 
 void hal_inputs(struct device_inputs *inputs)
 {
-    /* To the time that the sample will carry: this process may have been held up since. */
+    /* Advance to the sample's time: this process may have been held up since. */
     bench_advance(&bench, 1e-6 * (double)now_us);
     bench_inputs(&bench, inputs);
 }
@@ -154,7 +154,7 @@ void hal_output(bool enabled, const int32_t uV[2])
         const int n = snprintf(text, sizeof text, "%.6f %d %.6f %.6f\n", monotonic_s(), enabled,
                                bench.V[0], bench.V[1]);
         if (write(log_file, text, (size_t)n) < 0)
-            log_file = -1; /* a full disk does not stop a rig */
+            log_file = -1; /* a full disk must not stop the rig */
     }
 }
 
@@ -190,7 +190,7 @@ static void start(void)
     rig_start(&device, &config);
 }
 
-/* Where it is permitted; a loaded machine makes the device late otherwise. */
+/* Where permitted: a loaded machine would delay the device. */
 static void real_time(void)
 {
     const struct sched_param priority = {.sched_priority = REAL_TIME_PRIORITY};
@@ -227,7 +227,7 @@ static int opened(const char *option, const char *path)
     return file;
 }
 
-/* A sample that was taken in this turn, and written only now. */
+/* A sample that was taken in this turn and written late. */
 static void log_late(uint64_t sampled_before_us)
 {
     const uint64_t took_us = hal_now_us() - device.sampled_us;
@@ -240,7 +240,7 @@ static void log_late(uint64_t sampled_before_us)
         late_file = -1;
 }
 
-/* Where the arm is by now, whether or not anything was sampled. */
+/* The arm's present position, with or without a sample. */
 static void log_motion(void)
 {
     static double written_s;

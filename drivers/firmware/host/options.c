@@ -89,7 +89,7 @@ static void span(const char *option, const char *text, double *from_s, double *f
         refuse(option, text, "SECONDS or SECONDS:FOR");
 }
 
-/* AXIS@S, and what stands behind it */
+/* AXIS@S and the rest */
 static const char *axis_at(const char *option, const char *text, enum axis *axis, double *at_s)
 {
     static const char *const NAMES[3] = {"roll@", "pitch@", "yaw@"};
@@ -201,7 +201,7 @@ struct options options_read(int argc, char **argv)
         case DROP: o.drop = share(name, optarg); break;
         case CORRUPT: o.corrupt = share(name, optarg); break;
         case SEED: o.seed = whole(name, optarg, UINT32_MAX); break;
-        default: exit(2); /* getopt has said why */
+        default: exit(2); /* getopt has printed the reason */
         }
     }
     if (optind < argc)

@@ -1,4 +1,4 @@
-/* What heli3dof-rig is told on its command line. */
+/* The command line of heli3dof-rig. */
 #ifndef HELI3DOF_OPTIONS_H
 #define HELI3DOF_OPTIONS_H
 
@@ -6,20 +6,20 @@
 
 #include "plant.h"
 
-/* Times count in seconds from the first arming; NEVER where a drill was not asked for. */
+/* Times count in seconds from the first arming; NEVER for a drill that is off. */
 #define NEVER 1e300
 
 struct options {
     const char *serial;
     const char *link; /* a symbolic link to the PTY, or NULL */
-    const char *log;  /* what went to the motors and when, or NULL */
-    const char *late; /* which samples this program itself kept from the line, or NULL */
-    const char *motion; /* where the plant's arm was and how fast, or NULL */
+    const char *log;  /* motor voltages with times, or NULL */
+    const char *late; /* samples that this program wrote late, or NULL */
+    const char *motion; /* the plant's roll angle and rate, or NULL */
     int tcp;          /* a port of this computer instead of a PTY, 0 any; -1: a PTY */
-    int with_parent;  /* ends with the process that started it */
+    int with_parent;  /* ends with the parent process */
     uint32_t watchdog_us, ramp_us, shortest_us;
     int32_t counts[3];
-    int boot_given; /* every start has the same boot number, as without a random source */
+    int boot_given; /* the same boot number at every start, as on boards without a random source */
     uint32_t boot;
 
     double fault_s, fault_for_s;
@@ -37,7 +37,7 @@ struct options {
     uint32_t seed;
 };
 
-/* Ends the program where the command line makes no sense (2) or asks for help (0). */
+/* Ends the program for a wrong command line (2) or --help (0). */
 struct options options_read(int argc, char **argv);
 
 #endif

@@ -6,7 +6,7 @@
 #define PI 3.14159265358979323846
 #define DEG (PI / 180.0)
 
-/* Table I, rows 14 and 15 put right. m, kg, N/V, V */
+/* Table I with rows 14 and 15 corrected. m, kg, N/V, V */
 #define L_W 0.4699
 #define L_A 0.6604
 #define L_H 0.1778
@@ -39,7 +39,7 @@ static double dot(vec u, vec v)
     return u.x * v.x + u.y * v.y + u.z * v.z;
 }
 
-/* Accelerations enter linearly: a_i = sum_j (d x_i / d q_j) ddq_j + what is left at ddq = 0. */
+/* Accelerations enter linearly: a_i = sum_j (d x_i / d q_j) ddq_j + the rest at ddq = 0. */
 struct point {
     double mass;
     vec along[3]; /* d x / d q_j, m/rad */
@@ -65,15 +65,15 @@ static void solve3(double A[3][4], double x[3])
 
 void plant_acceleration(const double q[3], const double dq[3], const double V[2], double ddq[3])
 {
-    /* The frame that turns with yaw: its x axis below the arm. Nothing depends on psi itself. */
+    /* The frame that turns with yaw, its x axis below the arm. Nothing depends on psi. */
     const double cr = cos(q[ROLL]), sr = sin(q[ROLL]);
     const double cp = cos(q[PITCH]), sp = sin(q[PITCH]);
     const vec z = {0, 0, 1}, t = {0, 1, 0};
     const vec u = {cr, 0, sr}, n = {-sr, 0, cr};
     const vec b = sum(cp, t, sp, n), f = sum(cp, n, -sp, t);
 
-    /* Arm: w = dpsi z - dr t; body: w + dp u. What of their derivatives is left at ddq = 0 comes
-     * from t turning with yaw, and u with the arm. */
+    /* Arm: w = dpsi z - dr t; body: w + dp u. Their derivatives at ddq = 0 come from t turning
+     * with yaw and u turning with the arm. */
     const vec w_arm = sum(dq[YAW], z, -dq[ROLL], t);
     const vec w_body = sum(1, w_arm, dq[PITCH], u);
     const vec dw_arm = sum(-dq[ROLL] * dq[YAW], cross(z, t), 0, z);
@@ -131,7 +131,7 @@ static void runge_kutta(double x[6], double h, const double V[2])
         x[i] += h / 6 * (k[0][i] + 2 * k[1][i] + 2 * k[2][i] + k[3][i]);
 }
 
-/* A stop is inelastic: it holds the angle and takes the speed that goes into it. */
+/* A stop is inelastic: it limits the angle and removes the outward speed. */
 static void stops(double x[6])
 {
     for (int i = 0; i < 3; i++) {

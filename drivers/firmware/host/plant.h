@@ -11,7 +11,7 @@
  *
  * Q: the thrusts K_f V f at x_f and x_b; on roll -T_g cos r with T_g = 2 L_a K_f V_o (the gravity
  * torque is calibrated, docs/explanation/paper.md, E2, and does not follow from the masses); light damping.
- * The arm rests on the table at -27.5 degrees; its stops and the body's take the speed away. */
+ * The arm rests on the table at -27.5 degrees; all stops are inelastic. */
 #ifndef HELI3DOF_PLANT_H
 #define HELI3DOF_PLANT_H
 
@@ -26,7 +26,7 @@ struct plant {
 /* At rest on the table. */
 void plant_start(struct plant *plant, double t_s);
 
-/* Lets time pass until t_s under constant voltages (V: front, back). */
+/* Integrates until t_s under constant voltages (V: front, back). */
 void plant_advance(struct plant *plant, double t_s, const double V[2]);
 
 /* Angular accelerations, rad/s^2. */

@@ -1,5 +1,5 @@
-/* A pseudo-terminal as the board's UART: raw, its far end kept open, so that a host may close and
- * open it again as often as it likes. Neither direction ever waits. */
+/* A pseudo-terminal as the board's UART, raw. Its far end stays open, so that a host may close and
+ * open it again. Neither direction waits. */
 #ifndef HELI3DOF_PTY_H
 #define HELI3DOF_PTY_H
 
@@ -9,7 +9,7 @@
 /* Opens it; the file descriptor of the board's end, or -1 with errno. `path` gets the host's end. */
 int pty_open(char *path, size_t room);
 
-/* How many bytes; 0 where there are none, or no room. */
+/* The number of bytes; 0 where there are none, or no room. */
 size_t pty_read(int fd, uint8_t *bytes, size_t room);
 size_t pty_write(int fd, const uint8_t *bytes, size_t n);
 

@@ -1,12 +1,12 @@
 /* The core on a virtual clock: `heli3dof-replay` reads lines
  *
- *     100 > 0401010701…   these bytes come in at 100 us
- *     900 .               the clock goes on to 900 us
+ *     100 > 0401010701…   these bytes arrive at 100 us
+ *     900 .               the clock advances to 900 us
  *
- * and prints what the device of the golden transcripts answers, a frame a line: `100 < 0401…`.
+ * and prints the replies of the golden transcripts' device, one frame per line: `100 < 0401…`.
  *
  * `heli3dof-replay --pieces` reads bytes as hexadecimal lines and prints, for each piece between
- * delimiters, `taken` or `unknown` and its payload, or `damaged`.
+ * delimiters, `taken` or `unknown` and its payload, or `malformed`.
  *
  * `heli3dof-replay --plant` reads angles, rates and voltages, `r p psi dr dp dpsi V_f V_b`, and
  * prints the bench plant's angular accelerations; SI. */
@@ -75,9 +75,9 @@ static void pieces(void)
             const enum verdict verdict = frame_read(in.piece, n, &request);
             fputs(verdict == FRAME_TAKEN     ? "taken "
                   : verdict == FRAME_UNKNOWN ? "unknown "
-                                             : "damaged",
+                                             : "malformed",
                   stdout);
-            for (size_t i = 0; verdict != FRAME_DAMAGED && i + 1 < n; i++)
+            for (size_t i = 0; verdict != FRAME_MALFORMED && i + 1 < n; i++)
                 printf("%02x", in.piece[i]);
             putchar('\n');
         }
@@ -111,7 +111,7 @@ int main(int argc, char **argv)
         if (sscanf(line, "%" SCNu64 " %n", &now_us, &used) < 1)
             continue;
         const char *rest = line + used;
-        if (*rest == '!') { /* held up until now: what was due meanwhile finds nobody */
+        if (*rest == '!') { /* held up until now: nothing was done meanwhile */
             device_tick(&device, now_us);
             print_answers(now_us);
             continue;

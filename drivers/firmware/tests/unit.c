@@ -1,5 +1,5 @@
-/* What the golden transcripts do not reach: counting, stuffing, faults, lost time, the plant.
- * Prints each statement; the first that does not hold ends the program. */
+/* Cases that the golden transcripts do not cover: counting, COBS, faults, lost time, the plant.
+ * Prints each statement; the first that is false ends the program. */
 #include <assert.h>
 #include <math.h>
 #include <stdio.h>
@@ -68,7 +68,7 @@ static void an_impossible_step_is_an_error_and_no_count(void)
     encoder_step(&e, 2);
     encoder_step(&e, 2);
     assert(encoder_count(&e) == 0 && e.errors == 1);
-    encoder_step(&e, 3); /* counting goes on from where the lines are */
+    encoder_step(&e, 3); /* counting continues from the lines' state */
     assert(encoder_count(&e) == 1);
 }
 
@@ -203,7 +203,7 @@ static void a_device_held_up_leaves_samples_out_and_never_sends_a_burst(void)
     assert(device.out.head - head == 48 && device.samples == 3);
 }
 
-/* The turn before may have been long ago. */
+/* The previous turn may have been long ago. */
 static void a_sample_carries_the_counts_and_lines_of_its_own_time(void)
 {
     const struct device_inputs moved = {.counts = {77, 0, 0}, .fault = CAUSE_OVERCURRENT};
@@ -241,7 +241,7 @@ static void a_host_that_does_not_read_loses_whole_frames(void)
         host_says(3000, POLL, i, NULL, 0);
     assert(device.out.head - device.out.tail == (LINK_OUT - LINK_SPARE) / 48 * 48);
     assert(device.out.dropped == 100 - (LINK_OUT - LINK_SPARE) / 48);
-    assert(host_says(3000, STATUS, 1, NULL, 0) == 46); /* an answer still finds room */
+    assert(host_says(3000, STATUS, 1, NULL, 0) == 46); /* a reply still fits */
 }
 
 static void the_devices_own_frames_coming_back_are_not_answered(void)
@@ -270,7 +270,7 @@ static void at_hover_the_plant_is_the_papers(void)
     assert(fabs(a[YAW] / 1e-6 + 1.2304) < 1e-3);
 }
 
-/* What the fictitious torques do: 0.5 kg at 2 rad/s of yaw is no small effect. */
+/* The fictitious torques at 2 rad/s of yaw are large. */
 static void spinning_the_arm_is_pulled_level_and_the_bar_upright_to_it(void)
 {
     const double q[3] = {0.3, 0.2, 1.0}, dq[3] = {0, 0, 2.0}, none[2] = {0, 0};

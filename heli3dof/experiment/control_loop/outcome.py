@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from heli3dof.rig.histogram import Histogram
+from heli3dof.rig.link_counters import present_names
 from heli3dof.rig.trip import Trip
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ class Outcome:
             "late": self.late,
             "missed": self.missed,
             "lost": self.lost,
-            "left_out": self.left_out,
+            "device_skipped": self.left_out,
             "worst_lateness_s": self.worst_lateness_s,
             "landed": self.landed,
             "ramped": self.ramped,
@@ -109,7 +110,7 @@ def link_counts(rig: Any) -> dict[str, Any] | None:
             kept[f"{name}_median_s"] = value.quantile_s(0.5)
             kept[f"{name}_p999_s"] = value.quantile_s(0.999)
             kept[f"{name}_worst_s"] = value.worst_s
-    return kept
+    return present_names(kept)
 
 
 class Tally:

@@ -29,10 +29,12 @@ periods and has missed 5, on any clock.
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 from typing import Any
 
 from heli3dof.rig.clock_offset import ClockMap
 from heli3dof.rig.interface import Rig, Sample
+from heli3dof.rig.link_counters import attribute_of
 from heli3dof.rig.sample_instants import Instants
 
 Skipped = Callable[[], tuple[int, int, int]]
@@ -136,6 +138,10 @@ def timekeeper(rig: Rig, dt: float) -> VirtualTime:
     if rig.identity.timebase == "virtual":
         return VirtualTime(dt)
     counts: Any = getattr(rig, "statistics", None)
-    if all(hasattr(counts, name) for name in ("lost", "left_out", "passed_over")):
-        return CountedTime(dt, lambda: (counts.lost, counts.left_out, counts.passed_over))
+    lost, skipped, stale = (
+        attribute_of(counts, name) for name in ("lost", "device_skipped", "samples_stale")
+    )
+    if lost and skipped and stale:
+        read = attrgetter(lost, skipped, stale)
+        return CountedTime(dt, lambda: read(counts))
     return DeviceTime(dt, (lambda: int(counts.lost)) if hasattr(counts, "lost") else None)

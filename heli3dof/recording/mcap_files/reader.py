@@ -31,6 +31,7 @@ from heli3dof.recording.mcap_files.mcap_writer import MAGIC, OUTCOME, PROFILE, P
 from heli3dof.recording.mcap_files.schema import COMMAND, SAMPLE, RowFormat
 from heli3dof.recording.recording import Recording
 from heli3dof.recording.write import ARRAYS, COLUMNS, CORE
+from heli3dof.rig.link_counters import present_names
 from heli3dof.rig.profile import Profile, profile_from_dict
 
 
@@ -196,7 +197,7 @@ def meta_in(found: Scan, path: Path) -> dict[str, Any]:
     if "outcome" in details:
         meta["outcome"] = details.pop("outcome")
     if details:
-        meta["outcome_details"] = details
+        meta["outcome_details"] = present_names(details)
     return meta
 
 

@@ -10,6 +10,7 @@ from itertools import pairwise
 
 from heli3dof.errors import DeviceError
 from heli3dof.rig.interface import Flags, HasLinkStatistics, Sample
+from heli3dof.rig.link_counters import attribute_of
 
 from .bench import Bench, Case, Host, cases, require, require_rest, require_volts
 
@@ -46,8 +47,8 @@ def link_statistics_are_a_dataclass_of_counts(bench: Bench) -> None:
     if statistics is None:
         raise unittest.SkipTest("this rig has no link statistics")
     require(is_dataclass(statistics), "statistics that are a dataclass", statistics)
-    for name in ("lost", "left_out"):
-        count = getattr(statistics, name, 0)
+    for name in ("lost", "device_skipped"):
+        count = getattr(statistics, attribute_of(statistics, name) or "", 0)
         require(isinstance(count, int) and count >= 0, f"a count of samples {name}", count)
 
 

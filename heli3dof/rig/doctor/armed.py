@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 
 from heli3dof.rig.interface import Check, Command, Flags, Sample
+from heli3dof.rig.link_counters import attribute_of
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.session.stoppable_rig import StoppableRig
 
@@ -23,14 +24,14 @@ LOST_SHARE = 1e-3
 """share of samples that may be missing"""
 WHERE = {
     "lost": "lost on the line",
-    "left_out": "not taken by the device",
-    "passed_over": "read too late by this computer",
+    "device_skipped": "not taken by the device",
+    "samples_stale": "read too late by this computer",
 }
 """The link's counters of missing samples (`HasLinkStatistics`), in words"""
 FIXES = {
     "lost": "a shorter, shielded cable away from the motors' leads; ground at one end; lower baud",
-    "left_out": "a lower loop.rate_hz in the profile: the device does not keep up with this one",
-    "passed_over": "see wake-up above: this computer pauses",
+    "device_skipped": "a lower loop.rate_hz in the profile: the device does not keep up",
+    "samples_stale": "see wake-up above: this computer pauses",
 }
 
 
@@ -88,9 +89,10 @@ def traffic(armed: Armed) -> Check:
 def _missing(rig: StoppableRig) -> dict[str, int]:
     """The link's counts of missing samples; empty for a rig without them."""
     counts = rig.statistics
-    if not all(hasattr(counts, why) for why in WHERE):
+    names = {why: attribute_of(counts, why) for why in WHERE}
+    if not all(names.values()):
         return {}
-    return {why: int(getattr(counts, why)) for why in WHERE}
+    return {why: int(getattr(counts, name)) for why, name in names.items() if name}
 
 
 def watchdog_expires(armed: Armed) -> Check:

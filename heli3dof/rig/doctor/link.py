@@ -13,6 +13,7 @@ from math import degrees
 from heli3dof.axes import AXES
 from heli3dof.rig.clock import wait_until
 from heli3dof.rig.interface import Check, Flags, Sample
+from heli3dof.rig.link_counters import attribute_of
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.session.stoppable_rig import StoppableRig
 
@@ -38,15 +39,15 @@ class Opened:
     samples: list[Sample]
     took_s: list[float]
     """Of each reading, from request to sample"""
-    repeats: int | None
+    retries: int | None
     """Requests that were repeated; None: this driver does not count them"""
-    damaged: int | None
+    malformed: int | None
     """Malformed frames"""
 
 
 def listen(rig: StoppableRig, profile: Profile) -> Opened:
     """Read the rig `POLLS` times, or as often as `LONGEST_S` allows."""
-    repeats, damaged = _counted(rig, "repeats"), _counted(rig, "damaged")
+    retries, malformed = _counted(rig, "retries"), _counted(rig, "malformed")
     samples, took = [], []
     first = time.monotonic()
     for k in range(POLLS):
@@ -58,7 +59,7 @@ def listen(rig: StoppableRig, profile: Profile) -> Opened:
             break
     return Opened(
         rig, profile, samples, took,
-        _less(_counted(rig, "repeats"), repeats), _less(_counted(rig, "damaged"), damaged),
+        _less(_counted(rig, "retries"), retries), _less(_counted(rig, "malformed"), malformed),
     )  # fmt: skip
 
 
@@ -115,11 +116,11 @@ def round_trip(opened: Opened) -> Check:
 
 def loss(opened: Opened) -> Check:
     """Requests without an answer, malformed frames."""
-    if opened.repeats is None or opened.damaged is None:
+    if opened.retries is None or opened.malformed is None:
         return Check("loss", "this driver does not count it", None)
     n = len(opened.samples)
-    found = f"{opened.repeats} of {n} readings repeated, {opened.damaged} malformed frames"
-    if opened.repeats or opened.damaged:
+    found = f"{opened.retries} retries in {n} readings, {opened.malformed} malformed frames"
+    if opened.retries or opened.malformed:
         fix = "a shorter, shielded cable away from the motors' leads; ground at one end; lower baud"
         return Check("loss", found, False, fix)
     return Check("loss", found, True)
@@ -233,7 +234,8 @@ def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
 
 def _counted(rig: StoppableRig, name: str) -> int | None:
     """A counter of the link; None for a rig without it."""
-    value = getattr(rig.statistics, name, None)
+    counts = rig.statistics
+    value = getattr(counts, attribute_of(counts, name) or "", None)
     return value if isinstance(value, int) else None
 
 

@@ -1,4 +1,4 @@
-"""A device whose encoders stand still and that measures no current, as the golden one."""
+"""The golden device: its encoders do not move, and it measures no current."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class StillPlant:
 
 
 class StillDevice:
-    """What `Endpoint` asks of an `emulator.device.Device`."""
+    """The part of `emulator.device.Device` that `Endpoint` uses."""
 
     def __init__(self, v_max: float = 24.0, watchdog_s: float = 0.1) -> None:
         self.plant = StillPlant()

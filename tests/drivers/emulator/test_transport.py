@@ -1,11 +1,11 @@
-"""The emulated line takes its time, in order."""
+"""The emulated line delays bytes and keeps their order."""
 
 from __future__ import annotations
 
 from heli3dof_drivers.emulator.transport import Delay
 
 
-def test_bytes_arrive_after_the_delay_and_in_their_order() -> None:
+def test_bytes_arrive_after_the_delay_in_order() -> None:
     line = Delay(5000)
     line.put(0, b"a")
     line.put(100, b"")

@@ -1,17 +1,18 @@
-"""The emulated rig as a USB device: what docs/reference/protocol.md says of USB, byte by byte."""
+"""The emulated rig as a USB device follows docs/reference/protocol.md, section USB."""
 
 from __future__ import annotations
 
 import pytest
-from heli3dof_drivers.emulator.usb_function import FIFO, IN, OUT, Setup, UsbFunction
+from heli3dof_drivers.emulator.usb_function import FIFO, IN, OUT
 from heli3dof_drivers.link.frames import Arm, Cause, Splitter, wire
 from heli3dof_drivers.link.golden_transcripts import TRANSCRIPTS, Line
 
 from tests.drivers.emulator.still import still_endpoint
+from tests.kernel_usb.usb_requests import KernelUsbFunction, Setup
 
 
-def function() -> UsbFunction:
-    return UsbFunction(still_endpoint(), "G1")
+def function() -> KernelUsbFunction:
+    return KernelUsbFunction(still_endpoint(), "G1")
 
 
 def get(kind: int, index: int = 0, length: int = 255) -> Setup:
@@ -20,10 +21,10 @@ def get(kind: int, index: int = 0, length: int = 255) -> Setup:
 
 @pytest.mark.parametrize("packet", [1, 7, 64, 512])
 @pytest.mark.parametrize("name", TRANSCRIPTS)
-def test_the_pipes_carry_the_golden_transcripts_however_they_are_cut(name: str, packet: int):
+def test_the_pipes_carry_the_golden_transcripts_in_transfers_of_any_size(name: str, packet: int):
     usb, lines = function(), TRANSCRIPTS[name]
-    # The device says what it says until the host's next word, whenever the host collects it.
-    asked = [i for i, line in enumerate(lines) if line.speaker == "host"]
+    # The host may collect the device's bytes at any time before its next request.
+    asked = [i for i, line in enumerate(lines) if line.sender == "host"]
     for i, following in zip(asked, [*asked[1:], len(lines)], strict=True):
         said = lines[i].bytes
         for start in range(0, len(said), packet):
@@ -31,8 +32,8 @@ def test_the_pipes_carry_the_golden_transcripts_however_they_are_cut(name: str, 
         answers: tuple[Line, ...] = lines[i + 1 : following]
         heard = b""
         for line in answers or (lines[i],):
-            if line.speaker == "clock":
-                usb.link.held_up(line.time_us)  # type: ignore[attr-defined]
+            if line.sender == "clock":
+                usb.endpoint.held_up(line.time_us)
             while part := usb.give(line.time_us, packet):
                 heard += part
         assert heard == b"".join(line.bytes for line in answers)
@@ -52,32 +53,32 @@ def test_the_descriptors_are_those_of_the_protocol():
     assert serial[2:].decode("utf-16-le") == "G1"
 
 
-def test_a_host_that_asks_for_less_gets_less():
+def test_a_shorter_request_gets_a_shorter_reply():
     assert function().setup(0, get(2, length=9)) == function().setup(0, get(2))[:9]  # type: ignore[index]
 
 
-def test_a_request_that_is_none_is_stalled():
+def test_an_unknown_request_is_stalled():
     usb = function()
     assert usb.setup(0, get(9)) is None
     assert usb.setup(0, Setup(0x40, 0x46, 0, 0, 0)) is None
     assert usb.setup(0, Setup(0x00, 9, 2, 0, 0)) is None
 
 
-def test_the_stop_request_stops_with_its_reason_and_says_nothing_on_the_pipe():
+def test_the_stop_request_stops_with_its_reason_and_without_a_reply_on_the_pipe():
     usb = function()
     usb.take(1000, wire(Arm(0, 1, 0, 0)))
     usb.give(1000, 512)
     assert usb.setup(1500, Setup(0x40, 0x45, Cause.BUTTON, 0, 0)) == b""
-    amplifier = usb.link.amplifier  # type: ignore[attr-defined]
+    amplifier = usb.endpoint.amplifier
     assert (amplifier.flags, amplifier.cause) == (16, Cause.BUTTON)
     assert usb.give(1500, 512) == b""
 
 
-def test_a_lost_configuration_stops_with_cause_supply():
+def test_removing_the_configuration_stops_with_cause_supply():
     usb = function()
     usb.take(1000, wire(Arm(0, 1, 0, 0)))
     assert usb.setup(1500, Setup(0x00, 9, 0, 0, 0)) == b""
-    amplifier = usb.link.amplifier  # type: ignore[attr-defined]
+    amplifier = usb.endpoint.amplifier
     assert (amplifier.flags, amplifier.cause) == (16, Cause.SUPPLY)
 
 
@@ -91,7 +92,7 @@ def test_a_halted_pipe_stalls_until_it_is_cleared(pipe: int):
     assert (usb.take(0, b"\0") if pipe == OUT else usb.give(0, 512)) is not None
 
 
-def test_a_host_that_does_not_read_loses_whole_frames_and_no_memory():
+def test_a_host_that_does_not_read_loses_whole_frames():
     usb = function()
     usb.take(0, wire(Arm(0, 1, 1000, 0)))
     for t_us in range(0, 1_900_000, 50_000):
@@ -102,4 +103,4 @@ def test_a_host_that_does_not_read_loses_whole_frames_and_no_memory():
     assert len(said) <= FIFO
     splitter = Splitter()
     assert splitter.feed(said)
-    assert splitter.damaged == 0
+    assert splitter.malformed == 0

@@ -19,7 +19,7 @@ COMPILER = shutil.which("cc") and shutil.which("make")
 
 @functools.cache
 def build(*targets: str) -> Path:
-    """The folder in which the targets now are; skips where no C compiler is."""
+    """The folder with the built targets; skips where there is no C compiler."""
     if not COMPILER:
         pytest.skip("needs a C compiler and make: apt-get install gcc make libc6-dev")
     BUILD.mkdir(parents=True, exist_ok=True)
@@ -52,7 +52,7 @@ def rig_program() -> str:
 
 
 def run(program: str, *arguments: str, text: str = "") -> list[str]:
-    """What a program of the build prints, in lines."""
+    """The lines that a built program prints."""
     done = subprocess.run(
         [str(build(program) / program), *arguments], input=text, capture_output=True, text=True
     )

@@ -1,4 +1,4 @@
-"""The firmware's core on a virtual clock: a second device, written from protocol.md alone."""
+"""The firmware's core on a virtual clock, written only from docs/reference/protocol.md."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ NUMBER = st.one_of(st.integers(0, 12), U32)
 MICROVOLTS = st.one_of(st.integers(-25_000_000, 25_000_000), I32)
 
 
-def test_what_the_transcripts_do_not_reach():
+def test_cases_that_the_transcripts_do_not_cover():
     assert len(run("heli3dof-unit")) >= 16
 
 
-def test_under_a_sanitizer_every_statement_of_the_harness_holds():
+def test_the_fuzz_harness_holds_under_a_sanitizer():
     if not sanitizers():
         pytest.skip("needs a compiler with -fsanitize=address,undefined: apt-get install gcc")
     assert "every statement held" in run("heli3dof-fuzz", "2")[-1]
 
 
 def transcripts() -> dict[str, list[str]]:
-    """Straight from the page, comments taken off."""
-    page = (ROOT / "docs" / "reference" / "protocol.md").read_text(encoding="utf-8")
+    """The transcript in the page, without comments."""
+    page = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
     golden = page.split("<!-- golden")[1].split("<!-- end of golden")[0]
     blocks = re.findall(r"```\n\[(\w+)\]\n(.*?)```", golden, re.DOTALL)
     return {
@@ -65,9 +65,6 @@ def test_it_answers_the_golden_transcript_byte_by_byte(name: str):
     assert said
     assert answers
     assert run("heli3dof-replay", text="\n".join(said) + "\n") == answers
-
-
-# ---- frames: which bytes are one --------------------------------------------------------------
 
 
 @st.composite
@@ -96,7 +93,7 @@ def damaged(draw: st.DrawFn, data: bytes) -> bytes:
 
 @st.composite
 def lines(draw: st.DrawFn) -> bytes:
-    """Frames, whole and damaged, with noise between them."""
+    """Frames, valid and corrupted, with noise between them."""
     out = b""
     for _ in range(draw(st.integers(1, 12))):
         choice = draw(st.sampled_from(("frame", "frame", "damaged", "noise", "long")))
@@ -112,19 +109,16 @@ def lines(draw: st.DrawFn) -> bytes:
 
 @given(lines())
 @settings(max_examples=150, deadline=None)
-def test_both_sides_take_the_same_frames_out_of_the_same_bytes(data: bytes):
+def test_host_and_firmware_find_the_same_frames_in_the_same_bytes(data: bytes):
     splitter = Splitter()
     taken = [payload(frame).hex() for frame in splitter.feed(data)]
     found = run("heli3dof-replay", "--pieces", text=data.hex() + "\n")
     assert [line.split()[1] for line in found if line.startswith("taken")] == taken
-    assert len(found) - len(taken) == splitter.damaged
-
-
-# ---- the state machine: two devices that share no code -----------------------------------------
+    assert len(found) - len(taken) == splitter.malformed
 
 
 def until(device: Endpoint, now: int) -> bytes:
-    """Ticked on time, as the replay is."""
+    """Called at every due time, as the replay is."""
     out = b""
     while (instant := device.next_us()) is not None and instant <= now:
         out += device.tick(instant)
@@ -133,7 +127,7 @@ def until(device: Endpoint, now: int) -> bytes:
 
 @st.composite
 def dialogues(draw: st.DrawFn) -> list[tuple[int, bytes]]:
-    """What a host may say and when, right and wrong; the Python device is asked for its ticket."""
+    """Valid and invalid bytes of a host with their times; the Python device gives the ticket."""
     device, splitter = still_endpoint(), Splitter()
     now, ticket, spoken = 0, 1, []
     for _ in range(draw(st.integers(1, 25))):
@@ -167,7 +161,7 @@ def dialogues(draw: st.DrawFn) -> list[tuple[int, bytes]]:
 
 @given(dialogues())
 @settings(max_examples=200, deadline=None)
-def test_two_devices_that_share_no_code_answer_alike_byte_by_byte(spoken: list[tuple[int, bytes]]):
+def test_two_independent_devices_reply_with_the_same_bytes(spoken: list[tuple[int, bytes]]):
     build("heli3dof-replay")
     python = still_endpoint()
     end = spoken[-1][0] + 100

@@ -14,7 +14,7 @@ DAMPING = np.array([0.05, 0.004, 0.05])
 """N·m·s/rad: roll, pitch, yaw of the bench plant"""
 
 
-def test_two_derivations_of_the_rigid_body_agree_wherever_it_can_be():
+def test_two_derivations_of_the_rigid_body_agree_in_every_position():
     rng = np.random.default_rng(5)
     q = rng.uniform(-1.2, 1.2, (200, 3))
     qd = rng.uniform(-3, 3, (200, 3))

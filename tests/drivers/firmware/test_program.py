@@ -1,4 +1,4 @@
-"""The firmware as a program: Python's frames, its PTY, and what really went to the motors."""
+"""The firmware as a program: Python's frames over its PTY, and its true motor voltages."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ from tests.profiles import STANDSTILL_S
 PATIENCE_S = 30.0
 WATCHDOG_S, RAMP_S = 0.3, 0.2
 BUSY_S = 2 * (STANDSTILL_S + 0.05)
-"""s by which a busy machine may hold up the firmware's process, here and there; half of it once"""
+"""s by which a busy machine may delay the firmware's process in all; half of it at once"""
 ROUNDS = 20
-"""On a busy machine, until one is as it should be; a device that errs does so in every one"""
+"""Attempts on a busy machine; a faulty device fails in each"""
 VOLTS = 9_000_000
 
 
 class Host:
-    """One that says what it likes and keeps what it hears."""
+    """A host that sends any bytes and keeps the received frames."""
 
     def __init__(self, path: str) -> None:
         self.port = serial.Serial(path, 921600, timeout=0.05)
@@ -61,7 +61,7 @@ class Host:
     def hear(
         self, kind: type[Frame], number: int | None = None, within_s: float = PATIENCE_S
     ) -> Frame:
-        """The next of this kind; everything before it is kept in ``heard``."""
+        """The next frame of this kind; earlier ones are kept in ``heard``."""
         end = time.monotonic() + within_s
         while time.monotonic() < end:
             while self.heard:
@@ -81,7 +81,7 @@ class Host:
         return answer
 
     def found_again(self) -> IdentityFrame:
-        """Asked until it answers, as the driver asks: a board that is starting hears nothing."""
+        """Request the identity until the device replies: a board that is starting does not."""
         for number in range(100, 100 + 10 * round(PATIENCE_S)):
             self.port.reset_input_buffer()
             self.say(Hello(number))
@@ -109,7 +109,7 @@ class Host:
         self.say(CommandFrame(self.number, front_uV, back_uV))
 
     def fly(self, seconds: float) -> list[SampleFrame]:
-        """Commands every 10 ms, and what is read; stops when the device has stopped."""
+        """Send commands every 10 ms and read; ends when the device has stopped."""
         samples = []
         end = time.monotonic() + seconds
         while time.monotonic() < end and (not samples or samples[-1].flags & 1):
@@ -125,10 +125,10 @@ PATIENT = ("--watchdog", "1000")
 
 @contextmanager
 def rig(*options: str) -> Iterator[tuple[Door, Host]]:
-    with firmware_door(*options) as door:
-        host = Host(door.path)
+    with firmware_door(*options) as emulated:
+        host = Host(emulated.path)
         try:
-            yield door, host
+            yield emulated, host
         finally:
             host.port.close()
 
@@ -154,7 +154,7 @@ def test_hello_arm_command_sample_disarm():
         assert host.poll().front_uV == 0
 
 
-def test_a_stream_comes_on_the_devices_own_clock_and_in_order():
+def test_the_stream_follows_the_devices_clock_in_order():
     for _ in range(ROUNDS):
         with rig() as (_, host):
             host.arm(period_us=2000)
@@ -168,12 +168,12 @@ def test_a_stream_comes_on_the_devices_own_clock_and_in_order():
         usual = statistics.median(periods)
         if usual == pytest.approx(2000, abs=200):
             return
-        # Only the device's own word that it was held up is an excuse.
+        # A gap is allowed only where the device reports that it was held up.
         assert report.late_us > 1000, usual  # type: ignore[union-attr]
     pytest.skip(f"a machine so busy that in none of {ROUNDS} streams the device was in time")
 
 
-def test_after_silence_the_motors_are_at_zero_within_watchdog_and_ramp(tmp_path: Path):
+def test_without_commands_the_motors_reach_zero_within_watchdog_and_ramp(tmp_path: Path):
     with rig("--log", str(tmp_path / "log")) as (_, host):
         host.arm()
         host.fly(0.2)
@@ -195,24 +195,26 @@ def test_a_host_that_does_not_read_stops_neither_the_clock_nor_the_watchdog(tmp_
     with rig("--log", str(tmp_path / "log")) as (_, host):
         host.arm(period_us=500)
         host.command()
-        time.sleep(WATCHDOG_S + RAMP_S + BUSY_S)  # 2000 samples of 48 bytes: no PTY holds them
+        time.sleep(
+            WATCHDOG_S + RAMP_S + BUSY_S
+        )  # 2000 samples of 48 bytes: more than a PTY buffers
         assert motors(tmp_path / "log")[-1][1:] == (False, 0.0, 0.0)
         report = host.ask(Status(11), Report)
         assert isinstance(report, Report)
         assert report.expiries == 1
-        assert host.splitter.damaged == 0  # frames were dropped whole
+        assert host.splitter.malformed == 0  # frames were dropped whole
 
 
 def test_the_host_may_close_the_port_and_open_it_again():
-    with rig() as (door, host):
+    with rig() as (emulated, host):
         boot = host.identity().boot
         for _ in range(3):
             host.port.close()
-            host = Host(door.path)
+            host = Host(emulated.path)
             assert host.identity().boot == boot
 
 
-def test_an_estop_is_read_after_anything_and_stops_at_once(tmp_path: Path):
+def test_an_estop_stops_at_once_after_any_bytes(tmp_path: Path):
     with rig("--log", str(tmp_path / "log")) as (_, host):
         host.arm()
         host.fly(0.1)
@@ -225,7 +227,7 @@ def test_an_estop_is_read_after_anything_and_stops_at_once(tmp_path: Path):
         assert at - sent < BUSY_S / 2
 
 
-def test_a_flood_of_noise_keeps_neither_the_watchdog_nor_an_estop_from_working(tmp_path: Path):
+def test_watchdog_and_estop_work_during_a_flood_of_noise(tmp_path: Path):
     with rig("--log", str(tmp_path / "log")) as (_, host):
         noise = random.Random(3).randbytes(4096)
         host.arm()
@@ -246,7 +248,9 @@ def test_a_flood_of_noise_keeps_neither_the_watchdog_nor_an_estop_from_working(t
         ("--button-after", Cause.BUTTON, 16),
     ],
 )
-def test_a_drill_stops_the_rig_and_says_why(drill: str, cause: Cause, flag: int, tmp_path: Path):
+def test_a_drill_stops_the_rig_and_reports_its_cause(
+    drill: str, cause: Cause, flag: int, tmp_path: Path
+):
     with rig(*PATIENT, drill, "0.2", "--log", str(tmp_path / "log")) as (_, host):
         host.arm()
         last = host.fly(3.0)[-1]
@@ -254,7 +258,7 @@ def test_a_drill_stops_the_rig_and_says_why(drill: str, cause: Cause, flag: int,
         assert motors(tmp_path / "log")[-1][1:] == (False, 0.0, 0.0)
 
 
-def test_while_the_fault_lasts_nobody_arms():
+def test_a_device_with_a_fault_cannot_be_armed():
     with rig(*PATIENT, "--fault-after", "0.1:1.5") as (_, host):
         host.arm()
         host.fly(3.0)
@@ -263,7 +267,7 @@ def test_while_the_fault_lasts_nobody_arms():
         assert host.arm().code == Code.OK
 
 
-def test_a_reset_forgets_everything_and_another_boot_says_so():
+def test_a_reset_clears_the_state_and_changes_the_boot_number():
     with rig(*PATIENT, "--reset-after", "0.3") as (_, host):
         before = host.identity()
         host.arm()
@@ -274,7 +278,7 @@ def test_a_reset_forgets_everything_and_another_boot_says_so():
         assert abs(last.roll) < abs(before.counts_roll) / 8
 
 
-def test_a_frozen_encoder_stands_still_while_the_arm_goes_on():
+def test_a_frozen_encoder_keeps_its_count_while_the_arm_moves():
     with rig(*PATIENT, "--freeze-encoder", "roll@0.4") as (_, host):
         host.arm()
         rolls = [s.roll for s in host.fly(1.2)]
@@ -282,7 +286,7 @@ def test_a_frozen_encoder_stands_still_while_the_arm_goes_on():
         assert rolls[-1] > 0
 
 
-def test_a_jump_comes_between_two_samples():
+def test_a_jump_occurs_between_two_samples():
     with rig(*PATIENT, "--jump-encoder", "yaw@0.3:-500") as (_, host):
         host.arm()
         yaws = [s.yaw for s in host.fly(0.8)]
@@ -291,7 +295,7 @@ def test_a_jump_comes_between_two_samples():
         assert sum(abs(s) > 100 for s in steps) == 1
 
 
-def test_on_a_lossy_line_what_is_taken_is_right():
+def test_on_a_lossy_line_accepted_frames_are_correct():
     with rig("--drop", "0.002", "--corrupt", "0.002", "--seed", "5") as (_, host):
         answers, said, end = 0, -1, time.monotonic() + PATIENCE_S
         while (said < 399 or answers <= 200) and time.monotonic() < end:
@@ -305,39 +309,39 @@ def test_on_a_lossy_line_what_is_taken_is_right():
                 assert frame.uptime_ms < 60_000
                 answers += 1
         assert answers > 200
-        assert host.splitter.damaged > 0
+        assert host.splitter.malformed > 0
 
 
-def test_told_to_end_it_leaves_zero_volts_and_no_link(tmp_path: Path):
+def test_a_terminated_program_leaves_zero_volts_and_no_link(tmp_path: Path):
     link, log = tmp_path / "rig", tmp_path / "log"
-    with rig("--link", str(link), "--log", str(log)) as (door, host):
-        assert link.resolve() == Path(door.path)
+    with rig("--link", str(link), "--log", str(log)) as (emulated, host):
+        assert link.resolve() == Path(emulated.path)
         host.arm()
         host.fly(0.1)
-        door.process.terminate()
-        assert door.process.wait(PATIENCE_S) == 0
+        emulated.process.terminate()
+        assert emulated.process.wait(PATIENCE_S) == 0
         assert motors(log)[-1][1:] == (False, 0.0, 0.0)
         assert not link.is_symlink()
 
 
-def test_with_its_parent_it_ends(tmp_path: Path):
+def test_it_ends_with_its_parent(tmp_path: Path):
     link = tmp_path / "rig"
     rig = f"{rig_program()} --with-parent --link {link}"
     shell = f"{rig} & until test -L {link}; do sleep 0.05; done"
     subprocess.run(["sh", "-c", shell], stdout=subprocess.DEVNULL, timeout=PATIENCE_S)
     end = time.monotonic() + PATIENCE_S
-    while link.is_symlink():  # taken away at its end
+    while link.is_symlink():  # removed when it ends
         assert time.monotonic() < end
         time.sleep(0.02)
 
 
-def test_a_command_line_that_makes_no_sense_says_what_was_expected():
+def test_a_wrong_command_line_prints_the_usage():
     with pytest.raises(RuntimeError), firmware_door("--jump-encoder", "yaw@3"):
         pass
 
 
 @pytest.mark.realtime
-def test_a_question_is_answered_without_waiting_for_the_next_turn():
+def test_a_reply_does_not_wait_for_the_next_turn_of_the_main_loop():
     with rig() as (_, host):
         took = []
         for _ in range(200):

@@ -45,7 +45,7 @@ if os.environ.get("HELI3DOF_QEMU") != "1":
 
 
 class Board:
-    """A board in its emulator, and the emulator's console (QMP, a JSON document a line)."""
+    """A board in its emulator, with the emulator's console (QMP: one JSON document per line)."""
 
     def __init__(self, image: str, debugger: str) -> None:
         self.image, self.debugger = image, debugger
@@ -57,8 +57,8 @@ class Board:
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
         )  # fmt: skip
         self.tell("qmp_capabilities")
-        doors = self.tell("query-chardev")
-        self.path = next(d["filename"] for d in doors if d["label"] == "serial0")[len("pty:") :]
+        ports = self.tell("query-chardev")
+        self.path = next(d["filename"] for d in ports if d["label"] == "serial0")[len("pty:") :]
 
     def tell(self, command: str, **arguments: Any) -> Any:
         assert self.process.stdin is not None
@@ -77,7 +77,7 @@ class Board:
         what = {"down": down, "key": {"type": "qcode", "data": name}}
         self.tell("input-send-event", events=[{"type": "key", "data": what}])
         time.sleep(SEEN_S)
-        for _ in range(2):  # on a busy machine the board may have stood still meanwhile
+        for _ in range(2):  # on a busy machine the emulated board may stall
             self.asked()
 
     def hang(self) -> None:
@@ -112,7 +112,7 @@ def board(tmp_path: Path) -> Iterator[Board]:
 @pytest.fixture
 def host(board: Board) -> Iterator[Host]:
     host = Host(board.path)
-    while not host.port.in_waiting:  # QEMU looks once a second whether its PTY is open
+    while not host.port.in_waiting:  # QEMU checks once a second whether its PTY is open
         host.port.write(wire(Hello(6)))
         time.sleep(0.1)
     host.port.reset_input_buffer()
@@ -141,10 +141,10 @@ def test_hello_arm_command_sample_and_the_watchdogs_expiry(host: Host):
     assert host.poll().front_uV == 0
     report = host.ask(Status(12), Report)
     assert isinstance(report, Report)
-    assert (report.expiries, report.damaged) == (1, 0)
+    assert (report.expiries, report.malformed) == (1, 0)
 
 
-def test_its_clock_keeps_time_and_its_stream_keeps_to_it(host: Host):
+def test_its_clock_keeps_time_and_its_stream_follows_it(host: Host):
     host.arm(period_us=2000)
     begin = time.monotonic()
     samples = [host.hear(SampleFrame) for _ in range(500)]
@@ -160,7 +160,7 @@ def test_its_clock_keeps_time_and_its_stream_keeps_to_it(host: Host):
 def test_its_interrupts_count_an_encoders_edges(board: Board, host: Host):
     quarters = [(ENCODER_A, True), (ENCODER_B, True), (ENCODER_A, False), (ENCODER_B, False)]
     before = host.poll().roll
-    for key, down in 3 * quarters:  # a key that is down is a line that is low
+    for key, down in 3 * quarters:  # a pressed key pulls the line low
         board.key(key, down)
     assert host.poll().roll == before + 12
     for key, down in reversed(quarters):
@@ -190,7 +190,7 @@ def test_an_estop_stops_it(host: Host):
     assert host.poll().front_uV == 0
 
 
-def test_after_a_reset_it_is_idle_under_another_boot_and_an_old_ticket_arms_nothing(
+def test_after_a_reset_it_is_idle_with_another_boot_number_and_refuses_old_tickets(
     board: Board, host: Host
 ):
     before = host.identity()
@@ -205,7 +205,7 @@ def test_after_a_reset_it_is_idle_under_another_boot_and_an_old_ticket_arms_noth
     assert answer.code == Code.STALE_TICKET  # type: ignore[union-attr]
 
 
-def test_a_processor_that_hangs_starts_again_at_zero_volts(board: Board, host: Host):
+def test_a_processor_that_hangs_restarts_at_zero_volts(board: Board, host: Host):
     before = host.identity()
     host.arm()
     host.command()

@@ -1,14 +1,14 @@
-"""A line that harms what passes, and a judge who knows what was sent.
+"""A line that corrupts frames, and a trial that knows what was sent.
 
-Host and device talk over two such lines, COMMAND and POLL there, SAMPLE back, with arming,
-disarming and stops between. The judge counts what must never happen:
+Host and device communicate over two such lines: COMMAND and POLL to the device, SAMPLE back, with
+arming, disarming and stops between. The trial counts events that must never occur:
 
-- a command that the device takes though it was not sent, word by word, or was sent before the ARM
-  that armed the device, or though a newer one was taken before;
-- an ARM that arms though it was not sent for the present ticket;
-- a sample that the host takes though the device did not say it in this arming, or though a newer
-  one was taken before;
-- the second of two whole frames in a row that is not read.
+- the device accepts a command that was not sent so, was sent before the ARM of this arming, or is
+  not newer than the last one;
+- an ARM arms the device that was not sent with the current ticket;
+- the host accepts a sample that the device did not send in this arming, or that is not newer than
+  the last one;
+- the second of two valid frames in a row is not received.
 """
 
 from __future__ import annotations
@@ -31,29 +31,29 @@ from heli3dof_drivers.link.frames import (
     wire,
 )
 from heli3dof_drivers.link.link_statistics import LinkStatistics
-from heli3dof_drivers.link.sample_validation import Intake
+from heli3dof_drivers.link.sample_validation import SampleValidator
 
 from tests.drivers.emulator.still import still_endpoint
 
 KINDS = ("bits", "burst", "cut", "noise", "lost", "doubled", "delayed")
 STEP_US = 250
 STOPS = 0.01
-"""share of the steps that begin with a DISARM, and of those that do with an ESTOP"""
+"""Share of the steps that begin with a DISARM, and of those with an ESTOP"""
 
 
 @dataclass
 class Tally:
-    """What was done, and what came of it."""
+    """Counts of a trial."""
 
     frames: int = 0
     harmed: Counter[str] = field(default_factory=Counter)
     commands: int = 0
-    """taken by the device"""
+    """Accepted by the device"""
     samples: int = 0
-    """taken by the host"""
+    """Accepted by the host"""
     armings: int = 0
     resyncs: int = 0
-    """times that two whole frames followed on a harmed one"""
+    """Times that two valid frames followed a corrupted one"""
     wrong_commands: int = 0
     wrong_armings: int = 0
     wrong_samples: int = 0
@@ -123,16 +123,16 @@ class HarmfulLine:
         return []
 
 
-class Listener:
-    """Reads a line as any receiver does, and judges that it stays in step."""
+class Receiver:
+    """A receiver that checks that it stays synchronised."""
 
     def __init__(self, tally: Tally) -> None:
         self._splitter = Splitter()
         self._tally = tally
         self._whole = 2
-        """whole frames in a row until now"""
+        """Valid frames in a row until now"""
 
-    def hear(self, data: bytes, whole: bool) -> list[Frame]:
+    def feed(self, data: bytes, whole: bool) -> list[Frame]:
         frames = self._splitter.feed(data)
         if not whole:
             self._whole = 0
@@ -146,87 +146,87 @@ class Listener:
 
 
 class Trial:
-    """A host and a device that talk over harmful lines until enough has been harmed."""
+    """A host and a device that communicate over corrupting lines."""
 
     def __init__(self, seed: int, share: float = 0.5) -> None:
         self.tally = Tally()
         self.script: list[tuple[int, bytes, bytes]] = []
-        """What came to the device, when (µs), and what it answered; for other devices to repeat"""
+        """Time (µs), bytes received by the device, and its reply; for other devices to repeat"""
         self._rng = random.Random(seed)
         self._there = HarmfulLine(self._rng, share, self.tally)
         self._back = HarmfulLine(self._rng, share, self.tally)
         self._endpoint = still_endpoint()
-        self._device_ear, self._host_ear = Listener(self.tally), Listener(self.tally)
+        self._device, self._host = Receiver(self.tally), Receiver(self.tally)
         self._statistics = LinkStatistics()
-        self._intake = Intake(self._statistics)
+        self._validator = SampleValidator(self._statistics)
         self._now_us = 0
         self._sent: dict[int, tuple[int, int, int]] = {}
-        """number → the ARM that it follows on, and what was asked for"""
+        """Command's number → number of its ARM, and its voltages in µV"""
         self._asked = 0
         """Number of the last ARM that was sent"""
         self._arming = self._newest = 0
-        """Numbers of the ARM and of the newest command (or ARM) that the device has taken"""
+        """Numbers of the last ARM and of the newest command (or ARM) that the device accepted"""
         self._tickets: set[int] = set()
-        """tickets for which an ARM was sent"""
-        self._said: set[SampleFrame] = set()
-        """this arming's samples"""
+        """Tickets for which an ARM was sent"""
+        self._samples: set[SampleFrame] = set()
+        """Samples that the device sent in this arming"""
         self._taken = -1
         watch(self._endpoint, self)
 
     def run(self, faults: int) -> Tally:
-        """Talk until this many frames have been harmed."""
+        """Run steps until this many frames have been corrupted."""
         while self.tally.faults < faults:
             self.step()
         return self.tally
 
     def step(self) -> None:
-        """One command and one reading; armed before where need be, sometimes stopped."""
+        """One command and one POLL; first armed where needed, sometimes stopped."""
         if not self._endpoint.amplifier.enabled:
             self._arm()
         draw = self._rng.random()
         if draw < STOPS:
-            self._tell(Disarm(0))
+            self._send(Disarm(0))
         elif draw < 2 * STOPS:
-            self._tell(Estop(0))
+            self._send(Estop(0))
         front, back = (self._rng.randint(-24_000_000, 24_000_000) for _ in range(2))
-        number = self._intake.command(0, 0.0)
+        number = self._validator.command(0)
         self._sent[number] = (self._asked, front, back)
-        self._tell(CommandFrame(number, front, back))
-        self._tell(Poll(number))
+        self._send(CommandFrame(number, front, back))
+        self._send(Poll(number))
 
     def _arm(self) -> None:
         ticket = self._endpoint.amplifier.ticket
         self._tickets.add(ticket)
-        self._said.clear()
+        self._samples.clear()
         self._taken = -1
-        self._asked = self._intake.arm()
-        self._tell(Arm(self._asked, ticket, 0, 1_000_000))
+        self._asked = self._validator.arm()
+        self._send(Arm(self._asked, ticket, 0, 1_000_000))
 
-    def _tell(self, frame: Frame) -> None:
+    def _send(self, frame: Frame) -> None:
         for data, whole in self._there.send(wire(frame)):
             self._now_us += STEP_US
-            self._device_ear.hear(data, whole)
+            self._device.feed(data, whole)
             answer = self._endpoint.receive(self._now_us, data)
             self.script.append((self._now_us, data, answer))
-            for said in Splitter().feed(answer):
-                self._hear(said)
+            for reply in Splitter().feed(answer):
+                self._to_host(reply)
 
-    def _hear(self, said: Frame) -> None:
-        if isinstance(said, SampleFrame):
-            self._said.add(said)
-        for data, whole in self._back.send(wire(said)):
-            for frame in self._host_ear.hear(data, whole):
+    def _to_host(self, reply: Frame) -> None:
+        if isinstance(reply, SampleFrame):
+            self._samples.add(reply)
+        for data, whole in self._back.send(wire(reply)):
+            for frame in self._host.feed(data, whole):
                 if isinstance(frame, SampleFrame):
-                    if self._intake.take(frame, 0.0) is not None:
+                    if self._validator.accept(frame, 0.0) is not None:
                         self.tally.samples += 1
                         old = frame.number <= self._taken
-                        self.tally.wrong_samples += old or frame not in self._said
+                        self.tally.wrong_samples += old or frame not in self._samples
                         self._taken = frame.number
                 elif not isinstance(frame, Ack):
                     self.tally.wrong_samples += 1
 
     def commanded(self, number: int, front_uV: int, back_uV: int) -> None:
-        """The device took a command."""
+        """The device accepted a command."""
         self.tally.commands += 1
         after, *asked = self._sent.get(number, (-1, 0, 0))
         true = asked == [front_uV, back_uV] and after >= self._arming
@@ -234,7 +234,7 @@ class Trial:
         self._newest = number
 
     def armed(self, ticket: int, number: int) -> None:
-        """The device took an ARM."""
+        """The device accepted an ARM."""
         self.tally.armings += 1
         self.tally.wrong_armings += ticket not in self._tickets
         self._tickets.discard(ticket)
@@ -242,7 +242,7 @@ class Trial:
 
 
 def watch(endpoint: Endpoint, trial: Trial) -> None:
-    """Tell the trial what the device's amplifier takes."""
+    """Report to the trial what the device's amplifier accepts."""
     amplifier = endpoint.amplifier
     command, arm = amplifier.command, amplifier.arm
 

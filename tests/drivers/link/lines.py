@@ -1,4 +1,4 @@
-"""Lines without hardware: an emulated device in the same process, on its clock."""
+"""A line without hardware: an emulated device in the same process."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from heli3dof.errors import DeviceError
 
 
 class DirectLine:
-    """A `Transport` to an endpoint that lives on this process's clock.
+    """A `Transport` to an endpoint on this process's clock.
 
-    ``to_device`` and ``to_host`` may change, drop or double what passes.
+    ``to_device`` and ``to_host`` may change, drop or repeat the bytes.
     """
 
     name = "direct line"
@@ -24,7 +24,7 @@ class DirectLine:
         self.to_host: Callable[[bytes], bytes] = lambda data: data
         self.cut = False
         self.latency_s = 0.0
-        """What comes from the device is held back for so long, as an FTDI adapter does"""
+        """s by which the device's bytes are delayed, as by an FTDI adapter"""
         self.closed = False
         self._start = time.monotonic()
         self._waiting = b""
@@ -35,7 +35,7 @@ class DirectLine:
         return int((time.monotonic() - self._start) * 1e6)
 
     def restart(self, endpoint: Endpoint) -> None:
-        """Another device from now on, whose clock begins at zero."""
+        """Replace the device by another one whose clock begins at zero."""
         self.endpoint = endpoint
         self._start = time.monotonic()
 
@@ -53,9 +53,9 @@ class DirectLine:
                 return data
             time.sleep(min(left, 2e-4))
 
-    def _carry(self, said: bytes) -> None:
+    def _carry(self, data: bytes) -> None:
         now = time.monotonic()
-        self._held.append((now + self.latency_s, self.to_host(said)))
+        self._held.append((now + self.latency_s, self.to_host(data)))
         while self._held and self._held[0][0] <= now:
             self._waiting += self._held.pop(0)[1]
 

@@ -1,4 +1,4 @@
-"""A descriptor as a line: gone is gone, and a thief on the same terminal is not."""
+"""A descriptor as a line: unplugging is an error, another reader on the terminal is not."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from tests.profiles import END_S
 
 
 def terminal() -> tuple[int, int]:
-    """Ours, and the far end, as pyserial sets it: a read of nothing returns at once."""
+    """Both ends; the far one as pyserial sets it: an empty read returns at once."""
     ours, far = os.openpty()
     tty.setraw(far)
     settings = termios.tcgetattr(far)
@@ -26,7 +26,7 @@ def terminal() -> tuple[int, int]:
     return ours, far
 
 
-def test_what_is_written_is_read_and_silence_is_empty():
+def test_bytes_pass_both_ways_and_a_timeout_returns_none():
     device, host = terminal()
     line = DescriptorLine(host, "line", lambda: os.close(host))
     os.write(device, b"abc")
@@ -43,7 +43,7 @@ def test_what_is_written_is_read_and_silence_is_empty():
     os.close(device)
 
 
-def test_a_device_that_goes_away_is_gone():
+def test_an_unplugged_device_is_an_error():
     device, host = terminal()
     line = DescriptorLine(host, "line", lambda: os.close(host))
     os.close(device)
@@ -54,7 +54,7 @@ def test_a_device_that_goes_away_is_gone():
     line.close()
 
 
-def test_a_socket_that_closes_is_gone():
+def test_a_closed_socket_is_an_error():
     device, host = socket.socketpair()
     line = DescriptorLine(host.fileno(), "line", host.close)
     device.close()
@@ -63,12 +63,12 @@ def test_a_socket_that_closes_is_gone():
     line.close()
 
 
-def test_bytes_that_another_reader_took_first_are_not_the_end_of_the_line(
+def test_bytes_read_by_another_process_do_not_end_the_line(
     monkeypatch: pytest.MonkeyPatch,
 ):
     device, host = terminal()
     line = DescriptorLine(host, "line", lambda: os.close(host))
-    # The system said that bytes are there; heli3dof estop, beside us, has read them since.
+    # The system reported bytes, and heli3dof estop has read them since.
     select = descriptor_line.select.select
     monkeypatch.setattr(descriptor_line.select, "select", lambda r, w, x, t: (r, w, x))
     assert line.read(1.0) == b""
@@ -81,10 +81,10 @@ def test_bytes_that_another_reader_took_first_are_not_the_end_of_the_line(
     line.close()
 
 
-def test_a_line_that_takes_no_more_says_so():
+def test_a_full_line_is_an_error():
     device, host = socket.socketpair()
     line = DescriptorLine(host.fileno(), "line", host.close)
-    with pytest.raises(DeviceError, match="takes no more bytes"):
+    with pytest.raises(DeviceError, match="accepts no more bytes"):
         line.write(bytes(10_000_000))
     line.close()
     device.close()

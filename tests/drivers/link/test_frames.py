@@ -1,4 +1,4 @@
-"""Frames survive the line whole or not at all."""
+"""A frame is received unchanged or not at all."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ def test_a_command_of_five_volts_by_hand():
 
 
 @given(any_frame())
-def test_what_is_sent_is_what_is_read(frame: Frame):
+def test_a_frame_is_parsed_as_it_was_sent(frame: Frame):
     sent = wire(frame)
     assert sent.strip(b"\0").count(0) == 0
     assert Splitter().feed(sent) == [frame]
 
 
 @given(st.lists(any_frame(), max_size=5), st.lists(st.integers(1, 40), min_size=1))
-def test_it_does_not_matter_how_the_bytes_arrive(frames: list[Frame], cuts: list[int]):
+def test_frames_are_found_however_the_bytes_are_split(frames: list[Frame], cuts: list[int]):
     stream = b"".join(wire(f) for f in frames)
     splitter, out, at = Splitter(), [], 0
     while at < len(stream):
@@ -65,11 +65,11 @@ def test_it_does_not_matter_how_the_bytes_arrive(frames: list[Frame], cuts: list
         out += splitter.feed(stream[at : at + n])
         at += n
     assert out == frames
-    assert splitter.damaged == 0
+    assert splitter.malformed == 0
 
 
 @given(any_frame(), st.data())
-def test_up_to_three_wrong_bits_are_seen(frame: Frame, data: st.DataObject):
+def test_up_to_three_wrong_bits_are_detected(frame: Frame, data: st.DataObject):
     whole = payload(frame)
     wrong = bytearray(whole)
     bits = data.draw(
@@ -81,23 +81,23 @@ def test_up_to_three_wrong_bits_are_seen(frame: Frame, data: st.DataObject):
 
 
 @given(st.binary(max_size=300), any_frame(), any_frame())
-def test_after_any_damage_the_second_whole_frame_is_read(noise: bytes, first: Frame, second: Frame):
+def test_after_any_error_the_second_valid_frame_is_read(noise: bytes, first: Frame, second: Frame):
     read = Splitter().feed(noise + wire(first) + wire(second))
     assert read[-1] == second
 
 
 @given(st.binary(max_size=60))
-def test_an_estop_is_read_whatever_was_torn_before_it(noise: bytes):
+def test_an_estop_is_read_after_any_torn_frame(noise: bytes):
     assert Splitter().feed(noise + wire(Estop(5)))[-1] == Estop(5)
 
 
 @pytest.mark.parametrize("cut", range(1, len(wire(Poll(1))) - 1))
-def test_a_cut_frame_is_none(cut: int):
+def test_a_torn_frame_is_not_a_frame(cut: int):
     assert parse(wire(Poll(1))[cut:-1]) is None
     assert parse(wire(Poll(1))[:cut]) is None
 
 
-def test_a_line_that_never_ends_a_frame_takes_no_memory():
+def test_bytes_without_a_delimiter_are_not_collected():
     splitter = Splitter()
     for _ in range(1000):
         splitter.feed(b"\x01" * 1000)

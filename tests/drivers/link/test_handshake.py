@@ -1,4 +1,4 @@
-"""Who answers, and is it the profile's rig? Each no names its cause."""
+"""The device is identified and compared with the profile; each mismatch names its cause."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PROFILE = default_profile()
 
 
 @pytest.fixture(autouse=True)
-def _less_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+def _fewer_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(handshake, "TRIES", 3)
 
 
@@ -31,16 +31,16 @@ def with_counts(**encoder: int) -> Profile:
     return PROFILE.model_copy(update={"encoder": PROFILE.encoder.model_copy(update=encoder)})
 
 
-def test_a_port_where_nobody_answers():
+def test_a_port_without_a_reply():
     line = DirectLine(still_endpoint())
     line.to_device = lambda data: b""
-    with pytest.raises(DeviceError, match="nobody answers") as caught:
+    with pytest.raises(DeviceError, match="no reply") as caught:
         opening(line)
     assert "switched off" in caught.value.cause
     assert line.closed
 
 
-def test_a_port_where_something_else_answers():
+def test_a_port_with_another_device():
     line = DirectLine(still_endpoint())
     line.to_host = lambda data: b"GRBL 1.1 ready\r\n" if data else b""
     with pytest.raises(DeviceError, match=r"GRBL 1\.1") as caught:
@@ -48,7 +48,7 @@ def test_a_port_where_something_else_answers():
     assert "baud" in caught.value.fix
 
 
-def test_a_device_of_another_version_that_says_so():
+def test_a_device_that_refuses_the_protocol_version():
     line = DirectLine(still_endpoint())
 
     def answer(data: bytes) -> bytes:
@@ -67,12 +67,12 @@ def test_a_device_of_another_version_that_says_so():
 def test_a_device_whose_frames_are_of_another_version():
     data = bytes([2, Type.ACK, 1, 0, 0, 0, 0, 0])
     line = DirectLine(still_endpoint())
-    line.to_host = lambda said: said and encode(data + check(data)) + b"\0"
+    line.to_host = lambda sent: sent and encode(data + check(data)) + b"\0"
     with pytest.raises(DeviceError, match="version 2 of the link's protocol"):
         opening(line)
 
 
-def test_noise_and_a_cut_frame_before_the_first_word_do_no_harm():
+def test_noise_and_a_torn_frame_before_the_first_request_do_no_harm():
     line = DirectLine(still_endpoint())
     line.endpoint.receive(0, wire(Hello(3))[:6])
     line._waiting = b"\x07noise"
@@ -85,7 +85,7 @@ def test_an_encoder_of_another_resolution_is_named_by_its_key(axis: str):
         opening(DirectLine(still_endpoint()), with_counts(**{axis: 1024}))
 
 
-def test_an_encoder_that_counts_the_other_way_is_an_error_unless_the_profile_is_believed():
+def test_a_reversed_encoder_is_an_error_unless_the_url_says_signs_profile():
     other = with_counts(yaw=-8192)
     with pytest.raises(DeviceError, match=r"encoder\.yaw = -8192") as caught:
         opening(DirectLine(still_endpoint()), other)
@@ -93,7 +93,7 @@ def test_an_encoder_that_counts_the_other_way_is_an_error_unless_the_profile_is_
     assert opening(DirectLine(still_endpoint()), other, signs="profile").identity.serial == "G1"
 
 
-def test_a_profile_that_expects_more_volts_than_there_are_is_an_error_and_less_is_none():
+def test_a_voltage_limit_above_the_devices_is_an_error_and_one_below_is_not():
     def limited_to(v_max: float) -> Profile:
         motor = PROFILE.motor.model_copy(update={"v_max": v_max})
         return PROFILE.model_copy(update={"motor": motor})
@@ -103,7 +103,7 @@ def test_a_profile_that_expects_more_volts_than_there_are_is_an_error_and_less_i
     assert opening(DirectLine(still_endpoint()), limited_to(12.0)).identity.v_max == 24.0
 
 
-def test_a_rate_beyond_the_device_is_an_error():
+def test_a_rate_above_the_devices_is_an_error():
     loop = PROFILE.loop.model_copy(update={"rate_hz": 4000.0})
     with pytest.raises(DeviceError, match=r"loop\.rate_hz = 4000") as caught:
         opening(DirectLine(still_endpoint()), PROFILE.model_copy(update={"loop": loop}))

@@ -1,5 +1,5 @@
-"""A flight over a line that harms one frame in ten, both ways: it goes on, and believes nothing
-that is not so."""
+"""A run over a line that corrupts one frame in ten, both ways: it continues, and every sample is
+true."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SHARE = 0.1
 
 
 def harm(line: DirectLine, tally: Tally) -> None:
-    """From now on."""
+    """Corrupt frames from now on."""
     rng = random.Random(7)
     there, back = HarmfulLine(rng, SHARE, tally), HarmfulLine(rng, SHARE, tally)
 
@@ -35,7 +35,7 @@ def harm(line: DirectLine, tally: Tally) -> None:
 
 
 @pytest.mark.parametrize("stream", [True, False], ids=["stream", "poll"])
-def test_every_sample_of_a_harmed_flight_is_true(stream: bool):
+def test_every_sample_is_true_on_a_line_with_errors(stream: bool):
     line, tally = DirectLine(still_endpoint()), Tally()
     rig = LinkRig(line, PROFILE, driver="test", stream=stream, watchdog_s=0.4)
     samples, due = [rig.arm()], time.monotonic()
@@ -51,6 +51,6 @@ def test_every_sample_of_a_harmed_flight_is_true(stream: bool):
     assert all(a.device_time_s < b.device_time_s for a, b in pairwise(samples))
     assert all(a.sequence <= b.sequence for a, b in pairwise(samples))
     statistics = rig.statistics
-    assert min(statistics.damaged, statistics.lost, statistics.commands_unacknowledged) > 0
+    assert min(statistics.malformed, statistics.lost, statistics.commands_unacknowledged) > 0
     rig.close()
     assert not line.endpoint.amplifier.enabled

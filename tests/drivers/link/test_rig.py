@@ -42,12 +42,12 @@ def send(rig: LinkRig, k: int, volts: float = 5.0) -> Sample:
     return rig.exchange(Command(k, volts, -volts), time.monotonic() + PROFILE.dt)
 
 
-def heard(rig: LinkRig, k: int, volts: float = 5.0) -> Sample:
-    """The sample that echoes k. Sent again where a busy machine let a sample slip in before it."""
+def echoed(rig: LinkRig, k: int, volts: float = 5.0) -> Sample:
+    """The sample that echoes k; the command is repeated where a sample came before it."""
     for _ in range(10):
         if (sample := send(rig, k, volts)).sequence == k:
             return sample
-    raise AssertionError(f"command {k} was never carried out")
+    raise AssertionError(f"command {k} was never applied")
 
 
 class Dropping:
@@ -74,36 +74,36 @@ def test_it_arms_flies_and_closes(stream: bool):
     assert rig.read().flags == Flags(0)
     assert rig.arm().flags == Flags.ENABLED
     for k in range(1, 50):
-        sample = heard(rig, k)
+        sample = echoed(rig, k)
         assert sample.v_applied == (5.0, -5.0)
     rig.close()
     assert line.closed
     assert line.endpoint.amplifier.flags == 0
 
 
-def test_who_never_armed_a_rig_leaves_it_to_whoever_flies_it():
+def test_closing_a_rig_that_was_not_armed_here_does_not_stop_it():
     flying, line = open_direct()
     flying.arm()
-    heard(flying, 1)
+    echoed(flying, 1)
     other = DirectLine(line.endpoint)
     LinkRig(other, PROFILE, driver="test").close()
     assert other.closed
     assert line.endpoint.amplifier.flags == Flags.ENABLED
 
 
-def test_a_command_that_the_line_lost_is_counted_and_the_volts_before_it_stand():
+def test_a_lost_command_is_counted_and_the_last_voltage_is_kept():
     rig, line = open_direct()
     rig.arm()
-    heard(rig, 1, 3.0)
-    unheard = rig.statistics.commands_unacknowledged
+    echoed(rig, 1, 3.0)
+    before = rig.statistics.commands_unacknowledged
     line.to_device = Dropping(CommandFrame, 1)
     sample = send(rig, 2, 4.0)
     assert (sample.sequence, sample.v_applied) == (1, (3.0, -3.0))
-    assert rig.statistics.commands_unacknowledged == unheard + 1
-    assert heard(rig, 3, 4.0).v_applied == (4.0, -4.0)
+    assert rig.statistics.commands_unacknowledged == before + 1
+    assert echoed(rig, 3, 4.0).v_applied == (4.0, -4.0)
 
 
-def test_a_sample_that_the_line_lost_is_counted_and_the_next_one_taken():
+def test_a_lost_sample_is_counted_and_the_next_one_is_used():
     rig, line = open_direct()
     rig.arm()
     before = send(rig, 1)
@@ -114,63 +114,63 @@ def test_a_sample_that_the_line_lost_is_counted_and_the_next_one_taken():
     assert rig.statistics.lost == 3
 
 
-def test_of_samples_that_waited_none_is_returned_and_all_are_counted():
+def test_samples_that_waited_are_discarded_and_counted_as_stale():
     rig, line = open_direct()
     rig.arm()
-    before = heard(rig, 1)
+    before = echoed(rig, 1)
     time.sleep(10 * PROFILE.dt)
     asked_us = line.now_us
     sample = send(rig, 2)
     assert sample.device_time_s > asked_us * 1e-6 - PROFILE.dt
     assert sample.device_time_s - before.device_time_s > 9 * PROFILE.dt
-    assert rig.statistics.passed_over >= 9
+    assert rig.statistics.samples_stale >= 9
     assert rig.statistics.lost == 0
 
 
-def test_a_poll_that_the_line_lost_is_repeated():
+def test_a_lost_poll_is_repeated():
     rig, line = open_direct(stream=False)
     rig.arm()
     line.to_device = Dropping(Poll, 2)
-    heard(rig, 1)
-    assert rig.statistics.repeats >= 2
+    echoed(rig, 1)
+    assert rig.statistics.retries >= 2
 
 
-def test_a_slow_line_is_not_taken_for_one_that_loses_questions():
+def test_a_slow_line_causes_no_retries():
     rig, line = open_direct(stream=False)
     line.latency_s = 16e-3
     rig.arm()
     for k in range(1, 11):
-        heard(rig, k)
+        echoed(rig, k)
     for _ in range(5):
         rig.read()
-    assert rig.statistics.repeats == 0
+    assert rig.statistics.retries == 0
     assert rig.statistics.round_trip.quantile_s(0.5) >= 16e-3
 
 
-def test_an_answer_that_comes_after_its_question_was_repeated_puts_no_exchange_behind():
+def test_a_late_reply_to_a_repeated_poll_delays_no_exchange():
     rig, line = open_direct(stream=False)
     rig.arm()
-    heard(rig, 1)
+    echoed(rig, 1)
     line.latency_s = 16e-3
     send(rig, 2)
     for k in range(3, 13):
         assert send(rig, k).sequence == k
-    assert rig.statistics.passed_over > 0
+    assert rig.statistics.samples_stale > 0
 
 
 @MODES
 @pytest.mark.parametrize("lost", [Arm, Ack])
-def test_arming_survives_a_lost_question_and_a_lost_answer(stream: bool, lost: type):
+def test_arming_succeeds_after_a_lost_request_or_reply(stream: bool, lost: type):
     rig, line = open_direct(stream=stream)
     drop = Dropping(lost, 1)
     line.to_device = line.to_host = drop
     assert rig.arm().flags == Flags.ENABLED
     assert drop.dropped == 1
-    heard(rig, 1)
+    echoed(rig, 1)
 
 
 @MODES
-def test_a_rig_whose_bytes_end_has_gone_silent(stream: bool):
+def test_a_rig_that_sends_nothing_is_an_error(stream: bool):
     rig, line = open_direct(stream=stream)
     rig.arm()
     line.to_host = lambda data: b""
@@ -183,7 +183,7 @@ def test_a_rig_whose_bytes_end_has_gone_silent(stream: bool):
 
 
 @MODES
-def test_a_device_that_restarted_is_told_from_silence(stream: bool):
+def test_a_restarted_device_has_its_own_error(stream: bool):
     rig, line = open_direct(stream=stream)
     rig.arm()
     send(rig, 1)
@@ -205,13 +205,13 @@ def test_a_restart_is_noticed_though_the_boot_number_repeats(stream: bool):
 
 
 @MODES
-def test_a_device_that_ran_on_is_not_taken_for_a_restarted_one(stream: bool):
+def test_a_device_that_kept_running_does_not_count_as_restarted(stream: bool):
     line = DirectLine(still_endpoint())
     time.sleep(5)
     rig = LinkRig(line, PROFILE, driver="test", stream=stream, watchdog_s=0.4)
     time.sleep(600)
     rig.arm()
-    heard(rig, 1)
+    echoed(rig, 1)
 
 
 def test_a_device_that_restarted_before_it_was_armed_is_not_armed():
@@ -223,7 +223,7 @@ def test_a_device_that_restarted_before_it_was_armed_is_not_armed():
 
 
 @MODES
-def test_a_device_that_someone_else_disarmed_is_no_longer_ours(stream: bool):
+def test_disarming_by_another_program_ends_the_run(stream: bool):
     rig, line = open_direct(stream=stream)
     rig.arm()
     line.endpoint.amplifier.disarm(line.now_us)
@@ -232,7 +232,7 @@ def test_a_device_that_someone_else_disarmed_is_no_longer_ours(stream: bool):
         send(rig, 1)
 
 
-def test_a_stopped_stream_that_ended_by_itself_still_says_why():
+def test_the_flags_of_a_stopped_device_are_read_after_its_stream_ended():
     rig, line = open_direct()
     rig.arm()
     line.endpoint.stop(line.now_us, Cause.BUTTON)
@@ -253,18 +253,18 @@ def test_an_emergency_stop_is_repeated_until_the_device_acknowledges_it(stream: 
 def test_a_stop_over_another_connection_is_seen_by_the_flight():
     rig, line = open_direct()
     rig.arm()
-    assert "says so" in stop_over(line)
+    assert "confirmed" in stop_over(line)
     sample = send(rig, 1)
     assert sample.flags == Flags.ESTOP
     assert sample.v_applied == (0.0, 0.0)
 
 
-def test_a_stop_whose_answer_somebody_else_reads_is_confirmed_by_a_sample():
+def test_a_sample_confirms_a_stop_whose_reply_another_program_read():
     _, line = open_direct()
-    beside = DirectLine(line.endpoint)
+    other = DirectLine(line.endpoint)
     line.endpoint.receive(0, wire(Arm(0, line.endpoint.amplifier.ticket, 2000, 0)))
-    beside.to_host = Dropping(Ack, 1000)
-    assert "says so" in stop_over(beside, beside=True)
+    other.to_host = Dropping(Ack, 1000)
+    assert "confirmed" in stop_over(other, shared=True)
     assert line.endpoint.amplifier.flags == Flags.ESTOP
 
 
@@ -272,11 +272,11 @@ def test_a_stop_that_nothing_confirms_is_an_error():
     _, line = open_direct()
     line.to_host = lambda data: b""
     with pytest.raises(DeviceError, match="not acknowledged") as caught:
-        stop_over(line, beside=True)
+        stop_over(line, shared=True)
     assert "holds the port" in caught.value.cause
 
 
-def test_a_device_with_a_fault_does_not_arm_and_says_which():
+def test_a_device_with_a_fault_does_not_arm_and_names_the_fault():
     rig, line = open_direct()
     line.endpoint.amplifier.faulty = True
     line.endpoint.stop(line.now_us, Cause.OVERTEMPERATURE, FAULT)
@@ -284,7 +284,7 @@ def test_a_device_with_a_fault_does_not_arm_and_says_which():
         rig.arm()
 
 
-def test_an_impossible_watchdog_is_refused_by_name():
+def test_a_watchdog_beyond_one_second_is_refused():
     line = DirectLine(still_endpoint())
     rig = LinkRig(line, PROFILE, driver="test", watchdog_s=1.5)
     with pytest.raises(DeviceError, match="watchdog of 1500000 µs"):
@@ -306,7 +306,7 @@ def test_a_voltage_that_is_not_a_number_stops_the_device(stream: bool):
     assert line.endpoint.amplifier.flags == Flags.ESTOP
 
 
-def test_a_cable_that_is_out_is_no_obstacle_to_closing():
+def test_a_rig_can_be_closed_after_it_was_unplugged():
     rig, line = open_direct()
     rig.arm()
     line.cut = True
@@ -316,44 +316,42 @@ def test_a_cable_that_is_out_is_no_obstacle_to_closing():
 
 
 @MODES
-def test_repeated_and_invented_samples_are_rejected(stream: bool):
+def test_repeated_samples_and_false_echoes_are_rejected(stream: bool):
     rig, line = open_direct(stream=stream)
     rig.arm()
     send(rig, 1)
-    said: list[bytes] = []
 
-    def meddle(data: bytes) -> bytes:
+    def tamper(data: bytes) -> bytes:
         out = b""
         for piece in data.split(b"\0")[:-1]:
             frame = parse(piece)
             out += piece + b"\0"
             if isinstance(frame, SampleFrame):
-                said.append(piece)
                 out += piece + b"\0"  # twice
                 out += wire(replace(frame, number=frame.number + 1, echo=77))  # never sent
         return out
 
-    line.to_host = meddle
+    line.to_host = tamper
     for k in range(2, 6):
-        heard(rig, k)
+        echoed(rig, k)
     assert rig.statistics.rejected >= 2 * 4
     assert rig.statistics.lost == 0
 
 
-def test_the_device_tells_how_the_link_was():
+def test_the_device_reports_its_counters():
     rig, _ = open_direct()
     report = rig.report()
     assert report is not None
     assert report.frames == 3  # HELLO, STATUS of the opening, STATUS
-    assert report.damaged == 0
+    assert report.malformed == 0
 
 
 @MODES
 @pytest.mark.parametrize("cause", [Cause.OVERCURRENT, Cause.BUTTON, Cause.SUPPLY])
-def test_the_devices_own_cause_is_at_hand_until_it_is_armed(stream: bool, cause: Cause):
+def test_the_devices_cause_is_available_until_it_is_armed(stream: bool, cause: Cause):
     rig, line = open_direct(stream=stream)
     rig.arm()
-    heard(rig, 1)
+    echoed(rig, 1)
     assert rig.device_cause is None
     line.endpoint.stop(line.now_us, cause)
     assert send(rig, 2).flags == Flags.ESTOP
@@ -362,6 +360,6 @@ def test_the_devices_own_cause_is_at_hand_until_it_is_armed(stream: bool, cause:
     assert rig.device_cause is None
 
 
-def test_a_cause_that_this_heli3dof_does_not_know_is_passed_on_by_number():
+def test_an_unknown_cause_is_reported_by_its_number():
     assert cause_name(77) == "CAUSE_77"
     assert cause_name(0) is None

@@ -1,4 +1,4 @@
-"""What the system tells of a port, and what a user is told when one does not open."""
+"""The system's information on ports, and the errors of a port that does not open."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from heli3dof_drivers.link.serial_ports import (
 )
 
 from heli3dof.errors import UsageError
+from heli3dof.rig.url import parse_url
 
 
 @pytest.mark.parametrize(
@@ -49,36 +50,39 @@ def test_the_group_of_the_port_is_the_one_to_join(tmp_path: Path):
     port.touch()
     assert "usermod -aG dialout" in permission_fix("/dev/ttyNONE")
     if os.stat(port).st_gid == 0:
-        assert "udevadm" in permission_fix(str(port))  # nobody should join the group root
+        assert "udevadm" in permission_fix(str(port))  # no user should join the group root
 
 
-def test_who_has_locked_a_port_is_told_from_who_has_it_open(tmp_path: Path):
+def test_processes_that_lock_a_port_differ_from_those_that_have_it_open(tmp_path: Path):
     port = tmp_path / "port"
     port.touch()
     assert lockers(str(port)) == []
     with port.open() as file:
-        assert holders(str(port)) == []  # ourselves do not count
+        assert holders(str(port)) == []  # this process does not count
         fcntl.flock(file, fcntl.LOCK_EX)
         assert [pid for pid, _ in lockers(str(port))] in ([os.getpid()], [])
     assert held_by("/dev/ttyNONE") == "a process of another user"
 
 
 def test_pyserials_name_of_a_place():
-    assert pyserial_url("serial", "/dev/ttyACM0") == "/dev/ttyACM0"
-    assert pyserial_url("serial", "COM3") == "COM3"
-    assert pyserial_url("serial+spy", "/dev/ttyACM0") == "spy:///dev/ttyACM0"
-    assert pyserial_url("serial+loop", "") == "loop://"
+    def place(url: str) -> str:
+        return pyserial_url(parse_url(url))
+
+    assert place("serial:///dev/ttyACM0?baud=9600") == "/dev/ttyACM0"
+    assert place("serial://COM3") == "COM3"
+    assert place("serial+spy:///dev/ttyACM0?file=a") == "spy:///dev/ttyACM0?file=a"
+    assert place("serial+loop:") == "loop://"
     with pytest.raises(UsageError, match="names no port"):
-        pyserial_url("serial", "")
+        place("serial:")
 
 
 def on_usb(monkeypatch: pytest.MonkeyPatch, path: Path, **port: object) -> None:
-    """A port on USB and no other."""
-    said = SimpleNamespace(**{"device": str(path), "serial_number": None, "location": "1-2"} | port)
-    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [said])
+    """The only port, on USB."""
+    info = SimpleNamespace(**{"device": str(path), "serial_number": None, "location": "1-2"} | port)
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [info])
 
 
-def test_what_is_plugged_in_is_called_by_its_serial_number(monkeypatch, tmp_path):
+def test_a_device_is_named_by_its_serial_number(monkeypatch, tmp_path):
     port, link = tmp_path / "ttyACM0", tmp_path / "by-id"
     port.touch()
     link.symlink_to(port)
@@ -89,7 +93,7 @@ def test_what_is_plugged_in_is_called_by_its_serial_number(monkeypatch, tmp_path
     assert plugged_in("/dev/ttyS0") == "/dev/ttyS0"
 
 
-def test_a_pseudo_terminal_is_told_from_a_later_one_of_its_number():
+def test_a_later_pseudo_terminal_of_the_same_number_has_another_name():
     ours, theirs = os.openpty()
     path = os.ttyname(theirs)
     first = plugged_in(path)
@@ -107,7 +111,7 @@ def test_a_rig_is_known_by_the_usb_numbers_of_the_rule(monkeypatch, tmp_path):
     assert not is_known(str(tmp_path))
 
 
-def test_a_port_that_heli3dof_holds_is_a_rigs_and_anothers_is_not(tmp_path):
+def test_a_port_held_by_heli3dof_counts_as_a_rig(tmp_path):
     port = tmp_path / "port"
     port.touch()
     take = f"import fcntl, time; f = open({str(port)!r}, 'r+'); fcntl.flock(f, 2)"

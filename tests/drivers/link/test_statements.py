@@ -1,4 +1,4 @@
-"""What protocol.md states and the transcripts do not show: of both devices, Python and C."""
+"""Statements of docs/reference/protocol.md without a transcript, for both devices."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def acks(frames: list[Frame]) -> list[Ack]:
 
 
 @BOTH
-def test_echo_is_the_arms_number_until_a_command_is_accepted_and_then_that_commands(device: Device):
+def test_the_echo_is_the_arms_number_until_a_command_is_accepted(device: Device):
     said = device([
         (100, Poll(0)),
         (1000, Arm(40, 1, 0, 0)),
@@ -79,7 +79,7 @@ def test_echo_is_the_arms_number_until_a_command_is_accepted_and_then_that_comma
 
 
 @BOTH
-def test_a_watchdog_of_zero_is_the_devices_own_and_is_held_to_the_same_bounds(device: Device):
+def test_a_watchdog_of_zero_means_the_devices_own_within_the_same_bounds(device: Device):
     said = device([
         (1000, Arm(0, 1, 50_001, 0)),
         (1100, Arm(0, 1, 50_000, 0)),
@@ -100,7 +100,7 @@ def test_every_disarm_and_every_estop_changes_the_ticket(device: Device):
 
 
 @BOTH
-def test_what_is_refused_does_not_change_the_ticket(device: Device):
+def test_a_refused_request_does_not_change_the_ticket(device: Device):
     said = device([
         (100, CommandFrame(1, V5, V5)), (200, Arm(1, 9, 0, 0)), (300, Arm(2, 1, 499, 0)),
         (400, Arm(3, 1, 0, 1_000_001)), (500, Status(4)),
@@ -124,7 +124,7 @@ def test_saturated_is_cleared_by_the_next_command_within_the_limit(device: Devic
 
 
 @BOTH
-def test_the_ramp_shows_latched_and_not_enabled_while_volts_still_fall(device: Device):
+def test_the_ramp_shows_latched_and_not_enabled_until_zero_volts(device: Device):
     said = device([
         (1000, Arm(0, 1, 0, 0)), (2000, CommandFrame(1, V5, V5)), (102_000, Poll(0)),
         (102_001, Poll(0)), (202_000, Poll(0)), (202_100, Disarm(9)), (202_200, Poll(0)),
@@ -139,7 +139,7 @@ def test_the_ramp_shows_latched_and_not_enabled_while_volts_still_fall(device: D
 
 @BOTH
 @pytest.mark.parametrize("reason", [0, 2, 4, 9, 10, 255])
-def test_it_stops_whatever_the_reason_and_states_it_as_it_came(device: Device, reason: int):
+def test_an_estop_is_obeyed_with_any_reason_which_becomes_the_cause(device: Device, reason: int):
     said = device([(100, Estop(0, reason)), (200, Poll(0))])
     assert (acks(said)[0].code, acks(said)[0].cause, acks(said)[0].flags) == (0, reason, 16)
     assert (samples(said)[0].flags, samples(said)[0].cause) == (16, reason)
@@ -147,7 +147,7 @@ def test_it_stops_whatever_the_reason_and_states_it_as_it_came(device: Device, r
 
 @BOTH
 @pytest.mark.parametrize(
-    ("kind", "body", "refused", "damaged", "answered"),
+    ("kind", "body", "refused", "malformed", "answered"),
     [
         (0x08, b"", 1, 0, True),
         (0x7F, b"any length", 1, 0, True),
@@ -158,13 +158,13 @@ def test_it_stops_whatever_the_reason_and_states_it_as_it_came(device: Device, r
         (Type.HELLO, b"", 0, 1, False),
     ],
 )
-def test_an_unknown_type_is_refused_and_a_known_one_of_another_length_is_damage(
-    device: Device, kind: int, body: bytes, refused: int, damaged: int, answered: bool
+def test_an_unknown_type_is_refused_and_a_wrong_length_is_malformed(
+    device: Device, kind: int, body: bytes, refused: int, malformed: int, answered: bool
 ):
     data = bytes([1, kind, 7, 0, 0, 0]) + body
     piece = encode(data + check(data)) + b"\0"
     said = device([(100, piece), (200, Status(8))])
     report = next(f for f in said if isinstance(f, Report))
-    assert (report.refused, report.damaged, report.frames) == (refused, damaged, 1 + refused)
+    assert (report.refused, report.malformed, report.frames) == (refused, malformed, 1 + refused)
     assert bool(acks(said)) == answered
     assert all(a.code == Code.UNKNOWN_TYPE and a.number == 7 for a in acks(said))

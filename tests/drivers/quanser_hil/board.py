@@ -1,8 +1,7 @@
-"""A board on the bench, with the emulated helicopter on it: outputs, watchdog, tasks, in real time.
+"""An emulated board with the emulated helicopter: outputs, watchdog, tasks, in real time.
 
-Where the vendor's documentation leaves open what a board does, this one does the worst: what is
-written after the watchdog expired is ignored without an error, and clearing it brings the
-outputs back as they were before.
+Where the vendor's documentation leaves a board's behaviour open, this one shows the worst: writing
+after the watchdog expired has no effect and no error, and clearing restores the outputs of before.
 """
 
 from __future__ import annotations
@@ -12,7 +11,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from functools import cache
 
-from heli3dof_drivers.mock import Options, device_of
+from heli3dof_drivers.mock import device_of
+from heli3dof_drivers.options import MockOptions
 
 from heli3dof.rig.profile import default_profile
 
@@ -24,13 +24,13 @@ FULL_CURRENT_A = 4.0
 
 @cache
 def _compiled() -> None:
-    """The plant's first step may compile for seconds: not while a watchdog runs."""
-    device_of(PROFILE, Options(watchdog_s=0.5)).plant.step(0.0, 0.0)
+    """Compile the plant, which takes seconds, before a watchdog runs."""
+    device_of(PROFILE, MockOptions(watchdog_s=0.5)).plant.step(0.0, 0.0)
 
 
 @dataclass
 class Bench:
-    """How the helicopter is truly wired to the board; the URL should say the same."""
+    """The true wiring of the helicopter; the URL should state the same."""
 
     motors: tuple[int, int] = (0, 1)
     encoders: tuple[int, int, int] = (2, 1, 0)
@@ -60,13 +60,13 @@ class Board:
         self.bench = bench or Bench()
         self.q8, self.shared = q8, shared
         _compiled()
-        self.plant = device_of(PROFILE, Options(watchdog_s=0.5)).plant
+        self.plant = device_of(PROFILE, MockOptions(watchdog_s=0.5)).plant
         self.holders = 0
         self.plugged = True
         self.ppm = 0.0
-        """by how much its clock runs slow"""
+        """By how much its clock is slow"""
         self.analog: dict[int, float] = {}
-        """as another program may have left them"""
+        """As another program may have left them"""
         self.digital: dict[int, int] = {}
         self.written: list[tuple[float, float]] = []
         """V at the motors after every change"""
@@ -79,7 +79,7 @@ class Board:
         self._step_s = time.monotonic() + PROFILE.dt
 
     def motor_volts(self) -> tuple[float, float]:
-        """V that reach the motors now. A line in tristate is pulled up."""
+        """V at the motors now. A line in tristate is pulled up."""
         b = self.bench
         for line in b.enable:
             level = self.digital.get(line, TRISTATE)
@@ -134,7 +134,7 @@ class Board:
             self.tasks.remove(task)
 
     def advance(self) -> float:
-        """Let everything happen that was due until now; the time now."""
+        """Advance the board to the present time and return it."""
         now = time.monotonic()
         while (at := min([self._step_s, *(t.next_s for t in self.tasks)])) <= now:
             self._see_to_the_watchdog(at)
@@ -159,7 +159,7 @@ class Board:
             return
         self.expired = True
         self._before = (dict(self.analog), dict(self.digital))
-        # Outputs whose states were not set stay where they are.
+        # Outputs without an expiration state keep their value.
         self.analog |= self.expiry.get("analog", {})
         self.digital |= {c: int(s) for c, s in self.expiry.get("digital", {}).items()}
         self.written.append(self.motor_volts())

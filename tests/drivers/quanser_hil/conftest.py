@@ -19,7 +19,7 @@ SLOW = PROFILE.model_copy(update={"loop": PROFILE.loop.model_copy(update={"rate_
 
 @pytest.fixture
 def lab(own_clock: Clock) -> Laboratory:
-    """On a clock of its own: what waits in a board's buffer, and its watchdog, depend on time."""
+    """A virtual clock: a board's buffer and watchdog depend on time."""
     return Laboratory()
 
 
@@ -34,7 +34,7 @@ Open = Callable[..., QuanserRig]
 
 @pytest.fixture
 def open_board(driver: QuanserDriver) -> Iterator[Open]:
-    """Opens rigs, and closes them when the test is over."""
+    """A function that opens rigs; they are closed after the test."""
     opened = []
 
     def open_(url: str = "quanser://q8_usb/0?watchdog_s=0.5", profile: Profile = SLOW):

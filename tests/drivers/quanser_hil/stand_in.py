@@ -33,7 +33,7 @@ class HILError(Exception):
 
 
 class Laboratory:
-    """The boards that are plugged in, what is called, and what shall go wrong."""
+    """The connected boards, a log of the calls, and the errors to raise."""
 
     def __init__(self) -> None:
         odd = Bench((3, 2), (5, 6, 7), (4,), 0, 5.0, (1, 0), 0.5)
@@ -45,14 +45,14 @@ class Laboratory:
         }
         self.calls: list[tuple[Any, ...]] = []
         self.failing: dict[str, int] = {}
-        """By the name of a call: the error that it raises from now on"""
+        """Name of a call → the error that it raises"""
 
     @property
     def names(self) -> list[str]:
         return [c[0] for c in self.calls]
 
     def module(self) -> ModuleType:
-        """What ``import quanser.hardware`` gives in this laboratory."""
+        """The module ``quanser.hardware`` of these boards."""
         made: Any = ModuleType("quanser.hardware")
         made.HIL = type("HIL", (_Hil,), {"_laboratory": self})
         made.HILError = HILError
@@ -89,7 +89,7 @@ class _Hil:
         return SimpleNamespace(major=4, minor=5, release=6, build=7)
 
     def _call(self, name: str, *arguments: Any) -> Board:
-        """Write the call down; the open board, unless something is wrong with it."""
+        """Log the call and return the open board, or raise the error that is set."""
         lab = self._laboratory
         lab.calls.append((name, *(list(a) if isinstance(a, array) else a for a in arguments)))
         if name in lab.failing:
@@ -227,8 +227,8 @@ class _Hil:
 
     def watchdog_start(self, timeout: float) -> None:
         board = self._call("watchdog_start", timeout)
-        told = sum(len(states) for states in board.expiry.values())
-        if board.q8 and 0 < told < 2 * OUTPUTS:
+        given = sum(len(states) for states in board.expiry.values())
+        if board.q8 and 0 < given < 2 * OUTPUTS:
             raise HILError(-NOT_ALL_OUTPUTS)
         board.watch(timeout)
 

@@ -1,4 +1,4 @@
-"""Whatever is done, in whatever order, and whichever call fails: what always holds of the volts.
+"""Invariants of the output voltages for any sequence of calls and any failing call.
 
 On a clock of the tests' own, so that seconds of silence take none.
 """
@@ -31,11 +31,11 @@ CALLS = (
 )  # fmt: skip
 
 HELPLESS = {"write_analog", "write_digital", "watchdog_start"}
-"""With all of them failing nothing can stop a board that was cleared"""
+"""If all of them failed, nothing could stop a board that was cleared"""
 
 
 class Hands:
-    """What can be done to one board, and what was."""
+    """The actions on one board, and their log."""
 
     def __init__(self, clock: Clock, kind: str) -> None:
         self.clock = clock
@@ -58,7 +58,7 @@ class Hands:
             elif what == "fail":
                 if not {how, *self.lab.failing} >= HELPLESS:
                     self.lab.failing[how] = 14
-            elif what == "mend":
+            elif what == "repair":
                 self.lab.failing.clear()
             elif what == "overflow":
                 for task in self.board.tasks:
@@ -91,7 +91,7 @@ class Hands:
         self.rig = None
 
     def look(self) -> None:
-        """What always holds."""
+        """Check the invariants."""
         self.board.advance()
         if self.board.motor_volts() != (0.0, 0.0):
             assert self.board.timeout_s is not None, "volts, and no watchdog"
@@ -111,7 +111,7 @@ ACTIONS = st.one_of(
     ),
     st.tuples(st.just("silence"), st.sampled_from([1e-4, 0.01, 0.05, 0.3, 3.0])),
     st.tuples(st.just("fail"), st.sampled_from(CALLS)),
-    st.tuples(st.just("mend"), st.none()),
+    st.tuples(st.just("repair"), st.none()),
 )
 
 
@@ -123,7 +123,7 @@ NO_WRITES = [("fail", "write_analog"), ("fail", "write_digital")]
 @example(kind="q8_usb", actions=[("silence", 0.3), *NO_WRITES, ("arm", None)])
 @example(kind="q8_usb", actions=[("silence", 0.3), ("close", None), *NO_WRITES, ("open", None)])
 @given(kind=st.sampled_from(["q8_usb", "q2_usb"]), actions=st.lists(ACTIONS, max_size=25))
-def test_volts_are_watched_over_and_a_silent_host_ends_them(
+def test_voltages_are_always_under_a_watchdog_that_ends_them(
     kind: str, actions: list[tuple[str, Any]]
 ):
     with pytest.MonkeyPatch.context() as patch:

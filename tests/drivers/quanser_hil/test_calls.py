@@ -1,4 +1,4 @@
-"""The exact calls, in their order, with their arguments: a board obeys calls and nothing else."""
+"""The exact calls to the library, in order and with their arguments."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ DISABLE = ("write_digital", ENABLE, 2, [0, 0])
 
 
 def since(lab: Laboratory) -> list[tuple[object, ...]]:
-    """The calls since this was asked last."""
+    """The calls since the last call of this function."""
     calls = list(lab.calls)
     lab.calls.clear()
     return calls
 
 
-def test_opening_puts_the_outputs_to_rest(lab: Laboratory, open_board: Open):
+def test_opening_switches_the_outputs_off(lab: Laboratory, open_board: Open):
     open_board()
     assert since(lab) == [
         ("open", "q8_usb", "0"),
@@ -35,7 +35,7 @@ def test_opening_puts_the_outputs_to_rest(lab: Laboratory, open_board: Open):
     ]
 
 
-def test_counts_are_set_to_zero_where_that_is_asked_for(lab: Laboratory, open_board: Open):
+def test_counts_are_set_to_zero_on_request(lab: Laboratory, open_board: Open):
     open_board("quanser://q8_usb/0?counts=zero")
     assert ("set_encoder_counts", ENCODERS, 3, [0, 0, 0]) in lab.calls
 
@@ -60,7 +60,7 @@ def test_arming_sets_both_expiration_states_before_the_amplifier_is_enabled(
     ]
 
 
-def test_a_board_of_the_q8_series_takes_tristate_and_wants_to_be_told_of_every_output(
+def test_a_q8_board_takes_tristate_and_needs_the_state_of_every_output(
     lab: Laboratory, open_board: Open
 ):
     rig = open_board()
@@ -122,7 +122,7 @@ def test_a_rig_that_was_never_armed_is_read_without_a_task(lab: Laboratory, open
     assert since(lab) == [("read_encoder", ENCODERS, 3)]
 
 
-def test_closing_puts_to_rest_before_the_watchdog_ends(lab: Laboratory, open_board: Open):
+def test_closing_switches_off_before_the_watchdog_ends(lab: Laboratory, open_board: Open):
     rig = open_board()
     rig.arm()
     since(lab)
@@ -138,7 +138,7 @@ def test_closing_puts_to_rest_before_the_watchdog_ends(lab: Laboratory, open_boa
     ]
 
 
-def test_arming_in_flight_writes_zero_before_the_watchdog_is_stopped(
+def test_arming_while_armed_writes_zero_before_the_watchdog_is_stopped(
     lab: Laboratory, open_board: Open
 ):
     rig = open_board()
@@ -149,7 +149,7 @@ def test_arming_in_flight_writes_zero_before_the_watchdog_is_stopped(
     assert since(lab)[:3] == [ZERO, DISABLE, ("watchdog_stop",)]
 
 
-def test_a_board_that_does_not_take_the_zero_volts_keeps_its_watchdog_when_it_is_closed(
+def test_closing_keeps_the_watchdog_of_a_board_that_refused_zero_volts(
     lab: Laboratory, open_board: Open
 ):
     rig = open_board()
@@ -164,7 +164,7 @@ def test_a_board_that_does_not_take_the_zero_volts_keeps_its_watchdog_when_it_is
 def test_a_latched_board_is_zeroed_at_once_when_it_is_cleared(
     lab: Laboratory, open_board: Open, own_clock: Clock
 ):
-    """Clearing brings the outputs back as they were: enabled, at the last volts."""
+    """Clearing restores the outputs of before: enabled, at the last volts."""
     rig = open_board("quanser://q8_usb/0?watchdog_s=0.2")
     rig.arm()
     rig.exchange(Command(1, 6.0, 6.0), 0.0)
@@ -175,7 +175,7 @@ def test_a_latched_board_is_zeroed_at_once_when_it_is_cleared(
     assert since(lab)[:4] == [("watchdog_stop",), ("watchdog_clear",), ZERO, DISABLE]
 
 
-def test_a_latched_board_is_left_latched_when_it_is_closed(
+def test_a_latched_board_stays_latched_when_it_is_closed(
     lab: Laboratory, open_board: Open, own_clock: Clock
 ):
     rig = open_board("quanser://q8_usb/0?watchdog_s=0.2")
@@ -189,7 +189,7 @@ def test_a_latched_board_is_left_latched_when_it_is_closed(
     assert lab.boards["q8_usb", "0"].motor_volts() == (0.0, 0.0)
 
 
-def test_a_board_left_latched_is_cleared_and_zeroed_by_whoever_opens_it(
+def test_opening_clears_and_zeroes_a_latched_board(
     lab: Laboratory, open_board: Open, own_clock: Clock
 ):
     board = lab.boards["q8_usb", "0"]
@@ -203,7 +203,7 @@ def test_a_board_left_latched_is_cleared_and_zeroed_by_whoever_opens_it(
     assert board.motor_volts() == (0.0, 0.0)
 
 
-def test_the_disabling_level_is_what_the_wiring_says(lab: Laboratory, open_board: Open):
+def test_the_disabling_level_follows_the_wiring(lab: Laboratory, open_board: Open):
     url = "quanser://qpid_e/0?watchdog_s=0.5&front=3&back=2&enable=4&enabled_by=low"
     rig = open_board(url + "&roll=5&pitch=6&yaw=7&gain=5")
     assert ("write_digital", [4], 1, [1]) in lab.calls
@@ -220,7 +220,7 @@ def test_without_enable_lines_no_digital_output_is_touched(lab: Laboratory, open
     assert not [name for name in lab.names if "digital" in name]
 
 
-def test_the_identity_says_what_can_be_known(open_board: Open):
+def test_the_identity_of_a_board(open_board: Open):
     identity = open_board().identity
     assert identity.model == "Quanser q8_usb"
     assert identity.serial == "q8_usb-0"
@@ -233,6 +233,6 @@ def test_the_identity_says_what_can_be_known(open_board: Open):
 def test_a_voltage_that_is_not_finite_is_written_as_zero(lab: Laboratory, open_board: Open):
     rig = open_board()
     since(lab)
-    rig._card.write_volts(float("nan"), 6.0)
-    rig._card.write_volts(6.0, float("-inf"))
+    rig._board.write_volts(float("nan"), 6.0)
+    rig._board.write_volts(6.0, float("-inf"))
     assert since(lab) == [ZERO, ZERO]

@@ -1,4 +1,4 @@
-"""What a board can do to a flight: each has its own message, and the motors stop in each."""
+"""Each failure of a board has its own message, and the motors stop in each."""
 
 from __future__ import annotations
 
@@ -21,37 +21,39 @@ from .stand_in import HILError, Laboratory
 
 URL = "quanser://q8_usb/0?watchdog_s=0.5"
 
-SAID = {
+MESSAGES = {
     Qerr.BOARD_NOT_FOUND: "there is no such board",
-    Qerr.UNRECOGNIZED_BOARD_TYPE: "knows no board of this name",
+    Qerr.UNRECOGNIZED_BOARD_TYPE: "does not know this board name",
     Qerr.BOARD_IN_USE: f"{URL} is in use",
-    Qerr.NO_PERMISSION: "may not be opened by this user",
+    Qerr.NO_PERMISSION: "no permission",
     Qerr.UNABLE_TO_OPEN_DRIVER: "the board's driver does not load",
-    Qerr.MISSING_LICENSE_FILE: "for want of a licence",
+    Qerr.MISSING_LICENSE_FILE: "no valid licence",
     Qerr.BUFFER_OVERFLOW: "samples were lost",
-    Qerr.NO_SUCH_DEVICE: "was lost while flying",
+    Qerr.NO_SUCH_DEVICE: "was lost while running",
     Qerr.HARDWARE_CLOCK_IN_USE: "the board's clock is in use",
     Qerr.CLOCK_FREQUENCY_TOO_HIGH: "cannot run at the profile's rate",
     Qerr.INVALID_ENCODER_INPUT_CHANNEL: "no such channel",
-    Qerr.DIGITAL_EXPIRATION_NOT_SUPPORTED: "cannot put the outputs to rest",
-    Qerr.Q8_SERIES_EXPIRATIONS_NOT_CONFIGURED: "wants to be told of every output",
+    Qerr.DIGITAL_EXPIRATION_NOT_SUPPORTED: "cannot switch the outputs off",
+    Qerr.Q8_SERIES_EXPIRATIONS_NOT_CONFIGURED: "needs the state of every output",
     Qerr.FUNCTION_NOT_SUPPORTED: "the vendor's words for 94",
 }
 
 
-@pytest.mark.parametrize("code", SAID, ids=lambda c: c.name)
-def test_each_error_of_the_library_has_a_message_of_its_own(code: Qerr):
-    error = explain(HILError(-code), URL, "flying")
-    assert SAID[code] in error.what
+@pytest.mark.parametrize("code", MESSAGES, ids=lambda c: c.name)
+def test_each_error_of_the_library_has_its_own_message(code: Qerr):
+    error = explain(HILError(-code), URL, "running")
+    assert MESSAGES[code] in error.what
     assert error.what.startswith(URL)
     assert error.cause
     assert error.fix
-    assert [c for c, said in SAID.items() if said in error.what] == [code]
+    assert [c for c, said in MESSAGES.items() if said in error.what] == [code]
 
 
-def test_a_missing_package_and_a_missing_library_are_told_apart(monkeypatch: pytest.MonkeyPatch):
+def test_a_missing_package_and_a_missing_library_have_their_own_messages(
+    monkeypatch: pytest.MonkeyPatch,
+):
     monkeypatch.setitem(sys.modules, "quanser", None)
-    with pytest.raises(DeviceError, match=r"quanser\.hardware is not there"):
+    with pytest.raises(DeviceError, match=r"quanser\.hardware is missing"):
         library()
 
     def load(name: str) -> ModuleType:
@@ -62,7 +64,7 @@ def test_a_missing_package_and_a_missing_library_are_told_apart(monkeypatch: pyt
         library()
 
 
-def test_without_the_library_examining_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
+def test_without_the_library_examine_names_what_to_install(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "quanser", None)
     (check,) = QuanserDriver().examine(parse_url(URL))
     assert check.good is False
@@ -81,19 +83,19 @@ def q8(lab: Laboratory) -> Board:
 
 
 @pytest.mark.parametrize("call", ["write_analog", "watchdog_reload", "task_read_encoder"])
-def test_a_call_that_fails_in_flight_ends_it_with_the_motors_off(
+def test_a_failing_call_ends_the_run_with_the_motors_off(
     lab: Laboratory, open_board: Open, call: str
 ):
     rig = flown(open_board)
     lab.failing[call] = Qerr.TIMED_OUT
-    with pytest.raises(DeviceError, match="was lost while flying"):
+    with pytest.raises(DeviceError, match="was lost while running"):
         rig.exchange(Command(2, 6.0, 6.0), 0.0)
     assert q8(lab).motor_volts() == (0.0, 0.0)
     lab.failing.clear()
     assert rig.exchange(Command(3, 6.0, 6.0), 0.0).flags == Flags.ESTOP
 
 
-def test_lost_samples_end_the_flight_and_arming_begins_with_an_empty_buffer(
+def test_lost_samples_end_the_run_and_arming_begins_with_an_empty_buffer(
     lab: Laboratory, open_board: Open
 ):
     rig = flown(open_board)
@@ -106,14 +108,14 @@ def test_lost_samples_end_the_flight_and_arming_begins_with_an_empty_buffer(
     assert rig.exchange(Command(3, 6.0, 6.0), 0.0).v_applied == (6.0, 6.0)
 
 
-def test_lost_samples_of_a_rig_at_rest_are_of_no_interest(lab: Laboratory, open_board: Open):
+def test_lost_samples_of_a_rig_at_rest_are_no_error(lab: Laboratory, open_board: Open):
     rig = flown(open_board)
     rig.estop("test")
     q8(lab).tasks[0].overflowed = True
     assert rig.read().flags == Flags.ESTOP
 
 
-def test_a_silent_host_is_stopped_by_the_board_itself(
+def test_the_boards_watchdog_stops_a_silent_host(
     lab: Laboratory, open_board: Open, own_clock: Clock
 ):
     flown(open_board, "quanser://q8_usb/0?watchdog_s=0.2")
@@ -124,9 +126,7 @@ def test_a_silent_host_is_stopped_by_the_board_itself(
     assert q8(lab).motor_volts() == (0.0, 0.0)
 
 
-def test_a_board_that_refuses_to_be_written_because_it_expired_is_latched_not_broken(
-    lab: Laboratory, open_board: Open
-):
+def test_a_write_refused_after_expiry_latches_the_rig(lab: Laboratory, open_board: Open):
     rig = flown(open_board)
     q8(lab).expired = True
     q8(lab).feed = lambda: True  # type: ignore[method-assign]  # it expired just after the reload
@@ -135,19 +135,19 @@ def test_a_board_that_refuses_to_be_written_because_it_expired_is_latched_not_br
     assert rig.device_cause == "WATCHDOG"
 
 
-def test_a_pulled_cable_ends_the_flight_and_closing_is_quiet(lab: Laboratory, open_board: Open):
+def test_an_unplugged_cable_ends_the_run_and_closing_succeeds(lab: Laboratory, open_board: Open):
     rig = flown(open_board)
     q8(lab).plugged = False
-    with pytest.raises(DeviceError, match="was lost while flying"):
+    with pytest.raises(DeviceError, match="was lost while running"):
         rig.exchange(Command(2, 6.0, 6.0), 0.0)
-    with pytest.raises(DeviceError, match="did not take the stop"):
+    with pytest.raises(DeviceError, match="did not accept the stop"):
         rig.estop("test")
     rig.close()
 
 
-def test_a_task_that_another_program_ended_ends_the_flight(lab: Laboratory, open_board: Open):
+def test_a_task_ended_by_another_program_ends_the_run(lab: Laboratory, open_board: Open):
     rig = flown(open_board)
-    q8(lab).tasks[0].buffer.clear()  # what it had sampled before would still be read
+    q8(lab).tasks[0].buffer.clear()  # its earlier samples could still be read
     q8(lab).tasks.clear()
     with pytest.raises(DeviceError, match="encoder task has ended"):
         rig.exchange(Command(2, 6.0, 6.0), 0.0)
@@ -168,18 +168,16 @@ def test_a_board_whose_watchdog_cannot_stop_it_is_never_enabled(
 ):
     rig = open_board(URL)
     lab.failing[call] = code
-    with pytest.raises(DeviceError, match="cannot be flown"):
+    with pytest.raises(DeviceError, match="cannot be used"):
         rig.arm()
     assert not [c for c in lab.calls if c[0] == "write_digital" and any(c[3])]
 
 
-def test_a_board_that_does_not_say_how_many_outputs_it_has_is_not_flown(
-    lab: Laboratory, open_board: Open
-):
+def test_a_board_with_an_unknown_number_of_outputs_is_not_armed(lab: Laboratory, open_board: Open):
     lab.failing["get_integer_property"] = Qerr.FUNCTION_NOT_SUPPORTED
     rig = open_board(URL)
     assert rig.identity.firmware == "unknown"
-    with pytest.raises(DeviceError, match="wants to be told of every output"):
+    with pytest.raises(DeviceError, match="needs the state of every output"):
         rig.arm()
     assert q8(lab).motor_volts() == (0.0, 0.0)
 
@@ -190,25 +188,25 @@ def test_a_board_without_a_watchdog_can_be_opened_and_read(lab: Laboratory, open
     assert open_board(URL).read().flags == Flags(0)
 
 
-def test_a_board_is_closed_again_when_it_cannot_be_put_to_rest(lab: Laboratory, open_board: Open):
+def test_a_board_that_cannot_be_switched_off_is_closed_again(lab: Laboratory, open_board: Open):
     lab.failing["write_digital"] = Qerr.INVALID_DIGITAL_OUTPUT_CHANNEL
     with pytest.raises(DeviceError, match="no such channel"):
         open_board(URL)
     assert q8(lab).holders == 0
 
 
-def test_the_stop_from_beside_disables_what_another_program_flies(
+def test_estop_disables_a_board_that_another_program_runs(
     lab: Laboratory, open_board: Open, driver: QuanserDriver
 ):
     q8(lab).shared = True
     rig = flown(open_board)
     assert "disabled" in driver.estop(parse_url(URL))
     for k in range(2, 6):
-        rig.exchange(Command(k, 6.0, 6.0), 0.0)  # the other program goes on writing
+        rig.exchange(Command(k, 6.0, 6.0), 0.0)  # the other program continues to write
         assert q8(lab).motor_volts() == (0.0, 0.0)
 
 
-def test_the_stop_from_beside_says_so_where_the_board_lets_nobody_in(
+def test_estop_is_an_error_where_the_board_refuses_a_second_program(
     open_board: Open, driver: QuanserDriver
 ):
     flown(open_board)
@@ -217,9 +215,7 @@ def test_the_stop_from_beside_says_so_where_the_board_lets_nobody_in(
     assert "red button" in caught.value.fix
 
 
-def test_the_stop_from_beside_of_a_board_whose_watchdog_was_quicker_has_nothing_to_do(
-    lab: Laboratory, driver: QuanserDriver
-):
+def test_estop_after_the_watchdog_expired_has_nothing_to_do(lab: Laboratory, driver: QuanserDriver):
     q8(lab).expired = True
     lab.failing["write_digital"] = Qerr.FUNCTION_NOT_SUPPORTED
     assert "watchdog" in driver.estop(parse_url(URL))
@@ -228,8 +224,8 @@ def test_the_stop_from_beside_of_a_board_whose_watchdog_was_quicker_has_nothing_
         driver.estop(parse_url(URL))
 
 
-def test_the_stop_from_beside_promises_nothing_without_an_enable_line(driver: QuanserDriver):
-    with pytest.raises(DeviceError, match="whether they stay nobody can tell"):
+def test_estop_without_an_enable_line_is_an_error(driver: QuanserDriver):
+    with pytest.raises(DeviceError, match="but may not stay"):
         driver.estop(parse_url("quanser://qpid_e/1?enable=none"))
 
 

@@ -1,4 +1,4 @@
-"""A 10° step on a board, flown by the loop that flies every rig."""
+"""A 10° step on a board, run by the loop that runs every rig."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from .stand_in import install
 
 
 @pytest.mark.usefixtures("own_clock")
-def test_a_step_of_ten_degrees_flies(monkeypatch: pytest.MonkeyPatch):
-    # Nor is the computer taken for one that slept, by how far our clock runs ahead of its own.
+def test_a_step_of_ten_degrees_runs(monkeypatch: pytest.MonkeyPatch):
+    # The virtual clock ahead of the computer's must not count as the computer's sleep.
     monkeypatch.setattr("heli3dof.experiment.safety_monitors.host_suspend.ahead_s", lambda: 0.0)
     lab = install(monkeypatch)
     patient = profile(**PATIENT, landing_s=0.5)

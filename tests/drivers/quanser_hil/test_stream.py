@@ -1,4 +1,4 @@
-"""The newest sample, whatever the host was doing: on a clock of the tests' own."""
+"""The host always gets the newest sample; on a virtual clock."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ DT = 0.002
 
 
 class Clock:
-    """A host's clock and a board that samples beside it, with its own idea of a period."""
+    """A host's clock and a board that samples by its own clock."""
 
     error = HILError
 
@@ -27,11 +27,11 @@ class Clock:
         self.reads: list[int] = []
         self.ended = False
         self.kept_s = 0.0
-        """s for which the host is kept from running in its next read"""
+        """s for which the host stalls in its next read"""
         self.starts_late_s = 0.0
 
     def monotonic(self) -> float:
-        self.now += 1e-6  # looking at it takes time
+        self.now += 1e-6  # reading the clock takes time
         return self.now
 
     def task_start(self, rate_hz: float, samples: int) -> Any:
@@ -55,7 +55,7 @@ class Clock:
         pass
 
     def newest(self, task: Any) -> int:
-        """How many samples have been taken by the board until now."""
+        """Number of samples that the board has taken."""
         return int((self.now - task.start) / self.period)
 
 
@@ -77,20 +77,20 @@ def started(clock: Clock) -> EncoderStream:
 
 
 def period(clock: Clock, made: EncoderStream, busy_s: float) -> tuple[int, int, int]:
-    """One control period of a host that is busy for so long."""
+    """One control period of a host that is busy for ``busy_s``."""
     clock.now += busy_s
-    made.pass_over()
+    made.discard_waiting()
     return made.next()
 
 
-def test_a_punctual_host_reads_one_sample_a_period(clock: Clock):
+def test_a_punctual_host_reads_one_sample_per_period(clock: Clock):
     made = started(clock)
     for k in range(2, 1000):
         assert period(clock, made, 0.3 * DT) == (k, -k, 0)
     assert set(clock.reads) == {1}
 
 
-def test_a_host_that_was_away_gets_the_newest_sample_and_no_burst(clock: Clock):
+def test_a_host_that_stalled_gets_the_newest_sample_and_no_burst(clock: Clock):
     made = started(clock)
     period(clock, made, 0.3 * DT)
     before = made.time_s
@@ -104,7 +104,7 @@ def test_a_host_that_was_away_gets_the_newest_sample_and_no_burst(clock: Clock):
 
 
 @pytest.mark.parametrize("ppm", [-2000, -100, 100, 2000])
-def test_a_boards_clock_that_is_off_costs_no_sample(monkeypatch: pytest.MonkeyPatch, ppm: float):
+def test_a_boards_clock_error_costs_no_sample(monkeypatch: pytest.MonkeyPatch, ppm: float):
     clock = running(Clock(ppm), monkeypatch)
     made = started(clock)
     for _ in range(30_000):  # a minute
@@ -120,7 +120,7 @@ def test_a_board_that_starts_its_clock_late_costs_no_sample(clock: Clock):
     assert set(clock.reads) == {1}
 
 
-def test_a_host_kept_from_running_while_it_waited_flies_no_burst(clock: Clock):
+def test_a_host_that_stalled_while_waiting_gets_no_burst(clock: Clock):
     made = started(clock)
     period(clock, made, 0.3 * DT)
     clock.kept_s = 3.4 * DT
@@ -128,7 +128,7 @@ def test_a_host_kept_from_running_while_it_waited_flies_no_burst(clock: Clock):
     counts = period(clock, made, 0.3 * DT)
     assert clock.reads == [1, 3]
     assert counts[0] == clock.newest(made._task)
-    assert made.statistics.passed_over == 3
+    assert made.statistics.samples_stale == 3
     assert made.statistics.lost == 0
     clock.reads.clear()
     for _ in range(10):
@@ -137,22 +137,22 @@ def test_a_host_kept_from_running_while_it_waited_flies_no_burst(clock: Clock):
 
 
 @given(busy=st.lists(st.tuples(st.floats(0, 20), st.floats(0, 20)), min_size=1, max_size=60))
-def test_no_sample_that_the_host_gets_is_older_than_a_period(busy: list[tuple[float, float]]):
+def test_no_returned_sample_is_older_than_a_period(busy: list[tuple[float, float]]):
     with pytest.MonkeyPatch.context() as patch:
         clock = running(Clock(), patch)
         made = started(clock)
         for before, within in busy:
             clock.now += before * DT
-            made.pass_over()
+            made.discard_waiting()
             clock.kept_s = within * DT
             counts = made.next()
             assert counts[0] >= clock.newest(made._task) - 1
             assert made.time_s == pytest.approx(counts[0] * DT, abs=1e-6)
 
 
-def test_a_map_of_the_clocks_that_is_wrong_mends_itself(clock: Clock):
+def test_a_wrong_clock_offset_is_corrected(clock: Clock):
     made = started(clock)
-    made._offset -= 7 * DT  # as if samples were due that nobody takes
+    made._offset -= 7 * DT  # as if samples were due that were never taken
     for _ in range(4):
         period(clock, made, 0.3 * DT)
     clock.reads.clear()
@@ -161,12 +161,12 @@ def test_a_map_of_the_clocks_that_is_wrong_mends_itself(clock: Clock):
     assert clock.reads == [1] * 50
 
 
-def test_a_buffer_that_ran_over_is_told_and_a_new_task_goes_on_in_time(clock: Clock):
+def test_an_overrun_is_raised_and_a_new_task_continues_the_time(clock: Clock):
     made = started(clock)
     before = made.time_s
     clock.now += 10.0
     with pytest.raises(Overrun):
-        made.pass_over()
+        made.discard_waiting()
     made.start(overrun=True)
     made.next()
     assert made.time_s - before == pytest.approx(10.0, abs=3 * DT)
@@ -174,7 +174,7 @@ def test_a_buffer_that_ran_over_is_told_and_a_new_task_goes_on_in_time(clock: Cl
     assert made.statistics.tasks == 2
 
 
-def test_a_task_that_ends_is_told(clock: Clock):
+def test_the_end_of_a_task_is_raised(clock: Clock):
     made = started(clock)
     clock.ended = True
     with pytest.raises(Ended):

@@ -1,12 +1,12 @@
-"""A laboratory's bus for tests: emulated rigs, the driver on it, and hands for the cables."""
+"""An emulated USB bus for tests, with rigs to plug in and the driver on it."""
 
 from __future__ import annotations
 
 import time
 
-from heli3dof_drivers.emulator.transport_usb import BusFault, EmulatedBus, Rig
-from heli3dof_drivers.emulator.usb_mock import rig_of
-from heli3dof_drivers.mock import Options
+from heli3dof_drivers.emulator.transport_usb import BusFault, EmulatedBus, RigOnBus
+from heli3dof_drivers.emulator.usb_mock import rig_on_bus
+from heli3dof_drivers.options import RigOptions
 from heli3dof_drivers.usb_bulk import UsbDriver
 from heli3dof_drivers.usb_bulk.rig import UsbRig
 
@@ -18,22 +18,22 @@ PROFILE = default_profile()
 
 
 class Lab:
-    """One process's driver and the bus that all processes share."""
+    """A driver and its bus."""
 
     def __init__(self) -> None:
         self.bus = EmulatedBus([])
         self.driver = UsbDriver(lambda: self.bus)
         self.opened: list[UsbRig] = []
 
-    def plug(self, seed: int = 1, *faults: str) -> Rig:
-        """One more rig, with serial number mock-SEED; its faults count from now."""
-        rig = rig_of(PROFILE, Options(seed=seed, watchdog_s=0.5))
-        self.befall(rig, *faults)
+    def plug(self, seed: int = 1, *faults: str) -> RigOnBus:
+        """Plug in a rig with serial number mock-SEED; its faults count from now."""
+        rig = rig_on_bus(PROFILE, RigOptions(seed=seed, watchdog_s=0.5))
+        self.set_faults(rig, *faults)
         self.bus.rigs.append(rig)
         return rig
 
-    def befall(self, rig: Rig, *faults: str) -> None:
-        """Faults whose times count from now."""
+    def set_faults(self, rig: RigOnBus, *faults: str) -> None:
+        """Set a rig's faults; their times count from now."""
         began = self.bus.now_us() / 1e6
         read = [BusFault.of(text) for text in faults]
         rig.faults = [BusFault(f.kind, f.at_s + began, f.for_s) for f in read]
@@ -50,7 +50,7 @@ class Lab:
 
 
 def fly(rig: UsbRig, periods: int, volts: float = 5.0) -> list[Sample]:
-    """Arm and send the same volts for so many periods."""
+    """Arm and send the same volts for ``periods`` periods."""
     samples = [rig.arm()]
     start = time.monotonic()
     for k in range(periods):

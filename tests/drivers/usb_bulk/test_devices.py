@@ -1,4 +1,4 @@
-"""Which rig a URL means, and what is said where it means none, several, or one that is taken."""
+"""A URL selects one rig; the errors where it selects none, several, or one in use."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from heli3dof_drivers.emulator.transport_usb import BusFault
 from heli3dof_drivers.emulator.usb_mock import UsbMockDriver
-from heli3dof_drivers.mock import OPTIONS
+from heli3dof_drivers.options import RigOptions
 from heli3dof_drivers.udev import RULES
 from heli3dof_drivers.usb_bulk import UsbDriver, devices, errors
 
@@ -39,21 +39,21 @@ def test_every_rig_on_the_bus_is_found_by_number_and_serial(lab: Lab):
     "url",
     ["usb:", "usb://", "usb://1209:0001", "usb://1209:1/mock-7", "usb:///mock-7", "usb://mock-7"],
 )
-def test_where_one_rig_is_the_place_may_be_left_out(lab: Lab, url: str):
+def test_the_place_may_be_omitted_where_one_rig_is_on_the_bus(lab: Lab, url: str):
     lab.plug(7)
     assert lab.open(url).identity.serial == "mock-7"
 
 
-def test_several_rigs_are_listed_when_the_url_does_not_choose(lab: Lab):
+def test_an_ambiguous_url_lists_the_rigs_that_fit(lab: Lab):
     lab.plug(1)
     lab.plug(2)
-    said = refused(lab, "usb://1209:0001")
-    assert "usb://1209:0001/mock-1" in said
-    assert "usb://1209:0001/mock-2" in said
+    message = refused(lab, "usb://1209:0001")
+    assert "usb://1209:0001/mock-1" in message
+    assert "usb://1209:0001/mock-2" in message
 
 
-def test_a_rig_that_is_not_there_names_those_that_are(lab: Lab):
-    assert "no USB rig is" in refused(lab, "usb://1209:0001/mock-1")
+def test_the_error_for_a_missing_rig_lists_those_on_the_bus(lab: Lab):
+    assert "no USB rig was" in refused(lab, "usb://1209:0001/mock-1")
     lab.plug(2)
     assert "--device usb://1209:0001/mock-2" in refused(lab, "usb://1209:0001/mock-1")
 
@@ -65,12 +65,12 @@ def test_an_empty_serial_number_is_refused(lab, url):
 
 
 @pytest.mark.parametrize("url", ["usb://rig:1", "usb://12345:1", "usb://1209:", "usb://1209:0001x"])
-def test_a_place_that_is_none_is_an_error_of_use(lab: Lab, url: str):
+def test_a_malformed_place_is_a_usage_error(lab: Lab, url: str):
     with pytest.raises(UsageError, match="hexadecimal"):
         lab.open(url)
 
 
-def test_a_second_process_is_told_that_the_rig_is_in_use(lab: Lab):
+def test_a_second_opening_fails_because_the_rig_is_in_use(lab: Lab):
     lab.plug()
     lab.open()
     assert "in use" in refused(lab, "usb:")
@@ -78,23 +78,23 @@ def test_a_second_process_is_told_that_the_rig_is_in_use(lab: Lab):
     assert lab.open().identity.serial == "mock-1"
 
 
-def test_a_rig_that_this_user_may_not_open_is_told_the_rules_command(lab: Lab):
+def test_missing_permission_names_the_command_that_installs_the_udev_rule(lab: Lab):
     lab.plug(1, "refused@0")
-    said = refused(lab, "usb:")
-    assert "may not be opened" in said
-    assert f"sudo cp '{RULES}'" in said
+    message = refused(lab, "usb:")
+    assert "no permission" in message
+    assert f"sudo cp '{RULES}'" in message
 
 
-def test_a_rig_whose_serial_number_cannot_be_read_is_found_without_it(lab: Lab):
+def test_a_rig_without_a_readable_serial_number_is_found(lab: Lab):
     lab.plug(1, "refused@0")
     assert lab.driver.find() == ["usb://1209:0001"]
 
 
-def test_a_serial_number_that_fits_is_preferred_to_one_that_cannot_be_read(lab: Lab):
+def test_a_matching_serial_number_is_preferred_to_an_unreadable_one(lab: Lab):
     lab.plug(1, "refused@0")
     lab.plug(2)
     assert lab.open("usb:///mock-2").identity.serial == "mock-2"
-    assert "may not be opened" in refused(lab, "usb:///mock-1")
+    assert "no permission" in refused(lab, "usb:///mock-1")
 
 
 def test_without_libusb_nothing_is_found_and_opening_names_the_package(
@@ -116,11 +116,11 @@ def test_without_libusb_nothing_is_found_and_opening_names_the_package(
     assert check.fix == caught.value.fix
 
 
-def test_the_kernels_list_says_whether_there_is_one_at_all(
+def test_the_kernels_list_shows_whether_a_rig_is_on_the_bus(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(devices, "SYSFS", tmp_path / "none")
-    assert devices.kernel_lists_one()  # no list: libusb has to look
+    assert devices.kernel_lists_one()  # no list: libusb must search
     monkeypatch.setattr(devices, "SYSFS", tmp_path)
     assert not devices.kernel_lists_one()
     for interface, triple in {"1-1:1.0": ("03", "01", "02"), "1-2:1.0": ("ff", "48", "01")}.items():
@@ -131,7 +131,7 @@ def test_the_kernels_list_says_whether_there_is_one_at_all(
     assert devices.kernel_lists_one()
 
 
-def test_doctor_hears_what_is_there(lab: Lab):
+def test_doctor_reports_the_rig_of_the_url(lab: Lab):
     lab.plug(3)
     checks = {c.what: c for c in lab.driver.examine(parse_url("usb:"))}
     assert checks["libusb"].good
@@ -153,25 +153,25 @@ def test_an_option_out_of_range_names_the_range(lab: Lab, option: str):
     assert caught.value.fix
 
 
-def test_options_of_the_emulated_rig_are_none_of_a_real_one(lab: Lab):
+def test_a_real_rig_does_not_take_the_options_of_the_emulated_one(lab: Lab):
     lab.plug()
     with pytest.raises(UsageError, match="no option 'hide'"):
         lab.open("usb:?hide=motor.lag:0.1")
 
 
 @pytest.mark.parametrize("text", ["melt@1", "unplug@x", "unplug", "stall_in@1:2:3", "silent@-1"])
-def test_a_fault_that_is_none_is_refused(text: str):
-    with pytest.raises(UsageError, match="nothing that befalls a USB rig"):
+def test_a_malformed_bus_fault_is_refused(text: str):
+    with pytest.raises(UsageError, match="is not a fault of a USB bus"):
         BusFault.of(text)
 
 
 def test_the_page_names_every_option_of_both_drivers():
     page = (ROOT / "docs" / "how-to" / "connect-a-rig.md").read_text(encoding="utf-8")
     assert all(f"| `{option}` |" in page for option in UsbDriver.options)
-    assert set(UsbMockDriver.options) == {*UsbDriver.options, *OPTIONS, "bus"} - {"speed"}
+    assert set(UsbMockDriver.options) == {*UsbDriver.options, *RigOptions.names(), "bus"}
 
 
-def test_an_emulated_rig_is_there_only_for_whoever_asks():
+def test_an_emulated_rig_is_not_listed_but_can_be_opened():
     driver = UsbMockDriver()
     assert driver.find() == []
     rig = driver.open(parse_url("usb+mock:?seed=5&noise=0"), PROFILE)
@@ -180,7 +180,7 @@ def test_an_emulated_rig_is_there_only_for_whoever_asks():
     rig.close()
 
 
-def test_the_emulated_rigs_bus_befalls_it_as_the_url_says():
+def test_the_url_sets_the_faults_of_the_emulated_bus():
     url = parse_url("usb+mock:?bus=refused@0&bus=silent@5")
-    with pytest.raises(DeviceError, match="may not be opened"):
+    with pytest.raises(DeviceError, match="no permission"):
         UsbMockDriver().open(url, PROFILE)

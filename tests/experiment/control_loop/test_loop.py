@@ -329,11 +329,11 @@ def test_on_a_virtual_clock_there_are_no_real_time_measures_and_no_lateness() ->
 
 def test_the_links_counts_are_part_of_the_outcome() -> None:
     class Rig(ScriptedRig):
-        statistics = LinkStatistics(lost=3, damaged=2)
+        statistics = LinkStatistics(lost=3, malformed=2)
 
     Rig.statistics.delay.add(120e-6)
     link = flown(Rig())[0].details()["link"]
-    assert (link["lost"], link["damaged"]) == (3, 2)
+    assert (link["lost"], link["malformed"]) == (3, 2)
     assert link["delay_median_s"] == pytest.approx(120e-6)
     assert "round_trip_median_s" not in link, "nothing was counted"
     assert flown(ScriptedRig())[0].link is None

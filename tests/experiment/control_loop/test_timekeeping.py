@@ -120,14 +120,14 @@ def test_the_links_count_of_lost_samples_is_used() -> None:
     assert judged(time) == (DT, 1, 0)
 
 
-def test_samples_left_out_by_the_device_are_neither_lost_nor_missed() -> None:
-    # One sample was lost, the device left out three, one came while the host was away.
-    link = SimpleNamespace(lost=7, left_out=2, passed_over=1)
+def test_what_the_device_left_out_is_neither_lost_nor_missed() -> None:
+    # One sample was lost, three the device never made, and one came while the host was away.
+    link = SimpleNamespace(lost=7, device_skipped=2, samples_stale=1)
     rig = SimpleNamespace(identity=replace(IDENTITY, timebase="device"), statistics=link)
     time = timekeeper(rig, DT)
     time.start(sample(7.0, 100.0))
     stream(time, 1, 10)
-    link.lost, link.left_out, link.passed_over = 8, 5, 2
+    link.lost, link.device_skipped, link.samples_stale = 8, 5, 2
     time.arrived(sample(7 + 16 * DT, 100 + 16 * DT + 0.0004), 100 + 10 * DT + 1e-4)
     assert (*judged(time), time.left_out) == (DT + 0.0004, 1, 1, 3)
     stream(time, 17, 18)

@@ -89,15 +89,15 @@ def test_the_devices_clock_reveals_lost_samples():
     ("counter", "words", "fix"),
     [
         ("lost", "lost on the line", "cable"),
-        ("left_out", "not taken by the device", "lower loop.rate_hz"),
-        ("passed_over", "read too late by this computer", "wake-up"),
+        ("device_skipped", "not taken by the device", "lower loop.rate_hz"),
+        ("samples_stale", "read too late by this computer", "wake-up"),
     ],
 )
 def test_a_link_with_counters_names_where_samples_were_lost(counter: str, words: str, fix: str):
     class Counting(Commanded):
         def __init__(self) -> None:
             super().__init__()
-            self.statistics = LinkStatistics(lost=3, left_out=2, passed_over=1)
+            self.statistics = LinkStatistics(lost=3, device_skipped=2, samples_stale=1)
             self.lost_every = 10
 
         def exchange(self, command: Command, due_s: float) -> Sample:

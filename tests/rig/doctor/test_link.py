@@ -104,19 +104,19 @@ def test_a_rare_long_round_trip_fails():
 
 
 @pytest.mark.parametrize(
-    ("repeats", "damaged", "good"), [(0, 0, True), (2, 0, False), (0, 1, False)]
+    ("retries", "malformed", "good"), [(0, 0, True), (2, 0, False), (0, 1, False)]
 )
-def test_repeated_requests_and_malformed_frames_fail(repeats, damaged, good):
-    check = link.loss(replace(opened(), repeats=repeats, damaged=damaged))
+def test_repeated_requests_and_malformed_frames_fail(retries, malformed, good):
+    check = link.loss(replace(opened(), retries=retries, malformed=malformed))
     assert check.good is good
-    assert f"{repeats} of 500" in check.found
+    assert f"{retries} retries in 500" in check.found
 
 
 def test_only_losses_during_the_readings_count():
     rig = FakeRig(FakeDriver())
-    rig.statistics = SimpleNamespace(repeats=7, damaged=3)
+    rig.statistics = SimpleNamespace(retries=7, malformed=3)
     readings = listened(rig)
-    assert (readings.repeats, readings.damaged) == (0, 0)
+    assert (readings.retries, readings.malformed) == (0, 0)
 
 
 def test_a_fast_device_clock_fails():

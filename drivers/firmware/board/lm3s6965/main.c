@@ -6,8 +6,8 @@
  *     PD6, PD7       yaw encoder A, B             PF1        stop button (Select), pressed = 0
  *     PE0, PE1       fault, stall (Up, Down on the kit's keys), active = 0
  *
- * The clock, the UART, the lines and the interrupts run under qemu-system-arm, which models no
- * PWM: that part has been compiled, not seen. */
+ * The clock, the UART, the lines and the interrupts are tested under qemu-system-arm, which does not
+ * model the PWM. */
 #include "encoder.h"
 #include "hal.h"
 #include "registers.h"
@@ -80,7 +80,7 @@ uint64_t hal_now_us(void)
     interrupts_off();
     uint32_t left = SYSTICK_VAL;
     uint64_t now_ms = ms;
-    if (ICSR & ICSR_PENDSTSET) { /* it has wrapped, and nobody has counted it yet */
+    if (ICSR & ICSR_PENDSTSET) { /* it has wrapped; the interrupt has not counted it yet */
         left = SYSTICK_VAL;
         now_ms++;
     }
@@ -153,7 +153,7 @@ static void start_pins(void)
     RCGC0 |= 1u << 20; /* PWM */
     RCGC1 |= 1u;       /* UART 0 */
     RCGC2 |= 0x3Bu;    /* ports A, B, D, E, F */
-    (void)RCGC2;       /* the clocks need a moment */
+    (void)RCGC2;       /* the clocks need some cycles */
     (void)RCGC2;
     GPIO_DIR(PORT_F) = 1;
     GPIO_DATA(PORT_F, 1) = 0;
@@ -195,8 +195,8 @@ static void start_uart(void)
     NVIC_ENABLE0 = 1u << IRQ_UART0 | 1u << IRQ_PORT_D | 1u << IRQ_PORT_E;
 }
 
-/* Against a processor that hangs: 2 x 25 ms without a turn, and the chip starts again, at zero
- * volts and IDLE. The protocol's watchdog is another: it is against a host that is silent. */
+/* After 2 x 25 ms without a turn the processor hangs: the chip restarts at zero volts and IDLE. The
+ * protocol's watchdog is another one: it expires when the host sends no command. */
 static void start_dog(void)
 {
     RCGC0 |= 1u << 3;
@@ -227,8 +227,8 @@ static const char *serial_number(void)
     return text;
 }
 
-/* No source of entropy on the chip: how many starts the SRAM remembers, and when (to 20 ns) the
- * host first spoke. So the numbers are given on the first byte, before anyone can ask for them. */
+/* The chip has no source of entropy. The numbers come from a count of starts in SRAM and the time of
+ * the host's first byte (to 20 ns), so they are set at that byte, before they can be requested. */
 static void name_this_start(void)
 {
     static uint32_t starts __attribute__((section(".kept")));
@@ -265,8 +265,8 @@ int main(void)
             named = true;
         }
         rig_turn(&device);
-        /* Sleep until the next interrupt, a millisecond at most; a byte between the question and
-         * the sleep is pending, and ends it. */
+        /* Sleep until the next interrupt, a millisecond at most; the interrupt of a byte that
+         * arrives before the sleep is pending and ends it. */
         const bool soon = device_next_us(&device) < hal_now_us() + 1000u;
         interrupts_off();
         if (!soon && rx_head == rx_tail)

@@ -1,4 +1,4 @@
-/* Registers of the Stellaris LM3S6965 that this board's HAL touches (data sheet DS-LM3S6965). */
+/* Registers of the Stellaris LM3S6965 that this board's HAL uses (data sheet DS-LM3S6965). */
 #ifndef HELI3DOF_LM3S6965_REGISTERS_H
 #define HELI3DOF_LM3S6965_REGISTERS_H
 

@@ -1,5 +1,5 @@
-/* What stands before main: vectors, memory, and the two functions that the compiler takes for
- * granted. A fault of the processor ends in `fault`: the motors' enable line falls. */
+/* Start-up code: vectors, memory, and the two functions that the compiler requires. A fault of the
+ * processor ends in `fault`, which clears the motors' enable line. */
 #include <stddef.h>
 #include <stdint.h>
 

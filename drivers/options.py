@@ -1,0 +1,112 @@
+"""The URL options of each driver, one model each; ``quanser:`` has `quanser_hil.wiring`."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PlainValidator
+
+from .link.serial_line import BAUD, PASSED_ON
+from .url_options import UrlOptions, Whole, expected
+
+SPEEDS = {"real": 1.0, "max": math.inf}
+SLOWEST, FASTEST = 0.01, 1e6
+"""Times real time"""
+
+
+def _speed(value: Any) -> float:
+    if value in SPEEDS:
+        return SPEEDS[value]
+    try:
+        speed = float(value)
+    except ValueError:
+        speed = math.nan
+    if SLOWEST <= speed <= FASTEST:
+        return speed
+    raise expected(f"a number from {SLOWEST:g} to {FASTEST:g}, real or max")
+
+
+class RigOptions(UrlOptions):
+    """What describes an emulated rig, whatever transport it is reached over."""
+
+    profile: str | None = Field(default=None, description="the rig's own profile, a TOML file")
+    hide: tuple[str, ...] = Field(
+        default=(), description="effects to hide: name[.axis]:value[@value]"
+    )
+    seed: Whole = Field(default=0, ge=0, le=2**63, description="of everything random")
+    noise: float = Field(default=1.0, ge=0, le=100, description="scale of the random torques")
+    start: Literal["rest", "level"] = Field(
+        default="rest", description="rest: on the table; level: held level until the first command"
+    )
+    spread: float = Field(
+        default=0.0,
+        ge=0,
+        le=0.5,
+        description="share by which K_f, gravity torque and inertias may depart",
+    )
+    rate_hz: float | None = Field(
+        default=None, ge=10, le=10000, examples=[500], description="the device's own sample rate"
+    )
+    watchdog_s: float | None = Field(
+        default=None,
+        ge=1e-3,
+        le=10,
+        examples=[0.1],
+        description="s without a command before it latches",
+    )
+    fault: tuple[str, ...] = Field(
+        default=(), description="what fails, and when: KIND[.AXIS]@SECONDS[:COUNTS]"
+    )
+
+
+class MockOptions(RigOptions):
+    speed: Annotated[float, PlainValidator(_speed)] = Field(
+        default=1.0,
+        examples=["real"],
+        description="times real time; real; max: as fast as possible",
+    )
+    """inf: as fast as possible"""
+
+
+class LinkOptions(UrlOptions):
+    """What every rig on the link has."""
+
+    stream: Literal["1", "0"] = Field(
+        default="1", description="1: the device times its samples; 0: the host asks for each one"
+    )
+    watchdog_s: float | None = Field(
+        default=None,
+        ge=1e-3,
+        le=1,
+        examples=[0.1],
+        description="s without a command before it latches",
+    )
+    signs: Literal["device", "profile"] = Field(
+        default="device", description="which of the two gives the encoders' counting direction"
+    )
+
+
+class SerialOptions(LinkOptions):
+    baud: float = Field(default=BAUD, ge=1200, le=12_000_000, description="bits per second")
+    low_latency: Literal["1", "0"] = Field(
+        default="1", description="1: ask the port's driver to deliver bytes at once"
+    )
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        return super().names() + PASSED_ON
+
+
+class UsbOptions(LinkOptions):
+    timeout_s: float = Field(
+        default=0.25, ge=1e-3, le=10, description="s that the rig may take to accept a frame"
+    )
+
+
+class UsbMockOptions(UsbOptions, RigOptions):
+    """Where both have an option, `UsbOptions` gives its bounds."""
+
+    bus: tuple[str, ...] = Field(
+        default=(), description="faults of the bus: KIND@SECONDS[:FOR_SECONDS]"
+    )

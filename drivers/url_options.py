@@ -1,0 +1,105 @@
+"""The options of a device URL as a pydantic model: one class for each driver.
+
+A field is one option: its type and bounds, its default, and its description for the option table.
+Import this module only where a rig is opened: pydantic takes 0.2 s of processor time to load, which
+is too long for `heli3dof estop`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self, get_args, get_origin
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError
+
+from heli3dof.errors import UsageError, did_you_mean
+from heli3dof.rig.url import DeviceUrl
+
+Whole = Annotated[int, BeforeValidator(int)]
+"""An integer written without a decimal point"""
+EXPECTED = "expected"
+"""The error type of a validator that states itself what a value must be"""
+
+
+def expected(what: str) -> PydanticCustomError:
+    """The error of a validator: the value is not ``what``."""
+    return PydanticCustomError(EXPECTED, "{what}", {"what": what})
+
+
+class UrlOptions(BaseModel):
+    """Options are the fields with a description; the others come from the place in the URL."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """The options that a URL may have."""
+        return tuple(row[0] for row in cls.rows())
+
+    @classmethod
+    def of(cls, url: DeviceUrl, **place: Any) -> Self:
+        """The checked options of a URL. ``place`` gives the fields that are no options.
+
+        The last value of a repeated option counts, except where the field is a tuple of strings.
+        Raises UsageError for an unknown option, naming the nearest, and for a value out of bounds.
+        """
+        url.check_options(cls.names())
+        given: dict[str, Any] = {}
+        for name, field in cls.model_fields.items():
+            texts = url.options.get(name, ())
+            if field.annotation == tuple[str, ...]:
+                given[name] = texts
+            elif texts and (texts[-1] or field.annotation != float | None):
+                given[name] = texts[-1]
+        try:
+            return cls(**place, **given)
+        except ValidationError as error:
+            raise cls._usage_error(url, error) from error
+
+    @classmethod
+    def _usage_error(cls, url: DeviceUrl, error: ValidationError) -> UsageError:
+        first = error.errors()[0]
+        name = str(first["loc"][0])
+        field, text = cls.model_fields[name], url.one(name)
+        what = first["msg"] if first["type"] == EXPECTED else _expectation(field)
+        choices = _choices(field)
+        return UsageError(
+            f"{url.text}: {name}={text} is not {what}.",
+            cause=f"a typing error; {did_you_mean(str(text), choices)}"
+            if choices
+            else "a typing error or another unit.",
+            fix=f"{name}={_shown_default(field)}",
+        )
+
+    @classmethod
+    def rows(cls) -> list[tuple[str, str, str]]:
+        """Name, default and description of each option, for a table."""
+        return [
+            (name, _shown_default(field), field.description)
+            for name, field in cls.model_fields.items()
+            if field.description
+        ]
+
+
+def _choices(field: FieldInfo) -> tuple[str, ...]:
+    return get_args(field.annotation) if get_origin(field.annotation) is Literal else ()
+
+
+def _bound(field: FieldInfo, name: str) -> float:
+    return next(float(getattr(m, name)) for m in field.metadata if hasattr(m, name))
+
+
+def _expectation(field: FieldInfo) -> str:
+    """What a value must be, by the field's type and bounds."""
+    if choices := _choices(field):
+        return f"one of {', '.join(choices)}"
+    kind = "a whole number" if field.annotation is int else "a number"
+    return f"{kind} from {_bound(field, 'ge'):g} to {_bound(field, 'le'):g}"
+
+
+def _shown_default(field: FieldInfo) -> str:
+    """The default as a URL states it, or an example where the device or the profile gives it."""
+    if field.examples:
+        return str(field.examples[0])
+    return f"{field.default:g}" if isinstance(field.default, float) else str(field.default)

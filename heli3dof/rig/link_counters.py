@@ -1,0 +1,51 @@
+"""The names of a link's counters, and their former names in older recordings and drivers.
+
+``lost``                     samples that the device took and that never arrived
+``device_skipped``           samples that the device never took because it was held up
+``samples_stale``            samples that arrived too late to be used
+``commands_unacknowledged``  commands that the next sample did not echo
+``malformed``                pieces received that were not a valid frame
+``retries``                  requests sent again because no reply arrived
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+FORMER_NAMES = {
+    "device_skipped": "left_out",
+    "samples_stale": "passed_over",
+    "commands_unacknowledged": "unheard",
+    "malformed": "damaged",
+    "retries": "repeats",
+}
+"""Present name → former name, which drivers may use for one more version"""
+_PRESENT = {former: present for present, former in FORMER_NAMES.items()}
+
+
+def present_names(details: Mapping[str, Any]) -> dict[str, Any]:
+    """Outcome details of a recording with the present names, also in their ``link``."""
+    renamed = {_PRESENT.get(name, name): value for name, value in details.items()}
+    if isinstance(link := renamed.get("link"), Mapping):
+        renamed["link"] = {_PRESENT.get(name, name): value for name, value in link.items()}
+    return renamed
+
+
+def attribute_of(statistics: Any, counter: str) -> str | None:
+    """The attribute of ``rig.statistics`` that holds a counter; None where there is none.
+
+    A driver that still uses the former name causes a DeprecationWarning.
+    """
+    if hasattr(statistics, counter):
+        return counter
+    former = FORMER_NAMES.get(counter)
+    if former is None or not hasattr(statistics, former):
+        return None
+    warnings.warn(
+        f"{type(statistics).__name__}.{former} is now called {counter}",
+        DeprecationWarning,
+        stacklevel=2,
+    )
+    return former
