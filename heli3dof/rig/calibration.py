@@ -27,6 +27,7 @@ for other encoders     other counts per rev.         0, with a note
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import time
@@ -35,6 +36,8 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
 
 from heli3dof.rig.interface import Identity
 from heli3dof.rig.session.paths import state_folder
@@ -149,18 +152,15 @@ def load_calibration(serial: str) -> Calibration | None:
         return None
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
         raise ValueError(f"{path}: {problem}") from problem
-    boot = data.get("boot")
-    started = data.get("started_s")
-    serial_, zeroed, device = (data.get(key) for key in ("serial", "zeroed_utc", "device"))
-    per_rev, at_rest = (_counts(data.get(key)) for key in ("counts_per_rev", "counts_at_rest"))
-    texts = isinstance(serial_, str) and isinstance(zeroed, str) and isinstance(device, str)
-    if not texts or per_rev is None or at_rest is None or not isinstance(boot, int | None):
-        raise ValueError(f"{path}: a key is missing or has a wrong type")
-    if not isinstance(started, int | float | None) or isinstance(started, bool):
-        raise ValueError(f"{path}: started_s is not a number")
-    if serial_ != serial:
-        raise ValueError(f"{path} belongs to the rig {serial_}")
-    return Calibration(serial, boot, per_rev, at_rest, str(zeroed), str(device), started)
+    try:
+        # As JSON, since pydantic's strict mode takes no dict for a dataclass.
+        text = json.dumps({"boot": None, **data}, default=str)
+        stored = TypeAdapter(Calibration).validate_json(text, strict=True)
+    except ValidationError:
+        raise ValueError(f"{path}: a key is missing or has a wrong type") from None
+    if stored.serial != serial:
+        raise ValueError(f"{path} belongs to the rig {stored.serial}")
+    return stored
 
 
 def store_calibration(calibration: Calibration) -> Path:
@@ -192,14 +192,6 @@ def now_utc() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def _counts(value: object) -> Counts | None:
-    if isinstance(value, list) and len(value) == 3 and all(type(v) is int for v in value):
-        return (value[0], value[1], value[2])
-    return None
-
-
 def _text(value: str) -> str:
     """A TOML basic string: JSON's escapes are valid in TOML."""
-    import json
-
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,33 +1,17 @@
 """A rig's profile: the numbers of Table I and of its loop, read from TOML and checked.
 
-Masses, lengths and gains carry the paper's symbols; the names of angles in degrees say so.
-``Profile.controller`` is None where the file has no ``[controller]``: the controller of an imported
-log is then unknown.
-
-=========  =======================  ==========================================================
-symbol     key                      unit
-=========  =======================  ==========================================================
-L_w        geometry.L_w             m, yaw axis to counterweight (E1: Table I swaps 14 and 15)
-L_a        geometry.L_a             m, yaw axis to helicopter body
-L_h        geometry.L_h             m, pitch axis to each motor
-m_w        mass.m_w                 kg, counterweight
-m_f, m_b   mass.m_f, mass.m_b       kg, front and back motor
-K_f        motor.K_f                N/V, thrust per volt
-V_o        motor.V_o                V per motor at hover (E2: calibrate it, never derive its sign)
-v_max      motor.v_max              V, amplifier limit
-J          inertia.roll pitch yaw   kg·m², of the level rig; optional
-=========  =======================  ==========================================================
-
-Every model of the rig derives from them::
+Names are the paper's symbols; `heli3dof.toml_file.Key` holds each key's unit, range and
+measurement. ``Profile.controller`` is None where the file has no ``[controller]``: the controller
+of an imported log is then unknown. Every model of the rig derives from the keys::
 
     T_g     = 2 L_a K_f V_o                            gravity's torque on the level arm, N·m
     J_roll  = m_w L_w² + (m_f + m_b) L_a²              kg·m², unless ``[inertia]`` gives it
     J_pitch = (m_f + m_b) L_h²
     J_yaw   = J_roll + J_pitch
 
-Three point masses cannot represent three measured inertias (J_yaw would always be the sum of the
-other two), so measured ones have keys of their own. `heli3dof.toml_file.Key` holds each key's unit,
-range and measurement; the table in docs/reference/profile.md comes from it.
+Table I swaps the rows 14 and 15, L_w and L_a (E1). V_o is calibrated; its sign cannot be derived
+from Table I's masses (E2). Three point masses cannot represent three measured inertias (J_yaw would
+always be the sum of the other two), so measured ones have keys of their own.
 """
 
 from __future__ import annotations
@@ -88,6 +72,12 @@ class Geometry(Section):
     ]  # fmt: skip
 
 
+def _motor_mass(end: str) -> Key:
+    meaning = f"{end} motor with propeller, guard and half of the body that carries it"
+    measure = f"{SCALE}; or half of the body's weight"
+    return Key(meaning, "kg", measure, "0.575", (0.1, 2.0), (0.005, 20.0))
+
+
 class Mass(Section):
     """Point masses in kilograms."""
 
@@ -95,20 +85,8 @@ class Mass(Section):
         Positive,
         Key("counterweight", "kg", f"{SCALE}, taken off the arm", "1.87", (0.3, 6.0), (0.01, 50.0)),
     ]
-    m_f: Annotated[
-        Positive,
-        Key(
-            "front motor with propeller, guard and half of the body that carries it",
-            "kg", f"{SCALE}; or half of the body's weight", "0.575", (0.1, 2.0), (0.005, 20.0),
-        ),
-    ]  # fmt: skip
-    m_b: Annotated[
-        Positive,
-        Key(
-            "back motor with propeller, guard and half of the body that carries it",
-            "kg", f"{SCALE}; or half of the body's weight", "0.575", (0.1, 2.0), (0.005, 20.0),
-        ),
-    ]  # fmt: skip
+    m_f: Annotated[Positive, _motor_mass("front")]
+    m_b: Annotated[Positive, _motor_mass("back")]
 
 
 class Motor(Section):
@@ -177,9 +155,13 @@ class Inertia(Section):
     )
 
 
-COUNT = "data sheet (lines × 4); or turn the axis once by hand: heli3dof monitor --json"
-SIGN = "negative where the count falls as the angle rises"
 REST = "digital level or protractor on the resting rig"
+
+
+def _encoder(axis: str, positive: str, typical: str) -> Key:
+    meaning = f"{axis} encoder; negative where the count falls as the angle rises ({positive})"
+    measure = "data sheet (lines × 4); or turn the axis once by hand: heli3dof monitor --json"
+    return Key(meaning, "counts/rev", measure, typical, (500, 50000), (0, 1e8))
 
 
 class Encoder(Section):
@@ -188,24 +170,9 @@ class Encoder(Section):
     Counts are zero at power-up, with the rig at its rest angles: on the table, −27.5° in roll.
     """
 
-    roll: Annotated[
-        Counts,
-        Key(f"roll encoder; {SIGN} (body up)", "counts/rev", COUNT, "4096", (500, 50000), (0, 1e8)),
-    ]
-    pitch: Annotated[
-        Counts,
-        Key(
-            f"pitch encoder; {SIGN} (front motor up)", "counts/rev", COUNT, "4096", (500, 50000),
-            (0, 1e8),
-        ),
-    ]  # fmt: skip
-    yaw: Annotated[
-        Counts,
-        Key(
-            f"yaw encoder; {SIGN} (counter-clockwise from above)", "counts/rev", COUNT, "8192",
-            (500, 50000), (0, 1e8),
-        ),
-    ]  # fmt: skip
+    roll: Annotated[Counts, _encoder("roll", "body up", "4096")]
+    pitch: Annotated[Counts, _encoder("pitch", "front motor up", "4096")]
+    yaw: Annotated[Counts, _encoder("yaw", "counter-clockwise from above", "8192")]
     roll_rest_deg: Annotated[
         Finite,
         Key("roll at rest on the table", "°", f"{REST}, along the arm", "-27.5", (0, 50), (0, 90)),

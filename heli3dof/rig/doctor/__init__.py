@@ -9,3 +9,12 @@ The driver checks its port before it is opened: permission, holder, latency time
 (`heli3dof.rig.interface.Driver.examine`). `heli3dof.experiment.control_loop.realtime_priority`
 checks what the system grants the loop. To add a check, add a function to a file's ``CHECKS``.
 """
+
+from __future__ import annotations
+
+from heli3dof.rig.interface import Check
+
+
+def verdict(what: str, found: str, good: bool, fix: str) -> Check:
+    """The check's result; ``fix`` is dropped where it is good."""
+    return Check(what, found, good, "" if good else fix)

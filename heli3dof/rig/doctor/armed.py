@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 
+from heli3dof.rig.doctor.link import CABLE
 from heli3dof.rig.interface import Check, Command, Flags, Sample
 from heli3dof.rig.link_counters import attribute_of
 from heli3dof.rig.profile import Profile
@@ -29,8 +30,8 @@ WHERE = {
 }
 """The link's counters of missing samples (`HasLinkStatistics`), in words"""
 FIXES = {
-    "lost": "a shorter, shielded cable away from the motors' leads; ground at one end; lower baud",
-    "device_skipped": "a lower loop.rate_hz in the profile: the device does not keep up",
+    "lost": CABLE,
+    "device_skipped": "a lower loop.rate_hz in the profile: the device does not keep up with this one",
     "samples_stale": "see wake-up above: this computer pauses",
 }
 

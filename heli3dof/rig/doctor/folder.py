@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from heli3dof.rig.doctor import verdict
 from heli3dof.rig.interface import Check
 
 ROOM_BYTES = 1 << 30
@@ -25,9 +26,8 @@ def room(folder: Path) -> Check:
     what = "room for recordings"
     free = shutil.disk_usage(folder).free
     found = f"{free / 1e9:.1f} GB free in {folder}"
-    if free < ROOM_BYTES:
-        return Check(what, found, False, f"make room, or record elsewhere with -o; df -h {folder}")
-    return Check(what, found, True)
+    fix = f"make room, or record elsewhere with -o; df -h {folder}"
+    return verdict(what, found, free >= ROOM_BYTES, fix)
 
 
 def to_disk(folder: Path) -> Check:
@@ -40,10 +40,8 @@ def to_disk(folder: Path) -> Check:
         reason = (problem.strerror or str(problem)).lower()
         return Check(what, f"{folder} cannot be written: {reason}", False, f"ls -ld {folder}")
     found = f"{took[TRIES // 2] * 1e3:.1f} ms at the median, {took[-1] * 1e3:.0f} ms at worst"
-    if took[TRIES // 2] > SLOW_S:
-        fix = "record to a local disk with -o: this one is a network drive, a card, or very busy"
-        return Check(what, found, False, fix)
-    return Check(what, found, True)
+    fix = "record to a local disk with -o: this one is a network drive, a card, or very busy"
+    return verdict(what, found, took[TRIES // 2] <= SLOW_S, fix)
 
 
 CHECKS: tuple[Callable[[Path], Check], ...] = (room, to_disk)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from heli3dof.rig.clock import wait_until
+from heli3dof.rig.doctor import verdict
 from heli3dof.rig.interface import Check
 from heli3dof.rig.profile import Profile
 
@@ -53,10 +54,8 @@ def wake_up(profile: Profile) -> Check:
         f"at {1 / dt:g} Hz late by {usual * 1e6:.0f} µs at the median, {worst * 1e3:.2f} ms at "
         f"worst; {over} of {n} by more than 1 ms"
     )
-    if over > 0.001 * n:
-        fix = "end other programs (top shows them), then permit real-time scheduling (above)"
-        return Check("wake-up", found, False, fix)
-    return Check("wake-up", found, True)
+    fix = "end other programs (top shows them), then permit real-time scheduling (above)"
+    return verdict("wake-up", found, over <= 0.001 * n, fix)
 
 
 def frequency(profile: Profile) -> Check:
@@ -79,9 +78,8 @@ def load(profile: Profile) -> Check:
         return Check(what, "this system does not report it", None)
     busy, cores = os.getloadavg()[0], os.cpu_count() or 1
     found = f"{busy:.1f} programs ready to run, on {cores} cores"
-    if busy > cores - 0.5:
-        return Check(what, found, False, "top shows them; end what the flight does not need")
-    return Check(what, found, True)
+    fix = "top shows them; end what the flight does not need"
+    return verdict(what, found, busy <= cores - 0.5, fix)
 
 
 def memory(profile: Profile) -> Check:
@@ -92,9 +90,8 @@ def memory(profile: Profile) -> Check:
         return Check(what, "this system does not report it", None)
     free_kB = next((int(line.split()[1]) for line in text.splitlines() if "MemAvail" in line), 0)
     found = f"{free_kB / 1024:.0f} MiB available"
-    if free_kB < 512 * 1024:
-        return Check(what, found, False, "end programs that hold memory; top -o %MEM shows them")
-    return Check(what, found, True)
+    fix = "end programs that hold memory; top -o %MEM shows them"
+    return verdict(what, found, free_kB >= 512 * 1024, fix)
 
 
 CHECKS: tuple[Callable[[Profile], Check], ...] = (clock, frequency, load, memory)

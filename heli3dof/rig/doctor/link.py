@@ -12,6 +12,7 @@ from math import degrees
 
 from heli3dof.axes import AXES
 from heli3dof.rig.clock import wait_until
+from heli3dof.rig.doctor import verdict
 from heli3dof.rig.interface import Check, Flags, Sample
 from heli3dof.rig.link_counters import attribute_of
 from heli3dof.rig.profile import Profile
@@ -26,6 +27,8 @@ LONGEST_WATCHDOG_S = 0.5
 """s: a longer watchdog is reported"""
 STILL_COUNTS = 2
 """counts: an encoder between two counts moves by one"""
+REST = "let the rig rest, then heli3dof zero"
+CABLE = "a shorter, shielded cable away from the motors' leads; ground at one end; lower baud"
 ONE_TURN = 360.0
 """° beyond the envelope: neither an arm nor a yaw cable gets there"""
 
@@ -71,21 +74,14 @@ def identity(opened: Opened) -> Check:
         f"{found.model}, serial {found.serial}, firmware {found.firmware}, "
         f"protocol {found.protocol}"
     )
-    if found.counts_per_rev != (e.roll, e.pitch, e.yaw):
-        ours, theirs = (e.roll, e.pitch, e.yaw), found.counts_per_rev
-        return Check(
-            "identity",
-            f"{stated}; it counts {theirs} per revolution, the profile {ours}",
-            False,
-            f"--profile with the rig's own, or correct encoder.{_differs(ours, theirs)} in it",
-        )
+    ours, theirs = (e.roll, e.pitch, e.yaw), found.counts_per_rev
+    if theirs != ours:
+        stated += f"; it counts {theirs} per revolution, the profile {ours}"
+        fix = f"--profile with the rig's own, or correct encoder.{_differs(ours, theirs)} in it"
+        return Check("identity", stated, False, fix)
     if found.v_max < profile.motor.v_max:
-        return Check(
-            "identity",
-            f"{stated}; its limit is {found.v_max:g} V, the profile's {profile.motor.v_max:g} V",
-            False,
-            f"motor.v_max = {found.v_max:g} in the profile",
-        )
+        stated += f"; its limit is {found.v_max:g} V, the profile's {profile.motor.v_max:g} V"
+        return Check("identity", stated, False, f"motor.v_max = {found.v_max:g} in the profile")
     return Check("identity", stated, True)
 
 
@@ -93,10 +89,8 @@ def watchdog(opened: Opened) -> Check:
     """The watchdog's time; ``--arm`` checks that it works."""
     seconds = opened.rig.identity.watchdog_s
     found = f"motors to zero after {seconds * 1e3:g} ms of silence"
-    if seconds > LONGEST_WATCHDOG_S:
-        fix = "?watchdog_s=0.1 in the device URL, or the firmware's own setting"
-        return Check("watchdog", found, False, fix)
-    return Check("watchdog", found, True)
+    fix = "?watchdog_s=0.1 in the device URL, or the firmware's own setting"
+    return verdict("watchdog", found, seconds <= LONGEST_WATCHDOG_S, fix)
 
 
 def round_trip(opened: Opened) -> Check:
@@ -109,9 +103,9 @@ def round_trip(opened: Opened) -> Check:
         fix = "the latency timer (above), a higher ?baud=, or a lower loop.rate_hz in the profile"
         return Check("round trip", f"{found}: too slow for {1 / dt:g} Hz", False, fix)
     if rare > dt:
-        fix = "see wake-up: this computer or the line pauses; connect nothing else to the USB hub"
-        return Check("round trip", f"{found}: sometimes longer than a period", False, fix)
-    return Check("round trip", found, True)
+        found += ": sometimes longer than a period"
+    fix = "see wake-up: this computer or the line pauses; connect nothing else to the USB hub"
+    return verdict("round trip", found, rare <= dt, fix)
 
 
 def loss(opened: Opened) -> Check:
@@ -120,10 +114,7 @@ def loss(opened: Opened) -> Check:
         return Check("loss", "this driver does not count it", None)
     n = len(opened.samples)
     found = f"{opened.retries} retries in {n} readings, {opened.malformed} malformed frames"
-    if opened.retries or opened.malformed:
-        fix = "a shorter, shielded cable away from the motors' leads; ground at one end; lower baud"
-        return Check("loss", found, False, fix)
-    return Check("loss", found, True)
+    return verdict("loss", found, not (opened.retries or opened.malformed), CABLE)
 
 
 def device_clock(opened: Opened) -> Check:
@@ -139,11 +130,8 @@ def device_clock(opened: Opened) -> Check:
     # Either end is uncertain by one reading's time.
     unsure = 2 * max(opened.took_s) / ours
     found = f"{off * 100:+.2f} % against the host's (± {unsure * 100:.2f} %)"
-    if abs(off) > 0.01 + unsure:
-        return Check(
-            "device's clock", found, False, "correct the clock or tick setting of the firmware"
-        )
-    return Check("device's clock", found, True)
+    fix = "correct the clock or tick setting of the firmware"
+    return verdict("device's clock", found, abs(off) <= 0.01 + unsure, fix)
 
 
 def stands_still(opened: Opened) -> Check:
@@ -153,14 +141,10 @@ def stands_still(opened: Opened) -> Check:
         for column in zip(*(s.counts for s in opened.samples), strict=True)
     ]
     worst = max(range(3), key=lambda i: spans[i])
-    if spans[worst] > STILL_COUNTS:
-        return Check(
-            "encoders at rest",
-            f"{AXES[worst]} changed by {spans[worst]} counts",
-            False,
-            "let the rig rest and try again; else check that encoder's cable and shield",
-        )
-    return Check("encoders at rest", "still", True)
+    still = spans[worst] <= STILL_COUNTS
+    found = "still" if still else f"{AXES[worst]} changed by {spans[worst]} counts"
+    fix = "let the rig rest and try again; else check that encoder's cable and shield"
+    return verdict("encoders at rest", found, still, fix)
 
 
 def state(opened: Opened) -> Check:
@@ -174,9 +158,9 @@ def state(opened: Opened) -> Check:
     for flag, (found, fix) in problems.items():
         if flags & flag:
             return Check("state", found, False, fix)
-    held = [flag.name or "" for flag in (Flags.LATCHED, Flags.ESTOP) if flags & flag]
-    return Check("state", f"{' '.join(held).lower()}: the next flight clears it", True) if held \
-        else Check("state", "idle, output zero", True)  # fmt: skip
+    held = " ".join(flag.name or "" for flag in (Flags.LATCHED, Flags.ESTOP) if flags & flag)
+    found = f"{held.lower()}: the next flight clears it" if held else "idle, output zero"
+    return Check("state", found, True)
 
 
 def rest_angles(opened: Opened) -> Check:
@@ -204,9 +188,8 @@ def rest_angles(opened: Opened) -> Check:
         found = (
             f"{found}; {AXES[i]} reads {reading:.1f}°, beyond the envelope's {low:g}° to {high:g}°"
         )
-        broken = abs(reading) > max(-low, high) + ONE_TURN
-        fix = "let the rig rest, then heli3dof zero"
-        if broken:
+        fix = REST
+        if abs(reading) > max(-low, high) + ONE_TURN:
             fix = (
                 f"switch the device off, let the rig rest, and switch it on; if {AXES[i]} reads "
                 "the same again, its counter has another width or is not reset"
@@ -215,8 +198,7 @@ def rest_angles(opened: Opened) -> Check:
     if rest.note:
         return Check("rest angles", f"{found}; {rest.note}", None, "heli3dof zero")
     if max(map(abs, off[:2])) > 3.0:
-        fix = "let the rig rest, then heli3dof zero"
-        return Check("rest angles", found, None, fix)
+        return Check("rest angles", found, None, REST)
     return Check("rest angles", found, True)
 
 
