@@ -99,7 +99,7 @@ def test_without_noise_the_truth_replays_the_emulated_rig_to_the_encoders_count(
     # Two derivations, two integrators: what is left is the rounding of readings, 1/√12 count.
     flown = judge.flights([flights.fly("multisine", 7, tmp_path, noise=0.0)])
     model = RigidModel(TRUTH, KNOWN)
-    (y, replayed), *_ = judge.validate.replays(model, flown, flown.held_out)
+    (y, replayed), *_ = judge.validation.replays(model, flown, flown.held_out)
     rms = np.sqrt(np.mean((y - replayed) ** 2, axis=0))
     counts = rms / np.abs(default_profile().encoder.rad_per_count)
     assert (counts < 0.4).all(), counts

@@ -158,7 +158,7 @@ def test_a_safety_monitor_ends_a_flight(place, searched_again, tmp_path: Path) -
         encoding="utf-8",
     )
     flight = h3.fly_plan(h3.load_plan(plan), device="mock:?speed=max&start=level")
-    assert "more than one revolution" in str(flight.recording.provenance)
+    assert "more than one revolution" in flight.outcome.detail
 
 
 def test_a_method_fits_and_is_named(place, searched_again) -> None:
