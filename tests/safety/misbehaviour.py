@@ -311,6 +311,8 @@ def virtual_time() -> Iterator[Clock]:
     with pytest.MonkeyPatch.context() as patch:
         clock = installed(patch)
         patch.setattr("heli3dof.experiment.control_loop.rig_exchange.monotonic", clock.monotonic)
+        # The boottime clock stays real: on a busy machine it would show a computer that slept.
+        patch.setattr("heli3dof.experiment.safety_monitors.host_suspend.ahead_s", lambda: 0.0)
         patch.setattr(
             "heli3dof.experiment.control_loop.loop._granted", lambda identity: nullcontext()
         )

@@ -250,8 +250,8 @@ class _Flight:
         self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair
     ) -> _End | None:
         """Why the flight ends in this period, or None."""
-        if (asked := self.stop()) is not None:
-            return _End("interrupted", asked)
+        if (requested := self.stop()) is not None:
+            return _End("interrupted", requested)
         rates = self.controller.rates
         report = self.judge(k, t, sample, angle, command, voltage)
         # A monitor's report is closer to the cause than the envelope's.
@@ -311,8 +311,8 @@ def _after_ramp(end: _End, ramp: RampDown) -> _End:
         return replace(end, ending="tripped", detail=detail)
     if ramp.tripped is not None:
         return replace(end, ending="tripped", detail=ramp.tripped)
-    if ramp.asked is not None:
-        return replace(end, ending="interrupted", detail=ramp.asked)
+    if ramp.requested is not None:
+        return replace(end, ending="interrupted", detail=ramp.requested)
     if ramp.error is not None and end.ending == "completed":
         ending: Ending = "device" if isinstance(ramp.error, DeviceError) else "error"
         return _End(ending, ramp.reason, ramp.error)

@@ -68,7 +68,7 @@ class RampDown:
     """True if that was on request, or if the device stopped on its own"""
     tripped: str | None = None
     """First report of a safety monitor during the ramp"""
-    asked: str | None = None
+    requested: str | None = None
     """Reason of a request to end that came during the ramp"""
     error: BaseException | None = None
     """What prevented the ramp"""
@@ -133,7 +133,7 @@ def ramp_to_zero(
     ramp = _Schedule(start, steps)
     flags = int(sample.flags)
     skipped = 0
-    tripped = asked = None
+    tripped = requested = None
     hurried = False
     fall_steps = round(FALL_S / exchange.dt)
     try:
@@ -147,8 +147,8 @@ def ramp_to_zero(
                 exchange.stop(reason)
                 return RampDown(False, reason, stopped=True)
             if supervision is not None:
-                asked = asked or supervision.asked_to_end()
-                if not hurried and (asked is not None or tripped is not None):
+                requested = requested or supervision.asked_to_end()
+                if not hurried and (requested is not None or tripped is not None):
                     hurried = True
                     ramp.shorten(supervision.hurried_steps)
             voltage = ramp.advance(1 + skipped)
@@ -167,7 +167,7 @@ def ramp_to_zero(
     device_stop = explain(flags & STOPPED & ~known, exchange.device_cause)
     if device_stop is not None:
         return RampDown(False, device_stop, stopped=True)
-    return RampDown(True, ramped=start != (0.0, 0.0), tripped=tripped, asked=asked)
+    return RampDown(True, ramped=start != (0.0, 0.0), tripped=tripped, requested=requested)
 
 
 class GuardedRecorder:

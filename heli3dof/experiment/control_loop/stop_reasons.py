@@ -20,7 +20,7 @@ BY_FLAG = {
     Flags.FAULT: Trip(
         "the amplifier reports a fault",
         "overcurrent, over-temperature or its supply.",
-        "let it cool, look for a blocked rotor or a short; heli3dof doctor says when it is gone",
+        "let it cool, look for a blocked rotor or a short; heli3dof doctor shows when it is gone",
     ),
     Flags.STALL: Trip(
         "a motor is stalled",
@@ -44,11 +44,11 @@ BY_CAUSE = {
     "OVERCURRENT": (
         "a blocked rotor, a short in a motor or its leads, or a saturated flight.",
         "switch the amplifier off, turn both rotors by hand, check the leads; heli3dof doctor "
-        "says when the fault is gone",
+        "shows when the fault is gone",
     ),
     "OVERTEMPERATURE": (
         "the amplifier or a motor is too hot.",
-        "let it cool; a shorter plan or smaller voltages; heli3dof doctor says when it is gone",
+        "let it cool; a shorter plan or smaller voltages; heli3dof doctor shows when it is gone",
     ),
     "ENCODER": (
         "an encoder gives edges that no motion makes: a lead is off, or the motors disturb it.",
@@ -56,7 +56,7 @@ BY_CAUSE = {
     ),
     "SUPPLY": (
         "the supply dipped, or the USB bus was reset.",
-        "check the supply and the cable; heli3dof doctor says when it is gone",
+        "check the supply and the cable; heli3dof doctor shows when it is gone",
     ),
     "SATURATED": (
         "the commands stayed above the device's voltage limit for longer than it allows.",
