@@ -189,8 +189,8 @@ def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
         return []
     return [
         f"{USEFUL_S:g} s predictions of {' and '.join(bad)} are worse than the mean (negative "
-        "fit): the recordings hardly move this axis. Do not use the model there; record a "
-        "richer experiment: heli3dof run multisine"
+        "fit): the recordings hold too little of this motion. Do not use the model for it; "
+        "record a richer experiment: heli3dof run multisine"
     ]
 
 

@@ -95,11 +95,11 @@ class Identification(Result):
         replay = self.metrics.replay_note or _by_axis(self.metrics.replay)
         tests = [f"{t.name} {'passed' if t.passed else 'not passed'}" for t in self.residuals]
         lines = [
-            f"{self.model.name}: {self.method}, order {self.order}, "
+            f"model {self.model.name!r} by {self.method}: order {self.order}, "
             f"fitted every {self.interval_s * 1e3:g} ms",
             f"held-out fit {SUMMARY_HORIZON_S:g} s ahead: {_by_axis(ahead)}; "
             f"closed-loop replay: {replay}",
-            f"residuals: {', '.join(tests) or 'not tested'}; {len(self.warnings)} warnings",
+            f"residuals: {', '.join(tests) or 'not tested'}; warnings: {len(self.warnings)}",
         ]
         for name, p in self.found.parameters.items():
             lines.append(f"  {name} = {p.value:.4g} ± {p.std:.2g} {p.unit}")

@@ -11,7 +11,11 @@ from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.method import fit_greybox
-from heli3dof.identification.greybox.structure_test import WAYS, left_out, with_simplifications
+from heli3dof.identification.greybox.structure_test import (
+    SIMPLIFICATIONS,
+    left_out,
+    with_simplifications,
+)
 from heli3dof.identification.identify import Identification, identify
 from heli3dof.model.effects import terms
 from heli3dof.model.greybox.model import nominal
@@ -30,7 +34,7 @@ def flown(*simplified: str) -> Recording:
 
 @pytest.fixture(scope="module")
 def simple() -> Recording:
-    return flown(*WAYS)
+    return flown(*SIMPLIFICATIONS)
 
 
 @pytest.fixture(scope="module")
@@ -52,10 +56,10 @@ def test_the_yaw_inertia_of_a_simplified_rig_is_right(
 
 
 def test_simplifications_are_parameters_and_warnings(identified: Identification) -> None:
-    for way in WAYS:
+    for way in SIMPLIFICATIONS:
         share = identified.found.parameters[f"{way}.share"]
         assert share.value == pytest.approx(1, abs=4 * share.std)
-    assert {t.effect.summary for t in terms(WAYS)} <= set(identified.warnings)
+    assert {t.effect.summary for t in terms(SIMPLIFICATIONS)} <= set(identified.warnings)
 
 
 def test_a_missing_yaw_inertia_variation_is_detected_separately() -> None:

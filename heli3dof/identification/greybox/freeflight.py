@@ -21,11 +21,7 @@ import numpy as np
 
 from heli3dof.errors import RecordingError
 from heli3dof.identification.fit_result import FitResult, Parameter, Request
-from heli3dof.identification.greybox.linear_uncertainty import (
-    TEST_INTERVAL_S,
-    innovations,
-    linear_figures,
-)
+from heli3dof.identification.greybox.linear_uncertainty import fit_result
 from heli3dof.identification.greybox.multistep import Fitted, MultiStep, search
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.identification.preprocessing import Prepared
@@ -116,19 +112,8 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
     found = fit_freeflight(several, request.terms or REAL_TERMS)
     whole = [prepared.recordings[i] for i in sources]
     model = model_of(found, whole, request.name)
-    poles, transfer, response = linear_figures(found, prepared.dt)
-    return FitResult(
-        model=model,
-        order=model.linear(prepared.dt).order,
-        interval_s=prepared.dt,
-        innovations=lambda p, runs: innovations(model, p, runs),
-        poles=poles,
-        transfer=transfer,
-        parameters=parameters(found),
-        warnings=warnings(found),
-        response=response,
-        test_interval_s=TEST_INTERVAL_S,
-        correlation=found.correlation,
+    return fit_result(
+        found, model, prepared.dt, parameters=parameters(found), warnings=warnings(found)
     )
 
 

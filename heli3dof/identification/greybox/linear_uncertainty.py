@@ -1,16 +1,23 @@
 """Poles, transfer functions and frequency responses of a physical fit, with standard deviations.
 
 The model is linearised about hover. With f any of these figures, P the covariance of the parameters
-and F = ∂f/∂θ by differences, cov f = F P Fᵀ. `innovations` gives the errors for residual tests.
+and F = ∂f/∂θ by differences, cov f = F P Fᵀ. `innovations` gives the errors for residual tests, and
+`fit_result` puts all together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from heli3dof.identification.fit_result import Innovations, Pole, rightmost_first
+from heli3dof.identification.fit_result import (
+    FitResult,
+    Innovations,
+    Parameter,
+    Pole,
+    rightmost_first,
+)
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
 from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.transfer_function import TransferFunctions
@@ -93,3 +100,28 @@ def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[Run]) ->
         E.append((part.angle - model.predict(part, q * part.dt))[rows])
         U.append(part.voltage[: n * q].reshape(n, q, 2).mean(axis=1))
     return E, U
+
+
+def fit_result(
+    found: PhysicalFit,
+    model: GreyBoxModel,
+    dt: float,
+    *,
+    parameters: Mapping[str, Parameter],
+    warnings: tuple[str, ...],
+) -> FitResult:
+    """The result of a method that fits physical parameters; dt (s) is the control period."""
+    poles, transfer, response = linear_figures(found, dt)
+    return FitResult(
+        model=model,
+        order=model.linear(dt).order,
+        interval_s=dt,
+        innovations=lambda p, runs: innovations(model, p, runs),
+        poles=poles,
+        transfer=transfer,
+        parameters=parameters,
+        warnings=warnings,
+        response=response,
+        test_interval_s=TEST_INTERVAL_S,
+        correlation=found.correlation,
+    )

@@ -16,11 +16,7 @@ from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.identification.fit_result import FitResult, Parameter, Request
 from heli3dof.identification.greybox.estimate import Estimate, estimate
 from heli3dof.identification.greybox.likelihood import Likelihood
-from heli3dof.identification.greybox.linear_uncertainty import (
-    TEST_INTERVAL_S,
-    innovations,
-    linear_figures,
-)
+from heli3dof.identification.greybox.linear_uncertainty import fit_result
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_START
 from heli3dof.identification.greybox.structure_test import with_simplifications
 from heli3dof.identification.preprocessing import Prepared
@@ -64,19 +60,8 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
         found = with_simplifications(found)
     sources = sorted({r.source for r in runs})
     model = model_of(found, [several[i] for i in sources], request.name)
-    poles, transfer, response = linear_figures(found, prepared.dt)
-    return FitResult(
-        model=model,
-        order=model.linear(prepared.dt).order,
-        interval_s=prepared.dt,
-        innovations=lambda p, runs: innovations(model, p, runs),
-        poles=poles,
-        transfer=transfer,
-        parameters=parameters(found),
-        warnings=warnings(found),
-        response=response,
-        test_interval_s=TEST_INTERVAL_S,
-        correlation=found.correlation,
+    return fit_result(
+        found, model, prepared.dt, parameters=parameters(found), warnings=warnings(found)
     )
 
 

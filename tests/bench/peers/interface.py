@@ -1,6 +1,6 @@
 """The two files between the bench and a peer: the task that it reads, the model that it writes.
 
-A model is one of four things, told apart by ``kind``:
+``kind`` says which of four forms a model has:
 
 ``discrete``     x[k+1] = A x[k] + B (u[k] − u0) + K e[k],  y[k] = C x[k] + D (u[k] − u0) + y0
                  + e[k], samples every ``interval_s``, u[k] the mean voltage over [k, k+1),
@@ -30,7 +30,7 @@ PROC_STATUS = Path("/proc/self/status")
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """One unbroken flight from rest, N samples, and what everybody knows of the rig."""
+    """One unbroken flight from rest, N samples, and the known numbers of the rig."""
 
     t: np.ndarray
     """(N,) s"""
@@ -41,7 +41,7 @@ class Task:
     nominal: np.ndarray
     """(len(rigid.NAMES),): where physical fits start, in the order of `rigid.NAMES`."""
     known: np.ndarray
-    """(len(rigid.KNOWN),): what they are told, in the order of `rigid.KNOWN`."""
+    """(len(rigid.KNOWN),): the known constants, in the order of `rigid.KNOWN`."""
     rad_per_count: np.ndarray
     """(3,) rad"""
     acceleration_noise: np.ndarray

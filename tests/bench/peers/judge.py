@@ -1,8 +1,8 @@
-"""Every fit before the same judge: replayed loops, one step, poles, parameters, coverage.
+"""Scores every fit in the same way: replayed loops, one step, poles, parameters, coverage.
 
 - *replay*: fit % per axis of the loop flown on the model through held-out flights' references;
 - *one step*: fit % of predictions 40 ms ahead on the same flights, the lowest axis. Near 100 for
-  any model, and shown for just that reason;
+  any model, which is why it is shown;
 - *poles*: those of the model about level hover, each true pole paired with one of the model's so
   that the sum of |s − ŝ| / (|s| + |ŝ| + 0.1 rad/s) is least. The *rotor* column is the mean error
   of the two at −1/τ in % (of one where the model has only one); the *body* column is the RMS
@@ -39,7 +39,7 @@ SLOW_RAD_S = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """What a fit is worth. NaN or 0 of 0 where nothing can be said."""
+    """The scores of a fit; NaN, or 0 of 0, where there is none."""
 
     replay: np.ndarray
     """(3,) %"""

@@ -1,4 +1,4 @@
-"""Our own methods, in a process of their own like everybody else.
+"""Our own methods, each in a process of its own like the other tools.
 
 ``python -m tests.bench.peers.ours METHOD FLIGHT.mcap HELD_OUT.mcap FOUND.npz``. The time is that
 of the fit, as it is for the others: of a black box `identify` as a whole, whose choice of order

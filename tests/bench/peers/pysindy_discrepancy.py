@@ -1,4 +1,4 @@
-"""PySINDy's discrepancy recipe: sparse regression of what the nominal model's accelerations lack.
+"""PySINDy's discrepancy recipe: sparse regression of the nominal model's acceleration errors.
 
 Kaheman, Kaiser, Strom, Kutz and Brunton, "Learning discrepancy models from experimental data"
 (2019): the residual between measured accelerations and the known model's is regressed on a
@@ -12,10 +12,14 @@ S acts on the right-hand side, so that it cancels. Columns have norm 1, alpha is
 the threshold is scanned: the sparsest model within a standard error of the best in
 cross-validation over blocks of time.
 
-Kindnesses beyond the recipe: the base is refitted beside every candidate, and what is beyond the
-profile's tolerance is named; a column with a sign that its effect cannot have is taken out; lost
-samples are interpolated; columns that cannot be told apart count as a tie (`pysindy_library`); the
-window and the least share were chosen on flights of known content (seeds from 1000 on).
+The adapter helps the recipe in five ways:
+
+- the base is refitted with every candidate, and a base parameter beyond the profile's tolerance is
+  a finding
+- a column whose coefficient has an impossible sign is removed
+- lost samples are interpolated
+- confounded columns count as a tie (`pysindy_library`)
+- the window and the smallest share were chosen on flights with known effects (seeds from 1000 on)
 """
 
 from __future__ import annotations
@@ -54,7 +58,7 @@ LEAST = 0.45
 """Of a target's norm. Without it plain `run-step` flights with nothing hidden name a lag in 7 of 8
 (shares up to 0.41; 0 of 12 rich ones and 0 of 8 steps name anything; seeds from 1000 on)."""
 INSIDE = 1e-3
-"""A column of which less than this share is outside the base's span says nothing beside it."""
+"""A column with a smaller share outside the base's span is confounded with the base."""
 
 Finding = dict[str, Any]
 
@@ -114,7 +118,7 @@ def regression(task: Task) -> list[tuple[np.ndarray, dict[str, np.ndarray]]]:
 def beside_base(
     y: np.ndarray, library: Mapping[str, np.ndarray]
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Target and candidates without what the base, refitted beside them, explains."""
+    """Target and candidates, orthogonal to the base."""
     Q, _ = np.linalg.qr(np.column_stack([library[name] for name in BASE if name in library]))
     rest = {}
     for name, x in library.items():
@@ -127,7 +131,7 @@ def beside_base(
 def refits(
     y: np.ndarray, library: Mapping[str, np.ndarray], found: Collection[str]
 ) -> list[dict[str, float]]:
-    """The base's coefficients beside what was found: of all rows, then without each block."""
+    """The base's coefficients, fitted with the findings: on all rows, then without each block."""
     names = [name for name in library if name in BASE or name in found]
     X = np.column_stack([library[name] for name in names])
     rows = np.arange(len(y))
@@ -189,8 +193,8 @@ def sparse(y: np.ndarray, library: Mapping[str, np.ndarray]) -> dict[str, tuple[
 def ratios(refit: Sequence[Mapping[str, float]]) -> dict[str, float]:
     """K_f, inertias and T_g to nominal, from the three axes' base coefficients.
 
-    1 + gain_i = (K_f/K_f,0)(J_i,0/J_i), 1 + gravity = (T_g/T_g,0)(J_r,0/J_r): K_f is told from
-    three inertias by the median.
+    1 + gain_i = (K_f/K_f,0)(J_i,0/J_i), 1 + gravity = (T_g/T_g,0)(J_r,0/J_r): K_f is the
+    median over the three inertias.
     """
     gain = np.array([1 + axis["base.gain"] for axis in refit])
     K = float(np.median(gain))

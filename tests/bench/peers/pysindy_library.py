@@ -7,12 +7,11 @@ and voltages, in rig.md's signs; F = K_f (V_f + V_b), D = K_f (V_f − V_b)::
     pitch  L_h D
     yaw    −L_a cos r sin p F
 
-What changes the voltages by ΔV changes F and D, and so acts on all three. Columns that are nearly
-one another's multiples are one column: lag and delay, dry friction and backlash, a pitch offset
-and the reaction torque; beside them in one regression every flight had large opposite
-coefficients. A thrust curve and a sagging supply are one column with opposite signs. Limits, mass
-changes, lost samples and periodic torques of unknown frequency have none: sparse regression on a
-state has no place for them.
+A voltage change ΔV changes F and D, so it acts on all three axes. Nearly proportional columns are
+merged into one: lag and delay, dry friction and backlash, a pitch offset and the reaction torque.
+As separate columns they got large opposite coefficients on every flight. A thrust curve and a
+sagging supply are one column with opposite signs. Limits, mass changes, lost samples and periodic
+torques of unknown frequency have no column, because they are not functions of the state.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from tests.bench.peers.interface import Task
 
 AXES = ("roll", "pitch", "yaw")
 BASE = ("base.gain", "base.gravity")
-"""What the base may be off by: refitted beside every candidate, and no finding within tolerance."""
+"""Errors of the base: refitted with every candidate, and no finding within tolerance."""
 LAG_S, STICK_RAD_S, HEIGHT_M, REST_RAD = 0.03, 0.02, 0.1, np.radians(-27.5)
 
 TIES = {

@@ -1,4 +1,4 @@
-"""The tools that are compared, and how each one's fit is started in a process of its own."""
+"""The tools that are compared, and the process that runs each fit."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def run(tool: Tool, plan: str, seed: int, folder: Path) -> Path:
 
 
 def fingerprint(tool: Tool, task_file: Path) -> str:
-    """Of the flight and of all code that a peer's fit depends on: equal ones give equal fits."""
+    """A hash of the flight and of all code that a fit depends on; equal hashes give equal fits."""
     h = hashlib.sha256(" ".join(tool.arguments).encode())
     if not tool.ours:
         task = read_task(task_file)
