@@ -41,7 +41,7 @@ class Replay:
 
 
 def replay(model: Model, recording: Recording) -> Replay:
-    """Simulate the model in the recording's loop. Raises ValueError if the loop is unknown."""
+    """Simulate the model in the recording's loop. Raises ValueError without a controller."""
     flown = under_control(recording)
     task = loop_task(flown)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from heli3dof.axes import AXES
-from heli3dof.diagnosis.gain import Gain
 from heli3dof.diagnosis.gain_replay import Replayed
 from heli3dof.diagnosis.how_wrong import HowWrong
 from heli3dof.diagnosis.leftover import Leftover
@@ -17,8 +16,8 @@ from heli3dof.diagnosis.torque_evidence import Evidence
 from heli3dof.report import diagnosis_text as words
 from heli3dof.report.diagnosis_figure_data import Pictured
 from heli3dof.report.diagnosis_figures import evidence_figure, stretch_figure
-from heli3dof.report.diagnosis_tables import calibration, findings, interval
-from heli3dof.report.diagnosis_text import Document, number
+from heli3dof.report.diagnosis_tables import calibration, findings, gains
+from heli3dof.report.diagnosis_text import Document
 from heli3dof.report.html import Section, figure, key, paragraph, subheading, table, warning
 from heli3dof.report.text_table import NONE, Grid, fixed
 
@@ -35,7 +34,7 @@ def diagnosis_section(
         blocks += [subheading("What to do next"), *steps]
     if p.wrong is not None:
         blocks.append(table(error_table(p.wrong)))
-    blocks += [*_causes(document, p), *_gain(p), *_unmodelled(document, p)]
+    blocks += [*_causes(document, p), *_gain(document, p), *_unmodelled(document, p)]
     if document["calibration"]:
         blocks.append(table(calibration(document)))
         blocks += map(paragraph, words.calibration_doubts(document))
@@ -59,10 +58,12 @@ def _causes(document: Document, p: Pictured) -> list[str]:
     return blocks + [paragraph(s) for s in document.get("about", {}).get("explains", ())]
 
 
-def _gain(p: Pictured) -> list[str]:
+def _gain(document: Document, p: Pictured) -> list[str]:
     if p.gain is None:
         return []
-    blocks = [subheading("Gain of the extended model"), table(gain_table(p.gain))]
+    blocks = [subheading("Gain of the extended model")]
+    if (grid := gains(document)).rows:
+        blocks.append(table(grid))
     if p.before is not None and p.after is not None and p.gain.worst is not None:
         w = p.gain.worst
         name = p.names[w.source] if w.source < len(p.names) else ""
@@ -103,29 +104,6 @@ def error_table(w: HowWrong) -> Grid:
     ]
     heads = ["horizon s", *(f"{a} {x}" for a in AXES for x in ("RMSE", "floor"))]
     return Grid("Simulation error, degrees", heads, rows, notes, text_columns=0)
-
-
-def gain_table(g: Gain) -> Grid:
-    """RMSE before and after, the difference with its interval, and the gain in log-likelihood."""
-    rows = []
-    for axis in AXES:
-        fall = g.rmse_deg[axis]
-        numbers = (g.before[axis], g.after[axis])
-        span = NONE if fall is None else interval((fall.low, fall.high))
-        reduction = NONE if fall is None else fixed(fall.value, 3, sign=True)
-        rows.append([axis, *(fixed(number(v), 3) for v in numbers), reduction, span])
-    L = g.log_likelihood
-    notes = [
-        f"1 s predictions on {'held-out recordings' if g.on == 'holdout' else 'left-out blocks'}. "
-        "Before: the refitted base simulation. Intervals: 95 %, bootstrap over cells of 2 s.",
-    ]
-    if L is not None:
-        notes.append(
-            f"Gain in log-likelihood there: {fixed(L.value, 1, sign=True)} "
-            f"({fixed(L.low, 1)} … {fixed(L.high, 1)})."
-        )
-    heads = ["axis", "before °", "after °", "reduction °", "95 % interval"]
-    return Grid("RMSE on held-out data", heads, rows, notes, text_columns=1)
 
 
 def unmodelled_table(leftovers: Sequence[Leftover]) -> Grid:

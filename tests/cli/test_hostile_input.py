@@ -72,7 +72,7 @@ def test_what_is_no_recording_is_refused_by_every_verb_that_reads_one(
         assert result.code == 0, "a recording by another name is one"
         return
     if verb == "diagnose" and result.code == 5 and "Error: " not in result.err:
-        assert "at fault" in result.out  # a log that lies is a verdict, not an error
+        assert "faulty" in result.out  # a wrong log is a verdict, not an error
         return
     judged(result)
 
@@ -159,9 +159,9 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("the work began")
 
     for name in (
-        "identification.api.identify", "diagnosis.diagnose.diagnose", "comparison.compare.compare",
+        "identification.identify.identify", "diagnosis.diagnose.diagnose", "comparison.compare.compare",
         "experiment.simulate.simulate", "experiment.fly.fly_plan", "recording.load.load",
-        "recording.importing.import_log",
+        "recording.logs.import_log.import_log",
     ):  # fmt: skip
         monkeypatch.setattr(f"heli3dof.{name}", reached)
 
@@ -196,7 +196,7 @@ def test_no_verb_writes_over_what_it_reads_even_with_force(
     Path("log.csv").write_text(text := log(n=100))
     result = heli3dof(writer, "log.csv", "--profile", RIG, "-o", "log.csv", "--force")
     judged(result, 2)
-    assert "is read and cannot be written" in result.err
+    assert "is an input and cannot be the output" in result.err
     assert Path("log.csv").read_text() == text
 
 

@@ -55,7 +55,7 @@ def test_lost_samples_do_not_shorten_the_loop_s_task() -> None:
 
 
 def test_a_late_sample_keeps_its_own_control_period() -> None:
-    """Host clocks jitter: a reference that changed at sample k is asked for in period k."""
+    """Host clocks jitter: a reference that changed at sample k applies in period k."""
     recording = flight()
     late = np.random.default_rng(3).uniform(0, 0.4 * recording.dt, len(recording))
     late[0] = 0.0
@@ -73,7 +73,7 @@ def test_the_ramp_down_is_not_replayed() -> None:
     ramped = replace(recording, reference=reference)
     assert len(under_control(ramped)) == len(recording) - 250
     assert len(replay(FakeHover(), ramped).t) == len(recording) - 250
-    # Our own recordings keep the ramp's reference, and say in their phase that nobody flew it.
+    # heli3dof's recordings keep the reference in the ramp; their phase marks the ramp.
     phase = np.where(np.arange(len(recording)) < 4000, 0.0, 1.0)
     ours = replace(recording, channels={"phase": phase})
     assert len(replay(FakeHover(), ours).t) == 4000

@@ -125,7 +125,7 @@ def test_the_section_holds_tables_and_figures_and_is_the_same_twice(
         "Verdict",
         "Simulation error",
         "roll × pitch",
-        "held-out data",
+        "reduction °",
         "Next experiment",
     ):
         assert expected in text

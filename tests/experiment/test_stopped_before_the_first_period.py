@@ -38,4 +38,4 @@ def test_a_flight_to_a_file_is_refused(tmp_path: Path) -> None:
     assert str(path) in refused(path).what
     info = heli3dof("info", path)
     assert info.code == 5
-    assert "holds no samples: tripped, emergency stop on request: smoke" in info.err
+    assert "contains no samples: tripped, emergency stop on request: smoke" in info.err

@@ -1,4 +1,4 @@
-"""Recordings for tests: made up, but on the encoder's grid and moving as voltages move a rig."""
+"""Synthetic recordings for tests, on the encoder's grid and with plausible motion."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ STEP = 2 * np.pi / np.array([4096, 4096, 8192])
 
 
 def open_profile(**changes: dict[str, Any]) -> Profile:
-    """The paper's rig at 500 Hz, its loop unknown; ``motor={"v_max": 5.0}`` changes a section."""
+    """The paper's rig at 500 Hz without controller; ``motor={"v_max": 5.0}`` changes a section."""
     data = default_profile().to_dict()
     del data["controller"]
     for section, values in changes.items():
@@ -60,7 +60,7 @@ def flight(
 
 
 def tick(k: int) -> Row:
-    """Row k as the loop hands it over: every value tells where it belongs."""
+    """Row k as the loop passes it; every value identifies its column."""
     counts = (-k, 2 * k, 3 * k)
     sample = Sample(
         sequence=k,

@@ -53,7 +53,7 @@ def test_a_long_gap_is_not_filled() -> None:
 def test_every_row_keeps_its_period_for_any_losses(lost: set[int]) -> None:
     there = np.delete(np.arange(200), sorted(lost))
     rec = counting(DT * there)
-    if abs(rec.dt - DT) > 1e-9:  # more steps are long than short: nobody knows the period
+    if abs(rec.dt - DT) > 1e-9:  # most intervals are long: the period is unknown
         return
     whole, own = bridged(rec, 1000.0)
     np.testing.assert_array_equal(own, there)

@@ -510,7 +510,7 @@ def _read(run: Run, path: Path, err: str) -> None:
     try:
         meta = read_recording(path).meta
     except RecordingError as problem:  # a flight without a sample: the error holds the outcome
-        ending, _, run.detail = problem.what.partition("holds no samples: ")[2].partition(", ")
+        ending, _, run.detail = problem.what.partition("contains no samples: ")[2].partition(", ")
         run.ending = ending or problem.what
         return
     run.ending = str(meta.get("outcome"))

@@ -52,7 +52,7 @@ def test_the_standard_deviation_holds_for_axes_that_briefly_move_together() -> N
         t = np.arange(10_000) * 0.002
         together = np.exp(-(((t - 10) / 1.0) ** 2))
         waves = np.sin(np.outer(t, rng.uniform(1.5, 6, 3)) + rng.uniform(0, 6, 3))
-        alone = 0.2 * np.sin(np.outer(t, [0.3, 0.0, 0.0]))  # the third axis stands still
+        alone = 0.2 * np.sin(np.outer(t, [0.3, 0.0, 0.0]))  # the other axes are at rest
         angle = alone + 0.3 * together[:, None] * waves * [1.0, 1.0, 0.0]
         found = motion_jitter(t, np.round(angle / STEP) * STEP, STEP)
         assert not found.found

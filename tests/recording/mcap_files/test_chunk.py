@@ -67,8 +67,7 @@ def test_rows_that_cannot_be_compressed_fit() -> None:
 
 @pytest.mark.parametrize("sizes", [(75, 76, 77, 90, FULL), (*[75] * 300, 1, 2, 10, 75, 76, FULL)])
 def test_zstd_keeps_its_buffers_for_all_sizes(sizes: tuple[int]) -> None:
-    """Told the size, it takes more for each greater one, and after 128 chunks gives it back when
-    a small one comes."""
+    """With a known input size, zstd would reallocate for larger chunks."""
     maker = ChunkMaker(FORM)
     maker.make(rows(75))
     taken = maker._compressor.memory_size()

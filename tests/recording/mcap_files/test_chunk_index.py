@@ -77,7 +77,7 @@ def test_every_chunk_is_where_its_index_says() -> None:
             assert data[offset] == Opcode.MESSAGE_INDEX
             assert int.from_bytes(data[offset + 9 : offset + 11], "little") == channel
             assert int.from_bytes(data[offset + 11 : offset + 15], "little") == 16 * n
-        # Nothing but the next record stands behind the message indexes.
+        # The next record follows the message indexes immediately.
         after = data[at + length + index.message_index_length]
         assert after in (Opcode.CHUNK, Opcode.METADATA, Opcode.DATA_END)
 

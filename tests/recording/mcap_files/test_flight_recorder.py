@@ -1,4 +1,4 @@
-"""The recorder beside the loop."""
+"""The recorder that runs with the loop."""
 
 from __future__ import annotations
 
@@ -160,15 +160,15 @@ while True:
 @pytest.mark.realtime
 def test_kill_minus_nine_loses_at_most_half_a_second(tmp_path: Path) -> None:
     path = tmp_path / "killed.mcap"
-    told = tmp_path / "told.txt"
-    with told.open("w") as out:
+    counts = tmp_path / "counts.txt"
+    with counts.open("w") as out:
         process = subprocess.Popen([sys.executable, "-c", FLY, str(path)], stdout=out)
         deadline = time.monotonic() + END_S
-        while time.monotonic() < deadline and len(told.read_text().split()) < 950:
+        while time.monotonic() < deadline and len(counts.read_text().split()) < 950:
             time.sleep(0.01)  # 1.9 s of flight: chunks of 1 s, or 2 s, would lose 0.9 or all
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
-    appended = int(re.findall(r"(\d+)\n", told.read_text())[-1])
+    appended = int(re.findall(r"(\d+)\n", counts.read_text())[-1])
     assert appended >= 940
 
     with pytest.raises(RecordingError, match="torn") as caught:

@@ -97,7 +97,7 @@ def test_a_missing_end_loses_no_sample(tmp_path: Path, whole: Path) -> None:
     content = whole.read_bytes()
     path = tmp_path / "torn.mcap"
     path.write_bytes(content[:-1])
-    result = recover(path, tmp_path / "mended.mcap")
+    result = recover(path, tmp_path / "recovered.mcap")
     back = read_recording(result.path)
     assert len(back) == 400
     assert back.digest == read_recording(whole).digest
