@@ -7,7 +7,7 @@ import tomllib
 from tests.paths import ROOT
 
 
-def test_every_package_of_the_tree_stands_in_pyproject() -> None:
+def test_pyproject_lists_every_package() -> None:
     data = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     mapped = {v: k for k, v in data["tool"]["setuptools"]["package-dir"].items()}
     found = set()

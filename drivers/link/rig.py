@@ -1,4 +1,4 @@
-"""A rig on the link, over any transport; docs/protocol.md, the host's side.
+"""A rig on the link, over any transport; docs/reference/protocol.md, the host's side.
 
 Streaming (the device keeps time)::
 

@@ -1,4 +1,4 @@
-"""Bad input gets a clear error and the right exit code, and nothing is lost."""
+"""Bad input gives a clear error and the right exit code, and no file is lost."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GRID = 360 / 4096
 
 
 def log(n: int = 4000, dt: float = 0.002, **columns: np.ndarray | None) -> str:
-    """A CSV log of a small wandering flight, with columns replaced or (None) left out."""
+    """A CSV log of a small wandering flight, with columns replaced or (None) omitted."""
     rng = np.random.default_rng(1)
     t = np.arange(n) * dt
     data: dict[str, np.ndarray | None] = {
@@ -82,7 +82,7 @@ def radians_as_degrees() -> str:
         "empty",
     ],
 )
-def test_a_bad_log_is_refused_and_the_reason_named(text: str, hints: list, tmp_path: Path) -> None:
+def test_a_bad_log_is_refused_with_the_reason(text: str, hints: list, tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text(text)
     result = heli3dof("import", path, "--profile", RIG, "-o", tmp_path / "rec.mcap")
@@ -93,7 +93,7 @@ def test_a_bad_log_is_refused_and_the_reason_named(text: str, hints: list, tmp_p
     assert not (tmp_path / "rec.mcap").exists()
 
 
-def test_a_log_without_a_profile_is_told_to_name_one(tmp_path: Path) -> None:
+def test_a_log_without_a_profile_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     path.write_text(log())
     for verb in ("import", "identify", "info", "compare", "report"):
@@ -110,7 +110,7 @@ def test_a_log_without_a_profile_is_told_to_name_one(tmp_path: Path) -> None:
     ],
     ids=["one angle only", "a constant input"],
 )
-def test_a_log_that_imports_but_cannot_carry_a_fit_says_why(
+def test_identify_refuses_a_log_with_too_little_information(
     columns: dict, hints: list, tmp_path: Path
 ) -> None:
     path = tmp_path / "log.csv"
@@ -123,7 +123,7 @@ def test_a_log_that_imports_but_cannot_carry_a_fit_says_why(
     assert not (tmp_path / "m.json").exists()
 
 
-def test_jitter_and_gaps_are_told_but_not_fatal(tmp_path: Path) -> None:
+def test_jitter_and_gaps_are_warnings(tmp_path: Path) -> None:
     t = np.arange(4000) * 0.002
     t[2000:] += 0.5
     t += 0.0004 * np.random.default_rng(0).random(4000)
@@ -146,7 +146,7 @@ def foreign_mcap(path: Path) -> None:
 
 
 @pytest.mark.parametrize("verb", ["info", "identify", "compare", "report", "export"])
-def test_a_file_that_is_no_recording_is_exit_5(verb: str, tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_recording_exits_with_5(verb: str, tmp_path: Path) -> None:
     text = tmp_path / "notes.mcap"
     text.write_text("just some notes\n")
     foreign_mcap(tmp_path / "foreign.mcap")
@@ -160,7 +160,7 @@ def test_a_file_that_is_no_recording_is_exit_5(verb: str, tmp_path: Path) -> Non
         assert hint in result.err
 
 
-def test_a_model_file_that_is_none_is_exit_5(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_model_exits_with_5(tmp_path: Path) -> None:
     rec = tmp_path / "r.mcap"
     heli3dof("simulate", "steps", "--model", "hover", "-o", rec)
     for text, hint in (("{", "JSON"), ('{"schema": "heli3dof.model/99"}', "99"), ("[]", "model")):
@@ -172,7 +172,7 @@ def test_a_model_file_that_is_none_is_exit_5(tmp_path: Path) -> None:
 
 
 def recording(path: Path, **geometry: float) -> Path:
-    """A short flight of the mock rig on file, its profile's geometry changed."""
+    """Write a short flight of the mock rig, with a changed geometry in its profile."""
     flown = fly_plan(step_plan((5.0, None, None)), device="mock:?speed=max", seed=1300).recording
     body = flown.profile.geometry.model_copy(update=geometry)
     other = flown.profile.model_copy(update={"geometry": body})
@@ -181,7 +181,7 @@ def recording(path: Path, **geometry: float) -> Path:
     return path
 
 
-def test_flights_of_two_rigs_are_not_taken_for_one(tmp_path: Path) -> None:
+def test_flights_of_two_rigs_are_refused(tmp_path: Path) -> None:
     one = recording(tmp_path / "one.mcap")
     two = recording(tmp_path / "two.mcap", L_a=0.5)
     for verb in ("diagnose", "identify"):
@@ -197,9 +197,7 @@ def test_flights_of_two_rigs_are_not_taken_for_one(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
 @pytest.mark.parametrize("cut", [0, 1])
-def test_a_log_in_utf_16_is_read_with_its_mark_or_without_and_cut_short(
-    encoding: str, cut: int, tmp_path: Path
-) -> None:
+def test_a_log_in_utf_16_is_read(encoding: str, cut: int, tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     data = log(n=200).encode(encoding)
     path.write_bytes(data[: len(data) - cut])
@@ -208,7 +206,7 @@ def test_a_log_in_utf_16_is_read_with_its_mark_or_without_and_cut_short(
     assert result.document["samples"] >= 199
 
 
-def test_decimal_commas_between_commas_are_named_whatever_numbers_are_whole(tmp_path: Path) -> None:
+def test_decimal_commas_in_a_comma_separated_log_are_named(tmp_path: Path) -> None:
     path = tmp_path / "log.csv"
     header, *rows = log(n=200).splitlines()
     path.write_text("\n".join([header, *(r.replace(".", ",") for r in rows)]))
@@ -217,7 +215,7 @@ def test_decimal_commas_between_commas_are_named_whatever_numbers_are_whole(tmp_
     assert "decimal commas" in result.err
 
 
-def test_a_recording_is_no_log_to_import(tmp_path: Path) -> None:
+def test_a_recording_cannot_be_imported(tmp_path: Path) -> None:
     one = recording(tmp_path / "one.mcap")
     for profile in ((), ("--profile", RIG)):
         result = heli3dof("import", one, *profile, "-o", tmp_path / "two.mcap")
@@ -236,7 +234,7 @@ def test_a_recording_is_no_log_to_import(tmp_path: Path) -> None:
         ("simulate", "steps", "--model", "hover", "-o", f"{'x' * 300}.mcap"),
     ],
 )
-def test_a_place_where_no_file_can_be_is_the_user_s_to_change(
+def test_an_output_that_cannot_be_created_exits_with_2(
     words: tuple[str, ...], tmp_path: Path
 ) -> None:
     rec = recording(tmp_path / "one.mcap") if "REC" in words else ""
@@ -247,7 +245,7 @@ def test_a_place_where_no_file_can_be_is_the_user_s_to_change(
 
 
 @pytest.mark.parametrize("verb", ["export", "report", "simulate"])
-def test_a_full_disk_is_said_to_be_full(verb: str, tmp_path: Path) -> None:
+def test_a_full_disk_is_reported(verb: str, tmp_path: Path) -> None:
     what = (
         ("steps", "--model", "hover") if verb == "simulate" else (recording(tmp_path / "r.mcap"),)
     )
@@ -259,7 +257,7 @@ def test_a_full_disk_is_said_to_be_full(verb: str, tmp_path: Path) -> None:
     assert "df -h" in result.err
 
 
-def test_a_seed_below_zero_is_a_wrong_word(tmp_path: Path) -> None:
+def test_a_negative_seed_is_a_usage_error(tmp_path: Path) -> None:
     result = heli3dof("simulate", "steps", "--model", "hover", "--seed", "-1")
     assert result.code == 2
     assert "--seed" in result.err

@@ -1,4 +1,4 @@
-"""``devices``, ``doctor``, ``zero`` and ``monitor``: what they find, say and store. None arms."""
+"""``devices``, ``doctor``, ``zero`` and ``monitor``: what they find, print and store. None arms."""
 
 from __future__ import annotations
 
@@ -38,24 +38,24 @@ def fake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> FakeDriver:
 
 @pytest.fixture
 def sound(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A computer with nothing to mend: what this one is like is not the test's matter."""
+    """Replace the checks of this computer, whose result does not concern the test."""
     monkeypatch.setattr(host, "CHECKS", ())
     monkeypatch.setattr(host, "wake_up", lambda profile: Check("wake-up", "in time", True))
     monkeypatch.setattr(folder, "CHECKS", ())
     monkeypatch.setattr(link, "EVERY_S", 0.0)
     timeless = tuple(check for check in link.CHECKS if check is not link.round_trip)
     monkeypatch.setattr(link, "CHECKS", timeless)
-    not_asked = Check("of the system", "not asked for", None)
+    skipped = Check("of the system", "skipped", None)
     monkeypatch.setattr(
-        "heli3dof.experiment.control_loop.realtime_priority._scheduling", lambda *_: not_asked
+        "heli3dof.experiment.control_loop.realtime_priority._scheduling", lambda *_: skipped
     )
     monkeypatch.setattr(
-        "heli3dof.experiment.control_loop.realtime_priority._memory", lambda *_: not_asked
+        "heli3dof.experiment.control_loop.realtime_priority._memory", lambda *_: skipped
     )
 
 
 @pytest.mark.parametrize("words", ["--help", "devices", "estop --device mock:"])
-def test_what_must_be_quick_imports_nothing_heavy(words: str) -> None:
+def test_quick_verbs_import_nothing_heavy(words: str) -> None:
     code = (
         "import sys; from heli3dof.cli.app import app\n"
         f"try: app({words.split()!r})\n"
@@ -66,7 +66,7 @@ def test_what_must_be_quick_imports_nothing_heavy(words: str) -> None:
     assert done.stderr.splitlines()[-1] == "[]"
 
 
-def test_devices_lists_every_door_and_warns_of_a_broken_driver(monkeypatch) -> None:
+def test_devices_lists_every_driver_and_warns_of_a_broken_one(monkeypatch) -> None:
     only_drivers(
         monkeypatch, fake=FakeDriver(urls=("fake://1", "fake://2")), torn=ImportError("no libfoo")
     )
@@ -78,7 +78,7 @@ def test_devices_lists_every_door_and_warns_of_a_broken_driver(monkeypatch) -> N
     assert "Warning: the driver torn does not load" in result.err
 
 
-def test_devices_opens_nothing_unless_asked(fake: FakeDriver) -> None:
+def test_devices_opens_rigs_only_with_probe(fake: FakeDriver) -> None:
     heli3dof("devices")
     assert fake.rigs == []
     (rig,) = heli3dof("devices", "--probe", "--json").document["rigs"]
@@ -87,7 +87,7 @@ def test_devices_opens_nothing_unless_asked(fake: FakeDriver) -> None:
     assert fake.rigs[0].armed == 0
 
 
-def test_devices_says_who_flies(fake: FakeDriver) -> None:
+def test_devices_shows_which_process_uses_a_rig(fake: FakeDriver) -> None:
     with Session("fake://1", doing="heli3dof run rich"):
         result = heli3dof("devices", "--probe", "--json")
     assert result.document["rigs"][0]["held_by"] == result.document["sessions"][0]["pid"]
@@ -95,7 +95,7 @@ def test_devices_says_who_flies(fake: FakeDriver) -> None:
 
 
 @pytest.mark.usefixtures("sound")
-def test_doctor_has_nothing_to_say_against_a_rig_that_is_well(fake: FakeDriver) -> None:
+def test_doctor_passes_a_good_rig(fake: FakeDriver) -> None:
     result = heli3dof("doctor")
     assert result.code == 0
     assert "fake://1, profile table-1" in result.out
@@ -104,13 +104,13 @@ def test_doctor_has_nothing_to_say_against_a_rig_that_is_well(fake: FakeDriver) 
 
 
 @pytest.mark.usefixtures("sound")
-def test_doctor_has_nothing_to_say_against_the_emulated_rig() -> None:
+def test_doctor_passes_the_emulated_rig() -> None:
     result = heli3dof("doctor", "--device", "mock:", "--json")
     assert [c for c in result.document["checks"] if c["good"] is False] == []
 
 
 @pytest.mark.usefixtures("sound")
-def test_doctor_prints_the_command_that_mends_and_exits_6(fake: FakeDriver) -> None:
+def test_doctor_prints_how_to_correct_a_failure_and_exits_with_6(fake: FakeDriver) -> None:
     fake.checks = [Check("latency timer", "16 ms", False, "echo 1 | sudo tee /sys/x")]
     result = heli3dof("doctor")
     assert result.code == 6
@@ -121,7 +121,7 @@ def test_doctor_prints_the_command_that_mends_and_exits_6(fake: FakeDriver) -> N
 
 
 @pytest.mark.usefixtures("sound")
-def test_doctor_exits_3_where_the_rig_does_not_open_and_still_tells_the_rest(
+def test_doctor_exits_with_3_if_the_rig_does_not_open_and_prints_the_other_checks(
     fake: FakeDriver,
 ) -> None:
     fake.checks = [Check("permission", "this user may not open it", False, "sudo usermod …")]
@@ -135,7 +135,7 @@ def test_doctor_exits_3_where_the_rig_does_not_open_and_still_tells_the_rest(
 
 
 @pytest.mark.usefixtures("sound")
-def test_doctor_survives_a_rig_that_falls_silent(fake: FakeDriver) -> None:
+def test_doctor_reports_a_rig_that_stops_answering(fake: FakeDriver) -> None:
     fake.silent_after = link.POLLS // 2
     result = heli3dof("doctor", "--json")
     assert result.code == 3
@@ -143,7 +143,7 @@ def test_doctor_survives_a_rig_that_falls_silent(fake: FakeDriver) -> None:
 
 
 @pytest.mark.usefixtures("sound")
-def test_a_quiet_doctor_prints_what_failed_and_nothing_else(fake: FakeDriver) -> None:
+def test_a_quiet_doctor_prints_failures_only(fake: FakeDriver) -> None:
     assert heli3dof("doctor", "--quiet").err == ""
     fake.counts = (0, 2**30, 0)
     result = heli3dof("doctor", "--quiet")
@@ -155,7 +155,7 @@ def test_a_quiet_doctor_prints_what_failed_and_nothing_else(fake: FakeDriver) ->
 
 
 @pytest.mark.usefixtures("sound")
-def test_a_rig_that_answers_but_has_nowhere_to_store_its_zero_is_told_where(
+def test_zero_reports_a_file_that_cannot_be_written(
     fake: FakeDriver, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("heli3dof.rig.zero.MEASURE_S", 0.05)
@@ -166,7 +166,7 @@ def test_a_rig_that_answers_but_has_nowhere_to_store_its_zero_is_told_where(
         assert result.code == 2
         assert f"{place}/heli3dof/rigs/F-1.toml cannot be written" in result.err
         assert "set XDG_STATE_HOME to a folder of your own" in result.err
-        assert heli3dof("doctor").code == 0, "to read nothing is not to fail"
+        assert heli3dof("doctor").code == 0, "a missing calibration is no failure"
     monkeypatch.delenv("XDG_STATE_HOME")
     monkeypatch.setattr(Path, "home", no_home)
     result = heli3dof("zero")
@@ -180,13 +180,13 @@ def no_home() -> Path:
     raise RuntimeError("Could not determine home directory.")
 
 
-def test_doctor_looks_at_the_emulated_rig_too() -> None:
+def test_doctor_checks_the_emulated_rig() -> None:
     result = heli3dof("doctor", "--device", "mock:", "--json")
     assert result.code in (0, 6)
     assert {c["group"] for c in result.document["checks"]} == {"computer", "recordings", "rig"}
 
 
-def test_zero_stores_what_every_flight_then_goes_by(
+def test_flights_use_the_rest_counts_that_zero_stored(
     fake: FakeDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fake.counts = (12, -3, 40)
@@ -221,28 +221,28 @@ def test_zero_refuses_a_rig_that_moves(fake: FakeDriver) -> None:
     assert load_calibration("F-1") is None
 
 
-def test_a_flight_says_that_the_device_restarted_since_zero(
+def test_a_flight_warns_that_the_device_restarted_since_zero(
     fake: FakeDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("heli3dof.rig.zero.MEASURE_S", 0.05)
     heli3dof("zero")
     fake.identity = replace(IDENTITY, boot=8)
-    told: list[str] = []
+    warnings: list[str] = []
     plan = step_plan((0.0, None, None), settle_s=0, duration_s=0.1)
-    flight = fly_plan(plan, device="fake://1", warn=told.append)
-    assert "has restarted" in told[0]
+    flight = fly_plan(plan, device="fake://1", warn=warnings.append)
+    assert "has restarted" in warnings[0]
     assert "has restarted" in flight.recording.meta["warnings"][0]
     assert flight.recording.meta["rest"]["known_from"] == "power-up"
 
 
-def test_several_rigs_and_no_word_which_is_a_usage_error(fake: FakeDriver) -> None:
+def test_several_rigs_without_device_option_is_a_usage_error(fake: FakeDriver) -> None:
     fake.urls = ("fake://1", "fake://2")
     result = heli3dof("monitor", "--seconds", "0")
     assert result.code == 2
     assert "--device fake://1" in result.err
 
 
-def test_where_no_rig_is_found_the_emulated_one_is_looked_at_and_that_is_said(
+def test_the_default_device_is_the_emulated_rig_with_a_note(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     only_drivers(monkeypatch, fake=FakeDriver(urls=()), mock=load_driver("mock"))
@@ -259,7 +259,7 @@ def test_monitor_reads_a_free_rig_and_never_arms_it(fake: FakeDriver) -> None:
     result = heli3dof("monitor", "--seconds", "1", "--json")
     assert result.code == 0
     document = result.document
-    assert document["readings"] == 10, "10 Hz, and looking takes time too"
+    assert document["readings"] == 10, "10 Hz, and a reading takes time too"
     assert document["last"]["roll_deg"] == pytest.approx(0, abs=0.05)
     assert document["pid"] is None
     assert "not enabled" in result.err
@@ -267,7 +267,7 @@ def test_monitor_reads_a_free_rig_and_never_arms_it(fake: FakeDriver) -> None:
     assert fake.closed == 1
 
 
-def test_monitor_watches_a_session_without_opening_its_rig(fake: FakeDriver) -> None:
+def test_monitor_shows_a_session_without_opening_its_rig(fake: FakeDriver) -> None:
     with Session("fake://1", doing="heli3dof run rich") as session:
         angle = iter(range(1000))
         session.state = lambda: {
@@ -293,7 +293,7 @@ def test_monitor_watches_a_session_without_opening_its_rig(fake: FakeDriver) -> 
     assert fake.rigs == []
 
 
-def test_monitor_of_a_mock_with_options_watches_a_flight_of_such_a_mock_and_no_other() -> None:
+def test_monitor_selects_the_session_of_a_mock_by_its_options() -> None:
     with (
         Session("mock:?seed=0", private=True, doing="heli3dof run rich"),
         Session("mock:?fault=none&seed=0", private=True, doing="heli3dof run steps"),
@@ -309,7 +309,7 @@ def _watched(url: str) -> str | None:
     return doing
 
 
-def test_the_view_shows_amperes_beside_volts_and_never_as_a_rate() -> None:
+def test_the_monitor_table_shows_currents_with_the_voltages() -> None:
     view = MonitorState()
     view.add({"v_front_V": 7.0, "i_front_A": 0.5, "v_back_V": 7.1, "i_back_A": None, "flags": []})
     now, rates = (list(view.table().columns[i].cells) for i in (1, 2))
@@ -317,14 +317,14 @@ def test_the_view_shows_amperes_beside_volts_and_never_as_a_rate() -> None:
     assert rates == ["", ""]
 
 
-def test_monitor_ends_when_the_session_that_it_watches_ends(fake: FakeDriver) -> None:
+def test_monitor_ends_with_its_session(fake: FakeDriver) -> None:
     code = (
         "import time; from heli3dof.rig.session.server import Session\n"
-        "asked = []\n"
+        "reads = []\n"
         "with Session('fake://1', doing='x') as session:\n"
-        "    session.state = lambda: asked.append(1) or {}\n"
+        "    session.state = lambda: reads.append(1) or {}\n"
         "    print('held', flush=True)\n"
-        "    while not asked: time.sleep(0.01)\n"
+        "    while not reads: time.sleep(0.01)\n"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as p:
         assert p.stdout is not None
@@ -337,7 +337,7 @@ def test_monitor_ends_when_the_session_that_it_watches_ends(fake: FakeDriver) ->
     assert running("fake://1") == []
 
 
-def test_monitor_of_a_rig_that_falls_silent_exits_3(
+def test_monitor_of_a_rig_that_stops_answering_exits_with_3(
     fake: FakeDriver,
 ) -> None:
     fake.silent_after = 2
@@ -346,7 +346,7 @@ def test_monitor_of_a_rig_that_falls_silent_exits_3(
     assert result.document["error"] == "The rig does not answer."
 
 
-def test_monitor_ended_with_ctrl_c_tells_what_it_saw() -> None:
+def test_monitor_prints_its_document_after_ctrl_c() -> None:
     run = [sys.executable, "-m", "heli3dof", "monitor", "--device", "mock:", "--json"]
     with subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as p:
         assert p.stderr is not None

@@ -29,7 +29,7 @@ AXES = {"roll", "pitch", "yaw"}
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Forty seconds of the rich plan on a rig with a cable: each half of them shows it."""
+    """Forty seconds of the rich plan on a rig with a cable, which each half of them shows."""
     device = "mock:?speed=max&start=level&hide=stiffness.cable.yaw:0.1"
     flown = fly_plan(load_plan("rich"), device=device, seed=1201).recording
     path = tmp_path_factory.mktemp("diagnose") / "cable.mcap"
@@ -98,18 +98,18 @@ def test_the_page_holds_the_picture_of_the_cable_and_links_nowhere(
     assert 'href="http' not in page
 
 
-def test_what_was_fitted_is_no_hold_out_whatever_its_name(flight: Path, tmp_path: Path) -> None:
+def test_training_data_is_refused_as_hold_out_data(flight: Path, tmp_path: Path) -> None:
     copy = tmp_path / "another.mcap"
     copy.write_bytes(flight.read_bytes())
     both = heli3dof("diagnose", flight, "--holdout", copy, "-o", tmp_path / "m.json")
     assert both.code == 2
-    assert "it is no hold-out" in both.err
+    assert "cannot be used as hold-out data" in both.err
     twice = heli3dof("diagnose", flight, copy, "-o", tmp_path / "m.json")
     assert twice.code == 2
     assert "given twice" in twice.err
 
 
-def test_a_model_among_the_recordings_is_called_one(result: Result, tmp_path: Path) -> None:
+def test_a_model_file_among_the_recordings_is_named_as_such(result: Result, tmp_path: Path) -> None:
     model = result.document["model"]
     wrong = heli3dof("diagnose", model, "-o", tmp_path / "m.json")
     assert wrong.code == 5
@@ -130,7 +130,7 @@ def test_the_extended_model_is_a_model_file_and_is_never_overwritten(
     assert path.read_bytes() == before
 
 
-def test_the_hover_model_is_judged_where_it_is_asked_for(
+def test_base_hover_diagnoses_the_linear_model(
     flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "QUICK_FLIGHTS", 8)
@@ -138,7 +138,7 @@ def test_the_hover_model_is_judged_where_it_is_asked_for(
     out = tmp_path / "m.json"
     result = heli3dof("diagnose", flight, "--base", "hover", "--quick", "-o", out, "--json")
     assert result.code == 0, result.err
-    # The travel winds the cable in the last seconds only, and without them it cannot be foretold.
+    # Yaw twists the cable in the last seconds only; a fit without them cannot predict it.
     (body,) = (f for f in result.document["findings"] if f["effect"] == "geometry")
     assert body["parameters"]["share"]["value"] == pytest.approx(1.0, abs=0.2)
     assert result.document["about"]["base"] == "hover"
@@ -146,7 +146,7 @@ def test_the_hover_model_is_judged_where_it_is_asked_for(
     assert model.terms[0] == "base.hover"  # type: ignore[attr-defined]
 
 
-def test_a_recording_at_fault_is_printed_and_exits_with_5(
+def test_a_bad_recording_is_printed_and_exits_with_5(
     flight: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "QUICK_FLIGHTS", 2, raising=False)
@@ -179,7 +179,7 @@ def test_a_log_in_the_wrong_unit_is_bad_data_and_not_an_error(flight: Path, tmp_
     assert "Verdict: bad data" in bad.err
 
 
-def test_columns_whose_exchange_looks_like_another_unit_are_named_all_the_same(
+def test_swapped_columns_that_look_like_a_wrong_unit_are_named(
     tmp_path: Path,
 ) -> None:
     r = fly_plan(step_plan((10.0, None, None)), device="mock:?speed=max", seed=1202).recording
@@ -198,7 +198,7 @@ def test_columns_whose_exchange_looks_like_another_unit_are_named_all_the_same(
     assert "heli3dof diagnose tells" in result.err
 
 
-def test_what_is_no_recording_and_a_log_without_a_profile_are_refused(tmp_path: Path) -> None:
+def test_missing_recordings_and_logs_without_a_profile_are_refused(tmp_path: Path) -> None:
     missing = heli3dof("diagnose", tmp_path / "none.mcap", "--json")
     assert missing.code == 5
     assert missing.document["exit_code"] == 5

@@ -1,4 +1,4 @@
-"""``estop`` stops what flies, from another terminal, and says what it did."""
+"""``estop`` stops flights of other processes and reports what it stopped."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.profiles import END_S, PATIENT, START_S, write_profile
 from tests.rig.fakes import FakeDriver, only_drivers
 
 MOCK = "mock:?watchdog_s=5&start=level"
-"""In real time, with a watchdog that bears a busy machine."""
+"""In real time, with a watchdog long enough for a busy machine."""
 
 
 def wait_for_flight(flight: subprocess.Popen[str]) -> Running:
@@ -69,7 +69,7 @@ def test_a_flight_is_stopped_from_another_terminal(
     assert recording.channels["phase"][-1] == RAMP_DOWN
 
 
-def test_a_session_that_hangs_is_passed_by(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_estop_stops_the_device_of_a_session_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
     driver = FakeDriver()
     only_drivers(monkeypatch, fake=driver)
     with Session("fake://1", doing="heli3dof run rich"):
@@ -79,7 +79,7 @@ def test_a_session_that_hangs_is_passed_by(monkeypatch: pytest.MonkeyPatch) -> N
     assert "did not answer; the device said that it stopped" in result.out
 
 
-def test_without_a_session_the_device_is_told_directly(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_estop_stops_devices_without_a_session(monkeypatch: pytest.MonkeyPatch) -> None:
     driver = FakeDriver(urls=("fake://1", "fake://2"))
     only_drivers(monkeypatch, fake=driver, broken=ImportError("no such library"))
     assert heli3dof("estop", "--json").document["schema"] == "heli3dof.estop/1"
@@ -89,7 +89,7 @@ def test_without_a_session_the_device_is_told_directly(monkeypatch: pytest.Monke
 DEAF = "no answer within 0.1 s"
 
 
-def test_one_that_flies_and_cannot_be_stopped_is_a_failure_and_hinders_no_other(
+def test_a_flight_that_does_not_stop_is_an_error_and_the_others_stop(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     deaf, well = FakeDriver(cannot_stop=DEAF), FakeDriver(urls=("well://1",))
@@ -104,7 +104,7 @@ def test_one_that_flies_and_cannot_be_stopped_is_a_failure_and_hinders_no_other(
     assert "switch off the amplifier" in result.err
 
 
-def test_a_port_that_is_only_found_may_be_no_rig(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_without_a_session_may_stay_unconfirmed(monkeypatch: pytest.MonkeyPatch) -> None:
     deaf, well = FakeDriver(cannot_stop=DEAF), FakeDriver(urls=("well://1",))
     only_drivers(monkeypatch, fake=deaf, well=well)
     result = heli3dof("estop", "--json")
@@ -115,7 +115,7 @@ def test_a_port_that_is_only_found_may_be_no_rig(monkeypatch: pytest.MonkeyPatch
 
 
 class Ports(FakeDriver):
-    """Finds what may be no rig, as serial ports may."""
+    """Finds ports that may not be rigs, like the serial driver."""
 
     def is_rig(self, url: DeviceUrl) -> bool:
         return url.where == "3"
@@ -124,7 +124,7 @@ class Ports(FakeDriver):
         return f"board {url.where}"
 
 
-def test_what_may_be_no_rig_is_left_out_until_one_was_opened_there(
+def test_a_port_is_skipped_until_a_rig_was_opened_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
@@ -139,7 +139,7 @@ def test_what_may_be_no_rig_is_left_out_until_one_was_opened_there(
     assert "heli3dof estop --device fake://1" in result.err
 
 
-def test_a_port_that_no_driver_lists_is_reached_where_a_rig_was_opened_before(
+def test_estop_reaches_unlisted_ports_at_which_a_rig_was_opened(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
@@ -151,7 +151,7 @@ def test_a_port_that_no_driver_lists_is_reached_where_a_rig_was_opened_before(
     assert driver.stops == ["fake://host:5000?speed=1"]
 
 
-def test_where_all_is_left_out_nothing_is_said_to_be_stopped(
+def test_estop_fails_if_every_port_is_skipped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
@@ -167,7 +167,7 @@ def test_where_all_is_left_out_nothing_is_said_to_be_stopped(
 
 
 @pytest.mark.parametrize("words", [(), ("--device", "fake://1")])
-def test_where_nothing_confirms_nothing_is_said_to_be_stopped(
+def test_estop_fails_if_no_device_confirms(
     words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     only_drivers(monkeypatch, fake=FakeDriver(cannot_stop=DEAF))
@@ -176,7 +176,7 @@ def test_where_nothing_confirms_nothing_is_said_to_be_stopped(
     assert "NOT STOPPED: fake://1" in result.err
 
 
-def test_where_sessions_cannot_be_trusted_the_device_is_told(
+def test_estop_stops_devices_if_sessions_cannot_be_read(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def strangers(device: str | None) -> list[Running]:
@@ -189,7 +189,7 @@ def test_where_sessions_cannot_be_trusted_the_device_is_told(
     assert driver.stops == ["fake://1"]
 
 
-def test_no_rig_at_all_is_said_and_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_estop_fails_without_any_rig(monkeypatch: pytest.MonkeyPatch) -> None:
     only_drivers(monkeypatch, fake=FakeDriver(urls=()))
     result = heli3dof("estop", "--json")
     assert result.code == 3

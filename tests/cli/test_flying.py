@@ -1,4 +1,4 @@
-"""``run-step``, ``run`` and ``simulate``: what they do, say and leave behind."""
+"""``run-step``, ``run`` and ``simulate``: flights, output and recordings."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from tests.profiles import PATIENT as LIMITS
 LEVEL = "mock:?speed=max&seed=1&start=level"
 HELI3DOF = [sys.executable, "-m", "heli3dof"]
 PATIENT = "mock:?watchdog_s=5&start=level"
-"""In real time, with a watchdog that bears a busy machine."""
+"""In real time, with a watchdog long enough for a busy machine."""
 QUICK = ("--settle", "0.5", "--duration", "3")
 
 
-def test_run_step_records_and_sums_up(tmp_path: Path) -> None:
+def test_run_step_records_and_prints_a_summary(tmp_path: Path) -> None:
     path = tmp_path / "step.mcap"
     result = heli3dof("run-step", "--roll", "10", *QUICK, "--device", LEVEL, "-o", path, "--json")
     assert result.code == 0
@@ -41,7 +41,7 @@ def test_run_step_records_and_sums_up(tmp_path: Path) -> None:
     assert recording.profile.loop_is_known
 
 
-def test_the_summary_is_a_table_without_colour_where_nobody_watches(tmp_path: Path) -> None:
+def test_the_summary_has_no_colour_without_a_terminal(tmp_path: Path) -> None:
     result = heli3dof(
         "run-step", "--roll", "5", *QUICK, "--device", LEVEL, "-o", tmp_path / "a.mcap"
     )
@@ -83,7 +83,7 @@ def test_a_dry_run_opens_and_writes_nothing(
         (("simulate", "steps", "--model", "hover-printed"), 6, ["1.469"]),
     ],
 )
-def test_what_cannot_be_flown_is_refused_with_a_hint(
+def test_impossible_flights_are_refused_with_a_hint(
     words: tuple, code: int, hints: list, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -110,7 +110,7 @@ def test_a_gain_that_does_not_stabilise_is_refused_before_anything_moves(tmp_pat
     assert not path.exists()
 
 
-def test_a_trip_ends_with_exit_4_and_a_recording_that_says_why(tmp_path: Path) -> None:
+def test_a_safety_trip_exits_with_4_and_is_recorded(tmp_path: Path) -> None:
     path = tmp_path / "trip.mcap"
     result = heli3dof("run-step", "--roll", "33", *QUICK, "--device", LEVEL, "-o", path)
     assert result.code == 4
@@ -133,7 +133,7 @@ def test_a_recording_is_never_overwritten_unless_forced(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_said_to_be_full(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported(tmp_path: Path) -> None:
     full = tmp_path / "full.mcap"
     full.symlink_to("/dev/full")
     result = heli3dof("run-step", "--roll", "1", *QUICK, "--device", LEVEL, "-o", full, "--force")
@@ -159,7 +159,7 @@ def test_the_same_seeds_fly_the_same_flight(tmp_path: Path) -> None:
         ("drawn", "mock:?speed=max&start=level&seed=11", 3, {"plan": 3, "device": 11}),
     ],
 )
-def test_a_recording_says_what_was_drawn_from_which_seed(
+def test_a_recording_contains_its_seeds(
     plan: str, device: str, seed: int, seeds: dict, tmp_path: Path
 ) -> None:
     drawn = tmp_path / "drawn.toml"
@@ -211,7 +211,7 @@ def test_simulate_records_like_a_flight(tmp_path: Path) -> None:
 
 
 class RealTime:
-    """A flight in a process of its own, in real time."""
+    """A flight in another process, in real time."""
 
     def __init__(self, path: Path) -> None:
         profile = write_profile(path.with_suffix(".toml"), **LIMITS)
@@ -246,8 +246,8 @@ def test_a_signal_ramps_the_motors_to_zero_and_closes_the_recording(
     recording = read_recording(path)
     assert recording.meta["outcome"] == "interrupted"
     assert (recording.voltage[-1] == 0).all()
-    # V = V_last (1 − t/0.5 s), in every period that was not missed: a machine that stands still
-    # on the way makes the rows fewer, not the ramp longer or steeper.
+    # V = V_last (1 − t/0.5 s) in every period that was not missed. A host stall makes the rows
+    # fewer, not the ramp longer or steeper.
     ramp = recording.channels["phase"] == RAMP_DOWN
     t, volts = recording.channels["host_time_s"], recording.voltage
     first = int(np.flatnonzero(ramp)[0])
@@ -262,8 +262,8 @@ def test_a_signal_ramps_the_motors_to_zero_and_closes_the_recording(
 
 @pytest.mark.realtime
 def test_kill_9_in_mid_flight_loses_at_most_half_a_second(tmp_path: Path) -> None:
-    # The best of three: neighbours on a busy machine may hold up a flight just before it is killed.
-    # What every kill loses on a quiet one is in docs/results/benchmarks.md.
+    # The best of three: on a busy machine, a flight may be stalled just before it is killed.
+    # docs/results/benchmarks.md has the loss on a quiet machine.
     lost = []
     for number in range(3):
         path = tmp_path / f"killed-{number}.mcap"
@@ -278,7 +278,7 @@ def test_kill_9_in_mid_flight_loses_at_most_half_a_second(tmp_path: Path) -> Non
         recording = read_recording(Path(result.document["file"]))
         assert recording.meta["outcome"] == "recovered"
         lost_s = killed - (recording.meta["start_ns"] / 1e9 + recording.t[-1])
-        # Half a second's rows: a flight that a machine starves of them has the fewer to lose.
+        # Counted in rows: a stalled flight has fewer rows to lose.
         apart_s = (recording.t[-1] - recording.t[0]) / (len(recording) - 1)
         lost.append(lost_s * recording.profile.dt / apart_s)
         if lost[-1] <= 0.5:

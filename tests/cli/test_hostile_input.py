@@ -1,4 +1,4 @@
-"""Whatever a verb is given, it ends with a sentence and the contract's code, never by a fault."""
+"""Any input ends with an error message and the contract's exit code, never an internal error."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -26,7 +27,7 @@ SENSELESS = ("nan", "inf", "1e308", "-1", "0", "1e-308", '"text"', "[]", "true",
 
 @pytest.fixture(scope="module")
 def bad(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of files that are no recording or model, and ``rec.mcap``, ``m.json``, which are."""
+    """A folder of invalid files, and of a valid ``rec.mcap`` and ``m.json``."""
     folder = tmp_path_factory.mktemp("größe mit Leer")
     rec = recording(folder / "rec.mcap")
     model = save_model(hover_model(default_profile()), folder / "m.json")
@@ -64,21 +65,19 @@ RECORDINGS = (
 
 @pytest.mark.parametrize("verb", ["info", "export", "identify", "diagnose", "compare", "report"])
 @pytest.mark.parametrize("name", RECORDINGS)
-def test_what_is_no_recording_is_refused_by_every_verb_that_reads_one(
-    verb: str, name: str, bad: Path
-) -> None:
+def test_every_verb_refuses_a_file_that_is_not_a_recording(verb: str, name: str, bad: Path) -> None:
     result = heli3dof(verb, bad / name, "--profile", RIG)
     if name == "rec.json" and verb in ("info", "export"):
-        assert result.code == 0, "a recording by another name is one"
+        assert result.code == 0, "a recording with another ending is read"
         return
     if verb == "diagnose" and result.code == 5 and "Error: " not in result.err:
-        assert "faulty" in result.out  # a wrong log is a verdict, not an error
+        assert "faulty" in result.out  # an inconsistent log gives a verdict, not an error
         return
     judged(result)
 
 
 @pytest.mark.parametrize("name", ["missing.mcap", "folder.mcap", "junk.mcap", "rec.mcap"])
-def test_what_is_not_torn_cannot_be_recovered(name: str, bad: Path, tmp_path: Path) -> None:
+def test_recover_refuses_complete_and_foreign_files(name: str, bad: Path, tmp_path: Path) -> None:
     judged(heli3dof("recover", bad / name, "-o", tmp_path / "r.mcap"))
 
 
@@ -90,7 +89,9 @@ MODELS = (
 
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.parametrize("verb", ["simulate", "report"])
-def test_what_is_no_model_is_refused(name: str, verb: str, bad: Path, tmp_path: Path) -> None:
+def test_a_file_that_is_no_model_is_refused(
+    name: str, verb: str, bad: Path, tmp_path: Path
+) -> None:
     model = name if name == "no-such-model" else bad / name
     what = ("simulate", "steps") if verb == "simulate" else ("report", bad / "rec.mcap")
     judged(heli3dof(*what, "--model", model, "-o", tmp_path / "out.html"))
@@ -98,7 +99,7 @@ def test_what_is_no_model_is_refused(name: str, verb: str, bad: Path, tmp_path: 
 
 @pytest.mark.parametrize("name", ["missing.toml", "empty.toml", "junk.toml", "deep.toml", "m.json"])
 @pytest.mark.parametrize("what", ["plan", "profile"])
-def test_what_is_no_plan_or_profile_is_refused(name: str, what: str, bad: Path) -> None:
+def test_a_file_that_is_not_a_plan_or_profile_is_refused(name: str, what: str, bad: Path) -> None:
     words = (bad / name,) if what == "plan" else ("rich", "--profile", bad / name)
     judged(heli3dof("run", *words, "--dry-run"), 2)
 
@@ -107,7 +108,7 @@ def test_what_is_no_plan_or_profile_is_refused(name: str, what: str, bad: Path) 
 @pytest.mark.parametrize(
     "key", ["hold.duration_s", "multisine.duration_s", "prbs.bit_s", "step.roll_deg"]
 )
-def test_senseless_numbers_in_a_plan_are_refused(key: str, value: str, tmp_path: Path) -> None:
+def test_impossible_numbers_in_a_plan_are_refused(key: str, value: str, tmp_path: Path) -> None:
     kind, name = key.split(".")
     length = "" if name == "duration_s" else "duration_s = 2\n"
     plan = tmp_path / "p.toml"
@@ -121,7 +122,7 @@ def test_senseless_numbers_in_a_plan_are_refused(key: str, value: str, tmp_path:
 
 @pytest.mark.parametrize("value", SENSELESS)
 @pytest.mark.parametrize("key", ["L_a", "V_o", "roll", "rate_hz", "v_max"])
-def test_senseless_numbers_in_a_profile_are_refused(key: str, value: str, tmp_path: Path) -> None:
+def test_impossible_numbers_in_a_profile_are_refused(key: str, value: str, tmp_path: Path) -> None:
     lines = RIG.read_text(encoding="utf-8").splitlines()
     found = [i for i, line in enumerate(lines) if line.split("=")[0].strip() == key]
     lines[found[0]] = f"{key} = {value}"
@@ -129,12 +130,12 @@ def test_senseless_numbers_in_a_profile_are_refused(key: str, value: str, tmp_pa
     profile.write_text("\n".join(lines), encoding="utf-8")
     result = heli3dof("run", "rich", "--dry-run", "--profile", profile)
     if (key, value) == ("roll", "-1"):
-        assert result.code == 0, "one count a turn: profile check says that it is unusual"
+        assert result.code == 0, "one count a turn: profile check reports it as unusual"
         return
     judged(result, 2, 6)
 
 
-# Outputs: every verb refuses at once what it could not write at the end.
+# Outputs: every verb checks at its start that it can write at its end.
 
 WRITERS = {
     "identify": ("identify", "rec.mcap"),
@@ -153,17 +154,18 @@ WRITERS = {
 
 @pytest.fixture
 def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is computed or flown before the output is looked at makes the test fail."""
+    """Fail the test if a verb computes or flies before it checks its output."""
 
     def reached(*_: object, **__: object) -> None:
         raise AssertionError("the work began")
 
-    for name in (
-        "identification.identify.identify", "diagnosis.diagnose.diagnose", "comparison.compare.compare",
-        "experiment.simulate.simulate", "experiment.fly.fly_plan", "recording.load.load",
-        "recording.logs.import_log.import_log",
+    for module, name in (
+        ("identification.identify", "identify"), ("diagnosis.diagnose", "diagnose"),
+        ("comparison.compare", "compare"), ("experiment.simulate", "simulate"),
+        ("experiment.fly", "fly_plan"), ("recording.load", "load"),
+        ("recording.logs.import_log", "import_log"),
     ):  # fmt: skip
-        monkeypatch.setattr(f"heli3dof.{name}", reached)
+        monkeypatch.setattr(import_module(f"heli3dof.{module}"), name, reached)
 
 
 @pytest.mark.usefixtures("no_work")
@@ -171,7 +173,7 @@ def no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     "place", ["no/such/x.csv", "folder", "there.csv", "/proc/x.csv", "file/x.csv"]
 )
 @pytest.mark.parametrize("writer", WRITERS)
-def test_an_output_that_cannot_be_written_is_an_error_before_the_work(
+def test_an_output_that_cannot_be_written_is_refused_before_any_work(
     writer: str, place: str, bad: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -189,7 +191,7 @@ def test_an_output_that_cannot_be_written_is_an_error_before_the_work(
 
 @pytest.mark.usefixtures("no_work")
 @pytest.mark.parametrize("writer", ["identify", "diagnose", "report", "export", "import"])
-def test_no_verb_writes_over_what_it_reads_even_with_force(
+def test_no_verb_overwrites_its_input(
     writer: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -202,7 +204,7 @@ def test_no_verb_writes_over_what_it_reads_even_with_force(
 
 @pytest.mark.usefixtures("no_work")
 @pytest.mark.parametrize("place", ["file", "/proc/figures", "/dev/null"])
-def test_figures_have_a_folder_before_models_are_compared(
+def test_compare_checks_its_folder_before_any_work(
     place: str, bad: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -210,14 +212,14 @@ def test_figures_have_a_folder_before_models_are_compared(
     judged(heli3dof("compare", bad / "rec.mcap", "-o", place), 2)
 
 
-def test_figures_that_are_there_are_kept(bad: Path, tmp_path: Path) -> None:
+def test_compare_keeps_existing_figures(bad: Path, tmp_path: Path) -> None:
     (tmp_path / "rec-yaw.svg").write_text("mine")
     judged(heli3dof("compare", bad / "rec.mcap", "-o", tmp_path), 2)
     assert [p.name for p in tmp_path.iterdir()] == ["rec-yaw.svg"]
 
 
 @pytest.mark.parametrize("words", [STEP, ("run", "--auto", *STEP[-2:]), ("demo",)])
-def test_a_default_folder_that_cannot_be_made_is_the_user_s_to_change(
+def test_a_default_folder_that_cannot_be_created_exits_with_2(
     words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -234,7 +236,7 @@ def test_a_default_folder_that_cannot_be_made_is_the_user_s_to_change(
     judged(heli3dof(*words), 2)
 
 
-# The process: its streams, its surroundings.
+# The process: its streams and its environment.
 
 
 def shell(line: str, **more: str) -> subprocess.CompletedProcess[bytes]:
@@ -256,7 +258,7 @@ def shell(line: str, **more: str) -> subprocess.CompletedProcess[bytes]:
     ],
 )
 @pytest.mark.parametrize("words", ["--help", "info REC", "info REC --json"])
-def test_streams_that_are_closed_or_full_are_no_fault(
+def test_closed_and_full_streams_are_no_internal_error(
     words: str, redirected: str, code: int, bad: Path
 ) -> None:
     done = shell(f"heli3dof {words} {redirected}".replace("REC", f"'{bad / 'rec.mcap'}'"))
@@ -266,7 +268,7 @@ def test_streams_that_are_closed_or_full_are_no_fault(
     assert code != 5 or b"cannot be written: No space left" in done.stderr
 
 
-def test_a_recording_never_gets_the_number_of_a_closed_stream(tmp_path: Path) -> None:
+def test_a_recording_never_gets_the_descriptor_of_a_closed_stream(tmp_path: Path) -> None:
     path = tmp_path / "s.mcap"
     line = " ".join(f"'{w}'" for w in (*STEP, "-o", path))
     assert shell(f"heli3dof {line} >&- 2>&- <&-").returncode == 0
@@ -282,7 +284,7 @@ def test_a_recording_never_gets_the_number_of_a_closed_stream(tmp_path: Path) ->
     ],
     ids=["C", "narrow", "no home"],
 )
-def test_surroundings_change_no_exit_code(surroundings: dict[str, str], bad: Path) -> None:
+def test_the_environment_changes_no_exit_code(surroundings: dict[str, str], bad: Path) -> None:
     done = shell(f"heli3dof info '{bad / 'rec.mcap'}' --json", **surroundings)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["name"] == "rec"

@@ -75,7 +75,7 @@ def test_the_default_is_the_grey_box_and_its_parameters_have_intervals(tmp_path:
     assert flown.code == 0, flown.err
 
 
-def test_terms_are_added_and_left_out_by_name(tmp_path: Path) -> None:
+def test_terms_are_added_and_removed_by_name(tmp_path: Path) -> None:
     words = ("identify", TRAIN[0], "-o", tmp_path / "m.json", "--force", "--json")
     result = heli3dof(*words, "--terms", "+friction.coulomb.yaw,-bias.torque.pitch")
     assert result.code == 0, result.err
@@ -119,7 +119,7 @@ def test_compare_gives_every_metric_and_its_difference(identified: tuple, tmp_pa
     assert all((tmp_path / "out" / name).stat().st_size > 2000 for name in written)
 
 
-def test_compare_alone_works_on_the_recordings_that_ship(
+def test_compare_without_arguments_uses_the_supplied_recordings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -136,7 +136,7 @@ def test_models_without_recordings_are_refused() -> None:
     assert "no recording" in result.err
 
 
-def test_report_is_one_file_that_needs_nothing_else(identified: tuple, tmp_path: Path) -> None:
+def test_a_report_is_one_self_contained_file(identified: tuple, tmp_path: Path) -> None:
     path, _ = identified
     page = tmp_path / "r.html"
     result = heli3dof("report", TEST[1], "--model", "hover", "--model", path, "-o", page)

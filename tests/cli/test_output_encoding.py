@@ -1,4 +1,4 @@
-"""Whatever the encoding of stdout and stderr, every verb prints all it has to say."""
+"""Every verb prints its whole output in any encoding of stdout and stderr."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Shell = Callable[..., tuple[int, bytes, bytes]]
 
 @pytest.fixture
 def shell(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Shell:
-    """The program from its entry on, its output redirected in an encoding: (code, out, err)."""
+    """Run the program with output redirected in an encoding; return (code, out, err)."""
     monkeypatch.chdir(tmp_path)
 
     def run(encoding: str, *words: object) -> tuple[int, bytes, bytes]:
@@ -69,11 +69,11 @@ WORDS = [
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @pytest.mark.parametrize("words", WORDS, ids=lambda words: " ".join(words[:2]))
-def test_every_verb_survives_every_encoding(
+def test_every_verb_prints_in_every_encoding(
     words: tuple[str, ...], encoding: str, shell: Shell, flight: Path
 ) -> None:
     if encoding != "ascii" and words[0] in ("compare", "report"):
-        pytest.skip("slow: the hardest encoding stands for all")
+        pytest.skip("slow: tested in ASCII only")
     code, out, err = shell(encoding, *(flight if w == "FLIGHT" else w for w in words))
     assert code in (0, 2, 3, 5, 6), err.decode(encoding)
     result = (out + err).decode(encoding)
@@ -90,7 +90,7 @@ def test_the_one_json_document_is_the_same_in_every_encoding(
     code, out, _ = shell(encoding, "info", flight, "--json")
     assert code == 0
     assert json.loads(out)["file"] == str(flight)
-    assert encoding == "utf-8" or out.isascii(), "valid as UTF-8 too, which JSON is"
+    assert encoding == "utf-8" or out.isascii(), "also valid UTF-8, which JSON requires"
 
 
 def test_a_table_in_ascii_keeps_its_columns(shell: Shell, flight: Path) -> None:
@@ -100,7 +100,7 @@ def test_a_table_in_ascii_keeps_its_columns(shell: Shell, flight: Path) -> None:
     assert len({len(line) for line in lines}) == 1
 
 
-def test_a_file_name_that_is_no_unicode_is_printed_and_is_valid_json(shell: Shell) -> None:
+def test_a_file_name_that_is_not_unicode_is_printed_and_valid_json(shell: Shell) -> None:
     code, _, err = shell("utf-8", "info", "\udcff.mcap")
     assert code == 5
     assert rb"\xff.mcap" in err
@@ -119,11 +119,11 @@ def test_a_file_name_that_is_no_unicode_is_printed_and_is_valid_json(shell: Shel
         ("日 \udcff", r"\u65e5 \xff"),
     ],
 )
-def test_symbols_become_words_and_no_character_a_question_mark(text: str, ascii_only: str) -> None:
+def test_symbols_are_replaced_by_ascii_text(text: str, ascii_only: str) -> None:
     assert printable(text, "ascii") == ascii_only
 
 
-def test_an_encoding_keeps_what_it_has() -> None:
+def test_characters_of_the_encoding_are_kept() -> None:
     assert printable("5 ° ≤ ψ", "cp1252") == "5 ° <= psi"
     assert printable("5 ° ≤ ψ", "utf-8") == "5 ° ≤ ψ"
     assert carries("ψ", "UTF-8")

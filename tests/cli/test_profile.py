@@ -1,4 +1,4 @@
-"""``profile new, show, check, update`` and ``plans``: a laboratory's first hour."""
+"""``profile new, show, check, update`` and ``plans``: write, check and correct profiles."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_the_papers_numbers_give_the_papers_profile(tmp_path: Path) -> None:
     assert result.document["loop"]["disc_margin"] == pytest.approx(0.81, abs=0.01)
 
 
-def test_a_rig_of_another_size_gets_a_gain_of_its_own(tmp_path: Path) -> None:
+def test_a_gain_is_designed_for_a_rig_of_another_size(tmp_path: Path) -> None:
     path = tmp_path / "small.toml"
     small = sets(geometry__L_a=0.33, geometry__L_w=0.25, mass__m_w=0.5, mass__m_f=0.25,
                  mass__m_b=0.25, motor__v_max=12, motor__V_o=5)  # fmt: skip
@@ -60,7 +60,7 @@ def test_a_rig_of_another_size_gets_a_gain_of_its_own(tmp_path: Path) -> None:
     assert heli3dof("profile", "check", path).code == 0
 
 
-def test_an_existing_file_is_left_as_it_is(tmp_path: Path) -> None:
+def test_an_existing_file_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_text("mine")
     assert heli3dof("profile", "new", *sets(), "-o", path).code == 2
@@ -75,7 +75,7 @@ def test_without_a_terminal_all_missing_numbers_are_named(tmp_path: Path) -> Non
     assert not (tmp_path / "rig.toml").exists()
 
 
-def test_numbers_are_asked_for_until_they_are_plausible(
+def test_questions_are_repeated_until_the_answer_is_plausible(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answers = iter(
@@ -94,7 +94,9 @@ def test_numbers_are_asked_for_until_they_are_plausible(
     assert profile.encoder.roll_rest_deg == -26.0
 
 
-def test_ctrl_c_while_asked_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_in_a_question_leaves_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def abort(*args: object, **more: object) -> str:
         raise module.typer.Abort
 
@@ -112,7 +114,7 @@ def test_a_gain_that_does_not_stabilise_is_not_written(tmp_path: Path) -> None:
     assert not (tmp_path / "rig.toml").exists()
 
 
-def test_an_unstable_profile_is_corrected_by_the_command_that_check_names(tmp_path: Path) -> None:
+def test_the_command_that_check_prints_corrects_an_unstable_profile(tmp_path: Path) -> None:
     row = [-37.6, 13.2, -11.5, 20.9, 4.7, -16.1, 10.0, -1.0]
     path = write(tmp_path / "rig.toml", controller={"K": [row, row]})
     result = heli3dof("profile", "check", path)
@@ -123,7 +125,7 @@ def test_an_unstable_profile_is_corrected_by_the_command_that_check_names(tmp_pa
     assert heli3dof("profile", "check", better).code == 0
 
 
-def test_check_names_everything_that_is_wrong_at_once(tmp_path: Path) -> None:
+def test_check_prints_every_error_at_once(tmp_path: Path) -> None:
     text = new_text(TABLE_I)
     for old, new in (
         ("L_a = 0.6604", "L_a = 66.0"),
@@ -144,10 +146,10 @@ def test_check_names_everything_that_is_wrong_at_once(tmp_path: Path) -> None:
         "did you mean 'yaw'?", "motor.V_o = 30 V is not below motor.v_max = 24 V",
     ):  # fmt: skip
         assert part in result.err, part
-    assert "encoder.yaw'" not in result.err, "a misspelt key is not missing as well"
+    assert "encoder.yaw'" not in result.err, "a misspelt key is not reported as missing too"
 
 
-def test_show_gives_keys_and_what_follows_from_them() -> None:
+def test_show_prints_keys_and_derived_quantities() -> None:
     result = heli3dof("profile", "show", "--json")
     assert result.code == 0
     derived = result.document["derived"]
@@ -157,7 +159,7 @@ def test_show_gives_keys_and_what_follows_from_them() -> None:
     assert result.document["profile"] == default_profile().to_dict()
 
 
-def test_plans_are_listed_with_what_they_are_good_for() -> None:
+def test_plans_are_listed_with_their_purpose() -> None:
     result = heli3dof("plans", "--json")
     listed = {p["name"]: p for p in result.document["plans"]}
     assert set(listed) == set(named_plans())
@@ -168,8 +170,8 @@ def test_plans_are_listed_with_what_they_are_good_for() -> None:
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result, Result, Result]:
-    """A rig with 20 % less thrust and 0.15 N·m more weight than its profile says: diagnosed,
-    its profile updated, flown again with that profile, and diagnosed again."""
+    """A rig with 20 % less thrust and 0.15 N·m more weight than in its profile, diagnosed before
+    and after an update of the profile."""
     folder = tmp_path_factory.mktemp("update")
     believed = write(folder / "rig.toml", limits={"landing_s": 0.5})
     T_g = default_profile().trim_torque
@@ -198,7 +200,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Result, Resul
     return folder, before, updated, after
 
 
-def test_an_updated_profile_simulates_its_rig_down_to_noise(
+def test_an_updated_profile_reduces_the_simulation_error_to_noise(
     flown: tuple[Path, Result, Result, Result],
 ) -> None:
     _, before, updated, after = flown
@@ -211,19 +213,21 @@ def test_an_updated_profile_simulates_its_rig_down_to_noise(
         assert error["rmse_deg"] < 0.8, axis
 
 
-def test_the_updated_numbers_are_the_rigs(flown: tuple[Path, Result, Result, Result]) -> None:
+def test_the_updated_numbers_are_true(
+    flown: tuple[Path, Result, Result, Result],
+) -> None:
     folder = flown[0]
     profile = load_profile(folder / "rig2.toml")
     assert profile.motor.K_f == pytest.approx(0.8 * 0.1188, rel=0.06)
     true_V_o = (1.1699 + 0.15) / (2 * 0.6604 * 0.8 * 0.1188)
     assert profile.motor.V_o == pytest.approx(true_V_o, rel=0.005)
-    # Torques and inertias are known in units of K_f only; the ratio is what flies.
+    # Torques and inertias are identifiable in units of K_f only.
     masses = default_profile().inertias
     for J, mass in zip(profile.inertias, masses, strict=True):
         assert J / profile.motor.K_f == pytest.approx(mass / (0.8 * 0.1188), rel=0.02)
 
 
-def test_an_update_keeps_the_comments_and_says_where_a_number_is_from(
+def test_an_update_keeps_comments_and_names_the_source_of_each_number(
     flown: tuple[Path, Result, Result, Result],
 ) -> None:
     folder = flown[0]
@@ -233,7 +237,7 @@ def test_an_update_keeps_the_comments_and_says_where_a_number_is_from(
     assert any(line.startswith("K_f") and "from diagnosis.json; was 0.1188" in line for line in new)
 
 
-def test_a_model_file_says_the_same_as_the_diagnosis(
+def test_a_model_file_updates_the_profile_as_the_diagnosis_does(
     flown: tuple[Path, Result, Result, Result],
 ) -> None:
     folder = flown[0]

@@ -1,6 +1,6 @@
-"""``run --auto``: flies what the diagnosis asks for, until it asks for nothing or time is up.
+"""``run --auto`` flies the plans that the diagnosis recommends, until it is settled.
 
-What is diagnosed is given here; that a diagnosis is right is tested where it is made.
+The diagnoses are given here; tests/diagnosis tests that they are right.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ duration_s = 9.0
 
 @pytest.fixture
 def plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a short plan, where flights go; every named plan is that short one."""
+    """The path of a short plan, in the current folder."""
     path = tmp_path / "short.toml"
     path.write_text(SHORT.format(name="short"))
     monkeypatch.chdir(tmp_path)
@@ -44,7 +44,7 @@ def plans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.fixture(scope="module")
 def whole() -> diagnosing.Diagnosis:
-    """A real diagnosis, to be told otherwise."""
+    """A real diagnosis, whose verdict the tests replace."""
     flown = fly_plan(load_plan("steps"), device=LEVEL, seed=1250).recording
     with pytest.MonkeyPatch.context() as few:
         few.setattr(diagnosing, "QUICK_FLIGHTS", 4)
@@ -55,7 +55,7 @@ def whole() -> diagnosing.Diagnosis:
 def answering(
     monkeypatch: pytest.MonkeyPatch, whole: diagnosing.Diagnosis, asks: list[str | None], plan: Path
 ) -> list[int]:
-    """Diagnoses that ask for the plan to part ``asks[k]`` after flight k; how many they saw."""
+    """Let diagnosis k recommend the plan ``asks[k]``; return how many flights each was given."""
     seen: list[int] = []
 
     def diagnose(recordings: list[Any], **options: Any) -> diagnosing.Diagnosis:
@@ -74,14 +74,14 @@ def answering(
     return seen
 
 
-def test_it_flies_what_separates_until_nothing_is_tied(
+def test_run_auto_flies_the_recommended_plans_until_settled(
     plans: Path, whole: diagnosing.Diagnosis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen = answering(monkeypatch, whole, [str(plans), None], plans)
     result = heli3dof("run", plans, "--auto", "--device", LEVEL, "-o", "auto", "--json")
     assert result.code == 0, result.err
     d = result.document
-    assert seen == [1, 2]  # every diagnosis is of all flights so far
+    assert seen == [1, 2]  # each diagnosis uses all flights so far
     assert d["ended"] == "settled"
     assert "Ended: settled." in result.err
     assert "Verdict" in result.err
@@ -95,7 +95,7 @@ def test_it_flies_what_separates_until_nothing_is_tied(
     assert "2-short" in page
 
 
-def test_it_stops_where_the_next_flight_would_exceed_the_budget(
+def test_run_auto_stops_before_the_budget_is_exceeded(
     plans: Path, whole: diagnosing.Diagnosis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answering(monkeypatch, whole, [str(plans)] * 9, plans)
@@ -127,7 +127,7 @@ def test_a_budget_below_the_first_plan_and_a_folder_in_use_are_refused(plans: Pa
     assert heli3dof("run").code == 2
 
 
-def test_a_dry_run_says_the_plan_and_flies_nothing(plans: Path) -> None:
+def test_a_dry_run_prints_the_plan_and_flies_nothing(plans: Path) -> None:
     result = heli3dof("run", plans, "--auto", "--dry-run", "--device", LEVEL)
     assert result.code == 0
     assert "Automatic: short first" in result.out

@@ -1,4 +1,4 @@
-"""How punctual the loop was is result in words, and what would mend it where it was not."""
+"""The timing of the control loop in words, and the advice for a late one."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ OUTCOME = Outcome("completed", "flown", 1000, 5, 30, 31.2e-3, True, None, 2, FOU
 HELD_UP = replace(OUTCOME, left_out=7)
 
 
-def test_a_flights_end_says_late_missed_and_lost() -> None:
+def test_the_note_counts_late_missed_and_lost_periods() -> None:
     assert timing_note(OUTCOME) == (
         "late by more than 1 ms: 5 of 1000 periods; 30 missed by this computer, "
         "2 lost on the line; lateness median 2 µs, 99.9 % 0.40 ms, maximum 31.20 ms"
     )
 
 
-def test_what_the_device_itself_left_out_is_not_put_down_to_the_line() -> None:
+def test_periods_that_the_device_skipped_are_counted_apart() -> None:
     result = "30 missed by this computer, 2 lost on the line, 7 skipped by the device"
     assert result in timing_note(HELD_UP)
     about = {"lateness": None, "samples": 9, "outcome_details": HELD_UP.details()}
     assert dict(timing_rows(about))["skipped"] == result
 
 
-def test_a_flight_on_a_virtual_clock_says_nothing_of_it() -> None:
+def test_a_flight_on_a_virtual_clock_has_no_lateness() -> None:
     virtual = replace(OUTCOME, late=0, missed=0, lost=0, punctuality=None, realtime=None)
     assert timing_note(virtual) == "late by more than 1 ms: 0 of 1000 periods"
     assert realtime_advice(virtual) is None
 
 
-def test_what_would_have_helped_is_said_only_to_a_loop_that_was_late() -> None:
+def test_advice_is_given_only_to_a_late_loop() -> None:
     assert realtime_advice(OUTCOME) == (
         "Some periods were late, and real-time scheduling was not granted. Try: sudo this"
     )
@@ -47,7 +47,7 @@ def test_what_would_have_helped_is_said_only_to_a_loop_that_was_late() -> None:
     assert realtime_advice(replace(OUTCOME, realtime=GRANTED)) is None
 
 
-def test_info_shows_what_the_recording_keeps() -> None:
+def test_info_shows_the_timing_of_a_recording() -> None:
     about = {
         "lateness": {"median_s": 2e-6, "p999_s": 4e-4, "max_s": 31.2e-3, "late_ticks": 5},
         "samples": 1000,
@@ -60,14 +60,14 @@ def test_info_shows_what_the_recording_keeps() -> None:
     assert rows["real time"] == "scheduled no, memory locked no"
 
 
-def test_a_log_without_lateness_has_no_such_rows() -> None:
+def test_a_log_has_no_timing_rows() -> None:
     assert timing_rows({"lateness": None, "samples": 9, "outcome_details": {}}) == []
 
 
 LATENCY = EchoLatency(5469, 5468, 0, 5.7e-3, 5.9e-3, 7.8e-3, 3, 3, 4)
 
 
-def test_command_to_echo_latency_is_shown_in_ms_and_periods_at_the_end_and_in_info() -> None:
+def test_latency_is_shown_in_ms_and_periods() -> None:
     shown = "median 5.70 ms (3 periods), 99.9 % 5.90 ms (3 periods), maximum 7.80 ms (4 periods)"
     unacknowledged = "5468 of 5469 commands not echoed by the next sample, 0 never"
     slow = replace(OUTCOME, latency=LATENCY)

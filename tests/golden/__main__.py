@@ -1,7 +1,7 @@
 """python -m tests.golden [keep]: compare to the last digit, or keep today's documents.
 
-The test compares to one in a hundred, since another processor rounds otherwise and a limit cycle on
-one count amplifies that. Before and after a change on one machine nothing may differ at all.
+The test allows 1 %: another processor rounds differently, and a limit cycle on one count amplifies
+it. Before and after a change on the same machine, nothing may differ.
 """
 
 from __future__ import annotations

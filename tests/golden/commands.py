@@ -1,4 +1,4 @@
-"""The commands whose documents and recordings are kept, and how a document is reduced to be kept.
+"""The commands whose documents and recordings are kept, and the reduced form that is kept.
 
 A kept document holds every key, number, boolean and single word of the printed one. Sentences, file
 paths and times of day are replaced by a mark, so wording may change and meaning may not.
@@ -44,11 +44,11 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "profile-check": ("profile", "check"),
 }  # fmt: skip
 RECORDED = {"run-step", "run-step-hidden", "simulate", "simulate-large"}
-"""Commands that write a recording: it is kept as its channels' names, lengths and sums."""
+"""Commands that write a recording, kept as the names, lengths and means of its channels"""
 
 
 def words(name: str, folder: Path) -> list[str]:
-    """The words of one command, its files in ``folder``."""
+    """The arguments of one command, with its files in ``folder``."""
     given = [w.format_map(REFERENCES) for w in COMMANDS[name]]
     if name in RECORDED:
         given += ["--output", str(folder / f"{name}.mcap")]
@@ -60,7 +60,7 @@ def words(name: str, folder: Path) -> list[str]:
 
 
 def reduced(document: Any, key: str = "") -> Any:
-    """The document without what a change of wording or another run may change."""
+    """The document without the parts that change with wording or from run to run."""
     if DIFFERS_IN_EVERY_RUN.search(key):
         return RUN
     if isinstance(document, dict):
@@ -99,7 +99,7 @@ def _are_numbers(*values: Any) -> bool:
 
 
 def recorded(path: Path) -> dict[str, Any]:
-    """What a recording holds: per channel its length, mean and mean square; its metadata's keys."""
+    """Length, mean and mean square of each channel, and the keys of the metadata."""
     recording = read_recording(path)
     columns = {
         "t": recording.t, "angle": recording.angle, "voltage": recording.voltage,

@@ -31,7 +31,7 @@ WHERE = {
 """The link's counters of missing samples (`HasLinkStatistics`), in words"""
 FIXES = {
     "lost": CABLE,
-    "device_skipped": "a lower loop.rate_hz in the profile: the device does not keep up with this one",
+    "device_skipped": "a lower loop.rate_hz in the profile: the device does not keep up",
     "samples_stale": "see wake-up above: this computer pauses",
 }
 
