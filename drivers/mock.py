@@ -43,8 +43,8 @@ class MockDriver:
         "speed",
     )  # fmt: skip
     """The fields of `MockOptions`, which a stop must not load: pydantic is slow to import"""
-    private = True
-    """Every opening makes a rig of its own: see `heli3dof.rig.drivers.is_private`."""
+    private_to_process = True
+    """See `heli3dof.rig.interface.PrivateToProcess`."""
 
     def find(self) -> Sequence[str]:
         return ["mock:"]

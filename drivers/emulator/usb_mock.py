@@ -28,8 +28,8 @@ class UsbMockDriver:
         "stream", "signs", "timeout_s", "bus",
     )  # fmt: skip
     """The fields of `UsbMockOptions`, which a stop must not load: pydantic is slow to import"""
-    private = True
-    """Every opening makes a rig of its own: see `heli3dof.rig.drivers.is_private`."""
+    private_to_process = True
+    """See `heli3dof.rig.interface.PrivateToProcess`."""
 
     def find(self) -> Sequence[str]:
         """None: an emulated bus exists only while a process has it open."""

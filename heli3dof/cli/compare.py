@@ -42,7 +42,7 @@ def compare(
     """Compare models with flights; without arguments, on the supplied recordings."""
     from heli3dof.cli.inputs import load_all, models_for, reference_comparison, split
     from heli3dof.comparison.compare import compare
-    from heli3dof.comparison.document import to_json
+    from heli3dof.comparison.document import comparison_document
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.paper.reproduction import reproduce
     from heli3dof.recording.atomic_write import check_folder, check_outputs
@@ -77,7 +77,7 @@ def compare(
     for warning in comparison.warnings:
         out.warn(warning)
     out.note(f"Figures: {folder}")
-    out.emit({**to_json(comparison, published), "figures": [str(f) for f in figures]})
+    out.emit({**comparison_document(comparison, published), "figures": [str(f) for f in figures]})
 
 
 def _figure_paths(recordings: Sequence[Recording], folder: Path) -> list[Path]:

@@ -32,7 +32,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     from heli3dof.cli.inputs import identify_both
     from heli3dof.comparison.compare import compare
     from heli3dof.diagnosis.diagnose import diagnose
-    from heli3dof.diagnosis.document import document as to_document
+    from heli3dof.diagnosis.document import diagnosis_document as to_document
     from heli3dof.experiment.plan import load_plan, step_plan
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.model.model_file import save_model

@@ -61,8 +61,8 @@ def diagnose(
     """Find the causes of the simulation's error: heli3dof diagnose rec.mcap -o model.json."""
     from heli3dof.cli.inputs import check_distinct, check_same_rig
     from heli3dof.diagnosis.diagnose import diagnose
-    from heli3dof.diagnosis.document import document as to_document
-    from heli3dof.diagnosis.next_experiment import next_of
+    from heli3dof.diagnosis.document import diagnosis_document as to_document
+    from heli3dof.diagnosis.next_experiment import next_experiment
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.model.model_file import save_model
     from heli3dof.recording.atomic_write import check_outputs, ours, stem
@@ -92,7 +92,7 @@ def diagnose(
             written = str(save_model(result.fitted.model, path, force=force))
             if not quick:
                 stage("Simulating candidates for the next flight …")
-                upcoming = next_of(result, seed=seed)
+                upcoming = next_experiment(result, seed=seed)
     document = to_document(result, written, upcoming)
     show_diagnosis(out, document)
     if written is not None:

@@ -168,7 +168,7 @@ def _fly_auto(
 def _auto_document(out: Output, result: AutoResult) -> dict[str, Any]:
     """Write the model and the report, print the diagnosis, return the document."""
     from heli3dof.cli.diagnose import show_diagnosis
-    from heli3dof.diagnosis.document import document as to_document
+    from heli3dof.diagnosis.document import diagnosis_document as to_document
     from heli3dof.model.model_file import save_model
     from heli3dof.report.diagnosis_page import diagnosis_page
     from heli3dof.report.html import write_page

@@ -44,7 +44,9 @@ class PublishedRow(Protocol):
     def to_dict(self) -> dict[str, Any]: ...
 
 
-def to_json(comparison: Comparison, published: Iterable[PublishedRow] = ()) -> dict[str, Any]:
+def comparison_document(
+    comparison: Comparison, published: Iterable[PublishedRow] = ()
+) -> dict[str, Any]:
     """A dict of JSON types, without NaN or numpy types."""
     document: dict[str, Any] = {
         "schema": SCHEMA,
@@ -134,7 +136,3 @@ def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
 def _number(value: float) -> float | None:
     """The number; None for NaN and infinity, which JSON does not have."""
     return float(value) if np.isfinite(value) else None
-
-
-comparison_document = to_json
-"""The public name"""

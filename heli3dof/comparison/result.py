@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from heli3dof.axes import AXES
-from heli3dof.comparison.document import to_json
+from heli3dof.comparison.document import comparison_document
 from heli3dof.comparison.metrics import METRICS, AxisMetrics
 from heli3dof.recording.recording import Recording
 from heli3dof.results import Result, optional
@@ -121,7 +121,7 @@ class Comparison(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """The document of ``compare --json`` without the paper's numbers."""
-        return to_json(self)
+        return comparison_document(self)
 
     def to_dataframe(self) -> pandas.DataFrame:
         """A pandas data frame with a row per recording, model (and ``experiment``) and axis.

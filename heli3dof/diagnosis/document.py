@@ -16,12 +16,12 @@ from heli3dof.diagnosis.real_next import why_none
 from heli3dof.diagnosis.result import Diagnosis, Finding, Fitted
 
 
-def document(
+def diagnosis_document(
     d: Diagnosis, model: str | None = None, upcoming: NextExperiment | None = None
 ) -> dict[str, Any]:
     """JSON-able; ``model`` is the extended model's path, None where it was not written.
 
-    ``upcoming`` is what `heli3dof.diagnosis.next_experiment.next_of` says; without it the
+    ``upcoming`` is what `heli3dof.diagnosis.next_experiment.next_experiment` says; without it the
     catalogue's own recommendation for the first tie stands there. Beside the contract's keys:
     ``integrity`` (every fault), ``dropped`` (causes that do not pay), ``about``, and what
     `_calibration` says of the tolerance.
@@ -234,7 +234,3 @@ def _next(d: Diagnosis) -> dict[str, Any] | None:
 def _number(value: float) -> float | None:
     """JSON knows neither NaN nor infinity."""
     return value if math.isfinite(value) else None
-
-
-diagnosis_document = document
-"""The public name"""

@@ -118,7 +118,7 @@ def recommend(
     )
 
 
-def next_of(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
+def next_experiment(found: Diagnosis, *, seed: int = 0) -> NextExperiment | None:
     """The experiment that a diagnosis asks for: its first tie, what did not pay, what was not seen.
 
     None where nothing is open, where the data are at fault, where no plan can be flown, or where
@@ -268,7 +268,3 @@ def _world(base: Estimate, cause: Cause | None) -> GreyBoxModel:
         base.optimum.noise[:3], np.full((len(values), len(values)), np.nan),
         jitter_s=float(base.optimum.noise[3]),
     )  # fmt: skip
-
-
-next_experiment = next_of
-"""The public name"""

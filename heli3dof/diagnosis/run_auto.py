@@ -98,7 +98,7 @@ def run_auto(
         with diagnosing() as progress:
             result = diagnose.diagnose(recordings, quick=quick, seed=seed, says=progress)
             progress("Simulating candidates for the next flight …")
-            upcoming = next_experiment.next_of(result, seed=seed)
+            upcoming = next_experiment.next_experiment(result, seed=seed)
         each(f"After {len(paths)} flight(s): {_sentence(result, upcoming)}")
         ended = _why_ended(result, upcoming, [p.stem.split("-", 1)[1] for p in paths], left_s)
         if ended is not None:

@@ -13,7 +13,7 @@ from heli3dof.comparison.prediction import HeldStill
 from heli3dof.comparison.term_importance import error_deg, shares
 from heli3dof.diagnosis.backward import backward
 from heli3dof.diagnosis.diagnose import diagnose
-from heli3dof.diagnosis.document import document
+from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.real_explains import settles_at
 from heli3dof.diagnosis.refits import STAGE_S, moved, restructured
 from heli3dof.identification.greybox.freeflight import (
@@ -152,7 +152,7 @@ def diagnosed(
     runs = [h3.load(p, trial.profile) for p in sorted((REAL_DATA / trial.rig).glob("open-*.csv"))]
     found = diagnose([*train, *runs], test)
     seconds = time.perf_counter() - since
-    written = document(found)
+    written = diagnosis_document(found)
     told = diagnosis_tables(written)
     about, f = found.about, found.fitted
     assert f is not None

@@ -64,13 +64,13 @@ def answering(
         open_ = asks[len(seen) - 1]
         return replace(whole, recordings=names, verdict="ambiguous" if open_ else "explained")
 
-    def next_of(found: diagnosing.Diagnosis, **options: Any) -> NextExperiment | None:
+    def next_experiment(found: diagnosing.Diagnosis, **options: Any) -> NextExperiment | None:
         open_ = asks[len(seen) - 1]
         both = ("motor.lag", "motor.delay")
         return NextExperiment(open_, both, "they tie", 0.9) if open_ else None
 
     monkeypatch.setattr(diagnosing, "diagnose", diagnose)
-    monkeypatch.setattr(asking, "next_of", next_of)
+    monkeypatch.setattr(asking, "next_experiment", next_experiment)
     return seen
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from heli3dof.axes import AXES
 from heli3dof.comparison.compare import compare
-from heli3dof.comparison.document import to_json
+from heli3dof.comparison.document import comparison_document
 from heli3dof.comparison.metrics import METRICS
 from heli3dof.experiment.plan import step_plan
 from heli3dof.experiment.simulate import simulate
@@ -102,7 +102,7 @@ def test_a_flight_shorter_than_a_horizon_is_predicted_at_the_others() -> None:
 
 def test_the_document_has_metrics_and_differences_per_axis_and_model() -> None:
     result = compare([flight(noise_deg=0.05)], [FakeHover()])
-    document = to_json(result, reproduce(FakeHover()))
+    document = comparison_document(result, reproduce(FakeHover()))
     text = json.dumps(document, allow_nan=False)  # raises on NaN
     assert json.loads(text)["schema"] == "heli3dof.comparison/1"
     axes = document["flights"][0]["models"][0]["axes"]
@@ -122,7 +122,7 @@ def test_the_document_of_an_unknown_loop_and_a_refused_model_is_valid() -> None:
         one_angle,
         default_profile().model_copy(update={"controller": None}),
     )
-    document = to_json(compare([log], [FakeHover(), WrongRate()]))
+    document = comparison_document(compare([log], [FakeHover(), WrongRate()]))
     json.dumps(document, allow_nan=False)
     (found,) = document["flights"]
     assert found["models"][0]["axes"] is None
@@ -170,4 +170,4 @@ def test_on_a_real_log_the_hover_model_is_worse_than_constant_angles() -> None:
     assert hover is not None
     assert only.held_still.over_window_deg == pytest.approx([9.5, 7.1, 7.4], abs=0.1)
     assert (hover.over_window_deg > 3 * only.held_still.over_window_deg).all()
-    json.dumps(to_json(compare([log], [hover_model(log.profile)])), allow_nan=False)
+    json.dumps(comparison_document(compare([log], [hover_model(log.profile)])), allow_nan=False)

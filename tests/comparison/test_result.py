@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from heli3dof.comparison.compare import compare
-from heli3dof.comparison.document import to_json
+from heli3dof.comparison.document import comparison_document
 from heli3dof.comparison.metrics import METRICS
 from heli3dof.comparison.result import Comparison
 from heli3dof.rig.profile import default_profile
@@ -32,7 +32,7 @@ def test_the_summary_has_the_warnings(comparison: Comparison) -> None:
 
 
 def test_the_dict_is_the_document(comparison: Comparison) -> None:
-    assert comparison.to_dict() == to_json(comparison)
+    assert comparison.to_dict() == comparison_document(comparison)
 
 
 def test_the_data_frame_has_a_row_per_recording_model_and_axis(comparison: Comparison) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from heli3dof.diagnosis.catalogue import candidates
 from heli3dof.diagnosis.diagnose import diagnose
-from heli3dof.diagnosis.document import document
+from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.errors import UsageError
 from heli3dof.experiment.fly import fly_plan
@@ -64,7 +64,7 @@ def test_what_geometry_gains_is_gained_over_the_hover_model_refitted(found: Diag
 
 
 def test_the_document_says_which_base_was_judged(found: Diagnosis) -> None:
-    d = document(found)
+    d = diagnosis_document(found)
     assert d["about"]["base"] == "hover"
     (finding,) = d["findings"]
     assert (finding["effect"], finding["axis"]) == ("geometry", None)

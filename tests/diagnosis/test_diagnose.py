@@ -7,7 +7,7 @@ import json
 import pytest
 
 from heli3dof.diagnosis.diagnose import diagnose
-from heli3dof.diagnosis.document import document as to_document
+from heli3dof.diagnosis.document import diagnosis_document as to_document
 from heli3dof.experiment.fly import fly_plan
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
 from heli3dof.recording.recording import Recording

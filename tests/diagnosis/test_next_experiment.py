@@ -14,7 +14,7 @@ import pytest
 from heli3dof.diagnosis import next_experiment as module
 from heli3dof.diagnosis.base_fit import base_of
 from heli3dof.diagnosis.contenders import Contender
-from heli3dof.diagnosis.next_experiment import Cause, next_of, recommend
+from heli3dof.diagnosis.next_experiment import Cause, next_experiment, recommend
 from heli3dof.diagnosis.outlook import NextExperiment
 from heli3dof.diagnosis.result import Diagnosis, Dropped
 from heli3dof.diagnosis.select import Choice
@@ -112,9 +112,9 @@ def test_what_did_not_pay_is_looked_for_at_its_own_size(
     theta = problem.coordinates(np.append(base.values, 0.013))
     contender = Contender(lag, problem, replace(base.optimum, theta=theta), 9.0, 20.0, None)
     choice = Choice(lag, 9.0, 20.0, 0.9, (), (contender,))
-    next_of(diagnosed(base, Dropped("motor.lag", None, choice=choice)))  # type: ignore[arg-type]
-    next_of(diagnosed(base, Dropped("motor.lag", None)))  # type: ignore[arg-type]
-    next_of(diagnosed(base))
+    next_experiment(diagnosed(base, Dropped("motor.lag", None, choice=choice)))  # type: ignore[arg-type]
+    next_experiment(diagnosed(base, Dropped("motor.lag", None)))  # type: ignore[arg-type]
+    next_experiment(diagnosed(base))
     told, typical, dark = (causes[0] for causes in asked)
     assert told.values == pytest.approx((0.013,))
     assert typical == Cause.typical("motor.lag")

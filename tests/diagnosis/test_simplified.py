@@ -12,7 +12,7 @@ import pytest
 from heli3dof.diagnosis.catalogue import candidates
 from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.diagnose import diagnose
-from heli3dof.diagnosis.document import document
+from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.noisy_flight import noisy_flight
 from heli3dof.diagnosis.nulls import Nulls
 from heli3dof.diagnosis.result import Diagnosis
@@ -53,7 +53,7 @@ def test_a_rig_by_the_simplified_equations_is_accused_of_nothing(innocent: Diagn
 
 
 def test_the_document_says_how_its_equations_are_written_and_no_more(innocent: Diagnosis) -> None:
-    d = document(innocent)
+    d = diagnosis_document(innocent)
     assert d["about"]["written"] == [term(n).effect.summary for n in WRITTEN]
     assert list(words.equation_changes(d)) == d["about"]["written"]
     assert d["findings"] == []

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from heli3dof.diagnosis.calibration import Calibrated, Off
-from heli3dof.diagnosis.document import document
+from heli3dof.diagnosis.document import diagnosis_document
 from heli3dof.diagnosis.result import Diagnosis, Finding, in_order, verdict_of
 from heli3dof.diagnosis.select import Choice
 from heli3dof.model.effects import terms
@@ -53,7 +53,7 @@ def test_the_strongest_stands_first_and_causes_keep_the_order_in_which_they_were
 
 def test_a_base_number_that_is_tied_asks_for_the_plan_that_parts_it() -> None:
     tied = Diagnosis(("a",), (), "ambiguous", (), calibration_findings=(off("motor.thrust_curve"),))
-    plan = document(tied)["next_experiment"]
+    plan = diagnosis_document(tied)["next_experiment"]
     assert plan["plan"] == terms(["inertia.roll"])[0].effect.separated_by
     assert plan["separates"] == ["inertia.roll", "motor.thrust_curve"]
 
@@ -70,12 +70,12 @@ def test_a_base_number_is_beyond_its_tolerance_surely_not_surely_or_not_at_all()
         wrong=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),
     )  # fmt: skip
     d = Diagnosis(("a",), (), "explained", (), cast(Any, fitted), calibration_findings=(off(),))
-    said = {c["parameter"]: c["beyond_tolerance"] for c in document(d)["calibration"]}
+    said = {c["parameter"]: c["beyond_tolerance"] for c in diagnosis_document(d)["calibration"]}
     # ln 0.85 = -0.163 is the edge below, ln 1.15 = 0.140 the one above.
     assert said == {"T_g": "not_surely", "J_roll": "surely", "J_pitch": "no", "J_yaw": "not_surely"}
-    assert {c["tolerance"] for c in document(d)["calibration"]} == {0.15}
+    assert {c["tolerance"] for c in diagnosis_document(d)["calibration"]} == {0.15}
 
 
 def test_no_flight_parts_inertias_that_are_one_factor_from_a_thrust_gain() -> None:
     tied = Diagnosis(("a",), (), "ambiguous", (), calibration_findings=(off("motor.thrust_gain"),))
-    assert document(tied)["next_experiment"] is None
+    assert diagnosis_document(tied)["next_experiment"] is None

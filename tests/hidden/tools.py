@@ -58,10 +58,10 @@ def quick(recording: Recording) -> Document:
 
 def _ours(recording: Recording, *, quick: bool) -> Document:
     from heli3dof.diagnosis.diagnose import diagnose
-    from heli3dof.diagnosis.document import document
+    from heli3dof.diagnosis.document import diagnosis_document
 
     # Through text, as an outsider would read it.
-    return dict(json.loads(json.dumps(document(diagnose(recording, quick=quick)))))
+    return dict(json.loads(json.dumps(diagnosis_document(diagnose(recording, quick=quick)))))
 
 
 def residuals(recording: Recording) -> Document:
