@@ -66,6 +66,81 @@ def test_each_package_imports_only_what_lies_below_it(package: str) -> None:
                 assert parts[1] in allowed, f"{path.relative_to(ROOT)} imports {name}"
 
 
+CIRCLES_ALLOWED = {"identification"}
+"""Packages whose modules still import each other in a circle."""
+
+
+def _modules() -> dict[str, Path]:
+    """Dotted name → file of every module of heli3dof."""
+    out = {}
+    for path in sorted((ROOT / "heli3dof").rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        out[".".join(parts).removesuffix(".__init__")] = path
+    return out
+
+
+def circles(imports: dict[str, set[str]]) -> list[list[str]]:
+    """The groups of modules that import each other, directly or through others (Tarjan)."""
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
+
+    def visit(name: str) -> None:
+        index[name] = low[name] = len(index)
+        stack.append(name)
+        for other in sorted(imports[name]):
+            if other not in index:
+                visit(other)
+                low[name] = min(low[name], low[other])
+            elif other in stack:
+                low[name] = min(low[name], index[other])
+        if low[name] == index[name]:
+            at = stack.index(name)
+            group = stack[at:]
+            del stack[at:]
+            if len(group) > 1:
+                found.append(sorted(group))
+
+    for name in imports:
+        if name not in index:
+            visit(name)
+    return found
+
+
+def module_imports() -> dict[str, set[str]]:
+    """Module → the modules that it imports: at the top, in functions, and for types."""
+    modules = _modules()
+    out: dict[str, set[str]] = {}
+    for name, path in modules.items():
+        out[name] = set()
+        for imported in imports_of(path):
+            while imported and imported not in modules:
+                imported = imported.rpartition(".")[0]
+            if imported not in ("", "heli3dof", name):
+                out[name].add(imported)
+    return out
+
+
+@pytest.mark.parametrize("package", sorted(MAY_IMPORT))
+def test_no_modules_of_a_package_import_each_other_in_a_circle(package: str) -> None:
+    inside = f"heli3dof.{package}"
+    found = [
+        group
+        for group in circles(module_imports())
+        if any(n == inside or n.startswith(f"{inside}.") for n in group)
+    ]
+    if package in CIRCLES_ALLOWED and found:
+        return
+    assert not found, f"import circle: {'; '.join(' ↔ '.join(group) for group in found)}"
+
+
+def test_a_circle_is_found_through_other_modules() -> None:
+    imports = {"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}
+    assert circles(imports) == [["a", "b", "c"]]
+    assert circles({"a": {"b"}, "b": set(), "d": {"a", "b"}}) == []
+
+
 def test_every_package_stands_in_the_table() -> None:
     found = {
         p.stem if p.is_file() else p.name

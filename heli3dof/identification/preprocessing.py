@@ -27,11 +27,9 @@ from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
 from heli3dof.identification.row_selection import REASONS, clipped, unusable
 from heli3dof.model.estimation.filter_data import LOST
-from heli3dof.recording.gap_filling import bridged
+from heli3dof.recording.gap_filling import GAP, bridged
 from heli3dof.recording.recording import Recording
 
-GAP = 1.5
-"""A step of the clock longer than this many periods is a gap; one longer than `LOST` ends a run."""
 SEGMENT_MIN_S = 1.0
 USABLE_MIN_S = 5.0
 

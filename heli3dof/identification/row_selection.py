@@ -31,10 +31,10 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL, YAW
+from heli3dof.model.physics.table import ON_TABLE_BELOW
 from heli3dof.recording.recording import Recording
 
 REASONS = ("unread", "table", "take_off", "stop", "motors_off", "falling", "ramp_down")
-ON_TABLE_BELOW = np.deg2rad(-15.0)
 NEAR_TABLE = np.deg2rad(1.0)
 STOP_BEYOND = np.deg2rad(25.0)
 SETTLED_S = 0.25

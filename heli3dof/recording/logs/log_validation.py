@@ -12,12 +12,11 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from heli3dof.errors import RecordingError
+from heli3dof.recording.gap_filling import GAP
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
 
 MIN_SAMPLES = 10
 """Fewer say nothing about anything."""
-GAP = 1.5
-"""An interval longer than this many periods is a gap."""
 JITTER = 0.02
 """Share of the period by which intervals may scatter (RMS) before it is said."""
 
