@@ -67,11 +67,7 @@ def test_each_package_imports_only_what_lies_below_it(package: str) -> None:
                 assert parts[1] in allowed, f"{path.relative_to(ROOT)} imports {name}"
 
 
-HAVE_CIRCLES = {"model"}
-"""Packages whose modules still import one another in circles."""
-
-
-@pytest.mark.parametrize("package", sorted(set(MAY_IMPORT) - HAVE_CIRCLES))
+@pytest.mark.parametrize("package", sorted(MAY_IMPORT))
 def test_no_modules_of_a_package_import_one_another_in_a_circle(package: str) -> None:
     """Imports inside functions count, those for type checking do not."""
     modules = {_module(path): path for path in files(package)}

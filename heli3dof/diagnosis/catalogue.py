@@ -8,7 +8,7 @@ a limit, a dead zone, a frequency, an instant) needs several.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,19 +16,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.scans import Frequencies, Instants, Scan
 from heli3dof.model.effects import Term, effects
-
-IN_BASE = ("mass.imbalance", "inertia", "motor.thrust_gain")
-"""The base simulation's own parameters, under other names."""
-NOT_RANKED = ("encoder.scale", "inertia.product")
-"""The scores of a scale are far from zero where nothing is hidden, by more than nulls can be relied
-on for; most of a wrong one is another inertia anyway, which the base finds. A product of inertia
-takes turn after turn in yaw to show; only fits to free flights ask for it."""
-SMALL = 0.1
-"""Of the typical size: a probe small enough to be a tangent."""
-CLIPPED = (0.999, 0.995, 0.98, 0.95, 0.88)
-"""Where a lower limit than the amplifier's is looked for: quantiles of the voltages put out."""
-SCANNED = ("disturbance.periodic", "mass.change")
-"""Looked for at every frequency and instant, see `heli3dof.diagnosis.scans`."""
+from heli3dof.model.effects.base import SMALL
 
 
 @dataclass(frozen=True)
@@ -54,9 +42,9 @@ def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[
     """
     out = []
     for effect in effects().values():
-        if effect.name in IN_BASE + NOT_RANKED or not (effect.screened and effect.parameters):
+        if not (effect.candidate and effect.screened and effect.parameters):
             continue
-        if any(n and n not in without for n in (effect.within, effect.beside)):
+        if any(n and n not in without for n in (effect.within, effect.requires)):
             continue
         where: list[str | None] = [a for a in AXES if a in effect.axes and a in axes]
         if not effect.axes:
@@ -66,40 +54,21 @@ def candidates(without: Sequence[str] = (), axes: Sequence[str] = AXES) -> list[
 
 
 def probes(term: Term, V: np.ndarray) -> list[Probe]:
-    """Where to look for a term, the plainest first; V (N, 2) the voltages put out. See the module.
+    """The probes of a term, the simplest first; V (N, 2) the voltages of the recordings.
 
-    None for one that is scanned.
+    Empty for a term that is scanned.
     """
-    q = term.effect.parameters
-    null = tuple(p.null for p in q)
-
-    def at(*values: float) -> Probe:
-        full = (*values, *null[len(values) :])
-        return Probe(term, full, full[0] - null[0])
-
-    name = term.effect.name
-    if name == "motor.lag":
-        return [at(v) for v in (0.02, 0.07, 0.2)]
-    if name == "motor.delay":
-        return [at(v) for v in (0.004, 0.02)]
-    if name == "motor.dead_zone":
-        return [at(v) for v in (0.3, 1.5)]
-    if name == "motor.saturation":
-        limits = np.nanquantile(np.abs(V), CLIPPED)
-        return [Probe(term, (float(v),), -1.0, grows=False) for v in np.unique(limits)]
-    if name == "aero.ground_effect":
-        return [at(SMALL * q[0].typical, h) for h in (0.05, 0.1, 0.25)]
-    if name in SCANNED:
+    effect, null = term.effect, tuple(p.null for p in term.effect.parameters)
+    if effect.scan:
         return []
-    return [at(null[0] + SMALL * q[0].typical)]
+    if effect.probe_quantiles:
+        limits = np.nanquantile(np.abs(V), effect.probe_quantiles)
+        return [Probe(term, (float(v),), -1.0, grows=False) for v in np.unique(limits)]
+    values = effect.probes or ((null[0] + SMALL * effect.parameters[0].typical,),)
+    return [Probe(term, (*v, *null[len(v) :]), v[0] - null[0]) for v in values]
 
 
 def scans(terms: Sequence[Term]) -> list[Scan]:
     """The scans of those of the terms that are scanned."""
-    out: list[Scan] = []
-    for t in terms:
-        if t.effect.name == "disturbance.periodic":
-            out.append(Frequencies(t))
-        elif t.effect.name == "mass.change":
-            out.append(Instants(t))
-    return out
+    kinds: dict[str, Callable[[Term], Scan]] = {"frequency": Frequencies, "instant": Instants}
+    return [kinds[t.effect.scan](t) for t in terms if t.effect.scan]

@@ -13,25 +13,20 @@ log that is thinner than its loop the loop is flown, and logged as thinly.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from heli3dof.model.compiled import compiled
 from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
-from heli3dof.model.estimation import ekf_quantised
 from heli3dof.model.estimation.decimated_log import filled
-from heli3dof.model.greybox.closed_loop import true_angles
-from heli3dof.model.greybox.linearisation import balance
+from heli3dof.model.greybox.linearisation import balance, true_angles
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.model.physics import integrator, rotor
-from heli3dof.model.physics.integrator import readings, setup, step
-from heli3dof.model.physics.rotor import aim
+from heli3dof.model.physics.integrator import fly_row, readings, setup, stop_at_table
 from heli3dof.model.physics.state_layout import FLANK
+from heli3dof.model.physics.table import ON_TABLE_BELOW
 from heli3dof.recording.recording import Recording
 
-ON_TABLE_BELOW = math.radians(-15.0)
 _law = compiled(control_law, leaf=True)
 
 
@@ -41,7 +36,7 @@ def _fly(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     setup(s, first, address, par, mem)
     s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
-    y, slope, out, force = np.empty(3), np.empty(3), np.empty(N_OUT), np.empty(2)
+    y, slope, out = np.empty(3), np.empty(3), np.empty(N_OUT)
     w, decay = np.zeros((8, 3)), np.full(3, -1.0)
     N = reference.shape[0]
     target = np.empty((N, 2))
@@ -53,26 +48,14 @@ def _fly(  # type: ignore[no-untyped-def]
             angle[k, i] = y[i]
         _law(p, c, y, reference[k], extra[k], out)
         voltage[k, 0], voltage[k, 1] = out[2], out[3]
-        aim(s, voltage, h, 0, k, first, address, par, mem, force)
-        target[k, 0], target[k, 1] = force[0], force[1]
-        step(s, x, k, t, h, voltage, target, F, first, address, par, mem, free, w, decay)
-        if k + 1 < N:
-            F[k + 1, 0], F[k + 1, 1] = w[7, 0], w[7, 1]
+        fly_row(s, x, k, t, h, voltage, target, F, first, address, par, mem, free, w, decay)
         for i in range(3):
             x[3 + i] += kick[k, i]
             x[i] += 0.5 * h[k] * kick[k, i]
-        if x[0] < low:
-            x[0] = low
-            if x[3] < 0.0:
-                x[3] = 0.0
+        stop_at_table(x, low)
 
 
-_fly_compiled = compiled(
-    _fly,
-    calls=(control_law, rotor._aim, integrator._readings, integrator._step, *ekf_quantised._CALLS),
-    error_model="numpy",
-    nogil=True,
-)
+_fly_compiled = compiled(_fly, error_model="numpy", nogil=True)
 
 
 def noisy_flight(

@@ -38,7 +38,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.diagnosis.catalogue import SCANNED, Probe
+from heli3dof.diagnosis.catalogue import Probe
 from heli3dof.diagnosis.contenders import Contender, contend
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.nulls import DRIFT, Nulls
@@ -114,7 +114,7 @@ def worth_a_fit(
 
 def one_way(probe: Probe) -> bool:
     """Whether the term is one that only grows from nothing in the probe's direction."""
-    if probe.term.effect.name in SCANNED or not probe.grows:
+    if probe.term.effect.scan or not probe.grows:
         return True
     q = probe.term.effect.parameters[0]
     return q.null - q.low < ONE_WAY * (q.high - q.null)

@@ -24,8 +24,8 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
 from heli3dof.identification.row_selection import REASONS, clipped, stretches, unusable
-from heli3dof.model.estimation.filter_data import GAP, LOST, Run, Stretch
-from heli3dof.recording.gap_filling import bridged
+from heli3dof.model.estimation.filter_data import LOST, Run, Stretch
+from heli3dof.recording.gap_filling import GAP, bridged
 from heli3dof.recording.recording import Recording
 
 SEGMENT_MIN_S = 1.0

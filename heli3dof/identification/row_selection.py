@@ -33,7 +33,7 @@ import itertools
 import numpy as np
 
 from heli3dof.axes import AXES, ROLL, YAW
-from heli3dof.model.estimation.filter_data import ON_TABLE_BELOW
+from heli3dof.model.physics.table import ON_TABLE_BELOW
 from heli3dof.recording.recording import Recording
 
 REASONS = ("unread", "table", "take_off", "stop", "motors_off", "falling", "ramp_down")

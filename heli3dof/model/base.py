@@ -1,49 +1,51 @@
-"""What every model can do, whatever its kind: replay the loop, and predict from data so far.
+"""`Model`, the interface of every kind of model, and the closed-loop task that a model simulates.
 
-Comparison, validation and diagnosis only ask these questions; a new kind of model answers them
-in one new file.
+Comparison, validation and diagnosis use these methods only.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import ControllerSpec, Limits
 
+if TYPE_CHECKING:
+    import control
+
 
 @dataclass(frozen=True, eq=False)
 class LoopTask:
-    """What a closed loop is asked to fly: N control periods of length ``dt``."""
+    """The input of a closed-loop simulation: N control periods of length ``dt``."""
 
     reference: np.ndarray
-    """(N, 3) rad, before the rate limiter; NaN is taken as zero."""
+    """(N, 3) rad, before the rate limiter; NaN counts as zero."""
     extra: np.ndarray
-    """(N, 2) V added to the controller's output; NaN is taken as zero."""
+    """(N, 2) V added to the controller's output; NaN counts as zero."""
     angle0: np.ndarray
-    """(3,) rad, the angles at the start, at rest."""
+    """(3,) rad, the angles at rest at the start."""
     controller: ControllerSpec
     V_o: float
-    """V, the hover voltage that the controller adds (the profile's, not the model's)."""
+    """V, the controller's hover voltage (of the profile, not of the model)."""
     v_max: float
     """V"""
     dt: float
     """s"""
     rad_per_count: np.ndarray | None = None
-    """(3,) rad per count: the controller sees quantised angles; None for ideal encoders."""
+    """(3,) rad per count of quantised encoders; None for ideal ones."""
     opened: np.ndarray | None = None
-    """(N, 3) modes of the axes' loops, see `model.control.loop_opening`; None: all stay closed."""
+    """(N, 3) modes of the axes' loops (`model.control.loop_opening`); None: all closed."""
     limits: Limits = field(default_factory=Limits)
-    """Where an opened loop is handed back to the controller."""
+    """The envelope; an open loop is closed again when the rig nears it."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoopResult:
-    """What the loop did: arrays over the same N samples as the task."""
+    """The result of a closed-loop simulation: arrays over the task's N samples."""
 
     t: np.ndarray
     """(N,) s"""
@@ -54,18 +56,20 @@ class LoopResult:
     voltage_cmd: np.ndarray
     """(N, 2) V, before it."""
     reference_limited: np.ndarray | None = None
-    """(N, 3) rad, the reference behind its rate limiter, where the simulation kept it."""
+    """(N, 3) rad, the reference after its rate limiter."""
     reference: np.ndarray | None = None
-    """(N, 3) rad as flown, where loops were opened; None: the task's."""
+    """(N, 3) rad as applied, if loops were opened; None: the task's."""
     extra: np.ndarray | None = None
-    """(N, 2) V as flown, likewise."""
+    """(N, 2) V as applied, likewise."""
 
 
 class Model(Protocol):
     """A simulation of the rig."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """The name shown in tables and figures."""
+        ...
 
     @property
     def kind(self) -> str:
@@ -73,21 +77,25 @@ class Model(Protocol):
         ...
 
     def fly(self, task: LoopTask) -> LoopResult:
-        """The closed loop on this model. Diverging loops give inf/NaN, not an exception."""
+        """Simulate the closed loop. A diverging loop gives inf or NaN, not an exception."""
         ...
 
     def loop_poles(self, controller: ControllerSpec, dt: float) -> np.ndarray:
-        """Continuous-time poles (rad/s, complex) of this model in the loop with the gain."""
+        """Continuous-time closed-loop poles (rad/s, complex) with the controller's gain."""
         ...
 
     def predict(self, recording: Recording, horizon_s: float) -> np.ndarray:
         """(N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
 
-        Uses the voltages throughout and the angles up to k − horizon only; NaN where there is
-        no prediction yet or the axis is not modelled.
+        Uses all voltages before row k and the angles up to the horizon before it. NaN in the
+        first rows and on an axis that is not modelled.
         """
         ...
 
+    def to_control(self, *, in_continuous_time: bool = False) -> control.StateSpace:
+        """The model about its trim, for python-control; nonlinear models at level hover."""
+        ...
+
     def to_dict(self) -> Mapping[str, Any]:
-        """The model file's content; see ``heli3dof.model.model_file``."""
+        """The content of the model file; see `heli3dof.model.model_file`."""
         ...

@@ -1,9 +1,9 @@
-"""Compiling with numba, cached on disk, and recompiled when *anything it calls* has changed.
+"""Compilation with numba, cached on disk; a change in any called function invalidates the cache.
 
-``numba.njit(cache=True)`` keeps machine code in ``__pycache__`` (or the user's cache folder where
-that is read-only), so only the first simulation after an installation compiles, for some seconds.
-Numba looks only at the file of the function itself: edit a function that it calls, and the old
-code goes on flying. `compiled` adds the sources of ``calls`` to what the cache is checked against.
+``numba.njit(cache=True)`` keeps machine code in ``__pycache__`` (or the user's cache folder if that
+is read-only), so only the first run after an installation compiles, for some seconds. Numba checks
+the file of the compiled function only and would run old code after a change in a function that it
+calls. `compiled` therefore adds a digest of those functions to numba's cache key.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ import hashlib
 import inspect
 import logging
 import threading
+import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,42 +27,62 @@ def compiled(
     leaf: bool = False,
     **options: Any,
 ) -> Any:
-    """``function`` under ``numba.njit``, cached; ``calls`` are the functions it calls.
+    """Return ``function`` under ``numba.njit``, cached on disk.
 
-    A ``leaf`` is called once a row or more, makes no array and calls none but leaves: it is built
-    into its callers, and without numba's counting of references to arrays, which costs up to ten
-    times as much as the sums of a rigid body do.
+    Compiled functions and numbers that it uses by their global names are found automatically;
+    ``calls`` names further functions whose change must recompile it.
+
+    A ``leaf`` makes no array and calls only leaves. It is inlined into its callers and compiled
+    without reference counting of arrays, which costs up to ten times as much as the arithmetic of a
+    rigid body.
 
     Floating point is strict (no fastmath): the same numbers as in Python. ``options`` go to numba,
-    for instance ``error_model="numpy"`` where no division by zero is to raise.
+    for instance ``error_model="numpy"``: a division by zero gives inf or NaN and does not raise.
     """
     import numba
 
     if leaf:
         options |= {"_nrt": False, "forceinline": True}
-    dispatcher: Any = numba.njit(cache=True, **options)(function)
-    if calls:
-        try:
-            index = dispatcher._cache._cache_file
-            index._source_stamp = (index._source_stamp, _sources(calls))
-        except AttributeError:  # a numba whose cache is made otherwise: do without the cache
-            return numba.njit(**options)(function)
-    return dispatcher
+    digest = "".join(map(_digest, (function, *calls))) + repr(sorted(options.items()))
+    return numba.njit(cache=True, **options)(_with_cell(function, digest))
 
 
-def _sources(functions: tuple[Callable[..., Any], ...]) -> str:
-    h = hashlib.sha256()
-    for f in functions:
-        h.update(Path(inspect.getfile(getattr(f, "py_func", f))).read_bytes())
+@cache
+def _digest(function: Callable[..., Any]) -> str:
+    """A digest of a function's file, of the numbers it uses, and of the functions it calls."""
+    function = getattr(function, "py_func", function)
+    h = hashlib.sha256(_source(inspect.getfile(function)))
+    names: dict[str, Any] = getattr(function, "__globals__", {})
+    for name in function.__code__.co_names:
+        value = names.get(name)
+        if isinstance(value, int | float):
+            h.update(f"{name}={value!r}".encode())
+        elif hasattr(value, "py_func"):
+            h.update(_digest(value).encode())
     return h.hexdigest()
+
+
+@cache
+def _source(path: str) -> bytes:
+    return Path(path).read_bytes()
+
+
+def _with_cell(function: Callable[..., Any], content: str) -> Callable[..., Any]:
+    """Copy a function with an unused closure cell: numba's cache key holds the closure's cells."""
+    code = function.__code__
+    code = code.replace(co_freevars=(*code.co_freevars, "_digest"))
+    cells = (*(function.__closure__ or ()), types.CellType(content))
+    copy = types.FunctionType(
+        code, function.__globals__, function.__name__, function.__defaults__, cells
+    )
+    copy.__module__, copy.__qualname__ = function.__module__, function.__qualname__
+    copy.__doc__ = function.__doc__
+    return copy
 
 
 @contextmanager
 def announced(sentence: str, after_s: float = 1.5) -> Iterator[None]:
-    """Says ``sentence`` (to the log, once) where what is done inside takes longer than that.
-
-    For first compilations, which take seconds and then never again.
-    """
+    """Log ``sentence`` once if the body takes longer than ``after_s``, as compilation does."""
     timer = threading.Timer(after_s, logging.getLogger("heli3dof").warning, (sentence,))
     timer.daemon = True
     timer.start()

@@ -1,19 +1,20 @@
-"""From continuous to discrete time and back, and transfer functions.
+"""Conversion between continuous and discrete time, and transfer functions.
 
 Zero-order hold, dt in s::
 
     [A_d B_d]        ( [A B]    )
-    [ 0   I ]  = exp ( [0 0] dt )        (`held`; `released` takes the logarithm instead)
+    [ 0   I ]  = exp ( [0 0] dt )        (`held`; `released` takes the logarithm)
 
-The logarithm exists where no pole lies on the negative real axis or at zero; a pole there (a
-delay, an oscillation at half the sample rate) has no counterpart in continuous time, and the
-bilinear rule z = (1 + s dt/2)/(1 − s dt/2) is used instead, which then has a feedthrough D.
+The logarithm does not exist for a pole at zero or on the negative real axis (a delay, an
+oscillation at half the sample rate). The bilinear rule z = (1 + s dt/2)/(1 − s dt/2) replaces it
+there; the result then has a feedthrough D.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 import scipy.linalg as la
@@ -21,16 +22,31 @@ import scipy.linalg as la
 if TYPE_CHECKING:
     import control
 
-    from heli3dof.model.linear.model import LinearModel
-
 _NAMES = {"inputs": ["v_front_V", "v_back_V"], "outputs": ["roll_rad", "pitch_rad", "yaw_rad"]}
+HOVER_STATES = ("r", "p", "psi", "r_rate", "p_rate", "psi_rate")
+"""State names of the physical state (8): rad and rad/s."""
+
+
+class Sampled(Protocol):
+    """A discrete-time model x[k+1] = A x + B ũ, ỹ = C x, sampled every ``dt`` s."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def A(self) -> np.ndarray: ...
+    @property
+    def B(self) -> np.ndarray: ...
+    @property
+    def C(self) -> np.ndarray: ...
+    @property
+    def dt(self) -> float: ...
 
 
 @dataclass(frozen=True, eq=False)
 class Continuous:
     """ẋ = A x + B ũ, ỹ = C x + D ũ about the model's trim; rad, V, s.
 
-    ``method`` says how it was found: ``hold`` (exact at the samples) or ``bilinear``.
+    ``method``: ``hold`` (exact at the samples) or ``bilinear``.
     """
 
     A: np.ndarray
@@ -50,7 +66,7 @@ def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarra
 
 
 def released(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray] | None:
-    """(A, B) of which A_d, B_d are the zero-order hold at dt (s), or None where there is none."""
+    """(A, B) whose zero-order hold at dt (s) is (A_d, B_d); None if there is none."""
     z: np.ndarray = np.linalg.eigvals(A_d)
     if np.any((z.real <= 0) & (abs(z.imag) <= 1e-9 * np.maximum(1, abs(z)))):
         return None
@@ -66,15 +82,15 @@ def released(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, n
     return L[:n, :n], L[:n, n:]
 
 
-def continuous(model: LinearModel) -> Continuous:
-    """The continuous-time model of a discrete one: zero-order hold undone, else bilinear."""
+def continuous(model: Sampled) -> Continuous:
+    """The continuous-time model of a discrete one: inverse zero-order hold, else bilinear."""
     zoh = released(model.A, model.B, model.dt)
     if zoh is not None:
         return Continuous(*zoh, model.C, np.zeros((3, 2)), "hold")
     # z = (1 + s dt/2)/(1 − s dt/2), with P = (A_d + I)⁻¹
-    n = model.order
-    P = la.pinv(model.A + np.eye(n))
-    A = (2 / model.dt) * P @ (model.A - np.eye(n))
+    eye = np.eye(len(model.A))
+    P = la.pinv(model.A + eye)
+    A = (2 / model.dt) * P @ (model.A - eye)
     B = (2 / np.sqrt(model.dt)) * P @ model.B
     C = (2 / np.sqrt(model.dt)) * model.C @ P
     return Continuous(A, B, C, -model.C @ P @ model.B, "bilinear")
@@ -83,8 +99,8 @@ def continuous(model: LinearModel) -> Continuous:
 def numerators(model: Continuous) -> tuple[np.ndarray, np.ndarray]:
     """(num, den) over the common denominator det(sI − A), highest power first.
 
-    num is (3, 2, n + 1): from motor j (V) to axis i (rad); den is (n + 1,).
-    By det(sI − A + B_j C_i) = den · (1 + T_ij) for a strictly proper T_ij, D added after.
+    num (3, 2, n + 1) is from motor j (V) to axis i (rad); den is (n + 1,).
+    det(sI − A + B_j C_i) = den · (1 + T_ij) for a strictly proper T_ij; D is added after.
     """
     den = np.real(np.poly(model.A))
     num = np.zeros((3, 2, len(den)))
@@ -95,22 +111,27 @@ def numerators(model: Continuous) -> tuple[np.ndarray, np.ndarray]:
     return num, den
 
 
-def to_control(model: LinearModel, *, in_continuous_time: bool = False) -> control.StateSpace:
+def to_control(
+    model: Sampled, *, in_continuous_time: bool = False, states: Sequence[str] | None = None
+) -> control.StateSpace:
     """A python-control ``StateSpace`` about the trim: V − u0 in V, y − y0 in rad.
 
-    Discrete at the model's dt, or in continuous time (see `continuous`).
+    Discrete at the model's dt, or in continuous time (see `continuous`). ``states`` names the
+    states; a bilinear conversion mixes them, so that its states stay x[0], x[1], …
     """
     import control
 
-    if in_continuous_time:
-        c = continuous(model)
-        return control.ss(c.A, c.B, c.C, c.D, name=model.name, **_NAMES)
-    return control.ss(
-        model.A, model.B, model.C, np.zeros((3, 2)), model.dt, name=model.name, **_NAMES
-    )
+    names = {**_NAMES, "name": model.name}
+    if not in_continuous_time:
+        D = np.zeros((3, 2))
+        return control.ss(model.A, model.B, model.C, D, model.dt, states=states, **names)
+    c = continuous(model)
+    if c.method == "bilinear":
+        states = None
+    return control.ss(c.A, c.B, c.C, c.D, states=states, **names)
 
 
-def to_transfer_function(model: LinearModel) -> control.TransferFunction:
+def to_transfer_function(model: Sampled) -> control.TransferFunction:
     """The continuous-time transfer functions, rad per V, as python-control's 3 × 2 object.
 
     Powers of s common to numerator and denominator are cancelled; `numerators` keeps the one
@@ -129,7 +150,7 @@ def to_transfer_function(model: LinearModel) -> control.TransferFunction:
 
 
 def _reduced(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Without leading zeros, and without the powers of s that both have, up to rounding."""
+    """(num, den) without leading zeros and without common powers of s, up to rounding."""
     num = np.where(abs(num) > 1e-12 * np.max(abs(den)), num, 0.0)
     if not num.any():
         return np.zeros(1), np.ones(1)

@@ -1,7 +1,7 @@
-"""Model files: JSON, schema ``heli3dof.model/1``; the format is in ``model-file.md``.
+"""Model files: JSON, schema ``heli3dof.model/1``; see ``docs/reference/model-file.md``.
 
-`save_model` and `read_model` hold any `Model`. `heli3dof.paper.models.load_model` also takes the
-names of the paper's models.
+`save_model` and `read_model` handle any `Model`. `heli3dof.paper.models.load_model` also accepts
+the names of the paper's models.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ SCHEMA = "heli3dof.model/1"
 
 
 def save_model(model: Model, path: str | Path, *, force: bool = False) -> Path:
-    """Write the model's file, whole or not at all, and return its path.
+    """Write the model's file atomically and return its path.
 
-    Raises OutputExists where the file is there already and ``force`` is not set, UsageError or
-    NoSpace where it cannot be written.
+    Raises OutputExists if the file exists and ``force`` is not set, UsageError or NoSpace if it
+    cannot be written.
     """
     return write_document({"schema": SCHEMA, **model.to_dict()}, Path(path), force=force)
 
 
 def write_document(data: Mapping[str, Any], path: Path, *, force: bool) -> Path:
-    """Write a JSON document atomically: a crash leaves the old file or the new one."""
+    """Write a JSON document atomically: after a crash the old or the new file is complete."""
     text = json.dumps(jsonable(data), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     return write_file(path, text.encode("utf-8", "backslashreplace"), force=force)
 
 
 def read_model(path: str | Path) -> Model:
-    """The model in a file. Raises RecordingError saying what about the file cannot be used."""
+    """Return the model in a file. Raises RecordingError with the reason if the file is unusable."""
     path = Path(path)
     data = _read_json(path)
     schema = data.get("schema")
@@ -58,7 +58,7 @@ def read_model(path: str | Path) -> Model:
             "is not a model file: its 'schema' is "
             + (f"{schema!r}" if schema is not None else "missing")
             + f", not {SCHEMA!r}",
-            "it is some other JSON document, for instance what --json printed.",
+            "it is another JSON document, for instance the output of --json.",
             "give the .json that heli3dof identify wrote",
         )
     form = data.get("form")
@@ -118,7 +118,7 @@ def _read_json(path: Path) -> dict[str, Any]:
         raise _unusable(
             path,
             "holds no JSON object",
-            "it is some other JSON document.",
+            "it is another JSON document.",
             "give the .json that heli3dof identify wrote",
         )
     return data
@@ -129,7 +129,7 @@ def _unusable(path: Path, what: str, cause: str, fix: str) -> RecordingError:
 
 
 def jsonable(value: Any) -> Any:
-    """Plain JSON content: arrays and numpy scalars as lists and numbers, NaN and ∞ as null."""
+    """Plain JSON content: arrays and numpy scalars become lists and numbers, NaN and ∞ null."""
     if isinstance(value, Mapping):
         return {str(k): jsonable(v) for k, v in value.items()}
     if isinstance(value, np.ndarray):

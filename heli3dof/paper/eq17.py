@@ -1,23 +1,26 @@
-"""Eq (17), the paper's identified model: data, flagged as defective; never a default plant.
+"""Eq (17), the paper's identified model: data with known defects, never a default plant.
 
-One denominator, T(s)_{i,j} from motor i (1 front, 2 back) to angle j (1 roll, 2 pitch, 3 yaw);
-the indices are (input, output). Degrees per volt. What is wrong with it (E14):
+One denominator; T(s)_{i,j} is from motor i (1 front, 2 back) to angle j (1 roll, 2 pitch, 3 yaw),
+in degrees per volt. Its defects (E14):
 
-* T_11 begins with 52 s³. T_1j ≈ −T_2j elsewhere, and T_21 begins with −2.537 s³, so 2.52 s³ is
-  almost surely meant: the reading called *mended*.
-* T_12 and T_13 end without a constant term, where T_22 and T_23 have one.
-* a fourth-order model cannot hold the plant, which has six states and a free integrator in yaw.
-* every reading of it is unstable in the loop with K_g.
+* T_11 begins with 52 s³. T_1j ≈ −T_2j elsewhere, and T_21 begins with −2.537 s³, so 2.52 s³ is very
+  likely meant: the *corrected* reading.
+* T_12 and T_13 have no constant term, but T_22 and T_23 have one.
+* A fourth-order model cannot represent the plant, which has six states and a free integrator in
+yaw. * Every reading is unstable in the loop with K_g.
 
-The model is a `LinearModel` in rad and V, exact zero-order hold of an eight-state realisation:
-the printed numerators do not share four states.
+The model is a `LinearModel` in rad and V: the exact zero-order hold of an eight-state realisation,
+because the printed numerators have no common four-state realisation.
 """
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import scipy.linalg as la
 
+from heli3dof.model.control.closed_loop_poles import rightmost_first
 from heli3dof.model.discretisation import held
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.rig.profile import Profile
@@ -33,33 +36,31 @@ NUMERATORS_PRINTED = (
     ),
 )
 """[motor][angle] → s³ … s⁰, °/V, as printed."""
-T11_MENDED = 2.52
-"""The s³ coefficient of T_11 that is almost surely meant."""
+T11_CORRECTED = 2.52
+"""The s³ coefficient of T_11 that is very likely meant."""
 
 
-def numerators_deg(*, mended: bool = False) -> np.ndarray:
+def numerators_deg(*, corrected: bool = False) -> np.ndarray:
     """(2, 3, 4): motor, angle, coefficients of s³ … s⁰, °/V."""
     num = np.array(NUMERATORS_PRINTED)
-    if mended:
-        num[0, 0, 0] = T11_MENDED
+    if corrected:
+        num[0, 0, 0] = T11_CORRECTED
     return num
 
 
 def poles() -> np.ndarray:
     """(4,) rad/s: the roots of the common denominator, rightmost first."""
-    from heli3dof.model.control.closed_loop_poles import rightmost_first
-
     return rightmost_first(np.roots(DENOMINATOR))
 
 
 def dc_gains_deg() -> np.ndarray:
-    """(2, 3): motor, angle; °/V. The two readings differ in s³ only, so these are the same."""
+    """(2, 3): motor, angle; °/V. Both readings have the same gains: they differ in s³ only."""
     return numerators_deg()[:, :, -1] / DENOMINATOR[-1]
 
 
-def realisation(*, mended: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(A (8, 8), B (8, 2), C (3, 8)) in rad and V: one controllable canonical form per motor."""
-    num = np.deg2rad(numerators_deg(mended=mended))
+    num = np.deg2rad(numerators_deg(corrected=corrected))
     companion = np.zeros((4, 4))
     companion[0] = -np.array(DENOMINATOR[1:])
     companion[1:, :-1] = np.eye(3)
@@ -69,14 +70,24 @@ def realisation(*, mended: bool = False) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def paper17_model(
-    profile: Profile, *, mended: bool = False, dt: float | None = None
+    profile: Profile,
+    *,
+    corrected: bool = False,
+    dt: float | None = None,
+    mended: bool | None = None,
 ) -> LinearModel:
-    """Eq (17) as printed, or with T_11 mended, about the profile's V_o; see the module."""
+    """Return eq (17) as printed, or with T_11 ``corrected``, about the profile's V_o.
+
+    ``mended`` is the old name of ``corrected`` and causes a DeprecationWarning.
+    """
+    if mended is not None:
+        warnings.warn("mended= is now corrected=", DeprecationWarning, stacklevel=2)
+        corrected = mended
     dt = profile.dt if dt is None else dt
-    A, B, C = realisation(mended=mended)
+    A, B, C = realisation(corrected=corrected)
     A_d, B_d = held(A, B, dt)
     return LinearModel(
-        name="paper-17-mended" if mended else "paper-17",
+        name="paper-17-corrected" if corrected else "paper-17",
         kind="paper17",
         A=A_d,
         B=B_d,
@@ -88,8 +99,8 @@ def paper17_model(
         dt=dt,
         extra={
             "defective": "eq (17) of the paper (erratum E14): unstable in the loop with K_g in "
-            "every reading, and its fourth order cannot hold the plant",
-            "T11_s3": T11_MENDED if mended else 52.0,
+            "every reading, and its fourth order cannot represent the plant",
+            "T11_s3": T11_CORRECTED if corrected else 52.0,
         },
         exact_hold=True,
     )

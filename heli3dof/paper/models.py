@@ -1,7 +1,8 @@
-"""The paper's models by name, made from a rig's profile: ``--model hover`` and its relatives."""
+"""The paper's models by name for a rig's profile (``--model hover``), and models from files."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -11,46 +12,43 @@ from heli3dof.model.model_file import read_model
 from heli3dof.rig.profile import Profile, default_profile
 
 
-def _hover(profile: Profile) -> Model:
+def _hover(profile: Profile, *, printed: bool = False) -> Model:
     from heli3dof.model.linear.hover import hover_model
 
-    return hover_model(profile)
+    return hover_model(profile, printed=printed)
 
 
-def _hover_printed(profile: Profile) -> Model:
-    from heli3dof.model.linear.hover import hover_model
-
-    return hover_model(profile, printed=True)
-
-
-def _paper_17(profile: Profile) -> Model:
+def _paper_17(profile: Profile, *, corrected: bool = False) -> Model:
     from heli3dof.paper.eq17 import paper17_model
 
-    return paper17_model(profile)
-
-
-def _paper_17_mended(profile: Profile) -> Model:
-    from heli3dof.paper.eq17 import paper17_model
-
-    return paper17_model(profile, mended=True)
+    return paper17_model(profile, corrected=corrected)
 
 
 BUILT_IN: Mapping[str, Callable[[Profile], Model]] = {
     "hover": _hover,
-    "hover-printed": _hover_printed,
+    "hover-printed": lambda profile: _hover(profile, printed=True),
     "paper-17": _paper_17,
-    "paper-17-mended": _paper_17_mended,
+    "paper-17-corrected": lambda profile: _paper_17(profile, corrected=True),
 }
-"""The models that come with the tool, by the name to give to ``--model``."""
+"""The built-in models by the name for ``--model``."""
+
+OLD_NAMES = {"paper-17-mended": "paper-17-corrected"}
+"""Names of an earlier version, still read with a warning."""
 
 
 def load_model(name_or_path: str | Path, profile: Profile | None = None) -> Model:
-    """The model in a file, or a built-in one for this rig (default: the profile that ships).
+    """Return the model in a file, or a built-in one for this rig (default: the paper's profile).
 
-    Raises UsageError for a name that is neither, naming the nearest, and RecordingError for a
-    file that is missing or no usable model file.
+    A model file needs no profile. Raises UsageError for an unknown name, with the nearest one, and
+    RecordingError for a missing or unusable file.
     """
     text = str(name_or_path)
+    if text in OLD_NAMES:
+        logging.getLogger("heli3dof").warning(
+            "Warning: the model %s is now called %s; the old name will be removed.",
+            text, OLD_NAMES[text],
+        )  # fmt: skip
+        text = OLD_NAMES[text]
     if text in BUILT_IN:
         return BUILT_IN[text](default_profile() if profile is None else profile)
     path = Path(name_or_path)

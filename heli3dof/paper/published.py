@@ -1,10 +1,10 @@
-"""The paper's published numbers as data, each with whether it can be reproduced, and why.
+"""The paper's published numbers as data, with whether and why each can be reproduced.
 
-Section III and Table II of the paper. Table II's columns are headed with a model's name, yet
-hold the *difference* of that model from the experiment (E11), and its "overshoot" is a peak value
-(E10). Nothing that involves the experiment or the identified model can be reproduced: the
-recording was never published, neither were its sample rate, start or fit (E15), and the printed
-transfer functions (17) are unstable in the loop with K_g in every reading (E14).
+Section III and Table II of the paper. Each column of Table II is headed with a model's name but
+holds the *difference* of that model from the experiment (E11); its "overshoot" is a peak value
+(E10). No number that involves the experiment or the identified model can be reproduced: the
+recording, its sample rate, start and fit were never published (E15), and the printed transfer
+functions (17) are unstable in the loop with K_g in every reading (E14).
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ Quantity = Literal["peak", "error", "peak_difference", "error_difference"]
 NO_EXPERIMENT = "the experiment's recording was never published (E15)"
 NO_IDENTIFICATION = "eq (17) is misprinted and unstable in the loop with K_g in every reading (E14)"
 BY_SYMMETRY = "zero by symmetry: a roll step drives only V_F + V_B (E13)"
-HOVER_ROLL = "eqs (7)–(14) with errata E3–E6 mended, 10° step, K_g"
+HOVER_ROLL = "eqs (7)–(14) with errata E3–E6 corrected, 10° step, K_g"
 
 
 @dataclass(frozen=True)
 class Published:
-    """One printed number: of whom, on which axis, what, and how it stands today."""
+    """One printed number and whether it can be reproduced."""
 
     axis: str
     subject: Subject
-    """For the differences: the model that is compared with the experiment."""
+    """For a difference: the model that is compared with the experiment."""
     quantity: Quantity
     value_deg: float
     where: str
@@ -82,10 +82,10 @@ CAVEATS: tuple[str, ...] = (
     "The abstract gives 1°, 3°, 8° in roll, pitch, yaw; Table II says 1, 8, 3 (E12).",
     "The identified model was judged on the recording that made it; no held-out flight, sample "
     "rate or fit is given (E15).",
-    "Two explanations of the experiment's 23° are possible, neither is proven: a start from rest "
+    "Two explanations of the experiment's 23° are possible, neither proven: a start from rest "
     "at −27.5° with rotor lag, or a 20° yaw command that the hover run did not have.",
 )
-"""What a reader of the published table must know; shown wherever the table is."""
+"""Notes that accompany the published table wherever it is shown."""
 
 
 def published(axis: str, subject: Subject, quantity: Quantity) -> Published | None:

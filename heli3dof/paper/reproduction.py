@@ -1,8 +1,8 @@
-"""The part of the published table that can be reproduced: the hover model's column.
+"""The reproducible part of the published table: the hover model's column.
 
-The paper's run on the hover model: a 10° roll step from level, K_g of (14), no limits reached.
-Flown with the contract's sampled controller, whose peak is 11.75° (11.85° in continuous time with
-ideal rates); the paper prints 12°. Everything else needs a recording that was never published.
+The paper simulates the hover model: a 10° roll step from level, K_g of (14), no limits reached.
+With the contract's sampled controller the peak is 11.75° (11.85° in continuous time with ideal
+rates); the paper prints 12°. All other numbers need a recording that was never published.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from heli3dof.model.base import LoopTask, Model
 from heli3dof.paper.published import TABLE_II, TEXT, Published
 from heli3dof.rig.profile import ControllerSpec, Profile, default_profile
 
-STEP_DEG = 10.0
-DURATION_S = 10.0
+STEP_DEG, DURATION_S = 10.0, 10.0
+"""°, s: the paper's roll step."""
 
 
 @dataclass(frozen=True)
 class Reproduced:
-    """A printed number and ours beside it; NaN where it cannot be reproduced."""
+    """A printed number with ours; NaN if it cannot be reproduced."""
 
     published: Published
     ours_deg: float
 
     def to_dict(self) -> dict[str, Any]:
-        """The row of ``compare --json``; None where the number cannot be reproduced."""
+        """The row of ``compare --json``; None if the number cannot be reproduced."""
         ours = float(self.ours_deg)
         return {**asdict(self.published), "ours_deg": ours if isfinite(ours) else None}
 
 
 def paper_step(profile: Profile | None = None) -> LoopTask:
-    """The paper's run: 10° in roll from level at hover, 10 s, on the rig of Table I."""
+    """The paper's task: a 10° roll step from level hover, 10 s, on the rig of Table I."""
     profile = profile or default_profile()
     n = round(DURATION_S / profile.dt) + 1
     return LoopTask(
@@ -53,16 +53,16 @@ def paper_step(profile: Profile | None = None) -> LoopTask:
 
 
 def hover_metrics(hover: Model, profile: Profile | None = None) -> Mapping[str, AxisMetrics]:
-    """Step metrics per axis of the hover model flown through the paper's step."""
+    """Step metrics per axis of the hover model in the paper's step."""
     task = paper_step(profile)
     result = hover.fly(task)
     return step_metrics(result.t, result.angle, task.reference)
 
 
 def reproduce(hover: Model | None) -> tuple[Reproduced, ...]:
-    """Every printed number, with ours where it can be had: the text's figures, then Table II.
+    """All printed numbers with ours: the figures of the text, then Table II.
 
-    ``hover`` is the hover model of Table I's rig (the corrected one); with None nothing is flown.
+    ``hover`` is the corrected hover model of Table I's rig; with None nothing is simulated.
     """
     metrics = None if hover is None else hover_metrics(hover)
     rows = []

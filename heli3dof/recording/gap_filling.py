@@ -17,6 +17,8 @@ import numpy as np
 
 from heli3dof.recording.recording import Recording
 
+GAP = 1.5
+"""Periods: a longer interval between two rows is a gap."""
 EARLY = 0.5
 """Share of the period; a shorter interval follows a late sample."""
 

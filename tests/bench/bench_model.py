@@ -8,12 +8,13 @@ import numpy as np
 
 from heli3dof.model.base import LoopTask
 from heli3dof.model.control.controller import Controller
-from heli3dof.model.linear.closed_loop import fly, simulation_speed
+from heli3dof.model.linear.closed_loop import fly
 from heli3dof.model.linear.hover import hover_model
 from heli3dof.model.linear.prediction import predict
 from heli3dof.recording.recording import make_recording
 from heli3dof.rig.profile import default_profile
 from tests.bench import Figure, at_least, at_most
+from tests.bench.simulation_speed import simulation_speed
 
 TITLE = "The model"
 

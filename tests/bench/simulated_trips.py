@@ -20,11 +20,9 @@ import numpy as np
 
 from heli3dof.model.compiled import compiled
 from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
-from heli3dof.model.estimation import ekf_quantised
 from heli3dof.model.physics import state_layout
-from heli3dof.model.physics.integrator import step
+from heli3dof.model.physics.integrator import fly_row
 from heli3dof.model.physics.parametrisation import Structure
-from heli3dof.model.physics.rotor import aim
 from heli3dof.rig.envelope import Envelope
 from heli3dof.rig.profile import default_profile
 
@@ -247,10 +245,7 @@ def _no_effects() -> tuple[Any, ...]:
 
 def _move(s, first, address, par, mem, free, x, F, low, stop, V, k, t, h, target, w, decay):  # type: ignore[no-untyped-def]
     """One period of the plant; returns the speed (rad/s) at which roll met the table."""
-    aim(s, V, h, 0, k, first, address, par, mem, target[k])
-    step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
-    if k + 1 < F.shape[0]:
-        F[k + 1, 0], F[k + 1, 1] = w[7, 0], w[7, 1]
+    fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     met = 0.0
     if x[0] < low:
         x[0] = low
@@ -314,14 +309,9 @@ def _fall(s, first, address, par, mem, free, state, low, stop, wires, host, dt, 
 
 
 law = compiled(control_law, leaf=True)
-_CALLS = (control_law, *ekf_quantised._CALLS)
-move = compiled(_move, calls=_CALLS, leaf=True, error_model="numpy")
+move = compiled(_move, leaf=True, error_model="numpy")
 
 
 @cache
 def _kernels() -> tuple[Any, Any]:
-    calls = (*_CALLS, _move)
-    return (
-        compiled(_fly, calls=calls, error_model="numpy"),
-        compiled(_fall, calls=calls, error_model="numpy"),
-    )
+    return compiled(_fly, error_model="numpy"), compiled(_fall, error_model="numpy")

@@ -61,7 +61,7 @@ def test_an_unknown_loop_gives_predictions_and_no_replay() -> None:
     assert set(model.prediction.ahead_deg) == {0.5, 1.0, 3.0}
     assert model.trace is not None
     assert model.trace.kind == "prediction"
-    assert any("loop is unknown" in w for w in result.warnings)
+    assert any("controller is unknown" in w for w in result.warnings)
 
 
 def test_a_model_that_cannot_be_compared_does_not_stop_the_others() -> None:

@@ -30,8 +30,8 @@ def test_the_reference_step_peaks_where_the_paper_s_model_does() -> None:
 def test_an_unknown_loop_is_not_replayed_and_the_reason_is_given() -> None:
     recording = flight()
     unknown = replace(recording, profile=default_profile().model_copy(update={"controller": None}))
-    assert "loop is unknown" in str(why_not_replayed(unknown))
-    with pytest.raises(ValueError, match="loop is unknown"):
+    assert "controller is unknown" in str(why_not_replayed(unknown))
+    with pytest.raises(ValueError, match="controller is unknown"):
         loop_task(unknown)
 
 

@@ -1,13 +1,17 @@
-"""Leaves: kernels built into their callers, without reference counts."""
+"""Compilation: inlined leaves, the cache key, and the parts of numba that it needs."""
 
 from __future__ import annotations
 
+import subprocess
 import sys
+import textwrap
+from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 
-from heli3dof.model.compiled import compiled
+from heli3dof.model.compiled import _digest, compiled
 from heli3dof.model.effects import terms
 from heli3dof.model.estimation import ekf_quantised, quantised_measurement
 from heli3dof.model.physics import rigid_body, rotor
@@ -33,12 +37,12 @@ def _sum_rows(a: Any) -> Any:
 sum_rows = compiled(_sum_rows, calls=(_add,))
 
 
-def test_a_leaf_takes_rows_of_its_callers_arrays() -> None:
+def test_a_leaf_accepts_rows_of_its_callers_arrays() -> None:
     a = np.arange(12.0).reshape(4, 3)
     assert sum_rows(a).tolist() == [18.0, 22.0, 26.0]
 
 
-def test_a_leaf_neither_keeps_an_array_alive_nor_lets_go_of_one() -> None:
+def test_a_leaf_does_not_change_the_reference_counts_of_arrays() -> None:
     a = np.arange(12.0).reshape(4, 3)
     before = sys.getrefcount(a)
     for _ in range(50):
@@ -47,7 +51,7 @@ def test_a_leaf_neither_keeps_an_array_alive_nor_lets_go_of_one() -> None:
     assert sys.getrefcount(out) == 2  # the name, and the argument
 
 
-def test_accelerations_are_the_same_as_in_python() -> None:
+def test_compiled_accelerations_equal_those_in_python() -> None:
     rng = np.random.default_rng(1)
     structure = Structure(default_profile(), tuple(terms(["aero.inflow", "drag.quadratic.yaw"])))
     s, par = structure.arrays(structure.start)
@@ -67,7 +71,7 @@ def test_accelerations_are_the_same_as_in_python() -> None:
         assert np.isfinite(w).all()
 
 
-def test_what_the_filter_is_made_of_is_the_same_as_in_python() -> None:
+def test_compiled_parts_of_the_filter_equal_those_in_python() -> None:
     rng = np.random.default_rng(2)
     A, a2 = rng.standard_normal((3, 6)), np.array([0.1, 0.2, 0.3])
     half = rng.standard_normal((6, 6))
@@ -86,5 +90,52 @@ def test_what_the_filter_is_made_of_is_the_same_as_in_python() -> None:
             quantised_measurement.interval(lo, hi, S),
             rtol=1e-10,
         )
-    # F rises 1 N in a straight line for 0.1 s at 10 N/s, the target being far.
+    # F rises linearly by 1 N in 0.1 s at 10 N/s; the target is far away.
     assert rotor.lagged(0.0, 100.0, 0.05, 10.0, 0.1) == 1.0
+
+
+def test_the_digest_covers_called_functions_and_numbers() -> None:
+    assert _digest(sum_rows) == _digest(_sum_rows)
+    assert _digest(_sum_rows) != _digest(_add)
+    assert _digest(rotor._thrusts) != _digest(rotor._lagged)
+
+
+CALLER = """
+    from heli3dof.model.compiled import compiled
+    from called import called
+
+    def _twice(x):
+        return 2.0 * called(x)
+
+    twice = compiled(_twice)
+    print(twice(1.0), sum(twice.stats.cache_hits.values()))
+    """
+CALLED = """
+    from heli3dof.model.compiled import compiled
+    def _called(x):
+        return x + {added}
+    called = compiled(_called, leaf=True)
+    """
+
+
+def test_a_change_in_a_called_function_recompiles_its_callers(tmp_path: Path) -> None:
+    (tmp_path / "caller.py").write_text(textwrap.dedent(CALLER))
+    printed = []
+    for added in (1.0, 1.0, 5.0):
+        (tmp_path / "called.py").write_text(textwrap.dedent(CALLED.format(added=added)))
+        done = subprocess.run(
+            [sys.executable, str(tmp_path / "caller.py")],
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        printed.append(done.stdout.split())
+    assert printed == [["4.0", "0"], ["4.0", "1"], ["12.0", "0"]]
+
+
+def test_numba_has_the_private_option_that_leaves_need() -> None:
+    from numba.core.cpu import CPUTargetOptions
+
+    assert hasattr(CPUTargetOptions, "_nrt"), (
+        f"numba {numba.__version__} has no option _nrt: heli3dof/model/compiled.py compiles leaves "
+        "with it. Find another way to disable reference counting, or keep numba below this version "
+        "in pyproject.toml."
+    )

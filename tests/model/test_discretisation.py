@@ -80,7 +80,7 @@ def test_equation_17_is_printed_back_as_it_was_read() -> None:
 
 
 def test_python_control_gets_the_models_response_in_both_times() -> None:
-    m = paper17_model(PROFILE, mended=True)
+    m = paper17_model(PROFILE, corrected=True)
     d, c = m.to_control(), m.to_control(in_continuous_time=True)
     assert d.dt == 0.002
     assert c.isctime()

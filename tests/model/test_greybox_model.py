@@ -102,3 +102,32 @@ def test_a_rig_that_starts_level_is_held_by_its_thrusts() -> None:
     flown = simulate(load_plan("steps"), model, start="level")
     still = np.degrees(np.abs(flown.angle[:50]).max(axis=0))
     assert (still < 0.2).all()
+
+
+def test_python_control_gets_the_linearisation_with_state_names() -> None:
+    model = nominal(PROFILE)
+    discrete = model.to_control()
+    assert discrete.dt == PROFILE.dt
+    np.testing.assert_array_equal(discrete.A, model.linear().A)
+    assert discrete.state_labels == ["r", "p", "psi", "r_rate", "p_rate", "psi_rate"]
+    assert discrete.input_labels == ["v_front_V", "v_back_V"]
+    assert discrete.output_labels == ["roll_rad", "pitch_rad", "yaw_rad"]
+
+
+def test_rotor_thrusts_and_delayed_voltages_are_named_states() -> None:
+    lag, late = {"motor.lag.time_constant_s": 0.1}, {"motor.delay.delay_s": 1.5 * PROFILE.dt}
+    lagged = nominal(PROFILE, ("motor.lag",), **lag).to_control(in_continuous_time=True)
+    assert lagged.state_labels[6:] == ["F_front", "F_back"]
+    poles = np.sort(lagged.poles().real)
+    np.testing.assert_allclose(poles[:2], -1 / 0.1, rtol=1e-5)
+    delayed = nominal(PROFILE, ("motor.delay",), **late).to_control()
+    assert delayed.state_labels[6:] == [
+        "v_front_delayed_1", "v_back_delayed_1", "v_front_delayed_2", "v_back_delayed_2",
+    ]  # fmt: skip
+
+
+def test_the_repr_of_a_model_has_at_most_three_lines() -> None:
+    for model in (nominal(PROFILE), true_model(), hover_model(PROFILE)):
+        assert repr(model).count("\n") < 3
+        assert model.name in repr(model)
+        assert max(map(len, repr(model).splitlines())) <= 120

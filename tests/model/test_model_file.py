@@ -164,7 +164,13 @@ def test_a_misspelt_built_in_name_gets_the_nearest_one() -> None:
     with pytest.raises(UsageError, match="hovver") as caught:
         load_model("hovver", PROFILE)
     assert "'hover'" in caught.value.cause
-    assert "paper-17-mended" in caught.value.fix
+    assert "paper-17-corrected" in caught.value.fix
+
+
+def test_an_old_name_is_read_with_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    model = load_model("paper-17-mended", PROFILE)
+    assert model.name == "paper-17-corrected"
+    assert "is now called paper-17-corrected" in caplog.text
 
 
 def test_a_built_in_model_is_made_for_the_profile() -> None:

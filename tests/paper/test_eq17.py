@@ -27,9 +27,9 @@ def test_dc_gains_are_the_golden_six_degrees_per_volt() -> None:
     assert gains[1, 1:].round(3).tolist() == [-0.889, -2.963]
 
 
-@pytest.mark.parametrize("mended", [False, True])
-def test_the_model_has_those_gains_and_poles_in_radians(mended: bool) -> None:
-    m = paper17_model(PROFILE, mended=mended)
+@pytest.mark.parametrize("corrected", [False, True])
+def test_the_model_has_those_gains_and_poles_in_radians(corrected: bool) -> None:
+    m = paper17_model(PROFILE, corrected=corrected)
     gain = m.C @ np.linalg.solve(np.eye(8) - m.A, m.B) / DEG
     np.testing.assert_allclose(gain.T, dc_gains_deg(), atol=1e-8)
     np.testing.assert_allclose(
@@ -40,12 +40,17 @@ def test_the_model_has_those_gains_and_poles_in_radians(mended: bool) -> None:
 
 
 def test_the_two_readings_differ_in_one_coefficient() -> None:
-    difference = numerators_deg() - numerators_deg(mended=True)
+    difference = numerators_deg() - numerators_deg(corrected=True)
     assert np.argwhere(difference).tolist() == [[0, 0, 0]]
     assert numerators_deg()[0, 0, 0] == 52.0
-    assert numerators_deg(mended=True)[0, 0, 0] == 2.52
+    assert numerators_deg(corrected=True)[0, 0, 0] == 2.52
 
 
 def test_it_says_that_it_is_defective_and_is_not_the_default() -> None:
     assert "E14" in paper17_model(PROFILE).extra["defective"]
     assert next(iter(BUILT_IN)) == "hover"
+
+
+def test_the_old_name_of_the_argument_is_read_with_a_warning() -> None:
+    with pytest.warns(DeprecationWarning, match="corrected="):
+        assert paper17_model(PROFILE, mended=True).name == "paper-17-corrected"

@@ -80,7 +80,7 @@ def test_an_unknown_loop_has_no_table_ii_and_its_predictions_give_the_reason() -
     assert table_ii(only) is None
     grid = prediction_table(only)
     assert grid is not None
-    assert any("loop is unknown" in n for n in grid.notes)
+    assert any("controller is unknown" in n for n in grid.notes)
     assert any("200 Hz" in n for n in grid.notes)
     assert cell(grid, ["roll", "wrong-rate"], "1 s ahead") == "–"
 

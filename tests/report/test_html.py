@@ -130,7 +130,7 @@ def test_a_log_of_one_angle_has_a_report() -> None:
     other = replace(log, meta={"name": "other"})
     text = checked(flight_report([log, other], comparison=compare([log, other], [FakeHover()])))
     assert "2 recordings" in text
-    assert "the loop is unknown" in text
+    assert "the controller is unknown" in text
 
 
 def test_facts_omit_missing_values() -> None:

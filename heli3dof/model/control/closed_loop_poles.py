@@ -1,27 +1,23 @@
-"""Poles of a model in the loop with the gain K (2 × 8), limits aside.
+"""Closed-loop poles of a model with the gain K (2 × 8), without limits.
 
 Continuous, with ideal rates (the paper's loop; E6 adds the two integrals ξ)::
 
     ẋ = A x + B u,   ξ̇_r = r_ref − r,   ξ̇_ψ = ψ_ref − ψ
     u = K_p (y_ref − y) − K_d ẏ + K_i ξ          K = [K_p (2×3)  K_d (2×3)  K_i (2×2)]
 
-Sampled, as flown: the rates are the Tustin-filtered derivatives of `controller`, and the integrals
-advance by dt × error after use. An integral whose column of K is zero, or whose axis is not
-modelled, has no part in the loop and is left out.
+Sampled, as on the rig: the rates are the Tustin-filtered derivatives of `controller`, and the
+integrals advance by dt × error after use. An integral is omitted if its column of K is zero or its
+axis is not modelled.
 """
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from heli3dof.model.control.controller import derivative_filter
 from heli3dof.model.discretisation import continuous
+from heli3dof.model.linear.parameters import LinearParameters
 from heli3dof.rig.profile import ControllerSpec
-
-if TYPE_CHECKING:
-    from heli3dof.model.linear.model import LinearModel
 
 INTEGRATED = (0, 2)
 """The axes whose error is integrated: roll and yaw."""
@@ -32,9 +28,8 @@ def closed_loop(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The continuous loop with ideal rates, states (x, ξ_r, ξ_ψ), input y_ref (3,) rad.
 
-    Returns A_cl (n+2, n+2), B_cl (n+2, 3) and F (2, n+2) with u = F [x; ξ] + K_p y_ref. Where
-    C B ≠ 0 the rate ẏ = C A x + C B u answers the voltage at once, and the equation is solved
-    for u.
+    Returns A_cl (n+2, n+2), B_cl (n+2, 3) and F (2, n+2) with u = F [x; ξ] + K_p y_ref. If
+    C B ≠ 0, the rate ẏ = C A x + C B u depends on u directly; the equation is solved for u.
     """
     n = A.shape[0]
     Kp, Kd, Ki = K[:, :3], K[:, 3:6], K[:, 6:]
@@ -50,7 +45,7 @@ def closed_loop(
     return A_cl, B_cl, F
 
 
-def ideal_loop_poles(model: LinearModel, controller: ControllerSpec) -> np.ndarray:
+def ideal_loop_poles(model: LinearParameters, controller: ControllerSpec) -> np.ndarray:
     """Poles (rad/s, rightmost first) of the continuous loop with ideal rates."""
     c = continuous(model)
     C = np.where(model.modelled[:, None], c.C, 0.0)
@@ -59,10 +54,12 @@ def ideal_loop_poles(model: LinearModel, controller: ControllerSpec) -> np.ndarr
     return rightmost_first(np.linalg.eigvals(A_cl[np.ix_(keep, keep)]))
 
 
-def sampled_loop_poles(model: LinearModel, controller: ControllerSpec, dt: float) -> np.ndarray:
-    """Poles (rad/s, rightmost first) of the loop as flown every dt s, s = log(z)/dt.
+def sampled_loop_poles(
+    model: LinearParameters, controller: ControllerSpec, dt: float
+) -> np.ndarray:
+    """Poles (rad/s, rightmost first) of the loop sampled every dt s, s = log(z)/dt.
 
-    A pole at z = 0 (a pure delay) has no s and is left out. States: model, two per derivative
+    A pole at z = 0 (a pure delay) has no s and is omitted. States: model, two per derivative
     filter, one per integral.
     """
     model = model.at(dt)
@@ -91,12 +88,12 @@ def sampled_loop_poles(model: LinearModel, controller: ControllerSpec, dt: float
     return rightmost_first(np.log(z) / dt)
 
 
-def _integrals_in_the_loop(model: LinearModel, controller: ControllerSpec) -> np.ndarray:
-    """(2,) bool"""
+def _integrals_in_the_loop(model: LinearParameters, controller: ControllerSpec) -> np.ndarray:
+    """(2,) bool: whether the roll and the yaw integral take part."""
     return np.asarray((controller.K_g[:, 6:] != 0).any(axis=0) & model.modelled[list(INTEGRATED)])
 
 
 def rightmost_first(poles: np.ndarray) -> np.ndarray:
-    """Sorted by falling real part; of a pair, the one with the positive imaginary part first."""
+    """Sort by falling real part; of a pair, the positive imaginary part first."""
     poles = np.asarray(poles, dtype=complex)
     return poles[np.lexsort((-poles.imag, -poles.real.round(9)))]

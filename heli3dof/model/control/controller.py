@@ -1,27 +1,25 @@
-"""The contract's default controller: eq (7) with the gain (14), sampled, as rigs really run it.
+"""The contract's default controller: eq (7) with the gain (14), sampled, as on the real rig.
 
 ::
 
     V = V_o + K_g [r_ref − r, p_ref − p, ψ_ref − ψ, −ṙ, −ṗ, −ψ̇, ∫(r_ref − r), ∫(ψ_ref − ψ)] + extra
     v = clip(V, ±v_max)
 
-radians, seconds and volts (E5, E6, E7 mended). At sample k:
+in radians, seconds and volts (with errata E5, E6, E7 corrected). At sample k:
 
-1. each reference passes a rate limiter that starts from the angle at `Controller.reset`;
-2. each rate is the encoder angle through ω² s / (s² + 2 ζ ω s + ω²) by Tustin, at rest at reset;
-3. each integral's contribution to each motor, ``K[i, 6] ξ_r`` and ``K[i, 7] ξ_ψ``, is clamped
-   to ±``integrator_clamp_V``, and the integral stops growing where its contribution has reached
-   the clamp on every motor, so that it leaves the clamp as soon as its error changes sign;
-4. the voltage follows from sample k's angles; only then do the integrals advance, by
-   ``dt × error`` (forward Euler: they hold ∫ from the start to sample k).
+1. Each reference passes a rate limiter that starts from the angle at `Controller.reset`.
+2. Each rate is the encoder angle through ω² s / (s² + 2 ζ ω s + ω²) by Tustin, at rest at reset.
+3. Each integral's contribution to each motor, ``K[i, 6] ξ_r`` and ``K[i, 7] ξ_ψ``, is clamped to
+   ±``integrator_clamp_V``. The integral stops growing when its contribution has reached the clamp
+   on every motor (anti-windup), so it leaves the clamp as soon as its error changes sign.
+4. The voltage follows from sample k's angles. Then the integrals advance by ``dt × error`` (forward
+   Euler: they hold ∫ from the start to sample k).
 
-`control_law` is the only source of this law. It is written on plain sequences of floats, so that
-flight runs it as it stands on Python lists (a few µs a tick, and numba is never imported) and
-`heli3dof.model.linear.closed_loop` compiles the very same function.
+`control_law` is the only source of this law. It works on plain sequences of floats: the real-time
+loop runs it on Python lists (a few µs a tick, without numba), and the simulations compile it.
 
-An angle that is not a number (a reading lost) is replaced by the last good one, a reference or
-extra voltage that is not a number counts as zero, and a voltage that is not finite goes out as
-0 V: nothing poisons the filters for the rest of a flight.
+A lost angle (NaN) is replaced by the last valid one. A NaN in a reference or an extra voltage
+counts as zero. A voltage that is not finite goes out as 0 V. So no NaN can enter the filters.
 """
 
 from __future__ import annotations
@@ -33,15 +31,14 @@ import numpy as np
 
 from heli3dof.rig.profile import ControllerSpec
 
-# Layout of the parameters p, the state s and the output out: flat, so that one function serves
-# Python lists and compiled arrays alike.
+# Layout of the flat parameters p, state s and output out.
 _DT, _V_O, _V_MAX, _REF_STEP, _CLAMP, _B0, _A1, _A2, _XI_MAX = range(9)
 _K = _XI_MAX + 2
 N_PARAMETERS = _K + 16
 _LIMITED, _FILTER, _RATE, _XI, _GOOD = 0, 3, 9, 12, 14
 N_STATE = 17
-N_OUT = 4  # voltage asked for (front, back), then after the limiter
-_BELIEVABLE = 1e6  # rad; a reading beyond it (infinity, NaN) is a lost one
+N_OUT = 4  # commanded voltage (front, back), then after the limiter
+_LARGEST_ANGLE = 1e6  # rad; a larger reading (infinity, NaN) counts as lost
 
 
 def control_law(
@@ -52,16 +49,16 @@ def control_law(
     extra: Sequence[float],
     out: MutableSequence[float],
 ) -> None:
-    """One tick: reads angle (3) rad, reference (3) rad, extra (2) V; updates s, fills out (4) V.
+    """Compute one period: angle (3) rad, reference (3) rad, extra (2) V; updates s and out (4) V.
 
     Runs unchanged in Python on lists and under ``numba.njit`` on float64 arrays.
     """
     for i in range(3):
         y = angle[i]
-        if not abs(y) < _BELIEVABLE:
+        if not abs(y) < _LARGEST_ANGLE:
             y = s[_GOOD + i]
         s[_GOOD + i] = y
-        # 1. The reference, no faster than the limiter lets it.
+        # 1. The rate-limited reference.
         r = reference[i]
         if r != r:
             r = 0.0
@@ -96,7 +93,7 @@ def parameters(spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> lis
     """The flat parameter list that `control_law` reads. V_o, v_max in V, dt in s."""
     b0, a1, a2 = derivative_filter(spec, dt)
     ref_step = float(np.deg2rad(spec.reference_rate_limit_deg_per_s)) * dt
-    # Where the weaker motor's contribution reaches the clamp, the stronger one's has as well.
+    # The motor with the smaller gain reaches the clamp last.
     weaker = [min((abs(row[j]) for row in spec.K if row[j]), default=0.0) for j in (6, 7)]
     xi_max = [spec.integrator_clamp_V / gain if gain else np.inf for gain in weaker]
     head = [dt, V_o, v_max, ref_step, spec.integrator_clamp_V, b0, a1, a2, *xi_max]
@@ -120,8 +117,8 @@ def derivative_filter(spec: ControllerSpec, dt: float) -> tuple[float, float, fl
 
 
 def state_at_rest(p: Sequence[float], angle: Sequence[float]) -> list[float]:
-    """The controller's state at rest at an angle (3,) rad: references there, rates and ∫ zero."""
-    angle = [a if abs(a) < _BELIEVABLE else 0.0 for a in angle]
+    """The state at rest at ``angle`` (3,) rad: references there, rates and integrals zero."""
+    angle = [a if abs(a) < _LARGEST_ANGLE else 0.0 for a in angle]
     s = [0.0] * N_STATE
     for i in range(3):
         s[_LIMITED + i] = s[_GOOD + i] = angle[i]
@@ -130,7 +127,7 @@ def state_at_rest(p: Sequence[float], angle: Sequence[float]) -> list[float]:
 
 
 class Controller:
-    """The default controller in flight: plain Python, a few µs a tick.
+    """The default controller in plain Python, for the real-time loop: a few µs a tick.
 
     >>> from heli3dof.rig.profile import default_profile
     >>> c = Controller.of(default_profile())
@@ -148,12 +145,12 @@ class Controller:
 
     @classmethod
     def of(cls, profile: Any) -> Controller:
-        """The controller of a `Profile` (the default one where it names none), at its rate."""
+        """The controller of a `Profile`, or the default one if it has none, at its rate."""
         profile = profile.with_controller()
         return cls(profile.controller, profile.motor.V_o, profile.motor.v_max, profile.dt)
 
     def reset(self, angle: Sequence[float] | np.ndarray) -> None:
-        """At rest at ``angle`` (3,) rad: references start there, rates and integrals are zero."""
+        """Set the state at rest at ``angle`` (3,) rad; see `state_at_rest`."""
         self._s = state_at_rest(self._p, [float(a) for a in angle])
 
     def step(
@@ -162,7 +159,7 @@ class Controller:
         reference: Sequence[float] | np.ndarray,
         extra: Sequence[float] | np.ndarray = (0.0, 0.0),
     ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """One control period: angle (3,) rad, reference (3,) rad, extra (2,) V.
+        """Compute one control period: angle (3,) rad, reference (3,) rad, extra (2,) V.
 
         Returns (v_cmd, v), each (front, back) in V: before and after the ±v_max limiter.
         """

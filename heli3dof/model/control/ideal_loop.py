@@ -1,13 +1,13 @@
-"""The paper's closed loop in continuous time: eq (7) with the gain (14), mended by E5 and E6.
+"""The paper's closed loop in continuous time: eq (7) with the gain (14), corrected by E5 and E6.
 
 ::
 
     V − V_o = K_p (y_ref − y) − K_d ẏ + K_i ξ,    ξ̇ = (r_ref − r, ψ_ref − ψ)
 
-Rates are ideal and of the measurement, not of the error; no clamp on the integrals. This is the
-loop behind the paper's hover column; the one that flies is `heli3dof.model.control.controller`.
-Without a voltage limit the response is exact: a matrix exponential from one corner of the reference
-to the next. `paper_gain` is the design that K_g came from.
+Rates are ideal, of the measurement and not of the error; the integrals have no clamp. The paper's
+hover column is from this loop; the rig runs `heli3dof.model.control.controller`. Without a voltage
+limit the response is exact: matrix exponentials between the corners of the reference. `paper_gain`
+is the LQR design behind K_g.
 """
 
 from __future__ import annotations
@@ -19,12 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as la
 
-from heli3dof.model.control.closed_loop_poles import INTEGRATED, closed_loop
+from heli3dof.model.control.closed_loop_poles import INTEGRATED, closed_loop, rightmost_first
+from heli3dof.model.control.lqr import Q, R
 from heli3dof.model.linear.hover import Hover
-
-LQR_Q = (100.0, 1.0, 10.0, 0.0, 0.0, 2.0, 10.0, 0.1)
-"""Weights on r, p, ψ, ṙ, ṗ, ψ̇, ∫r, ∫ψ: with LQR_R they give the paper's K_g."""
-LQR_R = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +33,11 @@ class Response:
     angle: np.ndarray
     """(N, 3) rad"""
     voltage: np.ndarray
-    """(N, 2) V above V_o, after the limit where there is one"""
+    """(N, 2) V above V_o, after the limit if there is one"""
 
 
 def paper_gain(hover: Hover) -> np.ndarray:
-    """(2, 8) the LQR gain of the six states and the two integrals, Q and R as above.
+    """(2, 8) the LQR gain of the six states and two integrals, with the paper's Q and R.
 
     For the corrected model with V_o by (6) it reproduces (14), which the paper truncates. That is
     the evidence for E3 and E4. From the Riccati equation AᵀP + PA − PBR⁻¹BᵀP + Q = 0, K = R⁻¹BᵀP.
@@ -50,14 +47,14 @@ def paper_gain(hover: Hover) -> np.ndarray:
     for row, axis in enumerate(INTEGRATED):
         A[6 + row, axis] = 1.0  # ξ̇ = +y here, as lqr designs about zero
     B = np.vstack([hover.B, np.zeros((2, 2))])
-    P = la.solve_continuous_are(A, B, np.diag(LQR_Q), LQR_R * np.eye(2))
-    return np.asarray(B.T @ P / LQR_R)
+    P = la.solve_continuous_are(A, B, np.diag(Q), R * np.eye(2))
+    return np.asarray(B.T @ P / R)
 
 
 def with_rotor_lag(hover: Hover, tau: float) -> Hover:
     """The model with first-order rotors, τ V̇_r = V − V_r: two more states, V_r − V_o in V.
 
-    Not in the paper; one guess at why its rig overshot so much more than its model. tau in s.
+    Not in the paper; a possible reason why its rig overshot far more than its model. tau in s.
     """
     A, B = np.zeros((8, 8)), np.zeros((8, 2))
     A[:6, :6], A[:6, 6:], A[6:, 6:] = hover.A, hover.B, -np.eye(2) / tau
@@ -67,8 +64,6 @@ def with_rotor_lag(hover: Hover, tau: float) -> Hover:
 
 def loop_poles(hover: Hover, K: np.ndarray) -> np.ndarray:
     """(8,) rad/s, rightmost first: the poles of the loop with the gain K (2, 8)."""
-    from heli3dof.model.control.closed_loop_poles import rightmost_first
-
     return rightmost_first(la.eigvals(closed_loop(hover.A, hover.B, hover.C, K)[0]))
 
 
@@ -84,11 +79,11 @@ def step_response(
     x0: np.ndarray | None = None,
     v_max: float | None = None,
 ) -> Response:
-    """The loop's answer to a step of the references to ``target`` (3,) rad at t = 0.
+    """The response to a step of the references to ``target`` (3,) rad at t = 0.
 
-    From rest at ``angle0`` (3,) rad, level by default, or from the state ``x0``. ``rate_limit``
-    (rad/s) makes the references ramp from there. ``v_max`` (V, total) limits the voltages; then
-    the response is by Runge–Kutta 4 every ``dt``, otherwise it is exact.
+    The start is at rest at ``angle0`` (3,) rad, level by default, or the state ``x0``. With a
+    ``rate_limit`` (rad/s) the references ramp from there. ``v_max`` (V, total) limits the voltages;
+    the response is then by Runge–Kutta 4 every ``dt``, otherwise it is exact.
     """
     if x0 is None:
         x0 = np.zeros(len(hover.A))
@@ -154,6 +149,7 @@ def _limited(
     reference: Callable[[float], np.ndarray],
     v_max: float,
 ) -> np.ndarray:
+    """ẋ = A x + B u with |V| ≤ v_max, by Runge–Kutta 4."""
     A, B, C, V_o, Kp = hover.A, hover.B, hover.C, hover.V_o, K[:, :3]
     n = len(A)
 

@@ -1,8 +1,8 @@
-"""What a profile's loop does before anything moves: poles, margins at the motors, steps.
+"""The closed loop of a profile, checked before a flight: poles, margins at the motors, steps.
 
-The loop as it is flown (sampled, filtered rates, integrals) is opened at the plant's inputs, both
-motors at once. With L(z) the 2 × 2 loop gain there and S = (I + L)⁻¹ the sensitivity, the disc
-margin of independent changes f_F, f_B of the two motors' gain and phase is::
+The sampled loop (filtered rates, integrals) is broken at the plant's inputs, at both motors at
+once. With the 2 × 2 loop gain L(z) there and the sensitivity S = (I + L)⁻¹, the disk margin for
+independent changes f_F, f_B of the two motors' gain and phase is::
 
     α = 1 / max_ω μ(S − I/2),       μ: the structured singular value for diag(f_F, f_B)
 
@@ -11,8 +11,8 @@ Each f may then be any real number from (1 − α/2)/(1 + α/2) to its inverse, 
 
     μ(M)² = (F + √(F² − 4 |det M|²)) / 2,    F = |a|² + |d|² + 2 |b c|
 
-Seiler, Packard and Gahinet, An introduction to disk margins, IEEE Control Systems 40(5), 2020.
-Steps are flown on the nonlinear rigid body with encoders, limits and the amplifier's ±v_max.
+Seiler, Packard and Gahinet, An introduction to disk margins, IEEE Control Systems 40(5), 2020. The
+steps are simulated on the nonlinear rigid body with encoders, limits and the amplifier's ±v_max.
 """
 
 from __future__ import annotations
@@ -40,10 +40,11 @@ LOWEST_RAD_PER_S = 0.01
 STEP_S = 15.0
 """s, length of a simulated step: the paper's loop settles within 7.7 s"""
 LITTLE_MARGIN = 0.4
-"""A disc margin below it is warned of: gains 1.5 times as large or ±23° of phase already
-destabilise. K_g on the paper's rig has about twice that."""
+"""A smaller disk margin causes a warning: a gain 1.5 times as large or ±23° of phase destabilises.
+K_g on the paper's rig has about twice that."""
 MUCH_OVERSHOOT = 0.6
-"""Share of the step: K_g overshoots a 20° yaw step by 16 %, a roll step by 19 %."""
+"""Share of the step above which overshoot causes a warning. K_g overshoots a 20° yaw step by 16 %,
+a roll step by 19 %."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +56,11 @@ class StepCheck:
     target_deg: float
     peak_deg: float
     highest_V: float
-    """V, of either motor, by size"""
+    """V, the largest absolute value of either motor"""
     saturated_s: float
-    """s during which a motor was at its limit"""
+    """s with a motor at its limit"""
     trip: str | None
-    """Why the safety envelope would have ended it"""
+    """The safety trip that would end it; None without one"""
 
     @property
     def overshoot_deg(self) -> float:
@@ -68,7 +69,7 @@ class StepCheck:
 
 @dataclass(frozen=True)
 class LoopCheck:
-    """The loop of a profile; margins and steps are there where it is stable."""
+    """The result of `check_loop_of`; margins and steps exist for a stable loop only."""
 
     poles: np.ndarray
     """(n,) rad/s, rightmost first, of the sampled loop about hover"""
@@ -82,7 +83,7 @@ class LoopCheck:
 
     @property
     def gain_margin(self) -> float | None:
-        """By what both motors' gains may be multiplied or divided, independently."""
+        """The factor by which each motor's gain may rise or fall, independently."""
         if self.disc_margin is None:
             return None
         half = min(self.disc_margin / 2, 0.999)
@@ -90,11 +91,11 @@ class LoopCheck:
 
     @property
     def phase_margin_deg(self) -> float | None:
-        """How much phase either motor may lose, at any frequency."""
+        """The phase lag that each motor may have, at any frequency."""
         return None if self.disc_margin is None else degrees(2 * atan(self.disc_margin / 2))
 
     def unusual(self) -> Iterator[str]:
-        """What to look at before flying; an unstable loop is not flown at all."""
+        """Warnings on small margins, saturation, trips, overshoot; none for an unstable loop."""
         if not self.stable:
             return
         assert self.disc_margin is not None
@@ -117,7 +118,7 @@ class LoopCheck:
 
 
 def check_loop_of(profile: Profile) -> LoopCheck:
-    """Poles, and where they are stable the margins and steps, of the profile's controller."""
+    """Check the profile's controller: poles, and for a stable loop the margins and steps."""
     profile = profile.with_controller()
     spec = profile.controller
     assert spec is not None
@@ -129,7 +130,7 @@ def check_loop_of(profile: Profile) -> LoopCheck:
 
 
 def disc_margin(profile: Profile, spec: ControllerSpec) -> float:
-    """α of both motors at once, about hover."""
+    """α for both motors at once, about hover."""
     model = hover_model(profile)
     w = np.geomspace(LOWEST_RAD_PER_S, np.pi / profile.dt, FREQUENCIES)[:-1]
     z = np.exp(1j * w * profile.dt)
@@ -146,7 +147,7 @@ def disc_margin(profile: Profile, spec: ControllerSpec) -> float:
 
 
 def _controller(spec: ControllerSpec, dt: float, z: np.ndarray) -> np.ndarray:
-    """(n, 2, 3) V/rad: from angles to minus voltages, as `control_law` computes them."""
+    """(n, 2, 3) V/rad: the transfer from angles to minus voltages of `control_law`."""
     b0, a1, a2 = derivative_filter(spec, dt)
     K = spec.K_g
     rate = b0 * (1 - z**-2) / (1 + a1 * z**-1 + a2 * z**-2)
@@ -157,7 +158,7 @@ def _controller(spec: ControllerSpec, dt: float, z: np.ndarray) -> np.ndarray:
 
 
 def _steps(profile: Profile, spec: ControllerSpec) -> Iterator[StepCheck]:
-    """Take-off from the table, a roll step and a yaw step, as many courses fly them first."""
+    """Simulate a take-off from the table, a roll step and a yaw step."""
     rest = profile.encoder.rest_rad
     yield _step(profile, spec, "take-off", 0, 0.0, rest)
     yield _step(profile, spec, "a 10° roll step", 0, 10.0, np.zeros(3))
@@ -199,6 +200,7 @@ def _step(
 def _trip(
     profile: Profile, t: np.ndarray, angle: np.ndarray, command: np.ndarray, voltage: np.ndarray
 ) -> str | None:
+    """The first safety trip along a simulated flight."""
     envelope = Envelope(profile)
     with np.errstate(invalid="ignore"):
         rate = np.gradient(angle, profile.dt, axis=0)

@@ -1,25 +1,24 @@
-"""The law with the loop of some axes opened: their share of the voltage frozen where it was level.
+"""The control law with the loops of some axes open: their share of the voltage is frozen.
 
-`control_law` adds up what each axis i asks of motor m,
+`control_law` adds the contribution of each axis i to motor m,
 
     c_im = K_mi (i_ref − i) − K_m,3+i i̇ + clamp(K_m,6+j ξ_j)        (j: roll and yaw only)
 
-A mode per axis and period says what happens to it:
+A mode per axis and period selects its treatment:
 
-    CLOSED  nothing
-    LEARN   nothing, but the mean c̄_im of this stretch is kept: what the axis needs at its trim
-            (until the next stretch of learning, in the same flight)
-    OPEN    c_im is replaced by c̄_im, so the voltage no longer answers to the axis
+    CLOSED  unchanged
+    LEARN   unchanged; the mean c̄_im of this stretch is stored: the axis' trim voltage
+            (until the next stretch of learning in the same flight)
+    OPEN    c_im is replaced by c̄_im, so the voltage does not depend on the axis
 
-The replacement goes out as extra voltage, extra_m += Σ_i (c̄_im − c_im), and the reference of an
-open axis is its own angle, so that its integral rests; once the loop is closed it goes back to
-the plan's at `RETURN`, so that nothing jolts. Both are
-recorded as they flew: what is recorded obeys V = law(angle, reference) + extra to the last bit, and
-can be replayed like any flight.
+The replacement is an extra voltage, extra_m += Σ_i (c̄_im − c_im). The reference of an open axis is
+its own angle, so its integral stops; when the loop closes, the reference returns to the plan's at
+the rate `RETURN`, without a jump. The recording holds both as applied: V = law(angle, reference) +
+extra to the last bit, so it can be replayed like any flight.
 
-The plans that ship open roll or yaw and keep pitch: with both voltages frozen, 1 % of difference
-between the motors tips a body without pitch stiffness over in seconds. A flight that leaves
-`SHARE` of the envelope's half width is handed back to the controller until the segment ends.
+The supplied plans open roll or yaw and keep pitch closed: with both voltages frozen, 1 % of
+mismatch between the motors tips a body without pitch stiffness over in seconds. The controller
+takes over until the end of the segment if a flight leaves `SHARE` of the envelope's half width.
 """
 
 from __future__ import annotations
@@ -47,18 +46,18 @@ from heli3dof.rig.profile import ControllerSpec, Limits
 
 CLOSED, LEARN, OPEN = 0, 1, 2
 SHARE = 0.7
-"""Of the envelope's half width"""
+"""Share of the envelope's half width that an open loop may use"""
 RETURN = radians(10.0)
-"""rad/s: how fast the reference goes back to the plan's once a loop is closed"""
+"""rad/s: rate at which the reference returns to the plan's after a loop closes"""
 FADE_S = 0.03
-"""s: how fast a frozen voltage gives way to the controller's, so that it does not jump"""
+"""s: time constant of the change from the frozen voltage to the controller's"""
 _SUM, _COUNT, _BEFORE, _BACK, _OPEN, _XI_BEFORE = 0, 6, 9, 12, 13, 14
 _ADDED, _OFFSET, _HELD, _FADING = 16, 18, 21, 24
 N_OPENING = 26
 
 
 def free_within(limits: Limits) -> list[float]:
-    """[roll low, high; pitch; yaw; three rates], rad and rad/s: where an open loop may be."""
+    """[roll low, high; pitch; yaw; three rates], rad and rad/s: bounds for an open loop."""
     middle = (limits.roll_max_deg + limits.roll_min_deg) / 2
     half = SHARE * (limits.roll_max_deg - limits.roll_min_deg) / 2
     rest = (
@@ -72,7 +71,7 @@ def free_within(limits: Limits) -> list[float]:
 
 
 def opening(task: LoopTask) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What a compiled loop needs of a task: modes (N, 3), none where all stay closed; room; z."""
+    """The arguments of a compiled loop: modes (N, 3) or (0, 3) if all are closed; room; z."""
     modes = np.zeros((0, 3), dtype=np.int8) if task.opened is None else task.opened
     return (
         np.ascontiguousarray(modes, dtype=np.int8),
@@ -91,12 +90,13 @@ def before_law(
     reference: MutableSequence[float],
     extra: MutableSequence[float],
 ) -> None:
-    """What comes before `control_law` in a period: whether an axis is open, and its reference.
+    """Decide before `control_law` whether each axis is open, and set its reference.
 
     ``p`` and ``s`` are the law's parameters and state; ``mode`` (3), ``angle`` and ``reference``
-    (3) rad, ``extra`` (2) V; ``room`` `free_within`'s, ``z`` the opening's state (`N_OPENING` zeros
-    at the start). The references are rewritten as flown; the extra voltage is set to zero and kept
-    for `after_law`. Both run on Python lists and under ``numba.njit`` on float64 arrays.
+    (3) rad, ``extra`` (2) V. ``room`` is from `free_within`; ``z`` is the state of the opening
+    (`N_OPENING` zeros at the start). The references are overwritten as applied. The extra voltage
+    is set to zero and stored for `after_law`. Both functions run on Python lists and under
+    ``numba.njit`` on float64 arrays.
     """
     anything = False
     for i in range(3):
@@ -138,9 +138,9 @@ def after_law(
     extra: MutableSequence[float],
     out: MutableSequence[float],
 ) -> None:
-    """What comes after `control_law`: learns, replaces, and adds the extra voltage last.
+    """Learn or replace contributions after `control_law`, then add the extra voltage.
 
-    ``extra`` (2) V and ``out`` (4) V, as of the law, are rewritten as flown; ``p`` is the law's.
+    ``extra`` (2) V and ``out`` (4) V are overwritten as applied; ``p`` and ``s`` are the law's.
     """
     for m in range(2):
         replaced = 0.0
@@ -171,7 +171,7 @@ def after_law(
 
 
 class OpenedController(Controller):
-    """The controller in flight, with loops that a plan may open."""
+    """The controller in plain Python, with loops that a plan can open."""
 
     def __init__(self, spec: ControllerSpec, V_o: float, v_max: float, dt: float) -> None:
         super().__init__(spec, V_o, v_max, dt)
@@ -180,7 +180,7 @@ class OpenedController(Controller):
 
     @classmethod
     def of(cls, profile: Any) -> OpenedController:
-        """The controller of a `Profile`, handing back where the profile's envelope says so."""
+        """The controller of a `Profile`, with the bounds of the profile's envelope."""
         made = super().of(profile)
         assert isinstance(made, cls)
         made._room = free_within(profile.limits)
@@ -195,7 +195,7 @@ class OpenedController(Controller):
     ) -> tuple[
         tuple[float, float, float], tuple[float, float], tuple[float, float], tuple[float, float]
     ]:
-        """One period with the modes (3): (reference rad, extra V, v_cmd V, v V) as flown."""
+        """One period with the modes (3): (reference rad, extra V, v_cmd V, v V) as applied."""
         r, e, out = list(reference), list(extra), self._out
         before_law(self._p, self._s, self._room, self._z, mode, angle, r, e)
         control_law(self._p, self._s, angle, r, e, out)

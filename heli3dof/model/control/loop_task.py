@@ -1,7 +1,7 @@
-"""The loop that flew a recording, as a task for a model: references, extra voltages, controller.
+"""The closed-loop task of a recording: its references, extra voltages and controller.
 
-Only a recording whose controller is known, with references and all three angles, can be flown
-again; `why_not_replayed` says why another cannot.
+A replay needs a known controller, references and all three angles; `why_not_replayed` states which
+of them a recording lacks.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from heli3dof.recording.row import CLOSED_LOOP
 
 
 def why_not_replayed(recording: Recording) -> str | None:
-    """Why the loop of a recording cannot be replayed; None when it can."""
+    """The reason why the loop of a recording cannot be replayed; None if it can."""
     if recording.profile.controller is None:
         return (
-            "the loop is unknown: the profile has no [controller], so nothing may depend on "
+            "the controller is unknown: the profile has no [controller], so nothing may depend on "
             "replaying it"
         )
     if not any(recording.has_reference(axis) for axis in AXES):
@@ -29,18 +29,16 @@ def why_not_replayed(recording: Recording) -> str | None:
 
 
 def loop_task(recording: Recording) -> LoopTask:
-    """What the recorded flight was asked to do, at the profile's exact control period.
+    """Return the recorded flight's task at the profile's exact control period.
 
-    Give it the rows under control only (`under_control`).
-
-    A recording with lost samples is filled with the last reference and extra voltage, as the
-    controller would have held them. Raises ValueError for a recording that `why_not_replayed`.
+    The recording must hold rows under control only (`under_control`). Lost samples get the last
+    reference and extra voltage. Raises ValueError if `why_not_replayed` gives a reason.
     """
-    if why := why_not_replayed(recording):
-        raise ValueError(why)
+    if reason := why_not_replayed(recording):
+        raise ValueError(reason)
     profile, t = recording.profile, recording.t
     grid = instants(t, profile.dt)
-    # Half a period of slack: a sample that came late still belongs to its own period.
+    # Half a period of tolerance: a late sample belongs to its own period.
     held = np.searchsorted(t, grid + 0.5 * profile.dt, side="right") - 1
     assert profile.controller is not None
     return LoopTask(
@@ -56,10 +54,10 @@ def loop_task(recording: Recording) -> LoopTask:
 
 
 def under_control(recording: Recording) -> Recording:
-    """The part that a controller flew: without the ramp to zero volts that ends a flight.
+    """Return the rows in closed loop, without the ramp to zero volts that ends a flight.
 
-    Recordings of ours say so in their ``phase``; of others, what has no reference at either end
-    is left out, where there is a reference at all.
+    The channel ``phase`` marks them. An imported recording has no such channel; there the rows
+    without a reference at either end are dropped, unless no row has one.
     """
     if "phase" in recording.channels:
         flown = recording.channels["phase"] == CLOSED_LOOP

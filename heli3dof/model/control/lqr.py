@@ -6,8 +6,8 @@ States (r, p, ψ, ṙ, ṗ, ψ̇, ∫r, ∫ψ) about hover, inputs V_F − V_o a
                                         R = 0.05 (24 V / v_max)² I₂
 
 in radians and seconds. For Table I this gives K_g (14) as the paper prints it, truncated, which
-also proves the errata E3 and E4. An amplifier with a lower limit makes volts dearer in the same
-proportion, so that a step asks for the same share of v_max.
+also proves the errata E3 and E4. An amplifier with a lower limit has a larger weight on volts, so
+that a step uses the same share of v_max.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ DIGITS = 5
 def lqr_gain(profile: Profile) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """K (2 × 8) for the profile's rig; rows front and back, columns as in ``[controller] K``.
 
-    Raises CheckFailed where no gain exists: at V_o = 0 the thrust cannot turn the rig in yaw.
+    Raises CheckFailed if no gain exists: at V_o = 0 the thrust cannot turn the rig in yaw.
     """
     import control
 
@@ -52,12 +52,12 @@ def lqr_gain(profile: Profile) -> tuple[tuple[float, ...], tuple[float, ...]]:
             fix="measure motor.V_o (docs/reference/profile.md), "
             "or give a gain: --set controller.K=[[…],[…]]",
         ) from error
-    # u = −K x; the law's columns are of errors, −rates and integrals of errors.
+    # u = −K x; the columns of the law are errors, −rates and integrals of errors.
     gain = K * np.array([1, 1, 1, 1, 1, 1, -1, -1])
     front, back = (tuple(float(f"{x:.{DIGITS}g}") for x in row) for row in np.asarray(gain))
     return front, back
 
 
 def is_default_gain(K: tuple[tuple[float, ...], ...]) -> bool:
-    """Whether a gain is the paper's K_g up to the digits that the paper prints."""
+    """True if a gain is the paper's K_g up to the printed digits."""
     return bool(np.allclose(K, K_G, rtol=SAME, atol=0.0))

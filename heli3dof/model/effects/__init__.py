@@ -1,4 +1,4 @@
-"""Physical effects, one file each, found by being here or by the entry points' group."""
+"""The catalogue of physical effects: the modules of this folder, and plug-ins of other packages."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ GROUP = "heli3dof.effects"
 
 @dataclass(frozen=True)
 class PlugIn:
-    """Where an effect of another package comes from."""
+    """The origin of an effect of another package."""
 
     entry_point: str
     """``module:attribute``"""
     distribution: str
-    """The package that registered it, as pip knows it; empty where that is not known"""
+    """The package that registered it, by its name for pip; empty if unknown"""
     version: str = ""
 
     def __str__(self) -> str:
@@ -38,7 +38,7 @@ class PlugIn:
 
     @property
     def install(self) -> str:
-        """The command that brings it here."""
+        """The command that installs it."""
         if not self.distribution:
             return f"pip install the package that provides {self.entry_point}"
         at = f"=={self.version}" if self.version else ""
@@ -46,22 +46,22 @@ class PlugIn:
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Catalogue:
     effects: Mapping[str, Effect]
     plug_ins: dict[str, PlugIn] = field(default_factory=dict)
-    """Effect → where it is from, for those of other packages"""
+    """Effect → origin, for effects of other packages"""
     broken: list[str] = field(default_factory=list)
-    """A sentence for each plug-in that was left out"""
+    """A sentence for each plug-in that did not load"""
 
 
 @cache
-def _all() -> _Found:
+def _all() -> _Catalogue:
     ours: dict[str, Effect] = {}
     for module in pkgutil.iter_modules(__path__):
         effect = getattr(importlib.import_module(f"{__name__}.{module.name}"), "EFFECT", None)
         if isinstance(effect, Effect):
             ours[effect.name] = effect
-    found = _Found(ours)
+    result = _Catalogue(ours)
     for point in entry_points(group=GROUP):
         plug_in = _plug_in(point)
         try:
@@ -73,19 +73,20 @@ def _all() -> _Found:
             for hook in effect.hooks.values():
                 address(hook)
         except (Exception, SystemExit) as error:
-            found.broken.append(f"{plug_in} does not load: {_in_a_line(error)}")
+            result.broken.append(f"{plug_in} does not load: {_in_a_line(error)}")
             logging.getLogger("heli3dof").warning(
-                "Warning: %s, and its effects are left out. Correct %s, or: pip uninstall %s",
-                found.broken[-1], _where(error) or point.value, plug_in.distribution or point.value,
+                "Warning: %s, and its effects are not available. Correct %s, or: pip uninstall %s",
+                result.broken[-1], _where(error) or point.value, plug_in.distribution or
+                point.value,
             )  # fmt: skip
             continue
         ours[effect.name] = effect
-        found.plug_ins[effect.name] = plug_in
-    return found
+        result.plug_ins[effect.name] = plug_in
+    return result
 
 
 def effects() -> Mapping[str, Effect]:
-    """Name → effect. A plug-in that does not load or compile is warned of and left out."""
+    """Name → effect. A plug-in that does not load or compile is skipped with a warning."""
     return dict(sorted(_all().effects.items()))
 
 
@@ -95,7 +96,7 @@ def plug_ins() -> Mapping[str, PlugIn]:
 
 
 def broken() -> list[str]:
-    """A sentence for each plug-in that was left out."""
+    """A sentence for each plug-in that did not load."""
     return list(_all().broken)
 
 
@@ -107,7 +108,7 @@ def _plug_in(point: EntryPoint) -> PlugIn:
 
 
 def _where(error: BaseException) -> str:
-    """``file:line`` of the plug-in's own code that failed; empty where none was reached."""
+    """``file:line`` of the failure in the plug-in's code; empty if none of it ran."""
     if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}:{error.lineno}"
     if isinstance(error, HookError):
@@ -122,7 +123,7 @@ def _in_a_line(error: BaseException) -> str:
 
 
 def term(name: str) -> Term:
-    """``friction.coulomb.yaw`` → that effect on that axis. Raises UsageError naming the nearest."""
+    """The term of a name such as ``friction.coulomb.yaw``. Raises UsageError with the nearest."""
     known = effects()
     if name in known and not known[name].axes:
         return Term(known[name])
@@ -140,11 +141,11 @@ def term(name: str) -> Term:
 
 
 def _unknown(name: str) -> UsageError:
-    """No effect of ours, nor of a plug-in that loads."""
+    """The error for a name that neither this package nor a loaded plug-in has."""
     cause = "a typing error, a plug-in that is not installed, or a model of a newer heli3dof; "
     fix = "python -c 'from heli3dof.model.effects import all_names; print(all_names())'"
     if broken():
-        cause = f"it may be of a plug-in that was left out: {'; '.join(broken())}. If not: "
+        cause = f"it may be of a plug-in that did not load: {'; '.join(broken())}. If not: "
         fix = "correct the plug-in that the warning names, or install it again with pip"
     return UsageError(
         f"There is no effect {name!r}.",
@@ -154,18 +155,17 @@ def _unknown(name: str) -> UsageError:
 
 
 def terms(names: Iterable[str]) -> tuple[Term, ...]:
-    """Several at once; one name twice is an error."""
-    names = list(names)
-    found = [term(n) for n in names]
-    seen = [t.name for t in found]
+    """The terms of these names. Raises UsageError for a name that occurs twice."""
+    result = tuple(term(n) for n in names)
+    seen = [t.name for t in result]
     for n in seen:
         if seen.count(n) > 1:
             raise UsageError(f"The effect {n!r} is named twice.", fix="name it once")
-    return tuple(found)
+    return result
 
 
 def all_names() -> list[str]:
-    """Every name that `term` takes."""
+    """All names that `term` accepts."""
     return [
         n
         for e in effects().values()

@@ -1,7 +1,7 @@
-"""A rotor that moves sideways through the air tips its body: τ_pitch = k ψ̇.
+"""Rotor flapping: a rotor that moves sideways through the air tilts its body, τ_pitch = k ψ̇.
 
-Travelling at L_a ψ̇, the advancing blades lift more than the retreating ones, and propellers that
-turn the same way answer with a moment about the arm, k in N·m·s/rad.
+At the speed L_a ψ̇ the advancing blades lift more than the retreating ones. Propellers that turn the
+same way then exert a moment about the arm, k in N·m·s/rad.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """More thrust near the table: F → F (1 + a exp(−h/h₀)), h the body's height above the table.
 
-h = L_a (sin r − sin r_rest), h₀ = 0.1 m unless estimated.
+h = L_a (sin r − sin r_rest); h₀ = 0.1 m unless estimated.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from heli3dof.model.effects.base import Effect, Parameter
+from heli3dof.model.effects.base import SMALL, Effect, Parameter
 from heli3dof.model.physics.state_layout import L_A, REST, A, B, R, Stage
 
 
@@ -34,4 +34,5 @@ EFFECT = Effect(
     separated_by="large",
     identifiable="flight at several heights, one of them within 20 cm of the table",
     evidence="roll",
+    probes=tuple((SMALL * 0.2, height) for height in (0.05, 0.1, 0.25)),
 )

@@ -3,8 +3,7 @@
 The couple on the body is −ω × H n. With ω's parts along the arm and the bar,
 ω_a = ṗ + sin r ψ̇ and ω_b = −cos p ṙ + cos r sin p ψ̇, it is (−H ω_b, H ω_a) along (a, b), so by
 virtual work τ_roll = −cos p H ω_a, τ_pitch = −H ω_b, τ_yaw = H (cos r sin p ω_a − sin r ω_b). It
-does no work. Ω the rotors' speeds in V (the voltages that would keep
-them), k in N·m·s/V.
+does no work. Ω are the rotors' speeds in V (their steady-state voltages), k in N·m·s/V.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
-"""What an effect is: a name, its parameters, and small functions that act in a stage of the rig.
+"""`Effect`, `Parameter` and `Term`: a physical effect is parameters and functions for its stages.
 
-An effect is one file in this folder (or an object registered under the entry-point group
-``heli3dof.effects``) with ``EFFECT = Effect(...)``. Its docstring holds the equation. Nothing
-else has to know of it.
+To add an effect, write one file in this folder with ``EFFECT = Effect(...)`` and the equation in
+its docstring, or register such an object under the entry-point group ``heli3dof.effects``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Literal
 
 from heli3dof.axes import AXES
 from heli3dof.model.physics.compiled_effects import Hook
@@ -18,7 +18,7 @@ ABSCISSAE = (
     "roll", "pitch", "yaw", "roll_rate", "pitch_rate", "yaw_rate", "voltage_sum",
     "voltage_difference", "voltage_front", "voltage_back", "time",
 )  # fmt: skip
-"""What the evidence for an effect may be drawn against; ``{axis}`` in one stands for the term's."""
+"""Variables against which a report plots an effect; ``{axis}`` stands for the term's axis."""
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,13 @@ class Parameter:
 
     Attributes:
         null: the value at which the effect is absent.
-        low, high: what is physically possible; estimates stay inside. Friction may come out
-            slightly negative where there is none: an interval that is cut off at zero is wrong.
-        typical: a size that matters on a rig: starts, steps and weak priors follow from it.
-        log: estimated as its logarithm (for what is positive and never absent).
+        low, high: bounds of estimates, the physically possible range. Friction may be slightly
+            negative: a confidence interval that is cut off at zero is wrong.
+        typical: a size that matters on a rig; sets starting values, steps and weak priors.
+        log: estimated as its logarithm (for positive parameters that are never zero).
         prior_std: standard deviation of the weak prior about ``start``, in ``unit`` (of the
-            logarithm where ``log``).
-        start: where a fit starts; None is ``null`` (``typical`` where ``log``).
+            logarithm if ``log``).
+        start: the starting value of a fit; default ``null`` (``typical`` if ``log``).
     """
 
     name: str
@@ -49,44 +49,62 @@ class Parameter:
 
     @property
     def started(self) -> float:
+        """The starting value of a fit."""
         if self.start is not None:
             return self.start
         return self.typical if self.log else self.null
 
     @property
     def spread(self) -> float:
-        """The prior's standard deviation: ten times the typical size where none is given."""
+        """The prior's standard deviation; by default ten times the typical size."""
         if self.prior_std is not None:
             return self.prior_std
         return 1.5 if self.log else 10 * self.typical
 
 
-BELIEVED = 0.2
-"""Standard deviation of a share that is all or nothing, about 1, once recordings ask for it."""
+SHARE_STD = 0.2
+"""Prior standard deviation about 1 of a share that is either 0 or 1, once it is in the model."""
+SMALL = 0.1
+"""Share of a parameter's typical size at which an effect is still linear in it."""
 
 
 def share(meaning: str) -> Parameter:
-    """Of what a simpler base lacks, or the body's equations leave out: 0 absent, 1 all of it.
+    """The share of a part of the equations: 0 absent, 1 complete.
 
-    It is there whole or not at all, so it starts at 1 and is believed to be that, give or take
-    `BELIEVED`: a flight at few heights says little of it by itself, and would foretell other
-    heights with what its noise made of it. An estimate may come out a little beyond 0 and 1.
+    A rig has that part completely or not at all. So a fit starts at 1, with the prior `SHARE_STD`:
+    a flight at few heights determines the share poorly, and a free estimate would predict other
+    heights badly. An estimate may lie slightly outside 0 … 1.
     """
-    return Parameter("share", "–", 0.0, -0.3, 2.0, 0.2, meaning, prior_std=BELIEVED, start=1.0)
+    return Parameter("share", "–", 0.0, -0.3, 2.0, 0.2, meaning, prior_std=SHARE_STD, start=1.0)
 
 
 @dataclass(frozen=True)
 class Effect:
     """One physical effect of the contract's table.
 
-    ``axes`` is empty for an effect without one. ``order`` places it among the effects of the same
-    stage (along the signal's path). ``separated_by`` names the plan that shows it best. ``starts``
-    are values of its first parameter, rising, from the likeliest of which a fit starts: for an
-    effect whose likelihood has no slope where it is absent. ``identifiable`` says what motion
-    shows it, ``evidence`` against which variable it is drawn, one of `ABSCISSAE`. ``within`` names
-    the term without which it means nothing; ``beside`` one without which it says no more than
-    another effect does. One without parameters is a switch, no cause. One that is ``formal`` is a
-    way of writing the body's equations: the base's own, and never a finding.
+    Attributes:
+        hooks: functions ``f(s, par, mem, out)`` by stage (`heli3dof.model.physics.state_layout`).
+        axes: the axes on which it can act; empty for an effect without an axis.
+        order: its place among the effects of the same stage, along the signal path.
+        confused_with: effects that explain similar data.
+        separated_by: the named plan that distinguishes it best from those.
+        starts: values of the first parameter, ascending, at which a fit evaluates the likelihood to
+            choose its start. For effects whose likelihood has zero slope at null.
+        identifiable: the motion that makes it identifiable.
+        evidence: the variable against which a report plots it, one of `ABSCISSAE`.
+        within: a term without which it is undefined.
+        requires: a term without which it is equivalent to another effect.
+        formal: it is a form of the body's equations, part of the base and never a finding.
+        candidate: whether a diagnosis may propose it.
+        probes: parameter values at which a diagnosis evaluates its score, the simplest first; the
+            parameters left out are at null. Default: the first one at `SMALL` of its typical size.
+            An effect whose trace changes its shape with its size needs several.
+        probe_quantiles: for a limit of the voltage: the quantiles of |V| to evaluate in place of
+            ``probes``.
+        scan: evaluate all values of the second parameter at once: every ``frequency`` or every
+            ``instant`` (`heli3dof.diagnosis.scans`).
+
+    An effect without parameters is a switch and never a finding.
     """
 
     name: str
@@ -101,49 +119,54 @@ class Effect:
     identifiable: str = ""
     evidence: str = ""
     within: str = ""
-    beside: str = ""
+    requires: str = ""
     formal: bool = False
-    extra: Mapping[str, str] = field(default_factory=dict)
+    candidate: bool = True
+    probes: tuple[tuple[float, ...], ...] = ()
+    probe_quantiles: tuple[float, ...] = ()
+    scan: Literal["", "frequency", "instant"] = ""
 
     @property
     def of_base(self) -> bool:
-        """Whether it is what a simpler base lacks or may be written without: no cause in the rig.
+        """True for a part of the body's equations, which is no finding about the rig.
 
-        Its share is believed beforehand, so it has no number that a fit could buy.
+        Its share has a tight prior, so that a model is not penalised for it as for a parameter.
         """
         return self.formal or self.missing
 
     @property
     def missing(self) -> bool:
-        """Whether every rig has it and only a simpler base lacks it."""
+        """True for what every rig has and only a simpler base model omits."""
         return bool(self.within) and not self.formal
 
     @property
     def screened(self) -> bool:
-        """Its trace in the innovations of a fit without it says whether it is there.
+        """True if the innovations of a fit without it show whether it is present.
 
-        Not so where ``starts`` are named (the likelihood has to be asked at those), nor for what
-        has no hooks: clocks and lost samples are seen in the time stamps.
+        Not if it has ``starts`` (the likelihood must be evaluated at those), nor without hooks
+        (time stamps show sampling jitter and lost samples).
         """
         return bool(self.hooks) and not self.starts
 
 
 @dataclass(frozen=True)
 class Term:
-    """An effect on its axis (None where it has none): what is switched on and off."""
+    """An effect on one axis (None for an effect without axes), as a model contains it."""
 
     effect: Effect
     axis: str | None = None
 
     @property
     def name(self) -> str:
+        """For instance ``friction.coulomb.yaw``."""
         return self.effect.name if self.axis is None else f"{self.effect.name}.{self.axis}"
 
     @property
     def evidence(self) -> str:
-        """The variable against which its evidence is drawn, for its axis."""
+        """The variable against which a report plots it, with its axis filled in."""
         return self.effect.evidence.format(axis=self.axis)
 
     @property
     def axis_index(self) -> int:
+        """0 roll, 1 pitch, 2 yaw; −1 without an axis."""
         return -1 if self.axis is None else AXES.index(self.axis)

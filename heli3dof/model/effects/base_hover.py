@@ -1,8 +1,8 @@
-"""The base is the paper's linear hover model, not the rigid body: s[LINEAR] = 1.
+"""The switch for ``--base hover``: the paper's linear hover model replaces the rigid body.
 
-Its equations stand in `heli3dof.model.physics.rigid_body`: what is of first order about level
-hover. A switch for ``--base hover``, with no parameters and no cause of anything; other effects
-stay as they are, and `geometry` says how much of the rigid body the recordings ask back.
+s[LINEAR] = 1 selects the first-order equations about level hover
+(`heli3dof.model.physics.rigid_body`). Other effects are unchanged. `geometry` estimates the share
+of the rigid body that the recordings require.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 EFFECT = Effect(
     name="base.hover",
-    summary="The base is the paper's hover model, linear about level hover; a switch, no cause.",
+    summary="The base is the paper's hover model, linear about level hover; a switch, no finding.",
     parameters=(),
     hooks={Stage.SETUP: setup},
     separated_by="large",

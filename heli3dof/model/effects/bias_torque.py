@@ -1,4 +1,4 @@
-"""A constant torque: a lopsided body on pitch, a base that is not level or a draught on yaw.
+"""A constant torque: an unbalanced body on pitch, a base that is not level or a draught on yaw.
 
 τ = τ_b, in N·m, positive in the angle's direction. On roll it is part of T_g (`mass.imbalance`).
 """

@@ -27,4 +27,5 @@ EFFECT = Effect(
     separated_by="steps",
     identifiable="a flight of several periods",
     evidence="time",
+    scan="frequency",
 )

@@ -1,10 +1,10 @@
-"""Play between an axis and its encoder: it moves only while one of two flanks carries it.
+"""Backlash between an axis and its encoder, of full width w.
 
-Of full width w, half of it either way: rising, the encoder stands at q − w/2, falling at q + w/2,
-and in between where it was left, e ← min(q + w/2, max(q − w/2, e)).
+The encoder reads q − w/2 while the angle rises and q + w/2 while it falls, and keeps its reading in
+between: e ← min(q + w/2, max(q − w/2, e)).
 
-A filter knows which flank carried an edge, and that an encoder at rest has both flanks short of the
-next one: its step is wider by w. So no memory is needed there; in flights ``mem`` holds e.
+A filter needs no memory: it knows which flank caused an edge, and a constant reading means that
+neither flank has reached the next edge, an interval wider by w. In simulations ``mem`` holds e.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def measure(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 EFFECT = Effect(
     name="encoder.backlash",
-    summary="Play between the axis and its encoder.",
-    parameters=(Parameter("angle_deg", "°", 0.0, -0.5, 10.0, 0.3, "full width of the play"),),
+    summary="Backlash between the axis and its encoder.",
+    parameters=(Parameter("angle_deg", "°", 0.0, -0.5, 10.0, 0.3, "full width of the backlash"),),
     hooks={Stage.MEASURE: measure},
     axes=AXES,
     starts=(0.05, 0.09, 0.16, 0.28, 0.5, 0.9, 1.6, 2.8, 5.0),

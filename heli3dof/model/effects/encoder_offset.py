@@ -1,7 +1,7 @@
 """The encoder's zero was set at the wrong angle: reading = angle + offset.
 
-On roll it cannot be told from T_g and the pendulum, which turn with it; on pitch it tilts the
-thrust, a torque on yaw in proportion to it.
+On roll it is indistinguishable from T_g and the pendulum torque. On pitch the thrust is tilted,
+which causes a torque on yaw proportional to the thrust.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """The count per revolution is wrong: reading = rest + k (angle − rest).
 
-Nearly the same as other inertias and stiffness; only the sines and cosines tell. Beware of its
-score: it stretches the variance of what is read as well, which the tangents of the innovations
-leave out, so both its score and its fit are biased. Counts against the profile are the way to
-find it.
+Nearly equivalent to other inertias and stiffness; only sines and cosines distinguish it. A wrong
+scale also scales the variance of the readings, which the linearised innovations omit. So its score
+and its fit are biased; compare the counts per revolution with the profile instead.
 """
 
 from __future__ import annotations
@@ -29,6 +28,7 @@ EFFECT = Effect(
     order=1,
     confused_with=("inertia",),
     separated_by="large",
-    identifiable="large angles: only the sines and cosines tell it from an inertia",
+    identifiable="large angles: only sines and cosines distinguish it from an inertia",
     evidence="{axis}",
+    candidate=False,  # its score is biased, and the inertias of the base absorb most of it
 )

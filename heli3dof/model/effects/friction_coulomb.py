@@ -1,12 +1,11 @@
-"""Dry friction: τ = −τ_c sgn(q̇), and in a joint at rest whatever holds it still, up to ±τ_c.
+"""Dry (Coulomb) friction: τ = −τ_c sgn(q̇); in a joint at rest, up to ±τ_c against the motion.
 
-Set-valued, with no smoothing of the step: a joint that sticks does not creep. How it is stepped,
-and what it does to a rate that is known only roughly, stands in
-`heli3dof.model.physics.dry_friction`.
+Set-valued, without smoothing: a joint that sticks does not creep.
+`heli3dof.model.physics.dry_friction` has the step and the effect on an uncertain rate.
 
-Where accelerations are asked for and no step is taken (a trace of a small friction along a path
-that is known), it is the torque −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J: wide enough
-that its own rate, τ_c/(J ω_s), stays below 250 1/s.
+Where an algorithm evaluates accelerations without a step (the effect of a small friction along a
+known path), the torque is −τ_c tanh(q̇/ω_s), ω_s = 0.002 rad/s + 4 ms · |τ_c|/J. This keeps its
+decay rate, τ_c/(J ω_s), below 250 1/s.
 """
 
 from __future__ import annotations
@@ -19,8 +18,9 @@ from heli3dof.model.effects.base import Effect, Parameter
 from heli3dof.model.physics.state_layout import AXIS, J_R, R_DOT, STEPPED, A, Stage
 
 NARROWEST = 0.002
-"""rad/s"""
+"""rad/s, the part of ω_s that does not grow with friction."""
 REVERSAL_S = 0.004
+"""s, the time constant of a reversal in the smoothed torque."""
 
 
 def dry(s: Any, par: Any, mem: Any, out: Any) -> None:

@@ -1,14 +1,12 @@
-"""What the hover model leaves out of the rigid body: q̈ = (1 − a) q̈_hover + a q̈_rigid.
+"""The parts of the rigid body that the hover model omits: q̈ = (1 − a) q̈_hover + a q̈_rigid.
 
-a is the share of the rigid body, 1 where its geometry is all of it: gravity's torque that falls
-with cos r, thrust that tilts with the body (L_a cos p F, −L_a cos r sin p F in place of −T_g p),
-L_h sin r D, inertias that turn, Coriolis and centrifugal torques
-(`heli3dof.model.physics.rigid_body`). Both accelerations are those of the same state, thrusts and
-parameters, so a is told in one filter, and q̈ is a straight line in it. An estimate may come out a
-little beyond 0 and 1.
+a = 1 is the complete rigid body (`heli3dof.model.physics.rigid_body`): gravity torque proportional
+to cos r, thrust that tilts with the body (L_a cos p F, −L_a cos r sin p F instead of −T_g p),
+L_h sin r D, configuration-dependent inertias, Coriolis and centrifugal torques. Both accelerations
+are for the same state, thrusts and parameters, so q̈ is linear in a and one filter estimates it.
 
-Whether it is there the recordings say, at a = 0. But a rig has its geometry whole or not at all, so
-once it is there a is believed to be 1 (`heli3dof.model.effects.base.share`).
+The score at a = 0 shows whether it is present. The prior is then 1
+(`heli3dof.model.effects.base.share`).
 """
 
 from __future__ import annotations

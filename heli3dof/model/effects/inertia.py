@@ -1,6 +1,6 @@
 """An axis' inertia differs from nominal: J → ratio · J.
 
-The base parameters J_roll, J_pitch, J_yaw already hold it; it is here for simulating with it.
+The base parameters J_roll, J_pitch, J_yaw already contain it; this effect is for simulations.
 """
 
 from __future__ import annotations
@@ -26,4 +26,5 @@ EFFECT = Effect(
     separated_by="multisine",
     identifiable="any accelerated flight; it is a parameter of the base",
     evidence="{axis}",
+    candidate=False,  # a parameter of the base model under another name
 )

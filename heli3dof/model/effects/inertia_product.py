@@ -1,12 +1,12 @@
-"""Masses below the roll axis are thrown outwards where the arm spins: a product of inertia.
+"""A product of inertia: centrifugal force moves masses below the roll axis outwards.
 
 With P = Σ m x z (mass m at x along the level arm, z below it), at roll r and yaw rate ψ̇
 
     τ_roll = P cos 2r ψ̇²          τ_yaw = −2 P cos 2r ṙ ψ̇
 
-from ½ ψ̇² Σ m (x cos r + z sin r)². A body that makes the arm a pendulum (k_r = g Σ m z) hangs below
-it, so there is such a P > 0; a counterweight that hangs too makes it smaller. That J_yaw grows by
-P sin 2r beside is left out: a few per cent at the angles of flight.
+from ½ ψ̇² Σ m (x cos r + z sin r)². A body that makes the arm a pendulum (k_r = g Σ m z) hangs
+below it, which gives P > 0; a counterweight that hangs below reduces P. The change of J_yaw by P
+sin 2r is neglected: a few per cent at the angles of flight.
 """
 
 from __future__ import annotations
@@ -26,11 +26,12 @@ def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 EFFECT = Effect(
     name="inertia.product",
-    summary="Masses below the roll axis are thrown out by spinning: P cos 2r ψ̇² on roll.",
+    summary="Centrifugal torque of masses below the roll axis: P cos 2r ψ̇² on roll.",
     parameters=(Parameter("product_kgm2", "kg·m²", 0.0, -1.0, 1.0, 0.1, "P = Σ m x z"),),
     hooks={Stage.TORQUE: torque},
     confused_with=("stiffness.pendulum", "inertia"),
     separated_by="coast-down",
     identifiable="fast yaw, turn after turn, with roll free",
     evidence="yaw_rate",
+    candidate=False,  # only many turns in yaw show it, in multi-step predictions
 )

@@ -1,8 +1,8 @@
-"""A mass is put onto the body, at L_a on the pitch axis, during the flight.
+"""A mass is added to the body, at L_a on the pitch axis, during the flight.
 
-From its time on: τ_roll = −m g L_a cos r, growing to that over the tenth of a second about it that
-putting something down takes (a step would have no slope in its time). Its inertia, m L_a² on roll
-and yaw, is left out: a few per cent of the weight's effect on a slow flight.
+τ_roll = −m g L_a cos r from its time on. It grows over 0.1 s about that time, because a step has no
+derivative with respect to its time. The inertia m L_a² on roll and yaw is neglected: a few per cent
+of the weight's effect in slow flight.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from heli3dof.model.effects.base import Effect, Parameter
 from heli3dof.model.physics.state_layout import L_A, A, B, R, Stage, T
 
 PUT_DOWN_S = 0.1
+"""s over which the weight grows to its full value."""
 
 
 def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
@@ -24,7 +25,7 @@ def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 EFFECT = Effect(
     name="mass.change",
-    summary="A mass is put onto the body during the flight.",
+    summary="A mass is added to the body during the flight.",
     parameters=(
         Parameter("mass_kg", "kg", 0.0, -0.3, 1.0, 0.02, "the mass"),
         Parameter("time_s", "s", 0.0, 0.0, 3600.0, 10.0, "when", prior_std=1e4),
@@ -34,4 +35,5 @@ EFFECT = Effect(
     separated_by="levels",
     identifiable="steady flight before and after",
     evidence="time",
+    scan="instant",
 )

@@ -1,7 +1,7 @@
 """The level arm's gravity torque differs from nominal: −τ cos r on roll, + for a heavier body.
 
-The base parameter T_g already holds it; it is here for simulating with it, and for rigs that weigh
-another amount (or whose motors pull otherwise) in every recording.
+The base parameter T_g already contains it; this effect is for simulations, and for rigs whose
+weight (or thrust) differs between recordings.
 """
 
 from __future__ import annotations
@@ -26,4 +26,5 @@ EFFECT = Effect(
     separated_by="levels",
     identifiable="any flight; it is a parameter of the base",
     evidence="time",
+    candidate=False,  # a parameter of the base model under another name
 )

@@ -1,4 +1,4 @@
-"""No thrust below a voltage, and that much less above: V → sgn(V) max(0, |V| − V_d)."""
+"""Dead zone of the motors: V → sgn(V) max(0, |V| − V_d)."""
 
 from __future__ import annotations
 
@@ -26,4 +26,5 @@ EFFECT = Effect(
     separated_by="large",
     identifiable="several levels of thrust, and voltages near zero",
     evidence="voltage_front",
+    probes=((0.3,), (1.5,)),
 )

@@ -1,7 +1,7 @@
-"""The voltage reaches the motors later, by a constant: V(t − T).
+"""A constant delay from the voltage to the motors: V(t − T).
 
-Between two samples the motor sees the earlier voltage for a part of the interval; over one
-interval the two are averaged in proportion, which is exact to second order in the interval.
+Within an interval the motor has the earlier voltage for a part of the time. The model uses the
+weighted mean of both, exact to second order in the interval.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 EFFECT = Effect(
     name="motor.delay",
-    summary="The voltage reaches the motors later.",
+    summary="The voltage reaches the motors after a constant delay.",
     parameters=(Parameter("delay_s", "s", 0.0, 0.0, 0.2, 0.01, "the delay", start=0.002),),
     hooks={Stage.SETUP: setup},
     confused_with=("motor.lag",),
     separated_by="chirp",
     identifiable="quick changes of voltage: doublets, a multisine or a chirp on pitch",
     evidence="voltage_difference",
+    probes=((0.004,), (0.02,)),
 )

@@ -1,4 +1,4 @@
-"""The rotors follow the voltage late: τ_m Ḟ_i = f(V_i) − F_i, each rotor by itself.
+"""First-order lag of each rotor: τ_m Ḟ_i = f(V_i) − F_i.
 
 Solved exactly between samples: the voltage is held, so F approaches f(V) as exp(−t/τ_m).
 """
@@ -28,4 +28,5 @@ EFFECT = Effect(
     separated_by="chirp",
     identifiable="quick changes of voltage: doublets, a multisine or a chirp on pitch",
     evidence="voltage_difference",
+    probes=((0.02,), (0.07,), (0.2,)),
 )

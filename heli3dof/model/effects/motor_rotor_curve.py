@@ -1,10 +1,10 @@
 """Thrust grows as a power of the rotor's speed: F = K_f V_o (Ω/V_o)^n, Ω the lagged voltage.
 
-Unlike `motor.thrust_curve`, which bends the voltage *before* the rotor's lag, this bends the speed
-behind it. Backwards the propeller gives next to nothing, and is taken to give nothing. The
-thrust at the profile's V_o is the straight line's, whatever n. Rotors without a lag turn as the
-voltage says: their curve is that of the thrust, whose name it then has (a dead zone and a quadratic
-share together make a power so well that no flight of a minute tells them apart).
+`motor.thrust_curve` acts on the voltage *before* the rotor's lag, this effect on the speed after
+it. In reverse the propeller gives almost no thrust; the model gives none. At the profile's V_o the
+thrust is that of the linear law for every n. Without a lag the effect is equivalent to a thrust
+curve: a dead zone and a quadratic share approximate a power so well that a one-minute flight does
+not distinguish them.
 """
 
 from __future__ import annotations
@@ -34,5 +34,5 @@ EFFECT = Effect(
     separated_by="large",
     identifiable="several levels of thrust with quick changes between",
     evidence="voltage_sum",
-    beside="motor.lag",
+    requires="motor.lag",
 )

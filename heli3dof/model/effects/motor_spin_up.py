@@ -1,7 +1,7 @@
 """The amplifier's current limit: a rotor spins up no faster than a number of volts per second.
 
-dΩ/dt ≤ 1/p with Ω in V, p the slowness in s/V; downwards nothing holds it. The rotor's equation is
-solved exactly: a straight line while the limit binds, then the exponential of `motor.lag`.
+dΩ/dt ≤ 1/p with Ω in V, p the slowness in s/V; there is no limit downwards. The rotor's equation is
+solved exactly: a straight line while the limit is active, then the exponential of `motor.lag`.
 """
 
 from __future__ import annotations

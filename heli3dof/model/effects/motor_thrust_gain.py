@@ -1,7 +1,7 @@
 """Both motors thrust k times as much as the profile's K_f says.
 
-Not identifiable beside T_g and the three inertias, all of which are estimated in units of K_f
-(see `heli3dof.model.physics.rigid_body`); it is here for simulating with it.
+Not identifiable together with T_g and the three inertias, which are estimated in units of K_f
+(`heli3dof.model.physics.rigid_body`); this effect is for simulations.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ EFFECT = Effect(
     hooks={Stage.SETUP: setup},
     confused_with=("mass.imbalance", "inertia"),
     separated_by="levels",
-    identifiable="a part that was weighed; else it cannot be told from all masses",
+    identifiable="a weighed part; otherwise equivalent to a scale of all masses",
     evidence="voltage_sum",
+    candidate=False,  # a parameter of the base model under another name
 )

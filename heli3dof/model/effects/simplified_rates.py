@@ -1,9 +1,8 @@
-"""Products of rates are left out where the couplings are: no centrifugal and no Coriolis torques.
+"""Products of rates are omitted together with the couplings: no centrifugal or Coriolis torques.
 
-What an arm that turns does to roll, −J_r sin r cos r ψ̇², and to pitch, J_p sin p cos p (ṙ² −
-cos² r ψ̇²), the simplest equations do not have (`heli3dof.model.physics.rigid_body`). Like
-`simplified_couplings`, without which it means nothing, this belongs to the base and is never told
-as a cause.
+The simplest equations omit −J_r sin r cos r ψ̇² on roll and J_p sin p cos p (ṙ² − cos² r ψ̇²) on
+pitch (`heli3dof.model.physics.rigid_body`). Like `simplified_couplings`, which it needs, this
+belongs to the base and is never reported as a finding.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 EFFECT = Effect(
     name="simplified.rates",
-    summary="Products of rates are left out, as in the simplest equations.",
+    summary="Products of rates are omitted, as in the simplest equations.",
     parameters=(share("μ; 1 all of it"),),
     hooks={Stage.SETUP: setup},
     confused_with=("inertia.product",),

@@ -1,9 +1,8 @@
-"""The thrusts' difference turns the tilted rig: L_h sin r D on yaw, where couplings are left out.
+"""The torque L_h sin r D on yaw of a tilted rig, in equations without couplings.
 
-In the whole body M_pψ p̈ takes most of it away again: pitch follows D. Equations that project the
+In the complete body M_pψ p̈ cancels most of it, because pitch follows D. Equations that project the
 thrusts but not the inertias keep it (`heli3dof.model.physics.rigid_body`). Like
-`simplified_couplings`, without which it means nothing, this belongs to the base and is never told
-as a cause.
+`simplified_couplings`, which it needs, this belongs to the base and is never reported as a finding.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 EFFECT = Effect(
     name="simplified.side_thrust",
-    summary="The thrusts' difference turns a tilted rig, whose couplings are left out.",
+    summary="The thrust difference turns a tilted rig, with couplings omitted.",
     parameters=(share("η; 1 all of it"),),
     hooks={Stage.SETUP: setup},
     confused_with=("aero.reaction_torque",),

@@ -1,8 +1,8 @@
-"""The arm's inertia about the vertical is taken as constant: J_ψ ψ̈ in place of a J_ψ(r) that turns.
+"""The arm's inertia about the vertical is constant: J_ψ ψ̈ instead of J_ψ(r) ψ̈.
 
-Tilted, the arm has (J_ψ − J_p) cos² r + J_p, 7 % less at 15°, and speeds up as it draws in,
-2 (J_ψ − J_p) sin r cos r ṙ ψ̇ (`heli3dof.model.physics.rigid_body`). Simplified equations often
-leave out both. Like `simplified_couplings` this belongs to the base and is never told as a cause.
+Tilted, the arm has (J_ψ − J_p) cos² r + J_p, 7 % less at 15°, and a torque 2 (J_ψ − J_p) sin r cos
+r ṙ ψ̇ as that changes (`heli3dof.model.physics.rigid_body`). Simplified equations often omit both.
+Like `simplified_couplings` this belongs to the base and is never reported as a finding.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def setup(s: Any, par: Any, mem: Any, out: Any) -> None:
 EFFECT = Effect(
     name="simplified.yaw_inertia",
     summary="The inertia about the vertical is constant, as in the simplified equations.",
-    parameters=(share("ν, of what is left out; 1 all of it"),),
+    parameters=(share("ν, of what is omitted; 1 all of it"),),
     hooks={Stage.SETUP: setup},
     confused_with=("inertia",),
     separated_by="large",

@@ -1,4 +1,4 @@
-"""A cable that winds up with the travel: τ = −k ψ, k in N·m/rad."""
+"""Torsional stiffness of the cable: τ = −k ψ, k in N·m/rad."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def torque(s: Any, par: Any, mem: Any, out: Any) -> None:
 
 EFFECT = Effect(
     name="stiffness.cable",
-    summary="The cable winds up with the travel: −k ψ.",
+    summary="The cable twists with the yaw angle: −k ψ.",
     parameters=(Parameter("stiffness_Nm_per_rad", "N·m/rad", 0.0, -1.0, 3.0, 0.03, "k"),),
     hooks={Stage.TORQUE: torque},
     axes=("yaw",),

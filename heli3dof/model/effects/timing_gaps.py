@@ -1,7 +1,7 @@
-"""Samples get lost on their way: this share of those between the first and the last.
+"""Lost samples: lost_share = n/N for n lost of the N samples between the first and the last.
 
-With one sample in every period but n lost of N, lost_share = n/N; seen in the time stamps, which
-step by more than a period. Nothing acts on the rig: a fit leaves the gaps out.
+The time stamps show them: an interval is longer than a period. The effect does not act on the rig;
+a fit skips the gaps.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from heli3dof.model.effects.base import Effect, Parameter
 
 EFFECT = Effect(
     name="timing.gaps",
-    summary="Samples get lost on their way.",
+    summary="Samples are lost.",
     parameters=(Parameter("lost_share", "–", 0.0, 0.0, 1.0, 0.01, "share of the samples"),),
     hooks={},
     confused_with=("timing.jitter",),

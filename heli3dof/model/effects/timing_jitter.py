@@ -1,8 +1,8 @@
-"""Samples are taken early or late: at k dt + ε, ε of this standard deviation.
+"""Sampling jitter: samples are taken at k dt + ε, ε of this standard deviation.
 
-Seen in the time stamps where they tell the true instants; then a fit follows them and loses
-nothing. Where the stamps are a counter's, the readings are off by rate times ε, which the filter
-estimates as the jitter among its noises (`heli3dof.model.estimation.quantised_measurement`).
+If the time stamps are the true instants, they show it and a fit uses them without loss. If they are
+counted periods, the readings have an error of rate times ε, which the filter estimates as one of
+its noises (`heli3dof.model.estimation.quantised_measurement`).
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""A log that holds every m-th sample of its loop only: what the motors got until its next row.
+"""Logs that hold every m-th sample of their control loop: the motors' mean voltage between rows.
 
-In a step of the log the loop puts out m voltages. The first is logged, and so is the one that comes
-after the last; on the line between, v_j = v_0 + (j/m) (v_m − v_0), j = 0 … m − 1, and their mean is
+Between two rows the loop outputs m voltages. The first is logged, and so is the one after the last.
+With linear interpolation, v_j = v_0 + (j/m) (v_m − v_0), j = 0 … m − 1, their mean is
 
     v̄ = v_0 + (m − 1)/(2m) (v_m − v_0)
 
-v_0 alone would have every voltage come (m − 1)/2 periods early: an effective delay that the rig has
-not, which in a loop looks like friction. What the voltages did beside the line is not known.
+Using v_0 alone would advance the voltages by (m − 1)/2 periods: an apparent delay that the rig does
+not have and that looks like friction in closed loop.
 """
 
 from __future__ import annotations
@@ -15,16 +15,15 @@ from dataclasses import replace
 
 import numpy as np
 
+from heli3dof.recording.gap_filling import GAP
 from heli3dof.recording.recording import Recording
 
 NEAR = 0.02
-"""A share of m, by which a log's step may differ from m periods of its profile's loop."""
-GAP = 1.5
-"""Steps: over a longer one there is no line."""
+"""Largest relative difference between a log's interval and m periods of its profile's loop."""
 
 
 def thinning(recording: Recording) -> int:
-    """m; 1 where the log is as fast as its loop, or its rate is no part of it."""
+    """m; 1 for a log at the loop rate, or at no integer fraction of it."""
     if len(recording) < 2:
         return 1
     ratio = recording.dt / recording.profile.dt
@@ -33,7 +32,7 @@ def thinning(recording: Recording) -> int:
 
 
 def mean_voltage(recording: Recording) -> np.ndarray:
-    """(N, 2) V: v̄ from each row to the next. The last row's, and one before a gap, is its own."""
+    """(N, 2) V: v̄ from each row to the next; v_0 in the last row and before a gap."""
     m, v = thinning(recording), recording.voltage
     if m == 1:
         return v
@@ -43,10 +42,10 @@ def mean_voltage(recording: Recording) -> np.ndarray:
 
 
 def filled(recording: Recording) -> tuple[Recording, np.ndarray]:
-    """A row for every period of the loop, and where the N rows of the log are among them.
+    """(recording with a row for every period of the loop, (N,) index of the log's rows in it).
 
-    References are held, extra voltages lie on the line between the log's; angles and voltages, of
-    which nothing is known between the rows, are held too, to be flown anew.
+    References are held and extra voltages interpolated linearly. Angles and voltages are unknown
+    between the rows and held as placeholders; the caller simulates them.
     """
     own = np.arange(len(recording))
     if thinning(recording) == 1:

@@ -1,20 +1,19 @@
-"""The filter for logs whose samples were not taken when they say, and for what a rig forgets.
+"""Extended Kalman filter for logs with sampling jitter, and for parameters that vary by recording.
 
-Sample k was taken δ_k late, white of standard deviation σ_t: by then *every* angle has moved on,
+Sample k was taken δ_k late, white of standard deviation σ_t. By then *every* angle has moved on,
 
     y_i[k] = m_i(x_k) + ṁ_i δ_k + ε_i,       ε_i white of variance Δ_i²/12
 
-so the readings of one instant are off together. Each sample carries δ_k as one more state, of no
-memory, and takes its readings one after the other; that is the exact update, by the joint
-covariance diag(Δ²/12) + σ_t² ṁ ṁᵀ. (The filter of `heli3dof.model.estimation.ekf_quantised`, which
-reads edges, and for which instants are off axis by axis, is sharper where the clock is true.)
+so the errors of one sample are correlated. The filter adds δ_k as a memoryless state and processes
+the readings of a sample one after the other. This is the exact update with the joint covariance
+diag(Δ²/12) + σ_t² ṁ ṁᵀ. (`heli3dof.model.estimation.ekf_quantised` uses encoder edges and treats
+the axes' jitter as independent; it is more accurate if the clock is.)
 
-b: numbers of the effects that are constant in a recording and differ from one to the next (the
-angle at which an encoder was switched on). They stand in the state, x = (q, q̇, b), with ḃ = 0 and
-b ~ N(b_0, σ_b²) at the start of each run, and are re-estimated from what has been read so far.
-P grows as in `heli3dof.model.estimation.ekf_quantised`, with ∂q̈/∂(q, q̇, b); x by the midpoint
-rule, whose error over the few milliseconds of one sample (h³ q⃛/24) is a thousandth of an encoder's
-step.
+b: effect parameters that are constant within a recording and differ between recordings (the angle
+at which an encoder was switched on). They are states too, x = (q, q̇, b), with ḃ = 0 and
+b ~ N(b_0, σ_b²) at the start of each run. P grows as in `heli3dof.model.estimation.ekf_quantised`,
+with ∂q̈/∂(q, q̇, b). x advances by the midpoint rule, whose error over one sample (h³ q⃛/24) is a
+thousandth of an encoder step.
 """
 
 from __future__ import annotations
@@ -26,9 +25,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.model.compiled import compiled
-from heli3dof.model.estimation import ekf_quantised
+from heli3dof.model.estimation.ekf_quantised import RATE_0, RELINEARISE_S
 from heli3dof.model.estimation.filter_data import Data
-from heli3dof.model.physics import dry_friction, integrator, rigid_body, rotor
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.integrator import glide, readings, setup
 from heli3dof.model.physics.parametrisation import Structure
@@ -36,23 +34,31 @@ from heli3dof.model.physics.rigid_body import accelerations
 from heli3dof.model.physics.rotor import thrusts
 
 R, T, F_FRONT, F_BACK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK
-RELINEARISE_S, RATE_0 = ekf_quantised.RELINEARISE_S, ekf_quantised.RATE_0
 SIGHT = 1e-6
 """Step of the differences along b, in its unit."""
+
+
+def _place(par, where, q, value):  # type: ignore[no-untyped-def]
+    """Write ``value`` wherever number q of b is used; ``where`` as in `positions`."""
+    for z in range(where.shape[0]):
+        if where[z, 2] == q:
+            par[where[z, 0], where[z, 1]] = value
+
+
+place = compiled(_place, leaf=True, error_model="numpy")
 
 
 def _filter(  # type: ignore[no-untyped-def]
     s0, first, address, par0, mem0, where, b_std, blocks, free, t, h, V, y, a2, jitter, R2,
     loglik, X,
 ):  # fmt: skip
-    """X (N, 6 + B) states after each row's update, NaN where there are none; ``loglik`` (3,).
+    """Filter all blocks: X (N, 6 + B) states after each row's update, ``loglik`` (3,).
 
-    ``where`` (W, 3): hook, column and number (0 … B − 1) of each place that a b stands in;
-    ``b_std`` (B,) σ_b.
+    ``where`` (W, 3) as in `positions`; ``b_std`` (B,) σ_b.
     """
     N, B = V.shape[0], b_std.shape[0]
     n = 6 + B
-    L = n  # the place of δ
+    L = n  # the index of δ
     target, F = np.empty((N, 2)), np.empty((N, 2))
     x, P = np.empty(n + 1), np.zeros((n + 1, n + 1))
     A, AP, W = np.empty((3, n)), np.empty((n, n)), np.empty((n, n))
@@ -81,15 +87,11 @@ def _filter(  # type: ignore[no-untyped-def]
             x[i] -= (m[i] - x[i]) / slope[i]
             if axes[i]:
                 P[i, i] = 100.0 * R2[i]
-        # An angle is as unsure as what it is read with; the first readings say what they can.
+        # The first readings leave the angles as uncertain as b makes them.
         for q in range(B):
-            for z in range(where.shape[0]):
-                if where[z, 2] == q:
-                    par[where[z, 0], where[z, 1]] = x[6 + q] + SIGHT
+            place(par, where, q, x[6 + q] + SIGHT)
             readings(s, x, first, address, par, mem, m_b[q], ignored)
-            for z in range(where.shape[0]):
-                if where[z, 2] == q:
-                    par[where[z, 0], where[z, 1]] = x[6 + q]
+            place(par, where, q, x[6 + q])
             readings(s, x, first, address, par, mem, m, slope)
             for i in range(3):
                 if axes[i]:
@@ -103,13 +105,9 @@ def _filter(  # type: ignore[no-untyped-def]
                 par[where[q, 0], where[q, 1]] = x[6 + where[q, 2]]
             readings(s, x, first, address, par, mem, m, slope)
             for q in range(B):
-                for z in range(where.shape[0]):
-                    if where[z, 2] == q:
-                        par[where[z, 0], where[z, 1]] = x[6 + q] + SIGHT
+                place(par, where, q, x[6 + q] + SIGHT)
                 readings(s, x, first, address, par, mem, m_b[q], ignored)
-                for z in range(where.shape[0]):
-                    if where[z, 2] == q:
-                        par[where[z, 0], where[z, 1]] = x[6 + q]
+                place(par, where, q, x[6 + q])
                 for i in range(3):
                     m_b[q, i] = (m_b[q, i] - m[i]) / SIGHT
             for j in range(n + 1):
@@ -122,7 +120,7 @@ def _filter(  # type: ignore[no-untyped-def]
             for i in range(3):
                 if y[k, i] != y[k, i] or not axes[i]:
                     continue
-                # What is read follows from the angle, δ and b alone: the rest of H is zero.
+                # A reading depends on its angle, δ and b alone: the rest of H is zero.
                 H_q = slope[i]
                 H_L = v_0 if i == 0 else (v_1 if i == 1 else v_2)
                 at = m[i] + H_q * (x[i] - (x_0 if i == 0 else (x_1 if i == 1 else x_2)))
@@ -164,7 +162,7 @@ def _filter(  # type: ignore[no-untyped-def]
 
 
 def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: ignore[no-untyped-def]
-    """∂q̈/∂(q, q̇, b) (3, 6 + B) into A, by differences."""
+    """Write ∂q̈/∂(q, q̇, b) (3, 6 + B) into A, by differences."""
     s[F_FRONT], s[F_BACK] = F[0], F[1]
     for i in range(6):
         s[R + i] = x[i]
@@ -174,27 +172,23 @@ def _slopes_py(s, x, F, first, address, par, mem, free, where, w, A):  # type: i
         s[F_FRONT], s[F_BACK] = F[0], F[1]
         if j < 6:
             s[R + j] = x[j] + e
-        for z in range(where.shape[0]):
-            if where[z, 2] == j - 6:
-                par[where[z, 0], where[z, 1]] = x[j] + e
+        place(par, where, j - 6, x[j] + e)
         accelerations(s, first, address, par, mem, free, w[0], w[1], w[3])
         if j < 6:
             s[R + j] = x[j]
-        for z in range(where.shape[0]):
-            if where[z, 2] == j - 6:
-                par[where[z, 0], where[z, 1]] = x[j]
+        place(par, where, j - 6, x[j])
         for i in range(3):
             A[i, j] = (w[3, i] - w[2, i]) / e
 
 
-_slopes = compiled(_slopes_py, calls=(rigid_body._accelerations,), error_model="numpy")
+_slopes = compiled(_slopes_py, error_model="numpy")
 
 
 def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
-    """P's first n rows and columns one step on; `model.estimation.ekf_quantised` has the equation.
+    """Advance P's first n rows and columns by one step (`model.estimation.ekf_quantised`).
 
-    Φ = 1 + h·(q ← q̇) + (½h², h)·A in the rows of (q, q̇): only A's three rows are multiplied out.
-    ``AP`` and ``W`` (n, n) are room.
+    Φ = 1 + h·(q ← q̇) + (½h², h)·A in the rows of (q, q̇): only A's three rows are multiplied.
+    ``AP`` and ``W`` (n, n) are work space.
     """
     half = 0.5 * h * h
     for i in range(3):
@@ -230,25 +224,17 @@ def _grown_py(P, A, h, a2, AP, W, n):  # type: ignore[no-untyped-def]
 
 
 _grown = compiled(_grown_py, error_model="numpy")
-_filter_compiled = compiled(
-    _filter,
-    calls=(
-        rigid_body._accelerations, rigid_body._body_accelerations,
-        rotor._lagged, rotor._aim, rotor._thrusts, integrator._setup, integrator._glide,
-        dry_friction._settle,
-        integrator._readings, _slopes_py, _grown_py,
-    ),
-    error_model="numpy",
-    nogil=True,
-)  # fmt: skip
+_filter_compiled = compiled(_filter, error_model="numpy", nogil=True)
 
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """States x̂ (N, 6 + B) after each row's readings, and the readings' log-likelihood by axis."""
+    """The result of `follow`."""
 
     states: np.ndarray
+    """(N, 6 + B) x̂ after each row's readings; NaN in rows outside all blocks."""
     loglik: np.ndarray
+    """(3,) log-likelihood of the readings by axis."""
 
 
 def follow(
@@ -259,7 +245,10 @@ def follow(
     jitter_s: float,
     varying: Mapping[str, float] | None = None,
 ) -> Followed:
-    """The filter over ``data`` at ``values`` (n,); noise (3,) rad/s²/√Hz; σ_b by parameter."""
+    """Filter ``data`` with ``values`` (n,).
+
+    ``noise`` (3,) rad/s²/√Hz; ``varying``: parameter → σ_b for the B parameters to re-estimate.
+    """
     varying = varying or {}
     hooks = structure.hooks
     s, par = structure.arrays(values)
@@ -276,7 +265,7 @@ def follow(
 
 
 def positions(structure: Structure, names: tuple[str, ...]) -> np.ndarray:
-    """(W, 3) int64: hook, column and number of each place where these parameters stand."""
+    """(W, 3) int64: where these parameters are stored. Columns: hook, column of ``par``, number."""
     out = []
     at = 4
     for i, term in enumerate(structure.terms):

@@ -1,24 +1,23 @@
-"""The extended Kalman filter at the control rate, with encoders read as what they are: intervals.
+"""Extended Kalman filter at the control rate for quantised encoders: readings are intervals.
 
-State x = (r, p, ψ, ṙ, ṗ, ψ̇); the rotors' thrusts are known from the voltages (their equation has
-no noise), so they are computed beforehand, exactly. White angular acceleration of intensity a_i²
-((rad/s²)²/Hz) drives each axis, so over a step h the covariance P grows by
+State x = (r, p, ψ, ṙ, ṗ, ψ̇). The rotors' thrusts follow from the voltages without noise and are
+computed beforehand, exactly. White angular acceleration of intensity a_i² ((rad/s²)²/Hz) drives
+each axis, so over a step h the covariance P grows by
 
     P ← Φ P Φᵀ + [ h³/3  h²/2 ; h²/2  h ] ⊗ diag(a²),      Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ]
 
-(its derivatives anew every 20 ms), and dry friction then stops what it can
+with derivatives recomputed every `RELINEARISE_S`. Dry friction then stops what it can
 (`heli3dof.model.physics.dry_friction`). An encoder that reads k times its angle counts a² in its
-own units, a²/k² of the angle's: so what it says of k is in the motion alone, not in how noisy the
-rig would have to be.
+own units, a²/k² of the angle. So k is estimated from the motion alone, not from the noise level.
 
-What the encoders say acts on x and P as events (`heli3dof.model.estimation.quantised_measurement`),
-each on one number c of the state, with a score g = ∂ ln Z/∂c and an information w = −∂² ln Z/∂c²: x
-← x + P_c g, P ← P − P_c P_cᵀ w, P_c being P's column.
+The encoders update x and P by events (`heli3dof.model.estimation.quantised_measurement`). Each acts
+on one number c of the state, with score g = ∂ ln Z/∂c and information w = −∂² ln Z/∂c²:
+x ← x + P_c g, P ← P − P_c P_cᵀ w, where P_c is the column of P.
 
-Σ ln Z is the likelihood. Along a change of the parameters, with the gains P_c held, the predictor
-obeys x ← x + P_c (g − w δc): `follow` runs it for any number of changed parameter sets and so
-gives ∂c/∂θ at the events, the only thing that Gauss–Newton needs. The gains are held in what is
-read, not in what is behind it (they differ by k).
+Σ ln Z is the likelihood. Under a change of the parameters, with the gains P_c fixed, the predictor
+obeys x ← x + P_c (g − w δc). `follow` runs it for several parameter sets and so gives ∂c/∂θ at the
+events, all that Gauss–Newton needs. The gains are fixed in the readings, not in the angles (they
+differ by k).
 """
 
 from __future__ import annotations
@@ -28,9 +27,7 @@ import math
 import numpy as np
 
 from heli3dof.model.compiled import compiled
-from heli3dof.model.estimation import quantised_measurement
 from heli3dof.model.estimation.quantised_measurement import NEWS, flux, interval, learn
-from heli3dof.model.physics import dry_friction, integrator, rigid_body, rotor
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.dry_friction import settle, shrink
 from heli3dof.model.physics.integrator import flanks, glide, leap, readings, setup
@@ -41,14 +38,15 @@ R, T, F_FRONT, F_BACK, FLANK = _s.R, _s.T, _s.F_FRONT, _s.F_BACK, _s.FLANK
 STEPPED = _s.STEPPED
 MEASURE, DRY = int(_s.Stage.MEASURE), int(_s.Stage.DRY)
 RELINEARISE_S = 0.02
+"""s between two linearisations."""
 RATE_0 = 1.0
-"""rad/s, how uncertain the rates are where a run starts."""
+"""rad/s, standard deviation of the rates at the start of a run."""
 STILL = 1e-5
 """rad, a smaller change of a reading than any encoder's step."""
 
 
 def _grow(P, A, h, a2, W):  # type: ignore[no-untyped-def]
-    """P (6, 6) one step on; A (3, 6) = ∂q̈/∂(q, q̇); W (3, 6) is work space.
+    """Advance P (6, 6) by one step; A (3, 6) = ∂q̈/∂(q, q̇); W (3, 6) is work space.
 
     Φ = [ 1  h ; h ∂q̈/∂q  1 + h ∂q̈/∂q̇ ], to first order in h.
     """
@@ -86,7 +84,7 @@ grow = compiled(_grow, leaf=True, error_model="numpy")
 
 
 def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[no-untyped-def]
-    """∂q̈/∂(q, q̇) (3, 6) into A, by differences."""
+    """Write ∂q̈/∂(q, q̇) (3, 6) into A, by differences."""
     s[F_FRONT], s[F_BACK] = F[0], F[1]
     for i in range(6):
         s[R + i] = x[i]
@@ -100,19 +98,20 @@ def _linearise(s, x, F, first, address, par, mem, free, w, A):  # type: ignore[n
         s[R + j] = x[j]
 
 
-linearise = compiled(_linearise, calls=(rigid_body._accelerations,), leaf=True, error_model="numpy")
+linearise = compiled(_linearise, leaf=True, error_model="numpy")
 
 
 def _filter(  # type: ignore[no-untyped-def]
     s0, first, address, par, mem0, blocks, free, grid, t, h, V, y, a2, jitter, R2, keep,
     loglik, row, state, C, G, W, K, X,
 ):  # fmt: skip
-    """All blocks through the filter; see the module. Returns the number of events E.
+    """Filter all blocks; returns the number of events E. See the module.
 
-    ``loglik`` (3,) sums ln Z by axis. With keep ≥ 1, for each event: its ``row``, its ``state``
-    (0–2 an angle's reading, 3–5 a rate's, 6–8 a rate's the other way), its prediction C, score G,
-    information W and gain K (6,); with keep ≥ 2: X (N, 6) states after the updates of a row;
-    with keep ≥ 3: X (N, 9), its last columns ``loglik`` up to and with that row.
+    ``loglik`` (3,) sums ln Z by axis. ``keep`` selects what is stored:
+    ≥ 1: for each event its ``row``, ``state`` (0–2 an angle's reading, 3–5 a rate, 6–8 a rate with
+    opposite sign), prediction C, score G, information W and gain K (6,);
+    ≥ 2: X (N, 6) states after the updates of a row;
+    ≥ 3: X (N, 9), its last columns ``loglik`` up to that row.
     """
     N = V.shape[0]
     target, F = np.empty((N, 2)), np.empty((N, 2))
@@ -142,15 +141,15 @@ def _filter(  # type: ignore[no-untyped-def]
         readings(s, x, first, address, par, mem, m, slope)
         for i in range(3):
             x[i] -= (m[i] - x[i]) / slope[i]
-        driven = a2 * axes  # a bearing that holds an axis takes its noise too
+        driven = a2 * axes  # an axis that cannot move has no process noise
         for i in range(3):
-            play = 0.0
+            gap = 0.0
             if seen:
                 rising, falling, _ = flanks(s, x, i, first, address, par, mem, m, slope)
-                play = falling - rising
+                gap = falling - rising
             if axes[i]:
                 unit = slope[i] * slope[i]
-                P[i, i] = (grid[b, i] ** 2 if grid[b, i] > 0.0 else 12.0 * R2[i]) + play * play
+                P[i, i] = (grid[b, i] ** 2 if grid[b, i] > 0.0 else 12.0 * R2[i]) + gap * gap
                 P[i, i] /= 12.0 * unit
                 P[3 + i, 3 + i] = RATE_0**2 / unit
                 driven[i] /= unit
@@ -162,12 +161,12 @@ def _filter(  # type: ignore[no-untyped-def]
                 D = grid[b, i]
                 over = y[k, i] - last[i]
                 last[i] = y[k, i]
-                at, scale, play = x[i], 1.0, 0.0
+                at, scale, gap = x[i], 1.0, 0.0
                 rising = falling = x[i]
                 if seen:
                     rising, falling, scale = flanks(s, x, i, first, address, par, mem, m, slope)
                     if D > 0.0 and abs(over) < 0.5 * D:
-                        at, play = 0.5 * (rising + falling), falling - rising
+                        at, gap = 0.5 * (rising + falling), falling - rising
                     else:
                         at = rising if over > 0.0 else falling
                 v = scale * x[3 + i]
@@ -179,7 +178,7 @@ def _filter(  # type: ignore[no-untyped-def]
                     logZ = -0.5 * (e * e / S + math.log(2.0 * math.pi * S))
                     g, info = e / S, 1.0 / S
                 elif abs(over) < 0.5 * D:
-                    half = 0.5 * (D + play)  # either flank may be the one that is nearly there
+                    half = 0.5 * (D + gap)  # either flank may be close to the edge
                     room = half - abs(e)
                     if room > 0.0 and room * room > 1.5 * S:
                         continue
@@ -188,7 +187,7 @@ def _filter(  # type: ignore[no-untyped-def]
                     if logZ - logZ0[i] > NEWS:
                         continue
                     logZ -= logZ0[i]
-                    at = falling if g > 0.0 else rising  # the flank that is near
+                    at = falling if g > 0.0 else rising  # the flank close to the edge
                     left = max(S * (1.0 - S * info), 1e-6 * S)
                     logZ0[i] = interval(e - S * g - half, e - S * g + half, left)[0]
                 else:
@@ -245,24 +244,16 @@ def _filter(  # type: ignore[no-untyped-def]
     return E
 
 
-_CALLS = (
-    rigid_body._advance, rigid_body._accelerations, rigid_body._body_accelerations,
-    rotor._lagged, rotor._aim, rotor._thrusts,
-    integrator._setup, integrator._step, integrator._glide,
-    integrator._readings, quantised_measurement._interval, dry_friction._settle, _grow, _linearise,
-)  # fmt: skip
-filter_blocks = compiled(_filter, calls=_CALLS, error_model="numpy", nogil=True)
+filter_blocks = compiled(_filter, error_model="numpy", nogil=True)
 
 
 def _follow(  # type: ignore[no-untyped-def]
     s0, first, address, pars, mem0, blocks, free, t, h, V, y, row, state, C, G, W, K, D
 ):  # fmt: skip
-    """Other parameter sets under the filter's gains: D (J, E) becomes c_j − c at each event.
+    """Run other parameter sets with the filter's gains: D (J, E) becomes c_j − c at each event.
 
-    Integrated more coarsely than the filter does: take the difference from a set that is the
-    filter's own, followed likewise.
-
-    s0 (J, SIZE) and pars (J, hooks, PARAMETERS) hold the sets.
+    s0 (J, SIZE) and pars (J, hooks, PARAMETERS) hold the sets. The integration is coarser than the
+    filter's: include the filter's own set and take differences from it.
     """
     N, E = V.shape[0], row.shape[0]
     seen = first[MEASURE + 1] > first[MEASURE]
@@ -321,4 +312,4 @@ def _follow(  # type: ignore[no-untyped-def]
                     glide(s, x, k, t, h, V, target, F, first, address, par, mem, axes, w, decay)
 
 
-follow = compiled(_follow, calls=_CALLS, error_model="numpy", nogil=True)
+follow = compiled(_follow, error_model="numpy", nogil=True)

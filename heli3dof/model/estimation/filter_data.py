@@ -1,12 +1,11 @@
-"""Recordings as the filter reads them: runs of usable rows, encoder grids, and what led up to them.
+"""Recordings as arrays for the filters: runs of usable rows, encoder grids and lead-in rows.
 
-A run is preceded by up to a second of its recording, so that the rotors' thrusts at its start are
-known from the voltages. An axis that was not measured is taken as held still.
+Up to `LEAD_S` of the recording precede a run, so that the voltages determine the rotors' thrusts at
+its start. An axis that was not measured counts as fixed.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -15,24 +14,24 @@ import numpy as np
 
 from heli3dof.errors import RecordingError
 from heli3dof.model.estimation.decimated_log import mean_voltage
+from heli3dof.model.physics.table import ON_TABLE_BELOW
+from heli3dof.recording.gap_filling import GAP as GAP
 from heli3dof.recording.recording import Recording
 
-GAP = 1.5
-"""A step of the clock longer than this many periods is a gap."""
 LOST = 6.5
-"""A filter steps over lost and late samples, the voltage held, up to a step of this many periods:
-what it does not know of the voltage meanwhile is less than what starting anew would cost."""
+"""Periods: the filters bridge lost and late samples, with the voltage held, up to this interval.
+The voltage error in it costs less accuracy than a restart of the filter."""
 LEAD_S = 1.0
-ON_TABLE_BELOW = math.radians(-15.0)
-"""A flight whose roll never falls below this has no table in it."""
+"""s of lead-in before a run, longer than any rotor's lag."""
 CLIMB_S = 0.1
+"""s without a rise in roll that end the climb after take-off."""
 AT_REST_S = 0.02
-"""A rig that lies on its table that long at the start had not begun to fly."""
+"""s: a rig that rests on its table this long at the start has not taken off yet."""
 ENCODER_NOISE = 0.06
-"""How well an encoder's edges lie where they should, standard deviation in encoder steps; of an
-angle that is on no grid, the noise of a reading in steps of the profile's encoder."""
+"""Standard deviation of an encoder's edges in encoder steps; for an angle that is on no grid, the
+noise of a reading in steps of the profile's encoder."""
 ON_GRID = 0.03
-"""A reading this near a whole count, as a share of one, lies on the grid."""
+"""Counts: a reading this close to a whole count is on the grid."""
 
 
 class Run(Protocol):
@@ -48,7 +47,7 @@ class Run(Protocol):
 
 @dataclass(frozen=True)
 class Stretch:
-    """The plainest `Run`."""
+    """A `Run` given by three numbers."""
 
     source: int
     start: int
@@ -66,20 +65,20 @@ class Data:
     V: np.ndarray
     """(N, 2) V"""
     y: np.ndarray
-    """(N, 3) rad; NaN where not read, and in the rows that only lead up to a run."""
+    """(N, 3) rad; NaN without a reading and in the lead-in rows."""
     blocks: np.ndarray
-    """(B, 3) int64: the first row leading up, the first and the last + 1 of the run."""
+    """(B, 3) int64: the first lead-in row, the first row and the last + 1 of the run."""
     free: np.ndarray
-    """(B, 3) bool: the axes that move (those that were measured)."""
+    """(B, 3) bool: the measured axes, which can move."""
     grid: np.ndarray
-    """(B, 3) rad: encoder step, 0 where the angles do not lie on the grid."""
+    """(B, 3) rad: encoder step, 0 for angles that are on no grid."""
     runs: tuple[Run, ...]
     rad_per_count: np.ndarray
     """(3,) rad, positive"""
 
     @property
     def rows(self) -> int:
-        """Rows that count."""
+        """The number of rows without the lead-in."""
         return int((self.blocks[:, 2] - self.blocks[:, 1]).sum())
 
     @property
@@ -91,10 +90,10 @@ class Data:
 def data_of(
     recordings: Sequence[Recording], runs: Sequence[Run], *, read_every_s: float = 0.0
 ) -> Data:
-    """The runs of these recordings. Raises RecordingError where there are none.
+    """The runs of these recordings as arrays. Raises RecordingError if there are none.
 
-    With ``read_every_s`` the angles are read that often only (the voltages count all the same):
-    for logs whose sampling instants are off by more than their period.
+    ``read_every_s`` uses the angles only that often (the voltages in every row): for logs whose
+    sampling jitter exceeds their period.
     """
     if not runs:
         raise RecordingError(
@@ -119,7 +118,7 @@ def data_of(
             y[(np.arange(len(y)) - (run.start - start)) % every != 0] = np.nan
         v, t = mean_voltage(rec)[rows], t - rec.t[0]
         if start == 0 and starts_on_table(rec):
-            # One row before the first, without voltage: the rotors stood still.
+            # One row of zero voltage before the first: the rotors start at standstill.
             t, h = np.append(t[0] - h[0], t), np.append(h[0], h)
             v, y = np.vstack([np.zeros(2), v]), np.vstack([np.full(3, np.nan), y])
         parts.append((t, h, v, y))
@@ -147,12 +146,12 @@ def data_of(
 
 
 def encoder_noise(data: Data, steps: float = ENCODER_NOISE) -> np.ndarray:
-    """(3,) rad², the variance R of what an event tells of the angle: that many steps squared."""
+    """(3,) rad²: the variance R of an event's angle, ``steps`` encoder steps squared."""
     return np.asarray((steps * data.rad_per_count) ** 2)
 
 
 def starts_on_table(recording: Recording) -> bool:
-    """True where the first row finds the rig at rest on its table, its rotors not yet turning."""
+    """True if the rig rests on its table in the first rows, with rotors at standstill."""
     roll = recording.angle[:, 0]
     if np.isnan(roll[0]) or not roll[0] < ON_TABLE_BELOW:
         return False
@@ -162,16 +161,31 @@ def starts_on_table(recording: Recording) -> bool:
 
 
 def climb_rows(roll: np.ndarray, rest: float, dt: float) -> int:
-    """How many rows after lift-off the climb ends: above half of ``rest`` (rad), roll has not
-    risen for `CLIMB_S`. Until then rotors spin up from nothing, and clocks stumble most."""
+    """The number of rows after lift-off until the climb ends.
+
+    It ends when roll, above half of ``rest`` (rad), has not risen for `CLIMB_S`. Before that the
+    rotors spin up, and timing is worst.
+    """
     ahead = max(1, round(CLIMB_S / dt))
     later = roll[np.minimum(np.arange(len(roll)) + ahead, len(roll) - 1)]
     done = np.flatnonzero((later <= roll) & (roll > 0.5 * rest))
     return min(int(done[0]) + ahead, len(roll)) if len(done) else len(roll)
 
 
+def hold_last(
+    voltage: np.ndarray, before: np.ndarray | tuple[float, float] = (0.0, 0.0)
+) -> np.ndarray:
+    """(N, 2) V, contiguous, with lost values replaced by the last known; ``before`` the first."""
+    v = np.array(voltage, dtype=float, order="C")
+    for j in range(v.shape[1]):
+        good = np.isfinite(v[:, j])
+        index = np.maximum.accumulate(np.where(good, np.arange(len(v)), -1))
+        v[:, j] = np.where(index >= 0, v[index, j], before[j])
+    return v
+
+
 def _lead(recording: Recording, start: int) -> int:
-    """The first row of those that lead up to ``start`` without a long gap."""
+    """The first lead-in row before ``start``, with no gap longer than `LOST` after it."""
     dt = recording.dt
     first = max(0, start - round(LEAD_S / dt))
     t, v = recording.t[first : start + 1], recording.voltage[first : start + 1]
@@ -182,6 +196,7 @@ def _lead(recording: Recording, start: int) -> int:
 
 
 def _on_grid(y: np.ndarray, step: float) -> bool:
+    """True if 98 % of the readings are whole counts of ``step`` (rad) from the first."""
     y = y[np.isfinite(y)]
     counts = (y - y[0]) / step
     return bool((np.abs(counts - np.round(counts)) < ON_GRID).mean() > 0.98)

@@ -1,29 +1,29 @@
-"""What an encoder says, and how much: probabilities of intervals and of edges.
+"""Measurement updates for a quantised encoder: probabilities of intervals and of edges.
 
-An encoder of step Δ says one thing: in which step the angle is. While it rests it says the same
-thing again and again, and taking each sample for news (as white noise of variance Δ²/12, or by
-cutting the distribution to the step anew five hundred times a second) is what makes false causes.
-The news is in its edges. So the belief is a Gaussian N(m, S) for the angle *together with* "it is
-still in this step", of probability Z = Φ(β) − Φ(α), α, β = (lower, upper edge − m)/√S, and:
+A reading of an encoder with step Δ states that the angle is in one interval. Repeating it adds no
+information: treating every sample as white noise of variance Δ²/12, or truncating the distribution
+to the interval at every sample, produces false effects. The information is in the edges. So the
+filter keeps a Gaussian N(m, S) of the angle *together with* the event "still in this interval", of
+probability Z = Φ(β) − Φ(α), α, β = (lower, upper edge − m)/√S:
 
-* it steps over the edge e between two samples: the angle was e, to within what the rate q̇ covers in
-  one period. The density of that is the flux N(e; m, S) E[q̇⁺] h, divided by the Z that had been
-  taken for granted; the state is updated by both factors. The second one cannot be left out:
-  instants chosen by the angle itself are not an unbiased sample.
-* it rests: nothing, until the belief has spread or drifted so far that Z has fallen below
-  `NEWS` of what it was when last looked at. Only then is the Gaussian replaced by the one with the
-  mean and variance of its part inside the step, and ln Z less its old value is added.
-* it jumps several steps, or nearly one per period: mean and variance of the part inside the new
-  step, and ln Z.
+* The reading steps over the edge e between two samples: the angle was e, up to the distance that
+  the rate q̇ covers in one period. The density is the flux N(e; m, S) E[q̇⁺] h, divided by the Z
+  assumed so far; both factors update the state. The second factor is required: instants selected by
+  the angle itself are not an unbiased sample.
+* The reading stays: no update until Z has fallen below exp(`NEWS`) of its value at the last update.
+  Then the Gaussian is replaced by one with the mean and variance of its part inside the interval,
+  and ln Z minus its old value is added to the likelihood.
+* The reading jumps several steps, or nearly one per period: mean and variance of the part inside
+  the new interval, and ln Z.
 
-A sample taken ``jitter`` (s, standard deviation) early or late reads an angle that is off by the
-rate times that: S grows by (jitter · q̇)². A log whose host was not a real-time one needs it.
+A sample taken ``jitter`` (s, standard deviation) early or late has an angle error of rate times
+jitter: S grows by (jitter · q̇)². Logs of hosts without real-time scheduling need it.
 
-Every such event acts on one number c of the state (an angle or a rate), with score
-g = ∂ ln Z/∂c and information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, P_c being P's
-column. For the interval g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S); for the rate, with
-u = E q̇/σ and f = φ(u) + uΦ(u), g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f). Where angles are not on a
-grid (Δ = 0) every sample is an event with g = (y − m)/S, w = 1/S.
+Every event acts on one number c of the state (an angle or a rate), with score g = ∂ ln Z/∂c and
+information w = −∂² ln Z/∂c²: x ← x + P_c g, P ← P − P_c P_cᵀ w, where P_c is the column of P.
+Interval: g = (φ(α) − φ(β))/(Z√S), w = g² − (αφ(α) − βφ(β))/(Z S). Rate, with u = E q̇/σ and
+f = φ(u) + uΦ(u): g = Φ(u)/(σ f), w = g² − φ(u)/(σ² f). Angles that are on no grid (Δ = 0): every
+sample is an event with g = (y − m)/S, w = 1/S.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from heli3dof.model.compiled import compiled
 
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 NEWS = math.log(0.7)
+"""Log of the ratio of Z below which a constant reading causes an update."""
 
 
 def _tail(x: float) -> float:
@@ -54,7 +55,7 @@ def _interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
     sd = math.sqrt(S)
     a, b = lo / sd, hi / sd
     sign = 1.0
-    if a + b < 0.0:  # mirrored, so that a is the nearer end and b > |a|
+    if a + b < 0.0:  # mirror, so that a is the nearer end and b > |a|
         a, b = -b, -a
         sign = -1.0
     if a > 3.0:
@@ -74,7 +75,7 @@ def _interval(lo: float, hi: float, S: float) -> tuple[float, float, float]:
     return logZ, sign * ratio / sd, (ratio * ratio - second) / S
 
 
-interval = compiled(_interval, calls=(_tail,), leaf=True, error_model="numpy")
+interval = compiled(_interval, leaf=True, error_model="numpy")
 
 
 def _flux(v: float, var: float) -> tuple[float, float, float]:
@@ -87,18 +88,18 @@ def _flux(v: float, var: float) -> tuple[float, float, float]:
         f = phi + u * Phi
         g = Phi / (sd * f)
         return math.log(sd * f), g, g * g - phi / (var * f)
-    # Far on the wrong side: Mills' ratio T(u) = Φ/φ; f = φ (1 + u T).
+    # A rate far below zero: Mills' ratio T(u) = Φ/φ; f = φ (1 + u T).
     T = tail(-u)
     f = 1.0 + u * T
     g = T / (sd * f)
     return math.log(sd * f) - 0.5 * u * u - math.log(SQRT2PI), g, g * g - 1.0 / (var * f)
 
 
-flux = compiled(_flux, calls=(_tail,), leaf=True, error_model="numpy")
+flux = compiled(_flux, leaf=True, error_model="numpy")
 
 
 def _learn(x, P, c, scale, g, w, column):  # type: ignore[no-untyped-def]
-    """x and P after an event on state c, read with ``scale``; P's scaled column is kept."""
+    """Update x and P by an event on state c, read with ``scale``; ``column``: P's scaled column."""
     for j in range(6):
         column[j] = scale * P[j, c]
     for j in range(6):

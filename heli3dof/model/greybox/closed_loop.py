@@ -1,16 +1,12 @@
-"""The closed loop of the sampled controller on a `GreyBoxModel`, compiled.
+"""The closed loop of the sampled controller on a grey-box model, compiled.
 
 Per control period k, as in `heli3dof.model.linear.closed_loop`: the encoders read the angles
-(rounded to their grid where there is one), the law that flies computes the voltage, and the rig
-moves on with it held. A flight that starts on the table (roll below −15°) starts with rotors at
-rest and a table under it, one-sided and inelastic; any other start is held by the thrusts that
-balance it.
+(rounded to their grid if there is one), the control law computes the voltage, and the rig moves
+under that voltage. A start with roll below `ON_TABLE_BELOW` is at rest on the table, with rotors at
+standstill; any other start has the thrusts that balance it.
 """
 
 from __future__ import annotations
-
-import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,15 +14,12 @@ from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
 from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
 from heli3dof.model.control.loop_opening import after_law, before_law, opening
-from heli3dof.model.estimation import ekf_quantised
-from heli3dof.model.physics.integrator import readings, setup, step
-from heli3dof.model.physics.rotor import aim
+from heli3dof.model.greybox.linearisation import balance, true_angles
+from heli3dof.model.greybox.parameters import GreyBoxParameters
+from heli3dof.model.physics.integrator import fly_row, readings, setup, stop_at_table
 from heli3dof.model.physics.state_layout import FLANK
+from heli3dof.model.physics.table import ON_TABLE_BELOW
 
-if TYPE_CHECKING:
-    from heli3dof.model.greybox.model import GreyBoxModel
-
-ON_TABLE_BELOW = math.radians(-15.0)
 _law = compiled(control_law, leaf=True)
 _before, _after = compiled(before_law, leaf=True), compiled(after_law, leaf=True)
 
@@ -37,7 +30,7 @@ def _fly(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     setup(s, first, address, par, mem)
     s[FLANK] = s[FLANK + 1] = s[FLANK + 2] = 2.0
-    y, slope, out, force = np.empty(3), np.empty(3), np.empty(N_OUT), np.empty(2)
+    y, slope, out = np.empty(3), np.empty(3), np.empty(N_OUT)
     w, decay = np.zeros((8, 3)), np.full(3, -1.0)
     N = reference.shape[0]
     target = np.empty((N, 2))
@@ -57,32 +50,18 @@ def _fly(  # type: ignore[no-untyped-def]
         for i in range(2):
             cmd[k, i] = out[i]
             voltage[k, i] = out[2 + i]
-        aim(s, voltage, h, 0, k, first, address, par, mem, force)
-        target[k, 0], target[k, 1] = force[0], force[1]
-        step(s, x, k, t, h, voltage, target, F, first, address, par, mem, free, w, decay)
-        if k + 1 < N:
-            F[k + 1, 0], F[k + 1, 1] = w[7, 0], w[7, 1]
-        if x[0] < low:
-            x[0] = low
-            if x[3] < 0.0:
-                x[3] = 0.0
+        fly_row(s, x, k, t, h, voltage, target, F, first, address, par, mem, free, w, decay)
+        stop_at_table(x, low)
 
 
-_fly_compiled = compiled(
-    _fly,
-    calls=(control_law, before_law, after_law, *ekf_quantised._CALLS),
-    error_model="numpy",
-    nogil=True,
-)
+_fly_compiled = compiled(_fly, error_model="numpy", nogil=True)
 
 
-def fly(model: GreyBoxModel, task: LoopTask) -> LoopResult:
-    """Fly the task on the model from rest at ``task.angle0``.
+def fly(model: GreyBoxParameters, task: LoopTask) -> LoopResult:
+    """Simulate the task on the model, starting at rest at ``task.angle0``.
 
     A NaN in angle0 counts as zero. A diverging loop gives inf and NaN.
     """
-    from heli3dof.model.greybox.linearisation import balance
-
     N = len(task.reference)
     read0 = np.nan_to_num(np.asarray(task.angle0, dtype=float))
     hooks = model.structure.hooks
@@ -119,17 +98,3 @@ def fly(model: GreyBoxModel, task: LoopTask) -> LoopResult:
         reference=None if task.opened is None else reference,
         extra=None if task.opened is None else extra,
     )
-
-
-def true_angles(model: GreyBoxModel, read: np.ndarray) -> np.ndarray:
-    """(3,) rad: the angles at which the encoders read ``read`` (3,) rad."""
-    hooks = model.structure.hooks
-    s, par = model.structure.arrays(model.values)
-    mem = model.structure.memory
-    setup(s, hooks.first, hooks.address, par, mem)
-    q, m, slope = np.array(read, dtype=float), np.empty(3), np.empty(3)
-    for _ in range(3):
-        x = np.concatenate([q, np.zeros(3)])
-        readings(s, x, hooks.first, hooks.address, par, mem, m, slope)
-        q = q - (m - read) / slope
-    return q

@@ -1,33 +1,31 @@
-"""A `GreyBoxModel` linearised at level hover, sampled: for poles, Bode plots and loop checks.
+"""Trim and linearisation of a grey-box model at level hover, for poles, Bode plots and loop checks.
 
     z = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) − trim,      z[k+1] = A z[k] + B (V[k] − u0)
 
-by central differences of the step that flies. A delay appends the voltages still on their way.
-Dry friction has no linearisation, so it is left out; a play's encoder is in its middle.
+by central differences of the simulation step. A delay appends the delayed voltages as states. Dry
+friction has no linearisation and is omitted; an encoder with backlash is at mid-gap.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from heli3dof.errors import CheckFailed
+from heli3dof.model.discretisation import HOVER_STATES
+from heli3dof.model.greybox.parameters import GreyBoxParameters
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.model.physics import state_layout
 from heli3dof.model.physics.integrator import readings, setup, step
 from heli3dof.model.physics.rigid_body import accelerations
 from heli3dof.model.physics.rotor import aim
 
-if TYPE_CHECKING:
-    from heli3dof.model.greybox.model import GreyBoxModel
-
 
 class _Plant:
-    """The model's step with everything at hand."""
+    """The compiled functions of a model with their arguments filled in."""
 
-    def __init__(self, model: GreyBoxModel, *, delayed: bool = True) -> None:
+    def __init__(self, model: GreyBoxParameters, *, delayed: bool = True) -> None:
         structure = model.structure
         self.hooks = structure.hooks
         self.s, self.par = structure.arrays(model.values)
@@ -51,13 +49,14 @@ class _Plant:
         return a
 
     def aim(self, V: np.ndarray) -> np.ndarray:
-        """The thrusts (2,) N that V (2,) aims at."""
+        """The steady-state thrusts (2,) N of the voltages V (2,)."""
         out = np.empty(2)
         h = self.hooks
         aim(self.s, V.reshape(1, 2), np.ones(1), 0, 0, h.first, h.address, self.par, self.mem, out)
         return out
 
     def step(self, z: np.ndarray, V: np.ndarray, dt: float) -> np.ndarray:
+        """The state z (8,) after dt s under the voltages V (2,)."""
         x, F = z[:6].copy(), z[6:8].reshape(1, 2).copy()
         w, decay = np.zeros((8, 3)), np.full(3, -1.0)
         h = self.hooks
@@ -68,10 +67,24 @@ class _Plant:
         return np.concatenate([x, w[7, :2]])
 
 
-def balance(model: GreyBoxModel, q: np.ndarray) -> np.ndarray:
-    """(2,) N: the thrusts that hold roll and pitch still at the angles q (3,) rad.
+def true_angles(model: GreyBoxParameters, read: np.ndarray) -> np.ndarray:
+    """(3,) rad: the angles at which the encoders read ``read`` (3,) rad."""
+    hooks = model.structure.hooks
+    s, par = model.structure.arrays(model.values)
+    mem = model.structure.memory
+    setup(s, hooks.first, hooks.address, par, mem)
+    q, m, slope = np.array(read, dtype=float), np.empty(3), np.empty(3)
+    for _ in range(3):
+        x = np.concatenate([q, np.zeros(3)])
+        readings(s, x, hooks.first, hooks.address, par, mem, m, slope)
+        q = q - (m - read) / slope
+    return q
 
-    Where the search for them diverges, as for a fit that no thrust holds, the last finite ones.
+
+def balance(model: GreyBoxParameters, q: np.ndarray) -> np.ndarray:
+    """(2,) N: the thrusts that balance roll and pitch at rest at the angles q (3,) rad.
+
+    If Newton's method diverges (a fit that no thrust balances), the last finite thrusts.
     """
     plant = _Plant(model)
     F = np.full(2, 0.5 * plant.s[state_layout.T_G] / plant.s[state_layout.L_A])
@@ -89,8 +102,8 @@ def balance(model: GreyBoxModel, q: np.ndarray) -> np.ndarray:
     return np.asarray(F)
 
 
-def trim_voltage(model: GreyBoxModel, F: np.ndarray) -> np.ndarray:
-    """(2,) V whose thrusts are F (2,) N. Raises CheckFailed where no voltage gives them."""
+def trim_voltage(model: GreyBoxParameters, F: np.ndarray) -> np.ndarray:
+    """(2,) V whose thrusts are F (2,) N. Raises CheckFailed if no voltage gives them."""
     plant = _Plant(model, delayed=False)
     V = np.full(2, model.profile.motor.V_o)
     for _ in range(60):
@@ -114,13 +127,12 @@ def trim_voltage(model: GreyBoxModel, F: np.ndarray) -> np.ndarray:
     )
 
 
-def linear(model: GreyBoxModel, dt: float) -> LinearModel:
-    """The `LinearModel` every ``dt`` s about level hover, where readings are zero in roll, pitch.
+def linear(model: GreyBoxParameters, dt: float) -> tuple[LinearModel, tuple[str, ...]]:
+    """The `LinearModel` every ``dt`` s about level hover, and the names of its states.
 
-    Raises CheckFailed where the model cannot hover level.
+    At level hover the encoders read zero. States: r, p, psi, their rates, the thrusts if the rotors
+    lag, delayed voltages if there is a delay. Raises CheckFailed if the model cannot hover level.
     """
-    from heli3dof.model.greybox.closed_loop import true_angles
-
     terms = model.structure.terms
     keep = tuple(t.name for t in terms if state_layout.Stage.DRY not in t.effect.hooks)
     if len(keep) < len(terms):
@@ -147,19 +159,22 @@ def linear(model: GreyBoxModel, dt: float) -> LinearModel:
     readings(plant.s, z0[:6].copy(), h.first, h.address, plant.par, plant.mem, m, slope)
     C = np.zeros((3, 8))
     C[:, :3] = np.diag(slope)
-    if plant.s[state_layout.TAU_M] <= 0.0:  # the thrusts follow at once: they are no states
+    if plant.s[state_layout.TAU_M] <= 0.0:  # without lag the thrusts are no states
         A, B, C = A[:6, :6], B[:6], C[:, :6]
+    names = [*HOVER_STATES, "F_front", "F_back"][: len(A)]
     A, B, C = _delayed(A, B, C, plant.delay / dt)
+    for i in range((len(A) - len(names)) // 2):
+        names += [f"v_front_delayed_{i + 1}", f"v_back_delayed_{i + 1}"]
     return LinearModel(
         name=model.name, kind=model.kind, A=A, B=B, C=C, K=np.zeros((len(A), 3)),
         S=np.full((3, 3), np.nan), u0=u0, y0=m, dt=dt,
-    )  # fmt: skip
+    ), tuple(names)  # fmt: skip
 
 
 def _delayed(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, periods: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The same with its voltages that many periods late, in a chain of states."""
+    """(A, B, C) with the voltages delayed by that many periods, as a chain of states."""
     if periods <= 0.0:
         return A, B, C
     whole = int(periods)
@@ -167,7 +182,7 @@ def _delayed(
     n, m = len(A), whole + 1
     big = np.zeros((n + 2 * m, n + 2 * m))
     big[:n, :n] = A
-    # Chain i holds V[k−1−i]. The rig gets (1 − part) V[k − whole] + part V[k − whole − 1].
+    # Chain i holds V[k−1−i]. The motors get (1 − part) V[k − whole] + part V[k − whole − 1].
     into = np.zeros((n + 2 * m, 2))
     if whole == 0:
         into[:n] = (1 - part) * B

@@ -1,12 +1,12 @@
-"""Free flights of a `GreyBoxModel` from many starts, read at a few instants of each.
+"""Multi-step predictions of a grey-box model from selected rows, at a few horizons each.
 
-From the filter's state x̂[k] (angles up to row k only) the rig runs free through the recorded
-voltages, as `heli3dof.model.greybox.prediction` lets it,
+From the filter's state x̂[k] (angles up to row k only) the model runs through the recorded voltages,
+as in `heli3dof.model.greybox.prediction`:
 
     ŷ[k, j] = y(x̂[k], V, t_k + h_j),      e[k, j] = angle[k + n_j] − ŷ[k, j],   h_j = n_j dt
 
-but one run serves all instants, and only the starts asked for are run: fifty times quicker than
-a prediction of every row at every horizon, which is what a fit to such errors needs.
+One run yields all horizons, and only the selected rows are run. This is fifty times faster than
+predicting every row at every horizon, fast enough for a fit to such errors.
 """
 
 from __future__ import annotations
@@ -18,19 +18,14 @@ import numpy as np
 from heli3dof.model.compiled import compiled
 from heli3dof.model.estimation.ekf_jitter import positions
 from heli3dof.model.greybox.prediction import STEP_S, impulse
-from heli3dof.model.physics import dry_friction, integrator, rigid_body
-from heli3dof.model.physics import state_layout as _s
-from heli3dof.model.physics.dry_friction import settle
-from heli3dof.model.physics.integrator import coast, readings, setup
+from heli3dof.model.physics.integrator import coast_to, readings, setup
 from heli3dof.model.physics.parametrisation import Structure
-
-R, T, F_FRONT, V_FRONT, STEPPED = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT, _s.STEPPED
 
 
 def _windows(  # type: ignore[no-untyped-def]
     s, first, address, par, mem, where, free, t, V, mean, X, low, starts, ahead, stride, out
 ):
-    """out (S, M, 3): readings ``ahead`` (M,) rows, rising, after each of ``starts`` (S,)."""
+    """out (S, M, 3): readings ``ahead`` (M,) rows, ascending, after each of ``starts`` (S,)."""
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
     m, slope = np.empty(3), np.empty(3)
@@ -42,41 +37,20 @@ def _windows(  # type: ignore[no-untyped-def]
             par[where[q, 0], where[q, 1]] = X[k, 6 + where[q, 2]]
         a = k
         for i in range(ahead.shape[0]):
-            end = k + ahead[i]
-            while a < end:
-                b = min(a + stride, end)
-                h = t[b] - t[a]
-                s[T], s[STEPPED] = t[a], 1.0
-                coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w)
-                w[3, 0] = w[3, 1] = w[3, 2] = 0.0
-                settle(s, x, h, first, address, par, mem, free, w)
-                if x[0] < low:
-                    x[0] = low
-                    if x[3] < 0.0:
-                        x[3] = 0.0
-                a = b
+            b = k + ahead[i]
+            coast_to(s, x, a, b, stride, t, mean, V, low, first, address, par, mem, free, w)
             readings(s, x, first, address, par, mem, m, slope)
             for q in range(3):
                 out[n, i, q] = m[q]
+            a = b
 
 
-_windows_compiled = compiled(
-    _windows,
-    calls=(
-        rigid_body._accelerations,
-        rigid_body._body_accelerations,
-        integrator._readings,
-        integrator._coast,
-        dry_friction._settle,
-    ),
-    error_model="numpy",
-    nogil=True,
-)  # fmt: skip
+_windows_compiled = compiled(_windows, error_model="numpy", nogil=True)
 
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """A recording, N rows, as the windows need it."""
+    """The arrays of a recording, N rows, that `errors` reads."""
 
     t: np.ndarray
     """(N,) s"""
@@ -89,14 +63,15 @@ class Flight:
     free: np.ndarray
     """(3,) bool: axes that move"""
     low: float
-    """rad: the table; −∞ where there is none"""
+    """rad: the table; −∞ if there is none"""
     starts: np.ndarray
-    """(S,) int64: rows from which a window flies"""
+    """(S,) int64: rows from which predictions start"""
     still: bool = False
-    """The rotors stand still at the first row."""
+    """The rotors are at standstill before the first row."""
 
     @property
     def dt(self) -> float:
+        """s, the median interval."""
         return float(np.median(self.h))
 
 
@@ -110,7 +85,7 @@ def errors(
 ) -> np.ndarray:
     """(S, M, 3) rad: angle − prediction, ``ahead`` (M,) rows after each of the flight's starts.
 
-    ``states`` (N, 6 + B): the filter's, with the numbers that ``varying`` names.
+    ``states`` (N, 6 + B): the filter's, with the B parameters that ``varying`` names.
     """
     hooks = structure.hooks
     s, par = structure.arrays(values)

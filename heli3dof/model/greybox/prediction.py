@@ -1,17 +1,16 @@
-"""Prediction by a `GreyBoxModel`: the filter's states, rolled forward through what was put out.
+"""Prediction by a grey-box model: filtered states, simulated ahead with the recorded voltages.
 
 The states come from the filter that the model was fitted with
-(`heli3dof.model.estimation.ekf_quantised`), each from readings up to its own row only. From each
-the rig runs free for the horizon, in steps of at most 20 ms with the thrusts' exact mean over each
-step. On the table, where the readings say all, the state is the reading at rest, and no prediction
-falls through it.
+(`heli3dof.model.estimation.ekf_quantised`), each from readings up to its own row. From each state
+the simulation runs to the horizon in steps of at most `STEP_S`, with the thrusts' exact mean over
+each step. On the table the state is the reading at rest, and no prediction passes through the
+table.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,35 +19,31 @@ from heli3dof.model.estimation.decimated_log import mean_voltage
 from heli3dof.model.estimation.ekf_jitter import follow, positions
 from heli3dof.model.estimation.ekf_quantised import filter_blocks
 from heli3dof.model.estimation.filter_data import (
-    ON_TABLE_BELOW,
     Data,
     Stretch,
     climb_rows,
     data_of,
     encoder_noise,
+    hold_last,
     starts_on_table,
 )
-from heli3dof.model.physics import dry_friction, integrator, rigid_body
-from heli3dof.model.physics import state_layout as _s
-from heli3dof.model.physics.dry_friction import settle
-from heli3dof.model.physics.integrator import coast, readings, setup
+from heli3dof.model.greybox.parameters import GreyBoxParameters
+from heli3dof.model.physics.integrator import coast_to, readings, setup
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.model.physics.rotor import thrusts
+from heli3dof.model.physics.state_layout import FLANK, SLEW, TAU_M
+from heli3dof.model.physics.table import ON_TABLE_BELOW
 from heli3dof.recording.recording import Recording
 
-if TYPE_CHECKING:
-    from heli3dof.model.greybox.model import GreyBoxModel
-
 STEP_S = 0.02
+"""s, the longest step of a prediction."""
 NOISE = np.array([0.05, 0.15, 0.05])
-"""(3,) rad/s²/√Hz where the model knows of none; see `heli3dof.model.linear.prediction`."""
-R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
-TAU_M, SLEW = _s.TAU_M, _s.SLEW
-FLANK, STEPPED = _s.FLANK, _s.STEPPED
+"""(3,) rad/s²/√Hz for a model without noise values; see `heli3dof.model.linear.prediction`."""
+held = hold_last
 
 
 def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]
-    """out[k + n]: readings n rows after X[k]; ``mean`` (N + 1, 2): the thrusts' integral."""
+    """out[k + n]: readings n rows after the state X[k]; ``mean`` (N + 1, 2): thrusts' integral."""
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((8, 3))
     m, slope = np.empty(3), np.empty(3)
@@ -59,43 +54,21 @@ def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, strid
             x[j] = X[k, j]
         for j in range(where.shape[0]):
             par[where[j, 0], where[j, 1]] = X[k, 6 + where[j, 2]]
-        a = k
-        while a < k + n:
-            b = min(a + stride, k + n)
-            h = t[b] - t[a]
-            s[T], s[STEPPED] = t[a], 1.0
-            coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w)
-            w[3, 0] = w[3, 1] = w[3, 2] = 0.0
-            settle(s, x, h, first, address, par, mem, free, w)
-            if x[0] < low:
-                x[0] = low
-                if x[3] < 0.0:
-                    x[3] = 0.0
-            a = b
-        for i in range(3):  # a play's flank, where it went
+        coast_to(s, x, k, k + n, stride, t, mean, V, low, first, address, par, mem, free, w)
+        for i in range(3):  # the flank of a backlash, by the direction of motion
             s[FLANK + i] = 1.0 if x[i] > X[k, i] else -1.0
         readings(s, x, first, address, par, mem, m, slope)
         for i in range(3):
             out[k + n, i] = m[i]
 
 
-_roll_compiled = compiled(
-    _roll,
-    calls=(
-        rigid_body._accelerations,
-        rigid_body._body_accelerations,
-        integrator._readings,
-        integrator._coast,
-        dry_friction._settle,
-    ),
-    error_model="numpy",
-)
+_roll_compiled = compiled(_roll, error_model="numpy")
 
 
-def predict(model: GreyBoxModel, recording: Recording, horizon_s: float) -> np.ndarray:
+def predict(model: GreyBoxParameters, recording: Recording, horizon_s: float) -> np.ndarray:
     """(N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
 
-    NaN where there is none yet, and on an axis that was not measured.
+    NaN in the first rows and on an axis that was not measured.
     """
     N = len(recording)
     n = max(1, round(horizon_s / recording.dt))
@@ -117,14 +90,14 @@ def predict(model: GreyBoxModel, recording: Recording, horizon_s: float) -> np.n
 
 
 def filtered(
-    model: GreyBoxModel, recording: Recording
+    model: GreyBoxParameters, recording: Recording
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float, np.ndarray]:
     """(t, V, the thrusts' running integral, states X (N, 6 + B), lowest roll, axes that move).
 
-    B numbers of the model's differ from recording to recording and are re-estimated.
+    B is the number of parameters that vary between recordings; they are re-estimated.
     """
     N = len(recording)
-    y, recording = recording.angle, replace(recording, voltage=held(recording.voltage))
+    y, recording = recording.angle, replace(recording, voltage=hold_last(recording.voltage))
     V = np.ascontiguousarray(mean_voltage(recording))
     t = recording.t - recording.t[0]
     h = np.append(np.diff(t), recording.dt)
@@ -133,7 +106,7 @@ def filtered(
     edges = np.flatnonzero(np.diff(np.concatenate([[0], off.astype(int), [0]])))
     spans = [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
     if model.varying:
-        # What the climb would teach of them is wrong: they are learnt from its end on.
+        # The climb would bias these parameters: estimate them from its end on.
         cut = [
             a + climb_rows(y[a:b, 0], low, recording.dt) if math.isfinite(low) else a
             for a, b in spans
@@ -148,27 +121,28 @@ def filtered(
     s, par = model.structure.arrays(model.values)
     free = np.isfinite(y).any(axis=0)
     m, slope = np.empty(3), np.empty(3)
-    for k in np.flatnonzero(table):  # what lies there is not what is read, where a zero is off
+    for k in np.flatnonzero(table):  # from readings to angles, with an encoder's offset
         readings(s, X[k], hooks.first, hooks.address, par, model.structure.memory, m, slope)
         X[k, :3] -= (m - X[k, :3]) / slope
     if runs:
         d = data_of([recording], runs)
         a = np.where(model.noise > 0, model.noise, NOISE)
         if model.varying:
-            found = follow(model.structure, model.values, d, a, model.jitter_s, model.varying)
-            states = found.states
+            states = follow(
+                model.structure, model.values, d, a, model.jitter_s, model.varying
+            ).states
         else:
             states = _by_edges(model, d, a)
         for run, (_, start, stop) in zip(runs, d.blocks, strict=True):
             X[run.start : run.stop] = states[start:stop]
-    X[:, :3][:, ~free] = 0.0  # an axis that was not measured is held level
+    X[:, :3][:, ~free] = 0.0  # an axis that was not measured is fixed at level
     X[:, 3:6][:, ~free] = 0.0
     mean = impulse(model.structure, model.values, V, h, still=starts_on_table(recording))
     return t, V, mean, X, low, free
 
 
-def _by_edges(model: GreyBoxModel, d: Data, a: np.ndarray) -> np.ndarray:
-    """(rows, 6) states of the filter that reads encoder edges (`estimation.ekf_quantised`)."""
+def _by_edges(model: GreyBoxParameters, d: Data, a: np.ndarray) -> np.ndarray:
+    """(rows, 6) states of the filter for quantised encoders (`estimation.ekf_quantised`)."""
     hooks = model.structure.hooks
     s, par = model.structure.arrays(model.values)
     states = np.zeros((len(d.t), 6))
@@ -187,7 +161,7 @@ def impulse(
 ) -> np.ndarray:
     """(N + 1, 2) N·s: the integral of the rotors' thrusts up to each row, voltages V (N, 2).
 
-    At the first row the rotors turn as its voltages would keep them, or stand ``still``.
+    At the first row the rotors are in steady state, or at standstill (``still``).
     """
     if still:
         V, h = np.vstack([np.zeros(2), V]), np.concatenate([h[:1], h])
@@ -207,20 +181,10 @@ def impulse(
 
 
 def table_of(recording: Recording) -> tuple[float, np.ndarray]:
-    """Where the table is (rad; −∞: nowhere), and the rows on it."""
+    """(roll of the table in rad, −∞ if there is none; (N,) bool: the rows on it)."""
     roll = recording.angle[:, 0]
     if np.isnan(roll).all() or not np.nanmin(roll) < ON_TABLE_BELOW:
         return -math.inf, np.zeros(len(roll), dtype=bool)
     low = float(np.nanmin(roll))
     with np.errstate(invalid="ignore"):
         return low, np.asarray(roll <= low + 2.5 * abs(recording.profile.encoder.rad_per_count[0]))
-
-
-def held(voltage: np.ndarray) -> np.ndarray:
-    """(N, 2) V, contiguous; what was not read stays at the last value."""
-    v = np.array(voltage, dtype=float, order="C")
-    for j in range(v.shape[1]):
-        good = np.isfinite(v[:, j])
-        index = np.maximum.accumulate(np.where(good, np.arange(len(v)), -1))
-        v[:, j] = np.where(index >= 0, v[index, j], 0.0)
-    return v

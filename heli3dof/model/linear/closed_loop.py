@@ -6,14 +6,10 @@ Per control period k::
     v[k] = clip(law(y[k], ref[k], extra[k]), ±v_max)
     x[k+1] = A x[k] + B (v[k] − u0)
 
-The law is `heli3dof.model.control.controller.control_law`, the function that flies. Machine code is
-kept on disk (`heli3dof.model.compiled`); only the first call after an installation compiles.
+The law is `heli3dof.model.control.controller.control_law`, which also runs on the real rig.
 """
 
 from __future__ import annotations
-
-import time
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,9 +17,8 @@ from heli3dof.model.base import LoopResult, LoopTask
 from heli3dof.model.compiled import compiled
 from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
 from heli3dof.model.control.loop_opening import after_law, before_law, opening
-
-if TYPE_CHECKING:
-    from heli3dof.model.linear.model import LinearModel
+from heli3dof.model.linear.initial_state import rest_state
+from heli3dof.model.linear.parameters import LinearParameters
 
 _law, _before, _after = compiled(control_law), compiled(before_law), compiled(after_law)
 
@@ -66,16 +61,16 @@ def _fly(  # type: ignore[no-untyped-def]
             x[i] = x_next[i]
 
 
-_fly_compiled = compiled(_fly, calls=(control_law, before_law, after_law))
+_fly_compiled = compiled(_fly)
 
 
-def fly(model: LinearModel, task: LoopTask) -> LoopResult:
-    """Fly the task on the model from rest at ``task.angle0``; see `LinearModel.rest_state`.
+def fly(model: LinearParameters, task: LoopTask) -> LoopResult:
+    """Simulate the task on the model, starting at rest at ``task.angle0``.
 
-    The start need not be an equilibrium: at −27.5° on the table it is not, and the model has no
-    table. Encoder grids pass through angle0, so the first reading is angle0 exactly. A diverging
-    loop gives inf and NaN. An axis that is not modelled is NaN in the result, and the controller
-    sees it resting at angle0. Raises RecordingError where ``task.dt`` is not the model's.
+    The start need not be an equilibrium; the model has no table. The encoder grid passes through
+    angle0, so the first reading is angle0 exactly. A diverging loop gives inf and NaN. An axis that
+    is not modelled is NaN in the result; the controller sees it at angle0 throughout. Raises
+    RecordingError if ``task.dt`` is not the model's.
     """
     model = model.at(task.dt)
     N = len(task.reference)
@@ -94,7 +89,7 @@ def fly(model: LinearModel, task: LoopTask) -> LoopResult:
         _floats(C),
         _floats(model.u0),
         np.where(there, model.y0, angle0).astype(float),
-        _floats(model.rest_state(angle0)).copy(),
+        _floats(rest_state(model, angle0)).copy(),
         np.array(p),
         np.array(state_at_rest(p, [float(a) for a in angle0])),
         *opening(task),
@@ -121,37 +116,3 @@ def fly(model: LinearModel, task: LoopTask) -> LoopResult:
 
 def _floats(a: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(a, dtype=float)
-
-
-def simulation_speed(duration_s: float = 600.0, repeats: int = 5) -> float:
-    """How many times faster than real time the hover loop flies at 500 Hz, on this machine.
-
-    The best of ``repeats`` runs of a 10° roll square wave, encoders quantised, arrays and all,
-    compilation aside. One thread.
-    """
-    from heli3dof.model.linear.hover import hover_model
-    from heli3dof.rig.profile import default_profile
-
-    profile = default_profile()
-    assert profile.controller is not None
-    N = round(duration_s / profile.dt)
-    reference = np.zeros((N, 3))
-    reference[:, 0] = np.deg2rad(10) * (np.arange(N) * profile.dt % 20 < 10)
-    task = LoopTask(
-        reference=reference,
-        extra=np.zeros((N, 2)),
-        angle0=np.zeros(3),
-        controller=profile.controller,
-        V_o=profile.motor.V_o,
-        v_max=profile.motor.v_max,
-        dt=profile.dt,
-        rad_per_count=profile.encoder.rad_per_count,
-    )
-    model = hover_model(profile)
-    fly(model, task)
-    best = np.inf
-    for _ in range(repeats):
-        start = time.perf_counter()
-        fly(model, task)
-        best = min(best, time.perf_counter() - start)
-    return float(duration_s / best)

@@ -19,28 +19,23 @@ J_roll, J_pitch, J_yaw kg·m²              moments of inertia, the denominators
 
 ``printed=True`` gives (10) and (11) exactly as the paper prints them: A[6,2] with a plus sign
 (E3), and B[5,·] divided by L_h once too often (E4). Corrected, A[6,2] is −2 L_a K_f V_o / J_yaw
-with the *profile's* V_o, because the torque that lifts the arm at hover is what tilting turns
-into travel, whatever its origin (E2). The paper takes both motors for equal and writes 2 m_f
-where the corrected model has m_f + m_b.
+with the *profile's* V_o: tilting turns the torque that lifts the arm at hover into travel (E2).
+The paper assumes equal motors and writes 2 m_f; the corrected model has m_f + m_b.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.rig.profile import Profile, g
 
-if TYPE_CHECKING:
-    import control
-
 
 @dataclass(frozen=True, eq=False)
 class Hover:
-    """The hover model in continuous time, with the numbers it is made of.
+    """The hover model in continuous time, with its inertias and hover voltage.
 
     A (6, 6), B (6, 2), C (3, 6), D (3, 2); states in rad and rad/s, input V − V_o in V.
     """
@@ -61,15 +56,15 @@ class Hover:
 
 
 def quiescent_voltage(profile: Profile) -> float:
-    """V_o in V per motor by eq (6), from the masses. Its sign is not to be trusted (E2)."""
+    """V_o in V per motor by eq (6), from the masses. Its sign is unreliable (E2)."""
     return profile.gravity_torque / (2 * profile.geometry.L_a * profile.motor.K_f)
 
 
 def hover(profile: Profile, *, printed: bool = False) -> Hover:
     """The matrices (10)–(13) of the hover model for a rig.
 
-    ``printed`` gives them as the paper prints them, errata and all, with V_o from (6);
-    otherwise they are corrected and V_o is the profile's. See the module's docstring.
+    ``printed`` gives them as the paper prints them, errata included, with V_o from (6). Otherwise
+    they are corrected, with the profile's V_o. See the module's docstring.
     """
     if printed:
         return _as_printed(profile)
@@ -89,7 +84,7 @@ def _as_printed(profile: Profile) -> Hover:
     L_w, L_a, L_h = profile.geometry.L_w, profile.geometry.L_a, profile.geometry.L_h
     m_w, m_f, m_b = profile.mass.m_w, profile.mass.m_f, profile.mass.m_b
     K_f = profile.motor.K_f
-    # Letter by letter, row 6 of (10) and rows 4 and 5 of (11).
+    # Row 6 of (10) and rows 4 and 5 of (11), exactly as printed.
     J_roll = m_w * L_w**2 + 2 * m_f * L_a**2
     J_pitch = 2 * m_f * L_h**2
     J_yaw = m_w * L_w**2 + 2 * m_f * L_h**2 + 2 * m_f * L_a**2
@@ -106,8 +101,8 @@ def _as_printed(profile: Profile) -> Hover:
 def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = None) -> LinearModel:
     """The hover model at the control rate (or every ``dt`` s), by exact zero-order hold.
 
-    States (rad, rad/s) as in (8); trim u0 = V_o per motor, y0 = 0. K is zero, S unknown (NaN):
-    the paper says nothing of noise.
+    States (rad, rad/s) as in (8); trim u0 = V_o per motor, y0 = 0. K is zero and S is NaN, because
+    the paper gives no noise.
     """
     from heli3dof.model.discretisation import held
 
@@ -126,21 +121,4 @@ def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = N
         y0=np.zeros(3),
         dt=dt,
         exact_hold=True,
-    )
-
-
-def hover_state_space(profile: Profile, *, printed: bool = False) -> control.StateSpace:
-    """The hover model as a continuous python-control ``StateSpace``, inputs V − V_o."""
-    import control
-
-    h = hover(profile, printed=printed)
-    return control.ss(
-        h.A,
-        h.B,
-        h.C,
-        h.D,
-        name="hover",
-        inputs=["v_front_V", "v_back_V"],
-        outputs=["roll_rad", "pitch_rad", "yaw_rad"],
-        states=["r", "p", "psi", "r_rate", "p_rate", "psi_rate"],
     )

@@ -1,18 +1,15 @@
-"""States of a linear model: at rest at given angles, and how uncertain a state is.
+"""Initial states of a linear model: the state at rest, and the covariance of an uncertain state.
 
-Black-box models come in a basis of their own, so nothing may be asked of the state itself, only
-of what it makes the outputs do. Both functions look at the free response over WINDOW s.
+A black-box state has no physical meaning, so both functions work with the outputs that a state
+causes: the free response over `WINDOW`.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy.linalg as la
 
-if TYPE_CHECKING:
-    from heli3dof.model.linear.model import LinearModel
+from heli3dof.model.linear.parameters import LinearParameters
 
 WINDOW = 0.5
 """s; longer than the rotor's lag, shorter than the paper's loop takes to move the arm."""
@@ -20,12 +17,12 @@ _ROWS = 50
 
 
 def responses(
-    model: LinearModel, axes: np.ndarray, window_s: float = WINDOW
+    model: LinearParameters, axes: np.ndarray, window_s: float = WINDOW
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Free and forced response at about 50 instants in the next ``window_s`` s.
+    """(O (rows, n), G (rows, 2)): free and forced response at about 50 instants in ``window_s`` s.
 
-    Returns O (rows, n) and G (rows, 2), so that the outputs picked by ``axes`` (3,) bool are, one
-    instant after the other, O x + G ũ for a start in x under a constant voltage u0 + ũ.
+    The outputs of the ``axes`` (3,) bool, stacked by instant, are O x + G ũ for the initial state
+    x and a constant voltage u0 + ũ.
     """
     n = model.order
     steps = max(round(window_s / model.dt), n)
@@ -41,13 +38,12 @@ def responses(
     return stacked[:, :n], stacked[:, n:]
 
 
-def rest_state(model: LinearModel, angle0: np.ndarray) -> np.ndarray:
-    """(n,) the state in which the model rests at ``angle0`` (3,) rad as well as it can.
+def rest_state(model: LinearParameters, angle0: np.ndarray) -> np.ndarray:
+    """(n,) the state in which the model is at rest at ``angle0`` (3,) rad.
 
-    Where the state is physical (hover) it is exactly [angle0, 0]. Elsewhere it is the state that,
-    under some constant voltage, keeps the outputs nearest to angle0 for the next half second, in
-    least squares, the smallest such state. The free voltage stands for whatever holds the rig
-    there, the table for instance. A NaN in angle0 (an axis not measured) counts as the trim y0.
+    A physical state (hover) is [angle0 − y0, 0]. Otherwise it is the least-squares state of least
+    norm that keeps the outputs at angle0 for `WINDOW` under some constant voltage. That voltage
+    replaces whatever supports the rig, for instance the table. A NaN in angle0 counts as y0.
     """
     angle0 = np.where(np.isfinite(angle0), angle0, model.y0)
     if model.physical_state:
@@ -55,18 +51,18 @@ def rest_state(model: LinearModel, angle0: np.ndarray) -> np.ndarray:
     axes = model.modelled
     O, G = responses(model, axes)
     y = np.tile((angle0 - model.y0)[axes], len(O) // int(axes.sum()))
-    # Volts against radians: bring both blocks to one scale, so that lstsq's cut-off is fair.
+    # Radians and volts: scale both blocks alike, so that lstsq's cut-off treats them equally.
     scale_x = max(float(abs(O).max()), 1e-300)
     scale_u = max(float(abs(G).max()), 1e-300)
     solution = la.lstsq(np.hstack([O / scale_x, G / scale_u]), y, cond=1e-9)[0]
     return np.asarray(solution[: model.order] / scale_x)
 
 
-def state_spread(model: LinearModel, axes: np.ndarray) -> np.ndarray:
-    """(n, n) the covariance of a state whose free response is uncertain by 1 rad rms over WINDOW.
+def state_spread(model: LinearParameters, axes: np.ndarray) -> np.ndarray:
+    """(n, n) the covariance of a state whose free response is uncertain by 1 rad rms over `WINDOW`.
 
-    The inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over the window, for the axes that are measured.
-    Multiply it by the variance wanted (rad²). Directions that no output shows have none.
+    The inverse of the mean of (C Aʲ)ᵀ (C Aʲ) over the window, for the measured axes; multiply by
+    the variance wanted (rad²). Unobservable directions get zero variance.
     """
     O, _ = responses(model, axes)
     W = O.T @ O / (len(O) / int(axes.sum()))

@@ -1,62 +1,58 @@
-"""Prediction ``h`` samples ahead from data so far, for any linear model.
+"""Prediction ``h`` samples ahead from past data, for any linear model.
 
-A causal filter follows the state, x̂ = x̂[k|k−1], through the measured angles, and each prediction
-rolls the model forward from it through the voltages that followed::
+A causal filter estimates the state x̂ = x̂[k|k−1] from the measured angles. Each prediction then
+propagates the model from it with the voltages that followed::
 
     x̂[k+1] = A x̂[k] + B ũ[k] + L_k (y[k] − y0 − C x̂[k])
     ŷ[k]   = y0 + C Aʰ⁻¹ x̂[k−h+1] + Σ_{i=0}^{h−2} C Aⁱ B ũ[k−1−i],      ũ = V − u0
 
-The sum is a convolution with the first h − 1 impulse responses, so 60 s at 500 Hz take the time
-of a few Fourier transforms whatever the horizon. Voltages are never replayed from t = 0: the plant
-integrates twice, and 0.05 V of bias drifts 25° in 10 s.
+The sum is a convolution with the first h − 1 impulse responses, computed by FFT for every horizon.
+Voltages are never replayed from t = 0: the plant integrates twice, so that 0.05 V of bias drifts
+25° in 10 s.
 
-L_k is the time-varying Kalman gain from an uncertain start, then its limit. The noise it assumes:
+L_k is the time-varying Kalman gain from an uncertain start, then its limit. It assumes this noise:
 
-* K ≠ 0, the innovation form: process noise K e, measurement noise e, cov e = S. With every axis
-  measured the limit is K itself.
-* the physical state (hover), of which the paper says no noise: white angular acceleration of
-  intensity ``ACCELERATION``², and encoder steps as white noise of variance step²/12 per sample.
-  The intensity is chosen fast rather than quiet: the hover model's accelerations are wrong by
-  tenths of rad/s² on a real rig, and the rates must be found in spite of them.
+* K ≠ 0, the innovation form: process noise K e, measurement noise e, cov e = S. If every axis is
+  measured, the limit is K itself.
+* the physical state (hover), for which the paper gives no noise: white angular acceleration of
+  intensity `ACCELERATION`², and encoder steps as white noise of variance step²/12 per sample. The
+  intensity is large on purpose: the hover model's accelerations are off by tenths of rad/s² on a
+  real rig, and the filter must still follow the rates.
 * any other model with K = 0 (output error): the same encoder noise, and a drift of the free
-  response by ``DRIFT`` rad/√s, which is the same in every basis.
+  response by `DRIFT` rad/√s, which is the same in every basis.
 
-An axis without readings has no part in the filter; a lost reading is skipped, and so are samples
-of which the whole row is lost, up to a gap that the other filter does not cross either
-(`heli3dof.model.estimation.filter_data.LOST`).
+The filter ignores an axis without readings and skips a lost reading. It bridges lost rows, up to a
+gap of `heli3dof.model.estimation.filter_data.LOST` periods.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from heli3dof.model.compiled import compiled
-from heli3dof.model.estimation.filter_data import LOST
-from heli3dof.model.linear.initial_state import state_spread
+from heli3dof.model.estimation.filter_data import LOST, hold_last
+from heli3dof.model.linear.initial_state import rest_state, state_spread
+from heli3dof.model.linear.parameters import LinearParameters
 from heli3dof.recording.gap_filling import bridged
 from heli3dof.recording.recording import Recording
 
-if TYPE_CHECKING:
-    from heli3dof.model.linear.model import LinearModel
-
 ACCELERATION = np.array([0.05, 0.15, 0.05])
-"""(3,) rad/s² per √Hz: roll, pitch, yaw. A compromise: half of it suits a rig that is the model
-better (0.1° less at 1 s), twice of it a real one (2 % less at 1 s on the real recordings)."""
+"""(3,) rad/s² per √Hz: roll, pitch, yaw. A compromise: half of it suits a simulated rig better
+(0.1° less error at 1 s), twice of it a real one (2 % less at 1 s on the real recordings)."""
 DRIFT = 0.02
 """rad/√s"""
 START = 0.1
-"""rad, how uncertain the first outputs are."""
-_SETTLE_S = 3.0  # the gain varies for at most this long
+"""rad, the initial standard deviation of the outputs."""
+_SETTLE_S = 3.0
+"""s, the gain is computed for at most this long and then kept."""
 
 
-def predict(model: LinearModel, recording: Recording, horizon_s: float) -> np.ndarray:
+def predict(model: LinearParameters, recording: Recording, horizon_s: float) -> np.ndarray:
     """(N, 3) rad: row k is the prediction of ``angle[k]`` made ``horizon_s`` earlier.
 
-    Uses voltages up to k − 1 and angles up to k − h, h the horizon in samples (at least one). NaN
-    for the first h rows and for an axis that is not modelled or was not measured. Raises
-    RecordingError where the sample interval is not the model's; see `LinearModel.at`.
+    Uses voltages up to k − 1 and angles up to k − h; h is the horizon in samples, at least one.
+    NaN in the first h rows and on an axis that is not modelled or not measured. Raises
+    RecordingError if the sample interval is not the model's (`LinearParameters.at`).
     """
     model = model.at(recording.dt)
     whole, own = bridged(recording, LOST)
@@ -68,7 +64,7 @@ def predict(model: LinearModel, recording: Recording, horizon_s: float) -> np.nd
     result = np.full((N, 3), np.nan)
     if not axes.any() or h >= N:
         return result
-    u = _held(recording.voltage, model.u0) - model.u0
+    u = hold_last(recording.voltage, model.u0) - model.u0
     x = filtered_states(model, recording, axes, u)
     C = np.where(axes[:, None], model.C, 0.0)
     forward = C @ np.linalg.matrix_power(model.A, h - 1)
@@ -81,11 +77,9 @@ def predict(model: LinearModel, recording: Recording, horizon_s: float) -> np.nd
 
 
 def filtered_states(
-    model: LinearModel, recording: Recording, axes: np.ndarray, u: np.ndarray
+    model: LinearParameters, recording: Recording, axes: np.ndarray, u: np.ndarray
 ) -> np.ndarray:
-    """(N + 1, n): row k is x̂[k|k−1], the state before sample k is read. u is V − u0 (N, 2)."""
-    from heli3dof.model.linear.initial_state import rest_state
-
+    """(N + 1, n): row k is x̂[k|k−1], before sample k is read. u (N, 2) is V − u0."""
     gains = kalman_gains(model, recording, axes)
     y = recording.angle - model.y0
     y = np.where(axes, y, np.nan)
@@ -106,8 +100,8 @@ def filtered_states(
     return x
 
 
-def kalman_gains(model: LinearModel, recording: Recording, axes: np.ndarray) -> np.ndarray:
-    """(M, n, 3): the predictor's gain at samples 0 … M − 1, the last one from then on."""
+def kalman_gains(model: LinearParameters, recording: Recording, axes: np.ndarray) -> np.ndarray:
+    """(M, n, 3): the predictor's gain at samples 0 … M − 1; the last one holds from then on."""
     Q, R, cross = noise(model, recording, axes)
     A, C = model.A, model.C[axes]
     P = START**2 * state_spread(model, axes)
@@ -126,19 +120,19 @@ def kalman_gains(model: LinearModel, recording: Recording, axes: np.ndarray) -> 
     out = np.zeros((len(gains), model.order, 3))
     out[:, :, picked] = gains
     if model.K.any() and axes.all():
-        out[-1] = model.K  # where the recursion tends to, exactly
+        out[-1] = model.K  # the exact limit of the recursion
     return out
 
 
 def noise(
-    model: LinearModel, recording: Recording, axes: np.ndarray
+    model: LinearParameters, recording: Recording, axes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(Q, R, cross): process (n, n), measurement (m, m) and cross (n, m) covariance per sample."""
     n, m, dt = model.order, int(axes.sum()), model.dt
     encoder = np.diag(recording.profile.encoder.rad_per_count[axes] ** 2 / 12)
     if model.K.any():
         S = np.where(np.isfinite(model.S), model.S, 0.0)
-        if np.linalg.eigvalsh(S[np.ix_(axes, axes)]).min() <= 0:  # not known
+        if np.linalg.eigvalsh(S[np.ix_(axes, axes)]).min() <= 0:  # unknown
             S = np.diag(recording.profile.encoder.rad_per_count**2 / 12)
         K = model.K
         return K @ S @ K.T, S[np.ix_(axes, axes)], (K @ S)[:, axes]
@@ -185,18 +179,6 @@ def _follow(A, B, C, gains, u, y, x):  # type: ignore[no-untyped-def]
 
 
 _follow_compiled = compiled(_follow)
-
-
-def _held(voltage: np.ndarray, u0: np.ndarray) -> np.ndarray:
-    """Lost voltages replaced by the last known one; before the first, the trim."""
-    if np.isfinite(voltage).all():
-        return voltage
-    v = voltage.copy()
-    for j in range(v.shape[1]):
-        good = np.isfinite(v[:, j])
-        index = np.maximum.accumulate(np.where(good, np.arange(len(v)), -1))
-        v[:, j] = np.where(index >= 0, v[index, j], u0[j])
-    return v
 
 
 def _first(column: np.ndarray) -> float:

@@ -1,13 +1,12 @@
-"""Effects as machine code behind an address, so that no combination of them is ever recompiled.
+"""Effects as compiled functions behind addresses, so that no combination of them is recompiled.
 
-A kernel that knew its effects at compile time would cost seconds for every candidate that a
-diagnosis tries. Here each effect's function is compiled once, by itself, and cached on disk
-(0.2 s the first time, milliseconds after); the kernels are compiled once for all and call the
-effects that are switched on through their addresses, about 2 ns a call.
+A kernel compiled for a fixed set of effects would cost seconds for every candidate of a diagnosis.
+Here each effect's function is compiled once and cached on disk (0.2 s the first time, milliseconds
+after). The kernels are compiled once and call the active effects through their addresses, about
+2 ns a call.
 
-Every such function has the signature ``f(s, par, mem, out) -> None`` on flat arrays of float64
-(`heli3dof.model.physics.state_layout`), and runs in plain Python on numpy arrays too, which is how
-it is tested.
+Every such function has the signature ``f(s, par, mem, out) -> None`` on flat float64 arrays
+(`heli3dof.model.physics.state_layout`). Tests run it in plain Python on numpy arrays.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ Hook = Callable[[Any, Any, Any, Any], None]
 
 
 class HookError(Exception):
-    """A function of an effect that cannot be compiled, and ``where`` it stands: ``file:line``."""
+    """An effect's function does not compile; ``where`` is its ``file:line``."""
 
     def __init__(self, what: str, where: str) -> None:
         super().__init__(what)
@@ -35,23 +34,23 @@ def _code(function: Hook) -> Any:
     signature = numba.types.void(pointer, pointer, pointer, pointer)
     try:
         return numba.cfunc(signature, cache=True, error_model="numpy")(function)
-    except Exception as error:  # numba's own, and whatever its passes stumble over
+    except Exception as error:  # numba's passes raise errors of many types
         code = getattr(function, "__code__", None)
         where = f"{code.co_filename}:{code.co_firstlineno}" if code else repr(function)
         raise HookError(f"{where} does not compile: {error}", where) from error
 
 
 def address(function: Hook) -> int:
-    """Where the compiled function lies in memory; compiled, or read from disk, when first asked."""
+    """The address of the compiled function; the first call compiles it or reads the cache."""
     return int(_code(function).address)
 
 
 @cache
 def caller() -> Any:
-    """The intrinsic ``call(address, i, s, par, mem, out)`` for use in compiled kernels.
+    """Return the intrinsic ``call(address, i, s, par, mem, out)`` for compiled kernels.
 
-    Calls ``address[i]`` with rows i of ``par`` and ``mem``; pointers, because slicing arrays in an
-    inner loop costs more than the effects do.
+    It calls ``address[i]`` with pointers to rows i of ``par`` and ``mem``: slicing arrays in an
+    inner loop would cost more than the effects.
     """
     import numba
     from llvmlite import ir
@@ -72,7 +71,7 @@ def caller() -> Any:
             where = builder.load(builder.gep(array(0).data, [args[1]]))
             data = [array(2).data, row(3), row(4), array(5).data]
             function = ir.FunctionType(ir.VoidType(), [d.type for d in data])
-            # A cfunc follows C's calling convention and returns nothing.
+            # A cfunc has C's calling convention and returns nothing.
             builder.call(builder.inttoptr(where, function.as_pointer()), data)
             return context.get_dummy_value()
 

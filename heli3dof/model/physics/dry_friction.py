@@ -1,25 +1,25 @@
-"""Dry friction as it is: set-valued, sticking and slipping, without smoothing.
+"""Dry friction without smoothing: set-valued, with sticking and slipping.
 
-A step of h s is taken without it and ends at the rates v. Then the joint i, whose friction is τ_c
-at most (N·m), gets the impulse that stops it, or as much of it as friction can give; with W = M⁻¹
+A step of h s without friction ends at the rates v. Then joint i, with friction of at most τ_c
+(N·m), gets the impulse that stops it, limited to what friction can give. With W = M⁻¹
 
     λ = −clip(v_i/W_ii, ±τ_c h)        v_j ← v_j + W_ji λ        q_j ← q_j + ½ h W_ji λ
 
-which in the joint itself is the soft threshold S(v) = sgn(v) max(|v| − b, 0), b = τ_c h W_ii: a
-joint that rests under less than τ_c stays where it is, to the last digit, and a reversal cannot
-overshoot. Joints that share W are gone through until nothing changes.
+In the joint itself this is the soft threshold S(v) = sgn(v) max(|v| − b, 0), b = τ_c h W_ii: a
+joint at rest under less than τ_c stays at rest exactly, and a reversal cannot overshoot. Joints
+coupled by W are iterated until nothing changes.
 
 W is diag(1/J) for the hover model (`state_layout.LINEAR`), and diagonal for uncoupled axes
 (`state_layout.UNCOUPLED`, `CONSTANT`; `heli3dof.model.physics.rigid_body`).
 
-In the filter a rate is N(v, σ²), and what friction does to it is S averaged over that: with
-α = (b − v)/σ, β = (b + v)/σ, φ and Q the normal density and its upper tail, u(α) = φ(α) − αQ(α)
+In the filter a rate is N(v, σ²), and friction acts by the mean of S over it. With α = (b − v)/σ,
+β = (b + v)/σ, φ and Q the normal density and its upper tail, u(α) = φ(α) − αQ(α):
 
     E S = σ (u(α) − u(β))              E S² = σ² (Q(α) − αu(α) + Q(β) − βu(β))
     ρ = E S′ = Q(α) + Q(β)
 
-so a rate of uncertain sign is braked less than τ_c, and a joint that sticks has little uncertainty
-left: ρ is what its row of the covariance shrinks by. σ = 0 gives S itself.
+A rate of uncertain sign is braked by less than τ_c, and a sticking joint keeps little uncertainty:
+its row of the covariance shrinks by ρ. σ = 0 gives S itself.
 """
 
 from __future__ import annotations
@@ -36,16 +36,17 @@ UNCOUPLED, CONSTANT = _s.UNCOUPLED, _s.CONSTANT
 DRY = int(_s.Stage.DRY)
 SQRT2, SQRT2PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 SURE = 6.0
-"""Standard deviations beyond which the other side is not thought of."""
+"""Standard deviations from the threshold beyond which a rate has a certain sign."""
 SWEEPS = 20
+"""Most iterations over coupled joints."""
 
 call = caller()
 
 
 def _soft(v: float, sd: float, b: float) -> tuple[float, float, float]:
-    """(E S, ρ, Var S) of a rate N(v, sd²) that friction slows by b, all in rad/s.
+    """(E S, ρ, Var S) of a rate N(v, sd²) that friction reduces by b, all in rad/s.
 
-    b < 0, which no friction is but a fit about zero tries, pushes: v − b sgn v.
+    b < 0, which a fit around zero may try, accelerates: v − b sgn v.
     """
     if abs(v) > max(b, 0.0) + SURE * sd:
         return (v - b if v > 0.0 else v + b), 1.0, sd * sd
@@ -66,9 +67,9 @@ soft = compiled(_soft, leaf=True, error_model="numpy")
 
 
 def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """Dry friction's impulses after a step of h s to x (6,). w (≥ 8, 3): row 3 the rates' σ.
+    """Apply dry friction after a step of h s to x (6,). w (≥ 8, 3): row 3 holds the rates' σ.
 
-    Leaves ρ in row 2, W_ji/W_ii of joint i in row 4 + i, Var S in row 3; True where it acted.
+    Writes ρ to row 2, W_ji/W_ii of joint i to row 4 + i, Var S to row 3. Returns True if it acted.
     """
     if first[DRY + 1] == first[DRY]:
         return False
@@ -97,11 +98,11 @@ def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-unty
         for i in range(3):
             was = rr if i == 0 else (pp if i == 1 else yy)
             level = 1.0 / s[J_R + i]
-            by_itself, body = level, was
+            uncoupled, body = level, was
             if i == 2:
-                by_itself = 1.0 / ((s[J_PSI] - s[J_P]) * cr * cr + s[J_P])
-                body += s[CONSTANT] * (level - by_itself)
-            body += s[UNCOUPLED] * (by_itself - was)
+                uncoupled = 1.0 / ((s[J_PSI] - s[J_P]) * cr * cr + s[J_P])
+                body += s[CONSTANT] * (level - uncoupled)
+            body += s[UNCOUPLED] * (uncoupled - was)
             now = body + s[LINEAR] * (level - body) if free[i] else 0.0
             for j in range(3):
                 if j != i and now > 0.0:
@@ -126,7 +127,7 @@ def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-unty
         for i in range(3):
             if w[0, i] == 0.0:
                 continue
-            # w[1]: the change of each joint's rate by its own friction so far
+            # w[1]: the change of each joint's rate by its own friction
             alone = x[3 + i] - w[1, i]
             mean, w[2, i], _ = soft(alone, w[3, i], w[0, i])
             move = mean - x[3 + i]
@@ -144,11 +145,11 @@ def _settle(s, x, h, first, address, par, mem, free, w):  # type: ignore[no-unty
     return True
 
 
-settle = compiled(_settle, calls=(_soft,), leaf=True, error_model="numpy")
+settle = compiled(_settle, leaf=True, error_model="numpy")
 
 
 def _shrink(P, h, w, row):  # type: ignore[no-untyped-def]
-    """What `_settle` did to x, done to its covariance P (6, 6); row (6,) is work space.
+    """Transform the covariance P (6, 6) as `_settle` transformed x; row (6,) is work space.
 
     P ← T P Tᵀ, T = I + t e_iᵀ, t the change of x per change of v_i; then Var S.
     """

@@ -1,9 +1,10 @@
-"""One sample of a rig with effects: set up, a step forward, and what the encoders should read.
+"""The simulation step: rigid body, rotors, effects, dry friction and the table.
 
-Common to the filter, the closed loop and the predictions. Arguments ``first``, ``address``,
-``par``, ``mem`` are the effects that are on (`heli3dof.model.physics.parametrisation`); ``target``
-and ``F`` (N, 2) N are what the voltages aim at and the thrusts at each row's start
-(`heli3dof.model.physics.rotor`).
+The filters, the closed loops and the predictions all use these functions. The arguments ``first``,
+``address``, ``par``, ``mem`` are the active effects (`heli3dof.model.physics.parametrisation`);
+``free`` (3,) bool are the axes that can move; ``target`` and ``F`` (N, 2) N are the steady-state
+thrusts of each row's voltages and the thrusts at its start (`heli3dof.model.physics.rotor`);
+``w`` (8, 3) and ``decay`` (3,) are work space.
 """
 
 from __future__ import annotations
@@ -11,12 +12,11 @@ from __future__ import annotations
 import math
 
 from heli3dof.model.compiled import compiled
-from heli3dof.model.physics import dry_friction, rigid_body, rotor
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.compiled_effects import caller
 from heli3dof.model.physics.dry_friction import settle
 from heli3dof.model.physics.rigid_body import accelerations, advance
-from heli3dof.model.physics.rotor import lagged
+from heli3dof.model.physics.rotor import aim, lagged
 
 call = caller()
 R, T, F_FRONT, V_FRONT = _s.R, _s.T, _s.F_FRONT, _s.V_FRONT
@@ -26,6 +26,7 @@ SETUP, MEASURE = int(_s.Stage.SETUP), int(_s.Stage.MEASURE)
 
 
 def _setup(s, first, address, par, mem):  # type: ignore[no-untyped-def]
+    """Let the effects change the parameters in s; once before a run."""
     for i in range(first[SETUP], first[SETUP + 1]):
         call(address, i, s, par, mem, s)
 
@@ -34,10 +35,9 @@ setup = compiled(_setup, leaf=True, error_model="numpy")
 
 
 def _leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """x (6,) from row k to the next, dry friction aside.
+    """Advance x (6,) from row k to the next, without dry friction.
 
-    ``decay`` (3,) keeps exp(−h/2τ) and exp(−h/τ) for its h; w (8, 3) is work space, whose last row
-    holds the thrusts at the end.
+    ``decay`` keeps h, exp(−h/2τ) and exp(−h/τ); w[7] holds the thrusts at the end.
     """
     if decay[0] != h[k]:
         decay[0] = h[k]
@@ -47,7 +47,7 @@ def _leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     s[T], s[STEPPED] = t[k], 1.0
     s[V_FRONT], s[V_FRONT + 1] = V[k, 0], V[k, 1]
     for m in range(2):
-        # Without a lag the thrust is the target from the first instant.
+        # Without a lag the thrust equals the target from the start of the row.
         w[5, m] = F[k, m] if s[TAU_M] > 0.0 else target[k, m]
         w[6, m] = target[k, m] + (F[k, m] - target[k, m]) * decay[1]
         w[7, m] = target[k, m] + (F[k, m] - target[k, m]) * decay[2]
@@ -59,24 +59,43 @@ def _leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     advance(s, x, h[k], w[5], w[6], w[7], first, address, par, mem, free, w)
 
 
-leap = compiled(_leap, calls=(rigid_body._advance, rotor._lagged), leaf=True, error_model="numpy")
+leap = compiled(_leap, leaf=True, error_model="numpy")
 
 
 def _step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """As `_leap`, and what dry friction makes of it."""
+    """Advance x (6,) from row k to the next, dry friction included."""
     leap(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     w[3, 0] = w[3, 1] = w[3, 2] = 0.0
     settle(s, x, h[k], first, address, par, mem, free, w)
 
 
-step = compiled(
-    _step, calls=(_leap, rigid_body._advance, rotor._lagged, dry_friction._settle),
-    leaf=True, error_model="numpy",
-)  # fmt: skip
+step = compiled(_step, leaf=True, error_model="numpy")
+
+
+def _stop_at_table(x, low):  # type: ignore[no-untyped-def]
+    """Keep roll at or above the table at ``low`` rad (−∞: none); the impact is inelastic."""
+    if x[0] < low:
+        x[0] = low
+        if x[3] < 0.0:
+            x[3] = 0.0
+
+
+stop_at_table = compiled(_stop_at_table, leaf=True, error_model="numpy")
+
+
+def _fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
+    """Advance x (6,) under row k's voltages, just set; writes target[k] and the next row's F."""
+    aim(s, V, h, 0, k, first, address, par, mem, target[k])
+    step(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
+    if k + 1 < F.shape[0]:
+        F[k + 1, 0], F[k + 1, 1] = w[7, 0], w[7, 1]
+
+
+fly_row = compiled(_fly_row, leaf=True, error_model="numpy")
 
 
 def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay):  # type: ignore[no-untyped-def]
-    """As `_step`, by the midpoint rule: a third of the work, for differences of two runs."""
+    """As `_step`, by the midpoint rule: a third of the cost, for differences of two runs."""
     if decay[0] != h[k]:
         decay[0] = h[k]
         decay[1] = math.exp(-0.5 * h[k] / s[TAU_M]) if s[TAU_M] > 0.0 else 0.0
@@ -98,26 +117,23 @@ def _glide(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay
     settle(s, x, h[k], first, address, par, mem, free, w)
 
 
-glide = compiled(
-    _glide, calls=(rigid_body._accelerations, rotor._lagged, dry_friction._settle),
-    leaf=True, error_model="numpy",
-)  # fmt: skip
+glide = compiled(_glide, leaf=True, error_model="numpy")
 
 
 def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """x (6,) over the h s from row a to row b at once, by the midpoint rule, dry friction aside.
+    """Advance x (6,) from row a to row b, h s, in one midpoint step without dry friction.
 
-    ``mean`` (N + 1, 2) N·s is the thrusts' running integral: their mean over the step counts.
+    ``mean`` (N + 1, 2) N·s is the running integral of the thrusts; their mean over the step acts.
     """
     s[V_FRONT], s[V_FRONT + 1] = V[a, 0], V[a, 1]
     for half in range(2):
-        for m in range(2):  # each time anew: effects change them in place
+        for m in range(2):  # set again in each half: effects change them in place
             s[F_FRONT + m] = (mean[b, m] - mean[a, m]) / h
         for i in range(3):
             if half == 0:
                 s[R + i] = x[i] + 0.5 * h * x[3 + i]
                 s[R + 3 + i] = x[3 + i]
-            else:  # the rate at the middle, for what depends on it
+            else:  # the rate in the middle of the step, for effects that depend on it
                 s[R + 3 + i] = x[3 + i] + 0.5 * h * w[2, i]
         accelerations(s, first, address, par, mem, free, w[0], w[1], w[2])
     for i in range(3):
@@ -125,17 +141,32 @@ def _coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w):  # type: 
         x[3 + i] += h * w[2, i]
 
 
-coast = compiled(
-    _coast, calls=(rigid_body._accelerations, rigid_body._body_accelerations),
-    leaf=True, error_model="numpy",
-)  # fmt: skip
+coast = compiled(_coast, leaf=True, error_model="numpy")
+
+
+def _coast_to(s, x, a, end, stride, t, mean, V, low, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
+    """Advance x (6,) from row a to row ``end`` in steps of ``stride`` rows.
+
+    Each step is `_coast`, then dry friction, then the table at ``low`` rad.
+    """
+    while a < end:
+        b = min(a + stride, end)
+        h = t[b] - t[a]
+        s[T], s[STEPPED] = t[a], 1.0
+        coast(s, x, a, b, h, mean, V, first, address, par, mem, free, w)
+        w[3, 0] = w[3, 1] = w[3, 2] = 0.0
+        settle(s, x, h, first, address, par, mem, free, w)
+        stop_at_table(x, low)
+        a = b
+
+
+coast_to = compiled(_coast_to, leaf=True, error_model="numpy")
 
 
 def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
-    """What the encoders should read, (3,) rad into m, and ∂m_i/∂q_i into ``slope``.
+    """Write the encoders' ideal readings (3,) rad into m, and ∂m_i/∂q_i into ``slope``.
 
-    Which flank of a play carries its encoder is s[FLANK + i]; see
-    `heli3dof.model.physics.state_layout`.
+    s[FLANK + i] selects the flank of a backlash (`heli3dof.model.physics.state_layout`).
     """
     for i in range(3):
         m[i] = x[i]
@@ -146,8 +177,8 @@ def _readings(s, x, first, address, par, mem, m, slope):  # type: ignore[no-unty
             s[R + i], s[R + 3 + i] = x[i], x[3 + i]
         for e in range(first[MEASURE], first[MEASURE + 1]):
             call(address, e, s, par, mem, m)
-            # The slope is an angle that never was: nothing may remember it. Of mem the last row
-            # is no effect's.
+            # The slope evaluates an angle that did not occur: restore the effect's memory after
+            # it. The last row of mem belongs to no effect.
             for n in range(mem.shape[1]):
                 mem[mem.shape[0] - 1, n] = mem[e, n]
             call(address, e, s, par, mem, slope)
@@ -161,7 +192,7 @@ readings = compiled(_readings, leaf=True, error_model="numpy")
 
 
 def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-untyped-def]
-    """(reading of axis i while its angle rises, while it falls, ∂reading/∂angle), rad."""
+    """(reading of axis i while the angle rises, while it falls, ∂reading/∂angle), rad."""
     s[FLANK + i] = 1.0
     readings(s, x, first, address, par, mem, m, slope)
     rising, steep = m[i], slope[i]
@@ -170,4 +201,4 @@ def _flanks(s, x, i, first, address, par, mem, m, slope):  # type: ignore[no-unt
     return rising, m[i], steep
 
 
-flanks = compiled(_flanks, calls=(_readings,), leaf=True, error_model="numpy")
+flanks = compiled(_flanks, leaf=True, error_model="numpy")

@@ -1,11 +1,9 @@
-"""A rig as a set of terms: the rigid body with the effects that are switched on.
+"""`Structure`: the parameters of a profile with a set of terms, and the arrays for the kernels.
 
-`Structure` knows the parameters of a profile and a choice of terms; with values for them it makes
-the flat arrays that the compiled kernels read. Base parameters, in units of the profile's K_f
-(see `heli3dof.model.physics.rigid_body`):
+Base parameters, in units of the profile's K_f (see `heli3dof.model.physics.rigid_body`):
 
 =========  ======  =======================================================================
-T_g        N·m     gravity's torque on the level arm; nominal 2 L_a K_f V_o
+T_g        N·m     gravity torque of the level arm; nominal 2 L_a K_f V_o
 J_roll     kg·m²   inertias of the level rig; nominal from the profile: [inertia], else its masses
 J_pitch    kg·m²
 J_yaw      kg·m²
@@ -48,13 +46,14 @@ class Free:
     null: float
     log: bool
     term: str | None = None
-    """The term it belongs to; None for the rigid body's own."""
+    """The term it belongs to; None for a base parameter."""
 
     def inward(self, value: float) -> float:
-        """To the coordinate in which it is estimated."""
+        """The coordinate in which a value is estimated: scaled, or its logarithm."""
         return math.log(value) if self.log else value / self.typical
 
     def outward(self, coordinate: float) -> float:
+        """The value of a coordinate; the inverse of `inward`."""
         return math.exp(coordinate) if self.log else coordinate * self.typical
 
     def slope(self, value: float) -> float:
@@ -64,26 +63,26 @@ class Free:
 
 @dataclass(frozen=True)
 class Hooks:
-    """The effects that are on, as the kernels read them: by stage, then along the signal's path."""
+    """The active effects as the kernels read them: by stage, then along the signal path."""
 
     first: np.ndarray
     """(6,) int64: hooks first[stage] … first[stage + 1] − 1 belong to a stage."""
     address: np.ndarray
     """(H,) int64"""
     owner: tuple[int, ...]
-    """Which term each hook belongs to."""
+    """The index of each hook's term."""
 
 
 @dataclass(frozen=True)
 class Structure:
-    """A profile and its terms. Order of terms: the parameters follow it."""
+    """A profile and its terms; the parameters follow the order of the terms."""
 
     profile: Profile
     terms: tuple[Term, ...]
 
     @cached_property
     def free(self) -> tuple[Free, ...]:
-        """Every parameter, the rigid body's four first."""
+        """All parameters, the four of the rigid body first."""
         p = self.profile
         T_g = p.trim_torque
         size = max(abs(T_g), 0.1)
@@ -103,11 +102,12 @@ class Structure:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
+        """The names of `free`."""
         return tuple(f.name for f in self.free)
 
     @property
     def formal(self) -> tuple[Term, ...]:
-        """The terms that say how the body's equations are written."""
+        """The terms that select the form of the body's equations."""
         return tuple(t for t in self.terms if t.effect.formal)
 
     @property
@@ -117,6 +117,7 @@ class Structure:
 
     @cached_property
     def hooks(self) -> Hooks:
+        """The functions of all terms in the order in which the kernels call them."""
         calls = [
             (stage, t.effect.order, i)
             for stage in _s.Stage
@@ -155,19 +156,19 @@ class Structure:
 
     @property
     def memory(self) -> np.ndarray:
-        """(H + 1, MEMORY) what the effects remember, empty."""
+        """(H + 1, MEMORY) zeros: the effects' memory at the start."""
         return np.zeros((len(self.hooks.owner) + 1, _s.MEMORY))
 
     def values_of(self, given: Mapping[str, float]) -> np.ndarray:
-        """(n,) from a mapping of names; what is not given is at its start."""
+        """(n,) values by name; parameters not given are at their start."""
         return np.array([given.get(f.name, f.start) for f in self.free])
 
 
 def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
-    """What all of T_g, J_r, J_p, J_ψ are off nominal by: the profile's K_f over the true one.
+    """The common ratio of T_g, J_r, J_p, J_ψ to nominal: the profile's K_f over the true one.
 
-    They are estimated in units of K_f, and so are the inertias that the masses have. The median of
-    the four ratios: one that is off by itself says nothing of the unit.
+    They are estimated in units of K_f, and so are the inertias of the masses. The result is the
+    median of the four ratios, because a single deviating one does not indicate the unit.
     """
     nominal = (profile.trim_torque, *profile.inertias)
     ratio = sorted(v / n for v, n in zip(values[:4], nominal, strict=True) if n and v / n > 0)
@@ -178,14 +179,14 @@ def unit_of(profile: Profile, values: Sequence[float] | np.ndarray) -> float:
 
 
 def context(profile: Profile) -> np.ndarray:
-    """(SIZE,) the context of a nominal rig at rest: rotors without lag, both alike."""
+    """(SIZE,) the context of a nominal rig at rest, with two equal rotors without lag."""
     p = profile
     s = np.zeros(_s.SIZE)
     s[_s.L_A], s[_s.L_H], s[_s.L_W] = p.geometry.L_a, p.geometry.L_h, p.geometry.L_w
     s[_s.K_F] = p.motor.K_f
     s[_s.T_G] = p.trim_torque
     s[_s.J_R : _s.J_R + 3] = p.inertias
-    # What the masses do not have of a measured inertia turns with the joint (`rigid_body`).
+    # The part of a measured inertia beyond the masses' turns with the joint (`rigid_body`).
     s[_s.BODY_P], s[_s.BODY_PSI] = p.mass_inertias[1:]
     s[_s.GAIN_FRONT] = s[_s.GAIN_BACK] = 1.0
     s[_s.V_O], s[_s.V_MAX] = p.motor.V_o, p.motor.v_max

@@ -1,25 +1,25 @@
 """The nonlinear rigid body: an arm that turns in roll and yaw and carries a bar that tilts.
 
-The bar (two motors at ±L_h) turns about its own axes only across itself, so all its rotation is in
+The bar (two motors at ±L_h) has rotational inertia only about axes across itself. Its rotation is
 
     ω_a = ṗ + sin r ψ̇                    along the arm
     ω_n = sin p ṙ + cos r cos p ψ̇        along the body's normal
 
-and what moves with the arm, the bar's own mass included, in ṙ and cos r ψ̇. With J_a = J_ψ − J_p::
+The rest, including the bar's mass, moves with the arm in ṙ and cos r ψ̇. With J_a = J_ψ − J_p::
 
     2 T = J_r ṙ² + J_a cos² r ψ̇² + J_p (ω_a² + ω_n²)        U = T_g sin r + G_p cos r sin p
 
 so J_r, J_p, J_ψ are the inertias about the three axes of the level rig (kg·m²). The profile's
-masses give their shape above; what J_p and J_ψ differ from that, δJ_p and δJ_ψ, turns with the
-joint alone (a rotor, a drum, a counterweight on the shaft) and stands in M_pp and M_ψψ only. T_g
-is the level arm's gravity torque and G_p = (m_f − m_b) g L_h the level body's (N·m). Lagrange's
-equations M(q) q̈ + h(q, q̇) = Q with
+masses determine their distribution above. The difference of J_p and J_ψ from the masses' values,
+δJ_p and δJ_ψ, rotates with the joint alone (a rotor, a drum, a counterweight on the shaft) and
+enters M_pp and M_ψψ only. T_g is the gravity torque of the level arm, G_p = (m_f − m_b) g L_h that
+of the level body (N·m). Lagrange's equations M(q) q̈ + h(q, q̇) = Q have
 
     M_rr = J_r + J_p sin² p           M_rψ = J_p cos r sin p cos p
     M_pp = J_p + δJ_p                 M_pψ = J_p sin r              M_rp = 0
     M_ψψ = J_a cos² r + J_p (sin² r + cos² r cos² p) + δJ_ψ
 
-and, ω̇ at q̈ = 0 written α_a = cos r ṙ ψ̇ and α_n = cos p ṗ ṙ − (sin r cos p ṙ + cos r sin p ṗ) ψ̇,
+and, with ω̇ at q̈ = 0: α_a = cos r ṙ ψ̇ and α_n = cos p ṗ ṙ − (sin r cos p ṙ + cos r sin p ṗ) ψ̇,
 
     h_r = J_p (sin p α_n + ω_n (cos p ṗ + sin r cos p ψ̇) − ω_a cos r ψ̇) + J_a cos r sin r ψ̇²
     h_p = J_p (α_a − ω_n (cos p ṙ − cos r sin p ψ̇))
@@ -32,40 +32,39 @@ The thrusts act along the normal at the bar's ends; with F = F_f + F_b, D = F_f 
     Q_p = L_h D − G_p cos r cos p + effects
     Q_ψ = −L_a cos r sin p F + L_h sin r D + effects
 
-For small pitch and slow yaw these are the equations that most texts print, J_roll r̈ = L_a cos p F
-− T_g cos r and so on. The motors' difference in mass acts through its weight only; its product of
-inertia, (m_f − m_b) L_a L_h, is left out. Rotors: τ_m Ḟ_i = K_f g_i f(V_i) − F_i, solved exactly.
+For small pitch and slow yaw these are the usual textbook equations, J_roll r̈ = L_a cos p F −
+T_g cos r and so on. The motors' mass difference acts through its weight only; its product of
+inertia, (m_f − m_b) L_a L_h, is neglected. Rotors: τ_m Ḟ_i = K_f g_i f(V_i) − F_i, solved exactly.
 
-The paper's hover model is the same body to first order about level hover, F = T_g/L_a and
-D = G_p/L_h; with what effects exert (τ) it reads
+**Hover model.** To first order about level hover, F = T_g/L_a and D = G_p/L_h, with the torques τ
+of effects:
 
     J_r r̈ = L_a F − T_g + τ_r      J_p p̈ = L_h D − G_p + τ_p      J_ψ ψ̈ = −T_g p + G_p r + τ_ψ
 
-(its eqs (10), (11), errata E3 and E4 mended; T_g = 2 L_a K_f V_o, and G_p = 0 as the paper takes
-both motors for equal). With s[LINEAR] = λ the body accelerates (1 − λ) times as the rigid body and
-λ times as this; λ is zero unless `heli3dof.model.effects.base_hover` is on.
+(the paper's eqs (10), (11) with errata E3 and E4 corrected; T_g = 2 L_a K_f V_o, and G_p = 0
+because the paper assumes equal motors). With s[LINEAR] = λ the acceleration is (1 − λ) times that
+of the rigid body plus λ times this; λ = 0 unless `heli3dof.model.effects.base_hover` is on.
 
-Equations of such rigs are often written one axis by itself. With s[UNCOUPLED] = κ
-and s[CONSTANT] = ν the body accelerates, a straight line in each, as
+**Simplified equations.** With s[UNCOUPLED] = κ and s[CONSTANT] = ν the acceleration is
 
     q̈ = (1 − κ) q̈_rigid + κ q̈_alone + ν (0, 0, τ_y/J_ψ − ψ̈_alone)
 
-where, μ = s[UNTHROWN] and η = s[SIDEWAYS], q̈_alone is
+where, with μ = s[UNTHROWN] and η = s[SIDEWAYS], q̈_alone is
 
     J_r r̈ = L_a cos p F − T_g cos r + G_p sin r sin p + τ_r − (1 − μ) J_r sin r cos r ψ̇²
     J_p p̈ = L_h D − G_p cos r cos p + τ_p + (1 − μ) J_p sin p cos p (ṙ² − cos² r ψ̇²)
     ((J_ψ − J_p) cos² r + J_p) ψ̈ = τ_y + (1 − μ) 2 (J_ψ − J_p) sin r cos r ṙ ψ̇
     τ_y = −L_a cos r sin p F + η L_h sin r D + τ_ψ
 
-κ leaves out M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates (what is
-missed most is M_pψ ψ̈, up to 0.01 N·m on pitch); ν, what the arm's tilt does to J_ψ; μ, all products
-of rates; and η puts L_h sin r D back. All are zero unless one of the effects `simplified.*` is on
-(`heli3dof.model.effects.simplified_couplings` and its neighbours). λ counts from there.
+κ omits M_rψ, M_pψ, J_p sin² p in M_rr, L_h sin r D and the bar's products of rates (the largest is
+M_pψ ψ̈, up to 0.01 N·m on pitch). ν omits the change of J_ψ with the arm's tilt, μ all products of
+rates; η restores L_h sin r D. All are zero unless one of the effects `simplified.*` is on
+(`heli3dof.model.effects.simplified_couplings` and related). λ applies after them.
 
-What no flight can tell: all torques and inertias multiplied by one factor move the same way. So
-K_f stays at the profile's value as the unit, and T_g, J_r, J_p, J_ψ and every effect's torque are
-estimated *in units of it*: if the true K_f is 1.1 times the profile's, they are all 1.1 times too.
-Weighing one part (or the table that the profile gives of the masses) settles the factor.
+**Not identifiable from flights.** All torques and inertias multiplied by one factor give the same
+motion. So K_f stays at the profile's value as the unit, and T_g, J_r, J_p, J_ψ and every effect's
+torque are estimated *in units of it*: if the true K_f is 1.1 times the profile's, they are all 1.1
+times too large. Weighing one part (or the masses in the profile) determines the factor.
 """
 
 from __future__ import annotations
@@ -91,7 +90,7 @@ call = caller()
 
 
 def _alone(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """q̈ (3,) of the rigid body in ``a``, moved κ of the way to q̈_alone and by ν; see the module."""
+    """Change q̈ (3,) in ``a`` from the rigid body's by κ, ν, μ, η; see the module."""
     sr, cr = math.sin(s[R]), math.cos(s[R])
     sp, cp = math.sin(s[P]), math.cos(s[P])
     rd, yd = s[R_DOT], s[PSI_DOT]
@@ -116,9 +115,9 @@ alone = compiled(_alone, leaf=True, error_model="numpy")
 
 
 def _body_accelerations(s: Any, force: Any, torque: Any, free: Any, a: Any) -> None:
-    """q̈ (3,) rad/s² into ``a`` from s, thrusts (2,) N and effects' torques (3,) N·m.
+    """Write q̈ (3,) rad/s² to ``a`` from s, thrusts (2,) N and effects' torques (3,) N·m.
 
-    An axis that is not ``free`` is held still by its bearing: its acceleration is zero.
+    An axis that is not ``free`` is fixed: its acceleration is zero.
     """
     sr, cr = math.sin(s[R]), math.cos(s[R])
     sp, cp = math.sin(s[P]), math.cos(s[P])
@@ -170,6 +169,10 @@ body_accelerations = compiled(_body_accelerations, leaf=True, error_model="numpy
 
 
 def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type: ignore[no-untyped-def]
+    """Write q̈ (3,) rad/s² with effects to ``a``; ``force`` (2,), ``torque`` (3,) are work space.
+
+    ``first``, ``address``, ``par``, ``mem``: see `heli3dof.model.physics.integrator`.
+    """
     force[0], force[1] = s[F_FRONT], s[F_BACK]
     s[SPEED_FRONT] = s[F_FRONT] / (s[K_F] * s[GAIN_FRONT])
     s[SPEED_BACK] = s[F_BACK] / (s[K_F] * s[GAIN_BACK])
@@ -177,24 +180,22 @@ def _accelerations(s, first, address, par, mem, free, force, torque, a):  # type
         call(address, i, s, par, mem, force)
     torque[0] = torque[1] = torque[2] = 0.0
     if first[TORQUE + 1] > first[TORQUE]:
-        # Effects that depend on thrust see it as it really is.
+        # Torque effects read the thrusts after the thrust effects.
         s[F_FRONT], s[F_BACK] = force[0], force[1]
         for i in range(first[TORQUE], first[TORQUE + 1]):
             call(address, i, s, par, mem, torque)
     body_accelerations(s, force, torque, free, a)
 
 
-accelerations = compiled(
-    _accelerations, calls=(_body_accelerations,), leaf=True, error_model="numpy"
-)
-"""``accelerations(s, first, address, par, mem, free, force, torque, a)``: q̈ with effects.
-
-``first``, ``address``, ``par``, ``mem`` are the effects that are on
-(`heli3dof.model.physics.parametrisation`); ``force`` (2,) and ``torque`` (3,) are work space."""
+accelerations = compiled(_accelerations, leaf=True, error_model="numpy")
 
 
 def _advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w):  # type: ignore[no-untyped-def]
-    """One step of h s: angles and rates x (6,), thrusts at its start, middle and end, each (2,)."""
+    """Advance angles and rates x (6,) by h s; thrusts at start, middle and end, each (2,) N.
+
+    Runge–Kutta–Nyström with Simpson's weights: the thrusts, known exactly at those three instants,
+    contribute an error of h⁵. w (5, 3) is work space.
+    """
     force, torque, a0, am, a1 = w[0], w[1], w[2], w[3], w[4]
     for i in range(6):
         s[R + i] = x[i]
@@ -215,10 +216,4 @@ def _advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w):  # type: i
         x[3 + i] += h / 6.0 * (a0[i] + 4.0 * am[i] + a1[i])
 
 
-advance = compiled(
-    _advance, calls=(_accelerations, _body_accelerations), leaf=True, error_model="numpy"
-)
-"""``advance(s, x, h, F0, Fm, F1, first, address, par, mem, free, w)``: x (6,) one step further.
-
-Runge, Kutta and Nyström with Simpson's weights: the thrusts, which are known exactly at the start,
-middle and end, enter with an error of h⁵; w (5, 3) is work space."""
+advance = compiled(_advance, leaf=True, error_model="numpy")

@@ -1,9 +1,9 @@
-"""The rotors: from the recorded voltages to the thrusts, exactly, before any filtering.
+"""The rotors: exact thrusts from the recorded voltages, without filtering.
 
-    τ_m Ḟ_i = K_f g_i f(V_i(t − T)) − F_i,      dF_i/dt ≤ K_f g_i · slew  where a slew is set
+    τ_m Ḟ_i = K_f g_i f(V_i(t − T)) − F_i,      dF_i/dt ≤ K_f g_i · slew  if a slew limit is set
 
-The voltage is held between samples, so F approaches its target as exp(−t/τ_m), in a straight line
-while the slew binds. The equation holds no noise: the thrusts follow from the voltages alone.
+The voltage is held between samples, so F approaches its target as exp(−t/τ_m), and linearly while
+the slew limit is active. The equation has no noise: the voltages alone determine the thrusts.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ VOLTAGE = int(_s.Stage.VOLTAGE)
 
 
 def _lagged(F: float, target: float, tau: float, slew: float, h: float) -> float:
-    """The rotor's F after h s of τ Ḟ = target − F, rising no faster than ``slew`` (0: as it likes).
+    """F after h s of τ Ḟ = target − F, with a rise of at most ``slew`` (0: no limit).
 
-    Exact: where the limit binds, F rises in a straight line until target − F = slew τ.
+    Exact: while the limit is active, F rises linearly until target − F = slew τ.
     """
     if slew > 0.0 and target - F > slew * tau:
         line = (target - F) / slew - tau
@@ -41,7 +41,7 @@ lagged = compiled(_lagged, leaf=True, error_model="numpy")
 
 
 def _aim(s, V, h, lead, k, first, address, par, mem, out):  # type: ignore[no-untyped-def]
-    """The thrusts (2,) N that row k's voltages aim at, rows from ``lead`` on being known."""
+    """Write row k's steady-state thrusts (2,) N; voltages are known from row ``lead`` on."""
     whole, part = 0, 0.0
     if s[DELAY] > 0.0:
         back = s[DELAY] / h[k]
@@ -62,7 +62,7 @@ aim = compiled(_aim, leaf=True, error_model="numpy")
 
 
 def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type: ignore[no-untyped-def]
-    """Rows lead … stop: what the voltages aim at, and the thrusts at each row's start, (N, 2) N."""
+    """Rows lead … stop: write the steady-state thrusts and those at each row's start, (N, 2) N."""
     tau = s[TAU_M]
     left, at = 0.0, -1.0
     for k in range(lead, stop):
@@ -80,4 +80,4 @@ def _thrusts(s, V, h, lead, stop, first, address, par, mem, target, F):  # type:
                 F[k, m] = target[k - 1, m] + (F[k - 1, m] - target[k - 1, m]) * left
 
 
-thrusts = compiled(_thrusts, calls=(_lagged, _aim), leaf=True, error_model="numpy")
+thrusts = compiled(_thrusts, leaf=True, error_model="numpy")

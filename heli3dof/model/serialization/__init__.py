@@ -1,6 +1,6 @@
-"""The forms a model file may take: one module each, found by its name.
+"""Readers of model files, one module for each form.
 
-A module ``heli3dof.model.serialization.<form>`` offers ``from_dict(data) -> Model``, which may
-raise KeyError, TypeError or ValueError where the content does not fit, and the model's ``to_dict``
-writes ``"form": "<form>"``. Nothing else has to know of it.
+A module ``heli3dof.model.serialization.<form>`` offers ``from_dict(data) -> Model``. It may raise
+KeyError, TypeError or ValueError for content that does not fit. The model's own ``to_dict`` writes
+``"form": "<form>"``; a new form needs no other entry.
 """

@@ -1,55 +1,23 @@
-"""The form ``greybox``: `GreyBoxModel`, its terms and parameters by name, with covariance."""
+"""Reader of the form ``greybox``: terms and parameters by name, with their covariance."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
 from heli3dof.errors import ProfileError, UsageError
-from heli3dof.model.effects import PlugIn, broken, plug_ins, term
+from heli3dof.model.effects import PlugIn, broken, term
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.rig.profile import profile_from_dict
 
 
-def to_dict(model: GreyBoxModel) -> dict[str, Any]:
-    """Plain JSON-able content; see ``docs/reference/model-file.md``."""
-    std = model.std
-    known = plug_ins()
-    used = (t.effect.name for t in model.structure.terms)
-    from_others = {name: asdict(known[name]) for name in used if name in known}
-    return {
-        "form": "greybox",
-        "name": model.name,
-        "kind": model.kind,
-        "profile": model.profile.to_dict(),
-        "terms": list(model.terms),
-        "parameters": [
-            {
-                "name": f.name,
-                "value": float(v),
-                "std": float(s),
-                "unit": f.unit,
-                "nominal": float(f.start) if f.term is None else None,
-            }
-            for f, v, s in zip(model.structure.free, model.values, std, strict=True)
-        ],
-        "covariance": model.covariance.tolist(),
-        "acceleration_noise_rad_per_s2_per_sqrtHz": model.noise.tolist(),
-        "timing_jitter_s": model.jitter_s,
-        "varying_by_recording": dict(model.varying),
-        "extra": dict(model.extra),
-        **({"plug_ins": from_others} if from_others else {}),
-    }
-
-
 def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
-    """Back from `to_dict`. Raises KeyError (missing), TypeError or ValueError (does not fit).
+    """Return the model written by `GreyBoxModel.to_dict`.
 
-    A term that this heli3dof does not know is a UsageError that names it, and the plug-in that
-    provided it where the file was written.
+    Raises KeyError for a missing key, TypeError or ValueError for content that does not fit, and
+    UsageError for an unknown term; it names the plug-in that provided the term to the writer.
     """
     names = tuple(str(t) for t in data["terms"])
     _check_terms(names, data.get("plug_ins", {}))
@@ -85,7 +53,7 @@ def from_dict(data: Mapping[str, Any]) -> GreyBoxModel:
 
 
 def _check_terms(names: Sequence[str], written_with: Mapping[str, Any]) -> None:
-    """Raise UsageError for a term that no effect here provides."""
+    """Raise UsageError for a term that no installed effect provides."""
     for name in names:
         try:
             term(name)

@@ -12,12 +12,11 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from heli3dof.errors import RecordingError
+from heli3dof.recording.gap_filling import GAP
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
 
 MIN_SAMPLES = 10
-"""Samples; a shorter log is refused (a convention)"""
-GAP = 1.5
-"""Periods; a longer interval is a gap. Halfway between no and one lost sample."""
+"""Fewer say nothing about anything."""
 JITTER = 0.02
 """RMS scatter of the intervals, as a share of the period, that gives a warning (a convention)"""
 

@@ -32,9 +32,9 @@ def test_the_printed_model_is_refused_for_its_pole_at_1_469() -> None:
 
 
 def test_equation_17_is_refused_in_both_readings_and_called_defective() -> None:
-    for mended in (False, True):
+    for corrected in (False, True):
         with pytest.raises(UnstableLoop, match=r"poles .* rad/s are not left of zero") as caught:
-            check_loop(paper17_model(PROFILE, mended=mended), SPEC, DT)
+            check_loop(paper17_model(PROFILE, corrected=corrected), SPEC, DT)
         assert "E14" in caught.value.cause
 
 

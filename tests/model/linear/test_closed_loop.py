@@ -7,10 +7,10 @@ import pytest
 
 from heli3dof.errors import RecordingError
 from heli3dof.model.base import LoopTask
-from heli3dof.model.compiled import _sources, compiled
 from heli3dof.model.control.controller import Controller
-from heli3dof.model.linear.closed_loop import fly, simulation_speed
+from heli3dof.model.linear.closed_loop import fly
 from heli3dof.model.linear.hover import hover_model
+from tests.bench.simulation_speed import simulation_speed
 from tests.model.examples import DEG, PROFILE, SPEC, K_g, in_another_basis, step_task
 
 HOVER = hover_model(PROFILE)
@@ -126,13 +126,3 @@ def test_an_integral_removes_what_a_wrong_hover_voltage_would_leave() -> None:
 
 def test_simulation_is_at_least_2000_times_faster_than_real_time() -> None:
     assert simulation_speed(duration_s=120, repeats=3) > 2000
-
-
-def test_compiled_code_is_kept_under_the_sources_of_what_it_calls() -> None:
-    def called(x: float) -> float:
-        return x + 1
-
-    one = compiled(called, calls=(Controller.step,))
-    assert one(1.0) == 2.0
-    assert one._cache._cache_file._source_stamp[1] == _sources((Controller.step,))
-    assert _sources((Controller.step,)) != _sources((fly,))

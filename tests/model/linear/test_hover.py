@@ -9,7 +9,6 @@ from scipy.linalg import expm
 from heli3dof.model.linear.hover import (
     hover,
     hover_model,
-    hover_state_space,
     quiescent_voltage,
 )
 from heli3dof.rig.profile import Profile
@@ -65,12 +64,13 @@ def test_hover_model_is_the_exact_hold_at_the_control_rate(printed: bool) -> Non
     assert not m.K.any()
 
 
-def test_python_control_gets_the_same_matrices() -> None:
-    s = hover_state_space(PROFILE)
+def test_python_control_gets_the_continuous_matrices_with_state_names() -> None:
+    s = hover_model(PROFILE).to_control(in_continuous_time=True)
     h = hover(PROFILE)
     assert s.isctime()
     for ours, theirs in ((h.A, s.A), (h.B, s.B), (h.C, s.C), (h.D, s.D)):
-        assert np.array_equal(ours, theirs)
+        np.testing.assert_allclose(theirs, ours, atol=1e-10)
+    assert s.state_labels == ["r", "p", "psi", "r_rate", "p_rate", "psi_rate"]
 
 
 def test_all_motion_is_a_chain_of_integrators_without_damping() -> None:

@@ -34,7 +34,7 @@ def test_level_hover_needs_v_o_on_both_motors() -> None:
 
 
 def test_small_thrusts_about_hover_give_the_papers_entries_of_b() -> None:
-    # (11), errata mended: L_a K_f / J_roll = 0.0858 and K_f / (2 m_f L_h) = 0.5810 rad/s² per volt
+    # (11), corrected: L_a K_f / J_roll = 0.0858 and K_f / (2 m_f L_h) = 0.5810 rad/s² per volt
     F = K_F * V_O
     a = acceleration(force=(F + K_F, F))
     assert a[0] == pytest.approx(0.0858, abs=5e-5)

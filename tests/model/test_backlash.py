@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from heli3dof.model.effects import terms
-from heli3dof.model.greybox.closed_loop import true_angles
+from heli3dof.model.greybox.linearisation import true_angles
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.physics import state_layout
 from heli3dof.model.physics.integrator import flanks, readings

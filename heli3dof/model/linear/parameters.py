@@ -1,0 +1,88 @@
+"""`LinearParameters`: matrices, trim and sample interval of a discrete-time state-space model.
+
+    x[k+1] = A x[k] + B (V[k] − u0) + K e[k]
+      y[k] = C x[k] + y0 + e[k],      cov e = S
+
+V (V) is held from k to k+1; y is (r, p, ψ) in rad. `heli3dof.model.linear.model.LinearModel` adds
+simulation, prediction and export; the modules with those algorithms need only this class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.errors import RecordingError
+
+DT_TOLERANCE = 0.01
+"""Largest relative difference between a recording's sample interval and the model's."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearParameters:
+    """Shapes: A (n, n), B (n, 2), C (3, n), K (n, 3), S (3, 3), u0 (2,) V, y0 (3,) rad."""
+
+    name: str
+    kind: str
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    """A row of NaN or zeros: that axis is not modelled."""
+    K: np.ndarray
+    S: np.ndarray
+    """rad²; NaN where the noise is unknown."""
+    u0: np.ndarray
+    y0: np.ndarray
+    dt: float
+    """s"""
+    extra: Mapping[str, Any] = field(default_factory=dict)
+    """Other content of the model file: standard deviations, recordings, versions."""
+    exact_hold: bool = False
+    """A, B are the zero-order hold of a continuous-time model (hover, eq (17)), so the model can be
+    resampled. An identified model is valid at its own interval only."""
+
+    @property
+    def order(self) -> int:
+        """The number of states n."""
+        return int(self.A.shape[0])
+
+    @property
+    def modelled(self) -> np.ndarray:
+        """(3,) bool: the axes whose row of C is finite and not zero."""
+        return np.asarray(np.isfinite(self.C).all(axis=1) & (self.C != 0).any(axis=1))
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """The names of the modelled axes."""
+        return tuple(a for a, there in zip(AXES, self.modelled, strict=True) if there)
+
+    @property
+    def physical_state(self) -> bool:
+        """True if the state is (r, p, ψ, ṙ, ṗ, ψ̇), as in eq (8)."""
+        return self.exact_hold and np.array_equal(self.C, np.eye(3, 6))
+
+    def at(self, dt: float) -> Self:
+        """Return this model for a sample interval ``dt`` (s), resampled if it has `exact_hold`.
+
+        Raises RecordingError for an identified model if dt differs from its own by more than 1 %.
+        """
+        off = abs(dt / self.dt - 1)
+        if self.exact_hold and off > 1e-9:
+            from heli3dof.model.discretisation import held, released
+
+            c = released(self.A, self.B, self.dt)
+            if c is not None:
+                A, B = held(*c, dt)
+                return replace(self, A=A, B=B, dt=dt)
+        if off <= DT_TOLERANCE:
+            return self
+        raise RecordingError(
+            f"The model {self.name!r} is for samples every {self.dt * 1e3:g} ms, "
+            f"not every {dt * 1e3:g} ms.",
+            cause="it was identified on recordings made at another rate.",
+            fix="heli3dof identify a recording made at this rate",
+        )
