@@ -88,7 +88,7 @@ def test_a_pair_replaces_a_single_cause_only_if_clearly_likelier(
     assert {chosen.term.name, *chosen.tied_with} == set(NAMES[:2])
 
 
-def test_a_choice_without_ties_needs_no_fit(companion_scores: dict[str, float]) -> None:
+def test_a_cause_that_is_not_confounded_needs_no_fit(companion_scores: dict[str, float]) -> None:
     step = step_with(())
     chosen, made = explained(NONE, step)
     assert chosen is step.choice

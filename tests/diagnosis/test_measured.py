@@ -55,7 +55,7 @@ def test_causes_that_are_both_adopted_are_not_confounded_with_each_other() -> No
     assert b.confidence == second.confidence
 
 
-def test_a_tie_with_an_absent_cause_remains() -> None:
+def test_a_cause_stays_confounded_with_an_absent_one() -> None:
     first = choice(176.0, (ROLL, DRAG), disturbance__periodic__yaw=176.0,
                    disturbance__periodic__roll=175.5, drag__quadratic__yaw=176.0)  # fmt: skip
     assert beside_each_other([first])[0].tied_with == (ROLL, DRAG)
@@ -64,14 +64,14 @@ def test_a_tie_with_an_absent_cause_remains() -> None:
     assert a.confidence == pytest.approx(0.5)
 
 
-def test_a_tie_with_an_adopted_form_of_the_equations_is_resolved() -> None:
+def test_a_cause_is_not_confounded_with_an_adopted_form_of_the_equations() -> None:
     name = "simplified.yaw_inertia"
     first = choice(176.0, (name,), drag__quadratic__yaw=176.0, simplified__yaw_inertia=175.5)
     assert beside_each_other([first])[0].tied_with == (name,)
     assert beside_each_other([first], [name])[0].tied_with == ()
 
 
-def test_a_tie_with_a_weakly_supported_cause_remains() -> None:
+def test_a_cause_stays_confounded_with_a_weakly_supported_one() -> None:
     first = choice(176.0, (ROLL,), disturbance__periodic__yaw=176.0,
                    disturbance__periodic__roll=175.5)  # fmt: skip
     weak = replace(choice(40.0, (), disturbance__periodic__roll=40.0), weak=True)

@@ -51,7 +51,7 @@ def test_an_adopted_cause_is_not_an_alternative(apart: None) -> None:
     assert nearly(choice_of(120.0, 118.0), {NAMES[1]}).tied_with == ()
 
 
-def test_a_tie_is_listed_once(apart: None) -> None:
+def test_a_confounded_cause_is_listed_once(apart: None) -> None:
     assert nearly(choice_of(120.0, 118.0, tied=NAMES[1:2]), set()).tied_with == NAMES[1:2]
 
 

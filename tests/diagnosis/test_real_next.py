@@ -50,10 +50,10 @@ def test_no_plan_is_proposed_if_nothing_or_only_offsets_per_recording_are_open(
         assert next_free_flight(Open(open_.fit, open_.model, names), plans=["steps"]) is None
 
 
-def test_a_tie_is_planned_for_as_a_whole_by_its_terms_with_an_absence(open_: Open) -> None:
-    tie = Open(open_.fit, open_.model, ("friction.viscous.yaw", "motor.lag"), tied=True)
-    assert [w.name for w in wanted(tie)] == ["friction.viscous.yaw"]
-    result = next_free_flight(tie, plans=["coast-down"])
+def test_confounded_terms_are_planned_for_together_by_those_with_an_absence(open_: Open) -> None:
+    confounded = Open(open_.fit, open_.model, ("friction.viscous.yaw", "motor.lag"), tied=True)
+    assert [w.name for w in wanted(confounded)] == ["friction.viscous.yaw"]
+    result = next_free_flight(confounded, plans=["coast-down"])
     assert result is not None
     assert result.separates == ("friction.viscous.yaw", "motor.lag")
     assert "in one another's place" in result.why

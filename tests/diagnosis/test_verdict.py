@@ -40,7 +40,7 @@ def finding(*tied: str) -> Any:
         ([], [], [SimpleNamespace()], "unexplained"),
     ],
 )
-def test_the_first_finding_s_ties_decide_the_verdict(
+def test_the_first_finding_decides_whether_the_verdict_is_ambiguous(
     findings: Any, offs: Any, left: Any, verdict: str
 ) -> None:
     assert verdict_of([*findings, *offs], left) == verdict
