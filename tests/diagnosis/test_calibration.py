@@ -49,8 +49,8 @@ def test_a_common_factor_on_all_parameters_is_the_thrust_gain() -> None:
 
 
 def test_two_standard_deviations_are_not_enough() -> None:
-    # ln 1.4 = 0.336 is 0.197 beyond the edge; the scale absorbs 0.02 of it. That is 2.2 of
-    # both deviations (0.065 of the flight, 0.048 of the scale), but 0.8 of the 3.24 required.
+    # ln 1.4 = 0.336 is 0.197 beyond the edge; the scale absorbs 0.02 of it. That is 2.2
+    # combined deviations (flight 0.065, scale 0.048), but 0.8 of the margin that 3.24 requires.
     fit = rig((1, 1, 1.4, 1), relative_std=0.065)
     pitch = calibrated(fit)[3]
     assert pitch.beyond(0.15) > 2 * np.hypot(pitch.told, pitch.scale)

@@ -39,7 +39,7 @@ def step(imitated: float, v: float, Z: float, ratio: float = 1.4) -> Any:
 
 
 def test_an_effect_that_absorbs_the_inertia_without_a_trace_is_confounded_with_it() -> None:
-    # ln 1.4 − ln 1.15 ≈ 0.2 (K_f takes a little), a tenth for each typical size: two of them.
+    # ln 1.4 − ln 1.15 ≈ 0.2 (K_f absorbs a little), a tenth for each typical size: two of them.
     assert imitators(step(0.1, v=0.01, Z=0.0), 1) == ("motor.thrust_curve",)
 
 
@@ -83,7 +83,7 @@ LOW = Off(term("motor.thrust_gain"), 1 / 1.6, 0.03, 200.0)
 
 
 def test_a_thrust_gain_is_confounded_with_an_effect_that_scales_the_whole_base() -> None:
-    # ln 1.6 − ln(1/0.85) = 0.31 to go: at 0.25 for each volt 1.23 V, and √v = 6 shows Z = 7.4.
+    # ln 1.6 − ln(1/0.85) = 0.31 to explain: at 0.25 for each volt 1.23 V, and √v = 6 shows Z = 7.4.
     assert with_imitators(LOW, slower(0.25, 36.0, 7.4)).tied_with == ("motor.dead_zone",)
 
 

@@ -135,9 +135,9 @@ def gains(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     return worth
 
 
-def each_in_turn(less: Any, gone: Choice, asked: Any) -> Any:
+def each_in_turn(less: Any, gone: Choice, tried: Any) -> Any:
     for c in gone.contenders:
-        if c.term.name in gone.tied_with and c.term.name not in asked:
+        if c.term.name in gone.tied_with and c.term.name not in tried:
             yield instead(gone, c), less | {c.term.name}
 
 

@@ -67,7 +67,7 @@ def test_half_the_deviation_is_three_times_the_information_in_addition() -> None
 
 
 def test_the_link_between_own_values_leaves_their_common_mean_free(open_: Open) -> None:
-    """However wide the mean, a shift of mean and own number together costs nothing."""
+    """A common shift of the mean and of an own value costs nothing, however wide the prior."""
     p = open_.fit.problem
     L = link(p)
     shift = np.zeros(p.dim)

@@ -99,7 +99,7 @@ def test_base_parameters_and_existing_terms_are_not_candidates() -> None:
 
 
 def test_the_shared_part_of_a_cause_and_a_probe_excludes_the_base() -> None:
-    """Informations 1, the base's share 0.6 of the probe, the cause's 0.48, by hand: the base leaves
+    """By hand: information 1, shares of the probe 0.6 (base) and 0.48 (cause). The base leaves
     1 − 0.36 = 0.64, of which the cause takes 0.48² = 0.2304, so ρ² = 0.36."""
     screen = object.__new__(Screen)
     screen.A, screen.cross = np.eye(2), np.array([[0.6], [0.48]])

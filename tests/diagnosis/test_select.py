@@ -160,8 +160,8 @@ def test_a_periodic_torque_has_a_positive_amplitude() -> None:
 def test_a_screened_cause_is_taken_over_a_likelier_one_below_the_threshold(
     monkeypatch: pytest.MonkeyPatch, score: float, named: bool
 ) -> None:
-    # Doublets with `aero.inflow` 0.11: a periodic torque, fitted at the frequency that suits it
-    # best, scores 68 with a Z² of 7.5; the true cause 56, with 44.
+    # Doublets with `aero.inflow` 0.11: a periodic torque, fitted at its best
+    # frequency, scores 68 with a Z² of 7.5; the true cause 56, with 44.
     fits = [
         Contender(term("disturbance.periodic.roll"), NONE, NONE, 60.0, 7.5, 0),
         Contender(term("aero.inflow"), NONE, NONE, score, 44.0, 1),

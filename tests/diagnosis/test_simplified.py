@@ -116,8 +116,8 @@ def test_a_form_of_the_equations_needs_no_minimum_score_as_a_further_term() -> N
 
 
 def test_the_threshold_is_lower_than_for_a_cause() -> None:
-    # t_23 exceeds 3.60 in a share 0.003/4 to one side: 3.60² (1 + 1/16) = 13.8, where a cause
-    # among all needs the nulls' threshold
+    # t_23 exceeds 3.60 in a share 0.003/4 to one side: 3.60² (1 + 1/16) = 13.8; a cause
+    # among all candidates needs the threshold of the null simulations
     nulls = Nulls(np.zeros(1), np.ones(1), 1.0, 20.0, 23.0, 16, "simulated")
     assert nulls.least(term("simplified.couplings")) == pytest.approx(13.8, abs=0.05)
     assert nulls.least(term("drag.quadratic.yaw")) == 20.0

@@ -62,8 +62,8 @@ def test_a_fit_started_from_the_trial_finds_the_backlash_width() -> None:
 
 
 def test_a_loop_oscillating_with_a_lag_is_not_attributed_to_noise() -> None:
-    """With an additional torque the base doubles J_pitch under four times the noise, and no score
-    may be significant; a threshold above all scores represents that. A fit shows the lag."""
+    """With an additional torque the base doubles J_pitch under four times the noise, and possibly
+    no score is significant; a threshold above all scores represents that. A fit shows the lag."""
     device = "mock:?speed=max&seed=1043&hide=motor.lag:0.08,bias.torque.pitch:0.025"
     flight = fly_plan(load_plan("rich"), device=device, seed=1043).recording.between(0.0, 40.0)
     bench = Bench((flight,), 0, 4)

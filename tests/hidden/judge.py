@@ -2,8 +2,8 @@
 
 A *name* is an effect with its axis; the axis must be right. A name is *asserted* if it is in
 ``findings`` with an empty ``tied_with`` and is not marked "…-like". A finding that is
-confounded with the truth is never wrong. No flight can separate `encoder.scale`, so a finding confounded
-with `encoder.scale` alone counts as asserted.
+confounded with the truth is never wrong. No flight can separate `encoder.scale`, so a finding
+that is confounded with `encoder.scale` alone counts as asserted.
 """
 
 from __future__ import annotations
