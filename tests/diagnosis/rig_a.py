@@ -1,4 +1,4 @@
-"""A real rig's recordings and a quick fit of one, for tests that skip where they are not."""
+"""Recordings of the real rig A and a quick fit of one; tests skip if the data are missing."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ RIG_A = REAL_DATA / "rig-a"
 
 
 def recording(name: str) -> Recording:
-    """That file; skips the test where there is none."""
+    """The recording of that name; skips the test if the data folder is missing."""
     if not RIG_A.is_dir():
-        pytest.skip("the real recordings are not here")
+        pytest.skip("the real recordings are missing")
     return h3.load(RIG_A / f"{name}.csv", h3.load_profile(RIG_A / "profile.toml"))
 
 
 @cache
 def quick() -> Fitted:
-    """closed-1a in free flights of 1 s, two rounds: near, not settled."""
+    """Fit of closed-1a by free-run predictions of 1 s, two rounds: close, but not converged."""
     problem = problem_of([recording("closed-1a")])
     return search(problem, weak_start(problem), stages_s=((0.25, 0.5, 1.0),), rounds=2)

@@ -1,4 +1,4 @@
-"""The variances of predictions stay finite where something decays faster than a step lasts."""
+"""Prediction variances stay finite when a rate decays faster than one integration step."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def grown(c: float, d: float) -> np.ndarray:
     return P
 
 
-def test_a_fast_friction_leaves_the_variance_that_it_allows() -> None:
-    """1/(2c) in the rate; an explicit step of c d = 5 would give more with each step, for ever."""
+def test_fast_friction_gives_its_stationary_variance() -> None:
+    """1/(2c) in the rate; an explicit step with c d = 5 would grow without bound."""
     assert grown(250.0, 0.02)[3, 3] == pytest.approx(1 / 500, rel=0.35)
     assert grown(250.0, 2.0)[3, 3] == pytest.approx(1 / 500, rel=0.35)
 

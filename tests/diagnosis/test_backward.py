@@ -1,4 +1,4 @@
-"""Backward selection: the arithmetic of blocks, cells and intervals."""
+"""Backward elimination: arithmetic of blocks, cells and intervals."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def flight(seconds: float, dt: float = 0.01) -> Flight:
     )
 
 
-def test_no_window_that_is_fitted_shares_a_sample_with_one_that_is_tested() -> None:
+def test_training_and_test_windows_share_no_sample() -> None:
     f = flight(30.0)
     train, test = halves(f, 0)
 
@@ -43,21 +43,21 @@ def test_no_window_that_is_fitted_shares_a_sample_with_one_that_is_tested() -> N
     assert {int(f.t[k] // BLOCK_S) % 2 for k in test.starts} == {0}
 
 
-def test_a_term_is_needed_where_every_cell_says_so_and_not_where_they_disagree() -> None:
+def test_a_term_is_kept_if_all_cells_agree_and_removed_if_they_disagree() -> None:
     assert interval(np.array([1.0, 2.0, 1.5, 0.5, 1.2]), 1).kept
-    torn = interval(np.array([3.0, -3.0, 2.0, -2.0, 0.1]), 1)
-    assert not torn.kept
-    assert torn.value == pytest.approx(0.02)
-    assert torn.low < 0 < torn.high
+    mixed = interval(np.array([3.0, -3.0, 2.0, -2.0, 0.1]), 1)
+    assert not mixed.kept
+    assert mixed.value == pytest.approx(0.02)
+    assert mixed.low < 0 < mixed.high
 
 
-def test_thrust_that_grows_with_the_square_is_known_beforehand_and_a_friction_is_not() -> None:
+def test_the_rotor_curve_is_known_in_advance_and_friction_is_not() -> None:
     known = known_beforehand(problem_of([fly(1022).recording.between(0, 25)], REAL_TERMS))
     assert "motor.rotor_curve" in known
     assert not any(k.startswith("friction") for k in known)
 
 
-def test_the_filter_starts_anew_at_a_climbs_end() -> None:
+def test_the_filter_restarts_at_the_end_of_the_climb() -> None:
     recording = fly(1022).recording.between(0, 25)
     data = problem_of([recording], REAL_TERMS).data[0]
     lead, start, stop = data.blocks[0]
@@ -67,29 +67,27 @@ def test_the_filter_starts_anew_at_a_climbs_end() -> None:
     assert from_climbs_end(data, int(start)).blocks.tolist() == data.blocks.tolist()
 
 
-def test_blocks_name_causes_and_the_model_keeps_what_they_do_not_need(
+def test_blocks_decide_the_causes_and_the_model_keeps_all_terms(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Where blocks say that a torque on yaw is not needed, the model is the fit that has it."""
+    """The blocks do not need the yaw torque, but the model is still the fit that contains it."""
     names = ("stiffness.pendulum.roll", "bias.torque.yaw", "motor.lag")
     problem = problem_of([fly(1022).recording.between(0, 25)], names)
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=1)
-    said = {n: interval(np.full(9, 1.0), 1) for n in names}
-    said["bias.torque.yaw"] = interval(np.linspace(-1, 1, 9), 1)
+    intervals = {n: interval(np.full(9, 1.0), 1) for n in names}
+    intervals["bias.torque.yaw"] = interval(np.linspace(-1, 1, 9), 1)
     monkeypatch.setattr(
-        module, "removed", lambda stand, name, *, seed, instead=None: module.Trial(said[name])
+        module, "removed", lambda stand, name, *, seed, instead=None: module.Trial(intervals[name])
     )
-    found = module.backward(problem, full)
-    assert found.fit is full
-    assert {r.term for r in found.kept} == {"stiffness.pendulum.roll", "motor.lag"}
-    assert [r.term for r in found.gone] == ["bias.torque.yaw"]
-    assert {t.name for t in found.begun.structure.terms} == set(names)
-    assert len(found.halves) == 2
+    result = module.backward(problem, full)
+    assert result.fit is full
+    assert {r.term for r in result.kept} == {"stiffness.pendulum.roll", "motor.lag"}
+    assert [r.term for r in result.gone] == ["bias.torque.yaw"]
+    assert {t.name for t in result.begun.structure.terms} == set(names)
+    assert len(result.halves) == 2
 
 
-def test_a_refit_without_a_term_is_weighed_as_the_fit_with_it_and_stands_where_a_search_ends() -> (
-    None
-):
+def test_a_refit_without_a_term_keeps_the_scale_and_reaches_the_optimum() -> None:
     problem = problem_of([fly(1022).recording.between(0, 25)], ("motor.lag", "bias.torque.yaw"))
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,))
     less = refit(full, "bias.torque.yaw")
@@ -98,10 +96,10 @@ def test_a_refit_without_a_term_is_weighed_as_the_fit_with_it_and_stands_where_a
     assert less.cost == pytest.approx(there.cost, abs=0.1)
 
 
-def test_at_a_glance_a_term_is_seen_by_its_own_size_and_no_halves_are_told() -> None:
+def test_a_glance_judges_each_term_by_its_size_and_reports_no_halves() -> None:
     problem = problem_of([fly(1022).recording.between(0, 25)], ("motor.lag", "bias.torque.yaw"))
     full = search(problem, weak_start(problem), stages_s=(STAGE_S,))
-    found = glance(full)
-    assert [r.term for r in found.kept] == ["motor.lag"]
-    assert [r.term for r in found.gone] == ["bias.torque.yaw"]
-    assert found.halves == ()
+    result = glance(full)
+    assert [r.term for r in result.kept] == ["motor.lag"]
+    assert [r.term for r in result.gone] == ["bias.torque.yaw"]
+    assert result.halves == ()

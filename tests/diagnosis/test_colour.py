@@ -1,4 +1,4 @@
-"""Noise that is slow makes parameters scatter more than white noise does, and the flight tells."""
+"""Slow noise increases the scatter of parameters; the recording shows by how much."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ MEMORY_S = 0.5
 
 
 class Slow:
-    """Draws as a generator does, but an Ornstein-Uhlenbeck process of `MEMORY_S` is in what it
-    calls standard normal: `TIMES` as strong as the white part where both are slow."""
+    """Generator whose standard normal draws contain an Ornstein-Uhlenbeck process of `MEMORY_S`,
+    `TIMES` as strong as the white part at low frequency."""
 
     def __init__(self, seed: int, dt: float) -> None:
         self.rng, self.dt = np.random.default_rng(seed), dt
@@ -42,30 +42,30 @@ class Slow:
         return np.asarray(self.rng.standard_normal(shape) + slow)
 
 
-def test_what_is_correlated_from_block_to_block_adds_to_the_covariance_of_the_sum() -> None:
+def test_correlation_between_blocks_adds_to_the_covariance_of_the_sum() -> None:
     # 1, 2, −1, −2 about its mean 0: Γ_0 = 10, Γ_1 = 2 − 2 + 2 = 2; with weight 1/2 both ways 12.
     scores = np.array([[1.0], [2.0], [-1.0], [-2.0]])
     assert long_run(scores, 0)[0, 0] == pytest.approx(10.0)
     assert long_run(scores, 1)[0, 0] == pytest.approx(12.0)
 
 
-def test_a_mean_is_no_colour() -> None:
+def test_a_constant_mean_is_not_colour() -> None:
     scores = np.array([[1.0], [2.0], [-1.0], [-2.0]])
     np.testing.assert_allclose(long_run(scores + 7.0, 1), long_run(scores, 1))
 
 
-def test_the_sum_of_an_autoregression_scatters_as_its_formula_says() -> None:
+def test_the_long_run_variance_of_an_autoregression_matches_its_formula() -> None:
     rng = np.random.default_rng(1412)
     phi, m = 0.5, 40_000
     x = np.zeros(m)
     for k in range(1, m):
         x[k] = phi * x[k - 1] + rng.standard_normal()
-    # Long-run variance 1/(1 − φ)² a row; Bartlett's weights over 60 rows leave little out.
+    # Long-run variance 1/(1 − φ)² per row; Bartlett weights over 60 rows omit little.
     assert long_run(x[:, None], 60)[0, 0] / m == pytest.approx(4.0, rel=0.12)
 
 
-def test_only_what_chance_does_not_make_is_colour() -> None:
-    # 120 blocks, 6 remembered: ν = 180/7; white noise exceeds 1.76 once in a hundred flights.
+def test_only_significant_ratios_count_as_colour() -> None:
+    # 120 blocks, memory of 6: ν = 180/7; white noise exceeds 1.76 in one flight of a hundred.
     nu = freedom(120, 6)
     assert nu == pytest.approx(25.7, abs=0.05)
     np.testing.assert_allclose(surely(np.array([0.3, 1.5, 1.9]), nu), [1.0, 1.0, 1.9])
@@ -77,19 +77,19 @@ def white() -> tuple[Recording, Corrected]:
     return flown, base_of(Bench((flown,), seed=0, pilots=6))
 
 
-def test_a_white_flight_has_no_colour(white: tuple[Recording, Corrected]) -> None:
+def test_a_flight_with_white_noise_has_no_colour(white: tuple[Recording, Corrected]) -> None:
     np.testing.assert_array_equal(white[1].colour, np.ones(4))
 
 
-def test_a_flight_in_a_draught_has_and_its_intervals_are_wider(
+def test_a_flight_with_slow_noise_has_wider_intervals(
     white: tuple[Recording, Corrected],
 ) -> None:
-    recording, found = white
-    model = model_at(found.problem, found.optimum.theta, found.optimum.noise)
+    recording, result = white
+    model = model_at(result.problem, result.optimum.theta, result.optimum.noise)
     slow = noisy_flight(model, recording, cast(Any, Slow(1413, recording.dt)))
     seen = base_of(Bench((slow,), seed=0, pilots=6))
-    assert seen.colour[0] > 2.0  # the trim torque: the slowest of all
-    # White noise of the intensity that is found, and √ρ of it.
+    assert seen.colour[0] > 2.0  # the trim torque, the slowest parameter
+    # The standard deviation for white noise of the estimated intensity, times √ρ.
     assert seen.scatter is not None
     L = np.diag(seen.problem.prior_precision)
     inverse = np.linalg.inv(seen.optimum.information + L)

@@ -1,4 +1,4 @@
-"""Of causes that are tied, the one that explains more with another beside it is taken."""
+"""Of confounded causes, the one that explains more together with a second effect is chosen."""
 
 from __future__ import annotations
 
@@ -35,15 +35,15 @@ def step_with(tied_with: tuple[str, ...], false: float = 0.0) -> Any:
 
 
 @pytest.fixture
-def beside(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
-    """The score of the likeliest further term beside each name; fill it. No flights, no fit."""
+def companion_scores(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
+    """Score of the likeliest second term with each name; tests fill it. Nothing is fitted."""
     scores: dict[str, float] = {}
 
     def widened(bench: object, choice: Choice) -> Any:
         return SimpleNamespace(scatter=np.eye(1), name=choice.contenders[0].term.name)
 
-    def companion(step: object, bench: object, found: Any) -> Any:
-        score = scores.get(found.name)
+    def companion(step: object, bench: object, pair: Any) -> Any:
+        score = scores.get(pair.name)
         return None if score is None else SimpleNamespace(score=score, problem=None, optimum=LEVEL)
 
     monkeypatch.setattr(companions, "simplest", lambda bench, pair, alone: None)
@@ -59,13 +59,15 @@ def beside(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
         (None, 2.0 + TIE + 1, NAMES[1]),  # 118 + 9 > 120 + TIE
         (None, 2.0 + TIE - 1, NAMES[0]),
         (40.0, 45.0, NAMES[0]),  # 160 against 163
-        (None, -8.0, NAMES[0]),  # no companion is worth its number
+        (None, -8.0, NAMES[0]),  # no companion pays for its parameter
     ],
 )
-def test_what_each_leaves_to_others_decides_between_tied_causes(
-    beside: dict[str, float], sag: float | None, curve: float | None, taken: str
+def test_the_second_term_decides_between_confounded_causes(
+    companion_scores: dict[str, float], sag: float | None, curve: float | None, taken: str
 ) -> None:
-    beside |= {n: s for n, s in zip(NAMES[:2], (sag, curve), strict=True) if s is not None}
+    companion_scores |= {
+        n: s for n, s in zip(NAMES[:2], (sag, curve), strict=True) if s is not None
+    }
     chosen, made = explained(NONE, step_with(NAMES[1:2]))
     assert chosen.term.name == taken
     assert {chosen.term.name, *chosen.tied_with} == set(NAMES[:2])
@@ -73,33 +75,33 @@ def test_what_each_leaves_to_others_decides_between_tied_causes(
 
 
 @pytest.mark.parametrize(("W", "taken"), [(DECIDED + 0.1, NAMES[1]), (DECIDED - 0.1, NAMES[0])])
-def test_two_that_do_not_surely_beat_one_are_that_one(
-    monkeypatch: pytest.MonkeyPatch, beside: dict[str, float], W: float, taken: str
+def test_a_pair_replaces_a_single_cause_only_if_clearly_likelier(
+    monkeypatch: pytest.MonkeyPatch, companion_scores: dict[str, float], W: float, taken: str
 ) -> None:
     monkeypatch.setattr(companions, "simplest", simplest)
     monkeypatch.setattr(companions, "correct", lambda *fit, **how: None)
     monkeypatch.setattr(companions, "likelihoods", lambda fits, flown, *, seed: (fits, flown))
     monkeypatch.setattr(companions, "odds", lambda *_: np.array([[0.0, W], [-W, 0.0]]))
-    beside[NAMES[1]] = 80.0
+    companion_scores[NAMES[1]] = 80.0
     chosen, _ = explained(Bench((), 0, 4), step_with(NAMES[1:2]))
     assert chosen.term.name == taken
     assert {chosen.term.name, *chosen.tied_with} == set(NAMES[:2])
 
 
-def test_one_that_is_tied_with_nothing_costs_nothing(beside: dict[str, float]) -> None:
+def test_a_cause_that_is_not_confounded_needs_no_fit(companion_scores: dict[str, float]) -> None:
     step = step_with(())
     chosen, made = explained(NONE, step)
     assert chosen is step.choice
     assert not made
 
 
-def test_where_slopes_are_false_scores_do_not_compare() -> None:
+def test_scores_with_large_bias_are_not_compared() -> None:
     assert len(tied(step_with(NAMES[1:2], false=FALSE - 0.1))) == 2
     assert len(tied(step_with(NAMES[1:2], false=FALSE + 0.1))) == 1
 
 
-def test_a_dead_zone_is_seen_beside_the_sag_that_is_there() -> None:
-    """1.5 V of it takes a fifth of the thrust at hover's 7.5 V, the sag 9 % there."""
+def test_a_dead_zone_is_found_together_with_the_supply_sag() -> None:
+    """A dead zone of 1.5 V removes a fifth of the thrust at 7.5 V (hover), the sag 9 %."""
     device = "mock:?speed=max&seed=1203&hide=motor.dead_zone:1.5,motor.supply_sag:0.006"
     flown = fly_plan(load_plan("rich"), device=device, seed=1203).recording
     bench = Bench((flown,), 0, 4)

@@ -1,4 +1,4 @@
-"""One free form against names: what each wins by hand, a torque outside the catalogue, a cause."""
+"""Free-form torque against named effects: gains by hand, with and without a catalogued cause."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ def seen(hide: str, names: tuple[str, ...], seed: int) -> Evidence:
 def one_against_one(
     cross: float, u: float, d: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """A name at d from absent beside nothing else, and one function; informations 100 each."""
+    """One named effect at distance d from absent and one function; information 100 each."""
     return won(
         np.array([[100.0]]), np.array([[cross]]), np.array([[100.0]]), np.array([[0.0]]),
         np.array([[u]]), np.array([d]), np.array([True]),
     )  # fmt: skip
 
 
-def test_a_name_at_its_best_wins_its_size_squared_over_its_variance() -> None:
+def test_the_gain_of_a_name_at_its_optimum_is_its_size_squared_over_its_variance() -> None:
     # g° = 100·1, so named = 100²/100; u° = 0 + 60·1, so free = 60²/100.
     free, named, both, rank = one_against_one(60.0, 0.0)
     assert (float(free[0]), float(named[0]), rank) == pytest.approx((36.0, 100.0, 1))
-    # Nothing is left for the function beside the name.
+    # The function gains nothing in addition to the name.
     assert both[0] == pytest.approx(100.0)
 
 
-def test_the_free_form_wins_by_what_it_sees_beside_the_name_less_what_the_name_keeps() -> None:
-    # u = 40 beside the name: efficient information 100 − 60²/100 = 64, so S = 40²/64 = 25.
+def test_the_free_form_gains_its_own_score_less_what_the_name_retains() -> None:
+    # u = 40 with the name fitted: efficient information 100 − 60²/100 = 64, so S = 40²/64 = 25.
     free, named, both, _ = one_against_one(60.0, 40.0)
     assert free[0] == pytest.approx((40 + 60) ** 2 / 100)
     assert both[0] == pytest.approx(100 + 25)
@@ -48,8 +48,8 @@ def test_the_free_form_wins_by_what_it_sees_beside_the_name_less_what_the_name_k
     assert named[0] == pytest.approx(100.0)
 
 
-def test_what_else_the_fit_holds_is_projected_out_of_both() -> None:
-    """A function that the rest of the fit can do as well has no rank and wins nothing."""
+def test_the_other_parameters_of_the_fit_are_projected_out() -> None:
+    """A function that the other parameters can reproduce has rank 0 and no gain."""
     A = np.diag([100.0, 50.0])
     free, named, both, rank = won(
         A, np.array([[0.0], [50.0]]), np.array([[50.0]]), np.zeros((1, 2)), np.zeros((1, 1)),
@@ -61,36 +61,36 @@ def test_what_else_the_fit_holds_is_projected_out_of_both() -> None:
 BETTER = Rival(("x",), "yaw", "pitch", 600.0, 400.0, 610.0, 9, 1, 20_000, (-50.0, 10.0))
 
 
-def test_a_rival_must_pay_for_its_numbers() -> None:
+def test_a_rival_must_pay_for_its_parameters() -> None:
     # 600 − 400 − 8 ln 20000 = 120.8
     assert BETTER.better == pytest.approx(120.8, abs=0.05)
     assert BETTER.wins
     assert not replace(BETTER, free=470.0).wins
 
 
-def test_a_rival_does_not_win_where_flights_of_the_names_give_it_as_much() -> None:
+def test_a_rival_does_not_win_if_null_simulations_give_the_same_gain() -> None:
     assert not replace(BETTER, nulls=(150.0, 10.0)).wins
 
 
-def test_a_name_that_wins_as_much_beside_the_free_form_keeps_its_place() -> None:
-    """Something else is left; it says nothing of this name."""
+def test_a_name_that_keeps_its_gain_with_the_free_form_is_kept() -> None:
+    """There is another effect, but it does not replace this name."""
     assert not replace(BETTER, both=600.0 + 0.3 * 400.0).wins
 
 
-def test_a_pitch_torque_of_the_voltages_product_is_not_two_names() -> None:
+def test_a_pitch_torque_from_the_voltage_product_is_not_reported_as_two_names() -> None:
     both = ("motor.thrust_mismatch", "bias.torque.pitch")
     flight = seen("other.pitch_torque_from_voltage_product:0.0005", both, 1301)
     best = rival(flight, both)
     assert best is not None
     assert best.axis == "pitch"
-    left = as_leftover(flight, best)
-    assert left.depends_on in ("voltage_product", "voltage_sum")
-    assert left.share > 0.3
-    assert left.confidence > 0.99
+    residual = as_leftover(flight, best)
+    assert residual.depends_on in ("voltage_product", "voltage_sum")
+    assert residual.share > 0.3
+    assert residual.confidence > 0.99
     # About hover k V_f V_b rises by k V_o for each volt of the sum: 0.0005 · 7.46 N·m/V.
-    if left.depends_on == "voltage_sum":
-        z, torque = np.array(left.table).T
-        slope = np.polyfit(z, torque, 1, w=1 / np.array(left.std))[0]
+    if residual.depends_on == "voltage_sum":
+        z, torque = np.array(residual.table).T
+        slope = np.polyfit(z, torque, 1, w=1 / np.array(residual.std))[0]
         assert slope == pytest.approx(0.0005 * 7.456, rel=0.25)
 
 
@@ -102,9 +102,9 @@ def test_a_pitch_torque_of_the_voltages_product_is_not_two_names() -> None:
         ("friction.coulomb.yaw:0.03", ("friction.coulomb.yaw",)),
     ],
 )  # fmt: skip
-def test_causes_that_are_there_keep_their_names(hide: str, names: tuple[str, ...]) -> None:
+def test_true_causes_keep_their_names(hide: str, names: tuple[str, ...]) -> None:
     flight = seen(hide, names, 1302)
-    # A term's way from absent, along its own tangent: its value for one that is linear.
+    # Distance of a term from absent along its tangent: its value if it is linear.
     free, values = flight.found.free[4], flight.found.values[4]
     assert away(flight.found)[4] == pytest.approx((values - free.null) / free.slope(values))
     assert rival(flight, names) is None

@@ -1,4 +1,4 @@
-"""Freed of the filter's bias: on steps alone the inertias come out right, and say how right."""
+"""The bias correction gives correct inertias and intervals from step responses."""
 
 from __future__ import annotations
 
@@ -34,25 +34,23 @@ def true_roll_inertia() -> float:
     return float((body.J[0] + body.dJ[0]) * default_profile().motor.K_f / body.K_f)
 
 
-def test_on_steps_alone_the_roll_inertia_is_right_where_the_filter_s_own_is_not() -> None:
+def test_on_steps_the_corrected_roll_inertia_is_right_and_the_plain_one_is_not() -> None:
     recording, truth = steps(), true_roll_inertia()
     plain = fit_greybox(recording, ())
-    mended = base_of(Bench((recording,), seed=0, pilots=6))
+    corrected = base_of(Bench((recording,), seed=0, pilots=6))
     assert abs(plain.values[1] - truth) > 3 * plain.std[1]
-    assert abs(mended.values[1] - truth) < 3 * mended.std[1]
-    assert abs(mended.values[1] / truth - 1) < 0.03
+    assert abs(corrected.values[1] - truth) < 3 * corrected.std[1]
+    assert abs(corrected.values[1] / truth - 1) < 0.03
 
 
-def test_an_inertia_of_which_nothing_is_known_is_believed_to_within_the_profile_s_tolerance() -> (
-    None
-):
+def test_an_unobservable_inertia_is_held_to_the_profile_s_tolerance() -> None:
     recording = steps().between(10.0, 14.0)
     data = data_of([recording], usable_runs(recording, 0))
     problem = Informed(data, Structure(recording.profile, ()))
     np.testing.assert_allclose(problem.prior_precision[1:4], 1 / 0.15**2)
 
 
-def test_a_tilt_moves_the_maximum_as_a_score_of_its_size_would() -> None:
+def test_a_tilt_moves_the_maximum_by_the_equivalent_score() -> None:
     recording = steps().between(8.0, 24.0)
     data = data_of([recording], usable_runs(recording, 0))
     problem = Informed(data, Structure(recording.profile, ()))
@@ -66,7 +64,7 @@ def test_a_tilt_moves_the_maximum_as_a_score_of_its_size_would() -> None:
     np.testing.assert_allclose((moved.theta - level.theta) / sd, wanted / sd, atol=0.15)
 
 
-def test_what_is_held_stays_while_the_rest_climbs() -> None:
+def test_held_parameters_stay_fixed_in_the_search() -> None:
     recording = steps().between(8.0, 20.0)
     data = data_of([recording], usable_runs(recording, 0))
     problem = Informed(data, Structure(recording.profile, ()))
@@ -78,7 +76,7 @@ def test_what_is_held_stays_while_the_rest_climbs() -> None:
     assert np.all(fit.theta[2:] != start[2:])
 
 
-def test_a_path_has_one_chunk_for_a_hundredth_of_a_second() -> None:
+def test_a_path_has_one_chunk_per_10_ms() -> None:
     recording = steps().between(10.0, 12.0)
     problem = Informed(
         data_of([recording], usable_runs(recording, 0)), Structure(recording.profile, ())
@@ -91,7 +89,7 @@ def test_a_path_has_one_chunk_for_a_hundredth_of_a_second() -> None:
 
 
 @pytest.mark.parametrize(("size", "expected"), [(0.5, 1.0), (1.0, 1.0), (2.0, 4.0)])
-def test_scores_of_few_flights_are_never_less_than_what_exact_ones_are(
+def test_the_scatter_of_few_flights_is_at_least_that_of_exact_scores(
     size: float, expected: float
 ) -> None:
     H = np.array([[4.0, 1.0], [1.0, 9.0]])
@@ -106,8 +104,8 @@ SLUGGISH = (
 )
 
 
-def test_a_volt_of_trim_is_no_body_too_heavy_to_answer() -> None:
-    """Nothing tips the rig on a step in roll; 0.03 N·m on pitch are 1.4 V between the motors."""
+def test_a_constant_pitch_torque_is_not_taken_for_a_large_inertia() -> None:
+    """A roll step does not excite pitch; 0.03 N·m on pitch are 1.4 V between the motors."""
     table = default_profile().to_dict()
     table["controller"] = {"K": SLUGGISH}
     profile = profile_from_dict(table)
@@ -123,7 +121,7 @@ def test_a_volt_of_trim_is_no_body_too_heavy_to_answer() -> None:
     assert step.choice is not None
     names = {step.choice.term.name, *step.choice.tied_with}
     assert "bias.torque.pitch" in names
-    found = extended(bench, step.choice)
-    assert not runaway(found)
-    assert isinstance(found.problem, Informed)
-    assert found.problem.doubt == 1.0
+    result = extended(bench, step.choice)
+    assert not runaway(result)
+    assert isinstance(result.problem, Informed)
+    assert result.problem.doubt == 1.0

@@ -1,4 +1,4 @@
-"""A wrong count per revolution is another cause too: the two are told as a tie."""
+"""A wrong encoder count per revolution imitates other causes: both are reported as confounded."""
 
 from __future__ import annotations
 
@@ -41,21 +41,21 @@ def finding(name: str, value: float) -> Finding:
 
 
 def tied(
-    found: list[Finding], base: list[Off], seen: list[Calibrated]
+    findings: list[Finding], base: list[Off], seen: list[Calibrated]
 ) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
-    a, b = with_counts(found, base, seen, rest_rad=REST, tolerance=E)
+    a, b = with_counts(findings, base, seen, rest_rad=REST, tolerance=E)
     return [f.choice.tied_with for f in a], [o.tied_with for o in b]
 
 
-def test_a_yaw_inertia_is_a_yaw_encoder_that_counts_too_little() -> None:
+def test_a_yaw_inertia_is_confounded_with_the_yaw_encoder_scale() -> None:
     assert tied([], [off("inertia.yaw", 1.5)], numbers(yaw=1.5))[1] == [("encoder.scale.yaw",)]
 
 
-def test_a_pitch_inertia_alone_is_no_pitch_encoder_as_the_thrust_would_be_tilted_too() -> None:
+def test_a_pitch_inertia_alone_is_not_confounded_with_the_pitch_encoder_scale() -> None:
     assert tied([], [off("inertia.pitch", 1.5)], numbers(pitch=1.5))[1] == [()]
 
 
-def test_pitch_and_yaw_inertia_off_in_opposite_ways_may_be_one_pitch_encoder() -> None:
+def test_opposite_pitch_and_yaw_inertias_are_confounded_with_the_pitch_encoder_scale() -> None:
     # k = 1.25: J_pitch/1.25 and J_yaw · 1.25.
     base = [off("inertia.pitch", 0.8), off("inertia.yaw", 1.25)]
     pitch, yaw = tied([], base, numbers(pitch=0.8, yaw=1.25))[1]
@@ -63,9 +63,7 @@ def test_pitch_and_yaw_inertia_off_in_opposite_ways_may_be_one_pitch_encoder() -
     assert set(yaw) == {"encoder.scale.pitch", "encoder.scale.yaw"}
 
 
-def test_a_roll_offset_may_be_a_roll_encoder_whose_level_is_off_by_27_5_degrees_times_as_much() -> (
-    None
-):
+def test_a_small_roll_offset_is_confounded_with_the_roll_encoder_scale() -> None:
     # 27.5° (1 − 1/k) = 2.95° for k = 1.12, within the tolerance of J_roll.
     assert tied([finding("encoder.offset.roll", 2.95)], [], numbers())[0] == [
         ("bias.torque.yaw", "encoder.scale.roll")
@@ -75,24 +73,28 @@ def test_a_roll_offset_may_be_a_roll_encoder_whose_level_is_off_by_27_5_degrees_
 
 
 @pytest.mark.parametrize(("torque", "is_tied"), [(0.06, True), (0.5, False), (2.0, False)])
-def test_so_may_a_pendulum_as_weak_as_a_tilted_arm(torque: float, is_tied: bool) -> None:
+def test_a_weak_pendulum_is_confounded_with_the_roll_encoder_scale(
+    torque: float, is_tied: bool
+) -> None:
     (names,), _ = tied([finding("stiffness.pendulum.roll", torque)], [], numbers())
     assert ("encoder.scale.roll" in names) is is_tied
 
 
-def test_a_wrong_count_within_the_tolerance_is_among_what_no_flight_tells() -> None:
-    def dark(*axes: str, tied: tuple[str, ...] = (), level_deg: float = 2.0) -> list[str]:
+def test_an_encoder_scale_within_the_tolerance_is_not_identifiable() -> None:
+    def invisible(*axes: str, tied: tuple[str, ...] = (), level_deg: float = 2.0) -> list[str]:
         names = untold(tied, axes, rest_rad=REST, tolerance=E, level_deg=level_deg)
         return [n.removeprefix("encoder.scale.") for n in names]
 
     axes = ("roll", "pitch", "yaw")
-    assert dark(*axes) == ["pitch", "yaw"]
-    assert dark("yaw") == ["yaw"]
-    assert dark(*axes, tied=("encoder.scale.yaw",)) == ["pitch"]  # it is told there
+    assert invisible(*axes) == ["pitch", "yaw"]
+    assert invisible("yaw") == ["yaw"]
+    assert invisible(*axes, tied=("encoder.scale.yaw",)) == [
+        "pitch"
+    ]  # it is already reported there
     # 27.5° (1 − 1/1.15) = 3.59°: level is off by that where roll counts 15 % too much.
-    assert dark(*axes, level_deg=3.5) == ["pitch", "yaw"]
-    assert dark(*axes, level_deg=3.7) == ["roll", "pitch", "yaw"]
+    assert invisible(*axes, level_deg=3.5) == ["pitch", "yaw"]
+    assert invisible(*axes, level_deg=3.7) == ["roll", "pitch", "yaw"]
 
 
-def test_no_plan_is_asked_to_separate_what_no_flight_can() -> None:
+def test_no_plan_is_proposed_for_causes_that_no_flight_separates() -> None:
     assert flyable("inertia.yaw", ("motor.delay", "encoder.scale.yaw")) == ("motor.delay",)

@@ -1,4 +1,4 @@
-"""The whole of `diagnose`: a hidden effect is named with its size, nothing where nothing is."""
+"""`diagnose` end to end: a hidden effect is named with its size, and an unmodified rig has none."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ def flight(plan: Plan, hide: str, seed: int) -> Recording:
     return fly_plan(plan, device=device, seed=seed).recording
 
 
-def test_a_cable_stiffness_in_yaw_is_named_and_its_size_is_right() -> None:
+def test_a_cable_stiffness_in_yaw_is_named_with_its_size() -> None:
     recording = flight(load_plan("rich"), "stiffness.cable.yaw:0.1", 1101).between(0.0, 30.0)
-    found = diagnose(recording, quick=True)
-    assert [f.choice.term.name for f in found.findings] == ["stiffness.cable.yaw"]
-    value, std = found.findings[0].values["stiffness_Nm_per_rad"]
+    result = diagnose(recording, quick=True)
+    assert [f.choice.term.name for f in result.findings] == ["stiffness.cable.yaw"]
+    value, std = result.findings[0].values["stiffness_Nm_per_rad"]
     assert value == pytest.approx(0.1, abs=max(4 * std, 0.01))
-    assert found.findings[0].gain.log_likelihood.low > 50
-    written = json.loads(json.dumps(to_document(found)))
+    assert result.findings[0].gain.log_likelihood.low > 50
+    written = json.loads(json.dumps(to_document(result)))
     assert written["schema"] == "heli3dof.diagnosis/1"
     assert written["verdict"] == "explained"
     assert written["findings"][0]["axis"] == "yaw"
     assert set(written["about"]["seconds"]) >= {"base", "screen 1", "fits 1", "gain"}
 
 
-def test_a_plain_step_with_nothing_hidden_accuses_nobody() -> None:
-    found = diagnose(flight(step_plan((10.0, None, None)), "", 1102), quick=True)
-    assert found.verdict == "nothing_found"
-    assert not found.findings
-    assert "drag.quadratic.yaw" in found.not_identifiable
+def test_a_step_flight_of_the_unmodified_rig_has_no_finding() -> None:
+    result = diagnose(flight(step_plan((10.0, None, None)), "", 1102), quick=True)
+    assert result.verdict == "nothing_found"
+    assert not result.findings
+    assert "drag.quadratic.yaw" in result.not_identifiable

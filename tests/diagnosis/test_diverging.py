@@ -1,4 +1,4 @@
-"""Where a search meets a rig that diverges, every number stays finite and the search goes on."""
+"""The search stays finite and continues when the simulated rig diverges."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def problem() -> Likelihood:
 
 @pytest.fixture(params=["allowed", "senseless"])
 def far(request: pytest.FixtureRequest, problem: Likelihood) -> np.ndarray:
-    """Dry friction below zero, at its bound and far beyond it: it pushes whatever moves."""
+    """Negative dry friction, at its bound and far beyond it: it accelerates every motion."""
     theta = problem.prior_mean.copy()
     theta[-1] = problem.bounds[0][-1] * (1 if request.param == "allowed" else 10)
     return theta
 
 
 @pytest.mark.filterwarnings("error")
-def test_tangents_are_the_simulation_s_where_first_order_perturbations_diverge(
+def test_tangents_come_from_the_simulation_where_first_order_perturbations_diverge(
     problem: Likelihood, far: np.ndarray
 ) -> None:
     here = look(problem, far, NOISE)
@@ -52,32 +52,32 @@ def test_tangents_are_the_simulation_s_where_first_order_perturbations_diverge(
 
 
 @pytest.mark.filterwarnings("error")
-def test_a_search_that_starts_there_comes_back(problem: Likelihood, far: np.ndarray) -> None:
-    begun = np.clip(far, *problem.bounds)
-    found = maximise_tilted(problem, begun, NOISE, None, hold_noise=True)
-    assert found.loglik > problem.run(begun, NOISE, keep=0).loglik.sum() + 100
-    assert abs(found.theta[-1]) < 0.8 * abs(begun[-1]), "the emulated rig has no dry friction"
+def test_a_search_from_a_diverging_start_recovers(problem: Likelihood, far: np.ndarray) -> None:
+    start = np.clip(far, *problem.bounds)
+    result = maximise_tilted(problem, start, NOISE, None, hold_noise=True)
+    assert result.loglik > problem.run(start, NOISE, keep=0).loglik.sum() + 100
+    assert abs(result.theta[-1]) < 0.8 * abs(start[-1]), "the emulated rig has no dry friction"
 
 
 @pytest.mark.filterwarnings("error")
-def test_no_step_is_taken_that_is_not_a_number(
+def test_a_step_that_is_not_finite_is_not_taken(
     problem: Likelihood, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def no_number(p: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bool) -> Look:
         return replace(look(p, theta, noise, whole=whole), g=np.full(len(theta), np.nan))
 
     monkeypatch.setattr(tilted, "look", no_number)
-    found = maximise_tilted(problem, problem.prior_mean, NOISE, None, hold_noise=True)
-    assert found.theta.tolist() == problem.prior_mean.tolist()
-    assert not found.converged
+    result = maximise_tilted(problem, problem.prior_mean, NOISE, None, hold_noise=True)
+    assert result.theta.tolist() == problem.prior_mean.tolist()
+    assert not result.converged
 
 
-def test_tangents_that_diverged_are_told_coordinate_by_coordinate() -> None:
+def test_diverged_tangents_are_detected_per_coordinate() -> None:
     D = np.array([[1.0, 2.0], [1.0, 1e200], [np.nan, 0.0], [3.0, -4.0]])
     assert diverged(D).tolist() == [False, True, True, False]
 
 
-def test_thrusts_that_hold_a_rig_of_senseless_numbers_are_finite(problem: Likelihood) -> None:
+def test_hover_thrusts_are_finite_for_extreme_parameters(problem: Likelihood) -> None:
     s = problem.structure
     values = problem.values(problem.prior_mean)
     values[1:4] = 1e-300

@@ -1,4 +1,4 @@
-"""A cause can be seen: its points in the residual torque lie on the fitted line."""
+"""Evidence figures: the points of the residual torque lie on the fitted line."""
 
 from __future__ import annotations
 
@@ -44,18 +44,18 @@ def base(recording: Recording) -> Estimate:
 
 
 @pytest.fixture(scope="module")
-def mended(recording: Recording) -> Estimate:
+def with_friction(recording: Recording) -> Estimate:
     return fit_greybox(recording, ("friction.viscous.yaw",))
 
 
 @pytest.fixture(scope="module")
-def seen(base: Estimate, mended: Estimate) -> Evidence:
-    found = evidence(mended, term("friction.viscous.yaw"), base.optimum.noise)
-    assert found is not None
-    return found
+def seen(base: Estimate, with_friction: Estimate) -> Evidence:
+    result = evidence(with_friction, term("friction.viscous.yaw"), base.optimum.noise)
+    assert result is not None
+    return result
 
 
-def test_viscous_friction_is_a_line_of_its_own_slope(seen: Evidence) -> None:
+def test_viscous_friction_is_a_line_with_its_own_slope(seen: Evidence) -> None:
     """−0.1 N·m per rad/s is −0.0017 N·m per °/s, in the points as in the curve."""
     assert (seen.axis, seen.depends_on, seen.unit) == ("yaw", "yaw_rate", "°/s")
     per_degree = -DAMPING * np.pi / 180
@@ -64,12 +64,12 @@ def test_viscous_friction_is_a_line_of_its_own_slope(seen: Evidence) -> None:
     assert np.polyfit(seen.curve_z, seen.curve, 1)[0] == pytest.approx(per_degree, rel=0.1)
 
 
-def test_a_wrong_zero_of_pitch_is_seen_as_a_torque_on_yaw_that_follows_the_thrust() -> None:
-    """The tilt that the reading lacks: τ = L_a K_f S sin(offset), 0.0041 N·m per volt at 3°."""
+def test_a_pitch_offset_appears_as_a_yaw_torque_proportional_to_thrust() -> None:
+    """Thrust tilted by the offset: τ = L_a K_f S sin(offset), 0.0041 N·m per volt at 3°."""
     device = "mock:?speed=max&hide=encoder.offset.pitch:3"
     flight = fly_plan(load_plan("rich"), device=device, seed=1222).recording.between(0.0, 40.0)
-    blind, knowing = (fit_greybox(flight, n) for n in ((), ("encoder.offset.pitch",)))
-    e = evidence(knowing, term("encoder.offset.pitch"), blind.optimum.noise)
+    without_offset, with_offset = (fit_greybox(flight, n) for n in ((), ("encoder.offset.pitch",)))
+    e = evidence(with_offset, term("encoder.offset.pitch"), without_offset.optimum.noise)
     assert e is not None
     assert (e.axis, e.depends_on) == ("yaw", "voltage_sum")
     motor, arm = flight.profile.motor, flight.profile.geometry.L_a
@@ -78,12 +78,12 @@ def test_a_wrong_zero_of_pitch_is_seen_as_a_torque_on_yaw_that_follows_the_thrus
     assert np.polyfit(e.z, e.torque, 1, w=1 / e.std)[0] == pytest.approx(per_volt, rel=0.2)
 
 
-def test_most_points_lie_within_three_errors_of_the_curve(seen: Evidence) -> None:
+def test_most_points_lie_within_three_standard_errors_of_the_curve(seen: Evidence) -> None:
     off = (seen.torque - np.interp(seen.z, seen.curve_z, seen.curve)) / seen.std
     assert np.mean(np.abs(off) < 3) > 0.8
 
 
-def test_a_leftover_is_drawn_on_the_torque_it_is_left_in(base: Estimate) -> None:
+def test_a_residual_torque_is_drawn_against_its_variable(base: Estimate) -> None:
     table = ((-0.5, 0.05), (0.5, -0.05))
     e = leftover_evidence(
         base, Leftover("yaw", "yaw_rate", 0.8, table, (0.01, 0.01), 200.0, 1.0, like=None)
@@ -92,7 +92,7 @@ def test_a_leftover_is_drawn_on_the_torque_it_is_left_in(base: Estimate) -> None
     assert np.corrcoef(e.z, e.torque)[0, 1] < -0.9
 
 
-def test_every_effect_that_is_a_torque_has_a_variable() -> None:
+def test_every_torque_effect_has_a_variable() -> None:
     for effect in effects().values():
         for axis in effect.axes or (None,):
             name = variable_of(effect, axis)
@@ -102,12 +102,12 @@ def test_every_effect_that_is_a_torque_has_a_variable() -> None:
                 assert name in UNITS
 
 
-def test_the_section_holds_tables_and_figures_and_is_the_same_twice(
-    recording: Recording, base: Estimate, mended: Estimate, seen: Evidence
+def test_the_section_has_tables_and_figures_and_is_reproducible(
+    recording: Recording, base: Estimate, with_friction: Estimate, seen: Evidence
 ) -> None:
-    before, after = on_blocks(base, 2), on_blocks(mended, 2)
+    before, after = on_blocks(base, 2), on_blocks(with_friction, 2)
     g = gain(before, after)
-    model = model_of(mended, [recording], "extended")
+    model = model_of(with_friction, [recording], "extended")
     rest = Leftover("roll", "roll*pitch", 0.2, ((0.0, 0.0), (1.0, 0.1)), (0.1, 0.1), 30.0, 0.99)
     everything = Pictured(
         wrong=how_wrong(model, [recording], flights=1),

@@ -1,4 +1,4 @@
-"""How wrong a model is, and what an extension gains on data that neither was fitted to."""
+"""Prediction error of a model, and the gain of an extension on held-out data."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def cells(loglik: list[float], errors_rad: list[float]) -> HeldOut:
     return HeldOut(np.array(loglik), squares, counts, start_s, source, "holdout", none)
 
 
-def test_the_gain_is_the_difference_of_the_two_and_its_interval_holds_it() -> None:
+def test_the_gain_is_the_difference_and_lies_in_its_interval() -> None:
     before = cells([-10.0, -20.0, -30.0, -20.0], [0.02, 0.04, 0.02, 0.02])
     after = cells([-8.0, -15.0, -27.0, -18.0], [0.02, 0.02, 0.02, 0.02])
     g = gain(before, after)
@@ -84,14 +84,14 @@ def test_the_gain_is_the_difference_of_the_two_and_its_interval_holds_it() -> No
     assert g.worst.start_s == 2.0
 
 
-def test_what_helps_in_one_cell_and_harms_in_others_does_not_pay() -> None:
+def test_a_gain_in_one_cell_with_losses_in_others_does_not_pay() -> None:
     before = cells([0.0] * 10, [0.02] * 10)
     after = cells([30.0] + [-2.0] * 9, [0.02] * 10)
     assert gain(before, after).log_likelihood.value > 0
     assert not pays(gain(before, after))
 
 
-def test_training_rows_keep_their_distance_from_the_block_left_out(base: Estimate) -> None:
+def test_training_rows_keep_the_purge_distance_from_the_block_left_out(base: Estimate) -> None:
     d = base.problem.data
     a, b = 5000, 8000
     kept = np.zeros(len(d.t), dtype=bool)
@@ -104,7 +104,7 @@ def test_training_rows_keep_their_distance_from_the_block_left_out(base: Estimat
     assert kept[b + purge]
 
 
-def test_an_edge_that_chatters_where_the_filter_settles_says_nothing_of_a_blocks_noise(
+def test_a_limit_cycle_while_the_filter_settles_does_not_change_a_block_s_noise(
     right: Estimate,
 ) -> None:
     o = right.optimum
@@ -115,15 +115,15 @@ def test_an_edge_that_chatters_where_the_filter_settles_says_nothing_of_a_blocks
     y[start : start + 8 : 2, 0] = y[start, 0]
     y[start + 1 : start + 8 : 2, 0] = y[start, 0] - near.rad_per_count[0]
     quiet = replace(right.problem, data=near)
-    chatter = replace(right.problem, data=replace(near, y=y))
+    limit_cycle = replace(right.problem, data=replace(near, y=y))
     plain = _noise(quiet, o.theta, o.noise, rows[0])
-    # Counted, the chatter would be a fifth more noise here, ten times as much on a resting axis.
-    assert _noise(chatter, o.theta, o.noise, rows[0])[0] == pytest.approx(plain[0], rel=0.05)
+    # If counted, the limit cycle would add a fifth to the noise here, ten times on a resting axis.
+    assert _noise(limit_cycle, o.theta, o.noise, rows[0])[0] == pytest.approx(plain[0], rel=0.05)
 
 
-def test_a_blocks_noise_is_the_likeliest_that_was_tried() -> None:
-    """ln Z = −20 u of u = ln a, and −1000 below u = −0.2: Newton from 0.5 steps to −0.5, over the
-    edge, and back, and so on; on the way it asks 0.4 to either side."""
+def test_a_block_s_noise_is_the_likeliest_value_tried() -> None:
+    """ln Z = −20 u for u = ln a, and −1000 below u = −0.2: Newton from 0.5 steps to −0.5, over the
+    edge, and back repeatedly; it evaluates 0.4 to either side."""
     data = SimpleNamespace(t=np.zeros(1), blocks=[(0, 0, 1)], axes=np.ones(3, dtype=bool))
 
     def run(theta: np.ndarray, a: np.ndarray, *, keep: int) -> Any:
@@ -136,7 +136,7 @@ def test_a_blocks_noise_is_the_likeliest_that_was_tried() -> None:
     assert a[3] == 0.0
 
 
-def test_the_right_extension_pays_and_a_needless_one_does_not(
+def test_the_right_extension_pays_and_an_unnecessary_one_does_not(
     recording: Recording, base: Estimate, right: Estimate
 ) -> None:
     plain, better = on_blocks(base), on_blocks(right)
@@ -149,10 +149,10 @@ def test_the_right_extension_pays_and_a_needless_one_does_not(
     assert not pays(gain(better, needless))
 
 
-def test_without_a_flight_s_only_step_an_inertia_stays_near_what_was_believed(
+def test_without_the_only_step_an_inertia_stays_near_its_prior(
     base: Estimate,
 ) -> None:
-    """What is left is a hold, whose score of J_roll says little and scatters: b is that scatter."""
+    """The rest is a hold, whose score of J_roll has little information; b is its scatter."""
     step = fly_plan(step_plan((10.0, None, None)), device="mock:?speed=max", seed=1213).recording
     runs = usable_runs(step, 0)
     problem = Informed(data_of([step], runs), base.problem.structure)
@@ -163,12 +163,12 @@ def test_without_a_flight_s_only_step_an_inertia_stays_near_what_was_believed(
     d = problem.data
     rows = (int(np.searchsorted(d.t, 9.0)), int(np.searchsorted(d.t, 16.0)))
     b = 300.0
-    bias = np.array([0.0, -b, 0.0, 0.0])  # as if holds had that false score of J_roll
+    bias = np.array([0.0, -b, 0.0, 0.0])  # as if the hold had this biased score of J_roll
 
     def moved(scatter: np.ndarray | None) -> float:
         """ln J_roll without the step, less with it."""
-        found = Corrected(problem, o, scatter, bias, np.zeros(3), 12)
-        return float((_refitted(found, at, tangents, rows) - o.theta)[1])
+        result = Corrected(problem, o, scatter, bias, np.zeros(3), 12)
+        return float((_refitted(result, at, tangents, rows) - o.theta)[1])
 
     run_off = moved(None)
     stays = moved(np.diag([1.0, b**2, 1.0, 1.0]))
@@ -180,7 +180,7 @@ def test_without_a_flight_s_only_step_an_inertia_stays_near_what_was_believed(
 
 @pytest.fixture(scope="module")
 def changed() -> Estimate:
-    """A flight with play in roll's encoder, in which 20 g are put on at 30 s; fitted."""
+    """Fit of a flight with backlash in roll's encoder and 20 g added at 30 s."""
     hide = "encoder.backlash.roll:0.5,mass.change:0.02@30"
     recording = fly_plan(
         load_plan("rich"), device=f"mock:?speed=max&hide={hide}", seed=1214
@@ -195,20 +195,20 @@ def changed() -> Estimate:
     return Corrected(problem, fit)
 
 
-def test_an_instant_stays_where_it_is_when_its_own_block_is_left_out(changed: Estimate) -> None:
+def test_an_instant_stays_fixed_when_its_own_block_is_left_out(changed: Estimate) -> None:
     problem, o = changed.problem, changed.optimum
     at = problem.run(o.theta, o.noise)
     t = problem.data.t
     rows = (int(np.searchsorted(t, 25.0)), int(np.searchsorted(t, 37.0)))
     theta = _refitted(changed, at, problem.tangents(o.theta, at), rows)
     values = dict(zip(problem.structure.names, problem.values(theta), strict=True))
-    # Let go, it went to half a second: a rig that is heavier from the start.
+    # If free, it would move to 0.5 s: a rig that is heavier from the start.
     assert values["mass.change.time_s"] == pytest.approx(30.0, abs=1e-9)
     assert values["mass.change.mass_kg"] == pytest.approx(0.02, rel=0.1)
     assert values["encoder.backlash.roll.angle_deg"] == pytest.approx(0.5, abs=0.03)
 
 
-def test_beside_a_play_a_filter_settles_as_if_it_had_run_from_the_flight_s_start(
+def test_with_backlash_a_filter_settles_as_if_run_from_the_start(
     changed: Estimate, right: Estimate
 ) -> None:
     assert (settling_s(right.problem), settling_s(changed.problem)) == (SETTLE_S, PLAY_SETTLE_S)
@@ -223,14 +223,14 @@ def test_beside_a_play_a_filter_settles_as_if_it_had_run_from_the_flight_s_start
         return np.asarray(row_by_row(data, X)[:, 0])
 
     whole = roll(d)
-    for a in range(first + before, stop - 1000, 1000):  # every two seconds a block of as many
+    for a in range(first + before, stop - 1000, 1000):  # a block of 2 s every 2 s
         near = _near(d, (a, a + 1000), PLAY_SETTLE_S)
         assert int(near.blocks[0, 1]) == a - before
         apart = roll(near)[a : a + 1000].sum() - whole[a : a + 1000].sum()
         assert abs(apart) < 1.0
 
 
-def test_on_a_second_flight_the_right_extension_pays_too(base: Estimate, right: Estimate) -> None:
+def test_the_right_extension_pays_on_a_second_flight(base: Estimate, right: Estimate) -> None:
     second = [flight(1212)]
     g = gain(on_holdout(base, second), on_holdout(right, second))
     assert g.on == "holdout"
@@ -240,7 +240,7 @@ def test_on_a_second_flight_the_right_extension_pays_too(base: Estimate, right: 
     assert g.worst.after_deg < g.worst.before_deg
 
 
-def test_errors_ahead_are_those_of_the_model_s_own_predictions(
+def test_prediction_errors_are_those_of_the_model_s_own_predictions(
     recording: Recording, base: Estimate
 ) -> None:
     model = model_of(base, [recording], "base")
@@ -251,7 +251,7 @@ def test_errors_ahead_are_those_of_the_model_s_own_predictions(
     assert e.rmse_deg()[0] == pytest.approx(rmse, rel=0.05)
 
 
-def test_the_floor_is_reached_by_the_right_model_and_missed_by_the_nominal_one(
+def test_the_right_model_reaches_the_noise_floor_and_the_nominal_one_does_not(
     recording: Recording, right: Estimate
 ) -> None:
     model = model_of(right, [recording], "right")
@@ -264,10 +264,10 @@ def test_the_floor_is_reached_by_the_right_model_and_missed_by_the_nominal_one(
     assert all(0 <= w.start_s < w.stop_s <= recording.duration for w in wrong.worst)
 
 
-def test_the_filter_s_own_covariance_foresees_the_floor(
+def test_the_filter_s_covariance_predicts_the_noise_floor(
     recording: Recording, right: Estimate
 ) -> None:
-    """So it may stand in where no flight can be simulated."""
+    """It is therefore used where no flight can be simulated."""
     model = model_of(right, [recording], "right")
     simulated, how = floor_deg(model, [recording], flights=6)
     assert how == "6 flights of the model's own"
@@ -277,7 +277,7 @@ def test_the_filter_s_own_covariance_foresees_the_floor(
     assert floor_deg(model, [unknown])[1] == "the filter's covariance"
 
 
-def test_a_model_whose_own_flights_never_fly_has_its_floor_by_formula(
+def test_a_model_that_cannot_be_simulated_gets_its_noise_floor_from_the_covariance(
     recording: Recording, right: Estimate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     model = model_of(right, [recording], "right")
@@ -289,7 +289,7 @@ def test_a_model_whose_own_flights_never_fly_has_its_floor_by_formula(
     assert floor == pytest.approx(covariance_floor_deg(model, [recording]))
 
 
-def test_table_ii_before_and_after_stands_beside_the_flight_s_own() -> None:
+def test_table_ii_before_and_after_is_listed_with_the_flight_s_own_values() -> None:
     steps = flight(1213, "steps")
     base = fit_greybox(steps, ())
     model = model_of(base, [steps], "base")

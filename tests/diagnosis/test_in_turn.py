@@ -1,4 +1,4 @@
-"""What is tried in the place of a cause that fails: no cause is lost with its rival."""
+"""Alternatives to a rejected cause: the causes confounded with it are tried in its place."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def contender(name: str, score: float, Z2: float = 50.0) -> Contender:
 
 
 def choice(*fits: Contender, tied: int = 0) -> Choice:
-    """Of the first, tied with that many of the others."""
+    """The first fit, confounded with that many of the others."""
     best = fits[0]
     names = tuple(f.term.name for f in fits[1 : 1 + tied])
     return Choice(best.term, best.score, best.Z2, 0.9, names, fits)
@@ -45,7 +45,7 @@ def step_with(made: Choice) -> Any:
 
 @pytest.fixture
 def unflyable(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of causes with which the rig could not have been flown; fill it."""
+    """Names of causes whose model cannot be flown; tests fill it."""
     names: list[str] = []
 
     def extended(bench: object, made: Choice) -> Any:
@@ -59,14 +59,14 @@ def unflyable(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 FITS = tuple(contender(n, s) for n, s in zip(NAMES, (500.0, 300.0, 297.0, 90.0), strict=True))
 
 
-def test_a_cause_that_flies_is_taken_as_it_was_chosen(unflyable: list[str]) -> None:
+def test_a_cause_that_flies_is_kept(unflyable: list[str]) -> None:
     made = choice(*FITS)
     taken, fit = flown(FREE, step_with(made), None)
     assert taken is made
     assert fit is not None
 
 
-def test_where_it_cannot_have_been_flown_the_next_likeliest_is_and_not_tied_with_it(
+def test_an_unflyable_cause_is_replaced_by_the_next_likeliest_and_not_confounded_with_it(
     unflyable: list[str],
 ) -> None:
     unflyable += NAMES[:1]
@@ -77,7 +77,7 @@ def test_where_it_cannot_have_been_flown_the_next_likeliest_is_and_not_tied_with
     assert NAMES[0] not in [c.term.name for c in taken.contenders]
 
 
-def test_none_is_taken_where_none_of_them_flies_or_the_rest_is_not_seen(
+def test_no_cause_is_taken_if_none_flies_or_the_rest_is_below_the_threshold(
     unflyable: list[str],
 ) -> None:
     unflyable += NAMES[:TURNS]
@@ -86,7 +86,7 @@ def test_none_is_taken_where_none_of_them_flies_or_the_rest_is_not_seen(
     assert flown(FREE, step_with(choice(FITS[0], unseen)), None) == (None, None)
 
 
-def test_without_a_loop_there_is_nothing_to_fly_and_the_first_stands(unflyable: list[str]) -> None:
+def test_with_an_unknown_controller_the_first_cause_is_kept(unflyable: list[str]) -> None:
     unflyable += NAMES
     step = step_with(choice(*FITS))
     step.found.scatter = None
@@ -94,7 +94,7 @@ def test_without_a_loop_there_is_nothing_to_fly_and_the_first_stands(unflyable: 
     assert taken is step.choice
 
 
-def test_where_a_stop_held_the_arm_not_to_fly_without_one_refutes_nothing(
+def test_a_flight_held_by_a_stop_refutes_no_cause(
     unflyable: list[str],
 ) -> None:
     unflyable += NAMES[:1]
@@ -102,13 +102,13 @@ def test_where_a_stop_held_the_arm_not_to_fly_without_one_refutes_nothing(
     assert flown(HELD, step, None)[0] is step.choice
 
 
-def test_a_fit_that_is_there_already_is_not_made_again(unflyable: list[str]) -> None:
+def test_an_existing_fit_is_reused(unflyable: list[str]) -> None:
     fit = cast(Any, SimpleNamespace(scatter=np.eye(2)))
     taken = flown(FREE, step_with(choice(*FITS)), None, {NAMES[0]: fit})
     assert taken[1] is fit
 
 
-def test_what_stands_in_its_place_is_tied_with_it_and_half_as_sure() -> None:
+def test_a_replacement_is_confounded_with_the_original_at_half_the_confidence() -> None:
     close = [contender(n, 50.0) for n in NAMES[:3]]
     new = instead(choice(*close, tied=2), close[1])
     assert (new.term.name, new.tied_with) == (NAMES[1], (NAMES[0], NAMES[2]))
@@ -118,7 +118,7 @@ def test_what_stands_in_its_place_is_tied_with_it_and_half_as_sure() -> None:
 
 @pytest.fixture
 def gains(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
-    """Held-out log-likelihood that each name wins; a fit is the set of its names."""
+    """Held-out log-likelihood gain of each name; a fit is the set of its names."""
     worth: dict[str, float] = {}
 
     def gain(before: frozenset[str], after: frozenset[str], *, seed: int) -> Any:
@@ -130,14 +130,14 @@ def gains(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     monkeypatch.setattr(measured, "held_out", lambda fit, holdout: fit)
     monkeypatch.setattr(measured, "without", lambda fit, term: fit - {term.name})
     monkeypatch.setattr(measured, "gain", gain)
-    monkeypatch.setattr(measured, "_findings", lambda found, kept, less, gains: tuple(kept))
+    monkeypatch.setattr(measured, "_findings", lambda result, kept, less, gains: tuple(kept))
     monkeypatch.setattr(measured, "pays", lambda g: g.log_likelihood.low > 0)
     return worth
 
 
-def each_in_turn(less: Any, gone: Choice, asked: Any) -> Any:
+def each_in_turn(less: Any, gone: Choice, tried: Any) -> Any:
     for c in gone.contenders:
-        if c.term.name in gone.tied_with and c.term.name not in asked:
+        if c.term.name in gone.tied_with and c.term.name not in tried:
             yield instead(gone, c), less | {c.term.name}
 
 
@@ -147,17 +147,17 @@ def each_in_turn(less: Any, gone: Choice, asked: Any) -> Any:
         (NAMES[0], NAMES[0], []),
         (NAMES[1], NAMES[1], []),
         (NAMES[2], NAMES[2], []),
-        (NAMES[3], None, [NAMES[0]]),  # not tied with what failed: never asked
+        (NAMES[3], None, [NAMES[0]]),  # not confounded with the failed cause: not tried
     ],
 )
-def test_a_tied_cause_that_pays_where_the_first_does_not_is_adopted(
+def test_a_confounded_cause_that_pays_replaces_one_that_does_not(
     gains: dict[str, float], pays: str, named: str | None, dropped: list[str]
 ) -> None:
     gains.update({n: 20.0 if n == pays else -20.0 for n in NAMES})
     made = choice(*(contender(n, 50.0) for n in NAMES), tied=2)
-    found, kept, gone, _ = adopted(
+    result, kept, gone, _ = adopted(
         cast(Any, frozenset(NAMES[:1])), [made], [], seed=0, instead=each_in_turn
     )
-    assert found == ({named} if named else set())
+    assert result == ({named} if named else set())
     assert [c.term.name for c in cast(Any, kept)] == ([named] if named else [])
     assert [d.name for d in gone] == dropped

@@ -1,4 +1,4 @@
-"""What no named cause explains: found with its axis, variable and size; and never invented."""
+"""Residual torque: axis, variable and size are found; an unmodified rig has none."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def flight(seed: int, hide: str = "") -> Recording:
 
 @pytest.fixture(scope="module")
 def coupled() -> tuple[Recording, Estimate]:
-    """A yaw torque of −0.1 N·m·s/rad times the pitch rate: in no catalogue."""
+    """A yaw torque of −0.1 N·m·s/rad times the pitch rate, which is not in the catalogue."""
     recording = flight(1201, "other.yaw_torque_from_pitch_rate:0.1")
     return recording, fit_greybox(recording, ())
 
@@ -36,8 +36,8 @@ def coupled() -> tuple[Recording, Estimate]:
 def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
     coupled: tuple[Recording, Estimate],
 ) -> None:
-    recording, found = coupled
-    first, *_ = leftover(found, [recording], flights=8, seed=0)
+    recording, fit = coupled
+    first, *_ = leftover(fit, [recording], flights=8, seed=0)
     assert (first.axis, first.depends_on) == ("yaw", "pitch_rate")
     assert first.share > 0.5
     assert first.confidence > 0.99
@@ -51,7 +51,7 @@ def test_a_yaw_torque_from_the_pitch_rate_is_found_with_its_size(
     assert first.like is None
 
 
-def test_nothing_is_left_where_nothing_was_hidden() -> None:
+def test_an_unmodified_rig_has_no_residual_torque() -> None:
     recording = flight(1202)
     assert leftover(fit_greybox(recording, ()), [recording], flights=8, seed=0) == ()
 
@@ -63,15 +63,15 @@ def test_the_residual_torque_lies_on_the_hidden_line(coupled: tuple[Recording, E
     assert slope == pytest.approx(-0.1, rel=0.1)
 
 
-def test_one_pass_backward_tells_the_score_of_any_torque(
+def test_one_backward_pass_gives_the_score_of_any_torque(
     coupled: tuple[Recording, Estimate],
 ) -> None:
-    """The filter followed under a small viscous friction says the same, to its own coarseness."""
-    found = coupled[1]
-    seen = trail(found)
-    terms = (*found.structure.terms, term("friction.viscous.yaw"))
-    wider = replace(found.problem, structure=Structure(found.structure.profile, terms))
-    theta = np.append(found.optimum.theta, 0.0)
+    """Equal to the filter's own difference along a small viscous friction, within its accuracy."""
+    fit = coupled[1]
+    seen = trail(fit)
+    terms = (*fit.structure.terms, term("friction.viscous.yaw"))
+    wider = replace(fit.problem, structure=Structure(fit.structure.profile, terms))
+    theta = np.append(fit.optimum.theta, 0.0)
     typical = terms[-1].effect.parameters[0].typical
     followed = wider.tangents(theta, seen.at, np.array([len(theta) - 1]))[0] / typical
     backward = (-seen.X[:, 5] * seen.gradients[0][:, 2])[seen.flown].sum()
@@ -90,7 +90,7 @@ def test_forward_and_backward_passes_give_the_same_scores(
 
 
 def test_hats_add_up_to_one_everywhere(coupled: tuple[Recording, Estimate]) -> None:
-    """So the sum of a group's scores is that of a constant torque, whatever the variable."""
+    """The sum of a group's scores is therefore that of a constant torque, for every variable."""
     seen = trail(coupled[1])
     library = hats(seen, np.arange(3))
     constant = seen.gradients[0][seen.flown].sum(axis=0)
@@ -99,9 +99,9 @@ def test_hats_add_up_to_one_everywhere(coupled: tuple[Recording, Estimate]) -> N
 
 
 @pytest.mark.parametrize("n", [8, 24])
-def test_one_flight_more_exceeds_what_few_flights_tell_as_seldom_as_is_said(n: int) -> None:
-    """Of laws told from n flights each, location x̄ − γσ, scale σ = √6 s/π, as `wider` stretches it;
-    P(x > a) = 1 − exp(−exp(−a)) of the law itself."""
+def test_the_tail_of_a_law_fitted_to_few_flights_has_the_stated_probability(n: int) -> None:
+    """Laws fitted to n flights each: location x̄ − γσ, scale σ = √6 s/π, stretched by `wider`;
+    P(x > a) = 1 − exp(−exp(−a)) for the law itself."""
     x = np.random.default_rng(0).gumbel(size=(100_000, n))
     scale = np.sqrt(6) * x.std(axis=1, ddof=1) / np.pi
     location = x.mean(axis=1) - EULER * scale

@@ -1,4 +1,4 @@
-"""A look at a short flight: its score is the likelihood's slope, along the noise as along θ."""
+"""Evaluation of the score on a short flight: the likelihood's slope along the noise and θ."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def problem() -> Informed:
     return Informed(data, Structure(flight.profile, ()))
 
 
-def test_the_slope_along_the_noise_is_that_of_likelihoods_half_a_step_to_either_side(
+def test_the_slope_along_the_noise_is_a_central_difference_of_the_likelihood(
     problem: Informed,
 ) -> None:
     theta, noise = problem.prior_mean, np.array([0.1, 0.1, 0.05, 0.0])
@@ -34,7 +34,9 @@ def test_the_slope_along_the_noise_is_that_of_likelihoods_half_a_step_to_either_
     np.testing.assert_allclose(seen.bend, (up - 2 * seen.at.loglik + down) / 0.25)
 
 
-def test_without_the_noise_a_look_is_the_same_for_a_third_of_the_passes(problem: Informed) -> None:
+def test_without_the_noise_an_evaluation_is_the_same_with_a_third_of_the_passes(
+    problem: Informed,
+) -> None:
     theta, noise = problem.prior_mean, np.array([0.1, 0.1, 0.05, 0.0])
     whole, part = look(problem, theta, noise), look(problem, theta, noise, whole=False)
     np.testing.assert_array_equal(whole.g, part.g)
@@ -42,7 +44,7 @@ def test_without_the_noise_a_look_is_the_same_for_a_third_of_the_passes(problem:
     assert not part.slope.any()
 
 
-def test_false_slopes_are_seen_anew_where_the_estimate_has_gone_far() -> None:
+def test_the_score_bias_is_evaluated_again_after_a_large_move() -> None:
     none, at, sd = np.zeros(3), np.zeros(2), np.array([1.0, 0.1])
     seen = FalseSlopes(none, none, at, np.ones(4), sd)
     half = np.array([1.0, np.exp(0.29), 1.0, 1.0])

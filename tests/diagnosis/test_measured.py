@@ -1,4 +1,4 @@
-"""What is adopted for its gain on data not seen; ties among causes both there are no ties."""
+"""Causes are adopted for their gain on held-out data; adopted causes are not confounded."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NONE = cast(Any, None)
 
 
 def choice(score: float, tied: tuple[str, ...], **others: float) -> Choice:
-    """Of contenders by the name (``__`` for a dot) and score; the first is the cause."""
+    """Choice among effects by name (``__`` for a dot) and score; the first is the cause."""
     fits = tuple(
         Contender(terms([n.replace("__", ".")])[0], NONE, NONE, s, s, 0) for n, s in others.items()
     )
@@ -44,7 +44,7 @@ ROLL = "disturbance.periodic.roll"
 DRAG = "drag.quadratic.yaw"
 
 
-def test_causes_that_are_both_there_are_not_tied_with_each_other() -> None:
+def test_causes_that_are_both_adopted_are_not_confounded_with_each_other() -> None:
     first = choice(176.0, (ROLL,), disturbance__periodic__yaw=176.0,
                    disturbance__periodic__roll=175.5, drag__quadratic__yaw=160.0)  # fmt: skip
     second = choice(613.0, (), disturbance__periodic__roll=613.0)
@@ -55,7 +55,7 @@ def test_causes_that_are_both_there_are_not_tied_with_each_other() -> None:
     assert b.confidence == second.confidence
 
 
-def test_a_tie_with_what_is_not_there_stays() -> None:
+def test_a_cause_stays_confounded_with_an_absent_one() -> None:
     first = choice(176.0, (ROLL, DRAG), disturbance__periodic__yaw=176.0,
                    disturbance__periodic__roll=175.5, drag__quadratic__yaw=176.0)  # fmt: skip
     assert beside_each_other([first])[0].tied_with == (ROLL, DRAG)
@@ -64,14 +64,14 @@ def test_a_tie_with_what_is_not_there_stays() -> None:
     assert a.confidence == pytest.approx(0.5)
 
 
-def test_a_tie_with_how_the_equations_turn_out_to_be_written_is_settled() -> None:
+def test_a_cause_is_not_confounded_with_an_adopted_form_of_the_equations() -> None:
     name = "simplified.yaw_inertia"
     first = choice(176.0, (name,), drag__quadratic__yaw=176.0, simplified__yaw_inertia=175.5)
     assert beside_each_other([first])[0].tied_with == (name,)
     assert beside_each_other([first], [name])[0].tied_with == ()
 
 
-def test_a_tie_with_what_is_only_weakly_there_stays() -> None:
+def test_a_cause_stays_confounded_with_a_weakly_supported_one() -> None:
     first = choice(176.0, (ROLL,), disturbance__periodic__yaw=176.0,
                    disturbance__periodic__roll=175.5)  # fmt: skip
     weak = replace(choice(40.0, (), disturbance__periodic__roll=40.0), weak=True)
@@ -81,14 +81,14 @@ def test_a_tie_with_what_is_only_weakly_there_stays() -> None:
 @pytest.mark.parametrize(
     ("low", "value", "first", "weak", "adopted"),
     [
-        (2.0, 20.0, False, False, True),  # surely likelier
-        (-1.0, 20.0, False, False, False),  # not surely
-        (-1.0, 20.0, True, False, True),  # odds of e²⁰ do for a first one,
-        (-1.0, 20.0, False, True, True),  # and for one that is told as "…-like" only
+        (2.0, 20.0, False, False, True),  # significantly likelier
+        (-1.0, 20.0, False, False, False),  # not significantly
+        (-1.0, 20.0, True, False, True),  # odds of e²⁰ suffice for a first cause,
+        (-1.0, 20.0, False, True, True),  # and for one reported as "…-like" only
         (-1.0, 2.0, False, True, False),  # e² do not: 7 to one
     ],
 )
-def test_a_cause_is_adopted_where_data_not_seen_confirm_it(
+def test_a_cause_is_adopted_if_held_out_data_confirm_it(
     low: float, value: float, first: bool, weak: bool, adopted: bool
 ) -> None:
     gain = gained(value, low)
@@ -97,7 +97,7 @@ def test_a_cause_is_adopted_where_data_not_seen_confirm_it(
 
 
 @pytest.mark.parametrize(("score", "adopted"), [(WEAK - 1, False), (WEAK, True)])
-def test_so_is_one_of_a_score_that_no_wrong_formula_leaves(score: float, adopted: bool) -> None:
+def test_a_cause_whose_score_is_not_weak_is_adopted(score: float, adopted: bool) -> None:
     choice = cast(Any, SimpleNamespace(weak=False, score=score))
     assert is_worth(choice, gained(20.0, -1.0), first=False) is adopted
 
@@ -106,11 +106,11 @@ def test_so_is_one_of_a_score_that_no_wrong_formula_leaves(score: float, adopted
     ("value", "less_deg", "adopted"),
     [
         (24.6, 0.011, True),  # a dead zone's 25 in the few cells where the voltage came near it
-        (24.6, -0.002, False),  # no axis is surely better foretold
+        (24.6, -0.002, False),  # no axis is predicted significantly better
         (11.0, 0.011, False),  # odds of 6·10⁴ to one only
     ],
 )
-def test_what_acts_for_moments_pays_by_its_odds_and_an_axis_better_foretold(
+def test_a_brief_effect_pays_by_its_odds_and_one_better_predicted_axis(
     value: float, less_deg: float, adopted: bool
 ) -> None:
     choice = cast(Any, SimpleNamespace(weak=False, score=40.0))
@@ -122,18 +122,18 @@ def found_with(rho: float) -> Any:
     return SimpleNamespace(free=free, colour=[9.0, rho])
 
 
-def test_a_cause_stands_out_of_slow_noise_by_as_much_as_that_scatters_more() -> None:
+def test_slow_noise_lowers_a_cause_s_margin_over_the_threshold() -> None:
     drag = replace(choice(176.0, (), drag__quadratic__yaw=176.0), Z2=60.0, threshold=20.0)
     assert stands_out(found_with(1.5), drag) == pytest.approx(2.0)
     assert stands_out(found_with(6.0), drag) == pytest.approx(0.5)
     assert stands_out(found_with(1.0), drag) == float("inf")
 
 
-OFFSET, PLAY, MASS = "encoder.offset.pitch", "encoder.backlash.pitch", "mass.change"
+OFFSET, BACKLASH, MASS = "encoder.offset.pitch", "encoder.backlash.pitch", "mass.change"
 
 
 def encoder_of(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFFSET) -> Choice:
-    """``first`` and what is wrong with pitch's encoder by so much, as they were taken."""
+    """``first`` and an error of pitch's encoder of that size, as they were chosen."""
     encoder = SimpleNamespace(roll=4096, pitch=-4096, yaw=8192)
     problem = SimpleNamespace(
         values=lambda theta: theta,
@@ -156,26 +156,26 @@ def fit_of(**sizes: float) -> Any:
 
 
 def within(size_deg: float, tied: tuple[str, ...], first: str, of: str = OFFSET) -> bool:
-    """Of the same size in the last fit as when it was taken."""
-    found = fit_of(**{first: size_deg if first == of else 0.02})
-    return within_a_count(found, encoder_of(size_deg, tied, first, of))
+    """With the same size in the last fit as when it was chosen."""
+    fit = fit_of(**{first: size_deg if first == of else 0.02})
+    return within_a_count(fit, encoder_of(size_deg, tied, first, of))
 
 
-def test_what_a_zero_within_one_count_does_as_well_is_no_cause() -> None:
+def test_an_encoder_error_within_one_count_is_not_a_cause() -> None:
     # A count on pitch is 360°/4096 = 0.088°.
     assert within(-0.05, (), OFFSET)
     assert not within(-0.1, (), OFFSET)
     assert within(0.05, (OFFSET,), "aero.reaction_torque")
-    assert within(0.05, (), PLAY, PLAY)
-    assert not within(0.1, (), PLAY, PLAY)
-    # A torque that is tied with so little play may still be a torque.
-    assert not within(0.05, (PLAY,), "aero.reaction_torque", PLAY)
-    # Where the flight tells the two apart, what is found is not the encoder's.
+    assert within(0.05, (), BACKLASH, BACKLASH)
+    assert not within(0.1, (), BACKLASH, BACKLASH)
+    # A torque that is confounded with so little backlash may still be a torque.
+    assert not within(0.05, (BACKLASH,), "aero.reaction_torque", BACKLASH)
+    # If the flight separates the two, the finding is not the encoder's.
     assert not within(0.05, (), "aero.reaction_torque")
 
 
-def test_the_last_fit_says_how_large_it_is() -> None:
-    taken = encoder_of(0.5, (), PLAY, PLAY)
+def test_the_final_fit_determines_the_size() -> None:
+    taken = encoder_of(0.5, (), BACKLASH, BACKLASH)
     assert within_a_count(fit_of(encoder__backlash__pitch=0.017), taken)
     assert not within_a_count(fit_of(encoder__backlash__pitch=0.5), taken)
 
@@ -183,30 +183,32 @@ def test_the_last_fit_says_how_large_it_is() -> None:
 @pytest.mark.parametrize(
     ("mass_pays", "named"),
     [
-        (True, [PLAY, MASS]),
-        (False, []),  # without it the play is 0.017°, a fifth of a count
+        (True, [BACKLASH, MASS]),
+        (False, []),  # without it the backlash is 0.017°, a fifth of a count
     ],
 )
-def test_a_play_that_shrinks_within_a_count_when_another_cause_goes_is_dropped_as_well(
+def test_backlash_that_shrinks_below_a_count_without_another_cause_is_dropped(
     monkeypatch: pytest.MonkeyPatch, mass_pays: bool, named: list[str]
 ) -> None:
     def without(fit: Any, term: Any) -> Any:
         left = {f.term for f in fit.free} - {term.name}
-        beside = 0.5 if MASS in left else 0.017
-        return fit_of(**{n: beside if n == PLAY else 0.015 for n in sorted(left)})
+        size = 0.5 if MASS in left else 0.017
+        return fit_of(**{n: size if n == BACKLASH else 0.015 for n in sorted(left)})
 
     def gain(before: Any, after: Any, *, seed: int) -> Any:
         (gone,) = {f.term for f in after.free} - {f.term for f in before.free}
-        return gained(*((40.0, 20.0) if gone == PLAY or mass_pays else (-389.0, -2726.0)))
+        return gained(*((40.0, 20.0) if gone == BACKLASH or mass_pays else (-389.0, -2726.0)))
 
     monkeypatch.setattr(measured, "held_out", lambda fit, holdout: fit)
     monkeypatch.setattr(measured, "without", without)
     monkeypatch.setattr(measured, "gain", gain)
-    monkeypatch.setattr(measured, "_findings", lambda found, kept, less, gains: tuple(kept))
-    play = encoder_of(0.5, (), PLAY, PLAY)
+    monkeypatch.setattr(measured, "_findings", lambda fit, kept, less, gains: tuple(kept))
+    backlash = encoder_of(0.5, (), BACKLASH, BACKLASH)
     both = fit_of(encoder__backlash__pitch=0.5, mass__change=0.015)
-    _, kept, gone, _ = adopted(both, [play, choice(1443.0, (), mass__change=1443.0)], [], seed=0)
+    _, kept, gone, _ = adopted(
+        both, [backlash, choice(1443.0, (), mass__change=1443.0)], [], seed=0
+    )
     assert [c.term.name for c in cast(Any, kept)] == named
     assert [(d.name, d.why) for d in gone] == (
-        [] if named else [(MASS, DOES_NOT_PAY), (PLAY, WITHIN_A_COUNT)]
+        [] if named else [(MASS, DOES_NOT_PAY), (BACKLASH, WITHIN_A_COUNT)]
     )

@@ -1,4 +1,4 @@
-"""Two causes that a flight's own pieces do not tell apart are tied, whatever the sum says."""
+"""Two causes whose ranking changes between segments of the flight are confounded."""
 
 from __future__ import annotations
 
@@ -39,36 +39,36 @@ def apart(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(("second", "tied"), [(101.0, (NAMES[1],)), (79.0, ())])
-def test_what_scatters_by_more_than_it_is_apart_is_tied(
+def test_causes_that_differ_by_less_than_their_scatter_are_confounded(
     apart: None, second: float, tied: tuple[str, ...]
 ) -> None:
-    got = nearly(choice_of(120.0 - 0.01, second), set())
-    assert got.tied_with == tied
-    assert got.confidence == pytest.approx(sureness(120.0 - 0.01 - second, 20.0))
+    result = nearly(choice_of(120.0 - 0.01, second), set())
+    assert result.tied_with == tied
+    assert result.confidence == pytest.approx(sureness(120.0 - 0.01 - second, 20.0))
 
 
-def test_one_that_is_here_too_is_not_in_its_place(apart: None) -> None:
+def test_an_adopted_cause_is_not_an_alternative(apart: None) -> None:
     assert nearly(choice_of(120.0, 118.0), {NAMES[1]}).tied_with == ()
 
 
-def test_a_tie_is_not_told_twice(apart: None) -> None:
+def test_a_confounded_cause_is_listed_once(apart: None) -> None:
     assert nearly(choice_of(120.0, 118.0, tied=NAMES[1:2]), set()).tied_with == NAMES[1:2]
 
 
-def test_what_is_far_less_likely_is_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_far_less_likely_cause_is_not_evaluated(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "cells", lambda c: pytest.fail(c.term.name))
     assert nearly(choice_of(120.0, 59.0), set()).confidence == 1.0
 
 
-def test_pieces_that_agree_leave_no_doubt() -> None:
+def test_segments_that_agree_leave_no_doubt() -> None:
     assert scatter(np.full(C, 0.3)) == pytest.approx(0.0, abs=1e-9)
     assert sureness(5.0, 0.0) == 1.0
 
 
-def test_the_cells_are_the_whole_likelihood() -> None:
+def test_the_cells_add_up_to_the_whole_likelihood() -> None:
     flown = fly_plan(step_plan((5.0, None, None)), device="mock:?speed=max&seed=1209", seed=1)
-    found = base_of(Bench((flown.recording,), 1, 4, opinions=False))
-    one = Contender(term(NAMES[0]), found.problem, found.optimum, 0.0, 0.0, None)
+    base = base_of(Bench((flown.recording,), 1, 4, opinions=False))
+    one = Contender(term(NAMES[0]), base.problem, base.optimum, 0.0, 0.0, None)
     each = cells(one)
-    assert each.sum() == pytest.approx(float(found.optimum.at.loglik.sum()), rel=1e-9)
-    assert len(each) == -(-len(found.problem.data.t) // 250)  # half seconds at 500 Hz
+    assert each.sum() == pytest.approx(float(base.optimum.at.loglik.sum()), rel=1e-9)
+    assert len(each) == -(-len(base.problem.data.t) // 250)  # half seconds at 500 Hz

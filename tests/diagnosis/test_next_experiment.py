@@ -1,4 +1,4 @@
-"""The plan that is recommended is the one that parts the tied causes; seeds from 1230."""
+"""The recommended plan separates the confounded causes. Seeds from 1230."""
 
 from __future__ import annotations
 
@@ -29,50 +29,50 @@ from heli3dof.model.physics.parametrisation import Structure
 
 @pytest.fixture(scope="module")
 def base() -> Estimate:
-    """A base fit from steps, on a rig with Coulomb friction that it knows nothing of."""
+    """Base fit to the steps plan, on a rig with Coulomb friction that the model lacks."""
     device = "mock:?speed=max&start=level&hide=friction.coulomb.yaw:0.03"
     flown = fly_plan(load_plan("steps"), device=device, seed=1231).recording
     return base_of(Bench((flown,), seed=0, pilots=2))
 
 
-def test_the_doctests() -> None:
+def test_the_doctests_pass() -> None:
     assert doctest.testmod(module).failed == 0
 
 
-def test_frictions_are_parted_by_a_flight_in_which_yaw_moves(base: Estimate) -> None:
+def test_a_flight_with_yaw_motion_separates_the_frictions(base: Estimate) -> None:
     names = ["friction.coulomb.yaw", "friction.viscous.yaw"]
-    found = recommend(base, [Cause.typical(n) for n in names], plans=["prbs", "coast-down"])
-    assert found.plan == "coast-down"
-    assert found.separates == tuple(names)
-    assert found.certainty is not None
-    assert found.certainty > 0.9
-    assert all(n in found.why for n in names)
-    margins = {o.plan: o.margin for o in found.ranking}
+    result = recommend(base, [Cause.typical(n) for n in names], plans=["prbs", "coast-down"])
+    assert result.plan == "coast-down"
+    assert result.separates == tuple(names)
+    assert result.certainty is not None
+    assert result.certainty > 0.9
+    assert all(n in result.why for n in names)
+    margins = {o.plan: o.margin for o in result.ranking}
     assert margins["coast-down"] > 10 * margins["prbs"]
 
 
-def test_a_slow_ramp_parts_a_lag_from_a_delay_worse_than_large_steps(base: Estimate) -> None:
+def test_a_slow_ramp_separates_lag_from_delay_less_than_large_steps(base: Estimate) -> None:
     causes = [Cause.typical("motor.lag"), Cause.typical("motor.delay")]
-    found = recommend(base, causes, plans=["ramp", "large"])
-    assert found.plan == "large"
-    margins = {o.plan: o.margin for o in found.ranking}
+    result = recommend(base, causes, plans=["ramp", "large"])
+    assert result.plan == "large"
+    margins = {o.plan: o.margin for o in result.ranking}
     # A margin m of one flight scatters by 2 √m: the two differ by more than twice that.
     assert margins["large"] - margins["ramp"] > 4 * math.sqrt(max(margins["ramp"], 1.0))
 
 
-def test_a_single_cause_is_held_against_nothing(base: Estimate) -> None:
-    found = recommend(base, [Cause.typical("stiffness.pendulum.roll")], plans=["levels", "chirp"])
-    assert found.plan == "levels"  # roll far from level, where a pendulum pulls
-    assert "stiffness.pendulum.roll" in found.why
+def test_a_single_cause_is_compared_with_its_absence(base: Estimate) -> None:
+    result = recommend(base, [Cause.typical("stiffness.pendulum.roll")], plans=["levels", "chirp"])
+    assert result.plan == "levels"  # roll far from level, where a pendulum pulls
+    assert "stiffness.pendulum.roll" in result.why
 
 
-def test_the_same_seed_recommends_the_same(base: Estimate) -> None:
+def test_the_same_seed_gives_the_same_recommendation(base: Estimate) -> None:
     lag = [Cause.typical("motor.lag")]
     one, two = (recommend(base, lag, plans=["prbs"], seed=4) for _ in range(2))
     assert one == two
 
 
-def test_leaving_out_what_cannot_win_changes_neither_the_plan_nor_its_forecast(
+def test_pruning_changes_neither_the_plan_nor_its_forecast(
     base: Estimate,
 ) -> None:
     causes = [Cause.typical(n) for n in ("motor.lag", "motor.delay", "motor.dead_zone")]
@@ -81,28 +81,28 @@ def test_leaving_out_what_cannot_win_changes_neither_the_plan_nor_its_forecast(
     alone = [recommend(base, causes, plans=[p]).ranking[0] for p in plans]
     best = max(alone, key=lambda o: o.margin / o.duration_s)
     assert together.ranking[0] == best
-    # Every other one promises less, whether it was flown on all three truths or on one.
+    # Every other plan promises less, simulated on all three truths or on one.
     for outlook in together.ranking[1:]:
         assert outlook.margin / outlook.duration_s < best.margin / best.duration_s
     assert sum(len(o.margins) for o in together.ranking) < 3 * len(plans)
 
 
 def diagnosed(base: Estimate, *dropped: Dropped) -> Diagnosis:
-    """Nothing found, but for what did not pay; two effects could not have been seen."""
+    """No finding except dropped causes; the listed effects were not identifiable."""
     fitted = SimpleNamespace(base=base, open=None)
-    dark = ("encoder.scale.yaw", "friction.viscous.yaw", "drag.quadratic.roll")
+    invisible = ("encoder.scale.yaw", "friction.viscous.yaw", "drag.quadratic.roll")
     return Diagnosis(
-        ("r",), (), "nothing_found", (), fitted, dropped=dropped, not_identifiable=dark
+        ("r",), (), "nothing_found", (), fitted, dropped=dropped, not_identifiable=invisible
     )  # type: ignore[arg-type]
 
 
-def test_what_did_not_pay_is_looked_for_at_its_own_size(
+def test_a_dropped_cause_is_planned_for_at_its_estimated_size(
     base: Estimate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[list[Cause]] = []
+    requested: list[list[Cause]] = []
 
     def recommend(base: Estimate, causes: list[Cause], **options: Any) -> NextExperiment:
-        asked.append(causes)
+        requested.append(causes)
         return NextExperiment("rich", tuple(c.term.name for c in causes), "", 0.9)
 
     monkeypatch.setattr(module, "recommend", recommend)
@@ -115,13 +115,13 @@ def test_what_did_not_pay_is_looked_for_at_its_own_size(
     next_experiment(diagnosed(base, Dropped("motor.lag", None, choice=choice)))  # type: ignore[arg-type]
     next_experiment(diagnosed(base, Dropped("motor.lag", None)))  # type: ignore[arg-type]
     next_experiment(diagnosed(base))
-    told, typical, dark = (causes[0] for causes in asked)
-    assert told.values == pytest.approx((0.013,))
+    estimated, typical, invisible = (causes[0] for causes in requested)
+    assert estimated.values == pytest.approx((0.013,))
     assert typical == Cause.typical("motor.lag")
-    assert dark == Cause.typical("friction.viscous.yaw")
-    assert all(len(causes) == 1 for causes in asked)
+    assert invisible == Cause.typical("friction.viscous.yaw")
+    assert all(len(causes) == 1 for causes in requested)
 
 
-def test_where_no_plan_can_be_flown_it_is_said(base: Estimate) -> None:
+def test_an_error_is_raised_if_no_plan_can_be_flown(base: Estimate) -> None:
     with pytest.raises(UsageError, match="No plan can be flown"):
         recommend(base, [Cause.typical("motor.lag")], plans=[])

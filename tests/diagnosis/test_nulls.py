@@ -1,4 +1,4 @@
-"""The nulls' arithmetic: thresholds keep their promise on numbers drawn by the rule they assume."""
+"""Null simulations: thresholds keep their false-alarm rate on numbers from the assumed law."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ def largest(rng: np.random.Generator, flights: int, sigma: np.ndarray) -> tuple[
 
 
 @pytest.mark.parametrize("flights", [16, 48])
-def test_one_more_null_is_hardly_ever_taken_for_a_finding(flights: int) -> None:
+def test_one_more_null_rarely_exceeds_the_threshold(flights: int) -> None:
     rng = np.random.default_rng(1000)
     sigma = np.full(PROBES, 1.3)
     alarms = sum(z > t for z, t in (largest(rng, flights, sigma) for _ in range(1000)))
     assert alarms <= 10
 
 
-def test_the_threshold_is_that_of_few_flights() -> None:
+def test_the_threshold_is_higher_for_few_flights() -> None:
     rng = np.random.default_rng(1001)
     few, many = (judged_by(rng.standard_normal((n, PROBES))) for n in (12, 200))
     assert few.threshold > many.threshold > 15
 
 
-def test_what_every_null_shows_is_no_finding() -> None:
+def test_a_bias_common_to_all_nulls_is_not_a_finding() -> None:
     rng = np.random.default_rng(1002)
     z = rng.standard_normal((16, PROBES))
     z[:, 7] += 80.0

@@ -1,4 +1,4 @@
-"""A plan flown fast is the plan flown slowly, noise and all; outside the envelope none is."""
+"""The fast simulation of a plan equals the slow one, noise included; none outside the envelope."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def world(scale: float = 1.0) -> GreyBoxModel:
 
 
 @pytest.mark.parametrize("name", ["doublets", "ring-down"])
-def test_it_is_the_flight_of_the_simulated_recording(name: str) -> None:
+def test_the_fast_simulation_equals_the_simulated_recording(name: str) -> None:
     task = task_of(load_plan(name), PROFILE, 1270)
     assert task is not None
     assert (task.signals.opened is not None) == (name == "ring-down")
@@ -44,7 +44,7 @@ def test_it_is_the_flight_of_the_simulated_recording(name: str) -> None:
     assert np.array_equal(fast.voltage, slow.voltage)
 
 
-def test_a_plan_outside_the_envelope_is_no_task() -> None:
+def test_a_plan_outside_the_envelope_has_no_task() -> None:
     low = PROFILE.limits.roll_max_deg
     assert task_of(step_plan((low - 1, None, None)), PROFILE, 0) is not None
     assert task_of(step_plan((low + 1, None, None)), PROFILE, 0) is None
@@ -59,7 +59,7 @@ def test_a_flight_that_leaves_the_envelope_is_none() -> None:
     assert fly_task(task, world()) is None  # it overshoots by more than half a degree
 
 
-def test_one_row_outside_is_outside() -> None:
+def test_one_row_outside_the_envelope_is_detected() -> None:
     task = task_of(step_plan((5.0, None, None), settle_s=1.0, duration_s=1.0), PROFILE, 0)
     assert task is not None
     flight = fly_task(task, world())
@@ -71,7 +71,7 @@ def test_one_row_outside_is_outside() -> None:
     assert not inside(replace(flight, angle=angle))
 
 
-def test_a_rig_whose_motors_pull_the_other_way_is_not_stabilised() -> None:
+def test_a_rig_with_reversed_motors_is_not_stabilised() -> None:
     controller = PROFILE.with_controller().controller
     assert controller is not None
     wrong = PROFILE.model_copy(

@@ -1,4 +1,4 @@
-"""A name that only stood in for what has none loses its size beside it; a true cause keeps it."""
+"""A stand-in loses its size when fitted with the unmodelled effect; a true cause keeps it."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ def fit(value: float, std: float = 0.1) -> Estimate:
 
 
 def held(shared: float, u: float) -> Held:
-    """The term, and one free-form torque of score u beside it, informations 100 each."""
+    """The term and one free-form torque of score u, information 100 each."""
     A = np.array([[100.0, shared], [shared, 100.0]])
     return Held(np.zeros((2, 0)), A, np.array([0.0, u]), np.zeros((0, 2)))
 
 
-def test_a_stand_in_gives_way_to_what_it_stood_in_for() -> None:
+def test_a_stand_in_loses_its_size_to_the_true_effect() -> None:
     # By hand: A⁻¹ = [100, −80; −80, 100]/3600, so δ = −80 u/3600 = −1 with u = 45.
     (b,) = beside(fit(1.0), held(80.0, 45.0))
     assert b.size_beside == pytest.approx(0.0, abs=1e-12)
@@ -41,46 +41,46 @@ def test_a_stand_in_gives_way_to_what_it_stood_in_for() -> None:
     assert b.stands_in
 
 
-def test_a_cause_keeps_its_size_beside_what_is_of_another_shape() -> None:
+def test_a_cause_keeps_its_size_against_a_torque_of_another_shape() -> None:
     (b,) = beside(fit(1.0), held(5.0, 45.0))
     assert b.size_beside == pytest.approx(1 - 5 * 45 / 9975)
     assert not b.stands_in
     assert not b.unsure
 
 
-def test_a_cause_that_cannot_be_told_from_it_is_only_unsure() -> None:
-    # All but the same trace, but the leftover's own score is nothing.
+def test_an_indistinguishable_cause_is_only_unsure() -> None:
+    # Almost the same trace, but the residual torque's own score is zero.
     (b,) = beside(fit(1.0), held(95.0, 0.0))
     assert not b.stands_in
     assert b.unsure
 
 
-def test_one_that_changes_sign_stands_in() -> None:
+def test_a_cause_that_changes_sign_is_a_stand_in() -> None:
     assert Beside("x", 1.0, 100.0, -1.0, 20.0).stands_in
 
 
-def test_the_leftover_says_whose_place_it_took_unless_it_is_like_another() -> None:
-    left = Leftover("yaw", "pitch_rate", 0.5, (), (), 100.0, 1.0)
-    (named,) = named_like([left], ["drag.quadratic.yaw"])
+def test_the_residual_torque_names_what_it_replaces_unless_it_resembles_another() -> None:
+    residual = Leftover("yaw", "pitch_rate", 0.5, (), (), 100.0, 1.0)
+    (named,) = named_like([residual], ["drag.quadratic.yaw"])
     assert named.like == "drag.quadratic.yaw-like"
-    already = replace(left, like="friction.viscous.yaw-like")
+    already = replace(residual, like="friction.viscous.yaw-like")
     assert named_like([already], ["drag.quadratic.yaw"]) == (already,)
-    assert named_like([left], []) == (left,)
+    assert named_like([residual], []) == (residual,)
 
 
-def test_what_data_not_seen_do_not_surely_confirm_or_was_weak_is_only_alike() -> None:
+def test_an_unconfirmed_or_weak_finding_is_marked_as_like() -> None:
     def finding(low: float, weak: bool = False) -> Any:
         return Finding(
             cast(Any, SimpleNamespace(term=SimpleNamespace(name="motor.delay"), weak=weak)), {},
             cast(Any, SimpleNamespace(log_likelihood=Interval(28.0, low, 71.0))), np.zeros(4),
         )  # fmt: skip
 
-    found = doubted(
+    results = doubted(
         [finding(-8.0), finding(3.0), finding(3.0, weak=True)], fit(1.0), [], held(0.0, 0.0)
     )
-    assert [f.like for f in found] == [True, False, True]
+    assert [f.like for f in results] == [True, False, True]
 
 
-def test_a_size_that_may_as_well_be_nothing_makes_no_sure_name() -> None:
+def test_a_size_compatible_with_zero_is_vague() -> None:
     assert vague(fit(1.0, 0.6)) == {"friction.viscous.yaw"}  # 1.7 standard deviations
     assert vague(fit(-1.0, 0.4)) == set()  # 2.5

@@ -1,4 +1,4 @@
-"""Numbers of the base that are off the profile: the rules, on numbers made by hand."""
+"""Base parameters outside the profile's tolerance: the rules, on values made by hand."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def number(ratio: float, std: float) -> Calibrated:
 
 @pytest.fixture(scope="module")
 def known() -> Fitted:
-    """Every number at its prior's mean, which the data tell to 2 % of its scale."""
+    """Every parameter at its prior mean, determined by the data to 2 % of its scale."""
     p = problem_of([fly(1022).recording.between(0, 25)], REAL_TERMS)
     D = np.eye(p.dim) / 0.02
     return Fitted(p, p.start.copy(), np.ones(4), np.ones((7, 3)), 0.0, D, 0, True)
 
 
 def times(fit: Fitted, **ratios: float) -> Fitted:
-    """That rig with numbers of its base off by these ratios."""
+    """That fit with base parameters multiplied by these ratios."""
     z = fit.z.copy()
     for name, ratio in ratios.items():
         j = fit.structure.names.index(name)
@@ -39,14 +39,14 @@ def times(fit: Fitted, **ratios: float) -> Fitted:
     return replace(fit, z=z)
 
 
-def test_an_interval_must_lie_beyond_the_tolerance() -> None:
+def test_an_interval_must_lie_outside_the_tolerance() -> None:
     """ln 1.45 − ln 1.15 = 0.232: 1.96 σ of 0.118."""
     assert sure(number(1.45, 0.117), TOLERANCE)
     assert not sure(number(1.45, 0.119), TOLERANCE)
     assert not sure(number(1.14, 0.001), TOLERANCE)
 
 
-def test_each_half_must_show_it_and_of_one_size() -> None:
+def test_both_halves_must_show_the_same_deviation() -> None:
     off, x = number(0.7, 0.05), float(np.log(0.7))
     assert shown([off, number(0.75, 0.05)], x, TOLERANCE)
     assert not shown([off, number(0.9, 0.02)], x, TOLERANCE)
@@ -54,7 +54,9 @@ def test_each_half_must_show_it_and_of_one_size() -> None:
     assert not shown([number(0.7, 0.01), number(0.75, 0.01)], x, TOLERANCE)
 
 
-def test_three_inertias_off_by_one_factor_are_tied_with_the_thrust_gain(known: Fitted) -> None:
+def test_three_inertias_off_by_one_factor_are_confounded_with_the_thrust_gain(
+    known: Fitted,
+) -> None:
     fit = times(known, J_roll=0.7, J_pitch=0.7, J_yaw=0.7)
     off = off_profile(fit, (fit, fit), TOLERANCE)
     assert {o.term.name for o in off} == {"inertia.roll", "inertia.pitch", "inertia.yaw"}
@@ -62,7 +64,7 @@ def test_three_inertias_off_by_one_factor_are_tied_with_the_thrust_gain(known: F
     assert [o.value for o in off] == pytest.approx([0.7] * 3)
 
 
-def test_a_trim_torque_that_is_off_is_an_imbalance_of_its_excess(known: Fitted) -> None:
+def test_an_excess_trim_torque_is_a_mass_imbalance(known: Fitted) -> None:
     fit = times(known, T_g=1.45)
     (off,) = off_profile(fit, (fit, fit), TOLERANCE)
     nominal = fit.structure.free[0].start
@@ -71,7 +73,7 @@ def test_a_trim_torque_that_is_off_is_an_imbalance_of_its_excess(known: Fitted) 
     assert not off.tied_with
 
 
-def test_what_every_recording_lifts_more_counts_with_the_trim_torque(known: Fitted) -> None:
+def test_a_weight_common_to_all_recordings_counts_with_the_trim_torque(known: Fitted) -> None:
     j = known.structure.names.index("mass.imbalance.torque_Nm")
     p, z = known.problem, known.z.copy()
     z[p.n + list(p.own).index(j)] += known.structure.free[j].inward(0.1)
@@ -79,14 +81,14 @@ def test_what_every_recording_lifts_more_counts_with_the_trim_torque(known: Fitt
     assert more == pytest.approx(0.1)
 
 
-def test_a_rig_within_its_profile_or_seen_whole_alone_has_no_finding(known: Fitted) -> None:
+def test_a_rig_within_its_profile_or_without_halves_has_no_finding(known: Fitted) -> None:
     assert off_profile(known, (known, known), TOLERANCE) == ()
     fit = times(known, T_g=1.45)
     assert off_profile(fit, (), TOLERANCE) == ()
     assert off_profile(fit, (fit, known), TOLERANCE) == ()
 
 
-def test_one_factor_is_one_within_what_each_is_told_to() -> None:
+def test_a_common_factor_holds_within_the_standard_deviations() -> None:
     def inertias(*ratios: float) -> list[Off]:
         axes = ("roll", "pitch", "yaw")
         return [

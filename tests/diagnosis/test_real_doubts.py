@@ -1,4 +1,4 @@
-"""Periods that were commanded: what share of a motion lies at a frequency."""
+"""Commanded periods: the share of a motion's power at a frequency."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ def test_a_square_waves_lines_hold_8_over_pi_squared_k_squared(harmonic: int, sh
     assert line_share(T, SQUARE, harmonic * 0.1) == pytest.approx(share, rel=0.01)
 
 
-def test_between_its_lines_and_at_rest_there_is_nothing() -> None:
+def test_between_its_lines_and_at_rest_the_share_is_zero() -> None:
     assert line_share(T, SQUARE, 0.25) < 0.001
     assert line_share(T, np.full(len(T), 3.0), 0.1) == 0.0
     assert line_share(T, np.full(len(T), np.nan), 0.1) == 0.0
 
 
-def test_where_no_reference_was_logged_the_angles_say_what_was_flown() -> None:
+def test_without_a_logged_reference_the_angles_give_the_commanded_motion() -> None:
     r = fly(1022).recording.between(0, 30)
     t = r.t - r.t[0]
     swings = np.stack([0.0 * t, 0.2 * np.sin(2 * np.pi * 0.2 * t), 0.0 * t], axis=1)

@@ -1,4 +1,4 @@
-"""Names that both halves of the flights show: the rules, on numbers made by hand."""
+"""Terms that both halves of the recordings show: the rules, on values made by hand."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import pytest
 from heli3dof.diagnosis.real_halves import Seen, rarity, seen
 
 
-def test_both_halves_must_put_it_on_the_same_side() -> None:
+def test_both_halves_must_have_the_same_sign() -> None:
     assert Seen((3.0, 2.0), 0.5, False).by_both
     assert not Seen((3.0, -2.0), 4.0, False).by_both
 
 
-def test_one_half_that_hardly_sees_it_is_enough_to_doubt() -> None:
+def test_one_weak_half_is_enough_to_doubt() -> None:
     assert not Seen((9.0, 1.0), 0.5, False).by_both
 
 
-def test_what_a_half_has_from_the_prior_it_has_not_seen() -> None:
+def test_an_estimate_from_the_prior_alone_does_not_count() -> None:
     assert not Seen((5.0, 5.0), 0.0, True).by_both
 
 
-def test_two_sizes_three_deviations_apart_are_not_one() -> None:
+def test_sizes_three_deviations_apart_differ() -> None:
     assert Seen((9.0, 5.0), 2.9, False).one_size
     assert not Seen((9.0, 5.0), 3.1, False).one_size
 
@@ -28,12 +28,12 @@ def test_two_sizes_three_deviations_apart_are_not_one() -> None:
 @pytest.mark.parametrize(
     ("chi2", "freedom", "deviations"), [(4.0, 1, 2.0), (0.0, 1, 0.0), (5.991, 2, 1.960)]
 )
-def test_a_chi_square_is_as_many_deviations_as_are_as_rare(
+def test_a_chi_square_converts_to_equally_rare_deviations(
     chi2: float, freedom: int, deviations: float
 ) -> None:
     """χ² of one number is its square; 5 % lie above 5.991 with two."""
     assert rarity(chi2, freedom) == pytest.approx(deviations, abs=1e-3)
 
 
-def test_one_fit_has_no_halves() -> None:
+def test_a_single_fit_has_no_halves() -> None:
     assert seen((), "friction.coulomb.yaw") is None

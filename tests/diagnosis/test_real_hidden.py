@@ -1,4 +1,4 @@
-"""What a fitted rig leaves unexplained of a real one, from a quick fit."""
+"""Effects in real recordings that the fitted model does not explain, from a quick fit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from heli3dof.diagnosis.real_hidden import Crept, constant_voltage, creep, take_
 from tests.diagnosis.rig_a import quick, recording
 
 
-def test_the_arm_stands_where_its_hover_voltage_is_the_voltage() -> None:
+def test_the_arm_settles_where_its_hover_voltage_equals_the_voltage() -> None:
     recording("closed-1a")
     for angle in (-15.0, 0.0, 10.0):
         assert settles_at(quick(), hover_voltage(quick(), angle)) == pytest.approx(angle, abs=0.06)
@@ -26,43 +26,43 @@ def test_twice_the_torque_needs_two_to_the_one_over_n_times_the_voltage() -> Non
     assert hover_voltage(fit, 10) / hover_voltage(fit, -10) == pytest.approx(torque ** (1 / n))
 
 
-def test_a_take_off_in_which_pitch_does_not_follow_the_thrusts_is_told() -> None:
+def test_a_take_off_in_which_pitch_moves_against_the_thrusts_is_reported() -> None:
     """closed-1a: roll climbs 21.8° in 1.1 s; pitch falls while the front motor pulls harder."""
     real, fit = recording("closed-1a"), quick()
-    sure = replace(fit, tangents=1e3 * fit.tangents)  # as if nothing were left open
-    (told,) = take_off(sure, 0, real)
-    assert told["roll_deg"]["measured"] == pytest.approx(21.8, abs=0.1)
-    assert told["roll_deg"]["model_rotors_at_rest"] < told["roll_deg"]["model_rotors_at_speed"]
-    p = told["pitch_acceleration_rad_per_s2"]
+    sure = replace(fit, tangents=1e3 * fit.tangents)  # as if every parameter were certain
+    (note,) = take_off(sure, 0, real)
+    assert note["roll_deg"]["measured"] == pytest.approx(21.8, abs=0.1)
+    assert note["roll_deg"]["model_rotors_at_rest"] < note["roll_deg"]["model_rotors_at_speed"]
+    p = note["pitch_acceleration_rad_per_s2"]
     assert p["measured"] < 0 < p["model"]
     assert p["model_std"] < 0.01
-    assert "was not fitted" in told["sentence"]
+    assert "was not fitted" in note["sentence"]
 
 
-def test_a_take_off_of_which_the_fit_leaves_open_what_it_says_is_not_told() -> None:
+def test_a_take_off_with_an_uncertain_model_is_not_reported() -> None:
     fit = quick()
     open_ = replace(fit, tangents=1e-3 * fit.tangents)
     assert not list(take_off(open_, 0, recording("closed-1a")))
 
 
-def test_a_constant_voltage_under_which_the_arm_creeps_is_told() -> None:
-    (told,) = creep(quick(), recording("open-roll-5V-1"))
-    assert told["early_deg"] == pytest.approx(-24.8, abs=0.2)
-    assert told["late_deg"] == pytest.approx(-20.4, abs=0.2)
-    assert told["thrust_late_over_early"] == pytest.approx(
-        arm_torque(quick(), told["late_deg"]) / arm_torque(quick(), told["early_deg"])
+def test_creep_of_the_arm_under_constant_voltage_is_reported() -> None:
+    (note,) = creep(quick(), recording("open-roll-5V-1"))
+    assert note["early_deg"] == pytest.approx(-24.8, abs=0.2)
+    assert note["late_deg"] == pytest.approx(-20.4, abs=0.2)
+    assert note["thrust_late_over_early"] == pytest.approx(
+        arm_torque(quick(), note["late_deg"]) / arm_torque(quick(), note["early_deg"])
     )
-    assert "creeps" in told["sentence"]
+    assert "creeps" in note["sentence"]
 
 
-def test_an_arm_that_stands_where_the_model_says_is_not_told_of() -> None:
+def test_an_arm_at_the_predicted_angle_is_not_reported() -> None:
     run = recording("open-roll-5V-1")
     still = np.where(run.t[:, None] > 5, np.radians(settles_at(quick(), 5.0)), run.angle)
     still[run.t < 1] = np.radians(-40)  # the table, well below
     assert not list(creep(quick(), replace(run, angle=still)))
 
 
-def test_a_flight_under_control_is_no_constant_voltage() -> None:
+def test_a_closed_loop_flight_has_no_creep() -> None:
     assert not list(creep(quick(), recording("closed-1a")))
 
 
@@ -70,20 +70,20 @@ def run_of(voltage: float, factor: float, as_if: float) -> Crept:
     return Crept(f"open-{voltage:g}V", voltage, -20.0, -15.0, -20.0, factor, as_if, 90.0)
 
 
-def test_runs_that_creep_by_one_voltage_and_not_by_one_thrust_say_so() -> None:
+def test_runs_that_creep_by_the_same_voltage_are_reported() -> None:
     """5 and 7 V, 0.9 V more each: 36 % and 15 % of thrust differ by more than twice."""
-    (told,) = together([run_of(5, 1.36, 0.9), run_of(7, 1.15, 0.9)])
-    assert told["one_size"] == {"thrust": False, "voltage": True}
-    assert "One growth of voltage would do" in told["sentence"]
+    (note,) = together([run_of(5, 1.36, 0.9), run_of(7, 1.15, 0.9)])
+    assert note["one_size"] == {"thrust": False, "voltage": True}
+    assert "One growth of voltage would do" in note["sentence"]
 
 
-def test_a_run_that_does_not_creep_contradicts_both() -> None:
-    (told,) = together([run_of(5, 1.36, 0.9), run_of(9, 1.01, 0.05)])
-    assert not any(told["one_size"].values())
+def test_a_run_without_creep_contradicts_both_sizes() -> None:
+    (note,) = together([run_of(5, 1.36, 0.9), run_of(9, 1.01, 0.05)])
+    assert not any(note["one_size"].values())
     assert not list(together([run_of(5, 1.36, 0.9)]))
 
 
-def test_a_flight_under_control_has_no_one_voltage_and_an_open_run_has() -> None:
+def test_only_an_open_loop_run_has_a_constant_voltage() -> None:
     assert constant_voltage(recording("closed-1a")) is None
     first, last = constant_voltage(recording("open-roll-5V-1")) or (0, 0)
     assert last - first > 90 / 0.005 * 0.9

@@ -1,4 +1,4 @@
-"""The diagnosis of logs whose clock lies: what it says of a real rig, from a quick fit."""
+"""Diagnosis of logs with sampling jitter: results for a real rig from a quick fit."""
 
 from __future__ import annotations
 
@@ -29,36 +29,36 @@ def test_a_mock_flight_is_diagnosed_by_its_likelihood() -> None:
     assert not no_likelihood([fly(1022).recording.between(0, 10)])
 
 
-def test_a_real_log_is_diagnosed_from_free_flights(real: Recording) -> None:
+def test_a_real_log_is_diagnosed_by_free_run_predictions(real: Recording) -> None:
     assert no_likelihood([real])
 
 
-def test_a_run_that_read_roll_alone_does_not_change_how_a_log_is_diagnosed(real: Recording) -> None:
+def test_a_roll_only_run_does_not_change_the_method(real: Recording) -> None:
     assert no_likelihood([real, rig_a.recording("open-roll-7V-1")])
     assert not no_likelihood([rig_a.recording("open-roll-7V-1")])
 
 
-def test_more_voltage_is_needed_the_higher_the_arm_hangs(quick: Fitted) -> None:
+def test_a_higher_arm_needs_more_voltage(quick: Fitted) -> None:
     """rig-a: about 9.6 V at +10° and 8.5 V at −10°, by its owners."""
     low, high = hover_voltage(quick, -10), hover_voltage(quick, 10)
     assert 6.5 < low < 9.0 < high < 11.0
 
 
-def test_steady_rows_are_flown_and_not_on_the_table(real: Recording) -> None:
+def test_steady_rows_are_in_flight_and_off_the_table(real: Recording) -> None:
     rows = steady(real)
     assert len(rows) > 500
     assert rows[:, 0].min() > -20
     assert 6 < rows[:, 2].mean() < 12
 
 
-def test_what_people_see_on_the_rig_is_explained(quick: Fitted, real: Recording) -> None:
+def test_known_properties_of_the_rig_are_explained(quick: Fitted, real: Recording) -> None:
     causes = ("encoder.offset.pitch", "stiffness.pendulum.roll", "motor.rotor_curve")
-    said = " ".join(explains(quick, [real], causes))
+    text = " ".join(explains(quick, [real], causes))
     for cause in causes:
-        assert cause in said
+        assert cause in text
 
 
-def test_what_is_not_named_explains_nothing(quick: Fitted, real: Recording) -> None:
+def test_without_causes_there_is_no_explanation(quick: Fitted, real: Recording) -> None:
     assert explains(quick, [real], ()) == []
 
 
@@ -67,14 +67,14 @@ def test_a_gain_is_the_difference_of_two_rms_errors() -> None:
     e = np.full((40, 12, 3), np.radians(2.0))
     cell = np.arange(40) // 4
     g = gain(Flown(e, cell), Flown(e / 2, cell), "holdout", 0)
-    for won in g.rmse_deg.values():
-        assert won is not None
-        assert won.value == pytest.approx(1.0)
-        assert won.low == pytest.approx(1.0)
+    for interval in g.rmse_deg.values():
+        assert interval is not None
+        assert interval.value == pytest.approx(1.0)
+        assert interval.low == pytest.approx(1.0)
     assert g.log_likelihood is None
 
 
-def test_structure_is_seen_on_spans_that_the_curve_has_not_seen_and_noise_is_not() -> None:
+def test_structure_is_detected_on_held_out_spans_and_noise_is_not() -> None:
     rng = np.random.default_rng(1001)
     z, t = rng.standard_normal(300), np.arange(300) * 0.4
     noise = rng.standard_normal(300)
@@ -84,7 +84,7 @@ def test_structure_is_seen_on_spans_that_the_curve_has_not_seen_and_noise_is_not
     assert _judged(noise, z, t)[0] < 0.1
 
 
-def test_an_extension_pays_where_it_predicts_better_every_axis_counting_alike() -> None:
+def test_an_extension_pays_if_it_predicts_better_with_equal_axis_weights() -> None:
     """Half on two axes, 1.5 times on one: 1/4 + 1/4 + 2.25 < 3; twice as bad: 4.5 > 3."""
     e, cell = np.full((40, 12, 3), np.radians(2.0)), np.arange(40) // 4
     before = Flown(e, cell)

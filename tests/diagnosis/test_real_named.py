@@ -1,4 +1,4 @@
-"""Which terms are named and which are only kept: the arithmetic, on a fit made by hand."""
+"""Which terms are causes and which are only kept: the arithmetic, on a fit made by hand."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ YAW, PITCH = "friction.coulomb.yaw", "friction.coulomb.pitch"
 
 @pytest.fixture(scope="module")
 def flat() -> Fitted:
-    """Data that say nothing: every number at its prior, with the prior's deviation."""
+    """No information in the data: every parameter at its prior, with the prior's deviation."""
     p = problem_of([fly(1022).recording.between(0, 25)], REAL_TERMS)
     return Fitted(
         p, p.start.copy(), np.ones(4), np.ones((7, 3)), 0.0, np.zeros((p.dim, 1)), 0, True
     )
 
 
-def told(fit: Fitted, values: dict[str, float], std: float) -> Fitted:
-    """The same where data tell those numbers to ``std``, all others not."""
+def determined(fit: Fitted, values: dict[str, float], std: float) -> Fitted:
+    """The same fit with these parameters determined to ``std`` and no others."""
     z, rows = fit.z.copy(), np.zeros((fit.problem.dim, fit.problem.dim))
     for name, value in values.items():
         j = fit.structure.names.index(name)
@@ -55,15 +55,15 @@ def backward_of(fit: Fitted, kept: dict[str, Worse], gone: dict[str, Worse]) -> 
     )
 
 
-def test_a_size_of_1_96_deviations_is_95_percent_sure_to_be_one(flat: Fitted) -> None:
-    fit = told(flat, {f"{YAW}.torque_Nm": 1.96e-3}, 1e-3)
+def test_a_size_of_1_96_deviations_differs_from_zero_at_95_percent(flat: Fitted) -> None:
+    fit = determined(flat, {f"{YAW}.torque_Nm": 1.96e-3}, 1e-3)
     assert apart(fit, YAW) == pytest.approx(0.95, abs=0.001)
 
 
-def test_a_zero_that_may_differ_by_recording_is_told_from_none_by_its_values(flat: Fitted) -> None:
-    """One recording whose own zero is 5° ± 1°: five deviations, and none where nothing is said."""
+def test_an_offset_per_recording_is_tested_by_its_values(flat: Fitted) -> None:
+    """One recording with its own offset of 5° ± 1°: five deviations; zero without data."""
     assert apart(flat, "encoder.offset.pitch") == pytest.approx(0.0, abs=1e-6)
-    fit = told(flat, {}, 1.0)
+    fit = determined(flat, {}, 1.0)
     j = fit.structure.names.index("encoder.offset.pitch.angle_deg")
     f, at = fit.structure.free[j], fit.problem.n
     z, rows = fit.z.copy(), fit.tangents.copy()
@@ -73,59 +73,59 @@ def test_a_zero_that_may_differ_by_recording_is_told_from_none_by_its_values(fla
     assert apart(fit, "encoder.offset.pitch") > 0.99999
 
 
-def test_a_cause_is_needed_by_blocks_and_has_a_size_that_is_sure(flat: Fitted) -> None:
-    fit = told(flat, {f"{YAW}.torque_Nm": 0.03, f"{PITCH}.torque_Nm": 0.001}, 2e-3)
+def test_a_cause_is_needed_by_blocks_and_has_a_significant_size(flat: Fitted) -> None:
+    fit = determined(flat, {f"{YAW}.torque_Nm": 0.03, f"{PITCH}.torque_Nm": 0.001}, 2e-3)
     causes, kept = named(backward_of(fit, {YAW: NEEDED, PITCH: NEEDED}, {}))
     assert [r.term for r in causes] == [YAW]
     assert [r.term for r in kept] == [PITCH]
 
 
-def test_what_one_half_of_the_flights_does_not_show_is_no_cause(flat: Fitted) -> None:
-    fit = told(flat, {f"{YAW}.torque_Nm": 0.03}, 2e-3)
-    shows, shows_not = fit, told(flat, {f"{YAW}.torque_Nm": 0.001}, 2e-3)
-    found = backward_of(fit, {YAW: NEEDED}, {})
-    assert named(replace(found, halves=(shows, shows)))[0]
-    doubted = replace(found, halves=(shows, shows_not))
+def test_a_term_that_one_half_does_not_show_is_only_kept(flat: Fitted) -> None:
+    fit = determined(flat, {f"{YAW}.torque_Nm": 0.03}, 2e-3)
+    shows, shows_not = fit, determined(flat, {f"{YAW}.torque_Nm": 0.001}, 2e-3)
+    result = backward_of(fit, {YAW: NEEDED}, {})
+    assert named(replace(result, halves=(shows, shows)))[0]
+    doubted = replace(result, halves=(shows, shows_not))
     causes, kept = named(doubted)
     assert not causes
     assert "different sizes" in contradicted(doubted, kept[0])
     assert "different sizes" in within(doubted, kept)[0]["why"]
 
 
-def test_what_blocks_do_not_need_is_no_cause_but_stays_with_its_reason(flat: Fitted) -> None:
-    fit = told(flat, {f"{YAW}.torque_Nm": 0.03, f"{PITCH}.torque_Nm": 0.001}, 2e-3)
-    found = replace(backward_of(fit, {PITCH: NEEDED}, {YAW: NOT_NEEDED}), halves=(fit, fit))
-    causes, kept = named(found)
+def test_a_term_that_blocks_do_not_need_is_kept_with_its_reason(flat: Fitted) -> None:
+    fit = determined(flat, {f"{YAW}.torque_Nm": 0.03, f"{PITCH}.torque_Nm": 0.001}, 2e-3)
+    result = replace(backward_of(fit, {PITCH: NEEDED}, {YAW: NOT_NEEDED}), halves=(fit, fit))
+    causes, kept = named(result)
     assert not causes
-    said = {x["term"]: x["why"] for x in within(found, kept)}
-    assert "do not need" in said[YAW]
-    assert "not significant" in said[PITCH]
+    reasons = {x["term"]: x["why"] for x in within(result, kept)}
+    assert "do not need" in reasons[YAW]
+    assert "not significant" in reasons[PITCH]
 
 
-def test_a_weight_that_is_kept_is_kept_as_what_differs_by_recording(flat: Fitted) -> None:
-    found = backward_of(flat, {}, {"mass.imbalance": NOT_NEEDED, YAW: NOT_NEEDED})
-    weight, friction = within(found, list(found.gone))
+def test_a_kept_weight_is_reported_with_one_value_per_recording(flat: Fitted) -> None:
+    result = backward_of(flat, {}, {"mass.imbalance": NOT_NEEDED, YAW: NOT_NEEDED})
+    weight, friction = within(result, list(result.gone))
     assert weight["why"].startswith("with one value per recording")
     assert not friction["why"].startswith("with")
 
 
-def test_certainty_is_the_lesser_of_size_and_need_and_what_is_known_needs_no_blocks(
+def test_certainty_is_the_lesser_of_size_and_need_and_known_terms_need_no_blocks(
     flat: Fitted,
 ) -> None:
-    fit = told(flat, {f"{YAW}.torque_Nm": 0.03, "motor.rotor_curve.exponent": 1.8}, 2e-3)
-    found = backward_of(fit, {YAW: NEEDED, "motor.rotor_curve": NOT_NEEDED}, {})
-    assert certainty(found, found.kept[0]) == pytest.approx(0.99)
-    assert certainty(found, found.kept[1]) > 0.99
+    fit = determined(flat, {f"{YAW}.torque_Nm": 0.03, "motor.rotor_curve.exponent": 1.8}, 2e-3)
+    result = backward_of(fit, {YAW: NEEDED, "motor.rotor_curve": NOT_NEEDED}, {})
+    assert certainty(result, result.kept[0]) == pytest.approx(0.99)
+    assert certainty(result, result.kept[1]) > 0.99
 
 
-def test_a_size_stands_beside_what_was_known_of_it(flat: Fitted) -> None:
+def test_a_size_is_listed_with_its_prior(flat: Fitted) -> None:
     size = sizes(flat, YAW)["torque_Nm"]
     assert size["prior_mean"] == pytest.approx(0.0)
     assert size["prior_std"] == size["std"] == pytest.approx(0.05)
 
 
-def test_recordings_that_say_nothing_show_nothing_and_what_they_tell_is_seen(flat: Fitted) -> None:
-    fit = told(flat, {f"{YAW}.torque_Nm": 0.03}, 2e-3)
+def test_terms_without_information_are_unseen(flat: Fitted) -> None:
+    fit = determined(flat, {f"{YAW}.torque_Nm": 0.03}, 2e-3)
     assert YAW in set(unseen(flat, []))
     assert YAW not in set(unseen(fit, []))
     assert "friction.viscous.yaw" in set(unseen(fit, []))

@@ -1,4 +1,4 @@
-"""Which plan sizes what a fit to free flights left open; a mock flight of seed 1022."""
+"""The plan that determines what a free-run fit left open; a mock flight of seed 1022."""
 
 from __future__ import annotations
 
@@ -21,53 +21,53 @@ NAMES = ("friction.viscous.yaw", "motor.lag", "encoder.offset.pitch")
 
 @pytest.fixture(scope="module")
 def open_() -> Open:
-    """A flight that hardly turns, and a rig of which yaw's friction is asked."""
+    """A flight with little yaw motion; yaw's viscous friction is left open."""
     recording = fly(1022).recording.between(0, 25)
     problem = problem_of([recording], NAMES)
     fit = search(problem, weak_start(problem), stages_s=(STAGE_S,), rounds=2)
     return Open(fit, model_of(fit, [recording], "rig"), ("friction.viscous.yaw",))
 
 
-def test_the_doctests() -> None:
+def test_the_doctests_pass() -> None:
     assert doctest.testmod(module, extraglobs={"np": np}).failed == 0
     assert doctest.testmod(outlook).failed == 0
 
 
-def test_yaw_s_friction_is_shown_by_a_flight_that_turns(open_: Open) -> None:
-    found = next_free_flight(open_, plans=["ring-down", "coast-down"])
-    assert found is not None
-    assert found.plan == "coast-down"
-    assert found.separates == ("friction.viscous.yaw",)
-    margin = {o.plan: o.margin for o in found.ranking}
+def test_a_flight_that_turns_determines_yaw_s_friction(open_: Open) -> None:
+    result = next_free_flight(open_, plans=["ring-down", "coast-down"])
+    assert result is not None
+    assert result.plan == "coast-down"
+    assert result.separates == ("friction.viscous.yaw",)
+    margin = {o.plan: o.margin for o in result.ranking}
     assert margin["coast-down"] > 10 * margin["ring-down"]
-    assert "friction.viscous.yaw" in found.why
+    assert "friction.viscous.yaw" in result.why
 
 
-def test_where_nothing_is_open_or_only_what_differs_by_recording_nothing_is_asked(
+def test_no_plan_is_proposed_if_nothing_or_only_offsets_per_recording_are_open(
     open_: Open,
 ) -> None:
     for names in ((), ("encoder.offset.pitch",)):
         assert next_free_flight(Open(open_.fit, open_.model, names), plans=["steps"]) is None
 
 
-def test_a_tie_is_asked_whole_by_its_terms_that_have_an_absence(open_: Open) -> None:
-    tie = Open(open_.fit, open_.model, ("friction.viscous.yaw", "motor.lag"), tied=True)
-    assert [w.name for w in wanted(tie)] == ["friction.viscous.yaw"]
-    found = next_free_flight(tie, plans=["coast-down"])
-    assert found is not None
-    assert found.separates == ("friction.viscous.yaw", "motor.lag")
-    assert "in one another's place" in found.why
+def test_confounded_terms_are_planned_for_together_by_those_with_an_absence(open_: Open) -> None:
+    confounded = Open(open_.fit, open_.model, ("friction.viscous.yaw", "motor.lag"), tied=True)
+    assert [w.name for w in wanted(confounded)] == ["friction.viscous.yaw"]
+    result = next_free_flight(confounded, plans=["coast-down"])
+    assert result is not None
+    assert result.separates == ("friction.viscous.yaw", "motor.lag")
+    assert "in one another's place" in result.why
 
 
-def test_half_the_deviation_is_three_times_the_information_once_more() -> None:
-    """u² = θ² (4/σ² − 1/σ²): with θ = σ, u = √3; what teaches nothing shows nothing."""
+def test_half_the_deviation_is_three_times_the_information_in_addition() -> None:
+    """u² = θ² (4/σ² − 1/σ²): with θ = σ, u = √3; no new information gives 0."""
     w = Wanted("friction.viscous.yaw", 0, 0.1, 0.1, 1.0, "N·m·s/rad")
     assert w.shown(0.05) == pytest.approx(np.sqrt(3))
     assert w.shown(0.1) == 0.0
 
 
-def test_what_ties_a_recording_s_own_numbers_says_nothing_of_their_common_mean(open_: Open) -> None:
-    """However wide the mean, a shift of mean and own number together costs nothing."""
+def test_the_link_between_own_values_leaves_their_common_mean_free(open_: Open) -> None:
+    """A common shift of the mean and of an own value costs nothing, however wide the prior."""
     p = open_.fit.problem
     L = link(p)
     shift = np.zeros(p.dim)

@@ -1,4 +1,4 @@
-"""Where false slopes are large, each rival's own flights say whether the recording may be its."""
+"""With large score bias, simulated flights of each rival decide which one fits the recording."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def flown(m0: float, m1: float, s: float) -> np.ndarray:
     return out
 
 
-def test_the_rival_whose_flights_do_as_the_recording_did_is_likelier() -> None:
+def test_the_rival_whose_flights_match_the_recording_is_likelier() -> None:
     # By hand: s = 5 √(5/4); the recording's 10 is the second's mean, 30 above the first's.
     W = odds(np.array([0.0, 10.0]), flown(-20.0, 10.0, 5.0))
     by_hand = 2 * (t.logpdf(0, 3) - t.logpdf(30 / (5 * np.sqrt(1.25)), 3))
@@ -34,7 +34,7 @@ def test_the_rival_whose_flights_do_as_the_recording_did_is_likelier() -> None:
     assert list(np.sign(least(W))) == [-1, 1]
 
 
-def test_a_likelihood_that_is_larger_decides_nothing_where_both_expect_it() -> None:
+def test_a_larger_likelihood_decides_nothing_if_both_rivals_predict_it() -> None:
     # Both rivals' flights are likelier under the second by 50: so is the recording.
     W = odds(np.array([0.0, 50.0]), flown(50.0, 50.0, 5.0))
     assert W[1, 0] == pytest.approx(0.0)
@@ -52,7 +52,7 @@ def nulls(*mean: float) -> Any:
     return cast(Any, SimpleNamespace(mean=np.array(mean), inflation=1.0))
 
 
-def test_large_false_slopes_make_rivals_that_decide() -> None:
+def test_large_bias_makes_rivals_that_decide() -> None:
     a, b, far = contender("a", 70.0, 0), contender("b", 60.0, 1), contender("far", 5.0, 2)
     tried = contender("tried", 90.0, None)
     near, decides = rivals(choice(a, b, far, tried), nulls(-10.0, 1.0, 0.0))
@@ -61,14 +61,14 @@ def test_large_false_slopes_make_rivals_that_decide() -> None:
     assert rivals(choice(tried, a, b), nulls(-10.0, 1.0, 0.0)) == ([], False)
 
 
-def test_a_modest_score_asks_a_second_opinion_of_what_comes_close() -> None:
+def test_a_modest_score_requests_a_comparison_of_close_rivals() -> None:
     a, b, far = contender("a", 40.0, 0), contender("b", 30.0, 1), contender("far", 5.0, 2)
     near, decides = rivals(choice(a, b, far), nulls(-1.0, 1.0, 0.0))
     assert ([c.term.name for c in near], decides) == (["a", "b"], False)
     assert rivals(choice(a, far), nulls(-1.0, 1.0, 0.0)) == ([], False)
 
 
-def test_in_a_plain_step_a_lag_is_named_or_tied_never_excluded() -> None:
+def test_in_a_single_step_a_lag_is_named_or_confounded() -> None:
     device = "mock:?speed=max&seed=8400&hide=motor.lag:0.03"
     flight = fly_plan(step_plan((10.0, None, None)), device=device, seed=8400).recording
     bench = Bench((flight,), 0, 6)

@@ -1,4 +1,4 @@
-"""The screen on flights of the emulated rig, and what it is made of; seeds from 1000 on."""
+"""The screen of candidates on flights of the emulated rig, and its parts. Seeds from 1000."""
 
 from __future__ import annotations
 
@@ -28,58 +28,58 @@ def rich(seed: int, hide: str = "") -> Recording:
 
 def fitted(recording: Recording) -> tuple[Estimate, Look]:
     runs = usable_runs(recording, 0)
-    found = estimate(Informed(data_of([recording], runs), Structure(recording.profile, ())))
-    o = found.optimum
-    return found, look(found.problem, o.theta, o.noise, whole=False)
+    fit = estimate(Informed(data_of([recording], runs), Structure(recording.profile, ())))
+    o = fit.optimum
+    return fit, look(fit.problem, o.theta, o.noise, whole=False)
 
 
-def screened(found: Estimate, here: Look) -> Screen:
+def screened(fit: Estimate, here: Look) -> Screen:
     terms = candidates()
-    V = found.problem.data.V
+    V = fit.problem.data.V
     plain = [p for t in terms for p in probes(t, V)]
-    return Screen(found.problem, found.optimum.theta, here, plain, scans(terms))
+    return Screen(fit.problem, fit.optimum.theta, here, plain, scans(terms))
 
 
 @pytest.fixture(scope="module")
-def nothing() -> tuple[Estimate, Look]:
+def unmodified() -> tuple[Estimate, Look]:
     return fitted(rich(1003))
 
 
-def test_linearised_tangents_are_those_of_the_filter_s_own_differences(
-    nothing: tuple[Estimate, Look],
+def test_linearised_tangents_match_the_filter_s_differences(
+    unmodified: tuple[Estimate, Look],
 ) -> None:
-    found, here = nothing
-    own = found.problem.tangents(found.optimum.theta, here.at)
+    fit, here = unmodified
+    own = fit.problem.tangents(fit.optimum.theta, here.at)
     for a, b in zip(here.T, own, strict=True):
         assert np.corrcoef(a, b)[0, 1] > 0.999
         assert np.std(a) == pytest.approx(np.std(b), rel=0.01)
 
 
-def test_backward_is_the_adjoint_of_forward(nothing: tuple[Estimate, Look]) -> None:
-    found, here = nothing
-    wide, null = with_term(found.structure, found.values, term("friction.viscous.pitch"))
+def test_backward_is_the_adjoint_of_forward(unmodified: tuple[Estimate, Look]) -> None:
+    fit, here = unmodified
+    wide, null = with_term(fit.structure, fit.values, term("friction.viscous.pitch"))
     a = forcing(here.path, wide, [np.append(null[:-1], 0.02)], [False])
     q = np.random.default_rng(1000).standard_normal((1, len(here.at.row)))
     L, _, _ = backward(here.path, q)
     assert (L[0] * a[0]).sum() == pytest.approx(float((q @ forward(here.path, a).T)[0, 0]))
 
 
-def test_where_nothing_is_hidden_no_probe_stands_out(nothing: tuple[Estimate, Look]) -> None:
-    found, here = nothing
-    assert np.abs(screened(found, here).see(here, prior=True).z).max() < 5.0
+def test_on_an_unmodified_rig_no_probe_stands_out(unmodified: tuple[Estimate, Look]) -> None:
+    fit, here = unmodified
+    assert np.abs(screened(fit, here).see(here, prior=True).z).max() < 5.0
 
 
 def test_a_cable_stiffness_in_yaw_stands_out_with_its_size() -> None:
-    found, here = fitted(rich(1001, "stiffness.cable.yaw:0.05"))
-    seen = screened(found, here).see(here, prior=True)
+    fit, here = fitted(rich(1001, "stiffness.cable.yaw:0.05"))
+    seen = screened(fit, here).see(here, prior=True)
     best = int(np.argmax(seen.z**2))
     assert seen.probes[best].name == "stiffness.cable.yaw"
     assert seen.amplitude[best] == pytest.approx(0.05, rel=0.2)
 
 
-def test_a_periodic_torque_is_seen_at_its_frequency() -> None:
-    found, here = fitted(rich(1004, "disturbance.periodic.yaw:0.03@0.7"))
-    seen = screened(found, here).see(here, prior=True)
+def test_a_periodic_torque_is_found_at_its_frequency() -> None:
+    fit, here = fitted(rich(1004, "disturbance.periodic.yaw:0.03@0.7"))
+    seen = screened(fit, here).see(here, prior=True)
     probe = {p.name: p for p in seen.probes}["disturbance.periodic.yaw"]
     z = dict(zip([p.name for p in seen.probes], seen.z, strict=True))
     assert z["disturbance.periodic.yaw"] > 10
@@ -87,19 +87,19 @@ def test_a_periodic_torque_is_seen_at_its_frequency() -> None:
     assert probe.values[0] == pytest.approx(0.03, rel=0.2)
 
 
-def test_a_curve_of_the_rotors_is_a_candidate_only_behind_their_lag() -> None:
+def test_the_rotor_curve_is_a_candidate_only_with_motor_lag() -> None:
     assert "motor.rotor_curve" not in {t.name for t in candidates()}
     assert "motor.rotor_curve" in {t.name for t in candidates(["motor.lag"])}
 
 
-def test_the_base_s_own_parameters_are_no_candidates() -> None:
+def test_base_parameters_and_existing_terms_are_not_candidates() -> None:
     names = {t.effect.name for t in candidates()}
     assert not names & {"inertia", "mass.imbalance", "motor.thrust_gain"}
     assert "stiffness.cable.yaw" not in {t.name for t in candidates(["stiffness.cable.yaw"])}
 
 
-def test_what_a_cause_shares_with_a_probe_is_what_the_base_leaves_of_both() -> None:
-    """Informations 1, the base's share 0.6 of the probe, the cause's 0.48, by hand: the base leaves
+def test_the_shared_part_of_a_cause_and_a_probe_excludes_the_base() -> None:
+    """By hand: information 1, shares of the probe 0.6 (base) and 0.48 (cause). The base leaves
     1 − 0.36 = 0.64, of which the cause takes 0.48² = 0.2304, so ρ² = 0.36."""
     screen = object.__new__(Screen)
     screen.A, screen.cross = np.eye(2), np.array([[0.6], [0.48]])

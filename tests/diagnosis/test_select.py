@@ -1,4 +1,4 @@
-"""Which cause: the likelier formula wins, and what cannot be told apart is tied."""
+"""Selection of the cause: the likelier formula wins; indistinguishable causes are confounded."""
 
 from __future__ import annotations
 
@@ -47,61 +47,63 @@ def test_dry_friction_is_not_taken_for_viscous() -> None:
     assert choice.confidence > 0.99
 
 
-def test_a_cause_once_taken_is_gone_from_what_is_left_and_can_be_taken_out_again() -> None:
+def test_an_adopted_cause_leaves_the_candidates_and_can_be_removed_again() -> None:
     bench, step, choice = coulomb()
-    found = extended(bench, choice)
-    left = looked_at(bench, found, 10)
+    fitted = extended(bench, choice)
+    left = looked_at(bench, fitted, 10)
     assert "friction.coulomb.roll" not in left.screen.names
     assert max(z for _, z in left.largest) < step.nulls.threshold
-    less = without(found, choice.term)
+    less = without(fitted, choice.term)
     assert less.structure.terms == ()
 
 
-def test_a_second_cause_that_moves_the_rig_as_the_first_does_is_told_weakly() -> None:
-    """κF hardly varies in flight, so κ takes a constant torque's place: 0.015 N·m are 0.0083 m of κ
-    at F = T_g/L_a = 1.8 N, and what tells the two apart is little."""
+def test_a_second_cause_that_resembles_the_first_is_weak() -> None:
+    """κF hardly varies in flight, so κ resembles a constant torque: 0.015 N·m are 0.0083 m of κ
+    at F = T_g/L_a = 1.8 N, and little separates the two."""
     hide = "bias.torque.yaw:0.015,aero.reaction_torque:0.012"
     bench, step = step_of(load_plan("rich"), hide, 1041)
     assert step.choice is not None
     assert not step.choice.weak
-    found = extended(bench, step.choice)
-    second = looked_at(bench, found, 10)
+    fitted = extended(bench, step.choice)
+    second = looked_at(bench, fitted, 10)
     again = second.chosen(bench, step.choice.score).choice
     assert again is not None
     assert again.weak
     assert again.score < WEAK
     assert {step.choice.term.name, again.term.name} == {"bias.torque.yaw", "aero.reaction_torque"}
-    # As a first cause it is what it is.
+    # As a first cause it is not weak.
     first = second.chosen(bench, None).choice
     assert first is not None
     assert not first.weak
 
 
-def test_play_in_roll_is_not_made_up_for_by_its_false_slopes() -> None:
-    """Without the play noise swells fifty-fold; slopes seen beside it, taken off along a line that
-    far, were worth thousands, drew T_g to −8 N·m, and the play went for superfluous."""
-    play = term("encoder.backlash.roll")
+def test_backlash_in_roll_is_not_compensated_by_its_score_bias() -> None:
+    """Without the backlash the noise grows fifty-fold. A bias correction measured with the backlash
+    and extrapolated that far would draw T_g to −8 N·m and remove the backlash."""
+    backlash = term("encoder.backlash.roll")
     device = "mock:?speed=max&seed=1031&hide=encoder.backlash.roll:1.0"
     flown = fly_plan(load_plan("rich"), device=device, seed=1031).recording.between(0.0, 20.0)
-    structure = Structure(flown.profile, (play,))
+    structure = Structure(flown.profile, (backlash,))
     problem = Informed(data_of([flown], usable_runs(flown, 0)), structure)
     start = problem.coordinates(np.array([f.start for f in structure.free[:-1]] + [1.0]))
     fit = maximise_tilted(problem, start, np.array([0.003, 0.014, 0.0025, 0.0]), None)
     slopes = np.array([1235.0, -92.0, -148.0, -79.0, -14.0])  # of hidden case rich-pair-40020
-    found = Corrected(problem, fit, np.eye(5), slopes, np.array([692.0, 10.0, -32.0]), 12)
-    less = without(found, play)
-    assert less.values[0] == pytest.approx(found.values[0], rel=0.05)  # T_g
-    assert less.optimum.loglik < found.optimum.loglik - 100
-    taken = SimpleNamespace(choice=SimpleNamespace(term=play), nulls=SimpleNamespace(inflation=1.0))
+    fitted = Corrected(problem, fit, np.eye(5), slopes, np.array([692.0, 10.0, -32.0]), 12)
+    less = without(fitted, backlash)
+    assert less.values[0] == pytest.approx(fitted.values[0], rel=0.05)  # T_g
+    assert less.optimum.loglik < fitted.optimum.loglik - 100
+    taken = SimpleNamespace(
+        choice=SimpleNamespace(term=backlash), nulls=SimpleNamespace(inflation=1.0)
+    )
     bench = Bench((flown,), 0, 4)
-    kept, steps = eliminated(bench, found, [cast(Step, taken), cast(Step, taken)])
-    assert kept is found
+    kept, steps = eliminated(bench, fitted, [cast(Step, taken), cast(Step, taken)])
+    assert kept is fitted
     assert len(steps) == 2
 
 
-def test_a_ground_effect_whose_height_steps_do_not_tell_competes_with_it_as_believed() -> None:
-    """At 0.3 m and more a low h₀ with a large share is a high h₀ with a small share and another
-    T_g: climbed along that, h₀ came to its bound of 1 m, and the cause was out."""
+def test_a_ground_effect_of_unknown_height_keeps_its_prior_height() -> None:
+    """Above 0.3 m a low h₀ with a large share equals a high h₀ with a small share and another T_g.
+    Without its prior h₀ moves to its bound of 1 m and the cause is lost."""
     _, step = step_of(load_plan("steps"), "aero.ground_effect:0.2@0.111", 1043)
     assert step.choice is not None
     contenders = {c.term.name: c for c in step.choice.contenders}
@@ -112,14 +114,14 @@ def test_a_ground_effect_whose_height_steps_do_not_tell_competes_with_it_as_beli
     assert fit.score > contenders["stiffness.pendulum.roll"].score
 
 
-def test_in_a_plain_step_a_delay_is_named_or_tied_never_excluded() -> None:
+def test_in_a_single_step_a_delay_is_named_or_confounded() -> None:
     _, step = step_of(step_plan((10.0, None, None)), "motor.delay:0.015", 1016)
     assert step.choice is not None
     assert "motor.delay" in {step.choice.term.name, *step.choice.tied_with}
 
 
 @pytest.mark.parametrize(("own", "named"), [(29.0, True), (14.3, False)])
-def test_what_the_screen_did_not_see_is_not_named_for_another_s_sake(
+def test_a_cause_below_the_screen_threshold_is_not_named(
     monkeypatch: pytest.MonkeyPatch, own: float, named: bool
 ) -> None:
     seen, likeliest = term("motor.saturation"), term("motor.thrust_curve")
@@ -139,14 +141,14 @@ def test_what_the_screen_did_not_see_is_not_named_for_another_s_sake(
     assert (choice is not None) is named
 
 
-def test_the_chance_of_a_name_follows_from_its_margin() -> None:
+def test_the_probability_of_a_name_follows_from_its_margin() -> None:
     # Scores are twice a log-likelihood: a margin of 6 is odds of e³ to one.
     assert this_one([26.0, 20.0]) == pytest.approx(np.exp(3) / (1 + np.exp(3)))
     assert this_one([20.0, 20.0]) == 0.5
     assert this_one([20.0]) == 1.0
 
 
-def test_a_periodic_torque_points_forwards() -> None:
+def test_a_periodic_torque_has_a_positive_amplitude() -> None:
     # −τ sin(x) = τ sin(x + π)
     out = forwards({"torque_Nm": (-0.02, 0.001), "phase_rad": (0.5, 0.1)})
     assert out["torque_Nm"] == (0.02, 0.001)
@@ -155,11 +157,11 @@ def test_a_periodic_torque_points_forwards() -> None:
 
 
 @pytest.mark.parametrize(("score", "named"), [(29.0, True), (27.0, False)])
-def test_what_the_screen_saw_stands_beside_a_likelier_one_that_nulls_show_too(
+def test_a_screened_cause_is_taken_over_a_likelier_one_below_the_threshold(
     monkeypatch: pytest.MonkeyPatch, score: float, named: bool
 ) -> None:
-    # Doublets with `aero.inflow` 0.11: a periodic torque, fitted at the frequency that suits it
-    # best, scores 68 with a Z² of 7.5; the true cause 56, with 44.
+    # Doublets with `aero.inflow` 0.11: a periodic torque, fitted at its best
+    # frequency, scores 68 with a Z² of 7.5; the true cause 56, with 44.
     fits = [
         Contender(term("disturbance.periodic.roll"), NONE, NONE, 60.0, 7.5, 0),
         Contender(term("aero.inflow"), NONE, NONE, score, 44.0, 1),

@@ -1,4 +1,4 @@
-"""A rig that is a simulation by simplified equations has nothing wrong with it, and is told so."""
+"""A rig simulated by simplified equations has no finding; the report states the equations."""
 
 from __future__ import annotations
 
@@ -29,39 +29,39 @@ WRITTEN = ("simplified.couplings", "simplified.yaw_inertia")
 
 
 def flown(*terms: str, seed: int, **values: float) -> Recording:
-    """The rich plan, flown again by our own equations, by a third of the mock's noise."""
+    """The rich plan simulated by our own equations with a third of the mock's noise."""
     mock = fly_plan(load_plan("rich"), device=f"mock:?speed=max&seed={seed}", seed=seed)
     model = nominal(mock.recording.profile, terms, **values)
     model = replace(model, noise=np.array([0.004, 0.01, 0.003]))
     return noisy_flight(model, mock.recording, np.random.default_rng(seed))
 
 
-def names(found: Diagnosis) -> list[str]:
-    return [f.choice.term.name for f in found.findings]
+def names(result: Diagnosis) -> list[str]:
+    return [f.choice.term.name for f in result.findings]
 
 
 @pytest.fixture(scope="module")
-def innocent() -> Diagnosis:
+def simplified() -> Diagnosis:
     return diagnose(flown(*WRITTEN, seed=1811), quick=True)
 
 
-def test_a_rig_by_the_simplified_equations_is_accused_of_nothing(innocent: Diagnosis) -> None:
-    assert innocent.verdict == "nothing_found"
-    assert names(innocent) == []
-    assert innocent.leftovers == ()
-    assert innocent.dropped == ()
+def test_a_rig_with_simplified_equations_has_no_finding(simplified: Diagnosis) -> None:
+    assert simplified.verdict == "nothing_found"
+    assert names(simplified) == []
+    assert simplified.leftovers == ()
+    assert simplified.dropped == ()
 
 
-def test_the_document_says_how_its_equations_are_written_and_no_more(innocent: Diagnosis) -> None:
-    d = diagnosis_document(innocent)
+def test_the_document_states_the_form_of_the_equations_only(simplified: Diagnosis) -> None:
+    d = diagnosis_document(simplified)
     assert d["about"]["written"] == [term(n).effect.summary for n in WRITTEN]
     assert list(words.equation_changes(d)) == d["about"]["written"]
     assert d["findings"] == []
     assert not any(n.startswith("simplified") for n in d["not_identifiable"])
 
 
-def test_the_base_is_written_so_too_and_nothing_is_gained(innocent: Diagnosis) -> None:
-    whole = innocent.fitted
+def test_the_base_uses_the_same_equations_and_nothing_is_gained(simplified: Diagnosis) -> None:
+    whole = simplified.fitted
     assert whole is not None
     assert {t.name for t in whole.model.structure.terms} == set(WRITTEN)
     assert {t.name for t in whole.base.structure.terms} == set(WRITTEN)
@@ -70,25 +70,29 @@ def test_the_base_is_written_so_too_and_nothing_is_gained(innocent: Diagnosis) -
     assert share["simplified.couplings.share"] == pytest.approx(1, abs=0.3)
 
 
-def test_a_cause_in_such_a_rig_is_the_only_one_named() -> None:
+def test_a_cause_in_such_a_rig_is_the_only_finding() -> None:
     hidden = {"stiffness.pendulum.pitch.torque_Nm": 0.03}
-    found = diagnose(flown(*WRITTEN, "stiffness.pendulum.pitch", seed=1812, **hidden), quick=True)
-    assert names(found) == ["stiffness.pendulum.pitch"]
-    value, std = found.findings[0].values["torque_Nm"]
+    result = diagnose(flown(*WRITTEN, "stiffness.pendulum.pitch", seed=1812, **hidden), quick=True)
+    assert names(result) == ["stiffness.pendulum.pitch"]
+    value, std = result.findings[0].values["torque_Nm"]
     assert abs(value - 0.03) < 3 * std < 0.01
 
 
-def test_a_whole_body_is_not_said_to_be_simplified() -> None:
-    found = diagnose(flown(seed=1813), quick=True)
-    assert found.verdict == "nothing_found"
-    assert found.about["written"] == []
+def test_a_rigid_body_is_not_reported_as_simplified() -> None:
+    result = diagnose(flown(seed=1813), quick=True)
+    assert result.verdict == "nothing_found"
+    assert result.about["written"] == []
 
 
-def test_simpler_still_is_asked_for_only_where_couplings_are_left_out() -> None:
+def test_further_simplifications_are_candidates_only_without_couplings() -> None:
     own = {t.name for t in candidates() if t.effect.formal}
     assert own == set(WRITTEN)
-    beside = {t.name for t in candidates(["simplified.couplings"]) if t.effect.formal}
-    assert beside == {"simplified.yaw_inertia", "simplified.rates", "simplified.side_thrust"}
+    with_couplings = {t.name for t in candidates(["simplified.couplings"]) if t.effect.formal}
+    assert with_couplings == {
+        "simplified.yaw_inertia",
+        "simplified.rates",
+        "simplified.side_thrust",
+    }
 
 
 def contender(name: str, score: float, Z2: float) -> Contender:
@@ -97,12 +101,12 @@ def contender(name: str, score: float, Z2: float) -> Contender:
 
 def chosen(*fits: Contender, first_score: float | None) -> str | None:
     nulls = Nulls(np.zeros(1), np.ones(1), 1.0, 20.0, 23.0, 16, "simulated")
-    found = SimpleNamespace(free=())
-    choice = likeliest(cast(Any, found), cast(Any, None), nulls, fits, first_score)
+    result = SimpleNamespace(free=())
+    choice = likeliest(cast(Any, result), cast(Any, None), nulls, fits, first_score)
     return None if choice is None else choice.term.name
 
 
-def test_what_is_too_weak_to_be_a_further_cause_may_still_be_how_the_body_is_written() -> None:
+def test_a_form_of_the_equations_needs_no_minimum_score_as_a_further_term() -> None:
     couplings = contender("simplified.couplings", 60.0, 70.0)
     assert chosen(couplings, first_score=5000.0) == "simplified.couplings"
     drag = contender("drag.quadratic.yaw", 70.0, 80.0)
@@ -111,9 +115,9 @@ def test_what_is_too_weak_to_be_a_further_cause_may_still_be_how_the_body_is_wri
     assert chosen(drag, couplings, first_score=None) == "drag.quadratic.yaw"
 
 
-def test_less_is_asked_of_it_than_of_a_cause() -> None:
-    # t_23 exceeds 3.60 in a share 0.003/4 to one side: 3.60² (1 + 1/16) = 13.8, where a cause
-    # among all needs the nulls' threshold
+def test_the_threshold_is_lower_than_for_a_cause() -> None:
+    # t_23 exceeds 3.60 in a share 0.003/4 to one side: 3.60² (1 + 1/16) = 13.8; a cause
+    # among all candidates needs the threshold of the null simulations
     nulls = Nulls(np.zeros(1), np.ones(1), 1.0, 20.0, 23.0, 16, "simulated")
     assert nulls.least(term("simplified.couplings")) == pytest.approx(13.8, abs=0.05)
     assert nulls.least(term("drag.quadratic.yaw")) == 20.0
@@ -121,7 +125,7 @@ def test_less_is_asked_of_it_than_of_a_cause() -> None:
     assert chosen(contender("drag.quadratic.yaw", 10.0, 15.0), first_score=None) is None
 
 
-def test_the_other_way_of_writing_is_taken_along_where_it_is_as_plain() -> None:
+def test_the_other_simplification_is_added_if_equally_clear() -> None:
     choice = cast(Any, SimpleNamespace(threshold=20.0))
     assert surely(contender("simplified.yaw_inertia", 25.0, 30.0), choice)
     assert not surely(contender("simplified.yaw_inertia", 15.0, 30.0), choice)

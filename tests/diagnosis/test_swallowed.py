@@ -1,4 +1,4 @@
-"""An inertia that swallowed a slow torque gives it back in a full fit; a true one stays."""
+"""An inertia that absorbed a slow torque returns to nominal in a full fit; a true one stays."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HEAVY = "inertia.roll:1.6"
 
 @cache
 def look(hide: str, seed: int) -> tuple[Bench, Step]:
-    """The first look at one step of ten degrees in roll."""
+    """First score evaluation of a 10° step in roll."""
     device = f"mock:?speed=max&seed={seed}&hide={hide}"
     flown = fly_plan(step_plan((10.0, None, None)), device=device, seed=seed).recording
     bench = Bench((flown,), seed, 6, opinions=False)
@@ -29,13 +29,13 @@ def look(hide: str, seed: int) -> tuple[Bench, Step]:
 
 
 @pytest.mark.parametrize("hide", [SLOW, HEAVY])
-def test_both_look_like_an_inertia_that_is_off(hide: str) -> None:
+def test_both_effects_put_the_roll_inertia_off_nominal(hide: str) -> None:
     _, step = look(hide, 1202)
     off = off_nominal(step.found, doubted=doubt(step.found))
     assert [o.term.name for o in off] == ["inertia.roll"]
 
 
-def test_a_slow_torque_that_the_screen_hardly_sees_is_the_cause() -> None:
+def test_a_slow_torque_below_the_screen_threshold_is_the_cause() -> None:
     bench, step = look(SLOW, 1202)
     assert step.largest[0][1] < step.nulls.threshold
     choice = step.chosen(bench, None).choice
@@ -47,12 +47,12 @@ def test_a_slow_torque_that_the_screen_hardly_sees_is_the_cause() -> None:
     assert frequency == pytest.approx(0.366, abs=0.003)
 
 
-def test_nothing_brings_back_an_inertia_that_is_off() -> None:
+def test_no_effect_restores_an_inertia_that_is_truly_off() -> None:
     _, step = look(HEAVY, 1202)
     assert step.instead_of_inertia == []
 
 
-def test_what_explains_as_much_and_no_more_is_tied_with_the_inertia() -> None:
+def test_an_effect_that_explains_no_more_is_confounded_with_the_inertia() -> None:
     _, step = look(SLOW, 1202)
     other = step.instead_of_inertia[0]
     assert swallowed([other], step.screen, step.nulls) is not None
@@ -62,7 +62,7 @@ def test_what_explains_as_much_and_no_more_is_tied_with_the_inertia() -> None:
     assert "disturbance.periodic.roll" in with_imitators(off, step).tied_with
 
 
-def test_only_the_number_that_is_asked_for_counts() -> None:
+def test_only_the_requested_parameter_counts() -> None:
     _, step = look(HEAVY, 1202)
     assert not within(step.found, {"inertia.roll"})
     assert within(step.found, {"inertia.yaw"})

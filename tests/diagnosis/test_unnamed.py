@@ -1,4 +1,4 @@
-"""A torque without a name takes no names, and a base that it spoils is not flown for nulls."""
+"""An unmodelled torque is not given a name; a base that it spoils gets no null simulations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 
-PLAY = "encoder.backlash.roll"
+BACKLASH = "encoder.backlash.roll"
 
 
 def product(plan: str, seed: int) -> Recording:
@@ -29,19 +29,19 @@ def product(plan: str, seed: int) -> Recording:
     return fly_plan(load_plan(plan), device=device, seed=seed).recording
 
 
-def test_no_name_is_asserted_for_what_has_none() -> None:
-    found = diagnose(product("rich", 1303).between(0.0, 30.0), quick=True)
-    assert found.verdict == "unexplained"
-    assert found.leftovers[0].axis == "pitch"
-    # What stands in for it about hover was seen, and is either dropped or told as "-like".
-    assert all(f.like for f in found.findings)
-    seen = {f.choice.term.name for f in found.findings} | {d.name for d in found.dropped}
+def test_an_unmodelled_torque_gets_no_asserted_name() -> None:
+    result = diagnose(product("rich", 1303).between(0.0, 30.0), quick=True)
+    assert result.verdict == "unexplained"
+    assert result.leftovers[0].axis == "pitch"
+    # Its stand-in about hover was detected and is either dropped or reported as "-like".
+    assert all(f.like for f in result.findings)
+    seen = {f.choice.term.name for f in result.findings} | {d.name for d in result.dropped}
     assert "motor.thrust_mismatch" in seen
-    assert not found.calibration_findings
+    assert not result.calibration_findings
 
 
 def test_a_base_that_cannot_be_flown_is_judged_without_flights() -> None:
-    """On steps alone the torque drives the pitch inertia up until no controller holds that rig."""
+    """On steps alone the torque raises the pitch inertia until no controller stabilises the rig."""
     bench = Bench((product("steps", 1304),), seed=0, pilots=6)
     runs = usable_runs(bench.recordings[0], 0)
     structure = Structure(bench.recordings[0].profile, ())
@@ -52,23 +52,23 @@ def test_a_base_that_cannot_be_flown_is_judged_without_flights() -> None:
     step = looked_at(bench, base, flights=8)
     assert step.nulls.flights == 0
     assert np.isfinite(step.seen.z).all()
-    # Something is seen all the same.
+    # The screen still detects an effect.
     assert step.largest[0][1] > step.nulls.threshold
-    # A diagnosis begins with inertias held to the profile instead: that rig flies.
+    # A diagnosis starts with inertias held to the profile: that model flies.
     assert base_of(bench).scatter is not None
 
 
-@pytest.mark.parametrize(("flies", "named"), [(True, ["drag.quadratic.yaw"]), (False, [PLAY])])
-def test_what_flies_once_a_cause_was_dropped_is_measured_again(
+@pytest.mark.parametrize(("flies", "named"), [(True, ["drag.quadratic.yaw"]), (False, [BACKLASH])])
+def test_a_fit_that_flies_after_a_cause_was_dropped_is_measured_again(
     monkeypatch: pytest.MonkeyPatch, flies: bool, named: list[str]
 ) -> None:
-    """Freed of its bias the rest may have another size, or none."""
+    """After bias correction the remaining causes may have another size, or none."""
 
     def settled_again(bench: Any, fit: Any) -> Any:
         return SimpleNamespace(scatter=np.eye(4) if flies else None)
 
     def adopted(fit: Any, kept: Any, holdout: Any, *, seed: int) -> Any:
-        assert [c.term.name for c in kept] == [PLAY]
+        assert [c.term.name for c in kept] == [BACKLASH]
         assert fit.scatter is not None
         return fit, (finding("drag.quadratic.yaw"),), (), None
 
@@ -83,6 +83,6 @@ def test_what_flies_once_a_cause_was_dropped_is_measured_again(
     monkeypatch.setattr(unnamed, "taken", lambda *a: ((), None))
     monkeypatch.setattr(unnamed, "doubted", lambda findings, *a: findings)
     fit, bench = SimpleNamespace(scatter=None), SimpleNamespace(recordings=(), seed=0)
-    start = unnamed.Settled(cast(Any, fit), (finding(PLAY),), (), cast(Any, None))
+    start = unnamed.Settled(cast(Any, fit), (finding(BACKLASH),), (), cast(Any, None))
     last = unnamed.unnamed(cast(Any, bench), start, [], flights=8)
     assert [f.choice.term.name for f in last.findings] == named

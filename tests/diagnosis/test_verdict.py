@@ -1,4 +1,4 @@
-"""The verdict is ambiguous where the first finding is tied, whichever kind it is."""
+"""The verdict is ambiguous if the first finding is confounded, whichever kind it is."""
 
 from __future__ import annotations
 
@@ -40,25 +40,27 @@ def finding(*tied: str) -> Any:
         ([], [], [SimpleNamespace()], "unexplained"),
     ],
 )
-def test_the_first_finding_s_ties_decide(findings: Any, offs: Any, left: Any, verdict: str) -> None:
+def test_the_first_finding_decides_whether_the_verdict_is_ambiguous(
+    findings: Any, offs: Any, left: Any, verdict: str
+) -> None:
     assert verdict_of([*findings, *offs], left) == verdict
 
 
-def test_the_strongest_stands_first_and_causes_keep_the_order_in_which_they_were_found() -> None:
+def test_findings_are_ordered_by_strength_and_causes_keep_their_order() -> None:
     lag, inertia = finding(), off()
     late = replace(lag, choice=replace(lag.choice, score=70.0))
     assert in_order([], [lag, late], [inertia]) == (inertia, lag, late)
     assert in_order([], [late, lag], [inertia]) == (late, inertia, lag)
 
 
-def test_a_base_number_that_is_tied_asks_for_the_plan_that_parts_it() -> None:
+def test_a_confounded_base_parameter_requests_the_plan_that_separates_it() -> None:
     tied = Diagnosis(("a",), (), "ambiguous", (), calibration_findings=(off("motor.thrust_curve"),))
     plan = diagnosis_document(tied)["next_experiment"]
     assert plan["plan"] == terms(["inertia.roll"])[0].effect.separated_by
     assert plan["separates"] == ["inertia.roll", "motor.thrust_curve"]
 
 
-def test_a_base_number_is_beyond_its_tolerance_surely_not_surely_or_not_at_all() -> None:
+def test_beyond_tolerance_has_three_values() -> None:
     numbers = tuple(
         Calibrated(name, 1.0, value, 0.03, "kg·m²", 0.03)
         for name, value in (("T_g", 0.79), ("J_roll", 1.4), ("J_pitch", 1.12), ("J_yaw", 0.83))
@@ -70,12 +72,17 @@ def test_a_base_number_is_beyond_its_tolerance_surely_not_surely_or_not_at_all()
         wrong=SimpleNamespace(horizons_s=(), worst=(), at=lambda h, axis: (1.0, 1.0)),
     )  # fmt: skip
     d = Diagnosis(("a",), (), "explained", (), cast(Any, fitted), calibration_findings=(off(),))
-    said = {c["parameter"]: c["beyond_tolerance"] for c in diagnosis_document(d)["calibration"]}
+    statuses = {c["parameter"]: c["beyond_tolerance"] for c in diagnosis_document(d)["calibration"]}
     # ln 0.85 = -0.163 is the edge below, ln 1.15 = 0.140 the one above.
-    assert said == {"T_g": "not_surely", "J_roll": "surely", "J_pitch": "no", "J_yaw": "not_surely"}
+    assert statuses == {
+        "T_g": "not_surely",
+        "J_roll": "surely",
+        "J_pitch": "no",
+        "J_yaw": "not_surely",
+    }
     assert {c["tolerance"] for c in diagnosis_document(d)["calibration"]} == {0.15}
 
 
-def test_no_flight_parts_inertias_that_are_one_factor_from_a_thrust_gain() -> None:
+def test_no_plan_separates_inertias_from_a_thrust_gain() -> None:
     tied = Diagnosis(("a",), (), "ambiguous", (), calibration_findings=(off("motor.thrust_gain"),))
     assert diagnosis_document(tied)["next_experiment"] is None

@@ -1,4 +1,4 @@
-"""Where encoders chatter, rates beside the scores find the rig that flew, and say how surely."""
+"""In a limit cycle on one count, edge rates improve the estimate and its intervals."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def fitted() -> tuple[Bench, Corrected]:
     return bench, base_of(bench)
 
 
-def test_the_rate_is_the_share_of_samples_at_which_a_count_changes(
+def test_the_edge_rate_is_the_share_of_samples_with_a_count_change(
     fitted: tuple[Bench, Corrected],
 ) -> None:
     flown = fitted[0].recordings[0]
@@ -39,37 +39,37 @@ def test_the_rate_is_the_share_of_samples_at_which_a_count_changes(
     assert edge_rates(data_of([part], [Stretch(0, 0, 5)])) == pytest.approx([0.25, 0.75, 0.25])
 
 
-def test_the_inertias_lie_within_what_is_said_of_them(fitted: tuple[Bench, Corrected]) -> None:
-    _, found = fitted
-    assert found.spread is not None
+def test_the_inertias_lie_within_their_intervals(fitted: tuple[Bench, Corrected]) -> None:
+    _, fit = fitted
+    assert fit.spread is not None
     rig = open_driver(DEVICE, default_profile())
     body = rig.truth.body  # type: ignore[attr-defined]
     rig.close()
     truth = (np.array(body.J) + np.array(body.dJ)) * default_profile().motor.K_f / body.K_f
-    told = found.std[1:4] / found.values[1:4]
-    assert np.all(np.abs(np.log(found.values[1:4] / truth)) < 2.5 * told)
-    # Roll is stepped and told well, pitch and yaw are only held.
-    assert told[0] < 0.03 < told[1] < 0.15
+    relative_std = fit.std[1:4] / fit.values[1:4]
+    assert np.all(np.abs(np.log(fit.values[1:4] / truth)) < 2.5 * relative_std)
+    # Roll is stepped and well determined, pitch and yaw are only held.
+    assert relative_std[0] < 0.03 < relative_std[1] < 0.15
 
 
-def test_the_wrong_end_of_the_ridge_is_left(fitted: tuple[Bench, Corrected]) -> None:
-    bench, found = fitted
-    theta, a = found.theta.copy(), found.optimum.noise.copy()
+def test_a_start_at_the_wrong_end_of_the_ridge_converges(fitted: tuple[Bench, Corrected]) -> None:
+    bench, fit = fitted
+    theta, a = fit.theta.copy(), fit.optimum.noise.copy()
     theta[2] += np.log(0.5)
     a[1] *= 4
-    wrong = replace(found, optimum=replace(found.optimum, theta=theta, noise=a))
-    back = weighed(found.problem, wrong, bench.recordings, seed=0, rounds=8)
-    told = found.std[2] / found.values[2]
-    assert abs(np.log(back.values[2] / found.values[2])) < 2 * told
-    assert back.optimum.noise[1] / found.optimum.noise[1] == pytest.approx(1, rel=0.4)
+    wrong = replace(fit, optimum=replace(fit.optimum, theta=theta, noise=a))
+    back = weighed(fit.problem, wrong, bench.recordings, seed=0, rounds=8)
+    relative_std = fit.std[2] / fit.values[2]
+    assert abs(np.log(back.values[2] / fit.values[2])) < 2 * relative_std
+    assert back.optimum.noise[1] / fit.optimum.noise[1] == pytest.approx(1, rel=0.4)
 
 
-def test_what_its_flights_score_is_taken_off_not_what_the_recordings_leave(
+def test_the_bias_is_that_of_simulated_flights_not_of_the_recording(
     fitted: tuple[Bench, Corrected],
 ) -> None:
-    """Where a cause is hidden, the recordings' scores are its trace, and hold the base astray."""
-    bench, found = fitted
-    o, problem = found.optimum, found.problem
+    """With a hidden cause the recordings' scores contain its trace and would bias the base."""
+    bench, fit = fitted
+    o, problem = fit.optimum, fit.problem
     model = model_at(problem, o.theta, o.noise)
     flown = [
         look(replace(problem, data=fly_again(model, bench.recordings, problem.data, (5, b))),
@@ -77,30 +77,30 @@ def test_what_its_flights_score_is_taken_off_not_what_the_recordings_leave(
         for b in range(8)
     ]  # fmt: skip
     g, slope = np.array([f.g for f in flown]), np.array([f.slope for f in flown])
-    assert found.bias is not None
-    assert found.noise_bias is not None
-    several = 4 * np.sqrt(1 / 8 + 1 / found.flights)
-    assert (abs(g.mean(axis=0) - found.bias) < several * g.std(axis=0, ddof=1)).all()
-    assert (abs(slope.mean(axis=0) - found.noise_bias) < several * slope.std(axis=0, ddof=1)).all()
+    assert fit.bias is not None
+    assert fit.noise_bias is not None
+    several = 4 * np.sqrt(1 / 8 + 1 / fit.flights)
+    assert (abs(g.mean(axis=0) - fit.bias) < several * g.std(axis=0, ddof=1)).all()
+    assert (abs(slope.mean(axis=0) - fit.noise_bias) < several * slope.std(axis=0, ddof=1)).all()
 
 
-def test_flights_that_cannot_be_flown_leave_the_estimate_as_it_was(
+def test_if_no_flight_can_be_simulated_the_estimate_is_unchanged(
     fitted: tuple[Bench, Corrected],
 ) -> None:
-    bench, found = fitted
-    theta = found.theta.copy()
+    bench, fit = fitted
+    theta = fit.theta.copy()
     theta[0] = np.nan
-    lost = replace(found, optimum=replace(found.optimum, theta=theta))
+    lost = replace(fit, optimum=replace(fit.optimum, theta=theta))
     with np.errstate(all="ignore"):
-        assert weighed(found.problem, lost, bench.recordings, seed=0, flights=8) is lost
+        assert weighed(fit.problem, lost, bench.recordings, seed=0, flights=8) is lost
 
 
-def test_a_flight_that_tells_the_inertias_well_is_not_weighed() -> None:
+def test_a_flight_with_well_determined_inertias_is_not_weighed() -> None:
     flown = fly_plan(load_plan("rich"), device=DEVICE, seed=1022).recording.between(6.0, 22.0)
     assert base_of(Bench((flown,), seed=0, pilots=4)).spread is None
 
 
-def test_each_axis_three_moments_are_weighed_by_their_own_covariance() -> None:
+def test_the_three_moments_of_each_axis_are_weighted_by_their_covariance() -> None:
     C = np.diag(np.arange(1.0, 11.0))
     C[4, 7] = C[7, 4] = 5.0  # the slope along roll's noise, and roll's rate
     W = weights(C)
@@ -110,7 +110,7 @@ def test_each_axis_three_moments_are_weighed_by_their_own_covariance() -> None:
     assert W[0, 0] == pytest.approx(1 / 1.1)
 
 
-def test_what_flights_showed_stands_in_their_axis_and_the_filter_s_own_elsewhere() -> None:
+def test_simulated_effects_fill_their_axis_and_the_filter_s_own_the_rest() -> None:
     effects = np.arange(60.0).reshape(6, 10)
     G = jacobian(np.full((4, 4), -1.0), effects)
     assert G[1, 1] == effects[0, 1]  # roll's score along roll's inertia

@@ -1,7 +1,10 @@
-"""Flights of the emulated rig that hide something, and what a diagnosis says of them.
+"""Flights of the emulated rig with hidden effects, and the judgement of their diagnoses.
 
-`sizes` and `cases` say what is hidden, `equivalences` what no recording can tell (stated before
-anything is judged), `judge` what counts as right, `run` diagnoses case after case, `tally` counts.
-The diagnosis gets a recording and a profile; its JSON document alone is judged, as an outsider
-would.
+- `sizes` and `cases` define what is hidden;
+- `equivalences` lists what no recording can separate (fixed before any case is judged);
+- `judge` defines a correct answer;
+- `run` diagnoses case after case;
+- `tally` counts.
+
+The diagnosis gets a recording and a profile. Only its JSON document is judged.
 """

@@ -1,8 +1,8 @@
-"""A case: what is hidden in which flight, drawn from a class and a seed, and flown.
+"""A case: the effects hidden in one flight, drawn from a class and a seed, and flown.
 
-Classes are a plan and a kind of question. Within a class of single effects the seeds go through
-shuffled decks of all effects, so that every one is asked equally often; the rest of a case (size,
-sign, frequency, instant, the rig's own parameters within ± 7 %, its noise) is drawn by its seed.
+A class is a plan and a number of hidden effects. Within a class of single effects the seeds go
+through shuffled decks of all effects, so that each occurs equally often. The seed also draws the
+rest of a case: size, sign, frequency, instant, noise, and the rig's parameters within ± 7 %.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from tests.hidden.sizes import EFFECTS, OUTSIDE, RATIO, SIGN, SIZES, Effect
 
 SPREAD = 0.07
 SHOWN = ("name", "format", "source", "plan", "outcome", "outcome_details")
-"""Of a recording's meta: what the diagnosis may see. The device's URL says what is hidden."""
+"""Keys of a recording's meta that the diagnosis gets. The device's URL would reveal the effect."""
 FLOWN_AT_LEAST_S = 20.0
 
 
 @dataclass(frozen=True)
 class Class:
-    """``effects``: how many are hidden in each flight, of ``table``, at one of these ``sizes``."""
+    """``effects`` from ``table`` are hidden in each flight, each at one of these ``sizes``."""
 
     plan: str
     effects: int
@@ -52,12 +52,12 @@ CLASSES = {
 }
 
 NOT_IN_PAIRS = {*NEVER_SEEN, *UNRATED, "motor.thrust_gain"}
-"""What cannot be held to its name when something else is hidden beside it."""
+"""Effects that cannot be judged by name together with a second hidden effect."""
 
 
 @dataclass(frozen=True)
 class Hidden:
-    """One effect with the values that the emulated rig is told."""
+    """One effect with its values for the emulated rig."""
 
     name: str
     size: str
@@ -70,7 +70,7 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Case:
-    """What is flown: `draw` makes it, nothing else decides anything."""
+    """A flight with its hidden effects. `draw` makes it from the class and the seed only."""
 
     group: str
     seed: int
@@ -93,12 +93,12 @@ class Case:
 
 
 def plan_named(name: str) -> Plan:
-    """A plan that ships, or ``run-step``: what `heli3dof run-step --roll 10` flies."""
+    """A built-in plan, or ``run-step``: the plan of `heli3dof run-step --roll 10`."""
     return step_plan((10.0, None, None)) if name == "run-step" else load_plan(name)
 
 
 def draw(group: str, seed: int) -> Case:
-    """The case of a class and a seed; the same ones always give the same case."""
+    """The case of a class and a seed; the same class and seed always give the same case."""
     number = list(CLASSES).index(group)
     rng = np.random.default_rng([20_261_121, number, seed])
     wanted = CLASSES[group]
@@ -139,21 +139,21 @@ def _hidden(effect: Effect, size: str, plan: str, rng: np.random.Generator) -> H
 
 
 def fly(case: Case) -> Flight:
-    """The whole flight, with everything that its recording says of its device."""
+    """The whole flight, with the full description of the device in its recording."""
     return fly_plan(case.plan, device=case.device, seed=case.rig_seed % 2**31)
 
 
 def blind(recording: Recording) -> Recording:
-    """What the diagnosis is given: no URL, no seed, no serial number, no command line."""
+    """The recording for the diagnosis: no URL, no seed, no serial number, no command line."""
     kept = {k: v for k, v in recording.meta.items() if k in SHOWN}
     return replace(recording, meta={**kept, "name": "flight"})
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What is to be found, in SI (see `equivalences`).
+    """The expected findings, in SI units (see `equivalences`).
 
-    ``names``: effects to be named; ``unseen``: hidden, but nothing of it is in the recording;
+    ``names``: effects to be named; ``unseen``: hidden effects without a trace in the recording;
     ``values``: by name and the contract's parameter.
     """
 
@@ -163,7 +163,7 @@ class Truth:
 
 
 def truth_of(case: Case, recording: Recording) -> Truth:
-    """From the case, the emulated rig's own body, and the voltages that were flown."""
+    """The truth from the case, the emulated rig's own body, and the applied voltages."""
     profile = default_profile()
     rig = open_driver(case.device, profile)
     body = rig.truth.body  # type: ignore[attr-defined]
@@ -191,7 +191,7 @@ def truth_of(case: Case, recording: Recording) -> Truth:
 
 
 def _more(h: Hidden) -> dict[str, float]:
-    """The second parameter, where there is one."""
+    """The second parameter, if the effect has one."""
     second = {
         "mass.change": "time_s", "aero.ground_effect": "height_m",
         **{f"disturbance.periodic.{a}": "frequency_Hz" for a in ("roll", "pitch", "yaw")},

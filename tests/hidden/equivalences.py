@@ -1,12 +1,12 @@
-"""What no recording of this rig can tell, stated before anything is judged.
+"""Effects that no recording of this rig can separate, fixed before any case is judged.
 
-The bench calls a name right when it is the hidden one *or its exact equal on this page*; what is
-merely hard to tell (lag from delay, Coulomb from viscous on one step) is not on it: there a tie
-that holds the truth is right, and a name asserted without a tie is right or wrong.
+A name is right if it is the hidden effect *or its exact equal in this list*. Effects that are
+merely hard to separate (lag and delay, Coulomb and viscous friction on one step) are not listed.
+A finding that is confounded with the truth is then right; an asserted name is right or wrong.
 
 1. **One common factor.** Every torque and inertia times one number moves the same way. Sizes are
-   held to the truth in SI all the same: the profile says how large K_f and the other parameters
-   are, within its tolerance, and how well that tells K_f belongs into the interval.
+   compared with the truth in SI nevertheless: the profile gives K_f and the other parameters
+   within its tolerance, and the interval includes the resulting uncertainty of K_f.
    `motor.thrust_gain` is K_f/K_f,profile, the rig's own spread included.
 2. **A tilted thrust.** With the pitch reading off by δ, p = y − δ, the thrust's torques are
    −L_a F cos r sin(y − δ) on yaw and L_a F cos(y − δ) on roll. To first order in δ that is the rig
@@ -14,13 +14,13 @@ that holds the truth is right, and a name asserted without a tie is right or wro
    What differs, J_p sin p cos p δ, is 4 % of the inertias times a rate product.
 3. **A tilted arm.** With the roll reading off by δ, T_g cos(y − δ) = T_g cos δ cos y + T_g sin δ
    sin y: another T_g, which is free, and `stiffness.pendulum.roll` of k = T_g sin δ.
-4. **Where yaw's zero is** enters no equation: `encoder.offset.yaw` is not there to be found.
+4. **Where yaw's zero is** enters no equation: `encoder.offset.yaw` cannot be found.
 5. **A wrong count per revolution**, y = k q, is another inertia: q̈ = τ/J gives ÿ = τ/(J/k).
-   Inertias are free within the tolerance. On yaw what is left are products of rates (ψ̇² on roll).
+   Inertias are free within the tolerance. On yaw only products of rates remain (ψ̇² on roll).
    On pitch the thrust's tilt is off as well, which is another J_ψ. On roll the rest angle is
    right, so the level reading is off by (k − 1)·27.5°, and that is 3.: a pendulum.
-   So `encoder.scale` is drawn, but "nothing found" is no miss: it stands in no rate of hits. Its
-   equals are no wrong names; any other asserted name is.
+   `encoder.scale` is therefore drawn, but no rate of hits counts it: "nothing found" is not a miss.
+   Its equals are not wrong names; any other asserted name is wrong.
 6. **A limit never reached**: `motor.saturation` above every voltage of the recording.
 """
 

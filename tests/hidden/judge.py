@@ -1,9 +1,9 @@
-"""What is right: a document of the contract against a truth. Pure functions, no thresholds.
+"""Judgement of a diagnosis document against the truth. Pure functions, no thresholds.
 
-A *name* is an effect with its axis; the axis must be right. A name is *asserted* when it stands
-in ``findings`` with nothing in ``tied_with`` and does not call itself "…-like". A tie that holds
-the truth is never wrong. A tie with `encoder.scale` alone, which no flight can part, is no way
-out: what is tied with nothing else counts as asserted.
+A *name* is an effect with its axis; the axis must be right. A name is *asserted* if it is in
+``findings`` with an empty ``tied_with`` and is not marked "…-like". A finding that is
+confounded with the truth is never wrong. No flight can separate `encoder.scale`, so a finding
+that is confounded with `encoder.scale` alone counts as asserted.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from tests.hidden.sizes import EFFECTS, axis_of
 Z95 = 1.96
 QUIET = ("nothing_found", "not_identifiable")
 RATED_NUMBERS = frozenset({e.parameter for e in EFFECTS.values()} | {"frequency_Hz"})
-"""Parameters whose relative error is counted; instants and heights are held to intervals only."""
+"""Parameters whose relative error is counted; instants and heights are checked by interval."""
 FROM_ZERO = frozenset({"frequency_Hz", "height_m", "time_s"})
 """Second parameters, whose error is relative to themselves, not to an effect's absence."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """One parameter of a cause that was named: its relative error, and whether ± 1.96 std holds."""
+    """One parameter of a named cause: its relative error, and whether ± 1.96 std covers it."""
 
     name: str
     parameter: str
@@ -39,23 +39,26 @@ class Number:
 
 @dataclass(frozen=True)
 class Verdict:
-    """One case, judged.
+    """The judgement of one case.
 
-    ``first``: the first finding is a hidden cause. ``told``: it is, or its tie holds one.
-    ``both``: every hidden cause is among the findings (or their ties). ``exact``: and nothing
-    else is. ``wrong``: names asserted that are not hidden. ``said``: a finding, an unknown rest,
-    bad data; ``alarm``: that, where there is nothing to say. ``axis``: the first leftover
-    names an axis that something hidden acts on.
+    - ``first``: the first finding is a hidden cause.
+    - ``first_or_tied``: the first finding is a hidden cause or is confounded with one.
+    - ``both``: every hidden cause is among the findings or in their ``tied_with``.
+    - ``exact``: ``both``, and there is no other finding.
+    - ``wrong``: asserted names that are not hidden.
+    - ``reported``: there is a finding, a residual torque or bad data.
+    - ``alarm``: ``reported`` although nothing is hidden.
+    - ``axis``: the first residual torque names an axis on which a hidden effect acts.
     """
 
     first: bool
-    told: bool
+    first_or_tied: bool
     both: bool
     exact: bool
     tied: bool
     asserted: int
     wrong: tuple[str, ...]
-    said: bool
+    reported: bool
     alarm: bool
     axis: bool
     rated: bool
@@ -78,41 +81,43 @@ def _asserted(finding: Mapping[str, Any]) -> bool:
 
 
 def judge(document: Mapping[str, Any], truth: Truth) -> Verdict:
-    """A diagnosis' document against what was hidden."""
+    """The verdict on a diagnosis document, given the hidden effects."""
     findings = document["findings"]
     hidden = set(truth.names)
     right = {n for t in (*truth.names, *truth.unseen) for n in equals(t)}
-    said = [_name(f) for f in findings]
-    meant = [{n, *f["tied_with"]} for n, f in zip(said, findings, strict=True)]
-    asserted = [n for n, f in zip(said, findings, strict=True) if _asserted(f)]
-    leftover = document["leftover"]
-    matched = _matching(truth.names, meant)
+    named = [_name(f) for f in findings]
+    alternatives = [{n, *f["tied_with"]} for n, f in zip(named, findings, strict=True)]
+    asserted = [n for n, f in zip(named, findings, strict=True) if _asserted(f)]
+    residual = document["leftover"]
+    matched = _matching(truth.names, alternatives)
     axes = {axis_of(n) for n in hidden}
-    anything = bool(said or leftover) or document["verdict"] not in QUIET
+    anything = bool(named or residual) or document["verdict"] not in QUIET
     return Verdict(
-        first=bool(said) and said[0] in right and bool(hidden),
-        told=bool(meant) and bool(meant[0] & right) and bool(hidden),
+        first=bool(named) and named[0] in right and bool(hidden),
+        first_or_tied=bool(alternatives) and bool(alternatives[0] & right) and bool(hidden),
         both=bool(hidden) and len(matched) == len(hidden),
         exact=len(matched) == len(hidden) == len(findings),
         tied=any(f["tied_with"] for f in findings),
         asserted=len(asserted),
         wrong=tuple(n for n in asserted if n not in right),
-        said=anything,
+        reported=anything,
         alarm=anything and not hidden,
-        axis=bool(leftover) and leftover[0]["axis"] in axes,
+        axis=bool(residual) and residual[0]["axis"] in axes,
         rated=not UNRATED & hidden,
         numbers=tuple(_numbers(findings, truth)),
     )
 
 
-def _matching(wanted: Sequence[str], meant: Sequence[set[str]]) -> dict[str, int]:
-    """Hidden cause → the finding that means it, each finding at most once (a greedy matching
-    would do for one cause; for two, try both orders)."""
+def _matching(wanted: Sequence[str], alternatives: Sequence[set[str]]) -> dict[str, int]:
+    """Hidden cause → index of its finding, each finding at most once.
+
+    A greedy matching is enough for one cause; for two, both orders are tried.
+    """
     best: dict[str, int] = {}
     for order in (list(wanted), list(reversed(wanted))):
         taken: dict[str, int] = {}
         for name in order:
-            for i, m in enumerate(meant):
+            for i, m in enumerate(alternatives):
                 if i not in taken.values() and m & equals(name):
                     taken[name] = i
                     break
@@ -130,10 +135,12 @@ def _numbers(findings: Sequence[Mapping[str, Any]], truth: Truth) -> list[Number
         for parameter, true in truth.values[name].items():
             if parameter not in f["parameters"]:
                 continue
-            found = f["parameters"][parameter]
-            value, std = (float("nan" if found[k] is None else found[k]) for k in ("value", "std"))
+            estimate = f["parameters"][parameter]
+            value, std = (
+                float("nan" if estimate[k] is None else estimate[k]) for k in ("value", "std")
+            )
             if name.startswith("disturbance.periodic") and parameter == "torque_Nm":
-                value = abs(value)  # −τ sin is τ sin half a period later
+                value = abs(value)  # −τ sin equals τ sin half a period later
             null = 0.0 if parameter in FROM_ZERO else EFFECTS[name].null
             null = 0.0 if name == "motor.saturation" else null
             error = abs(value - true) / abs(true - null)

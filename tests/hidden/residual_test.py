@@ -1,12 +1,12 @@
-"""The plain residual test: are the innovations of the refitted base model white, and free of what
-past voltages explain? (Ljung, "System Identification", 16.6.) It says *that* something is wrong,
-never what.
+"""The standard residual test: whiteness of the refitted base model's innovations, and their
+independence of past voltages (Ljung, "System Identification", 16.6). It detects an error of the
+model but not its cause.
 
-The base is the same one that the diagnosis starts from. Innovations every 40 ms, whiteness over 20
-lags and past inputs as `heli3dof identify` reports them, each against a multiple of its 99 % point:
-at the point itself 29 of 30 flights fail in which nothing is hidden (the encoder's steps are no
-white noise), so the multiples are those at which one of these 30 does (seeds 1000 to 1009 of the
-three plans). A recording that cannot be fitted (its samples are late or lost) has failed as well.
+The diagnosis starts from the same base. Innovations are taken every 40 ms. Whiteness over 20 lags
+and past inputs are those of `heli3dof identify`. The limit of each is a multiple of its 99 % point.
+At the point itself 29 of 30 flights without a hidden effect fail, because encoder steps are not
+white noise. At the multiples one of the 30 fails (seeds 1000 to 1009 of the three plans). A
+recording that cannot be fitted (late or lost samples) fails as well.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from heli3dof.identification.residual_tests import past_inputs, whiteness
 from heli3dof.recording.recording import Recording
 
 BOUNDS = {"whiteness": 5.0, "past inputs": 2.0}
-"""In 99 % points."""
+"""Limit of each statistic over its 99 % point."""
 
 
 def document(recording: Recording) -> dict[str, Any]:
-    """A document as the contract's: a failed test is an unexplained rest on no axis by name."""
+    """A document of the contract: a failed test is a residual torque without an axis."""
     try:
         model = model_of(fit_greybox([recording], ()), [recording], "base")
         prepared = prepare([recording], held_out=[recording])

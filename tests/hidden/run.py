@@ -1,9 +1,9 @@
-"""``python -m tests.hidden.run``: flies and diagnoses case after case, and can be stopped.
+"""``python -m tests.hidden.run``: flies and diagnoses case after case; it can be interrupted.
 
-One JSON line for each case goes to bench-out/hidden/<key>.jsonl: the truth, the document, the
-time. The key is made from the code that is judged and the code that hides, so results of different
-code never mix; what stands there already is not done again. Judging happens afterwards
-(`tests.hidden.tally`), so another question needs no new flights.
+One JSON line per case goes to bench-out/hidden/<key>.jsonl: the truth, the document, the time. The
+key is a hash of the judged code and of the code that hides effects, so results of different code
+never mix. Cases that are already in the file are skipped. `tests.hidden.tally` judges afterwards,
+so a new statistic needs no new flights.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Line = dict[str, Any]
 
 
 def key(tool: str) -> str:
-    """Of everything that a result depends on."""
+    """Hash of all files that a result depends on."""
     h = hashlib.sha256(tool.encode())
     paths = [ROOT / p for p in {*FLIES, *TOOLS[tool].code}]
     files = {
@@ -45,7 +45,7 @@ def key(tool: str) -> str:
 
 
 def one(group: str, seed: int, tool: str) -> Line:
-    """Fly a case and ask the tool; what goes wrong is a line as well."""
+    """Fly a case and run the tool; a failure is a line as well."""
     case = draw(group, seed)
     line: Line = {
         "case": case.name, "group": group, "seed": seed, "device": case.device,
@@ -59,7 +59,7 @@ def one(group: str, seed: int, tool: str) -> Line:
     wall, cpu = time.perf_counter(), time.process_time()
     try:
         line["document"] = TOOLS[tool].ask(recording)
-    except Exception as error:  # a crash is a result of the bench, not its end
+    except Exception as error:  # a crash is a result of the benchmark
         line["error"] = f"{type(error).__name__}: {error}"
         line["traceback"] = traceback.format_exc()
     line["wall_s"] = round(time.perf_counter() - wall, 2)
@@ -68,7 +68,7 @@ def one(group: str, seed: int, tool: str) -> Line:
 
 
 def lines(path: Path) -> Iterator[Line]:
-    """What a file holds; a line torn by a stop is left out."""
+    """The lines of a file, without a line truncated by an interruption."""
     if not path.exists():
         return
     for text in path.read_text(encoding="utf-8").splitlines():
@@ -81,7 +81,7 @@ def lines(path: Path) -> Iterator[Line]:
 def wanted(first: int, share: float, only: Iterable[str] = ()) -> list[tuple[str, int]]:
     """(class, seed) of a run: ``share`` of each class's cases, its seeds from ``first`` on.
 
-    The classes take turns, so that a run that is stopped has seen something of each.
+    The classes alternate, so that an interrupted run has cases of each class.
     """
     groups = list(only) or list(CLASSES)
     counts = {g: max(1, round(share * CLASSES[g].count)) for g in groups}
@@ -92,15 +92,15 @@ def wanted(first: int, share: float, only: Iterable[str] = ()) -> list[tuple[str
 def run(
     jobs: Iterable[tuple[str, int]], tool: str, *, processes: int, folder: Path = FOLDER
 ) -> Mapping[str, Line]:
-    """Do what is not done; returns case → line of all jobs."""
+    """Run the cases that are not in the file; returns case → line of all jobs."""
     jobs, path = list(jobs), folder / f"{key(tool)}.jsonl"
     path.parent.mkdir(parents=True, exist_ok=True)
-    _mend(path)
+    _end_last_line(path)
     done = {line["case"]: line for line in lines(path)}
     todo = [(g, s) for g, s in jobs if f"{g}-{s}" not in done]
     print(f"{path.name}: {len(jobs) - len(todo)} of {len(jobs)} are done", file=sys.stderr)
     start = time.perf_counter()
-    # One BLAS thread a process: the cores are full already.
+    # One BLAS thread per process: the processes already use all cores.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     before = signal.signal(signal.SIGTERM, _stop)
@@ -113,7 +113,9 @@ def run(
                 out.write(json.dumps(line, ensure_ascii=False) + "\n")
                 out.flush()
                 left = (time.perf_counter() - start) / n * (len(todo) - n)
-                print(f"  {n}/{len(todo)}, {left / 60:.1f} min left: {said(line)}", file=sys.stderr)
+                print(
+                    f"  {n}/{len(todo)}, {left / 60:.1f} min left: {as_text(line)}", file=sys.stderr
+                )
         except KeyboardInterrupt:
             pool.shutdown(cancel_futures=True)
             raise
@@ -124,18 +126,18 @@ def run(
 
 
 def _stop(signum: int, frame: object) -> None:
-    """As Ctrl-C: the workers end as well. Left alone they would wait for work for ever."""
+    """Same as Ctrl-C, so that the workers end too; otherwise they would wait for work for ever."""
     raise KeyboardInterrupt
 
 
-def _mend(path: Path) -> None:
-    """End a torn last line, so that the next one stands by itself."""
+def _end_last_line(path: Path) -> None:
+    """End a truncated last line, so that the next line starts on its own."""
     if path.exists() and (text := path.read_bytes()) and not text.endswith(b"\n"):
         with path.open("ab") as out:
             out.write(b"\n")
 
 
-def said(line: Line) -> str:
+def as_text(line: Line) -> str:
     """A case in one line of text."""
     from tests.hidden.judge import names
 
@@ -143,8 +145,8 @@ def said(line: Line) -> str:
                         *(f"({n})" for n in line.get("truth", {}).get("unseen", ()))])  # fmt: skip
     if "document" not in line:
         return f"{line['case']}: {line.get('not_flown') or line.get('error')}"
-    found = ", ".join(names(line["document"])) or "–"
-    return f"{line['case']}: {hidden or 'nothing'} → {found} ({line['wall_s']:.0f} s)"
+    named = ", ".join(names(line["document"])) or "–"
+    return f"{line['case']}: {hidden or 'nothing'} → {named} ({line['wall_s']:.0f} s)"
 
 
 def arguments() -> argparse.Namespace:

@@ -1,10 +1,13 @@
-"""How much of each effect is hidden: small, medium and large, fixed before any seed was drawn.
+"""Sizes of the hidden effects: small, medium and large, fixed before any seed was drawn.
 
-small: near what one rich flight of 60 s shows at 5 σ; medium: what a teacher would notice; large:
-what would spoil a demonstration, and still flies inside the envelope (`tests.hidden.survey`
-checks that). Numbers are in the units of mock.md. The limits behind "small" follow from the
-random torques of the emulated rig (0.035, 0.0035, 0.015 N·m, correlated over τ_c = 10 ms): a
-torque that is known up to a factor is seen with σ = σ_w √(2 τ_c / T) / (RMS of its shape).
+- small: near the 5 σ limit of one rich flight of 60 s;
+- medium: noticeable to a teacher;
+- large: spoils a demonstration, but still flies inside the envelope (`tests.hidden.survey` checks
+  it).
+
+Values are in the units of mock.md. The limits of "small" follow from the random torques of the
+emulated rig (0.035, 0.0035, 0.015 N·m, correlated over τ_c = 10 ms): the size of a torque of known
+shape is estimated with σ = σ_w √(2 τ_c / T) / (RMS of its shape).
 
 A base parameter (`mass.imbalance`, `inertia`, `motor.thrust_gain`) is a finding only beyond the
 profile's tolerance of 15 %, and the rig's own parameters are drawn within ± 7 % of the profile's,
@@ -21,16 +24,16 @@ RATIO, SIGN, ONE_WAY = "or its inverse", "either sign", "one sign"
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect on its axis, as it is hidden.
+    """An effect on its axis with its hidden sizes.
 
-    ``parameter`` is the contract's name of its first parameter, ``null`` the value at which there
-    is no effect.
+    ``parameter`` is the contract's name of its first parameter, ``null`` the value without effect,
+    ``reason`` the origin of the sizes.
     """
 
     name: str
     parameter: str
     sizes: tuple[float, float, float]
-    why: str
+    reason: str
     way: str = ONE_WAY
     null: float = 0.0
 
@@ -115,7 +118,7 @@ _TABLE = (
 )  # fmt: skip
 
 EFFECTS = {e.name: e for e in _TABLE}
-"""Name with axis → how it is hidden. `geometry` cannot be: the rig always has it."""
+"""Name with axis → sizes. `geometry` is not listed: the rig always has it."""
 
 _OUTSIDE = (
     Effect("other.yaw_torque_from_pitch_rate", "damping_Nms_per_rad", (0.05, 0.12, 0.3),
@@ -129,11 +132,11 @@ _OUTSIDE = (
 )  # fmt: skip
 
 OUTSIDE = {e.name: e for e in _OUTSIDE}
-"""What no catalogue has; the axis that it acts on follows "other."."""
+"""Effects outside the catalogue; the axis on which each acts follows "other."."""
 
 
 def axis_of(name: str) -> str | None:
-    """The axis in an effect's name; of one outside the catalogue, the one that it acts on."""
+    """The axis in an effect's name; outside the catalogue, the axis on which it acts."""
     if name.startswith("other."):
         return name.removeprefix("other.").split("_", 1)[0]
     last = name.rsplit(".", 1)[-1]

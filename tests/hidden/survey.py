@@ -1,6 +1,6 @@
-"""``python -m tests.hidden.survey``: does every effect at every size fly every plan?
+"""``python -m tests.hidden.survey``: flies every plan with every effect at every size.
 
-Prints what trips, and how close to the envelope the rest comes. The sizes were chosen with it.
+Prints which flights trip and how close to the envelope the others come; the sizes follow from it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ TAKEN_OFF_S = 5.0
 
 
 def texts(effect: Effect) -> Iterator[tuple[str, str]]:
-    """(size, hide=…) at every size, both ways where there are two."""
+    """(size, hide=…) at every size, in both directions if the effect has two."""
     for size, value in zip(SIZES, effect.sizes, strict=True):
         other = 1 / value if effect.way == RATIO else -value
         for v in (value,) if effect.way == ONE_WAY else (value, other):
@@ -31,7 +31,7 @@ def texts(effect: Effect) -> Iterator[tuple[str, str]]:
 
 
 def flown(plan: str, hide: str, seed: int) -> tuple[str, str, tuple[float, ...]]:
-    """How it ended, why, and the largest angles (°) and voltage (V)."""
+    """Ending, its detail, and the largest angles (°) and voltage (V) of a flight."""
     from heli3dof.experiment.fly import fly_plan
 
     device = f"mock:?speed=max&spread={SPREAD:g}&seed={seed}&hide={hide}"
@@ -58,10 +58,10 @@ def main(processes: int) -> None:
         results = pool.map(flown, *zip(*[(p, h, s) for p, _, h, s in jobs], strict=True))
         for (plan, size, hide, seed), (ending, detail, peak) in zip(jobs, results, strict=True):
             tripped += ending != "completed"
-            said = "" if ending == "completed" else f"  {ending.upper()}: {detail}"
+            trip = "" if ending == "completed" else f"  {ending.upper()}: {detail}"
             print(
                 f"{plan:9} {size:7} {seed} {hide:50} {peak[0]:5.1f} {peak[1]:5.1f} {peak[2]:6.1f}° "
-                f"{peak[3]:5.1f} V{said}",
+                f"{peak[3]:5.1f} V{trip}",
                 flush=True,
             )
     print(f"{len(jobs)} flights, {tripped} did not reach their end")

@@ -1,4 +1,4 @@
-"""Rates over judged cases: the rows that the project is held to, and who was taken for whom."""
+"""Rates over judged cases: the project's criteria, and the confusion matrix."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ class Judged:
 
     @property
     def shown(self) -> bool:
-        """Something that a recording can tell is hidden."""
+        """An identifiable effect is hidden."""
         return bool(self.line["truth"]["names"])
 
 
 @dataclass(frozen=True)
 class Rate:
-    """``hits`` of ``of``; a bar is a least or (``at_most``) a greatest share."""
+    """``hits`` of ``of``; ``bar`` is the required minimum share, or maximum if ``at_most``."""
 
     what: str
     hits: int
@@ -58,13 +58,13 @@ class Rate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Wilson's, 95 %: what so many cases say of the share; (0, 1) where there is none."""
+        """Wilson's 95 % interval of the share; (0, 1) without cases."""
         if not self.of:
             return 0.0, 1.0
         from scipy.stats import binomtest
 
-        found = binomtest(self.hits, self.of).proportion_ci(0.95, method="wilson")
-        return float(found.low), float(found.high)
+        result = binomtest(self.hits, self.of).proportion_ci(0.95, method="wilson")
+        return float(result.low), float(result.high)
 
     @property
     def between(self) -> str:
@@ -88,21 +88,21 @@ def count(
     cases: Iterable[Judged], what: str, hit: Callable[[Verdict], bool], bar: float | None = None,
     *, at_most: bool = False,
 ) -> Rate:  # fmt: skip
-    """How many of them; a diagnosis that failed is a miss."""
+    """Rate of the cases with a hit; a diagnosis that failed is a miss."""
     cases = list(cases)
     hits = sum(j.verdict is not None and hit(j.verdict) for j in cases)
-    if at_most:  # … and an alarm
+    if at_most:  # a failed diagnosis is also an alarm
         hits += sum(j.verdict is None for j in cases)
     return Rate(what, hits, len(cases), bar, at_most)
 
 
 def rates(all_cases: Sequence[Judged]) -> list[Rate]:
-    """The rows of the issue's table, then the rest."""
+    """The rows of the project's criteria, then the others."""
     cases = [j for j in all_cases if "not_flown" not in j.line]
     faults = len([j for j in cases if j.verdict is None])
 
     def of(*groups: str) -> list[Judged]:
-        """Cases of classes, in which there is something to be named."""
+        """Cases of these classes with an effect to be named."""
         return [
             j for j in cases
             if j.group in groups and j.shown and (j.verdict is None or j.verdict.rated)
@@ -113,11 +113,11 @@ def rates(all_cases: Sequence[Judged]) -> list[Rate]:
 
     numbers = _numbers(cases)
     rated = [n for n in numbers if n.parameter in RATED_NUMBERS]
-    said = [j.verdict for j in cases if j.verdict is not None]
-    wrong, asserted = sum(len(v.wrong) for v in said), sum(v.asserted for v in said)
+    verdicts = [j.verdict for j in cases if j.verdict is not None]
+    wrong, asserted = sum(len(v.wrong) for v in verdicts), sum(v.asserted for v in verdicts)
     first = "right cause first"
     single = ("steps-single", "run-step-single")
-    told = "right cause first, or tied with the first"
+    first_or_tied = "right cause first, or tied with the first"
     rows = [
         count(of("rich-medium", "rich-large"), f"{first}, rich plan, medium and large",
               lambda v: v.first, 0.97),
@@ -132,16 +132,16 @@ def rates(all_cases: Sequence[Judged]) -> list[Rate]:
         Rate("names asserted without a tie that are wrong, over everything", wrong, asserted, 0.01,
              at_most=True),
         count(of("rich-small"), f"{first}, rich plan, small", lambda v: v.first),
-        *(count(of(f"rich-{s}"), f"{told}, rich plan, {s}", lambda v: v.told)
+        *(count(of(f"rich-{s}"), f"{first_or_tied}, rich plan, {s}", lambda v: v.first_or_tied)
           for s in ("small", "medium", "large")),
         *(count(of(g), f"{first}, {g.removesuffix('-single')}, medium and large",
                 lambda v: v.first) for g in single),
-        *(count(of(g), f"{told}, {g.removesuffix('-single')}, medium and large",
-                lambda v: v.told) for g in single),
+        *(count(of(g), f"{first_or_tied}, {g.removesuffix('-single')}, medium and large",
+                lambda v: v.first_or_tied) for g in single),
         count(of("rich-medium", "rich-large"), "and nothing else, rich plan, medium and large",
               lambda v: v.exact),
         count(of("rich-medium", "rich-large"), "something said, rich plan, medium and large",
-              lambda v: v.said),
+              lambda v: v.reported),
         Rate("parameter errors within 5 %", sum(n.error <= 0.05 for n in rated), len(rated)),
         Rate("diagnoses that failed", faults, len(cases), 0.0, at_most=True),
         Rate("flights that did not reach their end (left out)", len(all_cases) - len(cases),
@@ -155,13 +155,13 @@ def _numbers(cases: Iterable[Judged]) -> list[Number]:
 
 
 def median_error(cases: Iterable[Judged]) -> float:
-    """Of the parameters of causes that were named, as a share; NaN where none was."""
+    """Median relative error of the named causes' parameters; NaN without a named cause."""
     errors = [n.error for n in _numbers(cases) if n.parameter in RATED_NUMBERS]
     return float(np.median(errors)) if errors else float("nan")
 
 
 def confusions(cases: Iterable[Judged]) -> list[tuple[str, str, int, int, str]]:
-    """Hidden effect, class: how often, how often first, and what was first instead."""
+    """Rows (hidden effect, class, cases, right first, names found first)."""
     rows: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
     right: Counter[tuple[str, str]] = Counter()
     for j in cases:
@@ -175,8 +175,10 @@ def confusions(cases: Iterable[Judged]) -> list[tuple[str, str, int, int, str]]:
             j.verdict.first or not (j.shown or j.verdict.alarm)
         )
     return [
-        (hidden, group, sum(found.values()), right[hidden, group], _listed(found))
-        for (hidden, group), found in sorted(rows.items(), key=lambda r: (_order(r[0][1]), r[0][0]))
+        (hidden, group, sum(result.values()), right[hidden, group], _listed(result))
+        for (hidden, group), result in sorted(
+            rows.items(), key=lambda r: (_order(r[0][1]), r[0][0])
+        )
     ]
 
 
@@ -184,16 +186,16 @@ def _first(j: Judged) -> str:
     if j.verdict is None:
         return "failed"
     document = j.line["document"]
-    said = names(document)
-    if not said:
+    named = names(document)
+    if not named:
         axes = [str(a["axis"] or "no axis") for a in document["leftover"]]
         return f"unknown on {'/'.join(axes)}" if axes else str(document["verdict"])
     tie = " (tied)" if document["findings"][0]["tied_with"] else ""
-    return " + ".join(said) + tie
+    return " + ".join(named) + tie
 
 
-def _listed(found: Counter[str]) -> str:
-    return ", ".join(f"{name} {n}" if n > 1 else name for name, n in found.most_common())
+def _listed(result: Counter[str]) -> str:
+    return ", ".join(f"{name} {n}" if n > 1 else name for name, n in result.most_common())
 
 
 def _order(group: str) -> int:

@@ -1,4 +1,4 @@
-"""What is hidden, and what the diagnosis may see of it."""
+"""What is hidden in the cases, and what the diagnosis gets of it."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ def test_at_least_three_flights_in_ten_hide_nothing() -> None:
     assert sum(c.count for c in CLASSES.values() if not c.effects) >= 0.3 * total
 
 
-def test_a_class_of_single_effects_asks_for_each_effect_equally_often() -> None:
-    asked = Counter(draw("rich-large", seed).hidden[0].name for seed in range(90))
-    assert set(asked) == set(EFFECTS)
-    assert set(asked.values()) == {2}
+def test_a_class_of_single_effects_has_each_effect_equally_often() -> None:
+    drawn = Counter(draw("rich-large", seed).hidden[0].name for seed in range(90))
+    assert set(drawn) == set(EFFECTS)
+    assert set(drawn.values()) == {2}
 
 
-def test_the_same_seed_draws_the_same_case_and_another_one_another() -> None:
+def test_equal_seeds_draw_equal_cases_and_different_seeds_different_ones() -> None:
     assert draw("rich-pair", 1003) == draw("rich-pair", 1003)
     assert draw("rich-pair", 1003) != draw("rich-pair", 1004)
 
 
-def test_every_effect_of_the_table_is_one_that_the_emulated_rig_has_and_none_is_left_out() -> None:
+def test_the_table_lists_exactly_the_effects_of_the_emulated_rig() -> None:
     from heli3dof_drivers.emulator.effects import catalogue
 
     has = {f"{e.name}.{a}" if a else e.name for e in catalogue().values() for a in e.axes or ("",)}
@@ -50,13 +50,13 @@ def test_no_effect_from_outside_the_catalogue_is_in_the_models() -> None:
 
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=lambda e: e.name)
-def test_sizes_go_away_from_what_is_no_effect(effect) -> None:
+def test_larger_sizes_are_further_from_no_effect(effect) -> None:
     away = [abs(v - effect.null) for v in effect.sizes]
     assert sorted(away) == away
     assert len(set(away)) == len(SIZES)
 
 
-def test_the_diagnosis_gets_no_word_of_what_is_hidden() -> None:
+def test_the_diagnosis_gets_no_information_about_the_hidden_effect() -> None:
     case = Case("run-step-single", 1000, (Hidden("friction.coulomb.yaw", "large", (0.05,)),), 1000)
     flight = fly(case)
     seen = blind(flight.recording)
@@ -67,7 +67,7 @@ def test_the_diagnosis_gets_no_word_of_what_is_hidden() -> None:
     assert np.array_equal(seen.angle, flight.recording.angle)
 
 
-def test_sizes_are_held_to_the_truth_in_si() -> None:
+def test_true_sizes_are_in_si_units() -> None:
     """0.05 N·m are 0.05 N·m, and a gain of 1.5 on a K_f 3 % above the profile's is 1.545."""
     hidden = (
         Hidden("friction.coulomb.yaw", "large", (0.05,)),
@@ -84,7 +84,7 @@ def test_sizes_are_held_to_the_truth_in_si() -> None:
     assert abs(ratio - 1) > 0.001
 
 
-def test_a_limit_that_no_voltage_reached_and_yaw_s_zero_are_not_to_be_found() -> None:
+def test_an_unreached_voltage_limit_and_yaw_s_zero_are_not_expected_findings() -> None:
     recording = fly(Case("run-step-nothing", 1000, (), 1005)).recording
     highest = float(np.abs(recording.voltage).max())
     for hidden, seen in (
@@ -102,9 +102,9 @@ def test_an_effect_is_its_own_equal() -> None:
     assert equals("aero.reaction_torque") == equals("encoder.offset.pitch")
 
 
-def test_a_pitch_zero_that_is_off_flies_as_propellers_that_twist() -> None:
+def test_a_pitch_offset_flies_as_a_reaction_torque() -> None:
     """`equivalences` 2, on the emulated rig without noise: δ = 2°, κ = L_a sin δ = 0.023 m. The
-    readings differ by what quantisation makes of it, less than a step; the effect is 23 steps."""
+    readings differ by quantisation only, less than a step; the effect is 23 steps."""
     kappa = L_A * np.sin(np.radians(2.0))
     bare, first, second = (
         flown(h) for h in ("", "encoder.offset.pitch:2", f"aero.reaction_torque:{kappa:.6f}")
@@ -113,10 +113,10 @@ def test_a_pitch_zero_that_is_off_flies_as_propellers_that_twist() -> None:
     assert (rms(first.angle - second.angle) < STEP).all()
 
 
-def test_a_roll_zero_that_is_off_flies_as_a_pendulum_on_another_weight() -> None:
-    """`equivalences` 3: δ = 6°, k = T_g sin δ = 0.122 N·m beside T_g cos δ. At 10° of roll the
-    pendulum takes k sin r / (2 L_a K_f cos p) = 0.135 V more from each motor, less what is saved
-    on T_g (1 − cos δ) cos r = 0.040 V."""
+def test_a_roll_offset_flies_as_a_pendulum_on_another_weight() -> None:
+    """`equivalences` 3: δ = 6°, k = T_g sin δ = 0.122 N·m in addition to T_g cos δ. At 10° of
+    roll the pendulum takes k sin r / (2 L_a K_f cos p) = 0.135 V more from each motor,
+    less the saving on T_g (1 − cos δ) cos r = 0.040 V."""
     delta = np.radians(6.0)
     equal = f"stiffness.pendulum.roll:{T_G * np.sin(delta):.6f}"
     equal += f",mass.imbalance:{-T_G * (1 - np.cos(delta)):.6f}"

@@ -1,4 +1,4 @@
-"""What counts as right, on documents written by hand."""
+"""Judgement of diagnoses, on documents written by hand."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ COULOMB = truth(friction__coulomb__yaw=0.02)
 NOTHING = Truth((), (), {})
 
 
-def test_the_hidden_cause_alone_is_right_in_every_way() -> None:
+def test_the_hidden_cause_alone_is_right_in_every_respect() -> None:
     v = judge(document(finding("friction.coulomb", "yaw", torque_Nm=(0.021, 0.001))), COULOMB)
     assert v.first
     assert v.both
@@ -49,20 +49,20 @@ def test_the_axis_must_match() -> None:
     assert v.wrong == ("friction.coulomb.roll",)
 
 
-def test_a_tie_that_holds_the_truth_is_not_wrong_and_is_not_the_right_cause_first() -> None:
+def test_a_finding_confounded_with_the_truth_is_neither_wrong_nor_first() -> None:
     v = judge(document(finding("friction.viscous", "yaw", "friction.coulomb.yaw")), COULOMB)
     assert not v.first
-    assert v.told
+    assert v.first_or_tied
     assert v.both
     assert not v.wrong
     assert v.asserted == 0
 
 
-def test_a_name_that_only_resembles_is_not_asserted() -> None:
+def test_a_name_marked_as_like_is_not_asserted() -> None:
     assert judge(document(finding("friction.viscous-like", "yaw")), COULOMB).wrong == ()
 
 
-def test_a_tie_with_a_count_that_no_flight_can_check_is_no_way_out() -> None:
+def test_a_finding_confounded_only_with_an_encoder_scale_is_asserted() -> None:
     assert judge(document(finding("inertia", "yaw", "encoder.scale.yaw")), COULOMB).wrong == (
         "inertia.yaw",
     )
@@ -70,35 +70,35 @@ def test_a_tie_with_a_count_that_no_flight_can_check_is_no_way_out() -> None:
     assert judge(document(finding("inertia", "yaw", "encoder.scale.yaw")), hidden).wrong == ()
 
 
-def test_a_false_third_spoils_the_set_and_is_wrong() -> None:
+def test_a_false_third_name_is_wrong_and_the_set_is_not_exact() -> None:
     both = truth(friction__coulomb__yaw=0.02, bias__torque__pitch=0.01)
-    found = document(
+    result = document(
         finding("bias.torque", "pitch"), finding("friction.coulomb", "yaw"), finding("motor.delay")
     )
-    v = judge(found, both)
+    v = judge(result, both)
     assert v.first
     assert v.both
     assert not v.exact
     assert v.wrong == ("motor.delay",)
 
 
-def test_two_causes_are_not_both_found_by_one_finding_that_is_tied_with_both() -> None:
+def test_one_finding_confounded_with_both_causes_counts_for_one_only() -> None:
     both = truth(friction__coulomb__yaw=0.02, friction__viscous__yaw=0.1)
     v = judge(document(finding("friction.coulomb", "yaw", "friction.viscous.yaw")), both)
     assert not v.both
 
 
-def test_a_tie_does_not_take_the_finding_that_another_cause_needs() -> None:
+def test_a_confounded_finding_stays_available_for_the_other_cause() -> None:
     both = truth(friction__coulomb__yaw=0.02, friction__viscous__yaw=0.1)
-    found = document(
+    result = document(
         finding("friction.coulomb", "yaw", "friction.viscous.yaw"),
         finding("friction.coulomb", "yaw"),
     )
-    assert judge(found, both).both
+    assert judge(result, both).both
 
 
 @pytest.mark.parametrize(
-    "found",
+    "result",
     [
         document(finding("motor.delay")),
         document(finding("friction.coulomb", "yaw", "friction.viscous.yaw")),
@@ -106,16 +106,16 @@ def test_a_tie_does_not_take_the_finding_that_another_cause_needs() -> None:
         document(verdict="bad_data"),
     ],
 )
-def test_whatever_is_said_where_nothing_is_hidden_is_a_false_alarm(found: dict[str, Any]) -> None:
-    assert judge(found, NOTHING).alarm
+def test_any_finding_on_an_unmodified_rig_is_a_false_alarm(result: dict[str, Any]) -> None:
+    assert judge(result, NOTHING).alarm
 
 
 @pytest.mark.parametrize("verdict", ["nothing_found", "not_identifiable"])
-def test_saying_nothing_where_nothing_is_hidden_is_none(verdict: str) -> None:
+def test_no_finding_on_an_unmodified_rig_is_no_alarm(verdict: str) -> None:
     assert not judge(document(verdict=verdict), NOTHING).alarm
 
 
-def test_an_exact_equal_is_right_but_held_to_no_number() -> None:
+def test_an_exact_equal_is_right_and_its_parameters_are_not_rated() -> None:
     tilted = Truth(("encoder.offset.pitch",), (), {"encoder.offset.pitch": {"angle_deg": 2.0}})
     v = judge(document(finding("aero.reaction_torque", torque_per_thrust_m=(0.023, 0.001))), tilted)
     assert v.first
@@ -123,7 +123,7 @@ def test_an_exact_equal_is_right_but_held_to_no_number() -> None:
     assert v.numbers == ()
 
 
-def test_outside_the_catalogue_the_axis_is_asked_for_and_any_name_is_wrong() -> None:
+def test_outside_the_catalogue_the_axis_is_required_and_any_name_is_wrong() -> None:
     name = "other.yaw_torque_from_pitch_rate"
     outside = Truth((name,), (), {name: {"damping_Nms_per_rad": 0.1}})
     assert judge(document(leftover="yaw", verdict="unexplained"), outside).axis
@@ -132,8 +132,8 @@ def test_outside_the_catalogue_the_axis_is_asked_for_and_any_name_is_wrong() -> 
     assert not judge(document(finding("friction.viscous-like", "yaw")), outside).wrong
 
 
-def test_a_ratio_is_wrong_by_its_distance_from_one() -> None:
-    """1.06 for 1.05 is a fifth too much, not one per cent."""
+def test_the_error_of_a_ratio_is_relative_to_its_distance_from_one() -> None:
+    """1.06 for 1.05 is an error of 20 %, not 1 %."""
     m = Truth(("motor.thrust_mismatch",), (), {"motor.thrust_mismatch": {"front_over_back": 1.05}})
     v = judge(document(finding("motor.thrust_mismatch", front_over_back=(1.06, 0.004))), m)
     assert v.numbers[0].error == pytest.approx(0.2)

@@ -1,6 +1,6 @@
-"""The quick part of the hidden bench: two flights of the classes, flown whole, diagnosed quickly.
+"""Quick part of the hidden-cause benchmark: two whole flights, diagnosed with `--quick`.
 
-The whole is `make bench-hidden`. These seeds are development's, not the final tables'.
+`make bench-hidden` runs all. These seeds are for development, not for the final tables.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ def verdict(group: str, seed: int) -> Verdict:
     return judge(line["document"], Truth(**line["truth"]))
 
 
-def test_large_dry_friction_in_yaw_is_the_first_cause_and_no_wrong_name_is_asserted() -> None:
+def test_large_coulomb_friction_in_yaw_is_the_first_cause_and_no_asserted_name_is_wrong() -> None:
     v = verdict("rich-large", 1001)
     assert v.first
     assert not v.wrong
 
 
-def test_a_plain_run_step_in_which_nothing_is_hidden_raises_no_alarm() -> None:
-    assert not verdict("run-step-nothing", 1000).said
+def test_a_step_flight_of_the_unmodified_rig_raises_no_alarm() -> None:
+    assert not verdict("run-step-nothing", 1000).reported

@@ -1,4 +1,4 @@
-"""The runner resumes, mixes nothing, and takes a failure for a result."""
+"""The runner resumes, keeps results of different code apart, and records failures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def tools(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("tools")
-def test_what_is_done_is_not_done_again(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_finished_cases_are_not_run_again(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     job = [("run-step-nothing", 1000)]
     first = run(job, "answer", processes=1, folder=tmp_path)
     assert "0 of 1 are done" in capsys.readouterr().err
@@ -38,7 +38,7 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 @pytest.mark.usefixtures("tools")
-def test_a_line_torn_by_a_stop_costs_that_case_alone(tmp_path: Path) -> None:
+def test_a_truncated_line_costs_only_its_own_case(tmp_path: Path) -> None:
     path = tmp_path / f"{key('answer')}.jsonl"
     path.write_text('{"case": "a"}\n{"case": "b", "gro', encoding="utf-8")
     run([("run-step-nothing", 1000)], "answer", processes=1, folder=tmp_path)
@@ -46,22 +46,22 @@ def test_a_line_torn_by_a_stop_costs_that_case_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("tools")
-def test_a_tool_that_fails_is_a_line_with_its_error() -> None:
+def test_a_tool_that_fails_gives_a_line_with_its_error() -> None:
     line = one("run-step-nothing", 1000, "failure")
     assert line["error"] == "ValueError: no convergence"
     assert "document" not in line
 
 
-def test_another_tool_or_other_code_has_another_file(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_tool_or_changed_code_uses_another_file(monkeypatch: pytest.MonkeyPatch) -> None:
     assert key("whole") != key("quick")
     before = key("whole")
     monkeypatch.setattr(module, "FLIES", (*module.FLIES, "README.md"))
-    assert key("whole") == before, "a README changes nothing"
+    assert key("whole") == before, "a README is not hashed"
     monkeypatch.setattr(module, "FLIES", (*module.FLIES, "tests/hidden/judge.py"))
     assert key("whole") != before
 
 
-def test_a_part_of_the_cases_has_something_of_every_class_from_the_start() -> None:
+def test_a_part_of_the_cases_contains_every_class_from_the_start() -> None:
     jobs = wanted(1000, 0.1)
     assert {g for g, _ in jobs} == set(CLASSES)
     assert {g for g, _ in jobs[: len(jobs) // 2]} >= {g for g, c in CLASSES.items() if c.count > 40}

@@ -10,11 +10,11 @@ from tests.hidden.tally import Rate, confusions, judged, median_error, rates, su
 from tests.hidden.test_judge import document, finding
 
 
-def line(group: str, hidden: str = "", found: dict[str, Any] | None = None) -> dict[str, Any]:
+def line(group: str, hidden: str = "", report: dict[str, Any] | None = None) -> dict[str, Any]:
     values = {hidden: {"torque_Nm": 0.02}} if hidden else {}
     truth = {"names": list(values), "unseen": [], "values": values}
     kept = {"case": f"{group}-1", "group": group, "seed": 1, "truth": truth, "wall_s": 2.0}
-    return {**kept, "document": found} if found is not None else {**kept, "error": "it failed"}
+    return {**kept, "document": report} if report is not None else {**kept, "error": "it failed"}
 
 
 RIGHT = document(finding("friction.coulomb", "yaw", torque_Nm=(0.022, 0.002)))
@@ -29,11 +29,11 @@ LINES = [
 
 
 def rate(cases: list[dict[str, Any]], what: str) -> Rate:
-    (found,) = [r for r in rates(judged(cases)) if r.what == what]
-    return found
+    (report,) = [r for r in rates(judged(cases)) if r.what == what]
+    return report
 
 
-def test_a_scale_that_is_another_inertia_is_in_no_rate_of_hits() -> None:
+def test_an_encoder_scale_is_in_no_rate_of_hits() -> None:
     r = rate(LINES, "right cause first, rich plan, medium and large")
     assert (r.hits, r.of, r.met) == (1, 3, False)
 
@@ -43,14 +43,14 @@ def test_false_alarms_are_counted_by_plan() -> None:
     assert rate(LINES, "false alarms where nothing is hidden, steps").text == "100.0 % (1/1)"
 
 
-def test_a_share_comes_with_what_so_few_flights_say_of_it() -> None:
+def test_a_share_has_an_interval_for_its_number_of_cases() -> None:
     # Wilson: 0 of n leaves up to z²/(n + z²), z = 1.96.
     assert Rate("", 0, 10).interval == pytest.approx((0.0, 3.8415 / 13.8415), abs=1e-3)
     assert Rate("", 0, 1).between == "0.0 to 79.3 %"
     assert Rate("", 97, 100).interval[0] < 0.97 < Rate("", 97, 100).interval[1]
 
 
-def test_wrong_names_are_counted_of_all_that_are_asserted_wherever() -> None:
+def test_wrong_names_are_counted_over_all_asserted_names() -> None:
     r = rate(LINES, "names asserted without a tie that are wrong, over everything")
     assert (r.hits, r.of) == (2, 3)
 
@@ -62,23 +62,23 @@ def test_a_diagnosis_that_fails_is_a_miss_and_an_alarm() -> None:
     assert rate(failed, "diagnoses that failed").text == "100.0 % (2/2)"
 
 
-def test_a_flight_that_did_not_reach_its_end_is_said_and_left_out() -> None:
+def test_an_aborted_flight_is_counted_and_excluded() -> None:
     tripped = {"case": "rich-pair-1", "group": "rich-pair", "seed": 1, "not_flown": "tripped: roll"}
     what = "flights that did not reach their end (left out)"
     assert rate([*LINES, tripped], what).hits == 1
 
 
-def test_the_error_is_the_median_of_causes_that_were_named() -> None:
+def test_the_error_is_the_median_over_named_causes() -> None:
     assert median_error(judged(LINES)) == pytest.approx(0.1)
 
 
-def test_confusions_say_what_was_found_instead() -> None:
-    found = {(hidden, group): text for hidden, group, _, _, text in confusions(judged(LINES))}
-    assert found["friction.coulomb.yaw", "rich-large"] == "friction.coulomb.yaw, motor.delay"
-    assert found["friction.coulomb.yaw", "rich-medium"] == "nothing_found"
+def test_confusions_list_the_names_found_instead() -> None:
+    report = {(hidden, group): text for hidden, group, _, _, text in confusions(judged(LINES))}
+    assert report["friction.coulomb.yaw", "rich-large"] == "friction.coulomb.yaw, motor.delay"
+    assert report["friction.coulomb.yaw", "rich-medium"] == "nothing_found"
 
 
-def test_the_summary_holds_every_rate() -> None:
+def test_the_summary_contains_every_rate() -> None:
     text = summary(LINES)
     for r in rates(judged(LINES)):
         assert r.what in text

@@ -1,4 +1,4 @@
-"""What the peers are given: the flight in one piece, and columns that are torques."""
+"""Input of the peer tools: the flight in one piece, and columns that are torques."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ TASK = Task(
 )  # fmt: skip
 
 
-def test_the_longest_stretch_is_the_flight() -> None:
+def test_the_longest_stretch_of_rows_is_the_flight() -> None:
     assert longest(np.array([0, 1, 1, 0, 1, 1, 1, 0], dtype=bool)) == slice(4, 7)
 
 
-def test_a_volt_on_both_motors_turns_roll_by_its_lever_and_a_level_body_not_at_all() -> None:
+def test_a_volt_on_both_motors_gives_a_roll_torque_and_none_on_pitch_and_yaw() -> None:
     roll, pitch, yaw = columns(np.zeros((N, 3)), np.zeros((N, 3)), np.ones((N, 2)), TASK)
     of = known(TASK)
     assert roll["base.gain"] == pytest.approx(2 * of["L_a"] * of["K_f"])
@@ -33,7 +33,7 @@ def test_a_volt_on_both_motors_turns_roll_by_its_lever_and_a_level_body_not_at_a
     assert yaw["base.gain"] == pytest.approx(0)
 
 
-def test_the_lags_column_is_the_thrust_that_is_not_yet_there() -> None:
+def test_the_lag_s_column_is_the_thrust_still_missing() -> None:
     V = np.ones((N, 2))
     V[:100] = 0
     lag = columns(np.zeros((N, 3)), np.zeros((N, 3)), V, TASK)[0]["motor.lag"]
@@ -43,7 +43,7 @@ def test_the_lags_column_is_the_thrust_that_is_not_yet_there() -> None:
     assert lag[100 + 14] == pytest.approx(missing, rel=1e-6)
 
 
-def test_every_column_and_what_it_is_tied_with_is_an_effect_that_can_be_hidden() -> None:
+def test_every_column_and_its_confounded_effects_are_effects_that_can_be_hidden() -> None:
     library = columns(TASK.angle, np.zeros((N, 3)), TASK.voltage, TASK)
     names = {n for axis in library for n in axis if not n.startswith("base.")}
     assert names <= set(EFFECTS)
@@ -52,21 +52,21 @@ def test_every_column_and_what_it_is_tied_with_is_an_effect_that_can_be_hidden()
     assert len(library) == len(AXES)
 
 
-def test_lost_samples_are_interpolated_and_the_voltage_stands() -> None:
+def test_lost_samples_are_interpolated_and_the_voltage_is_held() -> None:
     t = TASK.t
     ramp = np.column_stack([t, 2 * t, -t])
     steps = np.column_stack([np.floor(t * 10), np.floor(t * 10)])
     keep = np.arange(N) % 7 != 3
-    torn = replace(TASK, t=t[keep], angle=ramp[keep], voltage=steps[keep])
-    whole = even(torn)
+    incomplete = replace(TASK, t=t[keep], angle=ramp[keep], voltage=steps[keep])
+    whole = even(incomplete)
     assert np.allclose(np.diff(whole.t), 0.002)
     assert whole.angle == pytest.approx(ramp[: len(whole.t)])
     assert set(np.unique(whole.voltage)) <= set(np.unique(steps))
 
 
-def test_the_base_is_refitted_beside_what_was_found() -> None:
+def test_the_base_is_refitted_together_with_the_found_terms() -> None:
     rng = np.random.default_rng(1)
-    gain, found = rng.normal(size=(2, 500))
-    found += gain  # correlated: left out, it would bend the gain
-    fits = refits(0.1 * gain + 2 * found, {"base.gain": gain, "motor.lag": found}, ["motor.lag"])
+    gain, effect = rng.normal(size=(2, 500))
+    effect += gain  # correlated: without it the gain would be biased
+    fits = refits(0.1 * gain + 2 * effect, {"base.gain": gain, "motor.lag": effect}, ["motor.lag"])
     assert [fit["base.gain"] for fit in fits] == pytest.approx([0.1] * len(fits))

@@ -1,7 +1,7 @@
-"""Who is asked: our diagnosis, and the peers on the same flights. Each answers with a document.
+"""The tools under test: our diagnosis, and the peers on the same flights. Each returns a document.
 
-A tool is a function from a blind recording to a document of the contract's shape, as far as it can
-fill one, and the files that its answer depends on.
+A tool is a function from a blind recording to a document of the contract, as far as the tool can
+fill it, and the files that its result depends on.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ FLIES = (
     "drivers", "heli3dof/experiment", "heli3dof/recording", "heli3dof/rig",
     "heli3dof/model/control/controller.py", "tests/hidden/sizes.py", "tests/hidden/cases.py",
 )  # fmt: skip
-"""What every flight depends on."""
+"""Files and folders that every flight depends on."""
 
 
 @dataclass(frozen=True)
 class Tool:
-    """A row of the table; ``code`` are folders and files."""
+    """A row of the table; ``code`` lists the files and folders of the tool."""
 
     title: str
     ask: Callable[[Recording], Document]
@@ -42,9 +42,9 @@ class Tool:
 
     @property
     def missing(self) -> str:
-        """Why it cannot be asked here, or an empty string."""
+        """Reason why the tool cannot run here, or an empty string."""
         if self.ask is pysindy and not PEERS_PYTHON.exists():
-            return "its environment is not there: make bench-peers makes it"
+            return "its environment is missing: run make bench-peers"
         return ""
 
 
@@ -60,7 +60,7 @@ def _ours(recording: Recording, *, quick: bool) -> Document:
     from heli3dof.diagnosis.diagnose import diagnose
     from heli3dof.diagnosis.document import diagnosis_document
 
-    # Through text, as an outsider would read it.
+    # Through JSON text, as another program would read it.
     return dict(json.loads(json.dumps(diagnosis_document(diagnose(recording, quick=quick)))))
 
 
@@ -81,16 +81,16 @@ def pysindy(recording: Recording) -> Document:
         np.abs(flown.profile.encoder.rad_per_count), np.ones(3),
     )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
-        given, found = Path(folder) / "task.npz", Path(folder) / "found.json"
+        given, result = Path(folder) / "task.npz", Path(folder) / "found.json"
         write_task(given, task)
         done = subprocess.run(
-            [str(PEERS_PYTHON), "-m", "tests.bench.peers.pysindy_discrepancy", given, found],
+            [str(PEERS_PYTHON), "-m", "tests.bench.peers.pysindy_discrepancy", given, result],
             cwd=ROOT, env={**os.environ, **ONE_THREAD}, capture_output=True, text=True,
             timeout=TIME_LIMIT_S,
         )  # fmt: skip
         if done.returncode:
             raise RuntimeError(done.stderr.strip().splitlines()[-1])
-        return dict(json.loads(found.read_text(encoding="utf-8")))
+        return dict(json.loads(result.read_text(encoding="utf-8")))
 
 
 def in_flight(recording: Recording) -> np.ndarray:

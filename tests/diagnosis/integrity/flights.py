@@ -1,4 +1,4 @@
-"""Flights of the emulated rig that judge the checks, and what may be done to a recording."""
+"""Flights of the emulated rig for the integrity checks, and changes applied to a recording."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def _name(fault: Fault) -> str:
 
 
 def turned(axis: int) -> Change:
-    """The encoder's sign the other way."""
+    """Encoder sign reversed."""
     return lambda r: with_angle(r, axis, -r.angle[:, axis])
 
 
 def scaled(axis: int, k: float) -> Change:
-    """k times as many counts from rest on, on the profile's grid."""
+    """k times as many counts from the start angle, on the profile's grid."""
 
     def change(r: Recording) -> Recording:
         grid = abs(float(r.profile.encoder.rad_per_count[axis]))
@@ -63,7 +63,7 @@ def with_angle(r: Recording, axis: int, values: np.ndarray) -> Recording:
 
 
 def with_voltage(r: Recording, factor: float) -> Recording:
-    """Applied and asked for, both times the factor."""
+    """Applied and commanded voltages, both times the factor."""
     return replace(r, voltage=factor * r.voltage, voltage_cmd=factor * r.voltage_cmd)
 
 
@@ -73,5 +73,5 @@ def swapped(r: Recording) -> Recording:
 
 
 def with_time(r: Recording, t: np.ndarray) -> Recording:
-    """Other stamps; the device's own clock is left out, as in an imported log."""
+    """Other time stamps, without the device's own clock, as in an imported log."""
     return replace(r, t=t, channels={})

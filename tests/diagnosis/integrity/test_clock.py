@@ -1,4 +1,4 @@
-"""Time that is wrong is told from time that is merely loose."""
+"""Wrong time stamps are distinguished from timer jitter."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from tests.diagnosis.integrity.flights import flight, names, only, with_time
 
 def test_lost_samples_are_counted_from_the_stamps() -> None:
     t = 0.002 * np.delete(np.arange(1000), [10, 500, 501, 502, 990])
-    found = ticks(t)
-    assert found.lost == 5
-    assert found.longest_gap == 3
-    assert found.period_s == pytest.approx(0.002, rel=1e-9)
+    result = ticks(t)
+    assert result.lost == 5
+    assert result.longest_gap == 3
+    assert result.period_s == pytest.approx(0.002, rel=1e-9)
 
 
 @given(
@@ -28,7 +28,7 @@ def test_lost_samples_are_counted_from_the_stamps() -> None:
     seed=st.integers(0, 10_000),
 )  # fmt: skip
 @settings(max_examples=40)
-def test_the_count_survives_jitter_and_drift_together(
+def test_the_count_is_right_under_jitter_and_drift(
     share: float, sigma: float, drift: float, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -37,9 +37,9 @@ def test_the_count_survives_jitter_and_drift_together(
     t = 0.002 * (1 + drift) * np.arange(n) + late
     kept = rng.random(n) >= share
     kept[[0, -1]] = True
-    found = ticks(t[kept])
-    assert abs(found.lost - int((~kept).sum())) <= 1
-    assert found.jitter_s == pytest.approx(float(np.std(late)), rel=0.05, abs=2e-6 + 3e-5 * share)
+    result = ticks(t[kept])
+    assert abs(result.lost - int((~kept).sum())) <= 1
+    assert result.jitter_s == pytest.approx(float(np.std(late)), rel=0.05, abs=2e-6 + 3e-5 * share)
 
 
 @pytest.mark.parametrize(
@@ -62,12 +62,12 @@ def test_hidden_jitter_is_a_finding_within_five_per_cent(plan: str, jitter: floa
     assert fault.parameters["jitter_s"][0] == pytest.approx(jitter, rel=0.05)
 
 
-def test_an_ordinary_timer_is_told_as_what_it_is() -> None:
+def test_an_ordinary_timer_gives_only_a_jitter_note() -> None:
     r = flight()
     late = 4e-5 * np.abs(np.random.default_rng(1).standard_normal(len(r)))
     late[0] = 0.0
-    told = names(with_time(r, r.t + late))
-    assert told == names(with_time(r, r.t + late), Kind.NOTE) == {"timing.jitter"}
+    faults = names(with_time(r, r.t + late))
+    assert faults == names(with_time(r, r.t + late), Kind.NOTE) == {"timing.jitter"}
 
 
 def test_rows_without_numbers_are_lost_samples() -> None:
@@ -86,7 +86,7 @@ def test_a_clock_at_another_rate_is_bad_data(factor: float) -> None:
     assert (fault.check, fault.kind) == ("clock.rate", Kind.BAD_DATA)
 
 
-def test_every_second_row_of_a_log_is_usable_and_said() -> None:
+def test_a_log_of_every_second_row_is_usable_with_a_note() -> None:
     r = flight()
     thin = with_time(r, r.t).rows(slice(None, None, 2))
     assert names(thin, Kind.BAD_DATA) == set()
@@ -109,25 +109,25 @@ def repeated_stamp(r: Recording) -> Recording:
 
 
 @pytest.mark.parametrize("change", [backwards, repeated_stamp])
-def test_time_that_does_not_increase_ends_the_matter(change) -> None:  # type: ignore[no-untyped-def]
+def test_time_that_does_not_increase_stops_the_checks(change) -> None:  # type: ignore[no-untyped-def]
     fault = only(change(flight()))
     assert (fault.check, fault.kind) == ("clock.order", Kind.BAD_DATA)
 
 
-def test_rows_written_twice_are_seen() -> None:
+def test_rows_written_twice_are_detected() -> None:
     r = flight()
     twice = np.arange(len(r)) // 2 * 2
     assert "clock.repeated" in names(with_time(r.rows(twice), r.t), Kind.BAD_DATA)
 
 
-def test_a_frozen_voltage_over_axes_that_stick_is_no_row_written_twice() -> None:
+def test_a_constant_voltage_with_axes_at_rest_is_not_a_repeated_row() -> None:
     r = flight("ring-down", "friction.coulomb.yaw:0.04,friction.coulomb.pitch:0.004")
     assert names(r, Kind.BAD_DATA) == set()
     twice = np.arange(len(r)) // 2 * 2
     assert "clock.repeated" in names(with_time(r.rows(twice), r.t), Kind.BAD_DATA)
 
 
-def test_the_device_s_clock_may_not_run_away() -> None:
+def test_a_device_clock_at_another_rate_is_detected() -> None:
     r = flight()
     own = {**r.channels, "device_time_s": 1.02 * np.asarray(r.channels["device_time_s"])}
     assert only(replace(r, channels=own)).check == "clock.device"

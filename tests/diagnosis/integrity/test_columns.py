@@ -1,4 +1,4 @@
-"""Columns that are named for each other are told by the motion, with the pair's own names."""
+"""Swapped columns are detected from the motion and reported by their names."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NAMES = (
 
 
 def exchanged(r: Recording, a: int, b: int) -> Recording:
-    """Two columns of the log under each other's name, in a log without what we add to one."""
+    """Two columns of the log exchanged, in a log without our additional columns."""
     T = np.column_stack([np.degrees(r.angle), r.voltage, np.degrees(r.reference)])
     T[:, [a, b]] = T[:, [b, a]]
     unknown = np.full_like(r.voltage, np.nan)
@@ -43,7 +43,7 @@ def test_two_exchanged_columns_are_named(plan: str, a: int, b: int) -> None:
     assert f"{NAMES[a]} and {NAMES[b]}" in fault.fix
 
 
-def test_an_arm_that_is_not_pushed_is_told_by_its_encoder_s_grid() -> None:
+def test_an_axis_at_rest_is_recognised_by_its_encoder_grid() -> None:
     fault = only(exchanged(flight("run-step"), 2, 7))
     assert fault.fix.startswith("swap the names yaw_deg and yaw_ref_deg")
     assert "0.0439°" in fault.sentence  # 360°/8192
@@ -51,7 +51,7 @@ def test_an_arm_that_is_not_pushed_is_told_by_its_encoder_s_grid() -> None:
 
 @needs_real_data
 @pytest.mark.parametrize(("rig", "name"), [("rig-a", "closed-1b"), ("rig-b", "closed-08")])
-def test_in_real_logs_too(rig: str, name: str) -> None:
+def test_exchanged_columns_are_named_in_real_logs(rig: str, name: str) -> None:
     profile = h3.load_profile(REAL_DATA / rig / "profile.toml")
     real = h3.load(REAL_DATA / rig / f"{name}.csv", profile)
     for a, b in ((0, 1), (0, 2), (1, 2), (1, 3), (2, 3)):
@@ -60,7 +60,7 @@ def test_in_real_logs_too(rig: str, name: str) -> None:
         assert f"{NAMES[a]} and {NAMES[b]}" in stops[0].fix
 
 
-def test_what_fits_and_what_it_is_worth() -> None:
+def test_fit_and_merit_of_a_response() -> None:
     right, weak = Response(1.0, 0.01, 0.9, 0.2), Response(0.6, 0.1, 0.45, 0.1)
     wrong = Response(0.1, 0.01, 0.9, 0.2)
     assert fits(right)

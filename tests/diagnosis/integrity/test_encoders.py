@@ -1,4 +1,4 @@
-"""Encoders that lie: sign, factor, unit, standstill, jumps; motors swapped."""
+"""Encoder faults: sign, scale, unit, frozen counts, jumps; swapped motors."""
 
 from __future__ import annotations
 
@@ -28,31 +28,31 @@ from tests.diagnosis.integrity.flights import (
 AXIS = st.integers(0, 2)
 
 
-def test_the_answers_of_a_clean_flight_are_one() -> None:
+def test_the_responses_of_a_clean_flight_are_one() -> None:
     for axis, x in View(flight("large")).responses.items():
         assert x.gain == pytest.approx(1.0, abs=0.08), axis
         assert x.explained > 0.95
 
 
-def test_a_mass_added_in_flight_leaves_the_answers_as_they_were() -> None:
-    """1.7 times the inertia answers 1/1.7 = 0.588 times as strongly, with the step or without."""
+def test_a_mass_added_in_flight_leaves_the_responses_unchanged() -> None:
+    """1.7 times the inertia responds 1/1.7 = 0.588 times as strongly, with or without the mass."""
     still = View(flight(hide="inertia.roll:1.7")).responses["roll"]
     added = View(flight(hide="inertia.roll:1.7,mass.change:0.04@28")).responses["roll"]
     assert still.gain == pytest.approx(1 / 1.7, rel=0.03)
     assert added.gain == pytest.approx(still.gain, rel=0.03)
 
 
-def test_a_step_of_the_trim_is_found_where_it_is_and_nowhere_else() -> None:
+def test_a_trim_step_is_found_at_its_time_and_only_there() -> None:
     t = np.arange(0.125, 20.0, 0.125)
     rng = np.random.default_rng(1)
     X = np.column_stack([rng.standard_normal(len(t)), np.ones(len(t))])
     z = X @ [2.0, -1.0] + 0.1 * rng.standard_normal(len(t))
     assert with_step(X, z, X[:, 1], t) is X
-    found = with_step(X, z + 0.5 * (t > 8.0), X[:, 1], t)[:, 2]
-    assert abs(t[found > 0][0] - 8.0) < 0.7
+    regressor = with_step(X, z + 0.5 * (t > 8.0), X[:, 1], t)[:, 2]
+    assert abs(t[regressor > 0][0] - 8.0) < 0.7
 
 
-def test_the_misfit_of_a_factor_two_is_what_a_hand_computes() -> None:
+def test_the_misfit_of_a_factor_two_matches_hand_computation() -> None:
     # Roll and pitch 1, yaw 2, scatter 0.2, K free with prior 0.35:
     # weights 25, 25, 25, 8.163; mean 25 log 2 / 83.163; Σ w (e − mean)².
     mean = 25 * np.log(2) / 83.1633
@@ -64,23 +64,23 @@ def test_the_misfit_of_a_factor_two_is_what_a_hand_computes() -> None:
 
 @pytest.mark.parametrize("plan", ["rich", "steps", "large"])
 @pytest.mark.parametrize("axis", range(3))
-def test_a_turned_encoder_is_named_with_its_axis(plan: str, axis: int) -> None:
+def test_a_reversed_encoder_is_named_with_its_axis(plan: str, axis: int) -> None:
     fault = only(turned(axis)(flight(plan)))
     assert (fault.check, fault.axis, fault.kind) == ("encoder.sign", AXES[axis], Kind.BAD_DATA)
 
 
 @pytest.mark.parametrize("plan", ["rich", "steps", "large"])
-def test_swapped_motors_are_not_a_turned_encoder(plan: str) -> None:
+def test_swapped_motors_are_not_a_reversed_encoder(plan: str) -> None:
     assert only(swapped(flight(plan))).check == "motors.swapped"
 
 
-def test_a_rig_in_a_mirror_is_told_by_yaw_and_both_its_causes_are_named() -> None:
+def test_a_mirrored_rig_is_detected_by_yaw_and_both_causes_are_named() -> None:
     fault = only(turned(1)(swapped(flight("rich"))))
     assert (fault.check, fault.axis) == ("encoder.sign", "yaw")
     assert "front and back are swapped too" in fault.cause
 
 
-def test_where_yaw_moves_too_little_both_causes_are_named() -> None:
+def test_with_little_yaw_motion_both_causes_are_named() -> None:
     for change in (swapped, turned(1)):
         fault = only(change(flight("run-step")))
         assert (fault.check, fault.axis) == ("encoder.sign", "pitch")
@@ -88,11 +88,11 @@ def test_where_yaw_moves_too_little_both_causes_are_named() -> None:
         assert fault.confidence <= 0.5
 
 
-def test_voltages_with_the_wrong_sign() -> None:
+def test_voltages_with_the_wrong_sign_are_detected() -> None:
     assert only(with_voltage(flight(), -1)).check == "voltage.sign"
 
 
-def test_a_profile_s_hover_voltage_with_the_wrong_sign() -> None:
+def test_a_hover_voltage_of_the_wrong_sign_in_the_profile_is_detected() -> None:
     r = flight()
     motor = r.profile.motor.model_copy(update={"V_o": -r.profile.motor.V_o})
     fault = only(replace(r, profile=r.profile.model_copy(update={"motor": motor})))
@@ -110,22 +110,22 @@ def test_counts_off_by_a_factor_are_named(plan: str, axis: int, k: float) -> Non
     assert fault.parameters["scale"][0] == pytest.approx(k, rel=0.15)
 
 
-def test_an_encoder_with_fewer_lines_but_the_right_angle_is_only_said() -> None:
+def test_a_coarser_encoder_with_the_right_angle_gives_only_a_note() -> None:
     r = flight()
     coarse = 2 * np.pi / 1024
-    told = names(with_angle(r, 1, np.round(r.angle[:, 1] / coarse) * coarse))
-    assert told == {"encoder.grid.pitch"}
+    faults = names(with_angle(r, 1, np.round(r.angle[:, 1] / coarse) * coarse))
+    assert faults == {"encoder.grid.pitch"}
 
 
 @pytest.mark.parametrize(("factor", "word"), [(180 / np.pi, "degrees"), (np.pi / 180, "radians")])
-def test_degrees_and_radians_are_not_mixed_up(factor: float, word: str) -> None:
+def test_a_wrong_angle_unit_is_named(factor: float, word: str) -> None:
     r = flight()
     for fault in integrity(replace(r, angle=factor * r.angle, reference=factor * r.reference)):
         assert (fault.check, fault.kind) == ("angle.unit", Kind.BAD_DATA)
         assert word in fault.cause
 
 
-def test_raw_counts_are_no_angle() -> None:
+def test_raw_counts_are_not_an_angle() -> None:
     r = flight()
     counts = np.round(r.angle / np.abs(r.profile.encoder.rad_per_count))
     assert {f.check for f in integrity(replace(r, angle=counts))} == {"angle.unit"}
@@ -133,7 +133,7 @@ def test_raw_counts_are_no_angle() -> None:
 
 @given(axis=AXIS, start_s=st.one_of(st.just(0.0), st.floats(10.0, 35.0)))
 @settings(max_examples=12)
-def test_an_encoder_that_freezes_is_named(axis: int, start_s: float) -> None:
+def test_a_frozen_encoder_is_named(axis: int, start_s: float) -> None:
     r = flight("rich")
     k = int(np.searchsorted(r.t, start_s))
     q = r.angle[:, axis].copy()
@@ -146,7 +146,7 @@ def test_an_encoder_that_freezes_is_named(axis: int, start_s: float) -> None:
     lasts=st.booleans(),
 )  # fmt: skip
 @settings(max_examples=12)
-def test_a_jump_of_many_counts_is_no_motion(
+def test_a_jump_of_many_counts_is_not_motion(
     axis: int, at_s: float, size_deg: float, up: bool, lasts: bool
 ) -> None:
     r = flight("run-step")
@@ -157,7 +157,7 @@ def test_a_jump_of_many_counts_is_no_motion(
 
 
 @pytest.mark.parametrize(("axis", "lasts_s"), [(1, 1.0), (2, 10.0)])
-def test_a_jump_that_ends_a_standstill_is_said_to_be_a_frozen_encoder_s(
+def test_a_jump_after_a_standstill_is_attributed_to_a_frozen_encoder(
     axis: int, lasts_s: float
 ) -> None:
     r = flight("rich")
@@ -172,7 +172,7 @@ def test_a_jump_that_ends_a_standstill_is_said_to_be_a_frozen_encoder_s(
     assert from_s == pytest.approx(30.0, abs=0.05)
 
 
-def test_where_two_seconds_are_missing_an_arm_may_be_elsewhere() -> None:
+def test_a_gap_of_two_seconds_is_not_a_jump() -> None:
     r = flight("rich")
     (fault,) = integrity(r.rows((r.t < 30.0) | (r.t >= 32.0)))
     assert fault.check == "timing.gaps"
@@ -180,7 +180,7 @@ def test_where_two_seconds_are_missing_an_arm_may_be_elsewhere() -> None:
 
 
 @pytest.mark.parametrize("plan", ["rich", "steps", "run-step"])
-def test_a_roll_that_was_zeroed_on_the_table_is_bad_data(plan: str) -> None:
+def test_a_roll_zeroed_on_the_table_is_bad_data(plan: str) -> None:
     r = flight(plan)
     fault = only(with_angle(r, 0, r.angle[:, 0] - r.angle[0, 0]))
     assert (fault.check, fault.effect, fault.axis) == ("encoder.zero", "encoder.offset", "roll")
@@ -188,13 +188,13 @@ def test_a_roll_that_was_zeroed_on_the_table_is_bad_data(plan: str) -> None:
     assert "add -27.5°" in fault.fix
 
 
-def test_a_flight_that_starts_level_or_with_a_wrong_zero_was_not_zeroed_on_the_table() -> None:
+def test_a_flight_from_level_or_with_an_offset_was_not_zeroed_on_the_table() -> None:
     r = flight("large")
     assert names(r.between(12.0, 60.0), Kind.BAD_DATA) == set()
     assert "encoder.zero.roll" not in names(flight("rich", "encoder.offset.roll:4"))
 
 
-def test_yaw_folded_into_a_turn_is_said_to_be() -> None:
+def test_yaw_folded_at_360_degrees_is_named() -> None:
     r = flight("rich")
     yaw = r.angle[:, 2] + np.radians(170)
     folded = np.where(yaw > np.pi, yaw - 2 * np.pi, yaw)
@@ -202,7 +202,7 @@ def test_yaw_folded_into_a_turn_is_said_to_be() -> None:
     assert "360" in faults[0].cause
 
 
-def test_motors_off_and_a_clamped_rig_leave_nothing_to_diagnose() -> None:
+def test_motors_off_or_a_clamped_rig_is_not_identifiable() -> None:
     r = flight("run-step")
     at_rest = np.repeat(r.angle[:1], len(r), axis=0)
     still = replace(r, angle=at_rest)
@@ -213,7 +213,7 @@ def test_motors_off_and_a_clamped_rig_leave_nothing_to_diagnose() -> None:
     assert "motors were off" in only(off).cause
 
 
-def test_an_arm_that_never_leaves_the_table() -> None:
+def test_an_arm_that_never_leaves_the_table_is_reported() -> None:
     r = flight("run-step")
     weak = with_angle(r, 0, np.full(len(r), r.angle[0, 0]))
     low = replace(weak, voltage=0.3 * r.voltage, voltage_cmd=0.3 * r.voltage_cmd)
@@ -222,7 +222,7 @@ def test_an_arm_that_never_leaves_the_table() -> None:
     assert "nothing.flies" in names(stiff, Kind.NOT_IDENTIFIABLE)
 
 
-def test_a_flight_ended_for_safety_is_said_with_its_usual_causes() -> None:
+def test_a_safety_stop_is_noted_with_its_reason() -> None:
     r = flight("run-step")
     meta = {**r.meta, "outcome": "tripped", "outcome_details": {"detail": "pitch reached 61°"}}
     (note,) = integrity(replace(r, meta=meta))
@@ -230,7 +230,7 @@ def test_a_flight_ended_for_safety_is_said_with_its_usual_causes() -> None:
     assert "pitch reached 61°" in note.sentence
 
 
-def test_a_yaw_that_is_off_because_pitch_may_be_names_both() -> None:
+def test_a_wrong_yaw_count_that_pitch_may_explain_names_both_axes() -> None:
     # Flown with pitch read half as large, pitch goes to its stops and does not answer.
     fault = only(flight("large", "encoder.scale.pitch:0.5"))
     assert fault.check == "encoder.counts"

@@ -1,4 +1,4 @@
-"""What is no fault of the recording raises none: clean flights, physics, real rigs."""
+"""Recordings without faults raise none: clean flights, physical effects, real rigs."""
 
 from __future__ import annotations
 
@@ -33,24 +33,24 @@ PHYSICS = (
 @pytest.mark.parametrize(
     ("plan", "seed"), [("rich", 1201), ("steps", 1201), ("run-step", 1201), ("run-step", 1202)]
 )
-def test_a_clean_flight_is_left_alone(plan: str, seed: int) -> None:
+def test_a_clean_flight_has_no_fault(plan: str, seed: int) -> None:
     assert names(flight(plan, seed=seed)) == set()
 
 
 @pytest.mark.parametrize("hide", PHYSICS)
-def test_physics_is_not_taken_for_a_fault_of_the_recording(hide: str) -> None:
+def test_physical_effects_are_not_recording_faults(hide: str) -> None:
     for plan in ("rich", "run-step"):
         assert names(flight(plan, hide), *Kind.ORDER[:3]) == set()
 
 
 @needs_real_data
-def test_real_rigs_are_told_their_clock_and_nothing_that_stops() -> None:
+def test_real_rigs_report_only_their_sampling_jitter() -> None:
     for rig in ("rig-a", "rig-b"):
         profile = h3.load_profile(REAL_DATA / rig / "profile.toml")
         for path in sorted((REAL_DATA / rig).glob("*.csv")):
-            found = names(h3.load(path, profile), *Kind.ORDER[:3])
+            faults = names(h3.load(path, profile), *Kind.ORDER[:3])
             jittery = rig == "rig-a" and path.name.startswith("closed")
-            assert found == ({"timing.jitter"} if jittery else set()), path.name
+            assert faults == ({"timing.jitter"} if jittery else set()), path.name
 
 
 def test_a_minute_at_500_hz_takes_less_than_half_a_second() -> None:
@@ -64,7 +64,7 @@ def test_a_minute_at_500_hz_takes_less_than_half_a_second() -> None:
     bad=st.sampled_from([np.nan, np.inf, 0.0]),
 )  # fmt: skip
 @settings(max_examples=40)
-def test_no_scrap_of_a_recording_makes_a_check_stumble(
+def test_no_part_of_a_recording_makes_a_check_fail(
     first: int, rows: int, missing: list[str], bad: float
 ) -> None:
     r = flight("run-step").rows(slice(first, first + rows))
@@ -81,6 +81,6 @@ def test_no_scrap_of_a_recording_makes_a_check_stumble(
         assert fault.fix
 
 
-def test_every_check_says_what_it_tells() -> None:
+def test_every_check_describes_itself() -> None:
     assert len({c.name for c in checks()}) == len(checks()) >= 10
     assert all(c.tells for c in checks())

@@ -1,4 +1,4 @@
-"""Voltages that are not the volts at the motors."""
+"""Recorded voltages that are not the voltages at the motors."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ PLANS = ("rich", "steps", "run-step")
 
 
 @pytest.mark.parametrize("plan", PLANS)
-def test_a_gain_switch_at_three_is_the_amplifier(plan: str) -> None:
+def test_an_amplifier_gain_of_three_is_detected(plan: str) -> None:
     fault = only(with_voltage(flight(plan), 1 / 3))
     assert (fault.check, fault.kind) == ("amplifier.gain", Kind.BAD_DATA)
     assert fault.parameters["gain"][0] == pytest.approx(3.0, rel=0.1)
     assert "switch" in fault.cause
 
 
-def test_a_thrust_gain_off_by_a_third_is_physics() -> None:
+def test_a_thrust_gain_off_by_a_third_is_not_a_fault() -> None:
     assert names(flight("rich", "motor.thrust_gain:1.35"), *Kind.ORDER[:3]) == set()
 
 
@@ -35,7 +35,7 @@ def test_another_unit_is_named(factor: float, word: str) -> None:
     assert word in fault.cause
 
 
-def test_what_was_asked_for_in_place_of_what_was_applied() -> None:
+def test_commanded_in_place_of_applied_voltages_are_detected() -> None:
     r = flight()
     cmd = r.voltage_cmd.copy()
     cmd[100:110] = 60.0  # the take-off of a real log: far beyond the limiter
@@ -44,31 +44,31 @@ def test_what_was_asked_for_in_place_of_what_was_applied() -> None:
     assert "v_front_cmd_V" in fault.fix
 
 
-def test_a_gain_between_the_two_voltages_is_seen() -> None:
+def test_a_gain_between_the_two_voltages_is_detected() -> None:
     r = flight()
     assert only(replace(r, voltage=r.voltage / 3)).check == "voltage.commanded"
 
 
-def test_a_command_that_is_a_row_late_is_only_said() -> None:
+def test_a_command_one_row_late_is_only_a_note() -> None:
     r = flight()
     late = np.vstack([r.voltage[:1], r.voltage[:-1]])
     assert names(replace(r, voltage=late)) == {"voltage.commanded"}
     assert names(replace(r, voltage=late), Kind.NOTE) == {"voltage.commanded"}
 
 
-def test_a_limiter_below_the_profile_s_is_said() -> None:
+def test_a_limiter_below_the_profile_s_is_a_note() -> None:
     r = flight("large")
     clipped = np.clip(r.voltage, -9.0, 9.0)
     assert "voltage.clipped" in names(replace(r, voltage=clipped, voltage_cmd=clipped), Kind.NOTE)
 
 
-def test_no_voltage_at_all() -> None:
+def test_missing_voltages_are_bad_data() -> None:
     r = flight()
     assert only(replace(r, voltage=np.full_like(r.voltage, np.nan))).kind == Kind.BAD_DATA
 
 
 @pytest.mark.parametrize("motor", [0, 1])
-def test_one_motor_s_wrong_sign_is_no_other_unit(motor: int) -> None:
+def test_a_wrong_sign_of_one_motor_is_not_another_unit(motor: int) -> None:
     r = flight()
     sign = np.where(np.arange(2) == motor, -1.0, 1.0)
     fault = only(replace(r, voltage=r.voltage * sign, voltage_cmd=r.voltage_cmd * sign))
