@@ -69,7 +69,7 @@ def radians_as_degrees() -> str:
         (changed("t_s", 100, 0.0), ["102"]),  # the file's line, the header being line 1
         (changed("roll_deg", 50, float("nan")), ["roll_deg", "52"]),
         (log(n=2), ["2"]),
-        ("", ["no table"]),
+        ("", ["is empty"]),
     ],
     ids=[
         "missing",

@@ -81,7 +81,7 @@ def test_the_cable_is_named_with_its_size_and_the_gain_is_measured(result: Resul
     assert set(finding) >= {"score", "confidence", "tied_with", "gain"}
     gain = finding["gain"]["holdout_rmse_deg"]
     assert gain["after"]["yaw"] < 0.25 * gain["before"]["yaw"]
-    for words in ("stiffness.cable.yaw", "noise alone", "Calibration"):
+    for words in ("stiffness.cable.yaw", "noise floor", "Calibration"):
         assert words in result.err
     assert "Screening against 8 simulated nulls …\n" in result.err
     assert "nulls … " not in result.err  # how far it has come is for terminals
@@ -160,7 +160,7 @@ def test_a_bad_recording_is_printed_and_exits_with_5(
     bad = heli3dof("diagnose", flight, "--quick", "-o", tmp_path / "m.json", "--json")
     assert bad.code == 5
     assert bad.document["verdict"] == "bad_data"
-    assert "recording itself is at fault" in bad.err
+    assert "recording itself is faulty" in bad.err
 
 
 def test_a_log_in_the_wrong_unit_is_bad_data_and_not_an_error(flight: Path, tmp_path: Path) -> None:
@@ -195,7 +195,7 @@ def test_swapped_columns_that_look_like_a_wrong_unit_are_named(
     assert fault["check"] == "columns.swapped"
     assert "roll_deg and yaw_deg" in fault["fix"]
     result = heli3dof("info", log, "--profile", RIG)
-    assert "heli3dof diagnose tells" in result.err
+    assert "heli3dof diagnose finds" in result.err
 
 
 def test_missing_recordings_and_logs_without_a_profile_are_refused(tmp_path: Path) -> None:
