@@ -82,14 +82,14 @@ def _instead(word: str) -> str:
 
 def long_sentences_in(file: str, text: str) -> Iterator[Place]:
     """Sentences of Markdown prose with more than `LONGEST` words."""
-    for number, paragraph in _paragraphs(text):
+    for number, paragraph in paragraphs(text):
         for sentence in re.split(r"(?<=[.!?:;])\s+", paragraph):
             count = len(re.findall(r"\b[\w'’-]+\b", sentence))
             if count > LONGEST:
                 yield Place(file, number, f"a sentence of {count} words: “{sentence[:50]}…”")
 
 
-def _paragraphs(text: str) -> Iterator[tuple[int, str]]:
+def paragraphs(text: str) -> Iterator[tuple[int, str]]:
     """(line number, text) of each paragraph of prose, inline code as one word."""
     text = re.sub(r"<!-- \S+: made by.*?<!-- end of .*?-->", _blank, text, flags=re.DOTALL)
     text = re.sub(r"^( *)```.*?^\1```", _blank, text, flags=re.DOTALL | re.MULTILINE)

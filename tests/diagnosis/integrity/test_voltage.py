@@ -27,7 +27,7 @@ def test_a_thrust_gain_off_by_a_third_is_not_a_fault() -> None:
 
 
 @pytest.mark.parametrize(
-    ("factor", "word"), [(1000, "millivolts"), (100 / 24, "per cent"), (1 / 24, "share")]
+    ("factor", "word"), [(1000, "millivolts"), (100 / 24, "per cent"), (1 / 24, "fractions")]
 )
 def test_another_unit_is_named(factor: float, word: str) -> None:
     fault = only(with_voltage(flight(), factor))
