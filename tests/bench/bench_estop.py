@@ -31,7 +31,7 @@ INTRO = (
 FLIGHTS = int(os.environ.get("ESTOP_FLIGHTS", "20"))
 RACES = int(os.environ.get("ESTOP_RACES", "200"))
 LATEST_S = 2.0
-DOOR = [sys.executable, "-m", "heli3dof_drivers.emulator.transport_pty", "--with-parent"]
+EMULATED_RIG = [sys.executable, "-m", "heli3dof_drivers.emulator.transport_pty", "--with-parent"]
 RIG = "mock:?start=level"
 
 
@@ -95,10 +95,12 @@ def flying() -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     quiet = subprocess.DEVNULL
     with (
         tempfile.TemporaryDirectory() as folder,
-        subprocess.Popen([*DOOR, "--device", RIG], stdout=subprocess.PIPE, text=True) as door,
+        subprocess.Popen(
+            [*EMULATED_RIG, "--device", RIG], stdout=subprocess.PIPE, text=True
+        ) as rig,
     ):
-        assert door.stdout is not None
-        device = f"serial://{door.stdout.readline().strip()}"
+        assert rig.stdout is not None
+        device = f"serial://{rig.stdout.readline().strip()}"
         words = ["run-step", "--roll", "5", "--device", device, "-o", str(Path(folder) / "f.mcap")]
         run = [sys.executable, "-m", "heli3dof", *words]
         with subprocess.Popen(run, stdout=quiet, stderr=quiet) as process:
@@ -111,4 +113,4 @@ def flying() -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
                 yield device, process
             finally:
                 process.kill()
-                door.kill()
+                rig.kill()

@@ -13,7 +13,7 @@ from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import TABLE_I, profile_from_dict
 from tests.bench import Figure, at_least, at_most
-from tests.drivers.doors import Door, firmware_door
+from tests.drivers.emulated_rigs import RigProcess, firmware_rig
 from tests.drivers.firmware.building import run
 from tests.drivers.link.faults import KINDS, Tally, Trial
 
@@ -33,9 +33,9 @@ MEDIAN_US = 150.0
 
 def measure() -> list[Figure]:
     figures = harmed()
-    with firmware_door() as door:
+    with firmware_rig() as rig_process:
         for rate_hz in (500.0, 1000.0):
-            figures.append(polled(door, rate_hz))
+            figures.append(polled(rig_process, rate_hz))
     return figures
 
 
@@ -86,10 +86,10 @@ def against_the_firmware(trial: Trial) -> tuple[int, int]:
     return len(expected), different + abs(len(expected) - len(answered))
 
 
-def polled(door: Door, rate_hz: float) -> Figure:
+def polled(rig_process: RigProcess, rate_hz: float) -> Figure:
     """The host keeps time and asks for each sample: what a question and its answer take."""
     profile = profile_from_dict({**TABLE_I, "loop": {"rate_hz": rate_hz}})
-    rig = open_driver(door.url("stream=0"), profile)
+    rig = open_driver(rig_process.url("stream=0"), profile)
     assert isinstance(rig, LinkRig)
     with realtime() as granted:
         rig.arm()

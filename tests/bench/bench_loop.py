@@ -75,10 +75,10 @@ def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
     name = f"{rate_hz}-{granted}-{tcp}-{awake}"
     profile = write_profile(folder / f"{rate_hz}.toml", rate_hz=rate_hz, **PATIENT)
     output, log = (folder / f"{name}.{suffix}" for suffix in ("mcap", "late"))
-    door = ("--tcp", "0") if tcp else ()
+    transport = ("--tcp", "0") if tcp else ()
     # A device has a processor of its own: neither the flight's core nor the one that may sleep.
     apart = sorted(os.sched_getaffinity(0))[1:-1]
-    options = ("--watchdog", "500", "--late", str(log), *door)
+    options = ("--watchdog", "500", "--late", str(log), *transport)
     without = ("permissions",) * (not granted) + ("awake",) * (not awake)
     with firmware(program, *options, cores=apart) as device:
         with (

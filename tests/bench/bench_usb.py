@@ -1,4 +1,4 @@
-"""The USB door: flights over the emulated bus, and a real Linux USB stack in a virtual machine."""
+"""The USB transport: flights over the emulated bus, and a real Linux USB stack in a VM."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.bench import Figure, Table, at_most
 from tests.kernel_usb.packages import Missing
 from tests.kernel_usb.run import run_guest
 
-TITLE = "The USB door"
+TITLE = "The USB transport"
 INTRO = (
     "Emulated bus: pyusb on a backend of its own in the same process, device and host sharing one "
     "interpreter, 500 Hz. Real stack: libusb, the Linux kernel's USB core and udev in a virtual "

@@ -24,7 +24,7 @@ from heli3dof.recording.row import CLOSED_LOOP, Row
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import Profile, default_profile
 from tests.bench import Figure, at_most
-from tests.drivers.doors import firmware_door
+from tests.drivers.emulated_rigs import firmware_rig
 from tests.experiment.safety_monitors.hovering import hover, patient
 from tests.profiles import PATIENT, write_profile
 
@@ -136,11 +136,11 @@ def on_the_firmware(case: tuple[str, str, float, int]) -> Frozen:
     words = {"step": ["run-step", "--roll", "10", "--yaw", "20"]}.get(plan, ["run", plan])
     with tempfile.TemporaryDirectory() as folder:
         profile = write_profile(Path(folder) / "rig.toml", rate_hz=200, **PATIENT)
-        with firmware_door("--freeze-encoder", f"{axis}@{at_s:g}") as door:
+        with firmware_rig("--freeze-encoder", f"{axis}@{at_s:g}") as rig_process:
             done = subprocess.run(
                 [
                     sys.executable, "-m", "heli3dof", *words, "--json", "--device",
-                    door.url("watchdog_s=0.9"), "--profile", str(profile),
+                    rig_process.url("watchdog_s=0.9"), "--profile", str(profile),
                     "-o", str(Path(folder) / "f.mcap"),
                 ],
                 capture_output=True, text=True,

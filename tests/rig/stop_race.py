@@ -23,7 +23,7 @@ from heli3dof.errors import RecordingError
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.interface import Flags
 from heli3dof.rig.session.estop import stop_rigs
-from tests.drivers.doors import firmware_door
+from tests.drivers.emulated_rigs import firmware_rig
 from tests.profiles import END_S, PATIENT, write_profile
 
 OWN = ("XDG_RUNTIME_DIR", "XDG_STATE_HOME")
@@ -53,7 +53,7 @@ def race(kind: str, moment_s: float, *, everything: bool) -> Race:
     with _own_folders() as folder:
         log = folder / "volts"
         if kind == "firmware":
-            with firmware_door("--log", str(log)) as rig:
+            with firmware_rig("--log", str(log)) as rig:
                 return _race(rig.url("watchdog_s=1"), moment_s, folder, log, everything)
         return _race("mock:?watchdog_s=1", moment_s, folder, None, everything)
 

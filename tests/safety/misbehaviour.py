@@ -53,7 +53,7 @@ from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session.server import Session
 from heli3dof.rig.session.stoppable_rig import StoppableRig
 from tests.clock import Clock, installed
-from tests.drivers.doors import firmware_door
+from tests.drivers.emulated_rigs import firmware_rig
 from tests.drivers.link.lines import DirectLine
 
 RAMP_S = 0.2
@@ -423,12 +423,12 @@ def firmware(seed: int) -> Result:
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", folder)
         log, path = Path(folder) / "log", Path(folder) / "flight.mcap"
-        with firmware_door("--log", str(log), "--seed", str(seed), *switches) as door:
+        with firmware_rig("--log", str(log), "--seed", str(seed), *switches) as rig:
             if when_s is not None:
-                timer = threading.Timer(when_s, _happen, (door.process.pid, happens))
+                timer = threading.Timer(when_s, _happen, (rig.process.pid, happens))
                 timer.start()
             try:
-                flight = fly_plan(PLAN, device=door.url(f"stream={seed % 2}"), profile=PROFILE,
+                flight = fly_plan(PLAN, device=rig.url(f"stream={seed % 2}"), profile=PROFILE,
                                   output=path)  # fmt: skip
                 _judge(flight, found)
                 read_recording(path)
@@ -439,7 +439,7 @@ def firmware(seed: int) -> Result:
             if when_s is not None:
                 timer.cancel()
                 timer.join()
-            if happens == "kill" and door.process.poll() is not None:
+            if happens == "kill" and rig.process.poll() is not None:
                 return found  # without its program the rig has no output
             time.sleep(0.3 + RAMP_S + SLACK_S)
             last = log.read_text().splitlines()[-1:] if log.exists() else []

@@ -32,7 +32,7 @@ from heli3dof_drivers.link.frames import (
     wire,
 )
 
-from tests.drivers.doors import Door, firmware_door
+from tests.drivers.emulated_rigs import RigProcess, firmware_rig
 from tests.drivers.firmware.building import rig_program
 from tests.profiles import STANDSTILL_S
 
@@ -124,8 +124,8 @@ PATIENT = ("--watchdog", "1000")
 
 
 @contextmanager
-def rig(*options: str) -> Iterator[tuple[Door, Host]]:
-    with firmware_door(*options) as emulated:
+def rig(*options: str) -> Iterator[tuple[RigProcess, Host]]:
+    with firmware_rig(*options) as emulated:
         host = Host(emulated.path)
         try:
             yield emulated, host
@@ -336,7 +336,7 @@ def test_it_ends_with_its_parent(tmp_path: Path):
 
 
 def test_a_wrong_command_line_prints_the_usage():
-    with pytest.raises(RuntimeError), firmware_door("--jump-encoder", "yaw@3"):
+    with pytest.raises(RuntimeError), firmware_rig("--jump-encoder", "yaw@3"):
         pass
 
 
