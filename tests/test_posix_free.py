@@ -1,6 +1,6 @@
-"""Without what only POSIX has, rigs fly, are stopped from a second terminal, recorded and examined.
+"""Without POSIX-only functions, rigs fly, are stopped, recorded, identified and diagnosed.
 
-See `tests.posix_free` for what is taken away, and for what this does not prove.
+See `tests.posix_free` for the removed functions, and for the limits of this test.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ def env(tmp_path: Path) -> Mapping[str, str]:
 
 
 def document(env: Mapping[str, str], *words: object, code: int = 0) -> Any:
-    """What a verb says as JSON."""
+    """The JSON document of a command."""
     command = [*RUN, *map(str, words), "--json"]
     done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=END_S)
     assert done.returncode == code, done.stderr
     return json.loads(done.stdout)
 
 
-def test_what_is_taken_away_is_gone() -> None:
+def test_posix_only_functions_are_removed() -> None:
     looks = (
         "import os, socket, tests.posix_free as free; free.take_away()\n"
         "for name in free.MODULES:\n"
