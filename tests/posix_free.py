@@ -1,8 +1,8 @@
 """``python tests/posix_free.py MODULE WORD…``: run a module without POSIX-only functions.
 
-It first removes what Python on Windows lacks: these modules cannot be imported, these attributes do
-not exist. The rest stays Linux (file system, signals, ``sys.platform``). A run shows that the module
-needs nothing POSIX-only; it shows nothing about Windows itself.
+It first removes the modules and attributes that Python on Windows lacks. The rest stays Linux (file
+system, signals, ``sys.platform``). A run shows that the module needs nothing POSIX-only; it shows
+nothing about Windows itself.
 """
 
 from __future__ import annotations

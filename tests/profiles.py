@@ -8,15 +8,15 @@ from typing import Any
 
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
 
-STANDSTILL_S = 0.15
-"""s: longest host stall that the tests tolerate. A virtual machine may lose all processors at once"""
+STALL_S = 0.15
+"""s: longest host stall that the tests tolerate (a virtual machine may lose all its processors)"""
 START_S = 240.0
 """s: limit for the start of a flight in its own process. The first one compiles, which takes more
 than a minute on two busy cores"""
 END_S = 240.0
 """s: limit for the end of a process or the answer of a thread; a timeout, not a measured bound"""
 PATIENT = {
-    "late_max_s": 2 * STANDSTILL_S,
+    "late_max_s": 2 * STALL_S,
     "late_max_share": 1.0,
     "lost_max_s": 0.4,
     "slew_max_V_per_s": 1e6,

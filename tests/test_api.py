@@ -1,4 +1,4 @@
-"""The Python API: public names import, are documented and typed, and give the results of the commands."""
+"""The Python API: public names import, are documented, typed, and work like the commands."""
 
 from __future__ import annotations
 

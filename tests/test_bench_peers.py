@@ -54,15 +54,20 @@ def test_every_kind_of_model_is_read_back_with_its_cost_and_setting(tmp_path: Pa
         "physical": lambda: interface.write_physical(path, meter, "how", TRUTH, TRUTH),
     }.items():
         write()
-        found = read_found(path)
-        assert (found.kind, found.setting, found.cpu_s, found.peak_MB) == (kind, "how", 1.5, 64.0)
+        result = read_found(path)
+        assert (result.kind, result.setting, result.cpu_s, result.peak_MB) == (
+            kind,
+            "how",
+            1.5,
+            64.0,
+        )
         key, value = ("values", TRUTH) if kind == "physical" else ("A", A)
-        np.testing.assert_array_equal(found.arrays[key], value)
+        np.testing.assert_array_equal(result.arrays[key], value)
 
 
 def test_a_fit_every_40_ms_is_judged_as_the_continuous_plant_it_came_from() -> None:
-    found = Found("discrete", "", 0, 0, {**black_box(0.04), "interval_s": np.array(0.04)})
-    model = judge.linear_model(found, KNOWN, 0.002)
+    result = Found("discrete", "", 0, 0, {**black_box(0.04), "interval_s": np.array(0.04)})
+    model = judge.linear_model(result, KNOWN, 0.002)
     want = black_box(0.002)
     response = model.C @ np.linalg.matrix_power(model.A, 50) @ model.B
     np.testing.assert_allclose(

@@ -107,13 +107,13 @@ def _is_module(name: str) -> bool:
 
 
 def test_every_package_is_in_the_table() -> None:
-    found = {
+    result = {
         p.stem if p.is_file() else p.name
         for p in (ROOT / "heli3dof").iterdir()
         if p.suffix == ".py" or (p / "__init__.py").exists()
         if not p.name.startswith("__")
     }
-    assert found == set(MAY_IMPORT)
+    assert result == set(MAY_IMPORT)
 
 
 def test_heli3dof_never_imports_a_driver_package() -> None:

@@ -32,7 +32,8 @@ def examples_after(before: str) -> str:
 
 
 def test_examples_do_not_depend_on_the_modules_loaded_before() -> None:
-    assert examples_after("pass") == examples_after("import heli3dof.rig.profile, heli3dof.experiment.plan")
+    other_modules = "import heli3dof.rig.profile, heli3dof.experiment.plan"
+    assert examples_after("pass") == examples_after(other_modules)
 
 
 def test_an_example_has_no_deadline() -> None:

@@ -53,9 +53,9 @@ def measure() -> list[Figure]:
             train, test = flight(plan, seed), flight(plan, seed + 100)
             truths.append(fit_percent(test, flight(plan, seed + 100, noise=0.0)))
             start = time.perf_counter()
-            found = identify(train, holdout=test, method="pem")
+            result = identify(train, holdout=test, method="pem")
             seconds.append(time.perf_counter() - start)
-            fits.append(found.metrics.replay.fit_percent)
+            fits.append(result.metrics.replay.fit_percent)
         mean, truth = np.mean(fits, axis=0), np.mean(truths, axis=0)
         each = ", ".join(f"{f[1]:.1f}" for f in fits)
         figures.append(

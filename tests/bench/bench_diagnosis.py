@@ -62,8 +62,8 @@ def cores(count: int) -> Iterator[None]:
 def warm(recording: Recording, quick: bool) -> tuple[float, float, str]:
     """(wall s, CPU s, verdict)"""
     wall, cpu = time.perf_counter(), time.process_time()
-    found = diagnose(recording, quick=quick)
-    return time.perf_counter() - wall, time.process_time() - cpu, found.verdict
+    result = diagnose(recording, quick=quick)
+    return time.perf_counter() - wall, time.process_time() - cpu, result.verdict
 
 
 def cold(path: Path, quick: bool) -> float:

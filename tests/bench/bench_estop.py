@@ -36,14 +36,14 @@ RIG = "mock:?start=level"
 
 
 def measure() -> list[Figure]:
-    asked = [stopped_in(hung=False) for _ in range(FLIGHTS)]
+    by_session = [stopped_in(hung=False) for _ in range(FLIGHTS)]
     past = [stopped_in(hung=True) for _ in range(max(1, FLIGHTS // 4))]
     return [
         at_most(
             f"stopped by the session that flies, {what}", value * 1e3, 100, "ms",
             how=f"{FLIGHTS} flights",
         )
-        for what, value in (("median", statistics.median(asked)), ("longest", max(asked)))
+        for what, value in (("median", statistics.median(by_session)), ("longest", max(by_session)))
     ] + [
         at_most(
             "stopped past a session that hangs, longest", max(past) * 1e3, 500, "ms",

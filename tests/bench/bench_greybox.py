@@ -41,10 +41,10 @@ def one_fit(job: tuple[int, str, float]) -> dict[str, Any]:
 
     seed, plan, noise = job
     flight = fly(seed, plan, noise=noise)
-    found = fit_greybox(flight.recording)
-    problem = found.problem
-    truth = problem.coordinates(np.array([flight.truth[f.name] for f in found.free]))
-    on = {t.effect.name for t in found.structure.terms}
+    result = fit_greybox(flight.recording)
+    problem = result.problem
+    truth = problem.coordinates(np.array([flight.truth[f.name] for f in result.free]))
+    on = {t.effect.name for t in result.structure.terms}
     absent = [
         f"{e.name}.{a}" if a else e.name
         for e in effects().values()
@@ -52,13 +52,13 @@ def one_fit(job: tuple[int, str, float]) -> dict[str, Any]:
         if len(e.parameters) == 1 and e.screened and e.name not in {*on, *REDUNDANT}
     ]
     return {
-        "error": found.optimum.theta - truth,
-        "sd": found.std / found.slopes,
+        "error": result.optimum.theta - truth,
+        "sd": result.std / result.slopes,
         "bound": cramer_rao(problem, truth, flight.noise),
-        "lag": float(found.values[list(found.structure.names).index(LAG)]) / 0.1 - 1,
-        "noise": found.optimum.noise[:3] / flight.noise[:3],
-        "converged": found.optimum.converged,
-        "false": max(score_test(found, term(n)).score for n in absent),
+        "lag": float(result.values[list(result.structure.names).index(LAG)]) / 0.1 - 1,
+        "noise": result.optimum.noise[:3] / flight.noise[:3],
+        "converged": result.optimum.converged,
+        "false": max(score_test(result, term(n)).score for n in absent),
     }
 
 
@@ -96,10 +96,10 @@ def one_start(seed: int) -> float:
     from heli3dof.identification.greybox.method import fit_greybox
     from tests.identification.known_flights import fly
 
-    found = fit_greybox(fly(seed, "multisine").recording)
+    result = fit_greybox(fly(seed, "multisine").recording)
     rng = np.random.default_rng(seed)
-    theta = found.problem.prior_mean.copy()
-    for j, f in enumerate(found.free):
+    theta = result.problem.prior_mean.copy()
+    for j, f in enumerate(result.free):
         factor = np.exp(rng.uniform(-1, 1) * np.log(2))
         if f.log:
             theta[j] += np.log(factor)
@@ -107,9 +107,9 @@ def one_start(seed: int) -> float:
             theta[j] *= factor
         else:
             theta[j] = factor * f.inward(f.typical)
-    again = maximise(found.problem, theta)
-    sd = found.std / found.slopes
-    return float(np.abs((again.theta - found.optimum.theta) / sd).max())
+    again = maximise(result.problem, theta)
+    sd = result.std / result.slopes
+    return float(np.abs((again.theta - result.optimum.theta) / sd).max())
 
 
 def fit_seconds() -> float:
@@ -120,9 +120,9 @@ def fit_seconds() -> float:
     recording = fly(1, long_plan()).recording
     fit_greybox(recording)
     start = time.process_time()
-    found = fit_greybox(recording)
-    assert np.isfinite(found.std).all()
-    assert np.isfinite(found.bound).all()
+    result = fit_greybox(recording)
+    assert np.isfinite(result.std).all()
+    assert np.isfinite(result.bound).all()
     return time.process_time() - start
 
 

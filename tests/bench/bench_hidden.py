@@ -54,20 +54,20 @@ changes or torques of unknown frequency. The residual test knows no names."""
 
 def measure() -> list[Figure | Table]:
     jobs = wanted(FIRST, SHARE)
-    asked: dict[str, list[Judged]] = {}
+    by_tool: dict[str, list[Judged]] = {}
     for name in ("whole", "pysindy", "residuals"):
         if TOOLS[name].missing:
             print(f"  {TOOLS[name].title}: {TOOLS[name].missing}", file=sys.stderr)
             continue
         lines = list(run(jobs, name, processes=JOBS).values())
-        asked[name] = judged(lines)
+        by_tool[name] = judged(lines)
         if name == "whole":
             print(summary(lines))
-    ours = asked["whole"]
+    ours = by_tool["whole"]
     return [
         Table("Hidden effects, and what was found (where several: how often)", HEAD,
               tuple(rows(ours))),
-        beside(asked), *figures(ours), *timed(),
+        beside(by_tool), *figures(ours), *timed(),
     ]  # fmt: skip
 
 
@@ -77,8 +77,8 @@ HEAD = ("hidden", "flights", "right", "found")
 def rows(cases: list[Judged]) -> list[tuple[str, ...]]:
     """The confusion matrix by rows, without its empty cells."""
     return [
-        (hidden, group, f"{right}/{n}", found)
-        for hidden, group, n, right, found in confusions(cases)
+        (hidden, group, f"{right}/{n}", result)
+        for hidden, group, n, right, result in confusions(cases)
     ]
 
 

@@ -37,13 +37,13 @@ def measure() -> list[Figure]:
 def _replay(plan: str, method: str) -> Figure:
     fits, ahead, truths, orders = [], [], [], []
     for seed in SEEDS:
-        found = identify(
+        result = identify(
             mock_flight(plan, seed), holdout=mock_flight(plan, seed + 10), method=method
         )
-        fits.append(found.metrics.replay.fit_percent)
-        ahead.append([found.metrics.prediction[h].fit_percent for h in (0.0, 0.1, 0.5, 1.0)])
-        orders.append(found.order)
-        start = found.prepared.held_out[0].start + 1000
+        fits.append(result.metrics.replay.fit_percent)
+        ahead.append([result.metrics.prediction[h].fit_percent for h in (0.0, 0.1, 0.5, 1.0)])
+        orders.append(result.order)
+        start = result.prepared.held_out[0].start + 1000
         truths.append(truth_replay(plan, seed + 10, start))
     fit, truth = np.array(fits)[:, 1], np.mean(truths, axis=0)[1]
     each = ", ".join("diverges" if f < -1e3 else f"{f:.1f}" for f in fit)

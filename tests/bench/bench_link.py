@@ -75,13 +75,13 @@ def harmed() -> list[Figure]:
 
 def against_the_firmware(trial: Trial) -> tuple[int, int]:
     """Answers of the emulated device, and those that the firmware's core gives otherwise."""
-    said = "".join(f"{now} > {data.hex()}\n" for now, data, _ in trial.script)
+    sent = "".join(f"{now} > {data.hex()}\n" for now, data, _ in trial.script)
     expected = [
         f"{now} < {piece.hex()}00"
         for now, _, answer in trial.script
         for piece in answer.split(b"\0")[:-1]
     ]
-    answered = run("heli3dof-replay", text=said)
+    answered = run("heli3dof-replay", text=sent)
     different = sum(a != b for a, b in zip(expected, answered, strict=False))
     return len(expected), different + abs(len(expected) - len(answered))
 

@@ -106,39 +106,39 @@ def device_late_s(device: str, profile: Path) -> float:
 def punctual(flights: dict[Kind, dict[str, Any]]) -> list[Figure]:
     """The bars at 500 Hz: how late and why, and nothing lost on the line."""
     figures = []
-    for kind, found in flights.items():
+    for kind, result in flights.items():
         if kind.rate_hz != 500 or not kind.awake:
             continue
         granted, bar = kind.granted, 0.0 if kind.granted else 0.1
-        assert found["realtime"]["scheduled"] is granted, "this machine grants no SCHED_FIFO"
+        assert result["realtime"]["scheduled"] is granted, "this machine grants no SCHED_FIFO"
         what = "with real-time scheduling" if granted else "nothing granted"
         what += ", over TCP instead" * kind.tcp
         what = f"500 Hz, {what}"
-        why: Lateness = found["why_late"]
-        stalls, seconds = found["stalls"], why.periods / 500
+        reason: Lateness = result["why_late"]
+        stalls, seconds = result["stalls"], reason.periods / 500
         figures += [
             at_most(
-                f"{what}: late by more than 1 ms", 100 * found["punctuality"]["late_share"], bar,
-                "%", how=f"{why.late} periods",
+                f"{what}: late by more than 1 ms", 100 * result["punctuality"]["late_share"], bar,
+                "%", how=f"{reason.late} periods",
             ),
             Figure(
-                f"{what}: of these, while the machine stood still", f"{why.stalled}", "", None,
+                f"{what}: of these, while the machine stood still", f"{reason.stalled}", "", None,
                 f"it did so {len(stalls.seen)} times, {1e3 * stalls.worst_s:.0f} ms at worst, "
                 f"{100 * stalls.together_s / seconds:.2g} % of the time",
             ),
             Figure(
-                f"{what}: of these, written late by the firmware", f"{why.device}", "", None,
+                f"{what}: of these, written late by the firmware", f"{reason.device}", "", None,
                 "its process was held up between reading the encoders and writing",
             ),
             at_most(
-                f"{what}: late for neither reason", 100 * why.own / why.periods, bar, "%",
-                how=f"{why.own_times} times, {1e3 * why.own_worst_s:.2f} ms at worst",
+                f"{what}: late for neither reason", 100 * reason.own / reason.periods, bar, "%",
+                how=f"{reason.own_times} times, {1e3 * reason.own_worst_s:.2f} ms at worst",
             ),
-            at_most(f"{what}: samples lost on the line", found["lost_periods"], 0, ""),
+            at_most(f"{what}: samples lost on the line", result["lost_periods"], 0, ""),
             Figure(
                 f"{what}: left out by the device, missed by the host",
-                f"{found['left_out_periods']}, {found['missed_periods']}", "", None,
-                f"the firmware's process late by {1e3 * found['device_late_s']:.2f} ms at worst",
+                f"{result['left_out_periods']}, {result['missed_periods']}", "", None,
+                f"the firmware's process late by {1e3 * result['device_late_s']:.2f} ms at worst",
             ),
         ]  # fmt: skip
     return figures
@@ -147,21 +147,21 @@ def punctual(flights: dict[Kind, dict[str, Any]]) -> list[Figure]:
 def side_by_side(flights: dict[Kind, dict[str, Any]]) -> Table:
     """Every flight's quantiles."""
     rows = []
-    for kind, found in flights.items():
-        p = found["punctuality"]
+    for kind, result in flights.items():
+        p = result["punctuality"]
         late = (p["median_s"], p["p99_s"], p["p999_s"], p["worst_s"])
         turn = (p["turnaround_median_s"], p["turnaround_p999_s"])
         rows.append(
             (
                 f"{kind.rate_hz} Hz" + ", TCP" * kind.tcp + ", cores let sleep" * (not kind.awake),
                 "all" if kind.granted else "nothing",
-                str(found["periods"]),
+                str(result["periods"]),
                 " / ".join(_us(v) for v in late),
                 f"{100 * p['late_share']:.3g} %",
-                " / ".join(str(found[f"{w}_periods"]) for w in ("lost", "left_out", "missed")),
+                " / ".join(str(result[f"{w}_periods"]) for w in ("lost", "left_out", "missed")),
                 " / ".join(_us(v) for v in turn),
-                " / ".join(_us(found["link"][f"delay_{q}_s"]) for q in ("median", "p999")),
-                _us(found["device_late_s"]),
+                " / ".join(_us(result["link"][f"delay_{q}_s"]) for q in ("median", "p999")),
+                _us(result["device_late_s"]),
             )
         )
     return Table(

@@ -103,8 +103,8 @@ def judged(tool: Tool, plan: str, seed: int, folder: Path, held_out: judge.Prepa
     except subprocess.TimeoutExpired:
         return Fit(tool, plan, seed, problem=f"not done after {TIME_LIMIT_S} s")
     except subprocess.CalledProcessError as error:
-        said = (error.stderr or "").strip().splitlines()
-        return Fit(tool, plan, seed, problem=said[-1] if said else f"exit {error.returncode}")
+        message = (error.stderr or "").strip().splitlines()
+        return Fit(tool, plan, seed, problem=message[-1] if message else f"exit {error.returncode}")
     verdict = judge.judge(found, flights.truth(), flights.known(), held_out)
     replay = " / ".join(map(percent, verdict.replay))
     print(f"  {tool.name}, {plan} {seed}: {found.cpu_s:.3g} s, replay {replay} %", file=sys.stderr)

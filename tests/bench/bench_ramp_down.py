@@ -137,10 +137,10 @@ def _emulated() -> list[Figure | Table]:
     share = math.ceil(RIGS / len(SATURATED))
     for i, situation in enumerate(SATURATED):
         count = min(share, RIGS - i * share)
-        found = {name: _tripped(situation, count, band) for name, band in bands.items()}
-        for name, falls in found.items():
+        result = {name: _tripped(situation, count, band) for name, band in bands.items()}
+        for name, falls in result.items():
             pooled[name] += falls
-        rows.append(_row(situation.name, list(found.values())))
+        rows.append(_row(situation.name, list(result.values())))
     rows.append(_row(f"all {RIGS}", list(pooled.values())))
     hovering = {name: _tripped(HOVER, RIGS, band) for name, band in bands.items()}
     rows.append(_row(HOVER.name, list(hovering.values())))
@@ -172,9 +172,9 @@ def _tripped(situation: Situation, count: int, band: float) -> list[Fall]:
     seed = 0
     while len(falls) < count and seed < 20 * count:
         seed += 1
-        found = tripped(situation, seed, band)
-        if found is not None:
-            falls.append(found)
+        result = tripped(situation, seed, band)
+        if result is not None:
+            falls.append(result)
     return falls
 
 

@@ -72,17 +72,17 @@ def measure() -> list[Figure]:
     for trial in TRIALS:
         train = [trial.load(n) for n in trial.train]
         test = [trial.load(n) for n in trial.test]
-        found = [
+        result = [
             h3.identify(train, holdout=test, method=method, name=name)
             for method, name in (("pem", "black box"), ("greybox", "grey box"))
         ]
-        models = [h3.hover_model(trial.profile), *(f.model for f in found)]
+        models = [h3.hover_model(trial.profile), *(f.model for f in result)]
         compared = h3.compare(test, models)
         tables = [to_markdown(t) for f in compared.flights if (t := prediction_table(f))]
-        tables.append(to_markdown(parameters_table(found[-1])))
-        said = [s.replace("\n", " ") for s in found[0].sentences()]
-        said += [f"Grey box: {w}" for w in found[-1].warnings]
-        blocks[trial.rig] = "\n".join([*(f"- {s}" for s in dict.fromkeys(said)), "", *tables])
+        tables.append(to_markdown(parameters_table(result[-1])))
+        sentences = [s.replace("\n", " ") for s in result[0].sentences()]
+        sentences += [f"Grey box: {w}" for w in result[-1].warnings]
+        blocks[trial.rig] = "\n".join([*(f"- {s}" for s in dict.fromkeys(sentences)), "", *tables])
         for flight in compared.flights:
             for model in flight.models:
                 assert model.prediction is not None
@@ -96,10 +96,10 @@ def measure() -> list[Figure]:
                         else "roll / pitch / yaw; the profile's nominal values",
                     )
                 )
-        if isinstance(grey := found[-1].model, GreyBoxModel) and grey.varying:
+        if isinstance(grey := result[-1].model, GreyBoxModel) and grey.varying:
             figures += fitted_to_flights(trial, grey, test)
-            told, rows = diagnosed(trial, train, test)
-            blocks[f"{trial.rig}-diagnosis"] = told
+            text, rows = diagnosed(trial, train, test)
+            blocks[f"{trial.rig}-diagnosis"] = text
             figures += rows
             if trial.rig in HAND_MADE:
                 figures += folds(trial)
@@ -150,13 +150,13 @@ def diagnosed(
     """What `diagnose` says of the same recordings, and the open-loop runs beside its model."""
     since = time.perf_counter()
     runs = [h3.load(p, trial.profile) for p in sorted((REAL_DATA / trial.rig).glob("open-*.csv"))]
-    found = diagnose([*train, *runs], test)
+    result = diagnose([*train, *runs], test)
     seconds = time.perf_counter() - since
-    written = diagnosis_document(found)
-    told = diagnosis_tables(written)
-    about, f = found.about, found.fitted
+    written = diagnosis_document(result)
+    text = diagnosis_tables(written)
+    about, f = result.about, result.fitted
     assert f is not None
-    lines = [to_markdown(x) if isinstance(x, Grid) else f"- {x}" for x in told]
+    lines = [to_markdown(x) if isinstance(x, Grid) else f"- {x}" for x in text]
     flown = [r.rows(slice(run.start, run.stop)) for r in test for run in usable_runs(r, 0)]
     flown = [r for r in flown if r.t[-1] - r.t[0] > 3.5]
     after = error_deg(f.model, flown, 3.0)
@@ -174,10 +174,10 @@ def diagnosed(
         ),
         Figure(
             f"{trial.rig}: causes named",
-            ", ".join(x.choice.term.name for x in found.findings),
+            ", ".join(x.choice.term.name for x in result.findings),
             how="kept within what is known of such rigs, but no causes: "
             f"{', '.join(x['term'] for x in about['kept_within_what_is_known']) or 'none'}; "
-            f"verdict {found.verdict}",
+            f"verdict {result.verdict}",
         ),
     ]
     for name, error in about["without"].items():
@@ -200,12 +200,12 @@ def folds(trial: Trial) -> list[Figure]:
         test = [trial.load(left)]
         flown = [r.rows(slice(run.start, run.stop)) for r in test for run in usable_runs(r, 0)]
         full = fit_freeflight(train)
-        found = backward(full.problem, full)
-        gone = [r.term for r in found.gone]
-        less = restructured(found.fit.problem, [r.term for r in found.kept])
-        z, _ = moved(found.fit, less)
-        scarce = search(less, z, found.fit.noise, stages_s=(STAGE_S,), fixed=found.fit.scale)
-        errors = [error_deg(model_of(f, train, ""), flown, 3.0) for f in (found.fit, scarce)]
+        result = backward(full.problem, full)
+        gone = [r.term for r in result.gone]
+        less = restructured(result.fit.problem, [r.term for r in result.kept])
+        z, _ = moved(result.fit, less)
+        scarce = search(less, z, result.fit.noise, stages_s=(STAGE_S,), fixed=result.fit.scale)
+        errors = [error_deg(model_of(f, train, ""), flown, 3.0) for f in (result.fit, scarce)]
         out.append(
             Figure(
                 f"{trial.rig}: {left} left out, over 3 s, in flight: everything kept",

@@ -204,11 +204,11 @@ def outside(runs: list[Run]) -> Iterable[tuple[str, ...]]:
     """Events that found no motor running."""
     for device in (EMULATED, FIRMWARE):
         for phase, when in (("opening", "before the arming"), ("over", "after zero volts")):
-            found = [r for r in runs if (r.case.device, r.phase) == (device, phase)]
-            ends = Counter(f"{r.code} {r.ending or 'nothing recorded'}" for r in found)
+            result = [r for r in runs if (r.case.device, r.phase) == (device, phase)]
+            ends = Counter(f"{r.code} {r.ending or 'nothing recorded'}" for r in result)
             texts = (f"{n} × {end}" for end, n in ends.most_common())
-            if found:
-                yield device, when, str(len(found)), ", ".join(texts)
+            if result:
+                yield device, when, str(len(result)), ", ".join(texts)
 
 
 def named(runs: Iterable[Run]) -> str:

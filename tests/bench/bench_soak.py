@@ -73,12 +73,12 @@ def steady(long: Soak) -> list[Figure]:
         at_least("soak: flown for", round(long.flown_min, 1), ASKED_MIN, "min", how=ended),
         at_most(
             "soak: memory grows by, at most", long.high, GROWTH_KiB_PER_MIN, "KiB/min",
-            how=f"the last {long.minutes:.1f} min, {said(long)}",
+            how=f"the last {long.minutes:.1f} min, {memory_text(long)}",
         ),
     ]  # fmt: skip
 
 
-def said(of: Soak) -> str:
+def memory_text(of: Soak) -> str:
     """Where it began and ended, and the growth's interval."""
     files = "{:.1f} to {:.1f}".format(*of.files_MiB)
     return (

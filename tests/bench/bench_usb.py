@@ -62,8 +62,8 @@ def in_the_guest() -> list[Figure | Table]:
     """The cases of `make test-kernel-usb`, and what they measured."""
     try:
         lines = run_guest()
-    except Missing as why:
-        return [Figure("cases over a real USB stack", "not run", how=f"{why}")]
+    except Missing as reason:
+        return [Figure("cases over a real USB stack", "not run", how=f"{reason}")]
     cases = [line for line in lines if "case" in line]
     failed = [line["case"] for line in cases if not line["ok"]]
     whole = any("done" in line for line in lines)

@@ -118,11 +118,11 @@ def on_the_mock(case: tuple[str, str, float, int]) -> Frozen:
     )
     course = Course()
     outcome = flown(plan_of(plan), url, profile, course)
-    found = outcome.periods * profile.dt - at_s
+    delay_s = outcome.periods * profile.dt - at_s
     in_air = outcome.ending == "tripped" and outcome.periods * profile.dt < course_end(plan)
     moving = course.rate_deg_per_s(axis, at_s) > MOVING_DEG_PER_S
     return Frozen(
-        plan, axis, at_s, outcome.ending, str(outcome.detail), found if in_air else None, moving
+        plan, axis, at_s, outcome.ending, str(outcome.detail), delay_s if in_air else None, moving
     )
 
 
@@ -145,8 +145,8 @@ def on_the_firmware(case: tuple[str, str, float, int]) -> Frozen:
                 ],
                 capture_output=True, text=True,
             )  # fmt: skip
-    said = json.loads(done.stdout) if done.stdout.strip() else {}
-    ending = str(said.get("outcome", f"exit {done.returncode}"))
+    document = json.loads(done.stdout) if done.stdout.strip() else {}
+    ending = str(document.get("outcome", f"exit {done.returncode}"))
     return Frozen(plan, axis, at_s, ending, done.stderr[-300:], None, False)
 
 

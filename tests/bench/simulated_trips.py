@@ -211,8 +211,8 @@ def _flight(situation: Situation, rng: np.random.Generator) -> Tripped | None:
     if situation.volts is None:
         seen = zip(angle.tolist(), rate.tolist(), command.tolist(), voltage.tolist(), strict=True)
         envelope = Envelope(PROFILE)
-        for i, (q, w, asked, V) in enumerate(seen):
-            if i >= k or envelope.check(i * dt, q, w, asked, V) is not None:
+        for i, (q, w, command_V, V) in enumerate(seen):
+            if i >= k or envelope.check(i * dt, q, w, command_V, V) is not None:
                 k = i
                 break
     if k == 0 or states[k, 0] <= REST + CLEAR:

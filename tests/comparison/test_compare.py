@@ -124,10 +124,10 @@ def test_the_document_of_an_unknown_loop_and_a_refused_model_is_valid() -> None:
     )
     document = comparison_document(compare([log], [FakeHover(), WrongRate()]))
     json.dumps(document, allow_nan=False)
-    (found,) = document["flights"]
-    assert found["models"][0]["axes"] is None
-    assert found["models"][0]["prediction"]["rmse_deg"]["1"]["pitch"] is None
-    assert found["experiment"]["roll"]["peak_deg"] is None
+    (result,) = document["flights"]
+    assert result["models"][0]["axes"] is None
+    assert result["models"][0]["prediction"]["rmse_deg"]["1"]["pitch"] is None
+    assert result["experiment"]["roll"]["peak_deg"] is None
 
 
 def test_a_flight_simulated_on_the_hover_model_is_what_compare_replays() -> None:

@@ -116,8 +116,8 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(emulated: RigProce
     assert str(flight.pid) in held.found
     assert str(emulated.process.pid) not in held.found
 
-    said = DRIVER.estop(parse_url(url))
-    assert "stop" in said
+    confirmation = DRIVER.estop(parse_url(url))
+    assert "stop" in confirmation
     assert flight.stdout.readline() == "16 0.0 0.0\n"
     flight.wait(timeout=END_S)
     rig = open_driver(url, PROFILE)
@@ -208,13 +208,13 @@ def test_a_spy_logs_the_bytes(emulated: RigProcess, tmp_path: Path):
 
 
 def test_doctors_checks_of_a_port(emulated: RigProcess, monkeypatch, tmp_path: Path):
-    found = {c.what: c for c in DRIVER.examine(parse_url(emulated.url()))}
-    assert found["port"].good
-    assert found["permission"].good
-    assert found["latency timer"].good
+    result = {c.what: c for c in DRIVER.examine(parse_url(emulated.url()))}
+    assert result["port"].good
+    assert result["permission"].good
+    assert result["latency timer"].good
     # The emulated rig has its own end open without a lock.
-    assert found["held by"].good is None
-    assert str(emulated.process.pid) in found["held by"].found
+    assert result["held by"].good is None
+    assert str(emulated.process.pid) in result["held by"].found
     assert not DRIVER.examine(parse_url("serial:///dev/ttyNONE"))[0].good
 
     timer = tmp_path / "latency_timer"

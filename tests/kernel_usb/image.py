@@ -129,9 +129,9 @@ def _shared(archive: Archive, binary: Path, root: Path | None = None) -> None:
         ["ldd", str(binary)], capture_output=True, text=True, env={"LD_LIBRARY_PATH": path}
     ).stdout
     for name in re.findall(r"(/\S+) \(0x", listed):
-        found = Path(name)
-        inside = root is not None and found.is_relative_to(root)
-        archive.copy(found, f"{LIBRARIES}/{found.name}" if inside else None)
+        result = Path(name)
+        inside = root is not None and result.is_relative_to(root)
+        archive.copy(result, f"{LIBRARIES}/{result.name}" if inside else None)
 
 
 def _udev(archive: Archive, root: Path) -> None:
@@ -179,8 +179,8 @@ def modules(root: Path, wanted: tuple[str, ...]) -> list[Path]:
 
     def add(name: str) -> None:
         path = there[name.replace("-", "_")]
-        found = re.search(rb"\0depends=([^\0]*)\0", path.read_bytes())
-        for below in found[1].decode().split(",") if found else []:
+        result = re.search(rb"\0depends=([^\0]*)\0", path.read_bytes())
+        for below in result[1].decode().split(",") if result else []:
             if below:
                 add(below)
         if path not in order:

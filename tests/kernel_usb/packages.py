@@ -43,8 +43,8 @@ def fetch(folder: Path) -> Path:
             ["apt-get", "download", name], cwd=archives, capture_output=True, text=True
         )
         if done.returncode:
-            why = done.stderr.strip() or done.stdout.strip()
-            raise Missing(f"{name} cannot be had: {why} (apt-get update?)")
+            reason = done.stderr.strip() or done.stdout.strip()
+            raise Missing(f"{name} cannot be had: {reason} (apt-get update?)")
     shutil.rmtree(root, ignore_errors=True)
     for archive in sorted(archives.glob("*.deb")):
         subprocess.run(["dpkg", "-x", str(archive), str(root)], check=True)
@@ -67,14 +67,14 @@ def depends(name: str) -> list[str]:
 
 def closure(name: str) -> Iterable[str]:
     """The package and everything below it that this system may lack."""
-    found, waiting = set(), [name]
+    result, waiting = set(), [name]
     while waiting:
         one = waiting.pop()
-        if one in found or NOT_NEEDED.fullmatch(one):
+        if one in result or NOT_NEEDED.fullmatch(one):
             continue
-        found.add(one)
+        result.add(one)
         waiting += depends(one)
-    return found
+    return result
 
 
 def newest_kernel() -> str:

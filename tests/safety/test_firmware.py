@@ -13,14 +13,14 @@ from pathlib import Path
 import pytest
 
 from tests.drivers.emulated_rigs import RigProcess, firmware_rig
-from tests.profiles import STANDSTILL_S, START_S
+from tests.profiles import STALL_S, START_S
 from tests.safety.bench import Over, never
 from tests.safety.table import BY_NAME, DEVICE_RAMP_S
 from tests.safety.test_processes import PROFILE, ended, flying, starts_clean
 
 pytestmark = pytest.mark.realtime
 WATCHDOG_S = 0.3
-BUSY_S = STANDSTILL_S + 0.1
+BUSY_S = STALL_S + 0.1
 """s by which a busy machine may delay the firmware's process"""
 
 

@@ -53,18 +53,18 @@ def main(method: str, flight_file: str, held_out_file: str, found_file: str) -> 
     else:
         with meter.fitting():
             result = identify(flight, method=method, holdout=held_out)
-    found = Path(found_file)
+    results = Path(found_file)
     document = result.to_json()
     if "parameters" in document:
         values, stds = ten_parameters(document["parameters"])
-        file = save_model(result.model, found.with_suffix(".json"), force=True)
+        file = save_model(result.model, results.with_suffix(".json"), force=True)
         setting = f"identify(method={method!r}), every {result.interval_s * 1e3:g} ms"
-        write_physical(found, meter, setting, values, stds, model_file=str(file))
+        write_physical(results, meter, setting, values, stds, model_file=str(file))
         return
     m = result.model
     poles = [[p.value.real, p.value.imag, p.std_real, p.std_imag] for p in result.poles]
     write_exact(
-        found, meter,
+        results, meter,
         f"identify(method={method!r}), order {m.order}, every {result.interval_s * 1e3:g} ms",
         A=m.A, B=m.B, C=m.C, K=m.K, S=m.S, u0=m.u0, y0=m.y0, poles=np.array(poles),
     )  # fmt: skip
@@ -79,9 +79,9 @@ def ten_parameters(
     """
     if not isinstance(document, Mapping):
         document = {str(p.get("parameter", p.get("name"))): p for p in document}
-    found = [document.get(PHYSICAL[name], {"value": 0.0}) for name in rigid.NAMES]
-    values = np.array([float(p["value"]) for p in found])
-    stds = [p.get("std") for p in found]
+    result = [document.get(PHYSICAL[name], {"value": 0.0}) for name in rigid.NAMES]
+    values = np.array([float(p["value"]) for p in result])
+    stds = [p.get("std") for p in result]
     return values, np.array([np.nan if s is None else float(s) for s in stds])
 
 

@@ -232,9 +232,9 @@ def discrepancy(task: Task) -> dict[str, object]:
     """A document as the contract's, as far as this recipe can fill one."""
     base, strongest = [], dict[str, tuple[float, float]]()
     for y, library in regression(task):
-        found = sparse(*beside_base(y, library))
-        base.append(refits(y, library, found))
-        for name, (value, share) in found.items():
+        result = sparse(*beside_base(y, library))
+        base.append(refits(y, library, result))
+        for name, (value, share) in result.items():
             if share > strongest.get(name, (0.0, 0.0))[1]:
                 strongest[name] = (value, share)
     groups = (calibrated(base), [finding(name, *f) for name, f in strongest.items()])
@@ -247,8 +247,8 @@ def discrepancy(task: Task) -> dict[str, object]:
 
 
 def main(task_file: str, found_file: str) -> None:
-    found = discrepancy(read_task(Path(task_file)))
-    Path(found_file).write_text(json.dumps(found), encoding="utf-8")
+    result = discrepancy(read_task(Path(task_file)))
+    Path(found_file).write_text(json.dumps(result), encoding="utf-8")
 
 
 if __name__ == "__main__":

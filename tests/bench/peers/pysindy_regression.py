@@ -42,11 +42,11 @@ def main(task_file: str, found_file: str) -> None:
             differentiation_method=difference,
         )
         model.fit(X, t=task.dt, u=task.voltage[inside] - u0)
-    found = np.asarray(model.coefficients())  # columns: 1, six states, two controls
+    result = np.asarray(model.coefficients())  # columns: 1, six states, two controls
     write_linear(
         Path(found_file), meter,
         f"STLSQ threshold {THRESHOLD:g}, Savitzky–Golay over {WINDOW_S:g} s, 6 states",
-        A=found[:, 1:7], B=found[:, 7:], C=np.eye(3, 6), c=found[:, 0] - found[:, 7:] @ u0,
+        A=result[:, 1:7], B=result[:, 7:], C=np.eye(3, 6), c=result[:, 0] - result[:, 7:] @ u0,
     )  # fmt: skip
 
 

@@ -34,11 +34,11 @@ from heli3dof_drivers.link.frames import (
 
 from tests.drivers.emulated_rigs import RigProcess, firmware_rig
 from tests.drivers.firmware.building import rig_program
-from tests.profiles import STANDSTILL_S
+from tests.profiles import STALL_S
 
 PATIENCE_S = 30.0
 WATCHDOG_S, RAMP_S = 0.3, 0.2
-BUSY_S = 2 * (STANDSTILL_S + 0.05)
+BUSY_S = 2 * (STALL_S + 0.05)
 """s by which a busy machine may delay the firmware's process in all; half of it at once"""
 ROUNDS = 20
 """Attempts on a busy machine; a faulty device fails in each"""
@@ -297,15 +297,15 @@ def test_a_jump_occurs_between_two_samples():
 
 def test_on_a_lossy_line_accepted_frames_are_correct():
     with rig("--drop", "0.002", "--corrupt", "0.002", "--seed", "5") as (_, host):
-        answers, said, end = 0, -1, time.monotonic() + PATIENCE_S
-        while (said < 399 or answers <= 200) and time.monotonic() < end:
-            if said < 399:
-                said += 1
-                host.say(Status(said))
+        answers, sent, end = 0, -1, time.monotonic() + PATIENCE_S
+        while (sent < 399 or answers <= 200) and time.monotonic() < end:
+            if sent < 399:
+                sent += 1
+                host.say(Status(sent))
             time.sleep(0.001)
             for frame in host.splitter.feed(host.port.read(host.port.in_waiting)):
                 assert isinstance(frame, Report)
-                assert frame.number <= said
+                assert frame.number <= sent
                 assert frame.uptime_ms < 60_000
                 answers += 1
         assert answers > 200

@@ -63,8 +63,8 @@ class Board:
     def tell(self, command: str, **arguments: Any) -> Any:
         assert self.process.stdin is not None
         assert self.process.stdout is not None
-        said = json.dumps({"execute": command, "arguments": arguments})
-        self.process.stdin.write(said + "\n")
+        request = json.dumps({"execute": command, "arguments": arguments})
+        self.process.stdin.write(request + "\n")
         self.process.stdin.flush()
         for line in self.process.stdout:
             answer = json.loads(line) if line.startswith("{") else {}
@@ -87,9 +87,9 @@ class Board:
         with socket.socket(socket.AF_UNIX) as debugger:
             debugger.connect(self.debugger)
             xml = "qXfer:features:read:target.xml:0,ff"  # without it QEMU knows no register 15
-            for said in (xml, f"Pf={bytes.fromhex(loop)[::-1].hex()}", "c"):
-                checksum = sum(said.encode()) % 256
-                debugger.sendall(f"+${said}#{checksum:02x}".encode())
+            for request in (xml, f"Pf={bytes.fromhex(loop)[::-1].hex()}", "c"):
+                checksum = sum(request.encode()) % 256
+                debugger.sendall(f"+${request}#{checksum:02x}".encode())
                 time.sleep(SEEN_S)
 
     def press(self, name: str) -> None:
