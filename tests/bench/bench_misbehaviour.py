@@ -1,4 +1,4 @@
-"""Random sequences of device misbehaviour: what a flight makes of a device that states nonsense."""
+"""Flights under random sequences of device faults: crashes, and motors at zero."""
 
 from __future__ import annotations
 

@@ -15,11 +15,11 @@ from tests.kernel_usb.run import run_guest
 
 TITLE = "The USB transport"
 INTRO = (
-    "Emulated bus: pyusb on a backend of its own in the same process, device and host sharing one "
-    "interpreter, 500 Hz. Real stack: libusb, the Linux kernel's USB core and udev in a virtual "
+    "Emulated bus: pyusb with an emulated backend; device and host in one process, 500 Hz."
+    " Real stack: libusb, the Linux kernel's USB core and udev in a virtual "
     "machine without KVM, the emulated rig on vhci-hcd (`usb://`) and, Python and C, behind "
     "dummy_hcd's `/dev/ttyACM0` (`serial://`), at 50 Hz. An emulated processor is slow: its times "
-    "compare with each other only."
+    "are comparable only with each other."
 )
 SECONDS = float(os.environ.get("USB_SECONDS", "30"))
 
@@ -54,12 +54,12 @@ def flown(stream: bool) -> Figure:
             f"; round trip median {1e6 * trips.quantile_s(0.5):.0f} µs, "
             f"99.9 % {1e6 * trips.quantile_s(0.999):.0f} µs"
         )
-    what = "samples lost, " + ("the rig times the stream" if stream else "polled")
+    what = "samples lost, " + ("streamed" if stream else "polled")
     return at_most(what, s.lost, 0, "", how=how)
 
 
 def in_the_guest() -> list[Figure | Table]:
-    """The cases of `make test-kernel-usb`, and what they measured."""
+    """The cases of `make test-kernel-usb`, and their measurements."""
     try:
         lines = run_guest()
     except Missing as reason:
@@ -79,5 +79,5 @@ def in_the_guest() -> list[Figure | Table]:
     )
     return [
         at_most("cases over a real USB stack that fail", len(failed) + missing, 0, "", how=how),
-        Table("What the guest measured", ("case", "what", "value"), rows),
+        Table("Measurements in the guest", ("case", "what", "value"), rows),
     ]

@@ -51,13 +51,13 @@ def test_it_replies_as_in_the_golden_transcripts(name: str):
     endpoint = still_endpoint()
     for time_us, turn in groupby(TRANSCRIPTS[name], key=lambda line: line.time_us):
         lines = list(turn)
-        replies = b"".join(line.bytes for line in lines if line.sender == "host")
+        request = b"".join(line.bytes for line in lines if line.sender == "host")
         expected = b"".join(line.bytes for line in lines if line.sender == "device")
         if any(line.sender == "clock" for line in lines):
             endpoint.held_up(time_us)
         answered = endpoint.tick(time_us)
-        if replies:
-            answered += endpoint.receive(time_us, replies)
+        if request:
+            answered += endpoint.receive(time_us, request)
         assert answered == expected, explain(lines, answered)
 
 
