@@ -27,7 +27,7 @@ class Missing(Exception):
 
 
 def fetch(folder: Path) -> Path:
-    """All that is needed, unpacked under ``folder``/root. Raises Missing, saying what and why."""
+    """The folder ``folder``/root with all packages unpacked. Raises Missing with the reason."""
     root, archives, complete = folder / "root", folder / "packages", folder / "complete"
     wanted = "\n".join((EMULATOR, KERNEL, *ALONE, NOT_NEEDED.pattern))
     if complete.exists() and complete.read_text() == wanted:

@@ -3,8 +3,9 @@
     0 ──▶ heli3dof run-step starts ──▶ moment_s: stop ──▶ confirmed ──▶ the flight ends
                                                               └─ from here on, never enabled
 
-What the device did is read from the device: the firmware's log of its output stage, and the samples
-of the emulated rig inside the flight's process. All times are the host's monotonic clock.
+The behaviour of the device is read from the device itself: the firmware's log of its output stage,
+and the samples of the emulated rig inside the flight's process. All times are the host's monotonic
+clock.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Race:
 
     moment_s: float
     asked: str
-    """What the stop was for: every rig, or a device"""
+    """Target of the stop: every rig, or a device"""
     confirmed: bool
     """False: no rig was there to be stopped yet"""
     seconds: float

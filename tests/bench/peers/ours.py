@@ -1,10 +1,10 @@
-"""Our own methods, each in a process of its own like the other tools.
+"""heli3dof's methods, each in its own process like the other tools.
 
 ``python -m tests.bench.peers.ours METHOD FLIGHT.mcap HELD_OUT.mcap FOUND.npz``. The time is that
 of the fit, as it is for the others: of a black box `identify` as a whole, whose choice of order
 and interval is part of it; of the grey box `fit_greybox`, from the recording to intervals and
 bounds, without the scores on held-out data that `identify` adds. Machine code is compiled before
-(the bench flies every method once unwatched).
+(the bench runs every method once without measuring it).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PHYSICAL = dict(
         strict=True,
     )
 )  # fmt: skip
-"""What the grey box calls the ten parameters; it holds K_f at its nominal value, too."""
+"""The grey box's names of the ten parameters; K_f is fixed at its nominal value there, too."""
 
 
 def main(method: str, flight_file: str, held_out_file: str, found_file: str) -> None:
@@ -75,7 +75,7 @@ def ten_parameters(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(values, stds), each (10,), of ``parameters`` in ``identify --json``, by name or as a list.
 
-    One that the fit left out is zero, as the model has it; one without std has NaN.
+    A parameter that the fit excluded is zero, as in the model; one without std has NaN.
     """
     if not isinstance(document, Mapping):
         document = {str(p.get("parameter", p.get("name"))): p for p in document}

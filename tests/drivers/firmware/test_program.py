@@ -348,6 +348,6 @@ def test_a_reply_does_not_wait_for_the_next_turn_of_the_main_loop():
             start = time.monotonic()
             host.poll()
             took.append(time.monotonic() - start)
-        # A turn is 1 ms. Where it was waited for, every answer took about one, as each question
-        # follows the answer before it; a busy machine makes most of them late, and none early.
+        # A turn is 1 ms. With a wait for it, every reply would take about one turn, as each request
+        # follows the reply before it. A busy machine makes most of them late, and none early.
         assert sorted(took)[len(took) // 10] < 0.45e-3

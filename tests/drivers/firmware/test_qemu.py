@@ -1,7 +1,7 @@
 """The same core as a microcontroller's image, its UART on a PTY: `make test-qemu`.
 
-What QEMU's board has is really driven: clock, UART and its interrupt, GPIO and its interrupt. The
-kit's keys stand for the amplifier's lines and an encoder's; QEMU starts with all of them down.
+The test uses the peripherals of QEMU's board: clock, UART and GPIO with their interrupts. The keys
+of the kit replace the lines of the amplifier and of an encoder; at the start all of them are down.
 """
 
 from __future__ import annotations
