@@ -49,7 +49,7 @@ def test_the_fuzz_harness_holds_under_a_sanitizer():
 
 def transcripts() -> dict[str, list[str]]:
     """The transcript in the page, without comments."""
-    page = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "protocol.md").read_text(encoding="utf-8")
     golden = page.split("<!-- golden")[1].split("<!-- end of golden")[0]
     blocks = re.findall(r"```\n\[(\w+)\]\n(.*?)```", golden, re.DOTALL)
     return {
