@@ -78,7 +78,7 @@ row that misses it. The last two columns are the command that repeats the measur
 it was made at. The computer was shared: times are upper bounds.
 
 `python -m tests.bench.page` writes this page from [benchmarks.json](benchmarks.json). Every other
-figure is in [data/figures.csv](data/figures.csv), with each table as a CSV file beside it.
+figure is in [data/figures.csv](data/figures.csv), with one CSV file for each table.
 
 | what | measured | interval, or how | bar | met | command | commit |
 |---|---|---|---|---|---|---|

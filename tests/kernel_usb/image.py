@@ -72,7 +72,7 @@ class Archive:
         self._entry(name, 0o100000 | mode, data)
 
     def copy(self, source: Path, name: str | None = None) -> None:
-        """A file, what its links lead to included."""
+        """A file, with the targets of its links."""
         self.file(
             name or str(source), source.read_bytes(), 0o755 if os.access(source, os.X_OK) else 0o644
         )
@@ -87,7 +87,7 @@ class Archive:
 
 
 def build(root: Path, arguments: str = "") -> bytes:
-    """The whole image. ``root``: where `packages.fetch` unpacked to."""
+    """The whole image. ``root``: the folder to which `packages.fetch` unpacked."""
     archive = Archive()
     archive.device("/dev/console", 5, 1)
     archive.copy(root / "bin/busybox", "/bin/busybox")
@@ -173,7 +173,7 @@ def _project(archive: Archive) -> None:
 
 
 def modules(root: Path, wanted: tuple[str, ...]) -> list[Path]:
-    """Kernel modules in the order to load them, with those that they depend on."""
+    """Kernel modules with their dependencies, in loading order."""
     there = {p.stem.replace("-", "_"): p for p in (root / "lib/modules").rglob("*.ko")}
     order: list[Path] = []
 

@@ -14,7 +14,7 @@ ALONE = (
     "qemu-system-common", "busybox-static", "libusb-1.0-0", "libudev1",
     "udev", "libacl1", "libblkid1", "libkmod2", "libselinux1", "libcap2",
 )  # fmt: skip
-"""Without what they depend on: of the first only its accelerator is used."""
+"""Without their dependencies: only the accelerator of the first is used."""
 # Programs here use this system's own; the rest are sound, screens and tools that are not run.
 NOT_NEEDED = re.compile(
     r"libc6|libgcc-s1|gcc-.*|dpkg|tar|debconf|cdebconf|adduser|passwd|install-info|iso-codes|"
@@ -53,7 +53,7 @@ def fetch(folder: Path) -> Path:
 
 
 def depends(name: str) -> list[str]:
-    """What a package depends on directly; of alternatives the first."""
+    """Direct dependencies of a package; the first of alternatives."""
     options = ["recommends", "suggests", "conflicts", "breaks", "replaces", "enhances"]
     done = subprocess.run(
         ["apt-cache", "depends", *(f"--no-{o}" for o in options), name],

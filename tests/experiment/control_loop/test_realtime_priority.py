@@ -1,4 +1,4 @@
-"""The report of real-time measures: what was granted, and how to grant what was refused."""
+"""The report of real-time measures: those granted, and the commands that grant the others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a torn recording still holds."""
+"""The data restored from a torn recording."""
 
 from __future__ import annotations
 
