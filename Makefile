@@ -11,7 +11,7 @@ PEERS  := .venv-peers
 help:
 	@echo "make demo        fly the mock rig, identify, compare, diagnose, report"
 	@echo "make test        the tests"
-	@echo "make test-kernel-usb  the USB and serial doors through a real Linux USB stack (Debian; fetches 100 MB)"
+	@echo "make test-kernel-usb  the USB and serial ports through a real Linux USB stack (Debian; fetches 100 MB)"
 	@echo "make check       lint, formatting and types"
 	@echo "make bench       re-measure every figure in docs/results/benchmarks.md (TOPIC=cli: that one)"
 	@echo "make bench-peers other people's tools on the same flights (long; Octave where installed)"

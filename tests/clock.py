@@ -1,4 +1,4 @@
-"""A clock of a test's own: a machine that stands still cannot hold it up."""
+"""A virtual clock for tests, which host stalls do not affect."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ import time
 
 import pytest
 
-LOOK_S = 1e-6
+READ_S = 1e-6
 
 
 class Clock:
-    """Time that passes only when somebody sleeps, or a little when it is looked at."""
+    """Its time advances by the duration of each sleep, and by `READ_S` at each reading."""
 
     def __init__(self) -> None:
         self.now_s = 1000.0
 
     def monotonic(self) -> float:
-        self.now_s += LOOK_S
+        self.now_s += READ_S
         return self.now_s
 
     def sleep(self, seconds: float) -> None:
@@ -24,10 +24,10 @@ class Clock:
 
 
 def installed(patch: pytest.MonkeyPatch) -> Clock:
-    """What `time.monotonic` and `time.sleep` are from now on, for whatever runs in this process.
+    """Replace `time.monotonic` and `time.sleep` of this process by a virtual clock's.
 
-    Good where one thread is both rig and host. Who waits for another thread, a process or the
-    system waits in vain.
+    Only for tests in which one thread is both rig and host: a wait for another thread, a process
+    or the system would never end.
     """
     clock = Clock()
     patch.setattr(time, "monotonic", clock.monotonic)

@@ -1,14 +1,12 @@
-"""Before numpy is imported: one BLAS thread per process; and folders of the tests' own.
+"""Settings that must be made before numpy is imported, and fixtures for all tests.
 
-pytest-xdist already fills the cores. Four workers with four spinning BLAS threads each ran the
-identification's small factorisations forty times slower than one thread does.
-
-A test that stops every rig must not reach one that flies outside the tests, or in another worker;
-and calibrations of real rigs are not the tests' to read or write.
-
-Whoever starts the tests in the background (``make test &``) may have them ignore Ctrl-C, and every
-process of theirs with them; a flight that was started so is right to fly on. Where they are started
-may colour, or narrow, what is looked at for its words.
+- One BLAS thread per process: pytest-xdist already uses all cores. Four workers with four BLAS
+  threads each run the small factorisations of the identification forty times slower.
+- Private runtime and state folders: an emergency stop of every rig must not reach a flight outside
+  the tests or in another worker, and the tests must not access calibrations of real rigs.
+- Default handlers of SIGINT and SIGTERM: a shell that starts the tests in the background
+  (``make test &``) makes them, and every process they start, ignore Ctrl-C.
+- No variables that colour or narrow the output of the terminal: tests compare its text.
 """
 
 from __future__ import annotations
@@ -44,22 +42,22 @@ from hypothesis.internal.conjecture import providers  # noqa: E402
 from heli3dof.rig.session.stop_stamp import start_command  # noqa: E402
 from tests.clock import Clock, installed  # noqa: E402
 
-# Same code, same examples: a change is not to fail by what another draw finds in another's work.
-# Nor by the clock: a first call may import or compile; pytest-timeout guards against hanging.
-# To look for more: pytest --hypothesis-profile=search.
+# The same code gets the same examples: a change must not fail because of a new random example.
+# No deadline: a first call may import or compile; pytest-timeout ends a test that hangs.
+# For new examples: pytest --hypothesis-profile=search.
 settings.register_profile(
     "search", derandomize=False, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.register_profile("heli3dof", settings.get_profile("search"), derandomize=True)
 settings.load_profile("heli3dof")
-# Hypothesis would mix in the constants of whichever of our modules are loaded by then: what else
-# this worker has tested would decide.
+# Hypothesis also draws constants from the loaded modules of the project, which depend on the tests
+# that this worker has run before.
 providers._get_local_constants = lambda: providers._local_constants
 
 
 @pytest.fixture(autouse=True)
 def own_command() -> None:
-    """Each test is a command of its own: an emergency stop of the one before does not bind it."""
+    """Each test is a new command: an emergency stop in an earlier test does not affect it."""
     start_command()
 
 

@@ -1,14 +1,14 @@
-"""What work costs, told so that a slower machine, or a busy one, says the same.
+"""Measures of the cost of a call that do not depend on the speed or load of the machine.
 
-*Counted*: how many of Python's instructions a call executes, and how many functions it calls, those
-of C among them. No clock has a part in it.
+`counted`: the number of Python instructions and of function calls (C functions included). It uses
+no clock.
 
-*Timed*: the least of several times, divided by how much longer than on the machine on which the
-bounds were set a fixed piece of work takes here and now:
+`timed`: CPU time, scaled by the time of a fixed reference workload (the yardstick) on this machine:
 
     cost = min(T) / max(1, min(T_Y) / Y_S)
 
-with T_Y the times of the yardstick, taken in turn with T.
+T: times of the call in s. T_Y: times of the yardstick in s, alternating with T. Y_S: time of the
+yardstick on the machine on which the bounds of the tests were set.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from typing import Any
 import numpy as np
 
 Y_S = 0.02
-"""s that the yardstick takes on the machine on which the bounds were set"""
+"""s of the yardstick on the machine on which the bounds of the tests were set"""
 
 
 @dataclass
 class Work:
-    """What a call did."""
+    """Counts of a call."""
 
     instructions: int = 0
     calls: int = 0
 
 
 def counted(call: Callable[[], object]) -> Work:
-    """What ``call`` does in this thread."""
+    """Python instructions and function calls of ``call`` in this thread."""
     work = Work()
 
     def trace(frame: FrameType, event: str, _: Any) -> Any:
@@ -57,29 +57,29 @@ def counted(call: Callable[[], object]) -> Work:
     finally:
         sys.setprofile(before[1])
         sys.settrace(before[0])
-    work.calls -= 2  # ``call`` itself, and the call that ends this
+    work.calls -= 2  # ``call`` itself, and the call that ends the profile
     return work
 
 
 def timed(
     call: Callable[[], object], times: int = 5, clock: Callable[[], float] = time.process_time
 ) -> float:
-    """The cost of ``call`` in s of ``clock``, as it would be on the machine of the bounds."""
-    took, yard = _in_turn(call, times, clock)
+    """The cost of ``call`` in s of ``clock``, scaled to the reference machine."""
+    took, yard = _alternating(call, times, clock)
     return took / max(1.0, yard / Y_S)
 
 
 def slower(times: int = 5, clock: Callable[[], float] = time.process_time) -> float:
-    """How many times as long as there the yardstick takes here and now, and 1 at least."""
-    return max(1.0, _in_turn(lambda: None, times, clock)[1] / Y_S)
+    """Time of the yardstick on this machine over `Y_S`; 1 at least."""
+    return max(1.0, _alternating(lambda: None, times, clock)[1] / Y_S)
 
 
-def _in_turn(
+def _alternating(
     call: Callable[[], object], times: int, clock: Callable[[], float]
 ) -> tuple[float, float]:
     took, yard = [], []
     collects = gc.isenabled()
-    gc.disable()  # it goes through all that other tests have left as well
+    gc.disable()  # a collection also visits the objects of other tests
     try:
         for _ in range(times):
             start = clock()
@@ -99,7 +99,7 @@ _PACK = struct.Struct("<8d").pack
 
 
 def yardstick() -> None:
-    """Some of everything: Python's own instructions, small objects, arrays, bytes."""
+    """A mix of Python instructions, small objects, arrays and bytes."""
     total = 0
     for k in range(250_000):
         total += k % 7

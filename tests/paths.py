@@ -1,4 +1,4 @@
-"""Where tests find things outside the package."""
+"""Paths outside the package."""
 
 from __future__ import annotations
 
@@ -10,5 +10,6 @@ ROOT = Path(__file__).parent.parent
 REAL_DATA = ROOT.parent / "shared" / "data"
 
 needs_real_data = pytest.mark.skipif(
-    not REAL_DATA.is_dir(), reason="the real recordings are not beside this checkout"
+    not REAL_DATA.is_dir(),
+    reason="this checkout has no folder shared/data with the real recordings",
 )

@@ -1,8 +1,8 @@
-"""``python tests/posix_free.py MODULE WORD…``: run a module where nothing of POSIX alone exists.
+"""``python tests/posix_free.py MODULE WORD…``: run a module without POSIX-only functions.
 
-What Windows' Python does not have is taken away first: modules cannot be imported, attributes are
-gone. The rest stays Linux (file system, signals, ``sys.platform``), so this proves that nothing
-POSIX-only is *needed*; it proves nothing about Windows itself.
+It first removes the modules and attributes that Python on Windows lacks. The rest stays Linux (file
+system, signals, ``sys.platform``). A run shows that the module needs nothing POSIX-only; it shows
+nothing about Windows itself.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ ATTRIBUTES: dict[ModuleType, tuple[str, ...]] = {
 
 
 class Missing(importlib.abc.MetaPathFinder):
-    """Finds `MODULES` nowhere."""
+    """Raises ModuleNotFoundError for each of `MODULES`."""
 
     def find_spec(
         self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -43,7 +43,7 @@ class Missing(importlib.abc.MetaPathFinder):
 
 
 def take_away() -> None:
-    """Make this process one without POSIX."""
+    """Remove `MODULES` and `ATTRIBUTES` from this process."""
     for name in MODULES:
         sys.modules.pop(name, None)
     sys.meta_path.insert(0, Missing())

@@ -8,17 +8,15 @@ from typing import Any
 
 from heli3dof.rig.profile import Profile, default_profile, profile_from_dict
 
-STANDSTILL_S = 0.15
-"""s for which a machine that runs tests may stand still, all its processors at once: a virtual one
-is not always given them."""
+STALL_S = 0.15
+"""s: longest host stall that the tests tolerate (a virtual machine may lose all its processors)"""
 START_S = 240.0
-"""s in which a flight in a process of its own begins: the first one compiles, on two cores that
-others use for more than a minute"""
+"""s: limit for the start of a flight in its own process. The first one compiles, which takes more
+than a minute on two busy cores"""
 END_S = 240.0
-"""s in which a process ends that was told to, or a thread comes to what it was given; nothing is
-measured by it"""
+"""s: limit for the end of a process or the answer of a thread; a timeout, not a measured bound"""
 PATIENT = {
-    "late_max_s": 2 * STANDSTILL_S,
+    "late_max_s": 2 * STALL_S,
     "late_max_share": 1.0,
     "lost_max_s": 0.4,
     "slew_max_V_per_s": 1e6,
@@ -27,9 +25,11 @@ PATIENT = {
     "yaw_rate_max_deg_per_s": 1e4,
     "roll_min_deg": -90.0,
 }
-"""Limits of every flight in real time that is not about them, for machines that have other work and
-stand still: two standstills in a row are borne, and a rig that held one voltage through them may
-fall onto its table and move on in a jerk. What a test is about it sets itself, after these."""
+"""Wide limits for real-time flights on busy machines, in tests of other properties.
+
+They tolerate two host stalls in a row, during which the rig holds one voltage, may fall onto its
+table and then move with a jerk. A test that is about one of these limits sets it itself.
+"""
 
 
 def profile(

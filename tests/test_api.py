@@ -1,4 +1,4 @@
-"""The Python API: public names import, are documented and typed, and do what the verbs do."""
+"""The Python API: public names import, are documented, typed, and work like the commands."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_importing_the_package_is_quick_and_imports_nothing_heavy() -> None:
     assert "typer" not in done[0].stdout
 
 
-def test_a_type_checker_knows_the_public_names() -> None:
+def test_a_type_checker_finds_the_public_names() -> None:
     stub = (Path(h3.__file__).parent / "__init__.pyi").read_text(encoding="utf-8")
     assert stub.count(" import ") == len(NAMES)
 

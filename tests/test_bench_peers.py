@@ -1,4 +1,4 @@
-"""The peers bench without its peers: the two files, the physics, the judge."""
+"""The peers bench without its tools: task and result files, physics, scores."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TRUTH, KNOWN = flights.truth(), flights.known()
 
 
 def black_box(interval_s: float, *, feedthrough: float = 0.0) -> dict[str, np.ndarray]:
-    """The truth about hover as a discrete fit would have it."""
+    """The true rig about hover as a discrete model."""
     A, B = held(*rigid.linearised(TRUTH, KNOWN), interval_s)
     zero = {"u0": np.full(2, 7.0), "y0": np.zeros(3)}
     return {
@@ -31,7 +31,7 @@ def black_box(interval_s: float, *, feedthrough: float = 0.0) -> dict[str, np.nd
     }  # fmt: skip
 
 
-def test_a_task_comes_back_as_it_was_written(tmp_path: Path) -> None:
+def test_a_task_is_read_back_unchanged(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     task = Task(
         np.arange(50) * 0.002, rng.normal(size=(50, 2)), rng.normal(size=(50, 3)),
@@ -44,7 +44,7 @@ def test_a_task_comes_back_as_it_was_written(tmp_path: Path) -> None:
     assert back.dt == pytest.approx(0.002)
 
 
-def test_every_kind_of_model_comes_back_with_its_cost_and_setting(tmp_path: Path) -> None:
+def test_every_kind_of_model_is_read_back_with_its_cost_and_setting(tmp_path: Path) -> None:
     meter, path = Meter(1.5, 64.0), tmp_path / "found.npz"
     A = np.diag([-1.0, -2.0])
     for kind, write in {
@@ -54,15 +54,20 @@ def test_every_kind_of_model_comes_back_with_its_cost_and_setting(tmp_path: Path
         "physical": lambda: interface.write_physical(path, meter, "how", TRUTH, TRUTH),
     }.items():
         write()
-        found = read_found(path)
-        assert (found.kind, found.setting, found.cpu_s, found.peak_MB) == (kind, "how", 1.5, 64.0)
+        result = read_found(path)
+        assert (result.kind, result.setting, result.cpu_s, result.peak_MB) == (
+            kind,
+            "how",
+            1.5,
+            64.0,
+        )
         key, value = ("values", TRUTH) if kind == "physical" else ("A", A)
-        np.testing.assert_array_equal(found.arrays[key], value)
+        np.testing.assert_array_equal(result.arrays[key], value)
 
 
 def test_a_fit_every_40_ms_is_judged_as_the_continuous_plant_it_came_from() -> None:
-    found = Found("discrete", "", 0, 0, {**black_box(0.04), "interval_s": np.array(0.04)})
-    model = judge.linear_model(found, KNOWN, 0.002)
+    result = Found("discrete", "", 0, 0, {**black_box(0.04), "interval_s": np.array(0.04)})
+    model = judge.linear_model(result, KNOWN, 0.002)
     want = black_box(0.002)
     response = model.C @ np.linalg.matrix_power(model.A, 50) @ model.B
     np.testing.assert_allclose(
@@ -87,16 +92,16 @@ def test_the_linearised_rig_has_the_papers_numbers() -> None:
     assert A[5, 1] == pytest.approx(-1.2304, abs=1e-4)
 
 
-def test_the_rig_hangs_still_at_level_hover() -> None:
+def test_the_rig_is_at_equilibrium_in_level_hover() -> None:
     P = (*TRUTH.tolist(), *KNOWN.tolist())
     V_h = P[3] / (2 * P[10] * P[12])
     np.testing.assert_allclose(rigid.derivative(*[0.0] * 8, V_h, V_h, P), np.zeros(8), atol=1e-12)
 
 
-def test_without_noise_the_truth_replays_the_emulated_rig_to_the_encoders_count(
+def test_without_noise_the_true_model_replays_the_emulated_rig_within_a_count(
     tmp_path: Path,
 ) -> None:
-    # Two derivations, two integrators: what is left is the rounding of readings, 1/√12 count.
+    # Two derivations, two integrators: they differ by the rounding of readings, 1/√12 count.
     flown = judge.flights([flights.fly("multisine", 7, tmp_path, noise=0.0)])
     model = RigidModel(TRUTH, KNOWN)
     (y, replayed), *_ = judge.validation.replays(model, flown, flown.held_out)
@@ -105,7 +110,7 @@ def test_without_noise_the_truth_replays_the_emulated_rig_to_the_encoders_count(
     assert (counts < 0.4).all(), counts
 
 
-def test_a_lost_pole_does_not_pull_the_others_out_of_their_pairs() -> None:
+def test_a_missing_pole_does_not_change_the_pairs_of_the_others() -> None:
     true = judge.true_poles(TRUTH, KNOWN)
     rotor, body, drift = judge.pole_errors(np.delete(true, 0), true)
     assert (rotor, body, drift) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
@@ -120,7 +125,7 @@ def test_a_rotor_pole_off_by_a_tenth_counts_ten_percent() -> None:
     assert rotor == pytest.approx(10.0, abs=0.01)
 
 
-def test_intervals_of_poles_are_counted_where_there_are_any() -> None:
+def test_intervals_of_poles_are_counted_if_the_model_has_them() -> None:
     true = judge.true_poles(TRUTH, KNOWN)
     std = np.where(np.abs(true.imag) > 1e-6, 0.1, 0.0)
     good = np.column_stack([true.real + 0.05, true.imag, np.full(8, 0.1), std])
@@ -140,12 +145,12 @@ def test_a_ramp_is_averaged_over_the_interval_or_around_the_instant() -> None:
     assert len(picked) == len(u)
 
 
-def test_the_rig_is_off_its_profile_so_that_no_fit_starts_at_the_truth() -> None:
+def test_the_true_rig_differs_from_its_profile() -> None:
     off = np.abs(flights.nominal() / TRUTH - 1)
     assert off.min() > 0.04
 
 
-def test_the_grey_boxs_parameters_are_found_by_name() -> None:
+def test_the_grey_boxs_parameters_are_read_by_name() -> None:
     given = [{"parameter": n, "value": i + 1.0, "std": 0.1} for i, n in enumerate(
         ours.PHYSICAL[name] for name in rigid.NAMES)]  # fmt: skip
     values, stds = ours.ten_parameters(given[:-1])
@@ -155,7 +160,7 @@ def test_the_grey_boxs_parameters_are_found_by_name() -> None:
     np.testing.assert_array_equal(ours.ten_parameters(by_name)[0], np.arange(1.0, 11.0))
 
 
-def test_a_peer_that_is_not_there_is_skipped_with_the_command_that_gets_it(
+def test_a_missing_peer_is_skipped_with_the_command_that_installs_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     octave = next(t for t in tools.TOOLS if t.module == "octave_n4sid")

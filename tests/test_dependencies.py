@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 
-# Each package may import itself and what stands in its row, besides libraries.
+# Each package may import itself, libraries, and the packages in its row.
 MAY_IMPORT = {
     "errors": set(),
     "write_errors": {"errors"},
@@ -81,7 +81,7 @@ def _module(path: Path) -> str:
 
 
 def _edges(path: Path) -> set[str]:
-    """Modules or names that a file imports at run time, and what holds the names."""
+    """Modules or names that a file imports at run time, and the modules of the names."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     for node in ast.walk(tree):
         if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
@@ -102,14 +102,14 @@ def _is_module(name: str) -> bool:
     return path.with_suffix(".py").exists() or (path / "__init__.py").exists()
 
 
-def test_every_package_stands_in_the_table() -> None:
-    found = {
+def test_every_package_is_in_the_table() -> None:
+    result = {
         p.stem if p.is_file() else p.name
         for p in (ROOT / "heli3dof").iterdir()
         if p.suffix == ".py" or (p / "__init__.py").exists()
         if not p.name.startswith("__")
     }
-    assert found == set(MAY_IMPORT)
+    assert result == set(MAY_IMPORT)
 
 
 def test_heli3dof_never_imports_a_driver_package() -> None:

@@ -1,4 +1,4 @@
-"""The pages link to what is there, and name verbs and options that exist."""
+"""Links, verbs and options in the documentation exist."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_every_link_to_a_file_leads_somewhere(page) -> None:
+def test_every_link_to_a_file_has_a_target(page) -> None:
     for target in re.findall(r"\]\(([^)#]+)[^)]*\)", page.read_text(encoding="utf-8")):
         if not target.startswith("http"):
             assert (page.parent / target).exists(), f"{page.name} links to {target}"
@@ -25,7 +25,7 @@ def verbs() -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_every_command_that_a_page_shows_is_a_verb(page) -> None:
+def test_every_command_on_a_page_is_a_verb(page) -> None:
     text = page.read_text(encoding="utf-8")
     code = [*re.findall(r"```.*?```", text, re.DOTALL), *re.findall(r"`[^`\n]+`", text)]
     shown = re.findall(r"(?:^|`)heli3dof ([a-z][a-z-]+)", "\n".join(code), re.MULTILINE)

@@ -1,4 +1,4 @@
-"""A bound on work holds on a slow machine too, and more work breaks it on any."""
+"""The measured cost does not depend on the machine's speed and grows with the work."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from tests.pace import Y_S, counted, slower, timed
 
 
 class SlowMachine:
-    """A machine on which all work takes so many times as long, and nothing else has a part in it:
-    the yardstick takes `Y_S` times that."""
+    """The clock of a machine on which all work, the yardstick included, takes ``times`` as long."""
 
     def __init__(self, times: float) -> None:
         self.times = times
@@ -23,8 +22,8 @@ worked = [0.0]
 
 
 @pytest.fixture(autouse=True)
-def a_machine_of_our_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A real one's pace changes from one second to the next."""
+def simulated_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Replaces the yardstick: the speed of a real machine changes within seconds."""
 
     def yardstick() -> None:
         worked[0] += Y_S
@@ -47,17 +46,17 @@ def test_a_faster_machine_is_not_allowed_more_work() -> None:
     assert slower(clock=SlowMachine(0.01)) == 1.0
 
 
-def test_a_slower_machine_is_slower_by_as_much() -> None:
+def test_slower_is_proportional_to_the_machines_slowness() -> None:
     there, here = slower(clock=SlowMachine(20.0)), slower(clock=SlowMachine(60.0))
     assert here == pytest.approx(3 * there, rel=0.4)
 
 
-def test_what_is_counted_is_the_same_every_time() -> None:
+def test_counts_are_reproducible_and_proportional_to_the_work() -> None:
     def some(n: int) -> None:
         for k in range(n):
             abs(k)
 
     one, two, three = (counted(lambda n=n: some(n)) for n in (10, 10, 20))
     assert one == two
-    assert three.calls - two.calls == 10, "functions of C are called too"
+    assert three.calls - two.calls == 10, "calls of C functions count"
     assert three.instructions - two.instructions >= 10 * 5

@@ -32,11 +32,11 @@ def test_the_watcher_is_called_for_every_piece_of_named_work_only() -> None:
 
 
 @pytest.fixture
-def two_hands(monkeypatch: pytest.MonkeyPatch) -> None:
+def two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parallel, "_free", cache(lambda: threading.Semaphore(1)))
 
 
-@pytest.mark.usefixtures("two_hands")
+@pytest.mark.usefixtures("two_threads")
 def test_nested_work_never_uses_more_threads_than_allowed() -> None:
     at_work, most, lock = [0], [0], threading.Lock()
 
@@ -56,7 +56,7 @@ def test_nested_work_never_uses_more_threads_than_allowed() -> None:
     assert most == [2], "a thread was not given back"
 
 
-@pytest.mark.usefixtures("two_hands")
+@pytest.mark.usefixtures("two_threads")
 def test_a_thread_without_pieces_helps_with_nested_work() -> None:
     by: set[int] = set()
 

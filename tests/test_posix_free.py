@@ -1,6 +1,6 @@
-"""Without what only POSIX has, rigs fly, are stopped from a second terminal, recorded and examined.
+"""Without POSIX-only functions, rigs fly, are stopped, recorded, identified and diagnosed.
 
-See `tests.posix_free` for what is taken away, and for what this does not prove.
+See `tests.posix_free` for the removed functions, and for the limits of this test.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ def env(tmp_path: Path) -> Mapping[str, str]:
 
 
 def document(env: Mapping[str, str], *words: object, code: int = 0) -> Any:
-    """What a verb says as JSON."""
+    """The JSON document of a command."""
     command = [*RUN, *map(str, words), "--json"]
     done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=END_S)
     assert done.returncode == code, done.stderr
     return json.loads(done.stdout)
 
 
-def test_what_is_taken_away_is_gone() -> None:
+def test_posix_only_functions_are_removed() -> None:
     looks = (
         "import os, socket, tests.posix_free as free; free.take_away()\n"
         "for name in free.MODULES:\n"
@@ -67,8 +67,8 @@ def test_a_flight_in_real_time_is_watched_and_stopped_from_a_second_process(
             assert time.monotonic() < until
         (session,) = document(env, "devices")["sessions"]
         assert session["pid"] == flight.pid
-        said = document(env, "estop", "--reason", "smoke")
-        assert [s["device"] for s in said["stopped"]] == [session["device"]]
+        answer = document(env, "estop", "--reason", "smoke")
+        assert [s["device"] for s in answer["stopped"]] == [session["device"]]
         assert flight.wait(END_S) == 4
     recording = read_recording(path)
     assert recording.meta["outcome"] == "tripped"
@@ -80,9 +80,9 @@ def test_a_rig_is_zeroed_and_examined(env: Mapping[str, str]) -> None:
     checks = subprocess.run(
         [*RUN, "doctor", "--device", MOCK, "--json"], env=env, capture_output=True, text=True
     )
-    found = json.loads(checks.stdout)
-    assert found["schema"] == "heli3dof.doctor/1", found
-    assert found["opened"]
+    result = json.loads(checks.stdout)
+    assert result["schema"] == "heli3dof.doctor/1", result
+    assert result["opened"]
 
 
 def test_a_flight_is_identified_and_diagnosed(env: Mapping[str, str], tmp_path: Path) -> None:
@@ -90,5 +90,5 @@ def test_a_flight_is_identified_and_diagnosed(env: Mapping[str, str], tmp_path: 
     words = ("--roll", 10, "--settle", 5, "--duration", 10, "--device", "mock:?speed=max")
     assert document(env, "run-step", *words, "-o", path)["outcome"] == "completed"
     assert document(env, "identify", path, "-o", tmp_path / "model.json")["models"]
-    found = document(env, "diagnose", "--quick", path, "-o", tmp_path / "extended.json")
-    assert found["schema"] == "heli3dof.diagnosis/1"
+    result = document(env, "diagnose", "--quick", path, "-o", tmp_path / "extended.json")
+    assert result["schema"] == "heli3dof.diagnosis/1"

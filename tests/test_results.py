@@ -1,4 +1,4 @@
-"""What every result offers a notebook."""
+"""Methods of every result class for notebooks."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""Every figure that the docs quote, measured: ``make bench`` writes docs/results/benchmarks.md.
+"""Benchmarks: ``make bench`` measures the figures of docs/results/benchmarks.md.
 
-A bench is one file here, ``bench_<topic>.py``, with ``TITLE``, optionally ``INTRO`` and
-``COMMAND``, and ``measure()``, a list of `Figure` and `Table`. They are kept in
-benchmarks.json, so that one topic can be measured again without the others, and the page is
-rendered from that file alone.
+A bench is one file, ``bench_<topic>.py``, with ``TITLE``, optionally ``INTRO`` and ``COMMAND``, and
+``measure()``, which returns a list of `Figure` and `Table`. benchmarks.json stores them by topic,
+so that one topic can be measured again without the others. The page is rendered from that file
+alone.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Figure:
-    """One measured number, and the bar it is held to (empty where there is none)."""
+    """One measured number and its required value, the bar (empty: none)."""
 
     what: str
     value: str
@@ -24,7 +24,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Table:
-    """Measured things side by side, where one number a row would not do."""
+    """A table of measurements with several numbers in a row."""
 
     caption: str
     head: tuple[str, ...]

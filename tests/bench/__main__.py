@@ -1,6 +1,6 @@
 """``python -m tests.bench [topic ...]``: measure, keep the figures, render benchmarks.md.
 
-Without a topic: every one but the slow ones.
+Without a topic: all but those in `SLOW`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FOLDER = Path(__file__).parent
 ROOT = FOLDER.parent.parent
 
 SLOW = ("peers", "hidden", "loop", "misbehaviour", "ramp_down", "realtime", "soak", "watches")
-"""Topics of many minutes, or that need more than our own environment: measured when asked for."""
+"""Topics that take many minutes or need further tools: measured only by name"""
 
 
 def topics() -> list[str]:
@@ -41,7 +41,7 @@ def revision() -> str:
 
 
 def measure(topic: str, commit: str) -> dict[str, object]:
-    """Measure one topic; returns what the store keeps of it."""
+    """Measure one topic; returns its entry in benchmarks.json."""
     bench = importlib.import_module(f"tests.bench.bench_{topic}")
     start = time.perf_counter()
     measured = bench.measure()
@@ -60,16 +60,18 @@ def measure(topic: str, commit: str) -> dict[str, object]:
 def main(wanted: list[str]) -> None:
     unknown = set(wanted) - set(topics())
     if unknown:
-        sys.exit(f"no bench for {', '.join(sorted(unknown))}; there are: {', '.join(topics())}")
+        sys.exit(f"no bench for {', '.join(sorted(unknown))}; topics: {', '.join(topics())}")
     commit = revision()
     if commit.endswith("-dirty"):
-        sys.exit("the tree has changes: a figure is kept with the commit it was measured at")
+        sys.exit(
+            "the tree has changes: commit them first, since each figure is stored with its commit"
+        )
     store = page.load()
     for topic in wanted or [t for t in topics() if t not in SLOW]:
         print(f"{topic} …", file=sys.stderr, flush=True)
         kept = measure(topic, commit)
         if not kept["figures"]:
-            print("  not measured here: what it needs is absent", file=sys.stderr)
+            print("  not measured: a tool or the real recordings are missing", file=sys.stderr)
             continue
         store[topic] = kept
         for f in kept["figures"]:  # type: ignore[attr-defined]

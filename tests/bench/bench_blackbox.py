@@ -1,4 +1,4 @@
-"""How well the black-box models replay flights that no fit has seen."""
+"""Replay errors of the black-box models on held-out flights."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ HIDE = (
 )
 SEEDS = (1, 2, 3, 4)
 BARS = {"multisine": 85.0, "steps": 79.0, "large": 61.0}
-"""One point below the best black boxes that were measured before the project began."""
+"""%: one point below the best black boxes measured before the project began"""
 INTRO = f"""
 Fit in closed-loop replay, 100 (1 − ‖y − ŷ‖/‖y − mean y‖), of `identify --method pem` (prediction
-error, order and interval chosen from the training flight alone) on a flight of the same plan with
-other seeds, from level. The emulated rig hides `{HIDE}`. Seeds {", ".join(map(str, SEEDS))}, each
-with seed + 100 for the held-out flight; means. *Truth* is the emulated rig itself, flown again
-without noise: no model can do much better.
+error; order and interval selected on the training flight) on a held-out flight of the same plan,
+started level. The emulated rig hides `{HIDE}`. Means over seeds {", ".join(map(str, SEEDS))}; the
+held-out flight has seed + 100. *True model*: the emulated rig itself without noise, an approximate
+upper bound for every model.
 """
 
 
@@ -38,7 +38,7 @@ def flight(plan: str, seed: int, *, noise: float = 1.0) -> Recording:
 
 
 def fit_percent(measured: Recording, clean: Recording) -> np.ndarray:
-    """(3,) fit of one flight by another, row by row, while the loop was closed."""
+    """(3,) fit in % of one flight by another, over the rows in closed loop."""
     n = int(np.sum(measured.channels["phase"] == 0))
     y, z = measured.angle[:n], clean.angle[:n]
     error = np.linalg.norm(y - z, axis=0)
@@ -53,17 +53,17 @@ def measure() -> list[Figure]:
             train, test = flight(plan, seed), flight(plan, seed + 100)
             truths.append(fit_percent(test, flight(plan, seed + 100, noise=0.0)))
             start = time.perf_counter()
-            found = identify(train, holdout=test, method="pem")
+            result = identify(train, holdout=test, method="pem")
             seconds.append(time.perf_counter() - start)
-            fits.append(found.metrics.replay.fit_percent)
+            fits.append(result.metrics.replay.fit_percent)
         mean, truth = np.mean(fits, axis=0), np.mean(truths, axis=0)
         each = ", ".join(f"{f[1]:.1f}" for f in fits)
         figures.append(
             at_least(
                 f"pitch, replay of held-out `{plan}`", float(mean[1]), bar, "%",
-                how=f"truth {truth[1]:.1f} %; by seed {each}; roll {mean[0]:.1f} % (truth "
-                f"{truth[0]:.1f} %), yaw {mean[2]:.1f} % (truth {truth[2]:.1f} %); a fit takes "
-                f"{statistics.median(seconds):.1f} s",
+                how=f"true model {truth[1]:.1f} %; by seed {each}; roll {mean[0]:.1f} % "
+                f"(true model {truth[0]:.1f} %), yaw {mean[2]:.1f} % "
+                f"(true model {truth[2]:.1f} %); a fit takes {statistics.median(seconds):.1f} s",
             )
         )  # fmt: skip
     return figures

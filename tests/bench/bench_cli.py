@@ -1,4 +1,4 @@
-"""How long a person waits for the command line."""
+"""Run times of short commands."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ HELI3DOF = str(Path(sys.executable).parent / "heli3dof")
 
 
 def seconds(*arguments: str) -> float:
-    """One process, in a runtime folder of its own: its estop must reach nobody else's flight."""
+    """One process, in a runtime folder of its own: its estop must not reach other flights."""
     with tempfile.TemporaryDirectory(prefix="h3b-") as own:
         return _seconds(arguments, {**os.environ, "XDG_RUNTIME_DIR": own})
 
 
 def _seconds(arguments: tuple[str, ...], environment: dict[str, str]) -> float:
     start = time.perf_counter()
-    # estop without a rig ends with exit code 3, after the same way
+    # estop without a rig ends with exit code 3, after the same steps
     subprocess.run([HELI3DOF, *arguments], check=False, capture_output=True, env=environment)
     return time.perf_counter() - start
 
@@ -34,7 +34,7 @@ def measure() -> list[Figure]:
 
 
 def waited(*words: str) -> Figure:
-    """Whole processes, from the shell's point of view."""
+    """Time of whole processes, from start to exit."""
     seconds(*words)  # the first run compiles bytecode
     times = [seconds(*words) for _ in range(10)]
     shown = " ".join(words).removesuffix(" --device mock:")

@@ -1,4 +1,4 @@
-"""How long a diagnosis takes on two cores: nothing hidden and one cause, quick and whole."""
+"""Run times of a diagnosis on two cores: no hidden effect and one, quick and full."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from heli3dof.experiment.plan import Plan, load_plan, step_plan
 from heli3dof.recording.recording import Recording
 from tests.bench import Figure, Table, at_most
 
-TITLE = "How long a diagnosis takes"
+TITLE = "Run time of a diagnosis"
 SEED = 1003
 CORES = 2
 CAUSE = "friction.coulomb.yaw:0.03"
@@ -26,10 +26,10 @@ PLANS = ("rich", "steps", "run-step")
 BARS = {True: 10.0, False: 40.0}
 INTRO = (
     f"Flights of the mock rig at 500 Hz with parameters off by up to 7 % (seed {SEED}), with "
-    f"nothing hidden and with `{CAUSE}`; the process is held to {CORES} of the machine's cores. "
-    "Warm: `diagnose` in a process that has diagnosed before. Cold: the command "
-    "`heli3dof diagnose`, from start to exit, code already compiled. CPU is that of all threads: "
-    "where the wall clock is longer than that, the cores were busy with something else."
+    f"nothing hidden and with `{CAUSE}`; the process may use {CORES} cores. "
+    "Warm: `diagnose` in a process that has run a diagnosis before. Cold: the command "
+    "`heli3dof diagnose`, from start to exit, with compiled code in the cache. CPU: time of all "
+    "threads; a longer wall-clock time means that the cores were busy with other work."
 )
 HELI3DOF = str(Path(sys.executable).parent / "heli3dof")
 
@@ -47,7 +47,7 @@ def flight(name: str, hide: str, path: Path | None = None) -> Recording:
 
 @contextlib.contextmanager
 def cores(count: int) -> Iterator[None]:
-    """This process and its children on ``count`` cores, where the system can do that."""
+    """Restrict this process and its children to ``count`` cores, if the system supports it."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return
@@ -62,8 +62,8 @@ def cores(count: int) -> Iterator[None]:
 def warm(recording: Recording, quick: bool) -> tuple[float, float, str]:
     """(wall s, CPU s, verdict)"""
     wall, cpu = time.perf_counter(), time.process_time()
-    found = diagnose(recording, quick=quick)
-    return time.perf_counter() - wall, time.process_time() - cpu, found.verdict
+    result = diagnose(recording, quick=quick)
+    return time.perf_counter() - wall, time.process_time() - cpu, result.verdict
 
 
 def cold(path: Path, quick: bool) -> float:

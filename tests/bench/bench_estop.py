@@ -1,4 +1,4 @@
-"""How soon a rig stops that another process flies, and whether one that starts stays still."""
+"""Emergency stop of another process's flight: duration, and races with the start of a flight."""
 
 from __future__ import annotations
 
@@ -22,32 +22,34 @@ from tests.rig.stop_race import Race, race
 TITLE = "Stopping from another terminal"
 INTRO = (
     "`heli3dof run-step` flies the emulated rig behind a pseudo-terminal at 500 Hz, recorder on; "
-    "another process stops it. Time from the question to the confirmation that the device has "
-    'stopped; the command\'s own start is under "The command line".\n\n'
-    "Then emergency stops at random moments 0 to 2 s after a flight's process was started, every "
-    "second one of all rigs (`tests/rig/stop_race.py`). After the stop returned, no device may be "
-    "enabled: by the log of the firmware's output stage, and by the mock's own samples."
+    "another process stops it. Time from the request to the confirmation that the device has "
+    'stopped, without the start of the command (see "The command line").\n\n'
+    "Then emergency stops at random moments 0 to 2 s after the start of a flight's process; every "
+    "second stop is one of all rigs (`tests/rig/stop_race.py`). After the stop has returned, no "
+    "device may be enabled, according to the firmware's log of its output stage and the mock's "
+    "samples."
 )
 FLIGHTS = int(os.environ.get("ESTOP_FLIGHTS", "20"))
 RACES = int(os.environ.get("ESTOP_RACES", "200"))
 LATEST_S = 2.0
-DOOR = [sys.executable, "-m", "heli3dof_drivers.emulator.transport_pty", "--with-parent"]
+EMULATED_RIG = [sys.executable, "-m", "heli3dof_drivers.emulator.transport_pty", "--with-parent"]
 RIG = "mock:?start=level"
 
 
 def measure() -> list[Figure]:
-    asked = [stopped_in(hung=False) for _ in range(FLIGHTS)]
+    by_session = [stopped_in(hung=False) for _ in range(FLIGHTS)]
     past = [stopped_in(hung=True) for _ in range(max(1, FLIGHTS // 4))]
     return [
         at_most(
-            f"stopped by the session that flies, {what}", value * 1e3, 100, "ms",
+            f"stopped by the flying session, {what}", value * 1e3, 100, "ms",
             how=f"{FLIGHTS} flights",
         )
-        for what, value in (("median", statistics.median(asked)), ("longest", max(asked)))
+        for what, value in (("median", statistics.median(by_session)), ("longest", max(by_session)))
     ] + [
         at_most(
-            "stopped past a session that hangs, longest", max(past) * 1e3, 500, "ms",
-            how=f"{len(past)} flights suspended with SIGSTOP; 200 ms of it are patience",
+            "stopped directly, session hangs, longest", max(past) * 1e3, 500, "ms",
+            how=f"{len(past)} flights suspended with SIGSTOP; including 200 ms "
+            "of waiting for the session",
         )
     ] + [figure for kind in ("mock", "firmware") for figure in raced(kind)]  # fmt: skip
 
@@ -66,12 +68,12 @@ def raced(kind: str) -> list[Figure]:
 
     return [
         at_most(
-            f"{kind}: flights that were armed after the stop had returned", armed(seen), 0, "",
-            how=f"{RACES} flights; {len(early)} had not been armed before the stop, "
+            f"{kind}: flights armed after the stop returned", armed(seen), 0, "",
+            how=f"{RACES} flights; {len(early)} not armed before the stop, "
             f"{sum(r.confirmed for r in seen)} stops found a rig and confirmed",
         ),
         at_least(
-            f"{kind}: of these, flights that ended with exit code 4",
+            f"{kind}: flights that ended with exit code 4",
             sum(r.code == 4 for r in seen), RACES, "",
         ),
         at_most(f"{kind}: the longest stop", max(r.seconds for r in seen), 2, "s"),
@@ -95,10 +97,12 @@ def flying() -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
     quiet = subprocess.DEVNULL
     with (
         tempfile.TemporaryDirectory() as folder,
-        subprocess.Popen([*DOOR, "--device", RIG], stdout=subprocess.PIPE, text=True) as door,
+        subprocess.Popen(
+            [*EMULATED_RIG, "--device", RIG], stdout=subprocess.PIPE, text=True
+        ) as rig,
     ):
-        assert door.stdout is not None
-        device = f"serial://{door.stdout.readline().strip()}"
+        assert rig.stdout is not None
+        device = f"serial://{rig.stdout.readline().strip()}"
         words = ["run-step", "--roll", "5", "--device", device, "-o", str(Path(folder) / "f.mcap")]
         run = [sys.executable, "-m", "heli3dof", *words]
         with subprocess.Popen(run, stdout=quiet, stderr=quiet) as process:
@@ -111,4 +115,4 @@ def flying() -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
                 yield device, process
             finally:
                 process.kill()
-                door.kill()
+                rig.kill()

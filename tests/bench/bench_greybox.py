@@ -1,4 +1,4 @@
-"""The grey-box estimator against mock flights of known truth, whose code is not its own."""
+"""The grey-box estimator on mock flights with known parameters; the mock shares no code with it."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ REPLAY_SEEDS = range(1, 9)
 START_SEEDS = range(1, 9)
 PROCESSES = 2
 REPLAYED = ",motor.thrust_gain:1.1,mass.imbalance:0.08"
-"""Base parameters off, in the flights that are replayed: every seed is then the same rig."""
+"""Deviations of base parameters in the replayed flights, equal for every seed"""
 
 TITLE = "Grey-box identification"
 INTRO = """
 Flights of the mock rig with `hide=motor.lag:0.1, stiffness.pendulum.roll:1.0,
 stiffness.pendulum.pitch:0.01, friction.viscous.roll:0.05, friction.viscous.pitch:0.01,
-friction.viscous.yaw:0.1` and `spread=0.1` (thrust gain, gravity torque and inertias drawn within
-10 % of the profile's), seeds 1 to 24. Twelve parameters are estimated from each: T_g, three
-inertias, those six and two constant torques that are truly zero. CRB is the Cramér–Rao bound at the
-truth, with the true process noise and encoder rounding as white noise; an estimator that reads the
-encoders' edges may beat it. Coverage counts the 95 % intervals that hold the truth.
+friction.viscous.yaw:0.1` and `spread=0.1` (thrust gain, gravity torque and inertias drawn within 10
+% of the profile's), seeds 1 to 24. Twelve parameters are estimated from each: T_g, three inertias,
+those six and two constant torques whose true value is zero. CRB is the Cramér–Rao bound at the true
+parameters, with the true process noise and encoder rounding as white noise; an estimator that uses
+the times of the encoder edges may be below it. Coverage: share of the 95 % intervals that contain
+the true value.
 """
 
 
@@ -41,10 +42,10 @@ def one_fit(job: tuple[int, str, float]) -> dict[str, Any]:
 
     seed, plan, noise = job
     flight = fly(seed, plan, noise=noise)
-    found = fit_greybox(flight.recording)
-    problem = found.problem
-    truth = problem.coordinates(np.array([flight.truth[f.name] for f in found.free]))
-    on = {t.effect.name for t in found.structure.terms}
+    result = fit_greybox(flight.recording)
+    problem = result.problem
+    truth = problem.coordinates(np.array([flight.truth[f.name] for f in result.free]))
+    on = {t.effect.name for t in result.structure.terms}
     absent = [
         f"{e.name}.{a}" if a else e.name
         for e in effects().values()
@@ -52,13 +53,13 @@ def one_fit(job: tuple[int, str, float]) -> dict[str, Any]:
         if len(e.parameters) == 1 and e.screened and e.name not in {*on, *REDUNDANT}
     ]
     return {
-        "error": found.optimum.theta - truth,
-        "sd": found.std / found.slopes,
+        "error": result.optimum.theta - truth,
+        "sd": result.std / result.slopes,
         "bound": cramer_rao(problem, truth, flight.noise),
-        "lag": float(found.values[list(found.structure.names).index(LAG)]) / 0.1 - 1,
-        "noise": found.optimum.noise[:3] / flight.noise[:3],
-        "converged": found.optimum.converged,
-        "false": max(score_test(found, term(n)).score for n in absent),
+        "lag": float(result.values[list(result.structure.names).index(LAG)]) / 0.1 - 1,
+        "noise": result.optimum.noise[:3] / flight.noise[:3],
+        "converged": result.optimum.converged,
+        "false": max(score_test(result, term(n)).score for n in absent),
     }
 
 
@@ -66,11 +67,11 @@ LAG = "motor.lag.time_constant_s"
 REDUNDANT = {
     "motor.thrust_gain", "mass.imbalance", "inertia", "motor.spin_up", "motor.saturation",
 }  # fmt: skip
-"""Base parameters under another name, and effects whose score at their start says nothing."""
+"""Base parameters under another name, and effects with an uninformative score at the start"""
 
 
 def one_replay(seed: int) -> np.ndarray:
-    """(2, 3): fit % of the replayed loop on a flight not fitted, by the model and by the truth."""
+    """(2, 3): fit % of the replayed loop on a held-out flight, of the model and the true rig."""
     from heli3dof.comparison.replay import loop_task, under_control
     from heli3dof.identification.greybox.method import fit_greybox, model_of
     from tests.identification.known_flights import HIDDEN, fly
@@ -91,15 +92,15 @@ def one_replay(seed: int) -> np.ndarray:
 
 
 def one_start(seed: int) -> float:
-    """How far from the nominal start's optimum another start ends, in standard deviations."""
+    """Distance between the optima from the nominal and a random start, in standard deviations."""
     from heli3dof.identification.greybox.maximum_likelihood import maximise
     from heli3dof.identification.greybox.method import fit_greybox
     from tests.identification.known_flights import fly
 
-    found = fit_greybox(fly(seed, "multisine").recording)
+    result = fit_greybox(fly(seed, "multisine").recording)
     rng = np.random.default_rng(seed)
-    theta = found.problem.prior_mean.copy()
-    for j, f in enumerate(found.free):
+    theta = result.problem.prior_mean.copy()
+    for j, f in enumerate(result.free):
         factor = np.exp(rng.uniform(-1, 1) * np.log(2))
         if f.log:
             theta[j] += np.log(factor)
@@ -107,9 +108,9 @@ def one_start(seed: int) -> float:
             theta[j] *= factor
         else:
             theta[j] = factor * f.inward(f.typical)
-    again = maximise(found.problem, theta)
-    sd = found.std / found.slopes
-    return float(np.abs((again.theta - found.optimum.theta) / sd).max())
+    again = maximise(result.problem, theta)
+    sd = result.std / result.slopes
+    return float(np.abs((again.theta - result.optimum.theta) / sd).max())
 
 
 def fit_seconds() -> float:
@@ -120,9 +121,9 @@ def fit_seconds() -> float:
     recording = fly(1, long_plan()).recording
     fit_greybox(recording)
     start = time.process_time()
-    found = fit_greybox(recording)
-    assert np.isfinite(found.std).all()
-    assert np.isfinite(found.bound).all()
+    result = fit_greybox(recording)
+    assert np.isfinite(result.std).all()
+    assert np.isfinite(result.bound).all()
     return time.process_time() - start
 
 
@@ -146,26 +147,26 @@ def measure() -> list[Figure]:
                 lag = float(np.sqrt(np.mean([f["lag"] ** 2 for f in fits])))
                 worst = max(abs(f["lag"]) for f in fits)
                 figures.append(
-                    at_most("rotor lag's error on steps alone, rms", 100 * lag, 4.0, "%",
+                    at_most("rotor lag, RMS error, steps alone", 100 * lag, 4.0, "%",
                             how=f"worst of {len(fits)}: {100 * worst:.2g} %")
                 )  # fmt: skip
             false = sorted(f["false"] for f in fits)
             figures.append(
-                Figure(f"largest score of any absent effect, {name}", f"{false[-1]:.3g}",
-                       how=f"χ², the largest of some 20; median {np.median(false):.2g}")
+                Figure(f"largest score of an absent effect, {name}", f"{false[-1]:.3g}",
+                       how=f"χ², largest of about 20; median {np.median(false):.2g}")
             )  # fmt: skip
         fit = np.mean(all_of(one_replay, list(REPLAY_SEEDS)), axis=0)
         for i, axis in enumerate(("roll", "pitch", "yaw")):
             figures.append(
-                at_most(f"closed-loop replay short of the truth's own, {axis}",
+                at_most(f"closed-loop replay, fit below the true model's, {axis}",
                         float(fit[1, i] - fit[0, i]), 0.5, "points",
-                        how=f"{fit[0, i]:.2f} % against {fit[1, i]:.2f} %, flights not fitted, "
+                        how=f"{fit[0, i]:.2f} % against {fit[1, i]:.2f} %, held-out flights, "
                         f"seeds {REPLAY_SEEDS[0] + 100} to {REPLAY_SEEDS[-1] + 100}")
             )  # fmt: skip
         away = max(all_of(one_start, list(START_SEEDS)))
     figures.append(
-        at_most("starts × 0.5 … × 2: furthest end from the optimum", away, 0.1, "std",
-                how=f"every parameter at random, {len(START_SEEDS)} flights")
+        at_most("starts × 0.5 … × 2: largest distance from the optimum", away, 0.1, "std",
+                how=f"every start parameter drawn at random, {len(START_SEEDS)} flights")
     )  # fmt: skip
     figures.append(
         at_most("time to fit 90 s at 500 Hz", seconds, 5.0, "s", how="CPU time, one core")
@@ -179,13 +180,13 @@ def _statistics(name: str, fits: list[Any], bar: float | None, low: float) -> li
     ratio = float(np.sqrt(((error / bound) ** 2).mean()))
     inside = float((np.abs(error) < 1.96 * sd).mean())
     noise = np.mean([f["noise"] for f in fits], axis=0)
-    settled = sum(f["converged"] for f in fits)
-    how = f"{len(fits)} flights × {error.shape[1]} parameters; {settled} fits settled"
+    converged = sum(f["converged"] for f in fits)
+    how = f"{len(fits)} flights × {error.shape[1]} parameters; {converged} fits converged"
     what = f"RMS of parameter error / CRB, {name}"
     rms = at_most(what, ratio, bar, "", how=how) if bar else Figure(what, f"{ratio:.3g}", how=how)
     share = at_least(f"coverage of the 95 % intervals, {name}", inside, low, "",
-                     how="noise estimated at " + " / ".join(f"{x:.2f}" for x in noise)
-                     + " of the truth")  # fmt: skip
+                     how="estimated over true noise "
+                     + " / ".join(f"{x:.2f}" for x in noise))  # fmt: skip
     if low >= 0.92:
         share = Figure(share.what, f"{inside:.4g}", "0.92 … 0.98", low <= inside <= 0.98, share.how)
     return [rms, share]

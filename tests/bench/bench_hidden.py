@@ -1,8 +1,8 @@
-"""Flights that hide something, and who finds it. ``make bench-hidden``; see `tests.hidden`.
+"""Diagnosis of flights with hidden effects. ``make bench-hidden``; see `tests.hidden`.
 
-HIDDEN_FIRST is the first seed (default 0: the final tables; develop from 1000 on), HIDDEN_SHARE the
-share of each class's cases (default 1), HIDDEN_JOBS how many at once (default: all cores). What
-was done already is not done again.
+Environment variables: HIDDEN_FIRST, the first seed (default 0, for the final tables; use 1000 and
+above in development); HIDDEN_SHARE, the share of each class's cases (default 1); HIDDEN_JOBS, the
+number of processes (default: all cores). Finished cases are not repeated.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from tests.hidden.tally import (
 )
 from tests.hidden.tools import TOOLS
 
-TITLE = "Hidden causes"
+TITLE = "Hidden effects"
 COMMAND = "make bench-hidden"
 FIRST = int(os.environ.get("HIDDEN_FIRST", "0"))
 SHARE = float(os.environ.get("HIDDEN_SHARE", "1"))
@@ -40,34 +40,34 @@ CORES = 2
 
 INTRO = f"""Flights of the emulated rig with its own parameters drawn within ± 7 % of the
 profile's, on the plan `rich`, on `steps` and on what `heli3dof run-step --roll 10` flies; each
-class's cases are seeds {FIRST} and up. What is hidden, how much and why is in
-[sizes.py](../tests/hidden/sizes.py); what no recording can tell, stated beforehand, in
-[equivalences.py](../tests/hidden/equivalences.py); what counts as right in
+class's cases are seeds {FIRST} and up. The hidden effects and their sizes are in
+[sizes.py](../tests/hidden/sizes.py); effects that no recording can distinguish, stated beforehand,
+in [equivalences.py](../tests/hidden/equivalences.py); the criteria of a right answer in
 [judge.py](../tests/hidden/judge.py). The diagnosis gets a recording and a profile, without the
-device's URL. A finding on the wrong axis is wrong. *Wrong names* are those asserted without a tie,
-of all asserted. What follows a share in brackets is its 95 % interval (Wilson).
+device's URL. A finding on the wrong axis is wrong. *Wrong names*: share of
+all names reported without a confounded alternative. Brackets: 95 % interval of a share (Wilson).
 PySINDy's recipe is in
-[pysindy_discrepancy.py](../tests/bench/peers/pysindy_discrepancy.py), with the kindnesses that it
-was given; columns that it cannot tell apart count as a tie, and it has none for timing, mass
-changes or torques of unknown frequency. The residual test knows no names."""
+[pysindy_discrepancy.py](../tests/bench/peers/pysindy_discrepancy.py), with the adaptations
+made in its favour. Indistinguishable columns count as confounded. It has no columns for timing,
+mass changes or torques of unknown frequency. The residual test reports no names."""
 
 
 def measure() -> list[Figure | Table]:
     jobs = wanted(FIRST, SHARE)
-    asked: dict[str, list[Judged]] = {}
+    by_tool: dict[str, list[Judged]] = {}
     for name in ("whole", "pysindy", "residuals"):
         if TOOLS[name].missing:
             print(f"  {TOOLS[name].title}: {TOOLS[name].missing}", file=sys.stderr)
             continue
         lines = list(run(jobs, name, processes=JOBS).values())
-        asked[name] = judged(lines)
+        by_tool[name] = judged(lines)
         if name == "whole":
             print(summary(lines))
-    ours = asked["whole"]
+    ours = by_tool["whole"]
     return [
-        Table("Hidden effects, and what was found (where several: how often)", HEAD,
+        Table("Hidden effect and reported effect (with counts where several)", HEAD,
               tuple(rows(ours))),
-        beside(asked), *figures(ours), *timed(),
+        comparison(by_tool), *figures(ours), *timed(),
     ]  # fmt: skip
 
 
@@ -77,13 +77,13 @@ HEAD = ("hidden", "flights", "right", "found")
 def rows(cases: list[Judged]) -> list[tuple[str, ...]]:
     """The confusion matrix by rows, without its empty cells."""
     return [
-        (hidden, group, f"{right}/{n}", found)
-        for hidden, group, n, right, found in confusions(cases)
+        (hidden, group, f"{right}/{n}", result)
+        for hidden, group, n, right, result in confusions(cases)
     ]
 
 
-def beside(asked: dict[str, list[Judged]]) -> Table:
-    """The tools side by side, a rate a row."""
+def comparison(asked: dict[str, list[Judged]]) -> Table:
+    """One row per rate, one column per tool."""
     by_tool = {name: {r.what: r for r in rates(cases)} for name, cases in asked.items()}
     whats = list(by_tool["whole"])
     table = [
@@ -97,13 +97,13 @@ def beside(asked: dict[str, list[Judged]]) -> Table:
     seconds = [times_s(cases) for cases in asked.values()]
     table.append((f"s for one flight, {JOBS} at once: median",
                   *(f"{middle:.1f}" for middle, _ in seconds)))  # fmt: skip
-    table.append(("and 95 of 100 within", *(f"{slow:.1f}" for _, slow in seconds)))
+    table.append(("s for one flight: 95 % quantile", *(f"{slow:.1f}" for _, slow in seconds)))
     head = ("", *(TOOLS[name].title for name in asked))
-    return Table("The same flights through other people's recipes", head, tuple(table))
+    return Table("The same flights, other tools", head, tuple(table))
 
 
 def figures(cases: list[Judged]) -> list[Figure]:
-    """The rows of what the project is held to."""
+    """The rates with a required value."""
     out = [
         Figure(r.what, r.text, r.asked, r.met, f"95 % interval {r.between}")
         for r in rates(cases) if r.bar is not None
@@ -113,13 +113,13 @@ def figures(cases: list[Judged]) -> list[Figure]:
         Figure("parameter error of the named cause, median",
                "–" if np.isnan(error) else f"{100 * error:.1f} %", "≤ 5 %",
                None if np.isnan(error) else error <= 0.05,
-               "of its distance from no effect, in SI")
+               "relative to the distance of the true value from no effect")
     )  # fmt: skip
     return out
 
 
 def timed() -> list[Figure]:
-    """A minute at 500 Hz on two cores and nothing beside it, compiled already."""
+    """Run times for one minute at 500 Hz on two otherwise idle cores, with compiled code."""
     out = []
     with ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_two_cores) as pool:
         for tool, bar_s in (("quick", 10.0), ("whole", 40.0)):

@@ -1,4 +1,4 @@
-"""What the estimators differ in, on flights that no fit has seen, and how long a fit takes."""
+"""Prediction and replay errors of the estimators on held-out flights, and the time of a fit."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from tests.identification.mock_flights import PLANS, mock_flight, truth_replay
 TITLE = "Identification: methods compared"
 INTRO = """
 Flights of the emulated rig with a rotor lag of 0.1 s, pendula on roll and pitch and viscous
-friction (`tests/identification/mock_flights.py`). Fitted on seeds 1–3, tested on seeds 11–13 of
-the same plan; order and interval chosen from the fitted flights alone. *Replay* is the loop flown
-on the model through the same references, from 5 s after lift-off; the *truth* is the emulated rig
-itself flown without its noise. One step ahead every method looks excellent; 1 s ahead and in the
-loop they do not.
+friction (`tests/identification/mock_flights.py`). Fitted on seeds 1–3, tested on seeds 11–13 of the
+same plan; order and interval selected on the training flights. *Replay* simulates the closed loop
+of the model with the same references, from 5 s after lift-off. *True model*: the emulated rig
+itself without noise. All methods predict well one step ahead; 1 s ahead and in closed loop they
+differ.
 """
 SEEDS = (1, 2, 3)
 
@@ -37,13 +37,13 @@ def measure() -> list[Figure]:
 def _replay(plan: str, method: str) -> Figure:
     fits, ahead, truths, orders = [], [], [], []
     for seed in SEEDS:
-        found = identify(
+        result = identify(
             mock_flight(plan, seed), holdout=mock_flight(plan, seed + 10), method=method
         )
-        fits.append(found.metrics.replay.fit_percent)
-        ahead.append([found.metrics.prediction[h].fit_percent for h in (0.0, 0.1, 0.5, 1.0)])
-        orders.append(found.order)
-        start = found.prepared.held_out[0].start + 1000
+        fits.append(result.metrics.replay.fit_percent)
+        ahead.append([result.metrics.prediction[h].fit_percent for h in (0.0, 0.1, 0.5, 1.0)])
+        orders.append(result.order)
+        start = result.prepared.held_out[0].start + 1000
         truths.append(truth_replay(plan, seed + 10, start))
     fit, truth = np.array(fits)[:, 1], np.mean(truths, axis=0)[1]
     each = ", ".join("diverges" if f < -1e3 else f"{f:.1f}" for f in fit)
@@ -51,7 +51,7 @@ def _replay(plan: str, method: str) -> Figure:
     return Figure(
         f"`{plan}`, {method}: pitch one step / 0.1 / 0.5 / 1 s ahead",
         f"{steps} %",
-        how=f"replay by seed {each} (truth {truth:.1f}); orders {', '.join(map(str, orders))}",
+        how=f"replay by seed {each} (true model {truth:.1f}); orders {', '.join(map(str, orders))}",
     )
 
 

@@ -18,14 +18,14 @@ from tests.realtime.power import lost_to_a_power_cut
 TITLE = "kill -9 and power cuts"
 INTRO = (
     "`heli3dof run-step` on the C firmware behind a pseudo-terminal, killed at random moments of "
-    "its flight: what the firmware then puts out, what is in the file, and what `recover` makes of "
-    "it. A power cut takes what the disk had not yet promised."
+    "its flight: output of the firmware, contents of the file, and result of `recover`. A power "
+    "cut loses the rows that no completed fdatasync covers."
 )
 KILLS = int(os.environ.get("KILLS", "100"))
 SEED = 5
 POWER_S = 30.0
 WATCHDOG_S, RAMP_S, TURN_S = 0.1, 0.2, 2e-3
-"""The firmware's own; its watchdog may take 1 ms longer, and its output is set every 1 ms"""
+"""s: the firmware's defaults; its watchdog may take 1 ms longer, its output changes every 1 ms"""
 
 
 def measure() -> list[Figure]:
@@ -37,8 +37,8 @@ def measure() -> list[Figure]:
             killed = list(kill_flights(device, log, folder, KILLS, seed=SEED))
         power = lost_to_a_power_cut(folder / "power.mcap", POWER_S)
     cut = at_most(
-        "power cut: flight lost at the worst moment", power, 0.5, "s",
-        how=f"what fdatasync had returned for, {POWER_S:g} s at 500 Hz on this machine's disk",
+        "power cut: data lost at the worst moment", power, 0.5, "s",
+        how=f"rows before the last completed fdatasync, {POWER_S:g} s at 500 Hz on this disk",
     )  # fmt: skip
     return [*survived(killed), cut]
 
@@ -50,10 +50,10 @@ def survived(killed: list[Killed]) -> list[Figure]:
     worst = max(k.zero_s for k in killed)
     return [
         at_most(
-            "kill -9: from the last command to zero volts, worst", worst,
+            "kill -9: last command to zero volts, worst", worst,
             WATCHDOG_S + RAMP_S + TURN_S, "s", how=how,
         ),
-        at_most("kill -9: flight lost, worst", max(k.lost_s for k in killed), 0.5, "s", how=how),
+        at_most("kill -9: data lost, worst", max(k.lost_s for k in killed), 0.5, "s", how=how),
         Figure(
             "kill -9: files recovered", f"{sum(k.rows > 0 for k in killed)} of {len(killed)}",
             "all", all(k.rows > 0 for k in killed), how,

@@ -1,4 +1,4 @@
-"""The link: harmed lines, and what a question and its answer take."""
+"""The link: damaged frames, and round-trip times."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.interface import Command
 from heli3dof.rig.profile import TABLE_I, profile_from_dict
 from tests.bench import Figure, at_least, at_most
-from tests.drivers.doors import Door, firmware_door
+from tests.drivers.emulated_rigs import RigProcess, firmware_rig
 from tests.drivers.firmware.building import run
 from tests.drivers.link.faults import KINDS, Tally, Trial
 
 TITLE = "The link"
 INTRO = (
-    "Harm: half of all frames of both directions have wrong bits, a wrong run of bytes, a piece "
-    "cut out, noise in them, come twice, late or never; the emulated device, the host's side and "
-    "the firmware in C read them, and a judge knows what was sent. Round trip: POLL to SAMPLE in "
-    "a loop that sends commands, the host keeping time, through pyserial's port to the firmware "
-    "in C behind a pseudo-terminal. Flights over that line: the bench `loop`."
+    "Damage: half of all frames in both directions have bit errors, a burst error, a missing "
+    "piece or inserted noise, or are repeated, delayed or lost. The emulated device, the host and "
+    "the C firmware read them; the bench compares the accepted frames with those sent. Round "
+    "trip: POLL to SAMPLE in a loop with commands, timed by the host, through pyserial to the C "
+    "firmware behind a pseudo-terminal. Flights over that line: the bench `loop`."
 )
 FAULTS = int(os.environ.get("LINK_FAULTS", "1200000"))
 SEEDS = 4
@@ -32,14 +32,14 @@ MEDIAN_US = 150.0
 
 
 def measure() -> list[Figure]:
-    figures = harmed()
-    with firmware_door() as door:
+    figures = damaged()
+    with firmware_rig() as rig_process:
         for rate_hz in (500.0, 1000.0):
-            figures.append(polled(door, rate_hz))
+            figures.append(polled(rig_process, rate_hz))
     return figures
 
 
-def harmed() -> list[Figure]:
+def damaged() -> list[Figure]:
     tallies: list[Tally] = []
     answers = different = 0
     for seed in range(1, SEEDS + 1):
@@ -54,42 +54,44 @@ def harmed() -> list[Figure]:
         return sum(getattr(t, name) for t in tallies)
 
     return [
-        at_least("frames harmed", total("faults"), 1e6, "", how=how),
+        at_least("damaged frames", total("faults"), 1e6, "", how=how),
         at_most(
-            "wrong commands taken", total("wrong_commands"), 0, "", how=f"of {total('commands')}"
+            "wrong commands accepted", total("wrong_commands"), 0, "", how=f"of {total('commands')}"
         ),
         at_most(
-            "wrong armings taken", total("wrong_armings"), 0, "", how=f"of {total('armings')}"
+            "wrong armings accepted", total("wrong_armings"), 0, "", how=f"of {total('armings')}"
         ),
-        at_most("wrong samples taken", total("wrong_samples"), 0, "", how=f"of {total('samples')}"),
         at_most(
-            "second whole frame after harm not read", total("unsynchronised"), 0, "",
+            "wrong samples accepted", total("wrong_samples"), 0, "", how=f"of {total('samples')}"
+        ),
+        at_most(
+            "second valid frame after damage not received", total("unsynchronised"), 0, "",
             how=f"of {total('resyncs')}",
         ),
         at_most(
-            "answers in which the firmware in C differs", different, 0, "",
-            how=f"of {answers}, byte by byte, to the same harmed bytes",
+            "replies in which the C firmware differs", different, 0, "",
+            how=f"of {answers}, byte by byte, to the same damaged input",
         ),
     ]  # fmt: skip
 
 
 def against_the_firmware(trial: Trial) -> tuple[int, int]:
-    """Answers of the emulated device, and those that the firmware's core gives otherwise."""
-    said = "".join(f"{now} > {data.hex()}\n" for now, data, _ in trial.script)
+    """Number of replies of the emulated device, and number in which the firmware's core differs."""
+    sent = "".join(f"{now} > {data.hex()}\n" for now, data, _ in trial.script)
     expected = [
         f"{now} < {piece.hex()}00"
         for now, _, answer in trial.script
         for piece in answer.split(b"\0")[:-1]
     ]
-    answered = run("heli3dof-replay", text=said)
+    answered = run("heli3dof-replay", text=sent)
     different = sum(a != b for a, b in zip(expected, answered, strict=False))
     return len(expected), different + abs(len(expected) - len(answered))
 
 
-def polled(door: Door, rate_hz: float) -> Figure:
-    """The host keeps time and asks for each sample: what a question and its answer take."""
+def polled(rig_process: RigProcess, rate_hz: float) -> Figure:
+    """Round-trip times in polled mode, where the host keeps time."""
     profile = profile_from_dict({**TABLE_I, "loop": {"rate_hz": rate_hz}})
-    rig = open_driver(door.url("stream=0"), profile)
+    rig = open_driver(rig_process.url("stream=0"), profile)
     assert isinstance(rig, LinkRig)
     with realtime() as granted:
         rig.arm()
@@ -108,6 +110,6 @@ def polled(door: Door, rate_hz: float) -> Figure:
         f"{median:.0f} / {p999:.0f} µs",
         f"median ≤ {MEDIAN_US:g} µs",
         median <= MEDIAN_US,
-        how=f"{trip.n} questions, {scheduling} scheduling, worst {1e3 * trip.worst_s:.2g} ms; "
+        how=f"{trip.n} polls, {scheduling} scheduling, worst {1e3 * trip.worst_s:.2g} ms; "
         f"{counted.retries} retries, {counted.lost} lost, {counted.malformed} malformed",
     )

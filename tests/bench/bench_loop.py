@@ -1,7 +1,7 @@
-"""The loop in real time: punctuality.
+"""Punctuality of the control loop in real time.
 
-To be run on a quiet machine. FLIGHT_SECONDS in the environment shortens it; kill -9 and power cuts
-are `bench_kill`, the half hour without growth of memory is `bench_soak`.
+Run it on an idle machine. FLIGHT_SECONDS in the environment shortens it. `bench_kill` has kill -9
+and power cuts, `bench_soak` the growth of memory in half an hour.
 """
 
 from __future__ import annotations
@@ -22,20 +22,18 @@ from tests.realtime.host_stalls import Lateness, host_stalls, lateness, written_
 
 TITLE = "The loop"
 INTRO = (
-    "`heli3dof run-step` in a process of its own, recording to a file and with its live view on a "
-    "pseudo-terminal, against the C firmware on another (`serial://`, the device keeps time). "
-    "Lateness is the arrival of a sample after its instant on the device's clock, mapped to the "
-    "host's, beyond the quickest that came; late is more than 1 ms, and every missed period counts "
-    "as late too. A gap in the samples' numbers was lost on the line; a jump of the device's time "
-    "without one was left out by the device, whose process was held up. *Nothing granted*: no "
-    "SCHED_FIFO and no locked memory, as for a user without permission for either. What a "
-    "pseudo-terminal carries passes through workers of the kernel: ordinary threads, but where "
-    "the loop is scheduled in real time and may (CAP_SYS_NICE, as here) it has them scheduled so, "
-    "too. The firmware has neither the flight's core nor the first, which is let sleep: a device "
-    "has a processor of its own. *Cores let sleep*: without what keeps a virtual machine's others "
-    "awake in flight, in the same run. *Over TCP* is the same firmware and the same loop without "
-    "those workers. Processes above all others watch every core for the machine's standstills in "
-    "the same run: a virtual machine is not always given its processors."
+    "`heli3dof run-step` in its own process, with recorder and live view on a pseudo-terminal, "
+    "against the C firmware on another one (`serial://`, the device keeps time). Lateness of a "
+    "sample: its arrival minus its instant on the device's clock, mapped to the host's clock, "
+    "minus the smallest such delay. A period is late if its lateness exceeds 1 ms or if it was "
+    "missed. A gap in the sample numbers is a loss on the line; a jump of the device's time "
+    "without a gap is a sample that the device skipped because its process was delayed. *Without "
+    "privileges*: neither SCHED_FIFO nor locked memory. Kernel workers carry the bytes of a "
+    "pseudo-terminal. With real-time scheduling and CAP_SYS_NICE, as here, the loop raises their "
+    "priority as well. The firmware runs on other cores than the flight, as a real device does. "
+    "*Cores may idle*: without the measure that keeps the cores of a virtual machine busy in "
+    "flight. *Over TCP*: the same firmware and loop without those workers. In the same run, "
+    "processes of the highest priority detect host stalls on every core."
 )
 SECONDS = float(os.environ.get("FLIGHT_SECONDS", "60"))
 
@@ -47,11 +45,11 @@ class Kind(NamedTuple):
     granted: bool
     tcp: bool = False
     awake: bool = True
-    """False: a virtual machine's cores are let fall asleep"""
+    """False: a virtual machine's cores may idle"""
 
     @property
     def seconds(self) -> float:
-        """1 kHz is reported, and has no bars."""
+        """Duration of the flight; shorter at 1 kHz, which has no required values."""
         return SECONDS if self.rate_hz == 500 else SECONDS / 2
 
 
@@ -70,15 +68,15 @@ def measure() -> list[Figure | Table]:
 
 
 def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
-    """One flight's JSON document; limits and watchdog bear a machine that stands still."""
+    """One flight's JSON document; limits and watchdog tolerate host stalls."""
     rate_hz, granted, tcp, awake = kind
     name = f"{rate_hz}-{granted}-{tcp}-{awake}"
     profile = write_profile(folder / f"{rate_hz}.toml", rate_hz=rate_hz, **PATIENT)
     output, log = (folder / f"{name}.{suffix}" for suffix in ("mcap", "late"))
-    door = ("--tcp", "0") if tcp else ()
-    # A device has a processor of its own: neither the flight's core nor the one that may sleep.
+    transport = ("--tcp", "0") if tcp else ()
+    # A device has its own processor: not the flight's core, and not the one that may idle.
     apart = sorted(os.sched_getaffinity(0))[1:-1]
-    options = ("--watchdog", "500", "--late", str(log), *door)
+    options = ("--watchdog", "500", "--late", str(log), *transport)
     without = ("permissions",) * (not granted) + ("awake",) * (not awake)
     with firmware(program, *options, cores=apart) as device:
         with (
@@ -104,41 +102,42 @@ def device_late_s(device: str, profile: Path) -> float:
 
 
 def punctual(flights: dict[Kind, dict[str, Any]]) -> list[Figure]:
-    """The bars at 500 Hz: how late and why, and nothing lost on the line."""
+    """The figures at 500 Hz: late periods by cause, and samples lost on the line."""
     figures = []
-    for kind, found in flights.items():
+    for kind, result in flights.items():
         if kind.rate_hz != 500 or not kind.awake:
             continue
         granted, bar = kind.granted, 0.0 if kind.granted else 0.1
-        assert found["realtime"]["scheduled"] is granted, "this machine grants no SCHED_FIFO"
-        what = "with real-time scheduling" if granted else "nothing granted"
-        what += ", over TCP instead" * kind.tcp
+        assert result["realtime"]["scheduled"] is granted, "this machine grants no SCHED_FIFO"
+        what = "with real-time scheduling" if granted else "without privileges"
+        what += ", over TCP" * kind.tcp
         what = f"500 Hz, {what}"
-        why: Lateness = found["why_late"]
-        stalls, seconds = found["stalls"], why.periods / 500
+        reason: Lateness = result["why_late"]
+        stalls, seconds = result["stalls"], reason.periods / 500
         figures += [
             at_most(
-                f"{what}: late by more than 1 ms", 100 * found["punctuality"]["late_share"], bar,
-                "%", how=f"{why.late} periods",
+                f"{what}: late by more than 1 ms", 100 * result["punctuality"]["late_share"], bar,
+                "%", how=f"{reason.late} periods",
             ),
             Figure(
-                f"{what}: of these, while the machine stood still", f"{why.stalled}", "", None,
-                f"it did so {len(stalls.seen)} times, {1e3 * stalls.worst_s:.0f} ms at worst, "
+                f"{what}: of these, during host stalls", f"{reason.stalled}", "", None,
+                f"{len(stalls.seen)} stalls, longest {1e3 * stalls.worst_s:.0f} ms, "
                 f"{100 * stalls.together_s / seconds:.2g} % of the time",
             ),
             Figure(
-                f"{what}: of these, written late by the firmware", f"{why.device}", "", None,
-                "its process was held up between reading the encoders and writing",
+                f"{what}: of these, written late by the firmware", f"{reason.device}", "", None,
+                "its process was delayed between reading the encoders and writing",
             ),
             at_most(
-                f"{what}: late for neither reason", 100 * why.own / why.periods, bar, "%",
-                how=f"{why.own_times} times, {1e3 * why.own_worst_s:.2f} ms at worst",
+                f"{what}: late for another reason", 100 * reason.own / reason.periods, bar, "%",
+                how=f"{reason.own_times} times, longest {1e3 * reason.own_worst_s:.2f} ms",
             ),
-            at_most(f"{what}: samples lost on the line", found["lost_periods"], 0, ""),
+            at_most(f"{what}: samples lost on the line", result["lost_periods"], 0, ""),
             Figure(
-                f"{what}: left out by the device, missed by the host",
-                f"{found['left_out_periods']}, {found['missed_periods']}", "", None,
-                f"the firmware's process late by {1e3 * found['device_late_s']:.2f} ms at worst",
+                f"{what}: skipped by the device, missed by the host",
+                f"{result['left_out_periods']}, {result['missed_periods']}", "", None,
+                "largest lateness of the firmware's process: "
+                f"{1e3 * result['device_late_s']:.2f} ms",
             ),
         ]  # fmt: skip
     return figures
@@ -147,30 +146,30 @@ def punctual(flights: dict[Kind, dict[str, Any]]) -> list[Figure]:
 def side_by_side(flights: dict[Kind, dict[str, Any]]) -> Table:
     """Every flight's quantiles."""
     rows = []
-    for kind, found in flights.items():
-        p = found["punctuality"]
+    for kind, result in flights.items():
+        p = result["punctuality"]
         late = (p["median_s"], p["p99_s"], p["p999_s"], p["worst_s"])
         turn = (p["turnaround_median_s"], p["turnaround_p999_s"])
         rows.append(
             (
-                f"{kind.rate_hz} Hz" + ", TCP" * kind.tcp + ", cores let sleep" * (not kind.awake),
-                "all" if kind.granted else "nothing",
-                str(found["periods"]),
+                f"{kind.rate_hz} Hz" + ", TCP" * kind.tcp + ", cores may idle" * (not kind.awake),
+                "all" if kind.granted else "none",
+                str(result["periods"]),
                 " / ".join(_us(v) for v in late),
                 f"{100 * p['late_share']:.3g} %",
-                " / ".join(str(found[f"{w}_periods"]) for w in ("lost", "left_out", "missed")),
+                " / ".join(str(result[f"{w}_periods"]) for w in ("lost", "left_out", "missed")),
                 " / ".join(_us(v) for v in turn),
-                " / ".join(_us(found["link"][f"delay_{q}_s"]) for q in ("median", "p999")),
-                _us(found["device_late_s"]),
+                " / ".join(_us(result["link"][f"delay_{q}_s"]) for q in ("median", "p999")),
+                _us(result["device_late_s"]),
             )
         )
     return Table(
         f"{SECONDS:g} s each, at 1 kHz half of it; µs",
         (
-            "rate", "granted", "periods", "lateness: median / 99 % / 99.9 % / worst", "late",
-            "lost / left out / missed", "sample to command: median / 99.9 %",
+            "rate", "privileges", "periods", "lateness: median / 99 % / 99.9 % / worst", "late",
+            "lost / skipped / missed", "turnaround: median / 99.9 %",
             "by the device's clock",
-            "firmware itself late, worst",
+            "lateness of the firmware, worst",
         ),
         tuple(rows),
     )  # fmt: skip

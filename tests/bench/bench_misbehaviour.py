@@ -1,4 +1,4 @@
-"""Random sequences of device misbehaviour: what a flight makes of a device that states nonsense."""
+"""Flights under random sequences of device faults: crashes, and motors at zero."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def measure() -> list[Figure | Table]:
         at_most("crashes", count("crash"), 0, "", how=how),
         at_most('"a fault of ours"', count("a fault of ours", "interrupted"), 0, "", how=how),
         at_most("motors not at zero", count("motors", "a watchdog"), 0, "", how=how),
-        at_most("errors without a cause or a fix", count("no cause"), 0, "", how=how),
+        at_most("errors without a cause or a fix", count("missing cause"), 0, "", how=how),
         Table(
             "How the flights ended",
             ("device", "sequences", "endings"),

@@ -1,4 +1,4 @@
-"""How fast the emulated rig runs, and how well the truth itself replays its flights."""
+"""Speed of the emulated rig, and the replay fit of the true model."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TITLE = "The mock rig"
 INTRO = (
     "Speed: exchanges through the port at `speed=max`, 500 Hz, one thread, without controller and "
     "recorder. Replay: 100 (1 − ‖y − ŷ‖/‖y − mean y‖) of the same plant without noise through the "
-    "same plan (seed 1, from level); no model can do much better."
+    "same plan (seed 1, from level), an approximate upper bound for every model."
 )
 SECONDS = 40.0
 SEEDS = (1, 2, 3)
@@ -46,10 +46,10 @@ def measure() -> list[Figure]:
         figures.append(
             at_least(f"mock, {what}", statistics.median(speeds), 200, "× real time", how=how)
         )
-    return figures + [truth_replays(plan) for plan in ("multisine", "steps", "large")]
+    return figures + [true_model_replays(plan) for plan in ("multisine", "steps", "large")]
 
 
-def truth_replays(plan: str) -> Figure:
+def true_model_replays(plan: str) -> Figure:
     profile = default_profile()
     signals = load_plan(plan).render(profile.dt, 1)
     device = "mock:?speed=max&start=level"
@@ -64,7 +64,7 @@ def truth_replays(plan: str) -> Figure:
     )
     roll, pitch, yaw = fits.mean(axis=0)
     return Figure(
-        f"truth replayed, plan `{plan}`: roll / pitch / yaw",
+        f"true model replayed, plan `{plan}`: roll / pitch / yaw",
         f"{roll:.1f} / {pitch:.1f} / {yaw:.1f} %",
         how=f"mean of seeds {SEEDS}; pitch {fits[:, 1].min():.1f} to {fits[:, 1].max():.1f}",
     )

@@ -1,4 +1,4 @@
-"""How fast the model package simulates, controls and predicts."""
+"""Speed of simulation, controller and prediction."""
 
 from __future__ import annotations
 
@@ -53,13 +53,15 @@ def predict_s() -> float:
 
 
 def measure() -> list[Figure]:
-    predict_s()  # compiles, where the cache is empty
+    predict_s()  # compiles if the cache is empty
     return [
         at_least(
             "closed loop on the hover model at 500 Hz", simulation_speed(), 2000, "× real time",
             how="600 s, quantised encoders, one thread, best of 5",
         ),
-        at_most("the controller in flight", tick_us(), 30, "µs", how="a tick, best of 20 batches"),
+        at_most(
+            "controller, plain Python", tick_us(), 30, "µs", how="per period, best of 20 batches"
+        ),
         at_most(
             "prediction 1 s ahead over 60 s at 500 Hz", predict_s(), 1.0, "s", how="best of 3"
         ),

@@ -1,4 +1,4 @@
-"""The paper's golden numbers, computed again."""
+"""The paper's numbers, recomputed."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from tests.pages.paper_page import with_V_o_by_eq_6
 
 TITLE = "The paper's numbers"
 INTRO = (
-    "A row is met when the number agrees to the last digit asked for (the sampled ones: within "
-    "0.03°, as the reference states). All of them, and the errata, are tests under `tests/model`; "
+    "A row is met if the number agrees in every printed digit (for the sampled loop: within 0.03°, "
+    "as the reference states). The tests under `tests/model` check all of them and the errata; "
     "[paper.md](paper.md) has the whole list."
 )
 

@@ -1,4 +1,4 @@
-"""Other people's tools beside ours: the same flights, the same judge. ``make bench-peers``."""
+"""Other identification tools on the same flights, with the same scores. ``make bench-peers``."""
 
 from __future__ import annotations
 
@@ -31,35 +31,35 @@ from tests.bench.peers.tools import (
     run,
 )
 
-TITLE = "Other people's tools on the same flights"
+TITLE = "Other tools on the same flights"
 COMMAND = "make bench-peers"
 PLANS = ("multisine", "steps")
 SEEDS = (1, 2, 3, 4, 5)
 SLOW_SEEDS = (1, 2)
-"""For fits of minutes; one run flies them all."""
+"""For tools whose fits take minutes"""
 HELD_OUT = (VALIDATION, ("steps", 102))
 WORKERS = max(1, (os.cpu_count() or 2) // 2)
 
 INTRO = f"""The mock rig with masses, K_f and V_o 5 or 6 % off its profile, hiding
 `{flights.HIDE}`, flown from level by the default controller at 500 Hz. Each fit has one flight
 (70 s of `multisine` or 60 s of `steps`; seeds {SEEDS}, of the slow ones {SLOW_SEEDS}), and is
-judged on two flights that none has seen (`multisine` seed 101, `steps` seed 102). Medians over the
+scored on two held-out flights (`multisine` seed 101, `steps` seed 102). Medians over the
 seeds. CPU is that of the fit alone, one thread; memory the process's peak, libraries and all.
-*Replay*: fit of the closed loop flown on the model, roll / pitch / yaw; one step: 40 ms ahead, the
+*Replay*: fit of the simulated closed loop, roll / pitch / yaw; one step: 40 ms ahead, the
 lowest axis. *Rotor*: error of the pole at −1/τ. *Body*: RMS distance of the other five poles in
 1/s. *Parameters*: median error of ten physical parameters, in units of K_f. *Coverage*: 95 %
-intervals that hold the truth (of the parameters, else of the poles). What each column means
-exactly, and the setting of each tool with the page of its manual, stands in
+intervals that contain the true value (of the parameters, else of the poles). The exact definition
+of each column, and the setting of each tool with the page of its manual, are in
 [tests/bench/peers](../tests/bench/peers). Black boxes get exact means of the voltage every 40 ms
-(ours choose 40 or 80 ms), AeroID every 20 ms. Physical fits start from the profile's
-numbers, and a factor of two off where it has none. Two kindnesses: AeroID's output error starts at
-the truth, and its filter error is told the true noise. AeroID's fits take minutes and are kept
-(bench-out/peers) until a flight or an adapter changes: the time beside the title may lack them."""
+(ours select 40 or 80 ms), AeroID every 20 ms. Physical fits start from the profile's numbers, or at
+half or twice the true value where it has none. Two advantages for AeroID: its output error starts
+at the true parameters, and its filter error gets the true noise. AeroID's fits take minutes and are
+cached (bench-out/peers) until a flight or an adapter changes; the stated duration excludes them."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """One fit, judged; ``problem`` says why there is none."""
+    """One fit, judged; ``problem``: the reason if there is none."""
 
     tool: Tool
     plan: str
@@ -87,7 +87,7 @@ def measure() -> list[Figure | Table]:
         jobs.sort(key=lambda job: not job[0].slow)
         for tool in TOOLS:
             if tool.ours and not tool.missing():
-                # Compiles where the cache is empty; what fails fails again below, and is said.
+                # Compiles if the cache is empty. A failure recurs below and is reported there.
                 with contextlib.suppress(subprocess.SubprocessError):
                     run(tool, PLANS[0], SEEDS[0], folder)
         with ThreadPoolExecutor(WORKERS) as pool:
@@ -103,8 +103,8 @@ def judged(tool: Tool, plan: str, seed: int, folder: Path, held_out: judge.Prepa
     except subprocess.TimeoutExpired:
         return Fit(tool, plan, seed, problem=f"not done after {TIME_LIMIT_S} s")
     except subprocess.CalledProcessError as error:
-        said = (error.stderr or "").strip().splitlines()
-        return Fit(tool, plan, seed, problem=said[-1] if said else f"exit {error.returncode}")
+        message = (error.stderr or "").strip().splitlines()
+        return Fit(tool, plan, seed, problem=message[-1] if message else f"exit {error.returncode}")
     verdict = judge.judge(found, flights.truth(), flights.known(), held_out)
     replay = " / ".join(map(percent, verdict.replay))
     print(f"  {tool.name}, {plan} {seed}: {found.cpu_s:.3g} s, replay {replay} %", file=sys.stderr)
@@ -112,7 +112,7 @@ def judged(tool: Tool, plan: str, seed: int, folder: Path, held_out: judge.Prepa
 
 
 def table(plan: str, fits: Sequence[Fit], truth_row: Sequence[str]) -> Table:
-    rows = [("the truth itself, without noise", *truth_row)]
+    rows = [("true model, without noise", *truth_row)]
     for tool in TOOLS:
         mine = [f for f in fits if f.tool is tool]
         good = [f for f in mine if f.found is not None and f.verdict is not None]
@@ -158,7 +158,7 @@ def row_of_truth(replay: np.ndarray, held_out: judge.Prepared) -> tuple[str, ...
 
 
 def settings(fits: Sequence[Fit]) -> Table:
-    """What each tool ran with, on the first flight."""
+    """The setting of each tool on the first flight."""
     rows = []
     for tool in TOOLS:
         mine = [f.found.setting for f in fits if f.tool is tool and f.found is not None]
@@ -167,7 +167,7 @@ def settings(fits: Sequence[Fit]) -> Table:
 
 
 def claims(fits: Sequence[Fit]) -> list[Figure]:
-    """What the grey box must show against output error and filter error, on their flights."""
+    """The required advantages of the grey box over output error and filter error."""
 
     def errors(tool: Tool) -> np.ndarray:
         got = [

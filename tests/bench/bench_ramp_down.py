@@ -1,4 +1,4 @@
-"""How high the arm climbs and how fast it meets the table after a trip, by law of the way down."""
+"""Climb of the arm and its speed at the table after a trip, under several ramps to zero volts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.bench.simulated_trips import (
 
 RIGS = int(os.environ.get("RAMP_DOWN_RIGS", "200"))
 """for each situation on the model, and in all on the emulator"""
-TITLE = "The way to zero volts after a trip"
+TITLE = "The ramp to zero volts after a trip"
 INTRO = f"""
 {RIGS} flights of each situation on the profile's rigid body: thrust gain, T_g and inertias drawn
 within ±20 %, front and back motor within ±5 % of each other's mean, rotor lag 0 to 0.15 s. Then
@@ -33,20 +33,20 @@ within ±20 %, front and back motor within ±5 % of each other's mean, rotor lag
 1, 2, … The laws, with c the mean of both motors' last voltages, all over `ramp_down_s` = 0.5 s:
 
 - *zero*: both motors to zero at once
-- *V_last*: ramp from the last voltages, as before
+- *V_last*: ramp from the last voltages
 - *min*: ramp from c limited to 0 … V_o, both motors alike
 - *reflected*: ramp from V_last scaled so that the larger motor starts at V_o − |V − V_o|; zero at
   once where that, or a motor's voltage, is negative
 - *band q*: ramp from V_last where both motors are within q V_h of V_o, zero at once elsewhere; V_h
-  is max(|V_o|, v_max/8). **band ½** is the law that flies
+  is max(|V_o|, v_max/8). **band ½** is the law in use
 - *host dead*: the device's watchdog: V_last for 0.1 s more, then a ramp of 0.2 s
 """
 V_O, HOVER_V = PROFILE.motor.V_o, PROFILE.motor.hover_V
 EQUAL_DEG = 0.1
-"""° by which a height may exceed another and count as no worse: about one count of the encoder"""
+"""°: larger climbs by up to this count as equal; about one count of the encoder"""
 SEED = 1
 LEAST_SHARE = 95.0
-"""%: the issue's bar for flights that climb no higher than with zero at once"""
+"""%: required share of flights that climb no higher than with zero at once"""
 Law = Callable[[Pair], np.ndarray]
 
 
@@ -125,7 +125,9 @@ def _difference() -> list[Figure]:
     removed = [fall(trip, flown_without_difference(trip.last)).pitch_deg for trip in trips]
     how = "model; median / worst"
     return [
-        Figure("hover: largest pitch, motors' difference ramped too", f"{_pair(kept)} °", how=how),
+        Figure(
+            "hover: largest pitch, difference of the motors ramped", f"{_pair(kept)} °", how=how
+        ),
         Figure("hover: largest pitch, difference removed at once", f"{_pair(removed)} °", how=how),
     ]
 
@@ -137,10 +139,10 @@ def _emulated() -> list[Figure | Table]:
     share = math.ceil(RIGS / len(SATURATED))
     for i, situation in enumerate(SATURATED):
         count = min(share, RIGS - i * share)
-        found = {name: _tripped(situation, count, band) for name, band in bands.items()}
-        for name, falls in found.items():
+        result = {name: _tripped(situation, count, band) for name, band in bands.items()}
+        for name, falls in result.items():
             pooled[name] += falls
-        rows.append(_row(situation.name, list(found.values())))
+        rows.append(_row(situation.name, list(result.values())))
     rows.append(_row(f"all {RIGS}", list(pooled.values())))
     hovering = {name: _tripped(HOVER, RIGS, band) for name, band in bands.items()}
     rows.append(_row(HOVER.name, list(hovering.values())))
@@ -160,21 +162,21 @@ def _emulated() -> list[Figure | Table]:
             100 * float(np.mean(no_worse)), LEAST_SHARE, "%", how=f"{len(no_worse)} emulated rigs",
         ),
         at_least(
-            "hover: flights that are ramped from V_last, as before",
+            "hover: flights ramped from V_last",
             100 * float(np.mean(ramped)), LEAST_SHARE, "%", how=f"{len(ramped)} emulated rigs",
         ),
     ]  # fmt: skip
 
 
 def _tripped(situation: Situation, count: int, band: float) -> list[Fall]:
-    """``count`` trips in the air; a flight is in the air or not whatever the law after it."""
+    """``count`` trips in the air. The law after the trip does not affect the selection."""
     falls: list[Fall] = []
     seed = 0
     while len(falls) < count and seed < 20 * count:
         seed += 1
-        found = tripped(situation, seed, band)
-        if found is not None:
-            falls.append(found)
+        result = tripped(situation, seed, band)
+        if result is not None:
+            falls.append(result)
     return falls
 
 

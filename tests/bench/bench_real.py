@@ -1,4 +1,4 @@
-"""Two real rigs: prediction errors, and what identify and diagnose print, kept as text files."""
+"""Two real rigs: prediction errors, and the output of identify and diagnose as text files."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ from tests.paths import REAL_DATA, ROOT
 
 TITLE = "Real recordings"
 INTRO = """
-Free prediction of recordings that no fit has seen, RMSE over all samples up to 3 s after the
-states were last re-estimated. Measured only where the recordings are.
+Free-run prediction of held-out recordings: RMSE over all samples up to 3 s after the last estimate
+of the states. Measured only on machines with the recordings.
 """
 DATA = ROOT / "docs" / "results" / "data"
-"""Where the printed output is kept, one file for each rig and verb"""
+"""Folder of the printed output, one file for each rig and verb"""
 HELD_OUT = {"rig-a": (1.8, 2.4, 2.4)}
 HAND_MADE = {"rig-a": (1.73, 2.37, 2.36)}
-"""Degrees, roll / pitch / yaw over 3 s: what is asked for, and what others reached by hand."""
+"""Degrees, roll / pitch / yaw over 3 s: required values, and those of models made by hand."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Recordings of one rig: what is fitted and what is kept back."""
+    """Recordings of one rig: training and held-out data."""
 
     rig: str
     train: Sequence[str]
@@ -72,17 +72,17 @@ def measure() -> list[Figure]:
     for trial in TRIALS:
         train = [trial.load(n) for n in trial.train]
         test = [trial.load(n) for n in trial.test]
-        found = [
+        result = [
             h3.identify(train, holdout=test, method=method, name=name)
             for method, name in (("pem", "black box"), ("greybox", "grey box"))
         ]
-        models = [h3.hover_model(trial.profile), *(f.model for f in found)]
+        models = [h3.hover_model(trial.profile), *(f.model for f in result)]
         compared = h3.compare(test, models)
         tables = [to_markdown(t) for f in compared.flights if (t := prediction_table(f))]
-        tables.append(to_markdown(parameters_table(found[-1])))
-        said = [s.replace("\n", " ") for s in found[0].sentences()]
-        said += [f"Grey box: {w}" for w in found[-1].warnings]
-        blocks[trial.rig] = "\n".join([*(f"- {s}" for s in dict.fromkeys(said)), "", *tables])
+        tables.append(to_markdown(parameters_table(result[-1])))
+        sentences = [s.replace("\n", " ") for s in result[0].sentences()]
+        sentences += [f"Grey box: {w}" for w in result[-1].warnings]
+        blocks[trial.rig] = "\n".join([*(f"- {s}" for s in dict.fromkeys(sentences)), "", *tables])
         for flight in compared.flights:
             for model in flight.models:
                 assert model.prediction is not None
@@ -96,10 +96,10 @@ def measure() -> list[Figure]:
                         else "roll / pitch / yaw; the profile's nominal values",
                     )
                 )
-        if isinstance(grey := found[-1].model, GreyBoxModel) and grey.varying:
+        if isinstance(grey := result[-1].model, GreyBoxModel) and grey.varying:
             figures += fitted_to_flights(trial, grey, test)
-            told, rows = diagnosed(trial, train, test)
-            blocks[f"{trial.rig}-diagnosis"] = told
+            text, rows = diagnosed(trial, train, test)
+            blocks[f"{trial.rig}-diagnosis"] = text
             figures += rows
             if trial.rig in HAND_MADE:
                 figures += folds(trial)
@@ -112,7 +112,7 @@ def fitted_to_flights(
     trial: Trial, model: GreyBoxModel, test: Sequence[h3.Recording]
 ) -> list[Figure]:
     """The same error in flight (`usable_runs`: no table, no take-off) and from the end of the climb
-    on, beside angles held still; each term's share of the whole error."""
+    on, with that of constant angles; each term's share of the whole error."""
     free = [r.rows(slice(int(np.flatnonzero(free_rows(r))[0]), None)) for r in test]
     flown = [r.rows(slice(run.start, run.stop)) for r in test for run in usable_runs(r, 0)]
     flown = [r for r in flown if r.t[-1] - r.t[0] > 3.5]
@@ -124,7 +124,7 @@ def fitted_to_flights(
             _deg(error),
             "" if bar is None else "≤ " + _deg(np.array(bar)),
             None if bar is None else bool((error <= bar).all()),
-            how=f"roll / pitch / yaw; free prediction of {', '.join(trial.test)}; angles held "
+            how=f"roll / pitch / yaw; free-run prediction of {', '.join(trial.test)}; angles held "
             f"still there {_deg(error_deg(HeldStill(), flown, 3.0))}",
         ),
         Figure(
@@ -138,7 +138,7 @@ def fitted_to_flights(
         Figure(
             f"{trial.rig}: grey box without {s.term}",
             _deg(s.without_deg),
-            how=f"not refitted, from the end of the climb on; with it {_deg(s.whole_deg)}",
+            how=f"not refitted, from the end of the climb on; with the term {_deg(s.whole_deg)}",
         )
         for s in shares(model, free)
     ]
@@ -147,16 +147,16 @@ def fitted_to_flights(
 def diagnosed(
     trial: Trial, train: list[h3.Recording], test: list[h3.Recording]
 ) -> tuple[str, list[Figure]]:
-    """What `diagnose` says of the same recordings, and the open-loop runs beside its model."""
+    """The output of `diagnose` for the same recordings, and its model's errors in open loop."""
     since = time.perf_counter()
     runs = [h3.load(p, trial.profile) for p in sorted((REAL_DATA / trial.rig).glob("open-*.csv"))]
-    found = diagnose([*train, *runs], test)
+    result = diagnose([*train, *runs], test)
     seconds = time.perf_counter() - since
-    written = diagnosis_document(found)
-    told = diagnosis_tables(written)
-    about, f = found.about, found.fitted
+    written = diagnosis_document(result)
+    text = diagnosis_tables(written)
+    about, f = result.about, result.fitted
     assert f is not None
-    lines = [to_markdown(x) if isinstance(x, Grid) else f"- {x}" for x in told]
+    lines = [to_markdown(x) if isinstance(x, Grid) else f"- {x}" for x in text]
     flown = [r.rows(slice(run.start, run.stop)) for r in test for run in usable_runs(r, 0)]
     flown = [r for r in flown if r.t[-1] - r.t[0] > 3.5]
     after = error_deg(f.model, flown, 3.0)
@@ -169,21 +169,21 @@ def diagnosed(
             "" if bar is None else "≤ " + _deg(np.array(bar)),
             None if bar is None else bool((after <= bar).all()),
             how=f"roll / pitch / yaw on {', '.join(trial.test)}; {seconds:.0f} s; from the end of "
-            f"the climb on {_deg(np.array(list(three['after'].values())))}, the rigid body "
-            f"refitted in the same way {_deg(np.array(list(three['before'].values())))}",
+            f"the climb on {_deg(np.array(list(three['after'].values())))}, rigid body alone, "
+            f"refitted {_deg(np.array(list(three['before'].values())))}",
         ),
         Figure(
-            f"{trial.rig}: causes named",
-            ", ".join(x.choice.term.name for x in found.findings),
-            how="kept within what is known of such rigs, but no causes: "
+            f"{trial.rig}: causes reported",
+            ", ".join(x.choice.term.name for x in result.findings),
+            how="kept in the model within their priors, not reported as causes: "
             f"{', '.join(x['term'] for x in about['kept_within_what_is_known']) or 'none'}; "
-            f"verdict {found.verdict}",
+            f"verdict {result.verdict}",
         ),
     ]
     for name, error in about["without"].items():
         figures.append(
             Figure(
-                f"{trial.rig}: everything but {name}, refitted",
+                f"{trial.rig}: without {name}, refitted",
                 _deg(np.array(list(error.values()))),
                 how="over 3 s from the end of the climb on, held-out",
             )
@@ -192,7 +192,7 @@ def diagnosed(
 
 
 def folds(trial: Trial) -> list[Figure]:
-    """Each recording left out in turn: everything kept, and what the blocks do not need at zero."""
+    """Each recording held out once: all terms, and without those that cross-validation removes."""
     out = []
     names = [*trial.train, *trial.test]
     for left in trial.train:
@@ -200,25 +200,26 @@ def folds(trial: Trial) -> list[Figure]:
         test = [trial.load(left)]
         flown = [r.rows(slice(run.start, run.stop)) for r in test for run in usable_runs(r, 0)]
         full = fit_freeflight(train)
-        found = backward(full.problem, full)
-        gone = [r.term for r in found.gone]
-        less = restructured(found.fit.problem, [r.term for r in found.kept])
-        z, _ = moved(found.fit, less)
-        scarce = search(less, z, found.fit.noise, stages_s=(STAGE_S,), fixed=found.fit.scale)
-        errors = [error_deg(model_of(f, train, ""), flown, 3.0) for f in (found.fit, scarce)]
+        result = backward(full.problem, full)
+        gone = [r.term for r in result.gone]
+        less = restructured(result.fit.problem, [r.term for r in result.kept])
+        z, _ = moved(result.fit, less)
+        scarce = search(less, z, result.fit.noise, stages_s=(STAGE_S,), fixed=result.fit.scale)
+        errors = [error_deg(model_of(f, train, ""), flown, 3.0) for f in (result.fit, scarce)]
         out.append(
             Figure(
-                f"{trial.rig}: {left} left out, over 3 s, in flight: everything kept",
+                f"{trial.rig}: {left} held out, over 3 s, in flight: all terms",
                 _deg(errors[0]),
-                how=f"fitted on {', '.join(n for n in names if n != left)}; without what blocks do "
-                f"not need ({', '.join(gone) or 'nothing'}), refitted: {_deg(errors[1])}",
+                how=f"fitted on {', '.join(n for n in names if n != left)}; without the terms "
+                f"that cross-validation removes ({', '.join(gone) or 'nothing'}), "
+                f"refitted: {_deg(errors[1])}",
             )
         )
     return out
 
 
 def open_loop(trial: Trial, model: GreyBoxModel) -> list[Figure]:
-    """Where the arm stands at a constant voltage: runs that no fit has seen."""
+    """Steady roll angle at a constant voltage, in held-out runs."""
     out = []
     for path in sorted((REAL_DATA / trial.rig).glob("open-roll-*V-*.csv")):
         r = h3.load(path, trial.profile)
@@ -228,10 +229,10 @@ def open_loop(trial: Trial, model: GreyBoxModel) -> list[Figure]:
         early, late = roll[(t > 9) & (t < 19)].mean(), roll[t > t[-1] - 10].mean()
         out.append(
             Figure(
-                f"{trial.rig}: {V:g} V on both motors, open loop: where roll stands",
+                f"{trial.rig}: {V:g} V on both motors, open loop: steady roll angle",
                 f"model {settles_at(model, V):.1f}°, measured {early:.1f}° after 9 to 19 s, "
                 f"{late:.1f}° in the last 10 of {t[-1]:.0f} s",
-                how=f"means over {path.stem}, which was not fitted; it begins at {floor:.1f}°",
+                how=f"means over {path.stem}, not used in the fit; starts at {floor:.1f}°",
             )
         )
     return out

@@ -1,4 +1,4 @@
-"""What recording costs the loop, what reading costs a person, and what a killed process loses."""
+"""Time to record a period and to read a recording, and data lost by kill -9."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TITLE = "Recording"
 KILLS = 10
 HELI3DOF = [sys.executable, "-m", "heli3dof"]
 DEVICE = "mock:?watchdog_s=5"
-"""A patient watchdog: on a busy machine the flight must live until it is killed."""
+"""A long watchdog: on a busy machine the flight must last until it is killed."""
 SEED = 1
 
 
@@ -51,8 +51,8 @@ def measure() -> list[Figure]:
         losses = [lost_after_kill(folder, draw.uniform(0.2, 2.0)) for _ in range(KILLS)]
     return [
         at_most(
-            "the recorder's share of a tick, median", statistics.median(appends) * 1e6, 10, "µs",
-            how=f"{len(appends)} ticks, the recorder's thread at work",
+            "recorder: time per period, median", statistics.median(appends) * 1e6, 10, "µs",
+            how=f"{len(appends)} periods, the recorder's thread running",
         ),
         at_most(
             "reading 60 s at 500 Hz into arrays, median", statistics.median(reads) * 1e3, 50, "ms",

@@ -1,4 +1,4 @@
-"""safety.md row by row at random moments: how long to zero volts, and what the arm did."""
+"""Every row of safety.md at random moments: time to zero volts, and motion of the arm."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from tests.safety.moments import (
 )
 from tests.safety.table import BY_NAME, NO_EFFECT
 
-TITLE = "Safety, row by row"
+TITLE = "Safety: every fault at random moments"
 MOMENTS = int(os.environ.get("SAFETY_MOMENTS", "10"))
 """of each row on each device"""
 IN_REAL_TIME = 4
@@ -38,44 +38,45 @@ TURN_S = 2e-3
 INTRO = (
     f"Every row of [safety.md](safety.md) at random moments (seed {SEED}) of a flight from the "
     "table and back: arming, take-off, a step of 10° in roll and 20° in yaw, landing. The flight "
-    "is divided into equal parts and every part has one moment. *Virtual*: the emulated rig in the "
-    "flight's process on a virtual clock, 500 Hz, limits of the default profile. *Line*: "
+    "is divided into equal parts and every part has one moment. *Virtual*: the emulated rig in "
+    "the flight's process on a virtual clock, 500 Hz, limits of the default profile. *Line*: "
     f"`heli3dof` in a process of its own at {RATE_HZ} Hz in real time, the device behind a "
-    "pseudo-terminal; its time includes what this machine, with several flights on it, adds. "
-    "Watchdogs are 0.3 s there and the landing 1.5 s. Times count from where the row's claim "
-    "counts (*since*) to zero volts, roll and speed are the plant's own, from the event on. "
-    "*Ended as claimed*: exit code, outcome and words are the row's. *Speed* is the arm's when it "
-    "comes down on the table. *In time* allows the loop's lateness that the recording states, at "
-    "the beginning and at the end of a ramp, and the device's own grid: a period of the emulated "
-    f"rig, {1e3 * CALLED_S:g} ms of the thread that serves it behind a pseudo-terminal, "
-    f"{1e3 * TURN_S:g} ms of the firmware."
+    "pseudo-terminal; its times include delays of this machine, which runs several flights at "
+    "once. Watchdogs are 0.3 s there and the ramp takes 1.5 s. Times run from the instant in "
+    "*counted from* to zero volts; roll and roll rate are the plant's, from the event on. "
+    "*Outcome as stated*: exit code, outcome and message are the row's. *Roll rate at the table*: "
+    "of the arm as it reaches the table. *In time* allows the lateness of the loop in the "
+    "recording, at the beginning and at the end of a ramp, and the time grid of the device: a "
+    f"period of the emulated rig, {1e3 * CALLED_S:g} ms of the thread that serves it behind a "
+    f"pseudo-terminal, {1e3 * TURN_S:g} ms of the firmware."
 )  # fmt: skip
 WHY = {
     "laptop_suspend": "the flight's process is stopped for 1 s and its CLOCK_BOOTTIME goes on by "
     "600 s; the computer itself is not suspended",
     "full_disk": "the recording's writes fail with ENOSPC",
-    "late_ticks": "every period is held up by 40 ms in the flight's process",
-    "envelope_trip": "the highest roll of the envelope is set below the present roll; a landing is "
-    "not judged by the envelope",
-    "saturated_for_too_long": "the controller asks for twice the limit on both motors, "
-    "`saturated_max_s` is 0.2 s; no controller in a landing",
-    "exception_in_the_controller": "the controller raises; no controller in a landing",
-    "nan_from_the_controller": "the controller returns NaN; no controller in a landing",
-    "stalled_motor": "the drills count from the arming: nothing before it",
-    "device_reset": "firmware: the drill counts from the arming; emulated rig: any time",
+    "late_ticks": "every period is delayed by 40 ms in the flight's process",
+    "envelope_trip": "the highest roll of the envelope is set below the present roll; the envelope "
+    "does not check the ramp",
+    "saturated_for_too_long": "the controller requests twice the limit on both motors, "
+    "`saturated_max_s` is 0.2 s; the ramp has no controller",
+    "exception_in_the_controller": "the controller raises; the ramp has no controller",
+    "nan_from_the_controller": "the controller returns NaN; the ramp has no controller",
+    "stalled_motor": "the drill counts from arming",
+    "device_reset": "firmware: the drill counts from arming; emulated rig: any time",
     "kill_9": "needs a process",
     "stopped_process": "needs a process; SIGSTOP for 1 s",
     "estop_from_a_second_terminal": "needs a process; another one calls "
     "`heli3dof.rig.session.estop.stop_rigs`",
     "cable_out": "needs a line; the port disappears",
-    "lost_frames": "needs a line; it is deaf or mute in turn for 0.45 s, `lost_max_s` is 0.2 s",
+    "lost_frames": "needs a line; it carries no commands, or no samples, in turn for 0.45 s, "
+    "`lost_max_s` is 0.2 s",
     "second_process": "needs a process",
     "encoder_jump": "by −200 counts, each axis in turn",
     "frozen_encoder": "each axis in turn",
-    "amplifier_fault": "overcurrent; the drills count from the arming",
-    "button": "the drills count from the arming",
+    "amplifier_fault": "overcurrent; the drill counts from arming",
+    "button": "the drill counts from arming",
 }
-"""How an event is made, and why not otherwise"""
+"""How the bench causes an event"""
 
 
 def measure() -> list[Figure | Table]:
@@ -96,33 +97,35 @@ def measure() -> list[Figure | Table]:
     how = f"{len(events)} events between arming and zero volts, of {len(runs)} flights"
     return [
         at_most("motors not at zero at the end", len(live), 0, "", how=named(live) or how),
-        at_most("zero volts later than claimed", len(late), 0, "", how=named(late) or how),
-        at_most("ended otherwise than claimed", len(other), 0, "", how=named(other) or how),
+        at_most("zero volts later than stated", len(late), 0, "", how=named(late) or how),
+        at_most("outcome other than stated", len(other), 0, "", how=named(other) or how),
         at_most("flights with an error of the bench", len(broken), 0, "", how=named(broken)),
         Figure(
-            "frozen in the landing with no motion left to show: noticed nevertheless",
+            "encoder frozen in the ramp without later motion: detected",
             f"{sum(r.as_claimed for r in at_rest)} of {len(at_rest)}",
             how="pitch or yaw, or roll on the table",
         ),
-        Figure("ended before their moment", str(len(missed)), how=named(missed)),
+        Figure("flights that ended before their event", str(len(missed)), how=named(missed)),
         Figure(
-            "flown again: the machine held the loop up for more than 0.15 s, or ended the flight",
+            "flights repeated: a host stall delayed the loop by more than 0.15 s, or ended the "
+            "flight",
             str(sum(r.again for r in runs)),
         ),
         Table(
-            "Time to zero volts, and what the arm did",
-            ("row", "device", "moments (opening, arming, take-off, step, landing, after)", "since",
-             "claim, ms", "median, ms", "longest, ms", "in time", "highest roll, °",
-             "fastest at the table, °/s", "ended as claimed"),
+            "Time to zero volts, and motion of the arm",
+            ("row", "device", "events (opening, arming, take-off, step, ramp, after)",
+             "counted from",
+             "stated, ms", "median, ms", "longest, ms", "in time", "highest roll, °",
+             "highest roll rate at the table, °/s", "outcome as stated"),
             tuple(line(*key, group) for key, group in flown.items()),
         ),
         Table(
-            "How flights ended whose event came before the arming, or after zero volts",
+            "Outcomes of flights with the event before arming or after zero volts",
             ("device", "when", "flights", "exit code and outcome"),
             tuple(outside(runs)),
         ),
         Table(
-            "How each event is made",
+            "How the bench causes each event",
             ("row", "emulated rig", "firmware", "how"),
             tuple(made(row) for row in BY_NAME),
         ),
@@ -138,12 +141,12 @@ def fly_all(flights: list[Case]) -> list[Run]:
         with ProcessPoolExecutor(at_once) as pool:
             for run in pool.map(fly_again_where_held_up, chosen):
                 runs.append(run)
-                tell(run)
+                report(run)
     return runs
 
 
-def tell(run: Run) -> None:
-    """One flight on stderr, where something of it is not as claimed."""
+def report(run: Run) -> None:
+    """Print a flight on stderr if its outcome or time is not as stated."""
     if run.wrong or (
         run.case.row != CALM and run.in_flight and not (in_time(run) and run.as_claimed)
     ):
@@ -156,7 +159,7 @@ def tell(run: Run) -> None:
 
 
 def in_time(run: Run) -> bool:
-    """Within the claim and what the loop, or the device's own grid, adds to it."""
+    """Whether zero volts came within the stated time plus lateness and the device's time grid."""
     if run.took_s is None:
         return True
     grid_s = default_profile().dt if run.case.virtual else CALLED_S
@@ -179,7 +182,7 @@ def line(row: str, device: str, runs: list[Run]) -> tuple[str, ...]:
     known = BY_NAME.get(row)
     claimed = known is not None and known.zero is not NO_EFFECT and took
     return (
-        "nothing goes wrong" if known is None else known.what,
+        "no fault" if known is None else known.what,
         f"{device}, {'virtual' if runs[0].case.virtual else 'line'}",
         shown,
         known.zero.since if known is not None and claimed else "–",
@@ -194,24 +197,24 @@ def line(row: str, device: str, runs: list[Run]) -> tuple[str, ...]:
 
 
 def made(row: str) -> tuple[str, ...]:
-    """How an event is made on either device."""
+    """How the bench causes an event on each device."""
     emulated = "line" if row in NEED_A_PROCESS else "virtual"
-    firmware = "line, its own drill" if row in SWITCHES else "line"
+    firmware = "line, drill" if row in SWITCHES else "line"
     return BY_NAME[row].what, emulated, firmware, WHY.get(row, "the signal")
 
 
 def outside(runs: list[Run]) -> Iterable[tuple[str, ...]]:
-    """Events that found no motor running."""
+    """Outcomes for events while no motor ran."""
     for device in (EMULATED, FIRMWARE):
-        for phase, when in (("opening", "before the arming"), ("over", "after zero volts")):
-            found = [r for r in runs if (r.case.device, r.phase) == (device, phase)]
-            ends = Counter(f"{r.code} {r.ending or 'nothing recorded'}" for r in found)
+        for phase, when in (("opening", "before arming"), ("over", "after zero volts")):
+            result = [r for r in runs if (r.case.device, r.phase) == (device, phase)]
+            ends = Counter(f"{r.code} {r.ending or 'no recording'}" for r in result)
             texts = (f"{n} × {end}" for end, n in ends.most_common())
-            if found:
-                yield device, when, str(len(found)), ", ".join(texts)
+            if result:
+                yield device, when, str(len(result)), ", ".join(texts)
 
 
 def named(runs: Iterable[Run]) -> str:
-    """Which they are, as far as there is room."""
+    """The first twelve of these runs, as text."""
     texts = [f"{r.case.row} {r.case.device} {r.phase} at {r.case.moment_s:g} s" for r in runs]
     return "; ".join(texts[:12]) + (f"; and {len(texts) - 12} more" if len(texts) > 12 else "")

@@ -1,4 +1,4 @@
-"""The USB door: flights over the emulated bus, and a real Linux USB stack in a virtual machine."""
+"""The USB transport: flights over the emulated bus, and a real Linux USB stack in a VM."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from tests.bench import Figure, Table, at_most
 from tests.kernel_usb.packages import Missing
 from tests.kernel_usb.run import run_guest
 
-TITLE = "The USB door"
+TITLE = "The USB transport"
 INTRO = (
-    "Emulated bus: pyusb on a backend of its own in the same process, device and host sharing one "
-    "interpreter, 500 Hz. Real stack: libusb, the Linux kernel's USB core and udev in a virtual "
+    "Emulated bus: pyusb with an emulated backend; device and host in one process, 500 Hz."
+    " Real stack: libusb, the Linux kernel's USB core and udev in a virtual "
     "machine without KVM, the emulated rig on vhci-hcd (`usb://`) and, Python and C, behind "
     "dummy_hcd's `/dev/ttyACM0` (`serial://`), at 50 Hz. An emulated processor is slow: its times "
-    "compare with each other only."
+    "are comparable only with each other."
 )
 SECONDS = float(os.environ.get("USB_SECONDS", "30"))
 
@@ -54,16 +54,16 @@ def flown(stream: bool) -> Figure:
             f"; round trip median {1e6 * trips.quantile_s(0.5):.0f} µs, "
             f"99.9 % {1e6 * trips.quantile_s(0.999):.0f} µs"
         )
-    what = "samples lost, " + ("the rig times the stream" if stream else "polled")
+    what = "samples lost, " + ("streamed" if stream else "polled")
     return at_most(what, s.lost, 0, "", how=how)
 
 
 def in_the_guest() -> list[Figure | Table]:
-    """The cases of `make test-kernel-usb`, and what they measured."""
+    """The cases of `make test-kernel-usb`, and their measurements."""
     try:
         lines = run_guest()
-    except Missing as why:
-        return [Figure("cases over a real USB stack", "not run", how=f"{why}")]
+    except Missing as reason:
+        return [Figure("cases over a real USB stack", "not run", how=f"{reason}")]
     cases = [line for line in lines if "case" in line]
     failed = [line["case"] for line in cases if not line["ok"]]
     whole = any("done" in line for line in lines)
@@ -79,5 +79,5 @@ def in_the_guest() -> list[Figure | Table]:
     )
     return [
         at_most("cases over a real USB stack that fail", len(failed) + missing, 0, "", how=how),
-        Table("What the guest measured", ("case", "what", "value"), rows),
+        Table("Measurements in the guest", ("case", "what", "value"), rows),
     ]

@@ -1,4 +1,4 @@
-"""How soon a frozen encoder is found, where it is not, and how often a monitor is wrong."""
+"""Frozen encoders: time to detection, missed detections, and false trips of the monitors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from heli3dof.recording.row import CLOSED_LOOP, Row
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import Profile, default_profile
 from tests.bench import Figure, at_most
-from tests.drivers.doors import firmware_door
+from tests.drivers.emulated_rigs import firmware_rig
 from tests.experiment.safety_monitors.hovering import hover, patient
 from tests.profiles import PATIENT, write_profile
 
@@ -33,10 +33,10 @@ MOVING_DEG_PER_S = 3.0
 INTRO = (
     "Every encoder freezes at random moments (seed 14) of three plans: a step of 10° in roll and "
     "20° in yaw, `steps` and `rich`. Emulated rigs differ from their profile by ± 15 % (`spread`), "
-    "with random torques of a third, once and three times the usual; the firmware in C flies a "
-    "bench plant without noise, in real time at 200 Hz. An axis is in motion where it turned "
-    f"faster than {MOVING_DEG_PER_S:g}°/s in the 0.2 s before. Wrong ends are counted in calm "
-    "hover and in `rich` flights of rigs that differ likewise, with every encoder alive."
+    "with random torques of 0.33, 1 and 3 times the default; the C firmware flies its own "
+    "plant without noise, in real time at 200 Hz. An axis is in motion if its mean rate exceeded "
+    f"{MOVING_DEG_PER_S:g}°/s in the 0.2 s before. False trips are counted in calm hover and in "
+    "`rich` flights of such rigs without a fault."
 )
 MOMENTS = int(os.environ.get("WATCHES_MOMENTS", "20"))
 """of each axis and plan"""
@@ -58,7 +58,7 @@ class Frozen:
     ending: str
     detail: str
     found_s: float | None
-    """s from the freeze to the report; None: found in the landing, or not at all"""
+    """s from the freeze to the report; None: found in the ramp to zero, or not at all"""
     moving: bool
 
 
@@ -79,7 +79,7 @@ def cases(seed: int) -> list[tuple[str, str, float, int]]:
 
 
 class Course:
-    """A recorder that keeps the angles of the closed loop."""
+    """A recorder that keeps the angles in closed loop."""
 
     def __init__(self) -> None:
         self.t: list[float] = []
@@ -118,11 +118,11 @@ def on_the_mock(case: tuple[str, str, float, int]) -> Frozen:
     )
     course = Course()
     outcome = flown(plan_of(plan), url, profile, course)
-    found = outcome.periods * profile.dt - at_s
+    delay_s = outcome.periods * profile.dt - at_s
     in_air = outcome.ending == "tripped" and outcome.periods * profile.dt < course_end(plan)
     moving = course.rate_deg_per_s(axis, at_s) > MOVING_DEG_PER_S
     return Frozen(
-        plan, axis, at_s, outcome.ending, str(outcome.detail), found if in_air else None, moving
+        plan, axis, at_s, outcome.ending, str(outcome.detail), delay_s if in_air else None, moving
     )
 
 
@@ -136,22 +136,22 @@ def on_the_firmware(case: tuple[str, str, float, int]) -> Frozen:
     words = {"step": ["run-step", "--roll", "10", "--yaw", "20"]}.get(plan, ["run", plan])
     with tempfile.TemporaryDirectory() as folder:
         profile = write_profile(Path(folder) / "rig.toml", rate_hz=200, **PATIENT)
-        with firmware_door("--freeze-encoder", f"{axis}@{at_s:g}") as door:
+        with firmware_rig("--freeze-encoder", f"{axis}@{at_s:g}") as rig_process:
             done = subprocess.run(
                 [
                     sys.executable, "-m", "heli3dof", *words, "--json", "--device",
-                    door.url("watchdog_s=0.9"), "--profile", str(profile),
+                    rig_process.url("watchdog_s=0.9"), "--profile", str(profile),
                     "-o", str(Path(folder) / "f.mcap"),
                 ],
                 capture_output=True, text=True,
             )  # fmt: skip
-    said = json.loads(done.stdout) if done.stdout.strip() else {}
-    ending = str(said.get("outcome", f"exit {done.returncode}"))
+    document = json.loads(done.stdout) if done.stdout.strip() else {}
+    ending = str(document.get("outcome", f"exit {done.returncode}"))
     return Frozen(plan, axis, at_s, ending, done.stderr[-300:], None, False)
 
 
 def measure() -> list[Figure]:
-    # The firmware's flights are in real time: they go before those on the virtual clock.
+    # The firmware flies in real time, with priority over the flights on the virtual clock.
     with (
         ProcessPoolExecutor(WORKERS, initializer=os.nice, initargs=(10,)) as pool,
         ThreadPoolExecutor(3 * WORKERS) as threads,
@@ -168,14 +168,14 @@ def measure() -> list[Figure]:
         *(_completed("the emulated rig", mock)),
         *(_completed("the firmware", firmware)),
         at_most(
-            "frozen in motion: found after, median", statistics.median(moving), 0.5, "s",
+            "frozen in motion: time to detection, median", statistics.median(moving), 0.5, "s",
             how=f"{len(moving)} flights of the emulated rig",
         ),
-        at_most("frozen in motion: found after, longest", max(moving), 2.0, "s"),
-        Figure("frozen in motion: found in the landing only", str(moving_landing)),
-        at_most(f"calm flights ended wrongly in {HOURS:g} h", len(wrong_calm), 0, "",
+        at_most("frozen in motion: time to detection, longest", max(moving), 2.0, "s"),
+        Figure("frozen in motion: detected only in the ramp to zero", str(moving_landing)),
+        at_most(f"false trips in {HOURS:g} h, calm flights", len(wrong_calm), 0, "",
                 how="; ".join(wrong_calm)),
-        at_most(f"rich flights ended wrongly in {HOURS:g} h", len(wrong_rich), 0, "",
+        at_most(f"false trips in {HOURS:g} h, rich flights", len(wrong_rich), 0, "",
                 how="; ".join(wrong_rich)),
     ]  # fmt: skip
 
@@ -192,18 +192,18 @@ def _completed(where: str, flights: list[Frozen]) -> list[Figure]:
     ]  # fmt: skip
     if other:
         ends = ", ".join(sorted({f.ending for f in other}))
-        rows.append(Figure(f"{where}: flights that ended otherwise", str(len(other)), how=ends))
+        rows.append(Figure(f"{where}: flights with another outcome", str(len(other)), how=ends))
     return rows
 
 
 def calm_flight(seed: int) -> str | None:
-    """What ended a hover wrongly, or None."""
+    """The cause of a false trip in hover, or None."""
     outcome = hover(CALM_S, seed, "&spread=0.15")
     return None if outcome.ending == "completed" else f"seed {seed}: {outcome.detail}"
 
 
 def rich_flight(seed: int) -> str | None:
-    """What ended a rich flight wrongly, or None."""
+    """The cause of a false trip in a rich flight, or None."""
     profile = default_profile().with_controller()
     url = f"mock:?speed=max&seed={20_000 + seed}&spread=0.15&noise={NOISE[seed % 3]:g}"
     outcome = flown(load_plan("rich"), url, profile, Course())

@@ -1,4 +1,4 @@
-"""Emulated rigs, each with its own numbers, tripped in flight by `control_loop.loop.fly`.
+"""Emulated rigs with random parameters, tripped in flight by `control_loop.loop.fly`.
 
 The emulated plant shares no code with the model that `simulated_trips` uses, and its angles here
 are the true ones. It has the laboratory rig's stops: roll +36°, pitch ±32°.
@@ -27,7 +27,7 @@ LATEST_S = 4.0
 """s by which a flight with a wrong sign has left the envelope"""
 
 
-class Watched:
+class WithTruth:
     """An emulated rig that keeps its true motion, one entry for each period."""
 
     def __init__(self, rig: MockRig) -> None:
@@ -44,7 +44,7 @@ class Watched:
 
 
 def tripped(situation: Situation, seed: int, band: float) -> Fall | None:
-    """The motion after one trip with this `landing.HOVER_BAND`; None: the arm was on the table.
+    """The motion after one trip with this `ramp_down.HOVER_BAND`; None: the arm was on the table.
 
     An infinite band ramps from every voltage, a negative one from none.
     """
@@ -53,14 +53,14 @@ def tripped(situation: Situation, seed: int, band: float) -> Fall | None:
     url = f"mock:?speed=max&seed={seed}&spread={SPREAD}&hide=motor.lag:{LAG_S * rng.uniform():.4f}"
     url += "&start=level" if situation.level else ""
     url += "&fault=reversed.roll@0" if situation.sign[0] < 0 else ""
-    rig = Watched(open_driver(url, profile))
+    rig = WithTruth(open_driver(url, profile))
     dt = profile.dt
     begins = round(situation.settle_s / dt)
     ends = begins + max(1, round(rng.uniform(*situation.moment_s) / dt))
     plan = step_plan((situation.roll_deg, None, situation.yaw_deg), settle_s=0, duration_s=LATEST_S)
     signals = plan.render(dt, seed)
     if situation.volts is not None:
-        # Whatever the controller adds, the sum is beyond the limit.
+        # The sum with the controller's voltage is beyond the limit.
         signals.extra[begins:] = np.multiply(situation.volts, 10 * profile.motor.v_max)
     with patch.object(ramp_down, "HOVER_BAND", band):
         flown = fly(
@@ -81,6 +81,6 @@ def tripped(situation: Situation, seed: int, band: float) -> Fall | None:
 
 
 def _steep(profile: Profile) -> Profile:
-    """The profile with no limit to how fast a voltage changes: here it jumps to its limit."""
+    """The profile without a slew limit: in these flights the voltage jumps to its limit."""
     limits = profile.limits.model_copy(update={"slew_max_V_per_s": 1e9})
     return profile.model_copy(update={"limits": limits})

@@ -1,7 +1,7 @@
-"""docs/results/benchmarks.md and the tables beside it, rendered from benchmarks.json alone.
+"""Renders docs/results/benchmarks.md and its CSV tables from benchmarks.json.
 
-The page shows the rows of `ROWS`, about twenty; ``data/figures.csv`` holds every figure that was
-measured, and ``data/TOPIC-N.csv`` each table. ``python -m tests.bench.page`` renders them again.
+The page shows the figures of `ROWS`. ``data/figures.csv`` has every figure, ``data/TOPIC-N.csv``
+each table. Command: ``python -m tests.bench.page``.
 """
 
 from __future__ import annotations
@@ -49,26 +49,27 @@ ROWS: tuple[tuple[str, str, str], ...] = (
      "real rig-a: 3 s prediction error, held-out, roll / pitch / yaw"),
     ("real", "rig-b: grey box, over 3 s, in flight (`usable_runs`)",
      "real rig-b: 3 s prediction error, held-out, roll / pitch / yaw"),
-    ("loop", "500 Hz, nothing granted: late by more than 1 ms",
+    ("loop", "500 Hz, without privileges: late by more than 1 ms",
      "loop at 500 Hz, no privileges: late periods"),
     ("loop", "500 Hz, with real-time scheduling: late by more than 1 ms",
      "loop at 500 Hz, real-time scheduling, serial line: late periods"),
-    ("loop", "500 Hz, with real-time scheduling, over TCP instead: late by more than 1 ms",
+    ("loop", "500 Hz, with real-time scheduling, over TCP: late by more than 1 ms",
      "loop at 500 Hz, real-time, TCP: late periods"),
-    ("kill", "kill -9: from the last command to zero volts, worst",
+    ("kill", "kill -9: last command to zero volts, worst",
      "`kill -9`: last command to zero volts, worst"),
-    ("kill", "kill -9: flight lost, worst", "`kill -9`: data lost, worst"),
-    ("estop", "stopped by the session that flies, longest",
+    ("kill", "kill -9: data lost, worst", "`kill -9`: data lost, worst"),
+    ("estop", "stopped by the flying session, longest",
      "`estop` from another terminal, longest"),
-    ("estop", "stopped past a session that hangs, longest",
+    ("estop", "stopped directly, session hangs, longest",
      "`estop` where the session hangs, longest"),
     ("safety", "motors not at zero at the end", "faults at random moments: motors not at zero"),
-    ("safety", "zero volts later than claimed",
+    ("safety", "zero volts later than stated",
      "faults at random moments: zero volts later than stated"),
     ("misbehaviour", "motors not at zero", "misbehaving devices: motors not at zero"),
-    ("soak", "soak: memory grows by, at most", "30 min flight: growth of memory"),
+    ("soak", "soak: growth of memory, upper limit of the 95 % interval",
+     "30 min flight: growth of memory"),
 )  # fmt: skip
-"""(topic, its figure in benchmarks.json, what the page calls it)"""
+"""(topic, name of its figure in benchmarks.json, label on the page)"""
 
 HEAD = """# Benchmarks
 
@@ -77,7 +78,7 @@ row that misses it. The last two columns are the command that repeats the measur
 it was made at. The computer was shared: times are upper bounds.
 
 `python -m tests.bench.page` writes this page from [benchmarks.json](benchmarks.json). Every other
-figure is in [data/figures.csv](data/figures.csv), with each table as a CSV file beside it.
+figure is in [data/figures.csv](data/figures.csv), with one CSV file for each table.
 
 | what | measured | interval, or how | bar | met | command | commit |
 |---|---|---|---|---|---|---|
@@ -90,7 +91,7 @@ Store = Mapping[str, Mapping[str, Any]]
 
 
 def load() -> dict[str, dict[str, Any]]:
-    """Everything measured so far, by topic."""
+    """The stored measurements, by topic."""
     return json.loads(STORE.read_text(encoding="utf-8")) if STORE.exists() else {}
 
 
@@ -99,7 +100,7 @@ def command(topic: str, kept: Mapping[str, Any]) -> str:
 
 
 def render(store: Store) -> str:
-    """The page: a line for each of `ROWS` that was measured at a commit, not on a changed tree."""
+    """The page: a line for each of `ROWS` measured at a commit (not on a changed tree)."""
     shown = [t for t in store if not store[t]["revision"].endswith("-dirty")]
     return HEAD + "".join(_line(store, *row) for row in ROWS if row[0] in shown)
 
@@ -114,7 +115,7 @@ def _line(store: Store, topic: str, what: str, label: str) -> str:
 
 
 def _interval(how: str) -> str:
-    """The figure's interval where it has one, else how it was measured, cut at a clause."""
+    """The figure's 95 % interval if it has one, else the first clause of ``how``."""
     if match := re.search(r"95 % interval ([\d.]+ to [\d.]+ %)", how):
         return match.group(1)
     return how.split("; ")[0] or "–"
@@ -136,7 +137,7 @@ def files(store: Store) -> dict[str, str]:
 
 
 def errors_table(rig: str) -> str:
-    """The rows of a rig's models, with the bar where there is one."""
+    """The errors of a rig's models, with the bar if there is one."""
     rows = ["| model, and where | roll / pitch / yaw | bar |", "|---|---|---|"]
     for f in load()["real"]["figures"]:
         what = f["what"].removeprefix(rig).lstrip(",: ")

@@ -1,11 +1,11 @@
 """Simulated flights that end in a trip, and the arm's motion under the voltages that follow.
 
 The plant is the profile's rigid body (`heli3dof.model.physics.rigid_body`) with a table under the
-arm (inelastic) and pitch stops. Each flight draws its own thrust gain, front over back, T_g,
-inertias and rotor lag. A `Situation` is the flight until the trip: the default controller, with or
-without a fault, then perhaps fixed voltages. The trip comes at a random moment, or earlier: at the
-envelope, or where the true roll passes the envelope's. Roll's upper stop is far higher than a
-rig's, so that the height counts.
+arm (inelastic) and pitch stops. Thrust gain, motor mismatch, T_g, inertias and rotor lag are drawn
+for each flight. A `Situation` is the flight until the trip: the default controller, with or without
+a fault, then perhaps fixed voltages. The trip comes at a random moment, or earlier: at the
+envelope, or where the true roll passes the envelope's. The upper stop of roll is far above a real
+rig's, so that it does not limit the height.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ SETTLE_S = 0.5
 FALL_S = 4.0
 """s simulated after the trip"""
 CLEAR = math.radians(0.5)
-"""rad above the table: a trip below it is no flight, and another is drawn"""
+"""rad above the table: a trip below it does not count, and another is drawn"""
 RATE = 9
-"""where the controller's state holds the filtered rates"""
+"""index of the filtered rates in the controller's state"""
 Pair = tuple[float, float]
 PROFILE = default_profile().with_controller()
 REST = float(PROFILE.encoder.rest_rad[0])
@@ -98,7 +98,7 @@ SATURATED = (
     _saturated("hover, then front −v_max, back +v_max", (-1.0, 1.0), 0.1),
     _wrong_sign("roll", (-1.0, 1.0, 1.0)),
 )  # fmt: skip
-"""The voltages are at their limit as the trip comes"""
+"""Situations with the voltages at their limit at the trip"""
 HOVER = Situation("hover")
 SITUATIONS = (
     HOVER,
@@ -116,7 +116,7 @@ SITUATIONS = (
 
 @dataclass(frozen=True)
 class Rig:
-    """The numbers of one drawn rig."""
+    """The parameters of one drawn rig."""
 
     s: np.ndarray
     """the model's context, `heli3dof.model.physics.state_layout`"""
@@ -209,8 +209,8 @@ def _flight(situation: Situation, rng: np.random.Generator) -> Tripped | None:
     if situation.volts is None:
         seen = zip(angle.tolist(), rate.tolist(), command.tolist(), voltage.tolist(), strict=True)
         envelope = Envelope(PROFILE)
-        for i, (q, w, asked, V) in enumerate(seen):
-            if i >= k or envelope.check(i * dt, q, w, asked, V) is not None:
+        for i, (q, w, command_V, V) in enumerate(seen):
+            if i >= k or envelope.check(i * dt, q, w, command_V, V) is not None:
                 k = i
                 break
     if k == 0 or states[k, 0] <= REST + CLEAR:

@@ -1,4 +1,4 @@
-"""``devices``, ``doctor``, ``zero`` and ``monitor``: what they find, print and store. None arms."""
+"""``devices``, ``doctor``, ``zero`` and ``monitor``: their output and files. None arms the rig."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``estop`` stops flights of other processes and reports what it stopped."""
+"""``estop`` stops flights of other processes and lists the stopped rigs."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ import pytest
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.row import RAMP_DOWN
 from tests.cli.running import heli3dof
-from tests.profiles import END_S, STANDSTILL_S, START_S, write_profile
+from tests.profiles import END_S, STALL_S, START_S, write_profile
 from tests.profiles import PATIENT as LIMITS
 
 LEVEL = "mock:?speed=max&seed=1&start=level"
@@ -257,7 +257,7 @@ def test_a_signal_ramps_the_motors_to_zero_and_closes_the_recording(
     np.testing.assert_allclose(
         volts[ramp] / volts[first - 1], share[:, None] * [1, 1], atol=2.5 / 250
     )
-    assert gone[-1] < 250 + 5 + STANDSTILL_S / recording.profile.dt
+    assert gone[-1] < 250 + 5 + STALL_S / recording.profile.dt
 
 
 @pytest.mark.realtime

@@ -124,8 +124,8 @@ def test_impossible_numbers_in_a_plan_are_refused(key: str, value: str, tmp_path
 @pytest.mark.parametrize("key", ["L_a", "V_o", "roll", "rate_hz", "v_max"])
 def test_impossible_numbers_in_a_profile_are_refused(key: str, value: str, tmp_path: Path) -> None:
     lines = RIG.read_text(encoding="utf-8").splitlines()
-    found = [i for i, line in enumerate(lines) if line.split("=")[0].strip() == key]
-    lines[found[0]] = f"{key} = {value}"
+    results = [i for i, line in enumerate(lines) if line.split("=")[0].strip() == key]
+    lines[results[0]] = f"{key} = {value}"
     profile = tmp_path / "rig.toml"
     profile.write_text("\n".join(lines), encoding="utf-8")
     result = heli3dof("run", "rich", "--dry-run", "--profile", profile)

@@ -108,12 +108,12 @@ def test_compare_gives_every_metric_and_its_difference(identified: tuple, tmp_pa
         assert [m["name"] for m in flight["models"]] == ["hover", "ours"]
         for model in flight["models"]:
             for axis in ("roll", "pitch", "yaw"):
-                found, experiment = model["axes"][axis], flight["experiment"][axis]
+                results, experiment = model["axes"][axis], flight["experiment"][axis]
                 for key in ("peak_deg", "overshoot_deg", "steady_error_deg", "rise_time_s"):
-                    assert key in found
-                    assert key in found["difference"]
-                peak = found["peak_deg"] - experiment["peak_deg"]
-                assert math.isclose(found["difference"]["peak_deg"], peak, abs_tol=1e-9)
+                    assert key in results
+                    assert key in results["difference"]
+                peak = results["peak_deg"] - experiment["peak_deg"]
+                assert math.isclose(results["difference"]["peak_deg"], peak, abs_tol=1e-9)
     written = {Path(f).name for f in document["figures"]}
     assert len(written) == 2 * 3 * 2
     assert all((tmp_path / "out" / name).stat().st_size > 2000 for name in written)

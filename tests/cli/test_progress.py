@@ -1,4 +1,4 @@
-"""The progress line of a flight: what it shows, when it is shown, and that it ends cleanly."""
+"""The progress line of a flight: its content, when it appears, and its clean end."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """A small rig and a small model for the tests of comparison and report.
 
-The corrected hover model (errata E3, E4) written out a second time with its numbers from Table I,
-on its own and in the plainest way, so that these tests need nothing of ``heli3dof.model``.
+The corrected hover model (errata E3, E4) written a second time with the numbers of Table I,
+so that these tests do not depend on ``heli3dof.model``.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class FakeHover:
         return np.array([-1.0 + 1.0j, -1.0 - 1.0j, 1.469 if self.yaw_sign > 0 else -0.1])
 
     def predict(self, recording: Recording, horizon_s: float) -> np.ndarray:
-        """Angle and its finite difference, carried forward: crude, causal and enough here."""
+        """Angle and its finite difference, carried forward."""
         h = max(1, round(horizon_s / recording.dt))
         y = recording.angle
         rate = np.zeros_like(y)
@@ -74,7 +74,7 @@ class FakeHover:
 
 @dataclass(frozen=True)
 class WrongRate(FakeHover):
-    """A model that was made for another control rate and refuses the recording."""
+    """A model for another control rate, which refuses the recording."""
 
     name: str = "wrong-rate"
 

@@ -21,7 +21,7 @@ from tests.comparison.fakes import FakeHover, WrongRate, flight
 from tests.paths import REAL_DATA, needs_real_data
 
 
-def unknown_loop(recording: Recording) -> Recording:
+def unknown_controller(recording: Recording) -> Recording:
     profile = default_profile().model_copy(update={"controller": None})
     return replace(recording, profile=profile)
 
@@ -51,8 +51,8 @@ def test_each_difference_is_the_model_s_minus_the_experiment_s() -> None:
     assert only.difference(only.models[0], "roll")["peak_deg"] < -0.5  # a weak rig overshoots more
 
 
-def test_an_unknown_loop_gives_predictions_and_no_replay() -> None:
-    result = compare([unknown_loop(flight(duration_s=12.0))], [FakeHover()])
+def test_an_unknown_controller_gives_predictions_and_no_replay() -> None:
+    result = compare([unknown_controller(flight(duration_s=12.0))], [FakeHover()])
     (only,) = result.flights
     (model,) = only.models
     assert only.loop == "not replayed"
@@ -114,7 +114,7 @@ def test_the_document_has_metrics_and_differences_per_axis_and_model() -> None:
     assert axes["roll"]["peak_deg"] == pytest.approx(11.85, abs=0.03)
 
 
-def test_the_document_of_an_unknown_loop_and_a_refused_model_is_valid() -> None:
+def test_the_document_of_an_unknown_controller_and_a_refused_model_is_valid() -> None:
     one_angle = np.column_stack([np.sin(np.arange(0, 5, 0.002)), *[np.full(2500, np.nan)] * 2])
     log = make_recording(
         np.arange(0, 5, 0.002),
@@ -124,14 +124,14 @@ def test_the_document_of_an_unknown_loop_and_a_refused_model_is_valid() -> None:
     )
     document = comparison_document(compare([log], [FakeHover(), WrongRate()]))
     json.dumps(document, allow_nan=False)
-    (found,) = document["flights"]
-    assert found["models"][0]["axes"] is None
-    assert found["models"][0]["prediction"]["rmse_deg"]["1"]["pitch"] is None
-    assert found["experiment"]["roll"]["peak_deg"] is None
+    (result,) = document["flights"]
+    assert result["models"][0]["axes"] is None
+    assert result["models"][0]["prediction"]["rmse_deg"]["1"]["pitch"] is None
+    assert result["experiment"]["roll"]["peak_deg"] is None
 
 
 def test_a_flight_simulated_on_the_hover_model_is_what_compare_replays() -> None:
-    """The same controller, grid and reference: what is left is the encoder's rounding."""
+    """The same controller, grid and reference: they differ by the encoder's rounding."""
     plan = step_plan((10.0, None, 20.0), settle_s=4.0, duration_s=8.0)
     hover = hover_model(default_profile())
     only = compare([simulate(plan, hover)], [hover], horizons_s=()).flights[0]
@@ -160,7 +160,7 @@ def test_the_hover_column_of_the_paper_comes_from_the_hover_model() -> None:
 @needs_real_data
 @pytest.mark.real_data
 def test_on_a_real_log_the_hover_model_is_worse_than_constant_angles() -> None:
-    """rig-a 1b, over 3 s: the folder's own figures are hover 41/31/38°, held still 8.5/5/5°."""
+    """rig-a 1b, over 3 s: the data folder states hover 41/31/38°, constant angles 8.5/5/5°."""
     rig = REAL_DATA / "rig-a"
     log = load(rig / "closed-1b.csv", load_profile(rig / "profile.toml"))
     only = compare([log], [hover_model(log.profile)]).flights[0]

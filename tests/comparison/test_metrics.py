@@ -105,7 +105,7 @@ def test_a_held_axis_reports_its_farthest_angle_and_the_paper_s_largest_differen
 
 
 def test_a_held_axis_is_counted_from_the_first_step_of_any_axis() -> None:
-    """What the take-off does to pitch must not drown what the step does to it."""
+    """The pitch motion of the take-off must not mask that of the step."""
     roll_ref = np.radians(np.where(T < 5, 0.0, 10.0))
     reference = np.column_stack([roll_ref, np.zeros_like(T), np.zeros_like(T)])
     pitch = np.radians(np.where(T < 2, 12.0, 0.0) * (T > 0.1) + np.where(T > 6, 3.0, 0.0))
@@ -147,7 +147,7 @@ def test_without_a_reference_nothing_is_defined() -> None:
 
 
 def test_an_interrupted_reference_gives_no_step() -> None:
-    """Open loop from 5 to 10 s: what the angle does there belongs to no step."""
+    """Open loop from 5 to 10 s: the motion there belongs to no step."""
     reference = np.radians(np.where(T < 5, 0.0, 10.0))
     reference[(T >= 5) & (T < 10)] = np.nan
     y = np.radians(np.where(T < 5, 0.0, np.where(T < 10, -20.0, 10.0)))

@@ -64,5 +64,5 @@ def test_stitched_windows_start_at_the_data() -> None:
     assert t[starts] == pytest.approx([0, 3, 6, 9])
     np.testing.assert_allclose(np.degrees(angle[starts, 0]), 2.0 * t[starts])
     within = slice(int(starts[1]), int(starts[2]) - 1)
-    np.testing.assert_allclose(np.degrees(angle[within, 0]), 6.0)  # held still all through
+    np.testing.assert_allclose(np.degrees(angle[within, 0]), 6.0)  # constant throughout
     assert np.isnan(angle[np.isnan(t)]).all()

@@ -27,7 +27,7 @@ def test_the_reference_step_peaks_where_the_paper_s_model_does() -> None:
     assert roll[-1] == pytest.approx(10.10, abs=0.01)
 
 
-def test_an_unknown_loop_is_not_replayed_and_the_reason_is_given() -> None:
+def test_an_unknown_controller_is_not_replayed_and_the_reason_is_given() -> None:
     recording = flight()
     unknown = replace(recording, profile=default_profile().model_copy(update={"controller": None}))
     assert "controller is unknown" in str(why_not_replayed(unknown))
@@ -80,7 +80,7 @@ def test_the_ramp_down_is_not_replayed() -> None:
 
 
 def test_a_diverging_model_has_a_time_and_is_cut_there() -> None:
-    """(10) as printed: K_g leaves a pole at +1.469 (E3); a push in pitch lets it go."""
+    """(10) as printed: K_g leaves a pole at +1.469 (E3); a disturbance in pitch excites it."""
     recording = flight(yaw_deg=5.0, duration_s=20.0)
     flown = replay(FakeHover(yaw_sign=+1.0), recording)
     assert flown.diverged_at_s is not None

@@ -1,4 +1,4 @@
-"""Each term's share: the model without it, nothing else touched."""
+"""Each term's share: the error of the model without it, all else unchanged."""
 
 from __future__ import annotations
 

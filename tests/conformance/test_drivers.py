@@ -13,7 +13,7 @@ import pytest
 
 from heli3dof.rig.conformance import CASES, Case, conforms
 from heli3dof.rig.drivers import load_driver, registered
-from tests.drivers.doors import Door, firmware_door, python_door
+from tests.drivers.emulated_rigs import RigProcess, emulated_rig, firmware_rig
 
 WITHOUT_HARDWARE = {
     # A watchdog of 0.3 s: a busy computer may be silent for 0.1 s.
@@ -43,9 +43,9 @@ NEEDS_HARDWARE = {"usb"}
 """Tested as ``usb+mock``, and by `make test-kernel-usb`"""
 URLS = [url for urls in WITHOUT_HARDWARE.values() for url in urls]
 
-EMULATED: dict[str, Callable[[], AbstractContextManager[Door]]] = {
-    "python": python_door,
-    "firmware": firmware_door,
+EMULATED: dict[str, Callable[[], AbstractContextManager[RigProcess]]] = {
+    "python": emulated_rig,
+    "firmware": firmware_rig,
 }
 """Emulated rigs in a process of their own, by the name in the URLs' braces"""
 

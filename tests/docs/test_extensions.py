@@ -140,8 +140,8 @@ def test_an_integrity_check_reports_a_short_recording(place, searched_again) -> 
     place("integrity check", "heli3dof.diagnosis.integrity")
     searched_again(integrity.checks)
     flown = h3.load(FLIGHT)
-    found = [fault.check for fault in integrity.integrity(flown.rows(slice(0, 3000)))]
-    assert "length.short" in found
+    result = [fault.check for fault in integrity.integrity(flown.rows(slice(0, 3000)))]
+    assert "length.short" in result
     assert "length.short" not in [fault.check for fault in integrity.integrity(flown)]
 
 

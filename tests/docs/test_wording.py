@@ -1,4 +1,4 @@
-"""The checker of words finds what the glossary replaces, and sentences that are too long."""
+"""The wording check finds words that the glossary replaces, and long sentences."""
 
 from __future__ import annotations
 

@@ -101,8 +101,8 @@ def test_a_malformed_fault_is_refused(text: str, message: str):
 def test_samples_on_the_link_carry_the_cause():
     endpoint = emulated("mock:?fault=overtemperature@0.05")
     endpoint.receive(0, wire(Arm(0, 1, 2000, 200_000)) + wire(CommandFrame(1, 5_000_000, 0)))
-    said = [f for f in Splitter().feed(endpoint.tick(100_000)) if isinstance(f, SampleFrame)]
-    before = [s for s in said if s.time_us < 50_000]
-    after = said[len(before) :]
+    frames = [f for f in Splitter().feed(endpoint.tick(100_000)) if isinstance(f, SampleFrame)]
+    before = [s for s in frames if s.time_us < 50_000]
+    after = frames[len(before) :]
     assert {(s.front_uV, s.flags, s.cause) for s in before} == {(5_000_000, 1, 0)}
     assert {(s.front_uV, s.flags, s.cause) for s in after} == {(0, 2, Cause.OVERTEMPERATURE)}

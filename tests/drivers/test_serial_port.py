@@ -25,7 +25,7 @@ from heli3dof.rig.drivers import load_driver, open_driver
 from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.url import parse_url
-from tests.drivers.doors import Door, python_door
+from tests.drivers.emulated_rigs import RigProcess, emulated_rig
 from tests.drivers.emulator.still import still_endpoint
 from tests.paths import ROOT
 from tests.profiles import END_S
@@ -35,8 +35,8 @@ DRIVER = load_driver("serial")
 
 
 @pytest.fixture(scope="module")
-def emulated() -> Iterator[Door]:
-    with python_door() as opened:
+def emulated() -> Iterator[RigProcess]:
+    with emulated_rig() as opened:
         yield opened
 
 
@@ -101,7 +101,7 @@ for k in range(1, 100_000):
 """
 
 
-def test_estop_reaches_a_rig_whose_port_another_process_holds(emulated: Door):
+def test_estop_reaches_a_rig_whose_port_another_process_holds(emulated: RigProcess):
     url = emulated.url("watchdog_s=0.5")
     flight = subprocess.Popen([sys.executable, "-c", HOLD, url], stdout=subprocess.PIPE, text=True)
     assert flight.stdout is not None
@@ -116,8 +116,8 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(emulated: Door):
     assert str(flight.pid) in held.found
     assert str(emulated.process.pid) not in held.found
 
-    said = DRIVER.estop(parse_url(url))
-    assert "stop" in said
+    confirmation = DRIVER.estop(parse_url(url))
+    assert "stop" in confirmation
     assert flight.stdout.readline() == "16 0.0 0.0\n"
     flight.wait(timeout=END_S)
     rig = open_driver(url, PROFILE)
@@ -125,7 +125,7 @@ def test_estop_reaches_a_rig_whose_port_another_process_holds(emulated: Door):
     rig.close()
 
 
-def test_estop_reaches_a_rig_whose_holder_hangs_with_the_line_full(emulated: Door):
+def test_estop_reaches_a_rig_whose_holder_hangs_with_the_line_full(emulated: RigProcess):
     url = emulated.url("watchdog_s=0.5")
     flight = subprocess.Popen([sys.executable, "-c", HOLD, url], stdout=subprocess.PIPE, text=True)
     assert flight.stdout is not None
@@ -139,7 +139,7 @@ def test_estop_reaches_a_rig_whose_holder_hangs_with_the_line_full(emulated: Doo
         flight.wait(timeout=END_S)
 
 
-def test_estop_reaches_a_rig_that_no_process_holds(emulated: Door):
+def test_estop_reaches_a_rig_that_no_process_holds(emulated: RigProcess):
     url = parse_url(emulated.url())
     assert "the rig confirmed it" in DRIVER.estop(url)
     rig = open_driver(url, PROFILE)
@@ -154,7 +154,7 @@ def test_estop_of_a_missing_port_is_a_device_error():
 
 
 def test_a_rig_that_fails_during_a_run_is_a_device_error():
-    with python_door() as mortal:
+    with emulated_rig() as mortal:
         rig = open_driver(mortal.url(), PROFILE)
         fly(rig)
         mortal.end()
@@ -199,7 +199,7 @@ def test_a_loop_that_echoes_requests_is_not_a_rig(monkeypatch):
         open_driver("serial+loop://", PROFILE)
 
 
-def test_a_spy_logs_the_bytes(emulated: Door, tmp_path: Path):
+def test_a_spy_logs_the_bytes(emulated: RigProcess, tmp_path: Path):
     file = tmp_path / "bytes.txt"
     rig = open_driver(f"serial+spy://{emulated.path}?file={file}&watchdog_s=0.5", PROFILE)
     assert fly(rig).flags & Flags.ENABLED
@@ -207,14 +207,14 @@ def test_a_spy_logs_the_bytes(emulated: Door, tmp_path: Path):
     assert "TX" in file.read_text()
 
 
-def test_doctors_checks_of_a_port(emulated: Door, monkeypatch, tmp_path: Path):
-    found = {c.what: c for c in DRIVER.examine(parse_url(emulated.url()))}
-    assert found["port"].good
-    assert found["permission"].good
-    assert found["latency timer"].good
+def test_doctors_checks_of_a_port(emulated: RigProcess, monkeypatch, tmp_path: Path):
+    result = {c.what: c for c in DRIVER.examine(parse_url(emulated.url()))}
+    assert result["port"].good
+    assert result["permission"].good
+    assert result["latency timer"].good
     # The emulated rig has its own end open without a lock.
-    assert found["held by"].good is None
-    assert str(emulated.process.pid) in found["held by"].found
+    assert result["held by"].good is None
+    assert str(emulated.process.pid) in result["held by"].found
     assert not DRIVER.examine(parse_url("serial:///dev/ttyNONE"))[0].good
 
     timer = tmp_path / "latency_timer"

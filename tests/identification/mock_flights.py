@@ -1,6 +1,6 @@
 """Flights of the emulated rig for tests of identification.
 
-The rig hides what real rigs have: a rotor lag of 0.1 s, a pendulum on roll and pitch, viscous
+The rig hides effects of real rigs: a rotor lag of 0.1 s, a pendulum on roll and pitch, viscous
 friction on every axis. Process noise and encoders are the mock's own.
 """
 

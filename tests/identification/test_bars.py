@@ -15,8 +15,8 @@ from tests.identification.mock_flights import mock_flight
 
 @pytest.mark.parametrize(("plan", "pitch"), [("multisine", 85.0), ("steps", 79.0), ("large", 61.0)])
 def test_pem_replays_held_out_flights_above_the_bar(plan: str, pitch: float) -> None:
-    found = identify(mock_flight(plan, 1), holdout=mock_flight(plan, 11), method="pem")
-    fit = found.metrics.replay.fit_percent
+    result = identify(mock_flight(plan, 1), holdout=mock_flight(plan, 11), method="pem")
+    fit = result.metrics.replay.fit_percent
     assert fit[0] > 95
     assert fit[1] > pitch
     assert fit[2] > 95

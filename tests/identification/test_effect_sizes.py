@@ -33,13 +33,13 @@ def fitted(name: str, size: float, seed: int = 1021, until_s: float = 40.0) -> E
     ],
 )
 def test_the_fitted_size_of_a_hidden_effect_is_right(name: str, size: float, share: float) -> None:
-    found = fitted(name, size)
-    assert found.optimum.converged
-    assert found.values[-1] == pytest.approx(size, rel=share)
-    assert abs(found.values[-1] - size) < 3.5 * found.std[-1]
+    result = fitted(name, size)
+    assert result.optimum.converged
+    assert result.values[-1] == pytest.approx(size, rel=share)
+    assert abs(result.values[-1] - size) < 3.5 * result.std[-1]
 
 
 def test_an_encoder_scale_is_not_confused_with_an_inertia() -> None:
-    found = fitted("encoder.scale.roll", 0.9)
-    assert found.optimum.converged
-    assert found.values[-1] == pytest.approx(0.9, abs=0.02)
+    result = fitted("encoder.scale.roll", 0.9)
+    assert result.optimum.converged
+    assert result.values[-1] == pytest.approx(0.9, abs=0.02)

@@ -67,9 +67,9 @@ def test_the_prior_is_loose_on_common_inertia_and_tight_on_ratios() -> None:
 
 def test_parameters_are_right_under_sampling_jitter() -> None:
     flight = fly(1023, spread=0.0)
-    found = fit_freeflight([blurred(flight.recording.between(0, 30), 0.003, 1023)], DEFAULT_TERMS)
-    truth, at = flight.truth, dict(zip(found.structure.names, found.values, strict=True))
-    assert found.noise[3] >= 0.002
+    result = fit_freeflight([blurred(flight.recording.between(0, 30), 0.003, 1023)], DEFAULT_TERMS)
+    truth, at = flight.truth, dict(zip(result.structure.names, result.values, strict=True))
+    assert result.noise[3] >= 0.002
     assert at["T_g"] == pytest.approx(truth["T_g"], rel=0.03)
     for name in ("J_roll", "J_pitch", "J_yaw", "stiffness.pendulum.roll.torque_Nm"):
         assert at[name] == pytest.approx(truth[name], rel=0.12)
@@ -95,8 +95,8 @@ def test_predictions_re_estimate_the_pitch_encoder_offset(real: Recording, tmp_p
     z = problem.start.copy()
     from heli3dof.identification.greybox.multistep import search
 
-    found = search(problem, z, stages_s=((0.25, 0.5, 1.0),))
-    model = model_of(found, [real], "rig-a")
+    result = search(problem, z, stages_s=((0.25, 0.5, 1.0),))
+    model = model_of(result, [real], "rig-a")
     save_model(model, tmp_path / "m.json")
     read = load_model(tmp_path / "m.json", real.profile)
     assert read.varying == VARYING

@@ -87,8 +87,8 @@ def test_absent_effects_score_low_on_steps(from_steps: Estimate, name: str) -> N
 
 def test_a_hidden_effect_has_the_highest_score() -> None:
     flight = fly(1013, "multisine", hide=HIDDEN + ",friction.coulomb.yaw:0.03")
-    found = fit_greybox(flight.recording)
-    scores = {n: score_test(found, term(n)).score for n in ABSENT}
+    result = fit_greybox(flight.recording)
+    scores = {n: score_test(result, term(n)).score for n in ABSENT}
     assert max(scores, key=lambda n: scores[n]) == "friction.coulomb.yaw"
     assert scores["friction.coulomb.yaw"] > 100
 
@@ -105,10 +105,10 @@ def test_a_hidden_effect_is_fitted_together_with_the_others(
 ) -> None:
     flight = fly(1014, "multisine", hide=f"{HIDDEN},{hide}")
     name = hide.partition(":")[0]
-    found = fit_greybox(flight.recording, (*DEFAULT_TERMS, name))
-    j = found.structure.names.index(parameter)
-    assert abs(found.values[j] - value) < 3.5 * found.std[j]
-    assert found.std[j] < 0.1 * value
+    result = fit_greybox(flight.recording, (*DEFAULT_TERMS, name))
+    j = result.structure.names.index(parameter)
+    assert abs(result.values[j] - value) < 3.5 * result.std[j]
+    assert result.std[j] < 0.1 * value
 
 
 @pytest.mark.parametrize("factor", [0.5, 2.0])
@@ -144,14 +144,14 @@ def one_angle(recording: Recording, axis: int) -> Recording:
 
 def test_a_pitch_only_recording_identifies_pitch_parameters_only(flight: Flight) -> None:
     part = one_angle(flight.recording.between(5, 60), 1)
-    found = fit_greybox(part)
-    names = found.structure.names
+    result = fit_greybox(part)
+    names = result.structure.names
     j = names.index("J_pitch")
-    assert found.values[j] == pytest.approx(flight.truth["J_pitch"], rel=0.05)
-    unidentifiable = {n for n, v in zip(names, found.verdicts, strict=True) if not v.identifiable}
+    assert result.values[j] == pytest.approx(flight.truth["J_pitch"], rel=0.05)
+    unidentifiable = {n for n, v in zip(names, result.verdicts, strict=True) if not v.identifiable}
     assert {"J_roll", "J_yaw", "T_g", "friction.viscous.yaw.damping_Nms_per_rad"} <= unidentifiable
     assert "J_pitch" not in unidentifiable
-    assert any("heli3dof run" in w for w in warnings(found))
+    assert any("heli3dof run" in w for w in warnings(result))
 
 
 def test_the_fit_does_not_depend_on_a_known_controller(flight: Flight, found: Estimate) -> None:

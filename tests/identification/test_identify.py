@@ -35,10 +35,10 @@ def found(flights: tuple[Recording, Recording]) -> Identification:
 def test_the_model_replays_held_out_flights_nearly_as_well_as_the_linearised_truth() -> None:
     """Three flights of 60 s, seeds 101–103: 88.4 % in pitch for the truth, 87.6 % for the model."""
     held_out = [flight("multisine", seed=s, seconds=60, rest=True) for s in (101, 102, 103)]
-    found = identify(flight("multisine", seed=1, seconds=60, rest=True), holdout=held_out)
-    p = found.prepared
+    result = identify(flight("multisine", seed=1, seconds=60, rest=True), holdout=held_out)
+    p = result.prepared
     truth = metrics(linear_truth(p.dt), p, p.held_out).replay.fit_percent
-    np.testing.assert_array_less(truth - 2.0, found.metrics.replay.fit_percent)
+    np.testing.assert_array_less(truth - 2.0, result.metrics.replay.fit_percent)
 
 
 def test_the_rotor_lag_and_both_pendula_are_among_the_poles(found: Identification) -> None:
@@ -116,9 +116,9 @@ def test_the_model_names_its_recordings(
 def test_a_single_recording_is_split_and_the_report_states_it(
     flights: tuple[Recording, Recording],
 ) -> None:
-    found = identify(flights[0], order=8, intervals_s=[0.08])
-    assert "last 25 %" in found.prepared.split
-    assert found.metrics.replay.fit_percent[1] > 80
+    result = identify(flights[0], order=8, intervals_s=[0.08])
+    assert "last 25 %" in result.prepared.split
+    assert result.metrics.replay.fit_percent[1] > 80
 
 
 def test_output_error_gets_a_warning_and_is_worse(
@@ -142,10 +142,10 @@ def test_the_loop_with_the_paper_s_form_diverges(flights: tuple[Recording, Recor
 def test_pbsid_warns_that_it_has_no_standard_deviations(
     flights: tuple[Recording, Recording],
 ) -> None:
-    found = identify(flights[0], holdout=flights[1], method="pbsid", order=8)
-    document = json.loads(json.dumps(found.to_dict(), allow_nan=False))
+    result = identify(flights[0], holdout=flights[1], method="pbsid", order=8)
+    document = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert document["poles"][0]["re_std_per_s"] is None
-    assert any("no standard deviations" in w for w in found.warnings)
+    assert any("no standard deviations" in w for w in result.warnings)
 
 
 def test_the_same_recordings_give_the_same_model(flights: tuple[Recording, Recording]) -> None:
@@ -155,8 +155,8 @@ def test_the_same_recordings_give_the_same_model(flights: tuple[Recording, Recor
 
 def test_several_recordings_are_fitted_together() -> None:
     short = [flight("multisine", seed=s, seconds=25) for s in (1, 2, 3)]
-    found = identify(short, holdout=flight("multisine", seed=9, seconds=30), order=8)
-    assert found.metrics.replay.fit_percent[1] > 80
+    result = identify(short, holdout=flight("multisine", seed=9, seconds=30), order=8)
+    assert result.metrics.replay.fit_percent[1] > 80
 
 
 def test_an_unknown_method_names_the_nearest() -> None:
@@ -179,8 +179,8 @@ def test_a_one_angle_recording_is_rejected() -> None:
 
 def test_held_out_motion_far_beyond_the_training_data_gets_a_warning() -> None:
     small = flight("steps", seed=1, seconds=40, noise=0.3)
-    found = identify(small, holdout=flight("large", seed=2, seconds=40), order=6)
-    assert any("extrapolation" in w for w in found.warnings)
+    result = identify(small, holdout=flight("large", seed=2, seconds=40), order=6)
+    assert any("extrapolation" in w for w in result.warnings)
 
 
 def test_a_noisier_flight_has_wider_deviations() -> None:
@@ -207,6 +207,6 @@ def test_rig_b_predicts_held_out_data_half_a_second_ahead() -> None:
     recs = [
         load(REAL_DATA / "rig-b" / f"closed-{k}.csv", profile) for k in ("03", "05", "08", "13")
     ]
-    found = identify(recs[:3], holdout=recs[3], intervals_s=[0.04], order=8)
-    assert found.metrics.prediction[0.5].fit_percent.min() > 75
-    assert "no [controller]" in found.metrics.replay_note
+    result = identify(recs[:3], holdout=recs[3], intervals_s=[0.04], order=8)
+    assert result.metrics.prediction[0.5].fit_percent.min() > 75
+    assert "no [controller]" in result.metrics.replay_note

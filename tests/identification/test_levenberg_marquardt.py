@@ -28,9 +28,9 @@ def test_descend_and_follow_on_reach_the_same_minimum() -> None:
     v = valley(rosenbrock)
     z = np.array([-1.2, 1.0])
     assert descend(v, z, rounds=50, settled=1e-9).z == pytest.approx([1, 1], abs=1e-3)
-    found = follow_on(v, z, None, settled=1e-9, enough=200, fresh=20)
-    assert found.z == pytest.approx([1, 1], abs=1e-3)
-    assert found.settled
+    result = follow_on(v, z, None, settled=1e-9, enough=200, fresh=20)
+    assert result.z == pytest.approx([1, 1], abs=1e-3)
+    assert result.settled
 
 
 def test_follow_on_needs_no_new_tangents_near_a_minimum() -> None:
@@ -38,15 +38,15 @@ def test_follow_on_needs_no_new_tangents_near_a_minimum() -> None:
     A, b = np.array([[2.0, 1.0], [0.0, 1.0], [1.0, -1.0]]), np.array([1.0, 2.0, 3.0])
     calls: list[np.ndarray] = []
     v = valley(lambda z: A @ z - b, calls=calls)
-    found = follow_on(v, np.zeros(2), 1.2 * A.T, settled=1e-9)
-    assert found.z == pytest.approx(np.linalg.lstsq(A, b, rcond=None)[0], abs=1e-4)
+    result = follow_on(v, np.zeros(2), 1.2 * A.T, settled=1e-9)
+    assert result.z == pytest.approx(np.linalg.lstsq(A, b, rcond=None)[0], abs=1e-4)
     assert len(calls) < 12
 
 
 def test_the_prior_pulls_towards_its_centre() -> None:
     """(z − 4)² + z² is least at 2."""
-    found = descend(valley(lambda z: z - 4, prior=1.0), np.ones(2), rounds=9, settled=1e-9)
-    assert found.z == pytest.approx([2, 2], abs=1e-3)
+    result = descend(valley(lambda z: z - 4, prior=1.0), np.ones(2), rounds=9, settled=1e-9)
+    assert result.z == pytest.approx([2, 2], abs=1e-3)
 
 
 def test_a_coordinate_at_its_bound_changes_the_others() -> None:

@@ -64,9 +64,9 @@ def test_a_second_of_flight_is_too_short_for_the_check(rig_b: Recording) -> None
 
 
 def test_the_result_names_the_method_that_fitted(rig_b: Recording) -> None:
-    found = h3.identify(rig_b)
-    assert found.method == "freeflight"
-    assert found.to_dict()["method"] == "freeflight"
-    text = "\n".join(found.sentences())
+    result = h3.identify(rig_b)
+    assert result.method == "freeflight"
+    assert result.to_dict()["method"] == "freeflight"
+    text = "\n".join(result.sentences())
     assert "likelihood (extended Kalman filter" not in text
-    assert any("Fitted to free-run predictions" in w for w in found.warnings)
+    assert any("Fitted to free-run predictions" in w for w in result.warnings)

@@ -46,8 +46,8 @@ def test_the_yaw_inertia_of_a_simplified_rig_is_right(
     simple: Recording, identified: Identification
 ) -> None:
     nominal_J = identified.found.parameters["J_yaw"].nominal
-    found = identified.found.parameters["J_yaw"]
-    assert abs(found.value / nominal_J - 1) < 0.015
+    result = identified.found.parameters["J_yaw"]
+    assert abs(result.value / nominal_J - 1) < 0.015
     # The full equations are 4 % off, many of their standard deviations.
     whole = fit_greybox(simple)
     j = whole.structure.names.index("J_yaw")
@@ -63,18 +63,18 @@ def test_simplifications_are_parameters_and_warnings(identified: Identification)
 
 
 def test_a_missing_yaw_inertia_variation_is_detected_separately() -> None:
-    found = with_simplifications(fit_greybox(flown("simplified.yaw_inertia")))
-    assert [t.name for t in found.structure.terms if t.effect.formal] == ["simplified.yaw_inertia"]
+    result = with_simplifications(fit_greybox(flown("simplified.yaw_inertia")))
+    assert [t.name for t in result.structure.terms if t.effect.formal] == ["simplified.yaw_inertia"]
 
 
 def test_a_full_rigid_body_is_not_refitted() -> None:
-    found = fit_greybox(flown())
-    assert with_simplifications(found) is found
-    g, V = left_out(found)
+    result = fit_greybox(flown())
+    assert with_simplifications(result) is result
+    g, V = left_out(result)
     # Leaving out everything would cost more than 100 of log-likelihood.
     assert g.sum() - 0.5 * V.sum() < -100
 
 
 def test_requested_terms_are_not_changed(simple: Recording) -> None:
-    found = identify(simple, terms=ALWAYS)
-    assert not any(n.startswith("simplified") for n in found.found.parameters)
+    result = identify(simple, terms=ALWAYS)
+    assert not any(n.startswith("simplified") for n in result.found.parameters)

@@ -17,8 +17,8 @@ def test_a_parabola_has_its_own_acceleration() -> None:
     """q = 3 t²/2 + 5t − 2: the weak form compares 3 rad/s² with the model's."""
     t = np.arange(0, 2, DT)
     q = np.repeat((1.5 * t**2 + 5 * t - 2)[:, None], 3, axis=1)
-    found = span(np.ones(len(t), dtype=bool), DT, 0.4).integrals(q, np.full_like(q, 2.0))
-    np.testing.assert_allclose(found, 1.0, rtol=1e-3)
+    result = span(np.ones(len(t), dtype=bool), DT, 0.4).integrals(q, np.full_like(q, 2.0))
+    np.testing.assert_allclose(result, 1.0, rtol=1e-3)
 
 
 def test_spans_lie_on_free_rows_only() -> None:

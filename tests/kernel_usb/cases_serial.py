@@ -57,10 +57,10 @@ def rig(options: str = "") -> Any:
 def serial_the_kernel_makes_a_port_and_it_is_found() -> dict[str, Any]:
     hand()
     assert URL in DRIVER.find(), DRIVER.find()
-    said = subprocess.run(
+    output = subprocess.run(
         ["/bin/udevadm", "info", str(PORT)], capture_output=True, text=True, check=True
     ).stdout
-    assert "TAGS=:uaccess:" in said, said
+    assert "TAGS=:uaccess:" in output, output
     return {c.what: c.found for c in DRIVER.examine(parse_url(URL))}
 
 
@@ -88,19 +88,19 @@ def serial_a_second_process_is_told_that_the_first_holds_the_port() -> dict[str,
 @case
 def serial_a_user_without_permission_is_told_what_to_do() -> dict[str, Any]:
     hand()
-    said = in_another_process(ELSEWHERE + OPENING, user=1000)
-    assert "Try:" in said, said
-    return {"said": said.splitlines()[0]}
+    output = in_another_process(ELSEWHERE + OPENING, user=1000)
+    assert "Try:" in output, output
+    return {"said": output.splitlines()[0]}
 
 
 @case
 def serial_a_pulled_cable_ends_the_flight_and_the_rig_stops() -> dict[str, Any]:
     r = rig()
-    _, found = pulled(r, hand(), lambda: not PORT.exists())
+    _, result = pulled(r, hand(), lambda: not PORT.exists())
     r.close()
     until(lambda: _hand[0].state()[2:] == (0, 0), "zero volts")
     assert _hand[0].state()[:2] == (LATCHED, WATCHDOG)
-    return found
+    return result
 
 
 @case
@@ -110,9 +110,9 @@ def serial_a_rig_that_is_plugged_in_again_flies_again() -> None:
 
 @case
 def serial_a_process_that_is_killed_leaves_a_rig_that_stops_itself() -> dict[str, Any]:
-    found = killed(hand(), ELSEWHERE)
+    result = killed(hand(), ELSEWHERE)
     rig().close()
-    return found
+    return result
 
 
 @case

@@ -74,11 +74,11 @@ def udev_gives_the_rig_to_whoever_sits_there() -> dict[str, Any]:
         for path in Path("/sys/bus/usb/devices").glob("*/serial")
         if path.read_text().strip() == "K1"
     ]
-    said = subprocess.run(
+    output = subprocess.run(
         ["/bin/udevadm", "info", str(device)], capture_output=True, text=True, check=True
     ).stdout
-    assert "TAGS=:uaccess:" in said, said
-    assert "ID_MM_DEVICE_IGNORE=1" in said, said
+    assert "TAGS=:uaccess:" in output, output
+    assert "ID_MM_DEVICE_IGNORE=1" in output, output
     installed = {c.what: c.good for c in DRIVER.examine(parse_url(URL))}
     assert installed["udev rule"]
     return {}
@@ -148,9 +148,9 @@ def transport_round_trips() -> dict[str, Any]:
 
 @case
 def a_second_process_stops_what_the_first_flies() -> dict[str, Any]:
-    said = stopped_by_another(rig(), hand(), ELSEWHERE)
-    assert "confirmed" in said
-    return {"said": said}
+    output = stopped_by_another(rig(), hand(), ELSEWHERE)
+    assert "confirmed" in output
+    return {"said": output}
 
 
 @case
@@ -175,16 +175,16 @@ def a_second_process_is_told_that_the_first_holds_the_rig() -> dict[str, Any]:
 @case
 def a_user_without_permission_is_told_the_rule() -> dict[str, Any]:
     hand()
-    said = in_another_process(
+    output = in_another_process(
         ELSEWHERE + "print(list(driver.find()))\n"
         "print({c.what: c.good for c in driver.examine(url)})\n" + OPENING,
         user=1000,
     )
-    assert URL in said.splitlines()[0]  # found all the same, with its serial number
-    assert "'permission': False" in said
-    assert "this user has no permission to open it" in said
-    assert "70-heli3dof.rules" in said
-    return {"said": said.splitlines()[2]}
+    assert URL in output.splitlines()[0]  # found all the same, with its serial number
+    assert "'permission': False" in output
+    assert "this user has no permission to open it" in output
+    assert "70-heli3dof.rules" in output
+    return {"said": output.splitlines()[2]}
 
 
 @case
@@ -209,7 +209,7 @@ def a_stall_of_either_pipe_is_cleared_in_flight() -> dict[str, Any]:
 
 @case
 def a_pipe_that_stalls_again_ends_the_flight() -> dict[str, Any]:
-    said = {}
+    output = {}
     for pipe in ("in", "out"):
         r = rig()
         try:
@@ -217,11 +217,11 @@ def a_pipe_that_stalls_again_ends_the_flight() -> dict[str, Any]:
             hand()(f"stick {pipe}")
             error = failure(lambda r=r: fly(r, 50))
             assert "and again after it was cleared" in str(error), error
-            said[pipe] = error.what
+            output[pipe] = error.what
         finally:
             hand()("unstick")
             r.close()
-    return said
+    return output
 
 
 @case
@@ -241,11 +241,11 @@ def a_rig_that_takes_nothing_is_a_timeout() -> dict[str, Any]:
 @case
 def a_pulled_cable_ends_the_flight_and_the_rig_stops() -> dict[str, Any]:
     r = rig()
-    error, found = pulled(r, hand(), lambda: not DRIVER.find())
+    error, result = pulled(r, hand(), lambda: not DRIVER.find())
     assert "was unplugged" in str(error), error
     assert _hand[0].state() == (STOPPED, SUPPLY, 0, 0)
     r.close()
-    return {**found, "errno": error.__cause__.errno}
+    return {**result, "errno": error.__cause__.errno}
 
 
 @case
@@ -257,6 +257,6 @@ def a_rig_that_is_plugged_in_again_flies_again() -> None:
 
 @case
 def a_process_that_is_killed_leaves_a_rig_that_stops_itself() -> dict[str, Any]:
-    found = killed(hand(), ELSEWHERE)
+    result = killed(hand(), ELSEWHERE)
     rig().close()
-    return found
+    return result

@@ -83,15 +83,15 @@ def failure(action: Callable[[], Any]) -> Any:
     """The DeviceError of an action; it must have a cause and a fix."""
     from heli3dof.errors import DeviceError
 
-    found = None
+    result = None
     try:
         action()
     except DeviceError as error:
-        found = error
-    assert found is not None, "no DeviceError"
-    assert found.cause
-    assert found.fix
-    return found
+        result = error
+    assert result is not None, "no DeviceError"
+    assert result.cause
+    assert result.fix
+    return result
 
 
 _PREAMBLE = """

@@ -72,7 +72,7 @@ class Archive:
         self._entry(name, 0o100000 | mode, data)
 
     def copy(self, source: Path, name: str | None = None) -> None:
-        """A file, what its links lead to included."""
+        """A file, with the targets of its links."""
         self.file(
             name or str(source), source.read_bytes(), 0o755 if os.access(source, os.X_OK) else 0o644
         )
@@ -87,7 +87,7 @@ class Archive:
 
 
 def build(root: Path, arguments: str = "") -> bytes:
-    """The whole image. ``root``: where `packages.fetch` unpacked to."""
+    """The whole image. ``root``: the folder to which `packages.fetch` unpacked."""
     archive = Archive()
     archive.device("/dev/console", 5, 1)
     archive.copy(root / "bin/busybox", "/bin/busybox")
@@ -129,9 +129,9 @@ def _shared(archive: Archive, binary: Path, root: Path | None = None) -> None:
         ["ldd", str(binary)], capture_output=True, text=True, env={"LD_LIBRARY_PATH": path}
     ).stdout
     for name in re.findall(r"(/\S+) \(0x", listed):
-        found = Path(name)
-        inside = root is not None and found.is_relative_to(root)
-        archive.copy(found, f"{LIBRARIES}/{found.name}" if inside else None)
+        result = Path(name)
+        inside = root is not None and result.is_relative_to(root)
+        archive.copy(result, f"{LIBRARIES}/{result.name}" if inside else None)
 
 
 def _udev(archive: Archive, root: Path) -> None:
@@ -173,14 +173,14 @@ def _project(archive: Archive) -> None:
 
 
 def modules(root: Path, wanted: tuple[str, ...]) -> list[Path]:
-    """Kernel modules in the order to load them, with those that they depend on."""
+    """Kernel modules with their dependencies, in loading order."""
     there = {p.stem.replace("-", "_"): p for p in (root / "lib/modules").rglob("*.ko")}
     order: list[Path] = []
 
     def add(name: str) -> None:
         path = there[name.replace("-", "_")]
-        found = re.search(rb"\0depends=([^\0]*)\0", path.read_bytes())
-        for below in found[1].decode().split(",") if found else []:
+        result = re.search(rb"\0depends=([^\0]*)\0", path.read_bytes())
+        for below in result[1].decode().split(",") if result else []:
             if below:
                 add(below)
         if path not in order:

@@ -14,7 +14,7 @@ ALONE = (
     "qemu-system-common", "busybox-static", "libusb-1.0-0", "libudev1",
     "udev", "libacl1", "libblkid1", "libkmod2", "libselinux1", "libcap2",
 )  # fmt: skip
-"""Without what they depend on: of the first only its accelerator is used."""
+"""Without their dependencies: only the accelerator of the first is used."""
 # Programs here use this system's own; the rest are sound, screens and tools that are not run.
 NOT_NEEDED = re.compile(
     r"libc6|libgcc-s1|gcc-.*|dpkg|tar|debconf|cdebconf|adduser|passwd|install-info|iso-codes|"
@@ -27,7 +27,7 @@ class Missing(Exception):
 
 
 def fetch(folder: Path) -> Path:
-    """All that is needed, unpacked under ``folder``/root. Raises Missing, saying what and why."""
+    """The folder ``folder``/root with all packages unpacked. Raises Missing with the reason."""
     root, archives, complete = folder / "root", folder / "packages", folder / "complete"
     wanted = "\n".join((EMULATOR, KERNEL, *ALONE, NOT_NEEDED.pattern))
     if complete.exists() and complete.read_text() == wanted:
@@ -43,8 +43,8 @@ def fetch(folder: Path) -> Path:
             ["apt-get", "download", name], cwd=archives, capture_output=True, text=True
         )
         if done.returncode:
-            why = done.stderr.strip() or done.stdout.strip()
-            raise Missing(f"{name} cannot be had: {why} (apt-get update?)")
+            reason = done.stderr.strip() or done.stdout.strip()
+            raise Missing(f"{name} cannot be had: {reason} (apt-get update?)")
     shutil.rmtree(root, ignore_errors=True)
     for archive in sorted(archives.glob("*.deb")):
         subprocess.run(["dpkg", "-x", str(archive), str(root)], check=True)
@@ -53,7 +53,7 @@ def fetch(folder: Path) -> Path:
 
 
 def depends(name: str) -> list[str]:
-    """What a package depends on directly; of alternatives the first."""
+    """Direct dependencies of a package; the first of alternatives."""
     options = ["recommends", "suggests", "conflicts", "breaks", "replaces", "enhances"]
     done = subprocess.run(
         ["apt-cache", "depends", *(f"--no-{o}" for o in options), name],
@@ -67,14 +67,14 @@ def depends(name: str) -> list[str]:
 
 def closure(name: str) -> Iterable[str]:
     """The package and everything below it that this system may lack."""
-    found, waiting = set(), [name]
+    result, waiting = set(), [name]
     while waiting:
         one = waiting.pop()
-        if one in found or NOT_NEEDED.fullmatch(one):
+        if one in result or NOT_NEEDED.fullmatch(one):
             continue
-        found.add(one)
+        result.add(one)
         waiting += depends(one)
-    return found
+    return result
 
 
 def newest_kernel() -> str:

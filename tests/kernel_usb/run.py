@@ -17,7 +17,7 @@ FOLDER = image.ROOT / "build" / "kernel-usb"
 MEMORY_MB = 768
 # One emulated processor: of two, each waits for this machine to run the other.
 PROBLEM_LINES = 4
-"""of a traceback; all of it is in results.jsonl, and what other processes said in console.log"""
+"""of a traceback. results.jsonl has all of it, console.log the output of other processes"""
 LONGEST_S = 600
 """s for the guest, on a machine that is busy with other things"""
 

@@ -1,4 +1,4 @@
-"""The tables of effects, faults and bus in docs/reference/mock.md, made from what there is."""
+"""The tables of effects, faults and bus in docs/reference/mock.md, made from the catalogues."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def faults_table() -> str:
 
 
 def bus_table() -> str:
-    """A Markdown table: everything that may befall a USB rig, with an example."""
+    """A Markdown table: every fault of a USB rig, with an example."""
     return table(["bus", "what befalls the rig"], [[f"`{e}`", what] for e, what in BUS.values()])
 
 

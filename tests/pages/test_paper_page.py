@@ -13,8 +13,8 @@ PROSE = re.sub(r"<!-- (\w+): made by .*?<!-- end of \1 -->", "", PAGE, flags=re.
 
 def test_decimals_outside_the_computed_tables_are_the_papers_own() -> None:
     quoted = {"2.52", "0.05", "0.1"}  # E14's reading; Q and R of the design
-    found = set(re.findall(r"(?<![\w.])\d+\.\d+", PROSE))
-    assert found <= quoted
+    result = set(re.findall(r"(?<![\w.])\d+\.\d+", PROSE))
+    assert result <= quoted
 
 
 def test_every_test_that_the_page_names_exists() -> None:

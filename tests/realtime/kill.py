@@ -61,11 +61,11 @@ class Change:
 def changes(log: Path) -> list[Change]:
     """The firmware's log so far, without a line that is still being written."""
     text = log.read_text(encoding="ascii") if log.exists() else ""
-    found = []
+    result = []
     for line in text[: text.rfind("\n") + 1].splitlines():
         t, enabled, front, back = line.split()
-        found.append(Change(float(t), enabled == "1", float(front), float(back)))
-    return found
+        result.append(Change(float(t), enabled == "1", float(front), float(back)))
+    return result
 
 
 def kill_flights(

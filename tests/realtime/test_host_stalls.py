@@ -28,12 +28,12 @@ def flight(skipped: dict[int, int], late_s: dict[int, float], start_s: float = 0
 def test_late_and_missed_periods_in_a_host_stall_are_attributed_to_it() -> None:
     # Sample 6 comes after three missed periods and is late itself.
     rows = flight({6: 3}, {3: 4e-3, 6: 7.5e-3})
-    found = lateness(rows, Stalls())
-    assert (found.late, found.stalled, found.device, found.own) == (5, 0, 0, 5)
-    assert (found.own_times, found.own_worst_s) == (2, 7.5e-3)
+    result = lateness(rows, Stalls())
+    assert (result.late, result.stalled, result.device, result.own) == (5, 0, 0, 5)
+    assert (result.own_times, result.own_worst_s) == (2, 7.5e-3)
     # Sample 6 was due at 100.020; the host stalled until just before.
-    found = lateness(rows, Stalls([(100.013, 100.0195)]))
-    assert (found.late, found.stalled, found.own, found.own_times) == (5, 4, 1, 1)
+    result = lateness(rows, Stalls([(100.013, 100.0195)]))
+    assert (result.late, result.stalled, result.own, result.own_times) == (5, 4, 1, 1)
 
 
 def test_left_out_and_lost_samples_are_no_lateness() -> None:
@@ -46,8 +46,8 @@ def test_a_sample_that_the_firmware_wrote_late_is_attributed_to_it() -> None:
     rows = flight({}, {3: 1.5e-3, 5: 4e-3}, start_s)
     times = np.rint(rows.channels["device_time_s"] * 1e6).astype(np.int64) % WRAP
     kept = {int(times[3]): 1.2e-3, int(times[5]): 1.2e-3}
-    found = lateness(rows, Stalls(), kept)
-    assert (found.late, found.device, found.own) == (2, 1, 1), "of the other, 2.8 ms are not"
+    result = lateness(rows, Stalls(), kept)
+    assert (result.late, result.device, result.own) == (2, 1, 1), "of the other, 2.8 ms are not"
 
 
 def test_the_firmwares_log_is_read(tmp_path: Path) -> None:

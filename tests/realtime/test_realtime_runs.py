@@ -11,7 +11,7 @@ import pytest
 
 from heli3dof.recording.mcap_files.reader import read_recording
 from tests.drivers.firmware.building import rig_program
-from tests.profiles import PATIENT, STANDSTILL_S, START_S, write_profile
+from tests.profiles import PATIENT, STALL_S, START_S, write_profile
 from tests.realtime.flight import RAMP_DOWN_S, FlightProcess, firmware
 from tests.realtime.kill import kill_flights
 from tests.realtime.power import lost_to_a_power_cut
@@ -37,7 +37,7 @@ def test_a_flight_on_the_firmware_is_recorded_completely_with_the_live_view(tmp_
     assert (document["outcome"], document["landed"]) == ("completed", True)
     recording = read_recording(tmp_path / "a.mcap")
     periods = 500 * (6 + RAMP_DOWN_S)
-    skipped = sum(document[f"{why}_periods"] for why in ("missed", "lost", "left_out"))
+    skipped = sum(document[f"{reason}_periods"] for reason in ("missed", "lost", "left_out"))
     assert periods - skipped - 1 <= len(recording) <= periods + 1
     # Gaps in the device's time are exactly the skipped periods. The line loses none; a busy machine
     # may hold up either end.
@@ -70,8 +70,8 @@ def test_kill_9_ends_at_zero_volts_and_loses_half_a_second_at_most(tmp_path: Pat
     with firmware(rig_program(), *SLACK, "--log", str(log)) as device:
         flights = list(kill_flights(device, log, tmp_path, 3, seed=1))
     for flight in flights:
-        assert flight.zero_s <= WATCHDOG_S + RAMP_S + 2 * STANDSTILL_S, "after watchdog and ramp"
-        assert flight.lost_s <= 0.5 + STANDSTILL_S, "of flight before the kill"
+        assert flight.zero_s <= WATCHDOG_S + RAMP_S + 2 * STALL_S, "after watchdog and ramp"
+        assert flight.lost_s <= 0.5 + STALL_S, "of flight before the kill"
         assert flight.rows > 0
 
 

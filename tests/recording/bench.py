@@ -1,4 +1,4 @@
-"""What recording and reading cost; `make bench` and the tests call these."""
+"""Times of recording and reading, for `make bench` and the tests."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tests.recording.make import flight, tick
 
 
 def append_seconds(path: Path, ticks: int = 20000) -> list[float]:
-    """What each tick's `RecordingWriter.append` took, in seconds, with the recorder at work."""
+    """Time of `RecordingWriter.append` in each period, s, with the recorder running."""
     rows = [tick(k) for k in range(ticks)]
     costs: list[float] = []
     with RecordingWriter(path, default_profile(), force=True) as writer:
@@ -25,7 +25,7 @@ def append_seconds(path: Path, ticks: int = 20000) -> list[float]:
 
 
 def read_seconds(path: Path, repeats: int = 11) -> list[float]:
-    """What reading 60 s at 500 Hz into arrays takes, in seconds, again and again."""
+    """Times to read 60 s at 500 Hz into arrays, s."""
     from heli3dof.recording.write import write_recording
 
     write_recording(flight(30000), path, force=True)

@@ -1,4 +1,4 @@
-"""Lost samples get their rows back, late ones none, and a long gap stays a gap."""
+"""Gap filling adds rows for lost samples, none for late ones and none in a long gap."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is in a file."""
+"""The summary of a recording file."""
 
 from __future__ import annotations
 

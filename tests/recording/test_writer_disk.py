@@ -1,4 +1,4 @@
-"""A disk that is full, slow or broken: what the recorder keeps, and how it says so."""
+"""A full, slow or faulty disk: the data that the recorder keeps, and its message."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def full_after(writes: int):
         nonlocal done
         done += 1
         if done > writes:
-            self._stream.write(data[:100])  # what fits is written: a torn chunk
+            self._stream.write(data[:100])  # the part that fits is written: a torn chunk
             raise OSError(errno.ENOSPC, "No space left on device")
         real(self, data)
 

@@ -73,7 +73,7 @@ def test_the_published_table_gives_a_reason_for_every_number() -> None:
         assert (row[4] == "–") == row[5].startswith("no")
 
 
-def test_an_unknown_loop_has_no_table_ii_and_its_predictions_give_the_reason() -> None:
+def test_an_unknown_controller_has_no_table_ii_and_its_predictions_give_the_reason() -> None:
     profile = default_profile().model_copy(update={"controller": None})
     log = replace(flight(duration_s=8.0), profile=profile)
     only = compare([log], [FakeHover(), WrongRate()]).flights[0]

@@ -71,17 +71,17 @@ def test_the_same_data_give_the_same_svg_and_png(compared) -> None:  # type: ign
     assert "<dc:date>" not in text
 
 
-def test_a_diverged_model_gets_a_cross_and_stays_in_the_picture() -> None:
+def test_a_diverged_model_gets_a_cross_inside_the_axes() -> None:
     printed = FakeHover(name="hover-printed", kind="hover_printed", yaw_sign=+1.0)
     recording = flight(yaw_deg=5.0, duration_s=12.0)
-    found = compare([recording], [printed], horizons_s=()).flights[0]
-    axes = comparison_figure(found, "yaw").axes[0]
+    result = compare([recording], [printed], horizons_s=()).flights[0]
+    axes = comparison_figure(result, "yaw").axes[0]
     assert any(line.get_marker() == "x" for line in axes.lines)
     low, high = axes.get_ylim()
     assert high - low < 60  # the experiment moves within about 6°, the model through 720°
 
 
-def test_an_unknown_loop_shows_windows_that_start_at_the_data() -> None:
+def test_an_unknown_controller_shows_windows_that_start_at_the_data() -> None:
     profile = default_profile().model_copy(update={"controller": None})
     recording = flight(duration_s=12.0, truth=FakeHover(thrust=0.9))
     log = make_recording(

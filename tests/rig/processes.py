@@ -9,6 +9,6 @@ from typing import Any
 
 
 def suspend(process: subprocess.Popen[Any]) -> None:
-    """Stop it in its tracks; returns when every thread of it stands still."""
+    """Suspend a process; returns when all its threads are stopped."""
     process.send_signal(signal.SIGSTOP)
     os.waitid(os.P_PID, process.pid, os.WSTOPPED)

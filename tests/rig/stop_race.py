@@ -3,8 +3,9 @@
     0 ──▶ heli3dof run-step starts ──▶ moment_s: stop ──▶ confirmed ──▶ the flight ends
                                                               └─ from here on, never enabled
 
-What the device did is read from the device: the firmware's log of its output stage, and the samples
-of the emulated rig inside the flight's process. All times are the host's monotonic clock.
+The behaviour of the device is read from the device itself: the firmware's log of its output stage,
+and the samples of the emulated rig inside the flight's process. All times are the host's monotonic
+clock.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from heli3dof.errors import RecordingError
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.rig.interface import Flags
 from heli3dof.rig.session.estop import stop_rigs
-from tests.drivers.doors import firmware_door
+from tests.drivers.emulated_rigs import firmware_rig
 from tests.profiles import END_S, PATIENT, write_profile
 
 OWN = ("XDG_RUNTIME_DIR", "XDG_STATE_HOME")
@@ -35,7 +36,7 @@ class Race:
 
     moment_s: float
     asked: str
-    """What the stop was for: every rig, or a device"""
+    """Target of the stop: every rig, or a device"""
     confirmed: bool
     """False: no rig was there to be stopped yet"""
     seconds: float
@@ -53,7 +54,7 @@ def race(kind: str, moment_s: float, *, everything: bool) -> Race:
     with _own_folders() as folder:
         log = folder / "volts"
         if kind == "firmware":
-            with firmware_door("--log", str(log)) as rig:
+            with firmware_rig("--log", str(log)) as rig:
                 return _race(rig.url("watchdog_s=1"), moment_s, folder, log, everything)
         return _race("mock:?watchdog_s=1", moment_s, folder, None, everything)
 

@@ -39,8 +39,8 @@ def test_a_quantile_is_at_most_a_bin_too_long_and_never_too_short(
     values: list[float], share: float
 ) -> None:
     true = float(np.quantile(values, share, method="inverted_cdf"))
-    found = filled(values).quantile_s(share)
-    assert true * (1 - 1e-9) <= found <= true * (1 + RATIO) * (1 + 1e-9)
+    result = filled(values).quantile_s(share)
+    assert true * (1 - 1e-9) <= result <= true * (1 + RATIO) * (1 + 1e-9)
 
 
 @given(st.lists(times, min_size=1))

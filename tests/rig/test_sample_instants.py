@@ -31,7 +31,7 @@ def test_the_limit_between_late_and_next_can_be_set() -> None:
 
 
 def test_the_grid_is_corrected_after_a_late_first_sample() -> None:
-    # It was taken 0.8 of a period late: what follows on the grid comes 0.8 early.
+    # It was taken 0.8 of a period late: later samples on the grid come 0.8 early.
     assert skipped([0.2, 1.2, 4.2]) == [0, 0, 2]
 
 

@@ -25,7 +25,7 @@ pytestmark = pytest.mark.realtime
 
 @pytest.fixture
 def device() -> Iterator[str]:
-    """A rig held level whose watchdog bears a busy machine: only a stop takes its volts away."""
+    """A rig held level with a long watchdog for busy machines: only a stop ends its volts."""
     rig = [*EMULATED_RIG, "--device", "mock:?noise=0&start=level"]
     with subprocess.Popen(rig, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

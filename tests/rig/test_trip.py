@@ -12,12 +12,12 @@ from tests.paths import ROOT
 
 def trips() -> list[tuple[str, ast.Call]]:
     """Every place in the package that makes one."""
-    found = []
+    result = []
     for path in sorted((ROOT / heli3dof.__name__).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Trip":
-                found.append((f"{path.name}:{node.lineno}", node))
-    return [(where, call) for where, call in found if not where.startswith("trip.py")]
+                result.append((f"{path.name}:{node.lineno}", node))
+    return [(where, call) for where, call in result if not where.startswith("trip.py")]
 
 
 def test_every_trip_has_a_cause_and_a_fix() -> None:

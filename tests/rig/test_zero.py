@@ -20,9 +20,9 @@ def zeroed(driver, angles=(None, None, None), profile=PROFILE):
 
 def test_at_rest_the_counts_are_the_medians():
     driver = FakeDriver(counts=(12, -3, 40), script={2: {"counts": (13, -3, 41)}})
-    found = zeroed(driver)
-    assert found.counts_at_rest == (12, -3, 40)
-    assert (found.serial, found.boot, found.device) == ("F-1", 7, "fake://1")
+    result = zeroed(driver)
+    assert result.counts_at_rest == (12, -3, 40)
+    assert (result.serial, result.boot, result.device) == ("F-1", 7, "fake://1")
 
 
 def test_at_level_the_rest_angle_is_27_and_a_half_degrees_below():

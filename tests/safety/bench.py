@@ -138,7 +138,7 @@ class Bench:
         return self._log(self._endpoint.tick(self._own(now_us)))
 
     def held_up(self, now_us: int) -> None:
-        """Ignored: a busy machine holds up this thread, not the device that it plays."""
+        """Ignored: a busy machine holds up this thread, not the device that it emulates."""
 
     def next_us(self) -> int | None:
         """See `Endpoint.next_us`; on the server's clock."""

@@ -53,7 +53,7 @@ from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session.server import Session
 from heli3dof.rig.session.stoppable_rig import StoppableRig
 from tests.clock import Clock, installed
-from tests.drivers.doors import firmware_door
+from tests.drivers.emulated_rigs import firmware_rig
 from tests.drivers.link.lines import DirectLine
 
 RAMP_S = 0.2
@@ -323,7 +323,7 @@ def emulated(seed: int) -> Result:
     """One sequence on the emulated device: streamed for even seeds, polled for odd ones."""
     rng = random.Random(seed)
     faults = draw_faults(rng)
-    found = Result(seed, [str(f) for f in faults], "refused")
+    result = Result(seed, [str(f) for f in faults], "refused")
     signals = prepare(PLAN, PROFILE, seed)
     with virtual_time() as clock:
         line = FaultyLine(rng, faults, seed)
@@ -333,17 +333,17 @@ def emulated(seed: int) -> Result:
             with Session(f"misbehaving://{os.getpid()}", private=True) as session:
                 rig = StoppableRig(opened, session, POWER_UP)
                 about = provenance(source="flight", plan=PLAN.to_dict(), identity=rig.identity)
-                _judge(_fly_in_memory(rig, PROFILE, signals, about, Live()), found)
+                _judge(_fly_in_memory(rig, PROFILE, signals, about, Live()), result)
         except Heli3dofError as problem:
-            _explains(problem, found)
+            _explains(problem, result)
         except BaseException:
-            found.wrong.append("crash: " + traceback.format_exc(limit=-6))
+            result.wrong.append("crash: " + traceback.format_exc(limit=-6))
         finally:
             if opened is not None:
                 with suppress(Heli3dofError):
                     opened.close()
-        _ends_at_zero(line, clock, found)
-    return found
+        _ends_at_zero(line, clock, result)
+    return result
 
 
 def _judge(flight: Flight, found: Result) -> None:
@@ -419,36 +419,36 @@ def firmware(seed: int) -> Result:
     """One sequence on the firmware behind a pseudo-terminal, recorded to a file."""
     rng = random.Random(seed)
     switches, when_s, happens = draw_switches(rng)
-    found = Result(seed, [" ".join(switches), f"{happens} at {when_s}"], "refused")
+    result = Result(seed, [" ".join(switches), f"{happens} at {when_s}"], "refused")
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", folder)
         log, path = Path(folder) / "log", Path(folder) / "flight.mcap"
-        with firmware_door("--log", str(log), "--seed", str(seed), *switches) as door:
+        with firmware_rig("--log", str(log), "--seed", str(seed), *switches) as rig:
             if when_s is not None:
-                timer = threading.Timer(when_s, _happen, (door.process.pid, happens))
+                timer = threading.Timer(when_s, _happen, (rig.process.pid, happens))
                 timer.start()
             try:
-                flight = fly_plan(PLAN, device=door.url(f"stream={seed % 2}"), profile=PROFILE,
+                flight = fly_plan(PLAN, device=rig.url(f"stream={seed % 2}"), profile=PROFILE,
                                   output=path)  # fmt: skip
-                _judge(flight, found)
+                _judge(flight, result)
                 read_recording(path)
             except Heli3dofError as problem:
-                _explains(problem, found)
+                _explains(problem, result)
             except BaseException:
-                found.wrong.append("crash: " + traceback.format_exc(limit=-6))
+                result.wrong.append("crash: " + traceback.format_exc(limit=-6))
             if when_s is not None:
                 timer.cancel()
                 timer.join()
-            if happens == "kill" and door.process.poll() is not None:
-                return found  # without its program the rig has no output
+            if happens == "kill" and rig.process.poll() is not None:
+                return result  # without its program the rig has no output
             time.sleep(0.3 + RAMP_S + SLACK_S)
             last = log.read_text().splitlines()[-1:] if log.exists() else []
             if last and last[0].split()[1:] != ["0", "0.000000", "0.000000"]:
                 time.sleep(1.0)  # a busy machine may hold the program up
                 last = log.read_text().splitlines()[-1:]
                 if last[0].split()[1:] != ["0", "0.000000", "0.000000"]:
-                    found.wrong.append(f"motors not at zero: {last[0]}")
-    return found
+                    result.wrong.append(f"motors not at zero: {last[0]}")
+    return result
 
 
 def _happen(pid: int, what: str) -> None:

@@ -36,7 +36,7 @@ from heli3dof.rig.profile import load_profile as profile_of
 from heli3dof.rig.session.estop import stop_rigs
 from heli3dof.rig.session.stop_stamp import start_command
 from tests.cli.running import heli3dof
-from tests.profiles import END_S, PATIENT, STANDSTILL_S, START_S, write_profile
+from tests.profiles import END_S, PATIENT, STALL_S, START_S, write_profile
 from tests.safety.aboard import Aboard
 from tests.safety.bench import Bench
 from tests.safety.relay import FirmwareBench, zero_since
@@ -250,7 +250,7 @@ def fly_again_where_held_up(case: Case) -> Run:
     for attempt in range(ATTEMPTS):
         run = fly(case)
         run.again = attempt
-        held_up = run.late_s > STANDSTILL_S and case.row not in HELD_UP
+        held_up = run.late_s > STALL_S and case.row not in HELD_UP
         ended_before = run.event_s is None and not run.wrong
         if case.virtual or not (held_up or ended_before):
             break
@@ -284,14 +284,14 @@ def _in_process(case: Case, run: Run, patch: pytest.MonkeyPatch, folder: Path) -
     if case.row in NOTICED:
         stamp_reports(stamp, patch.setattr)
     path = folder / "flight.mcap"
-    said = heli3dof(*FLIGHT, "--device", url, "-o", path, *words)
-    run.code = said.code
+    result = heli3dof(*FLIGHT, "--device", url, "-o", path, *words)
+    run.code = result.code
     device = aboard.device
     armed = bool(aboard.volts)
     device.disable()
     for _ in range(round(AFTERWARDS_S / device.plant.dt)):
         device.period()
-    _read(run, path, said.err)
+    _read(run, path, result.err)
     run.zero_s = max((t + device.plant.dt for t, *v in aboard.volts if any(v)), default=None)
     run.event_s = stamps.get("event")
     if case.row == CALM:
@@ -485,12 +485,12 @@ def _zero(rig: Bench | FirmwareBench) -> float | None:
 
 def _stamps(path: Path) -> dict[str, float]:
     """The first time of each stamp."""
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     if path.exists():
         for line in path.read_text().splitlines():
             what, t = line.split()
-            found.setdefault(what, float(t))
-    return found
+            result.setdefault(what, float(t))
+    return result
 
 
 def _until(reached: Callable[[], bool], most_s: float) -> None:

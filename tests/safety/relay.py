@@ -15,7 +15,7 @@ from contextlib import suppress
 from math import inf
 from pathlib import Path
 
-from tests.drivers.doors import Door
+from tests.drivers.emulated_rigs import RigProcess
 from tests.drivers.firmware.building import rig_program
 
 
@@ -31,11 +31,11 @@ class FirmwareBench:
         self.carried_s: list[float] = []
         """Times at which bytes went on to the device"""
         self._volts, self._motion = folder / "volts", folder / "motion"
-        self._door = Door([
+        self._process = RigProcess([
             rig_program(), "--with-parent", "--watchdog", f"{1e3 * watchdog_s:.0f}",
             "--log", str(self._volts), "--motion", str(self._motion), *switches,
         ])  # fmt: skip
-        self._rig = os.open(self._door.path, os.O_RDWR | os.O_NOCTTY)
+        self._rig = os.open(self._process.path, os.O_RDWR | os.O_NOCTTY)
         tty.setraw(self._rig)
         self._ours, self._theirs = os.openpty()
         tty.setraw(self._theirs)
@@ -75,7 +75,7 @@ class FirmwareBench:
     def __exit__(self, *problem: object) -> None:
         self._over = True
         self._thread.join(5)
-        self._door.end()
+        self._process.end()
         for end in {self._rig, self._ours, self._theirs} - {-1}:
             os.close(end)
 

@@ -12,23 +12,23 @@ from pathlib import Path
 
 import pytest
 
-from tests.drivers.doors import Door, firmware_door
-from tests.profiles import STANDSTILL_S, START_S
+from tests.drivers.emulated_rigs import RigProcess, firmware_rig
+from tests.profiles import STALL_S, START_S
 from tests.safety.bench import Over, never
 from tests.safety.table import BY_NAME, DEVICE_RAMP_S
 from tests.safety.test_processes import PROFILE, ended, flying, starts_clean
 
 pytestmark = pytest.mark.realtime
 WATCHDOG_S = 0.3
-BUSY_S = STANDSTILL_S + 0.1
+BUSY_S = STALL_S + 0.1
 """s by which a busy machine may delay the firmware's process"""
 
 
 class Firmware:
     """Same attributes as `tests.safety.bench.Bench`."""
 
-    def __init__(self, door: Door, log: Path) -> None:
-        self.url = door.url(f"watchdog_s={WATCHDOG_S}")
+    def __init__(self, process: RigProcess, log: Path) -> None:
+        self.url = process.url(f"watchdog_s={WATCHDOG_S}")
         self._log = log
 
     @property
@@ -62,8 +62,8 @@ def within(name: str) -> float:
 
 
 def test_after_kill_9_the_rig_is_at_zero_within_watchdog_and_ramp(tmp_path: Path) -> None:
-    with firmware_door("--log", str(tmp_path / "volts")) as door:
-        rig = Firmware(door, tmp_path / "volts")
+    with firmware_rig("--log", str(tmp_path / "volts")) as process:
+        rig = Firmware(process, tmp_path / "volts")
         with flying(rig, tmp_path) as flight:
             flight.process.kill()
             killed_s = time.monotonic()
@@ -80,8 +80,8 @@ def test_after_kill_9_the_rig_is_at_zero_within_watchdog_and_ramp(tmp_path: Path
 
 
 def test_ctrl_c_ramps_the_rig_to_zero(tmp_path: Path) -> None:
-    with firmware_door("--log", str(tmp_path / "volts")) as door:
-        rig = Firmware(door, tmp_path / "volts")
+    with firmware_rig("--log", str(tmp_path / "volts")) as process:
+        rig = Firmware(process, tmp_path / "volts")
         with flying(rig, tmp_path) as flight:
             flight.process.send_signal(signal.SIGINT)
             asked_s = time.monotonic()
@@ -100,8 +100,8 @@ def test_ctrl_c_ramps_the_rig_to_zero(tmp_path: Path) -> None:
     ],
 )
 def test_a_fault_in_the_device_stops_it(name: str, drill: str, tmp_path: Path) -> None:
-    with firmware_door("--log", str(tmp_path / "volts"), drill) as door:
-        rig = Firmware(door, tmp_path / "volts")
+    with firmware_rig("--log", str(tmp_path / "volts"), drill) as process:
+        rig = Firmware(process, tmp_path / "volts")
         with flying(rig, tmp_path) as flight:
             ended(name, flight)
         volts = [front for _, _, front, _ in rig.lines]

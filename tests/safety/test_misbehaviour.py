@@ -25,23 +25,23 @@ SEEDS = range(2000, 2012)
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_random_sequence_leaves_no_crash_and_the_motors_at_zero(seed: int) -> None:
-    found = emulated(seed)
-    assert not found.wrong, found
+    result = emulated(seed)
+    assert not result.wrong, result
 
 
 @pytest.mark.parametrize("kind", sorted({*LINE_FAULTS, *FALSE_FRAMES, *EVENTS}))
 def test_each_fault_alone(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     at_s = 0.0 if kind.startswith(("ack", "identity", "report")) else 0.6
     monkeypatch.setattr(misbehaviour, "draw_faults", lambda rng: [Fault(kind, at_s, 100.0)])
-    found = emulated(1)
-    assert not found.wrong, found
+    result = emulated(1)
+    assert not result.wrong, result
 
 
 @pytest.mark.realtime
 @pytest.mark.parametrize("seed", [2000, 2001, 2002])
 def test_the_firmware_in_real_time(seed: int) -> None:
-    found = firmware(seed)
-    assert not found.wrong, found
+    result = firmware(seed)
+    assert not result.wrong, result
 
 
 def test_motors_not_at_zero_are_detected(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -65,8 +65,8 @@ def test_a_fault_of_ours_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_without_faults_the_flight_completes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(misbehaviour, "draw_faults", lambda rng: [])
-    found = emulated(1)
-    assert (found.ending, found.wrong) == ("completed", [])
+    result = emulated(1)
+    assert (result.ending, result.wrong) == ("completed", [])
 
 
 def test_the_line_changes_frames_only_during_a_fault() -> None:

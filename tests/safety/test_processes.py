@@ -26,13 +26,13 @@ from heli3dof.rig.interface import Flags
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session.stop_stamp import start_command
 from tests.cli.running import heli3dof
-from tests.profiles import END_S, PATIENT, STANDSTILL_S, profile, write_profile
+from tests.profiles import END_S, PATIENT, STALL_S, profile, write_profile
 from tests.safety.bench import Bench, Over
 from tests.safety.table import BY_NAME
 
 pytestmark = pytest.mark.realtime
 PROFILE = default_profile()
-BUSY_S = STANDSTILL_S + 0.1
+BUSY_S = STALL_S + 0.1
 """s by which a busy machine may delay the emulated device's thread, and the test"""
 
 
@@ -196,9 +196,9 @@ def test_lost_frames(lost: str, tmp_path: Path) -> None:
     # The host must end the flight before the device's watchdog does. The loss is long enough to
     # count as one even if the host stalls meanwhile.
     with Bench(watchdog_s=0.9) as bench:
-        with flying(bench, tmp_path, lost_max_s=STANDSTILL_S + 0.05) as flight:
+        with flying(bench, tmp_path, lost_max_s=STALL_S + 0.05) as flight:
             setattr(bench, {"commands": "deaf", "samples": "mute"}[lost], True)
-            time.sleep(2 * STANDSTILL_S + 0.1)
+            time.sleep(2 * STALL_S + 0.1)
             bench.deaf = bench.mute = False
             restored_s = time.monotonic()
             ended("lost_frames", flight)

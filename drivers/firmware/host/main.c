@@ -255,7 +255,7 @@ static void log_motion(void)
         motion_file = -1;
 }
 
-static void open_doors(void)
+static void open_port_and_logs(void)
 {
     char path[64];
     if (options.tcp >= 0)
@@ -297,7 +297,7 @@ int main(int argc, char **argv)
     sigaction(SIGINT, &on_end, NULL);
     signal(SIGPIPE, SIG_IGN);
     real_time();
-    open_doors();
+    open_port_and_logs();
     start();
     while (!ended && !(options.with_parent && getppid() != parent)) {
         wait_for_host_or_time();

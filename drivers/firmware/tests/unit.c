@@ -162,7 +162,7 @@ static void a_line_that_is_up_at_the_start_stops_too(void)
     assert(device.state == STOPPED && device.cause == CAUSE_BUTTON);
 }
 
-static void another_door_stops_without_an_answer(void)
+static void a_stop_from_another_input_sends_no_answer(void)
 {
     armed_at_one_volt(0);
     const uint32_t head = device.out.head;
@@ -304,7 +304,7 @@ int main(void)
     HOLDS(a_fault_a_stall_and_the_button_stop_from_every_state_and_say_why);
     HOLDS(no_arming_while_the_fault_lasts_and_arming_after_it);
     HOLDS(a_line_that_is_up_at_the_start_stops_too);
-    HOLDS(another_door_stops_without_an_answer);
+    HOLDS(a_stop_from_another_input_sends_no_answer);
     HOLDS(the_ramp_begins_at_the_expiry_however_late_the_tick_is);
     HOLDS(disarming_on_the_ramp_disables_the_amplifier);
     HOLDS(a_device_held_up_leaves_samples_out_and_never_sends_a_burst);

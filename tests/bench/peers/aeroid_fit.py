@@ -2,14 +2,14 @@
 
 Manual: AeroID's README and the docstrings of ``identify`` and ``filter_states``.
 - ``output_error``: weights are "inverse measurement noise standard deviations": the encoders'.
-  The bench starts it *at the truth*: from where the others start it came to rest in another
-  minimum, half of its parameters off by more than their size, so that what would have been
-  measured is the search and not the criterion.
+  The bench starts it at the *true* parameters: from the start values of the other tools it
+  converged to another minimum, with half of the parameters off by more than 100 %, which would
+  measure the search and not the criterion.
 - ``filter_error``: process noise as continuous power spectral density, measurement noise as
-  variance. It has to be told both; here it is told the *true* ones, which no user knows. Its
-  ``sigma2``, near 1 where they fit, is part of the setting that is reported.
-- controls are drawn as straight lines between samples, so it gets the mean voltage *around* each
-  sample. Every 20 ms: at 2 ms either method would take ten times as long.
+  variance. It needs both; the bench passes the *true* values, which no user knows. Its ``sigma2``,
+  near 1 if they are right, is part of the reported setting.
+- controls are interpolated linearly between samples, so it gets the mean voltage *around* each
+  sample. Every 20 ms: at 2 ms both methods would take ten times as long.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def main(method: str, task_file: str, found_file: str) -> None:
 
 
 def noise(method: str, task: Task) -> dict[str, object]:
-    """What ``identify`` wants to know of the noise, by method."""
+    """The noise arguments of ``identify``, by method."""
     encoder = task.rad_per_count**2 / 12  # variance of rounding to a count
     if method == "output_error":
         return {"weights": dict(zip(OUTPUTS, encoder**-0.5, strict=True))}

@@ -1,11 +1,11 @@
 """ctrlsys: SLICOT's IB01AD and IB01BD, MOESP for A and C, N4SID for B and D, black box.
 
 Manual: SLICOT's pages of IB01AD, IB01BD. The combined method ('C' in IB01BD, so 'M' in IB01AD) is
-the one of their own example program and of SLICOT's moen4; NOBR must exceed the order, which is
-the rig's eight, and is left at 2 N as the interfaces to these routines have it; 'C', the
-Cholesky algorithm, is the fast default. 'C' of JOBCK asks for the covariances, from which the gain
-follows by the same Riccati equation: asked for the gain itself, version 1.1.1 damages its own heap
-at these sizes.
+the one of their own example program and of SLICOT's moen4; NOBR must exceed the order, eight for
+the rig, and is left at 2 N, the default of the interfaces to these routines; 'C', the Cholesky
+algorithm, is the fast default. 'C' of JOBCK asks for the covariances, from which the gain follows
+by the same Riccati equation: when it computes the gain itself, version 1.1.1 corrupts its heap at
+these sizes.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The rig whose truth is known, and its flights.
+"""The rig with known parameters, and its flights.
 
 The emulated rig is not the one that its profile describes: masses, thrust gain and hover voltage
-are off by 5 or 6 %, as on a real bench, so that no fit may start at the truth. It hides the
-effects of `HIDE`; everything else about it is `heli3dof_drivers.emulator`.
+are off by 5 or 6 %, as on a real bench, so that no fit starts at the true values. It hides the
+effects of `HIDE`; the rest is `heli3dof_drivers.emulator`.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ HIDDEN = {
 HIDE = ",".join(f"{name}:{value:g}" for name, value in HIDDEN.items())
 OFF_NOMINAL = {"m_w": 1.05, "m_f": 0.94, "m_b": 0.94, "K_f": 1.06, "V_o": 0.95}
 GUESS = {"k_r": 0.5, "k_p": 0.02, "c_r": 0.1, "c_p": 0.005, "c_y": 0.05, "tau_m": 0.05}
-"""Where physical fits start what the profile does not say: off by a factor of two."""
+"""Start values of physical fits for parameters that the profile lacks: off by a factor of two."""
 NOISE_NM = (0.035, 0.0035, 0.015)
 """N·m, mock.md: the random torques' standard deviation; correlated over `CORRELATION_S`."""
 CORRELATION_S = 0.01
 
 
 def rig_profile() -> dict[str, Any]:
-    """What the rig really is, as a profile's nested dict."""
+    """The true rig, as a profile's nested dict."""
     data = copy.deepcopy({k: v for k, v in TABLE_I.items() if k != "controller"})
     for section in ("mass", "motor"):
         for key, value in data[section].items():
@@ -55,7 +55,7 @@ def physics_of(profile: Profile) -> dict[str, float]:
 
 
 def nominal() -> np.ndarray:
-    """In the order of `rigid.NAMES`: what a physical fit starts from."""
+    """In the order of `rigid.NAMES`: the start values of a physical fit."""
     start = {**physics_of(default_profile()), **GUESS}
     return np.array([start[name] for name in rigid.NAMES])
 

@@ -1,16 +1,16 @@
-"""The two files between the bench and a peer: the task that it reads, the model that it writes.
+"""The two files between the bench and a peer: the task and the model.
 
-``kind`` says which of four forms a model has:
+``kind`` is one of four forms of a model:
 
 ``discrete``     x[k+1] = A x[k] + B (u[k] − u0) + K e[k],  y[k] = C x[k] + D (u[k] − u0) + y0
                  + e[k], samples every ``interval_s``, u[k] the mean voltage over [k, k+1),
                  cov e = S
 ``continuous``   ẋ = A x + B u + c,  y = C x
-``exact``        as ``discrete``, but at the control rate and without D: our own methods
+``exact``        as ``discrete``, at the control rate and without D: heli3dof's methods
 ``physical``     `rigid.NAMES` with values and standard deviations (NaN where the peer has none)
 
 Every model comes with the CPU time of the fit alone (no import, no reading), the peak memory of
-the process that fitted, and the setting it ran with.
+the fitting process, and the setting.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Task:
     angle: np.ndarray
     """(N, 3) rad, measured before voltage k acts."""
     nominal: np.ndarray
-    """(len(rigid.NAMES),): where physical fits start, in the order of `rigid.NAMES`."""
+    """(len(rigid.NAMES),): start values of physical fits, in the order of `rigid.NAMES`."""
     known: np.ndarray
     """(len(rigid.KNOWN),): the known constants, in the order of `rigid.KNOWN`."""
     rad_per_count: np.ndarray
@@ -64,7 +64,7 @@ def read_task(path: Path) -> Task:
 
 @dataclass
 class Meter:
-    """What a fit cost this process."""
+    """CPU time and peak memory of a fit in this process."""
 
     cpu_s: float = np.nan
     peak_MB: float = np.nan
@@ -80,7 +80,7 @@ class Meter:
 def peak_MB(status: str = "") -> float:
     """The process's own peak from /proc/self/status; NaN where there is none (not Linux).
 
-    getrusage will not do: a child begins with the peak of the process that started it.
+    getrusage is not suitable: a child starts with the peak of its parent.
     """
     if not status and PROC_STATUS.exists():
         status = PROC_STATUS.read_text(encoding="ascii")
@@ -90,7 +90,7 @@ def peak_MB(status: str = "") -> float:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a peer wrote."""
+    """The model of a peer, as written to its file."""
 
     kind: str
     setting: str
@@ -120,7 +120,7 @@ def write_physical(
     stds: np.ndarray,
     model_file: str = "",
 ) -> None:
-    """``model_file``: a model of ours that holds more than the ten numbers; it is what flies."""
+    """``model_file``: a heli3dof model with more than the ten numbers, used for the replay."""
     more = {"model_file": model_file} if model_file else {}
     _write(path, "physical", meter, setting, values=values, stds=stds, **more)
 

@@ -1,15 +1,15 @@
 """Scores every fit in the same way: replayed loops, one step, poles, parameters, coverage.
 
-- *replay*: fit % per axis of the loop flown on the model through held-out flights' references;
+- *replay*: fit % per axis of the simulated closed loop with the references of held-out flights;
 - *one step*: fit % of predictions 40 ms ahead on the same flights, the lowest axis. Near 100 for
-  any model, which is why it is shown;
+  any model, which the table shows for comparison;
 - *poles*: those of the model about level hover, each true pole paired with one of the model's so
   that the sum of |s − ŝ| / (|s| + |ŝ| + 0.1 rad/s) is least. The *rotor* column is the mean error
   of the two at −1/τ in % (of one where the model has only one); the *body* column is the RMS
   distance of the other five but the yaw integrator, in rad/s; its own from zero is *drift*, rad/s;
 - *parameters*: median of |error| in % over the ten of `rigid.NAMES`;
-- *coverage*: how many of the 95 % intervals hold the truth: of the ten parameters where a fit has
-  them, else of the poles' real and imaginary parts.
+- *coverage*: number of 95 % intervals that contain the true value: of the ten parameters if a
+  fit has them, else of the poles' real and imaginary parts.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from tests.bench.peers.rigid_model import RigidModel
 ONE_STEP_S = 0.04
 NORMAL_95 = 1.959964
 SLOW_RAD_S = 0.1
-"""rad/s: poles slower than this are alike."""
+"""rad/s: poles slower than this count as equal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Verdict:
     errors: np.ndarray
     """(10,) relative errors of the parameters, or (0,)."""
     covered: tuple[int, int]
-    """Intervals that hold the truth, of so many."""
+    """(number of intervals that contain the true value, number of intervals)"""
 
 
 def judge(found: Found, truth: np.ndarray, known: np.ndarray, held_out: Prepared) -> Verdict:
@@ -123,7 +123,7 @@ def linear_model(found: Found, known: np.ndarray, dt: float) -> LinearModel:
         V_h = a["values"][3] / (2 * known[0] * known[2])
         return _model(found, A, B, np.eye(3, 8), np.full(2, V_h), np.zeros(3), dt)
     if found.kind == "continuous":
-        # ẋ = A (x − x0) + B (u − u0): the smallest trims that stand for the constant c
+        # ẋ = A (x − x0) + B (u − u0): the smallest trims equivalent to the constant c
         A, B = a["A"], a["B"]
         trim = -np.linalg.lstsq(np.hstack([A, B * 20.0]), a["c"], rcond=1e-6)[0]
         n = len(A)
@@ -138,7 +138,7 @@ def linear_model(found: Found, known: np.ndarray, dt: float) -> LinearModel:
     fast = at_rate(
         StateSpace(a["A"], a["B"], a["C"], a["K"], np.zeros(3), a["S"]), float(a["interval_s"]), dt
     )
-    # A feedthrough acts one control period late: nothing can act sooner in a sampled loop.
+    # A feedthrough acts one control period later, the earliest time in a sampled loop.
     n = fast.order
     A = np.zeros((n + 2, n + 2))
     A[:n, :n] = fast.A
@@ -169,7 +169,7 @@ def paired(own: np.ndarray, true: np.ndarray) -> np.ndarray:
     """(8,) the model's pole for each true one; NaN where it has too few."""
     from scipy.optimize import linear_sum_assignment
 
-    # From 0 to 1 whatever is compared: one lost pole must not pull the others out of their pairs.
+    # Between 0 and 1 for any pair: one missing pole does not change the pairs of the others.
     size = np.abs(own[None, :]) + np.abs(true[:, None]) + SLOW_RAD_S
     rows, columns = linear_sum_assignment(np.abs(own[None, :] - true[:, None]) / size)
     out = np.full(len(true), np.nan, dtype=complex)

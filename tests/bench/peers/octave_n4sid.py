@@ -1,8 +1,8 @@
 """Octave's control package: ``n4sid``, black box. Needs ``octave`` with ``octave-control``.
 
-Manual: ``help n4sid`` of the control package. It says: give the order N where it is known (here
-the rig's eight states), leave S at its default for that N (16), Cholesky ('alg' 'C') is the
-default; INFO.K and INFO.Ry make the predictor. Means are taken off first.
+Manual: ``help n4sid`` of the control package. It recommends: give the order N if known (here
+the rig's eight states), leave S at its default for that N (16); Cholesky ('alg' 'C') is the
+default; INFO.K and INFO.Ry make the predictor. Means are subtracted first.
 """
 
 from __future__ import annotations

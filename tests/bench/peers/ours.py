@@ -1,10 +1,10 @@
-"""Our own methods, each in a process of its own like the other tools.
+"""heli3dof's methods, each in its own process like the other tools.
 
 ``python -m tests.bench.peers.ours METHOD FLIGHT.mcap HELD_OUT.mcap FOUND.npz``. The time is that
 of the fit, as it is for the others: of a black box `identify` as a whole, whose choice of order
 and interval is part of it; of the grey box `fit_greybox`, from the recording to intervals and
 bounds, without the scores on held-out data that `identify` adds. Machine code is compiled before
-(the bench flies every method once unwatched).
+(the bench runs every method once without measuring it).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PHYSICAL = dict(
         strict=True,
     )
 )  # fmt: skip
-"""What the grey box calls the ten parameters; it holds K_f at its nominal value, too."""
+"""The grey box's names of the ten parameters; K_f is fixed at its nominal value there, too."""
 
 
 def main(method: str, flight_file: str, held_out_file: str, found_file: str) -> None:
@@ -53,18 +53,18 @@ def main(method: str, flight_file: str, held_out_file: str, found_file: str) -> 
     else:
         with meter.fitting():
             result = identify(flight, method=method, holdout=held_out)
-    found = Path(found_file)
+    results = Path(found_file)
     document = result.to_json()
     if "parameters" in document:
         values, stds = ten_parameters(document["parameters"])
-        file = save_model(result.model, found.with_suffix(".json"), force=True)
+        file = save_model(result.model, results.with_suffix(".json"), force=True)
         setting = f"identify(method={method!r}), every {result.interval_s * 1e3:g} ms"
-        write_physical(found, meter, setting, values, stds, model_file=str(file))
+        write_physical(results, meter, setting, values, stds, model_file=str(file))
         return
     m = result.model
     poles = [[p.value.real, p.value.imag, p.std_real, p.std_imag] for p in result.poles]
     write_exact(
-        found, meter,
+        results, meter,
         f"identify(method={method!r}), order {m.order}, every {result.interval_s * 1e3:g} ms",
         A=m.A, B=m.B, C=m.C, K=m.K, S=m.S, u0=m.u0, y0=m.y0, poles=np.array(poles),
     )  # fmt: skip
@@ -75,13 +75,13 @@ def ten_parameters(
 ) -> tuple[np.ndarray, np.ndarray]:
     """(values, stds), each (10,), of ``parameters`` in ``identify --json``, by name or as a list.
 
-    One that the fit left out is zero, as the model has it; one without std has NaN.
+    A parameter that the fit excluded is zero, as in the model; one without std has NaN.
     """
     if not isinstance(document, Mapping):
         document = {str(p.get("parameter", p.get("name"))): p for p in document}
-    found = [document.get(PHYSICAL[name], {"value": 0.0}) for name in rigid.NAMES]
-    values = np.array([float(p["value"]) for p in found])
-    stds = [p.get("std") for p in found]
+    result = [document.get(PHYSICAL[name], {"value": 0.0}) for name in rigid.NAMES]
+    values = np.array([float(p["value"]) for p in result])
+    stds = [p.get("std") for p in result]
     return values, np.array([np.nan if s is None else float(s) for s in stds])
 
 

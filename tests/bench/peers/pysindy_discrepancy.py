@@ -18,7 +18,7 @@ The adapter helps the recipe in five ways:
   a finding
 - a column whose coefficient has an impossible sign is removed
 - lost samples are interpolated
-- confounded columns count as a tie (`pysindy_library`)
+- nearly proportional columns count as confounded (`pysindy_library`)
 - the window and the smallest share were chosen on flights with known effects (seeds from 1000 on)
 """
 
@@ -115,7 +115,7 @@ def regression(task: Task) -> list[tuple[np.ndarray, dict[str, np.ndarray]]]:
     ]
 
 
-def beside_base(
+def orthogonal_to_base(
     y: np.ndarray, library: Mapping[str, np.ndarray]
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Target and candidates, orthogonal to the base."""
@@ -170,8 +170,7 @@ def scanned(X: np.ndarray, y: np.ndarray) -> float:
 def sparse(y: np.ndarray, library: Mapping[str, np.ndarray]) -> dict[str, tuple[float, float]]:
     """Name → coefficient (N·m per unit) and its share of the target.
 
-    What has a sign that its effect cannot have is taken out of the library, and the rest fitted
-    again.
+    Columns with an impossible sign are removed from the library, and the rest is refitted.
     """
     names = list(library)
     while names:
@@ -204,7 +203,7 @@ def ratios(refit: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 def calibrated(of_axes: Sequence[Sequence[Mapping[str, float]]]) -> list[Finding]:
-    """What of the base is off by more than the tolerance and `SURE` jackknife errors."""
+    """Base parameters off by more than the tolerance and `SURE` jackknife errors."""
     whole, *without = [ratios(refit) for refit in zip(*of_axes, strict=True)]
     out = []
     for name, ratio in whole.items():
@@ -229,12 +228,12 @@ def finding(name: str, value: float, strength: float) -> Finding:
 
 
 def discrepancy(task: Task) -> dict[str, object]:
-    """A document as the contract's, as far as this recipe can fill one."""
+    """A document in the contract's form, with the entries that this recipe provides."""
     base, strongest = [], dict[str, tuple[float, float]]()
     for y, library in regression(task):
-        found = sparse(*beside_base(y, library))
-        base.append(refits(y, library, found))
-        for name, (value, share) in found.items():
+        result = sparse(*orthogonal_to_base(y, library))
+        base.append(refits(y, library, result))
+        for name, (value, share) in result.items():
             if share > strongest.get(name, (0.0, 0.0))[1]:
                 strongest[name] = (value, share)
     groups = (calibrated(base), [finding(name, *f) for name, f in strongest.items()])
@@ -247,8 +246,8 @@ def discrepancy(task: Task) -> dict[str, object]:
 
 
 def main(task_file: str, found_file: str) -> None:
-    found = discrepancy(read_task(Path(task_file)))
-    Path(found_file).write_text(json.dumps(found), encoding="utf-8")
+    result = discrepancy(read_task(Path(task_file)))
+    Path(found_file).write_text(json.dumps(result), encoding="utf-8")
 
 
 if __name__ == "__main__":

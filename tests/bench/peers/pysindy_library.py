@@ -37,12 +37,12 @@ TIES = {
 """Column → the other effects that it stands for."""
 NEGATIVE = {"motor.thrust_curve": "motor.supply_sag", "stiffness.pendulum.roll":
             "encoder.offset.roll"}  # fmt: skip
-"""What a coefficient below zero means, where it means anything else."""
+"""Effect of a negative coefficient, if it differs from that of a positive one."""
 EITHER_SIGN = frozenset(
     {"bias.torque.pitch", "bias.torque.yaw", "motor.thrust_mismatch", "aero.reaction_torque",
      "aero.gyroscopic"} | set(NEGATIVE)
 )  # fmt: skip
-"""All others are there with a positive coefficient or not at all."""
+"""All others have a positive coefficient or none."""
 
 
 def known(task: Task) -> dict[str, float]:

@@ -2,11 +2,11 @@
 
 Manual: PySINDy's "Practical tips" and the page on differentiation. Noisy measurements are smoothed
 before they are differenced (``SmoothedFiniteDifference``), the threshold of STLSQ lies below the
-smallest coefficient that is meant to stay, and what is known of the system goes into the choice of
+smallest coefficient to keep, and prior knowledge determines the
 variables: angles and rates are the states, both voltages are controls.
 
-Three kindnesses, found by trying on seed 1: accelerations as further states (so that rotors could
-lag) made loops that diverge, windows of 0.2 to 0.6 s and thresholds of 0 or 0.05 made worse ones.
+Choices in its favour, from trials on seed 1: with accelerations as further states (for the rotor
+lag) the loops diverged; windows of 0.2 to 0.6 s and thresholds of 0 or 0.05 gave larger errors.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ def main(task_file: str, found_file: str) -> None:
             differentiation_method=difference,
         )
         model.fit(X, t=task.dt, u=task.voltage[inside] - u0)
-    found = np.asarray(model.coefficients())  # columns: 1, six states, two controls
+    result = np.asarray(model.coefficients())  # columns: 1, six states, two controls
     write_linear(
         Path(found_file), meter,
         f"STLSQ threshold {THRESHOLD:g}, Savitzky–Golay over {WINDOW_S:g} s, 6 states",
-        A=found[:, 1:7], B=found[:, 7:], C=np.eye(3, 6), c=found[:, 0] - found[:, 7:] @ u0,
+        A=result[:, 1:7], B=result[:, 7:], C=np.eye(3, 6), c=result[:, 0] - result[:, 7:] @ u0,
     )  # fmt: skip
 
 

@@ -14,8 +14,8 @@ arm and ω_n along the body's normal)::
 
 Lagrange's equations in (r, p, ψ) are two linear equations for r̈ and ψ̈, and p̈ from them. The
 state holds f_i = F_i − T_g/(2 L_a), thrust away from hover, so that a flight from rest, level,
-starts at zero whatever T_g is. Voltages and angles tell no scale of torque: K_f stays at its
-nominal value, and everything else is meant relative to it.
+starts at zero whatever T_g is. Voltages and angles do not determine the scale of torque: K_f stays
+at its nominal value, and all other parameters are relative to it.
 """
 
 from __future__ import annotations

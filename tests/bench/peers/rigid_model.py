@@ -1,7 +1,7 @@
-"""`RigidModel`: `rigid`'s equations flown in the contract's loop, to judge physical fits by.
+"""`RigidModel`: `rigid`'s equations in the contract's loop, to score physical fits.
 
 RK4 at a quarter of the control period under the held voltage. The peers' own simulators are not
-used: every fit is judged by the same code.
+used, so that the same code scores every fit.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Flights at a slower rate, losing nothing that matters: what every black box is fed.
+"""Flights at a slower rate for the black boxes, without bias.
 
 Exact means of the held voltage over [k, k+1) and angles picked at k; picking the voltage as well
-would bias the rotor's lag by many standard deviations. So no peer stumbles over our data.
+would bias the rotor's lag by many standard deviations.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def held_means(
 def node_means(
     voltage: np.ndarray, angle: np.ndarray, factor: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """For tools that draw straight lines between samples: u is the mean *around* each instant.
+    """For tools that interpolate linearly between samples: u is the mean *around* each instant.
 
     (M, 2) V over [k − factor/2, k + factor/2) and (M, 3) rad; factor is even.
     """

@@ -20,9 +20,9 @@ ROOT = Path(__file__).parent.parent.parent.parent
 PEERS_PYTHON = ROOT / ".venv-peers" / "bin" / "python"
 TIME_LIMIT_S = 2400
 KEPT = ROOT / "bench-out" / "peers"
-"""Slow fits are kept here, and used again where neither the flight nor the code has changed."""
+"""Cache of slow fits, valid while flight and code are unchanged"""
 VALIDATION = ("multisine", 101)
-"""The flight that `identify` scores itself on, so that all of the other one is fitted."""
+"""The hold-out flight of `identify`, so that the whole other flight is used for the fit"""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Tool:
         return self.module == "ours"
 
     def missing(self) -> str:
-        """Why it cannot run here, or an empty string."""
+        """The reason if it cannot run here, else an empty string."""
         if self.ours:
             known = self.arguments[0] in methods()
             return "" if known else f"heli3dof has no method {self.arguments[0]!r} yet"
@@ -53,8 +53,8 @@ class Tool:
 
 GREYBOX = Tool("**heli3dof greybox**", "ours", ("greybox",))
 OUTPUT_ERROR = Tool(
-    "AeroID output error, started at the truth", "aeroid_fit", ("output_error",), slow=True,
-    starts_at_truth=True,
+    "AeroID output error, started at the true parameters", "aeroid_fit", ("output_error",),
+    slow=True, starts_at_truth=True,
 )  # fmt: skip
 FILTER_ERROR = Tool("AeroID filter error", "aeroid_fit", ("filter_error",), slow=True)
 TOOLS = (

@@ -51,13 +51,13 @@ def test_it_replies_as_in_the_golden_transcripts(name: str):
     endpoint = still_endpoint()
     for time_us, turn in groupby(TRANSCRIPTS[name], key=lambda line: line.time_us):
         lines = list(turn)
-        said = b"".join(line.bytes for line in lines if line.sender == "host")
+        request = b"".join(line.bytes for line in lines if line.sender == "host")
         expected = b"".join(line.bytes for line in lines if line.sender == "device")
         if any(line.sender == "clock" for line in lines):
             endpoint.held_up(time_us)
         answered = endpoint.tick(time_us)
-        if said:
-            answered += endpoint.receive(time_us, said)
+        if request:
+            answered += endpoint.receive(time_us, request)
         assert answered == expected, explain(lines, answered)
 
 
@@ -82,8 +82,8 @@ def test_a_rarely_called_device_sends_the_same_bytes(name: str):
 def test_an_unknown_type_is_refused_with_a_reply():
     endpoint = still_endpoint()
     data = bytes([1, 0x55, 9, 0, 0, 0, 1, 2, 3])
-    said = frames(endpoint.receive(100, encode(data + check(data)) + b"\0"))
-    assert said == [Ack(9, 0x55, Code.UNKNOWN_TYPE, 0, 0, 1)]
+    replies = frames(endpoint.receive(100, encode(data + check(data)) + b"\0"))
+    assert replies == [Ack(9, 0x55, Code.UNKNOWN_TYPE, 0, 0, 1)]
     # A device's own frame: the line echoes.
     assert send(endpoint, 200, Ack(4, 1, 0, 0, 0, 0)) == []
     report = send(endpoint, 300, Status(5))[0]
@@ -94,9 +94,9 @@ def test_an_unknown_type_is_refused_with_a_reply():
 def test_a_stream_ends_two_seconds_after_the_hosts_last_frame():
     endpoint = still_endpoint()
     send(endpoint, 0, Arm(0, 1, 2000, 0))
-    said = frames(endpoint.tick(10_000_000))
-    assert len(said) == 1000
-    assert said[-1].time_us == 2_000_000  # type: ignore[union-attr]
+    replies = frames(endpoint.tick(10_000_000))
+    assert len(replies) == 1000
+    assert replies[-1].time_us == 2_000_000  # type: ignore[union-attr]
     assert endpoint.next_us() is None
     assert send(endpoint, 10_000_001, Poll(1))[0].flags == 8  # type: ignore[union-attr]
 
@@ -131,8 +131,8 @@ def test_every_change_of_state_changes_the_ticket():
     endpoint = still_endpoint()
     tickets = [endpoint.amplifier.ticket]
 
-    def after(now_us: int, *said: Frame) -> None:
-        send(endpoint, now_us, *said)
+    def after(now_us: int, *sent: Frame) -> None:
+        send(endpoint, now_us, *sent)
         tickets.append(endpoint.amplifier.ticket)
 
     after(0, Arm(0, 1, 0, 0))
@@ -217,8 +217,8 @@ def test_the_emulated_rig_of_a_url_moves_like_the_mock():
     assert identity.model.startswith(b"emulated")
     send(endpoint, 0, Arm(0, identity.ticket, 2000, 0))
     for k in range(1, 251):
-        said = send(endpoint, 2000 * k, CommandFrame(k, 12_000_000, 11_500_000))
-    sample = said[-1]
+        replies = send(endpoint, 2000 * k, CommandFrame(k, 12_000_000, 11_500_000))
+    sample = replies[-1]
     assert isinstance(sample, SampleFrame)
     assert sample.roll > 0
     assert sample.pitch > 0

@@ -24,11 +24,11 @@ def get(kind: int, index: int = 0, length: int = 255) -> Setup:
 def test_the_pipes_carry_the_golden_transcripts_in_transfers_of_any_size(name: str, packet: int):
     usb, lines = function(), TRANSCRIPTS[name]
     # The host may collect the device's bytes at any time before its next request.
-    asked = [i for i, line in enumerate(lines) if line.sender == "host"]
-    for i, following in zip(asked, [*asked[1:], len(lines)], strict=True):
-        said = lines[i].bytes
-        for start in range(0, len(said), packet):
-            assert usb.take(lines[i].time_us, said[start : start + packet]) is True
+    requests = [i for i, line in enumerate(lines) if line.sender == "host"]
+    for i, following in zip(requests, [*requests[1:], len(lines)], strict=True):
+        data = lines[i].bytes
+        for start in range(0, len(data), packet):
+            assert usb.take(lines[i].time_us, data[start : start + packet]) is True
         answers: tuple[Line, ...] = lines[i + 1 : following]
         heard = b""
         for line in answers or (lines[i],):
@@ -97,10 +97,10 @@ def test_a_host_that_does_not_read_loses_whole_frames():
     usb.take(0, wire(Arm(0, 1, 1000, 0)))
     for t_us in range(0, 1_900_000, 50_000):
         usb.take(t_us, b"\0")
-    said = b""
+    data = b""
     while part := usb.give(1_900_000, 512):
-        said += part
-    assert len(said) <= FIFO
+        data += part
+    assert len(data) <= FIFO
     splitter = Splitter()
-    assert splitter.feed(said)
+    assert splitter.feed(data)
     assert splitter.malformed == 0

@@ -38,11 +38,11 @@ def build(*targets: str) -> Path:
 @functools.cache
 def sanitizers() -> bool:
     """Whether the system's compiler links them."""
-    asked = ["cc", "-fsanitize=address,undefined", "-xc", "-", "-o", "/dev/null"]
+    command = ["cc", "-fsanitize=address,undefined", "-xc", "-", "-o", "/dev/null"]
     source = "int main(void) { return 0; }"
     return (
         bool(COMPILER)
-        and not subprocess.run(asked, input=source, text=True, capture_output=True).returncode
+        and not subprocess.run(command, input=source, text=True, capture_output=True).returncode
     )
 
 

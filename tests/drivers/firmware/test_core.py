@@ -60,11 +60,11 @@ def transcripts() -> dict[str, list[str]]:
 @pytest.mark.parametrize("name", sorted(transcripts()))
 def test_it_answers_the_golden_transcript_byte_by_byte(name: str):
     lines = transcripts()[name]
-    said = [line for line in lines if " < " not in line]
+    requests = [line for line in lines if " < " not in line]
     answers = [line for line in lines if " < " in line]
-    assert said
+    assert requests
     assert answers
-    assert run("heli3dof-replay", text="\n".join(said) + "\n") == answers
+    assert run("heli3dof-replay", text="\n".join(requests) + "\n") == answers
 
 
 @st.composite
@@ -112,9 +112,9 @@ def lines(draw: st.DrawFn) -> bytes:
 def test_host_and_firmware_find_the_same_frames_in_the_same_bytes(data: bytes):
     splitter = Splitter()
     taken = [payload(frame).hex() for frame in splitter.feed(data)]
-    found = run("heli3dof-replay", "--pieces", text=data.hex() + "\n")
-    assert [line.split()[1] for line in found if line.startswith("taken")] == taken
-    assert len(found) - len(taken) == splitter.malformed
+    result = run("heli3dof-replay", "--pieces", text=data.hex() + "\n")
+    assert [line.split()[1] for line in result if line.startswith("taken")] == taken
+    assert len(result) - len(taken) == splitter.malformed
 
 
 def until(device: Endpoint, now: int) -> bytes:

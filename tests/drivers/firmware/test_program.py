@@ -32,13 +32,13 @@ from heli3dof_drivers.link.frames import (
     wire,
 )
 
-from tests.drivers.doors import Door, firmware_door
+from tests.drivers.emulated_rigs import RigProcess, firmware_rig
 from tests.drivers.firmware.building import rig_program
-from tests.profiles import STANDSTILL_S
+from tests.profiles import STALL_S
 
 PATIENCE_S = 30.0
 WATCHDOG_S, RAMP_S = 0.3, 0.2
-BUSY_S = 2 * (STANDSTILL_S + 0.05)
+BUSY_S = 2 * (STALL_S + 0.05)
 """s by which a busy machine may delay the firmware's process in all; half of it at once"""
 ROUNDS = 20
 """Attempts on a busy machine; a faulty device fails in each"""
@@ -124,8 +124,8 @@ PATIENT = ("--watchdog", "1000")
 
 
 @contextmanager
-def rig(*options: str) -> Iterator[tuple[Door, Host]]:
-    with firmware_door(*options) as emulated:
+def rig(*options: str) -> Iterator[tuple[RigProcess, Host]]:
+    with firmware_rig(*options) as emulated:
         host = Host(emulated.path)
         try:
             yield emulated, host
@@ -297,15 +297,15 @@ def test_a_jump_occurs_between_two_samples():
 
 def test_on_a_lossy_line_accepted_frames_are_correct():
     with rig("--drop", "0.002", "--corrupt", "0.002", "--seed", "5") as (_, host):
-        answers, said, end = 0, -1, time.monotonic() + PATIENCE_S
-        while (said < 399 or answers <= 200) and time.monotonic() < end:
-            if said < 399:
-                said += 1
-                host.say(Status(said))
+        answers, sent, end = 0, -1, time.monotonic() + PATIENCE_S
+        while (sent < 399 or answers <= 200) and time.monotonic() < end:
+            if sent < 399:
+                sent += 1
+                host.say(Status(sent))
             time.sleep(0.001)
             for frame in host.splitter.feed(host.port.read(host.port.in_waiting)):
                 assert isinstance(frame, Report)
-                assert frame.number <= said
+                assert frame.number <= sent
                 assert frame.uptime_ms < 60_000
                 answers += 1
         assert answers > 200
@@ -336,7 +336,7 @@ def test_it_ends_with_its_parent(tmp_path: Path):
 
 
 def test_a_wrong_command_line_prints_the_usage():
-    with pytest.raises(RuntimeError), firmware_door("--jump-encoder", "yaw@3"):
+    with pytest.raises(RuntimeError), firmware_rig("--jump-encoder", "yaw@3"):
         pass
 
 
@@ -348,6 +348,6 @@ def test_a_reply_does_not_wait_for_the_next_turn_of_the_main_loop():
             start = time.monotonic()
             host.poll()
             took.append(time.monotonic() - start)
-        # A turn is 1 ms. Where it was waited for, every answer took about one, as each question
-        # follows the answer before it; a busy machine makes most of them late, and none early.
+        # A turn is 1 ms. With a wait for it, every reply would take about one turn, as each request
+        # follows the reply before it. A busy machine makes most of them late, and none early.
         assert sorted(took)[len(took) // 10] < 0.45e-3

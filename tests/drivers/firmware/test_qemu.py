@@ -1,7 +1,7 @@
 """The same core as a microcontroller's image, its UART on a PTY: `make test-qemu`.
 
-What QEMU's board has is really driven: clock, UART and its interrupt, GPIO and its interrupt. The
-kit's keys stand for the amplifier's lines and an encoder's; QEMU starts with all of them down.
+The test uses the peripherals of QEMU's board: clock, UART and GPIO with their interrupts. The keys
+of the kit replace the lines of the amplifier and of an encoder; at the start all of them are down.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ class Board:
     def tell(self, command: str, **arguments: Any) -> Any:
         assert self.process.stdin is not None
         assert self.process.stdout is not None
-        said = json.dumps({"execute": command, "arguments": arguments})
-        self.process.stdin.write(said + "\n")
+        request = json.dumps({"execute": command, "arguments": arguments})
+        self.process.stdin.write(request + "\n")
         self.process.stdin.flush()
         for line in self.process.stdout:
             answer = json.loads(line) if line.startswith("{") else {}
@@ -87,9 +87,9 @@ class Board:
         with socket.socket(socket.AF_UNIX) as debugger:
             debugger.connect(self.debugger)
             xml = "qXfer:features:read:target.xml:0,ff"  # without it QEMU knows no register 15
-            for said in (xml, f"Pf={bytes.fromhex(loop)[::-1].hex()}", "c"):
-                checksum = sum(said.encode()) % 256
-                debugger.sendall(f"+${said}#{checksum:02x}".encode())
+            for request in (xml, f"Pf={bytes.fromhex(loop)[::-1].hex()}", "c"):
+                checksum = sum(request.encode()) % 256
+                debugger.sendall(f"+${request}#{checksum:02x}".encode())
                 time.sleep(SEEN_S)
 
     def press(self, name: str) -> None:

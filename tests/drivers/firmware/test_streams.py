@@ -30,9 +30,9 @@ def served(*options: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     words = [rig_program(), *PATIENT, *options]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        said = process.stdout.readline().strip()
+        output = process.stdout.readline().strip()
         try:
-            yield process, f"serial+{said}" if "://" in said else f"serial://{said}"
+            yield process, f"serial+{output}" if "://" in output else f"serial://{output}"
         finally:
             process.kill()
 
@@ -109,9 +109,9 @@ def test_the_file_of_late_samples_exists_from_the_start(tmp_path: Path) -> None:
 def test_a_port_in_use_is_an_error() -> None:
     with served("--tcp", "0") as (_, url):
         port = url.rpartition(":")[2]
-        said = subprocess.run([rig_program(), "--tcp", port], capture_output=True, text=True)
-        assert said.returncode == 3
-        assert "no port: Address already in use" in said.stderr
+        output = subprocess.run([rig_program(), "--tcp", port], capture_output=True, text=True)
+        assert output.returncode == 3
+        assert "no port: Address already in use" in output.stderr
 
 
 @pytest.mark.realtime

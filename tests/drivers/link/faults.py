@@ -228,8 +228,8 @@ class Trial:
     def commanded(self, number: int, front_uV: int, back_uV: int) -> None:
         """The device accepted a command."""
         self.tally.commands += 1
-        after, *asked = self._sent.get(number, (-1, 0, 0))
-        true = asked == [front_uV, back_uV] and after >= self._arming
+        after, *volts = self._sent.get(number, (-1, 0, 0))
+        true = volts == [front_uV, back_uV] and after >= self._arming
         self.tally.wrong_commands += not true or number <= self._newest
         self._newest = number
 

@@ -46,7 +46,7 @@ def test_each_error_of_the_library_has_its_own_message(code: Qerr):
     assert error.what.startswith(URL)
     assert error.cause
     assert error.fix
-    assert [c for c, said in MESSAGES.items() if said in error.what] == [code]
+    assert [c for c, text in MESSAGES.items() if text in error.what] == [code]
 
 
 def test_a_missing_package_and_a_missing_library_have_their_own_messages(

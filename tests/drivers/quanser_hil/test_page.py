@@ -15,12 +15,12 @@ PAGE = (ROOT / "docs" / "how-to" / "quanser.md").read_text(encoding="utf-8")
 
 def table() -> dict[str, str]:
     """Option → default, from the page."""
-    found = {}
+    result = {}
     for names, defaults in re.findall(r"^\| (`.*?`) \| (.*?) \|", PAGE, re.MULTILINE):
         options = re.findall(r"`(\w+)`", names)
         values = defaults.split(", ") if len(options) > 1 else [defaults]
-        found |= dict(zip(options, values, strict=True))
-    return found
+        result |= dict(zip(options, values, strict=True))
+    return result
 
 
 def test_every_option_is_on_the_page() -> None:

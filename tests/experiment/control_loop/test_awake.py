@@ -37,12 +37,12 @@ def machine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], 
 
 def spinners(of: int) -> dict[int, int]:
     """Process → core of the processes that the spinner of this process started."""
-    found = {}
+    result = {}
     for child in children(of):
         if "spinner.py" in Path(f"/proc/{child}/cmdline").read_text():
             for process in children(child):
-                (found[process],) = os.sched_getaffinity(process)
-    return found
+                (result[process],) = os.sched_getaffinity(process)
+    return result
 
 
 def children(of: int) -> list[int]:
@@ -85,9 +85,9 @@ def test_all_but_the_first_core_are_busy_at_idle_priority_until_the_end(
     machine(" hypervisor")
     before = available_cores()
     with ExitStack() as undo:
-        (found,) = keep_awake(undo, available_cores(), stay=True)
+        (result,) = keep_awake(undo, available_cores(), stay=True)
         processes = spinners(os.getpid())
-        assert found.good
+        assert result.good
         awake = set(before[1:] or before)
         assert set(processes.values()) == awake
         assert os.sched_getaffinity(0) == (awake if len(awake) > 1 else set(before))
@@ -135,10 +135,10 @@ def test_a_control_group_with_a_quota_gets_no_spinner(
     path.write_text(text + "\n")
     module.OWN_CGROUP.write_text(mine + "\n")
     with ExitStack() as undo:
-        (found,) = keep_awake(undo, available_cores(), stay=True)
+        (result,) = keep_awake(undo, available_cores(), stay=True)
         assert bool(spinners(os.getpid())) is not rationed
-    assert ("quota" in found.found) is rationed
-    assert bool(found.fix) is rationed
+    assert ("quota" in result.found) is rationed
+    assert bool(result.fix) is rationed
 
 
 FLIGHT = """
@@ -183,9 +183,9 @@ def test_a_spinner_that_cannot_start_is_reported(
     machine(" hypervisor")
     monkeypatch.setattr(module, "SPINNER", tmp_path / "missing.py")
     with ExitStack() as undo:
-        (found,) = keep_awake(undo, available_cores(), stay=True)
-    assert found.good is None
-    assert "may go idle" in found.found
+        (result,) = keep_awake(undo, available_cores(), stay=True)
+    assert result.good is None
+    assert "may go idle" in result.found
 
 
 def test_without_idle_priority_no_core_is_kept_busy(tmp_path: Path) -> None:

@@ -40,8 +40,8 @@ def test_every_thread_is_moved_to_one_core_and_back() -> None:
     assert thread.native_id is not None
     before = os.sched_getaffinity(0)
     with ExitStack() as undo:
-        found = on_one_core(undo, scheduled=True)
-        assert [check.what for check in found] == ["core"]
+        result = on_one_core(undo, scheduled=True)
+        assert [check.what for check in result] == ["core"]
         assert os.sched_getaffinity(0) == os.sched_getaffinity(thread.native_id) == {max(before)}
     assert os.sched_getaffinity(0) == os.sched_getaffinity(thread.native_id) == before
     ended.set()
@@ -69,7 +69,7 @@ def test_a_core_that_the_kernel_keeps_free_is_preferred() -> None:
     before = os.sched_getaffinity(0)
     module.ISOLATED.write_text(f"{min(before)}\n")
     with ExitStack() as undo:
-        (found,) = on_one_core(undo, scheduled=False)
-        assert "keeps free" in found.found
+        (result,) = on_one_core(undo, scheduled=False)
+        assert "keeps free" in result.found
         assert os.sched_getaffinity(0) == {min(before)}
     assert os.sched_getaffinity(0) == before

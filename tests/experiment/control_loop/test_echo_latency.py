@@ -20,27 +20,27 @@ def measured(behind: int, periods: int = 1000) -> EchoLatency:
     meter = EchoMeter(DT)
     for k in range(1, periods + 1):
         meter.exchanged(k, (k - 1) * DT + TURN_S, sample(max(0, k - behind), k * DT))
-    found = meter.measured()
-    assert found is not None
-    return found
+    result = meter.measured()
+    assert result is not None
+    return result
 
 
 def test_a_rig_without_delay_takes_a_period_less_the_controllers_time() -> None:
-    found = measured(0)
-    assert found.median_s == pytest.approx(DT - TURN_S, rel=0.01)
-    assert (found.median_periods, found.p999_periods, found.worst_periods) == (1, 1, 1)
-    assert (found.commands, found.commands_unacknowledged, found.commands_never_echoed) == (
+    result = measured(0)
+    assert result.median_s == pytest.approx(DT - TURN_S, rel=0.01)
+    assert (result.median_periods, result.p999_periods, result.worst_periods) == (1, 1, 1)
+    assert (result.commands, result.commands_unacknowledged, result.commands_never_echoed) == (
         1000, 0, 0,
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("behind", [1, 2, 12])
 def test_constant_latency_is_not_measured_modulo_the_period(behind: int) -> None:
-    found = measured(behind)
-    assert found.median_s == pytest.approx((1 + behind) * DT - TURN_S, rel=0.01)
-    assert found.median_periods == 1 + behind
-    assert found.commands_unacknowledged == found.commands
-    assert found.commands_never_echoed == 0
+    result = measured(behind)
+    assert result.median_s == pytest.approx((1 + behind) * DT - TURN_S, rel=0.01)
+    assert result.median_periods == 1 + behind
+    assert result.commands_unacknowledged == result.commands
+    assert result.commands_never_echoed == 0
 
 
 def test_a_lost_command_is_unacknowledged_and_never_echoed() -> None:
@@ -48,9 +48,9 @@ def test_a_lost_command_is_unacknowledged_and_never_echoed() -> None:
     for k in range(1, 101):
         lost = k % 10 == 0 and k < 100
         meter.exchanged(k, k * DT, sample(k - lost, (k + 1) * DT))
-    found = meter.measured()
-    assert found is not None
-    assert (found.commands_unacknowledged, found.commands_never_echoed) == (9, 9)
+    result = meter.measured()
+    assert result is not None
+    assert (result.commands_unacknowledged, result.commands_never_echoed) == (9, 9)
 
 
 def test_the_worst_latency_is_exact() -> None:
@@ -72,9 +72,9 @@ def test_commands_to_a_stopped_device_are_not_counted() -> None:
 def test_an_echo_of_a_command_never_sent_is_not_timed(echo: int) -> None:
     meter = EchoMeter(DT)
     meter.exchanged(1, 0.0, sample(echo, DT))
-    found = meter.measured()
-    assert found is not None
-    assert (found.median_s, found.commands_unacknowledged) == (None, 1)
+    result = meter.measured()
+    assert result is not None
+    assert (result.median_s, result.commands_unacknowledged) == (None, 1)
 
 
 def test_every_flight_records_its_latency() -> None:

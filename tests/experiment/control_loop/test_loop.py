@@ -162,8 +162,8 @@ def test_a_monitor_that_raises_ends_the_flight_with_a_ramp_to_zero() -> None:
 
 def test_a_request_to_stop_ends_the_flight_with_a_ramp_to_zero() -> None:
     rig = ScriptedRig()
-    asked = iter([None] * 10 + ["stopped with Ctrl-C"] * 1000)
-    outcome, _ = flown(rig, stop=lambda: next(asked))
+    reasons = iter([None] * 10 + ["stopped with Ctrl-C"] * 1000)
+    outcome, _ = flown(rig, stop=lambda: next(reasons))
     assert (outcome.ending, outcome.detail) == ("interrupted", "stopped with Ctrl-C")
     assert ends_at_zero(rig)
 
@@ -277,8 +277,8 @@ def test_skipped_periods_do_not_change_the_rate_of_a_steady_turn(
 
 def test_lost_samples_do_not_lengthen_the_ramp() -> None:
     rig = ScriptedRig(late=lambda k: 20 * DT if k == 60 else 0.0)
-    asked = iter([None] * 50 + ["stopped with Ctrl-C"] * 1000)
-    _, sink = flown(rig, stop=lambda: next(asked))
+    reasons = iter([None] * 50 + ["stopped with Ctrl-C"] * 1000)
+    _, sink = flown(rig, stop=lambda: next(reasons))
     ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
     assert ends_at_zero(rig)
     # The ramp learns of the lost samples one period after them.
@@ -312,13 +312,13 @@ def test_a_ramp_that_fails_after_a_completed_plan_is_the_outcome() -> None:
 def test_the_outcome_holds_the_punctuality_of_the_loop() -> None:
     rig = ScriptedRig(late=lambda k: 0.0005 if k % 10 == 0 else 0.0, timebase="host")
     outcome, _ = flown(rig)
-    found = outcome.punctuality
-    assert found.median_s == pytest.approx(0, abs=1e-9)
-    assert found.p99_s == found.worst_s == pytest.approx(0.0005)
-    assert found.late_share == 0
+    result = outcome.punctuality
+    assert result.median_s == pytest.approx(0, abs=1e-9)
+    assert result.p99_s == result.worst_s == pytest.approx(0.0005)
+    assert result.late_share == 0
     assert outcome.realtime is not None
     kept = outcome.details()
-    assert kept["punctuality"]["worst_s"] == found.worst_s
+    assert kept["punctuality"]["worst_s"] == result.worst_s
     assert set(kept["realtime"]) == {"scheduled", "memory_locked", "found", "refused"}
 
 

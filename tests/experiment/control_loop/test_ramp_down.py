@@ -105,9 +105,9 @@ def test_a_trip_at_saturation_takes_the_motors_to_zero_at_once(extra: tuple[floa
 
 @pytest.mark.parametrize("extra", SATURATIONS)
 def test_ctrl_c_at_saturation_takes_the_motors_to_zero_at_once(extra: tuple[float, float]) -> None:
-    asked = iter([None] * 60 + ["stopped with Ctrl-C"] * 1000)
+    reasons = iter([None] * 60 + ["stopped with Ctrl-C"] * 1000)
     rig = ScriptedRig()
-    outcome, ramp = saturated(rig, extra, stop=lambda: next(asked))
+    outcome, ramp = saturated(rig, extra, stop=lambda: next(reasons))
     assert (outcome.ending, outcome.landed, outcome.ramped) == ("interrupted", True, False)
     assert at_zero_at_once(rig, ramp, LIMITS.ramp_down_s)
 
@@ -153,9 +153,9 @@ def test_a_plan_that_ends_at_saturation_takes_the_motors_to_zero_at_once() -> No
 
 
 def test_ctrl_c_in_hover_ramps_to_zero() -> None:
-    asked = iter([None] * 60 + ["stopped with Ctrl-C"] * 1000)
+    reasons = iter([None] * 60 + ["stopped with Ctrl-C"] * 1000)
     rig = ScriptedRig()
-    outcome, ramp = saturated(rig, (1.0, -1.0), stop=lambda: next(asked))
+    outcome, ramp = saturated(rig, (1.0, -1.0), stop=lambda: next(reasons))
     assert (outcome.ending, outcome.landed, outcome.ramped) == ("interrupted", True, True)
     n = round(LIMITS.ramp_down_s / DT)
     np.testing.assert_allclose(

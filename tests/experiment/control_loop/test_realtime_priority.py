@@ -1,4 +1,4 @@
-"""The report of real-time measures: what was granted, and how to grant what was refused."""
+"""The report of real-time measures: those granted, and the commands that grant the others."""
 
 from __future__ import annotations
 
@@ -122,6 +122,6 @@ def test_in_a_container_the_fix_is_an_option_of_the_container(
 def test_a_system_without_real_time_scheduling_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "sched_setscheduler", raising=False)
     with realtime() as granted:
-        found = check(granted, "real-time scheduling")
-    assert found.good is None
+        result = check(granted, "real-time scheduling")
+    assert result.good is None
     assert not granted.refused or granted.refused[0].what != "real-time scheduling"

@@ -49,8 +49,8 @@ def test_the_reason_is_reported_once() -> None:
 
 
 def test_a_device_that_stops_in_the_ramp_after_ctrl_c_is_reported_too() -> None:
-    asked = iter([None] * 50 + ["stopped with Ctrl-C"] * 1000)
-    outcome, _ = flown(ScriptedRig(flagged(Flags.FAULT, 60)), stop=lambda: next(asked))
+    reasons = iter([None] * 50 + ["stopped with Ctrl-C"] * 1000)
+    outcome, _ = flown(ScriptedRig(flagged(Flags.FAULT, 60)), stop=lambda: next(reasons))
     assert outcome.ending == "tripped"
     assert outcome.detail == "stopped with Ctrl-C; the amplifier reports a fault"
 

@@ -95,8 +95,8 @@ def test_samples_that_came_while_the_host_was_away_are_missed() -> None:
     time = started(DeviceTime)
     stream(time, 1, 10)
     # The host asks 3.3 periods late and gets the newest sample.
-    asked = 100 + 13.3 * DT
-    time.arrived(sample(7 + 13 * DT, asked + 1e-5), asked)
+    requested = 100 + 13.3 * DT
+    time.arrived(sample(7 + 13 * DT, requested + 1e-5), requested)
     late, missed, lost = judged(time)
     assert (missed, lost) == (2, 0)
     assert late == pytest.approx(2.3 * DT + 1e-5, abs=2e-6), (

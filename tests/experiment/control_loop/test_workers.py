@@ -32,12 +32,12 @@ def worker(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[int]:
 
 def test_workers_are_raised_and_lowered_again_or_the_command_is_reported(worker: int) -> None:
     with ExitStack() as undo:
-        (found,) = raise_workers(undo)
-        if found.good:
+        (result,) = raise_workers(undo)
+        if result.good:
             assert os.sched_getscheduler(worker) == os.SCHED_FIFO
             assert os.sched_getparam(worker).sched_priority == PRIORITY
         else:
-            assert f"sudo chrt -f -p {PRIORITY}" in found.fix
+            assert f"sudo chrt -f -p {PRIORITY}" in result.fix
     assert os.sched_getscheduler(worker) == os.SCHED_OTHER
 
 
@@ -49,9 +49,9 @@ def test_a_refusal_is_reported_with_its_consequence_and_is_no_error(
 
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     with ExitStack() as undo:
-        (found,) = raise_workers(undo)
-    assert found.good is None, "neither good nor bad: USB does not use workers"
-    assert "a serial line is late" in found.found
+        (result,) = raise_workers(undo)
+    assert result.good is None, "neither good nor bad: USB does not use workers"
+    assert "a serial line is late" in result.found
 
 
 def test_a_worker_that_ended_meanwhile_is_skipped(

@@ -31,10 +31,10 @@ def test_a_jump_is_reported_in_its_own_period(axis: int, name: str) -> None:
         counts[axis] += -60 if k >= 40 else 0
         return period(k, counts=(counts[0], counts[1], counts[2]))
 
-    found = first(EncoderJump(PROFILE), jumped, 100)
-    assert found is not None
-    assert found[0] == 40
-    assert f"the {name} encoder jumped by -60 counts within 2.0 ms" in found[1]
+    result = first(EncoderJump(PROFILE), jumped, 100)
+    assert result is not None
+    assert result[0] == 40
+    assert f"the {name} encoder jumped by -60 counts within 2.0 ms" in result[1]
 
 
 @given(
@@ -67,10 +67,10 @@ def test_time_that_runs_backwards_is_reported() -> None:
 
 
 def test_constant_device_time_is_reported_after_a_quarter_of_a_second() -> None:
-    found = first(EncoderJump(PROFILE), lambda k: period(k)._replace(t=min(k, 100) * DT), 1000)
-    assert found is not None
-    assert 225 <= found[0] <= 227
-    assert "time stayed at 0.200 s" in found[1]
+    result = first(EncoderJump(PROFILE), lambda k: period(k)._replace(t=min(k, 100) * DT), 1000)
+    assert result is not None
+    assert 225 <= result[0] <= 227
+    assert "time stayed at 0.200 s" in result[1]
 
 
 def test_a_clock_that_advances_every_eighth_period_is_no_fault() -> None:

@@ -117,7 +117,7 @@ def test_95_percent_intervals_of_poles_and_responses_cover_the_truth() -> None:
     truth = sorted(np.log(np.linalg.eigvals(system.A).astype(complex)) / T, key=_key)
     omega = np.array([2.0])
     G0 = response(system, T, omega)
-    inside, total, hits, asked = 0, 0, 0, 0
+    inside, total, hits, count = 0, 0, 0, 0
     for seed in range(100, 140):
         data = [record(system, 1200, seed)]
         fit = pem(data, pbsid(data, 5, 12))
@@ -130,9 +130,9 @@ def test_95_percent_intervals_of_poles_and_responses_cover_the_truth() -> None:
         # |G − Ĝ|² over its expectation has two degrees of freedom, so 3.0 is past 95 %
         ratio = np.abs(response(fit.model, T, omega) - G0) ** 2 / std**2
         hits += int((ratio < 3.84).sum())
-        asked += ratio.size
+        count += ratio.size
     assert 0.88 <= inside / total <= 0.99
-    assert 0.88 <= hits / asked <= 1.0
+    assert 0.88 <= hits / count <= 1.0
 
 
 def _key(s: complex) -> tuple[float, float]:

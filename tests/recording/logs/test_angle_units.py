@@ -145,10 +145,10 @@ def test_on_real_rigs_newtons_ratio_is_far_from_that_of_a_wrong_unit() -> None:
         profile = load_profile(path.parent / "profile.toml")
         for axis in ("roll", "pitch"):
             if f"{axis}_deg" in data:
-                found = newton(axis, np.deg2rad(data[f"{axis}_deg"]), data, profile)
-                if found is not None:
-                    ratios.append(found[0])
-                    correlations.append(found[1])
+                result = newton(axis, np.deg2rad(data[f"{axis}_deg"]), data, profile)
+                if result is not None:
+                    ratios.append(result[0])
+                    correlations.append(result[1])
     assert len(ratios) > 15
     assert 0.3 < min(ratios) < max(ratios) < 4, "the threshold is a factor of 7.6 either way"
     assert min(correlations) > -0.2, "the warning comes at -0.4"

@@ -82,10 +82,10 @@ def test_parquet_carries_columns_profile_and_provenance(tmp_path: Path) -> None:
 def test_mat_vectors_have_names_that_matlab_accepts(tmp_path: Path) -> None:
     made = flight(100)
     made.channels["3rd gust (m/s)"] = np.arange(100.0)  # type: ignore[index]
-    found = loadmat(export(made, tmp_path / "a.mat"))
-    assert found["roll_deg"].shape == (100, 1)
-    assert found["c3rd_gust__m_s_"].shape == (100, 1)
-    assert json.loads(str(found["profile_json"][0])) == made.profile.to_dict()
+    result = loadmat(export(made, tmp_path / "a.mat"))
+    assert result["roll_deg"].shape == (100, 1)
+    assert result["c3rd_gust__m_s_"].shape == (100, 1)
+    assert json.loads(str(result["profile_json"][0])) == made.profile.to_dict()
 
 
 def test_without_pyarrow_the_error_names_the_install_command(

@@ -30,9 +30,9 @@ def sampled(sigma: float, *, seed: int = 0, dt: float = 0.002) -> tuple[np.ndarr
 @pytest.mark.parametrize("dt", [0.002, 0.005])
 def test_the_size_of_the_jitter_is_right(sigma: float, dt: float) -> None:
     t, angle = sampled(sigma, dt=dt)
-    found = motion_jitter(t, angle, STEP)
-    assert found.found
-    assert found.sigma_s == pytest.approx(sigma, rel=0.1)
+    result = motion_jitter(t, angle, STEP)
+    assert result.found
+    assert result.sigma_s == pytest.approx(sigma, rel=0.1)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -54,10 +54,10 @@ def test_the_standard_deviation_holds_for_axes_that_briefly_move_together() -> N
         waves = np.sin(np.outer(t, rng.uniform(1.5, 6, 3)) + rng.uniform(0, 6, 3))
         alone = 0.2 * np.sin(np.outer(t, [0.3, 0.0, 0.0]))  # the other axes are at rest
         angle = alone + 0.3 * together[:, None] * waves * [1.0, 1.0, 0.0]
-        found = motion_jitter(t, np.round(angle / STEP) * STEP, STEP)
-        assert not found.found
-        assert found.freedom < 20
-        surest.append(student.sf(found.sigma_s**2 / found.variance_std_s2, found.freedom))
+        result = motion_jitter(t, np.round(angle / STEP) * STEP, STEP)
+        assert not result.found
+        assert result.freedom < 20
+        surest.append(student.sf(result.sigma_s**2 / result.variance_std_s2, result.freedom))
     assert np.mean(np.array(surest) < 0.05) == pytest.approx(0.05, abs=0.05)
     assert min(surest) > 5e-4
 
@@ -71,9 +71,9 @@ def test_true_time_stamps_give_no_hidden_jitter() -> None:
 def test_one_angle_is_enough() -> None:
     t, angle = sampled(0.002)
     angle[:, 1:] = np.nan
-    found = motion_jitter(t, angle, STEP)
-    assert found.found
-    assert found.sigma_s == pytest.approx(0.002, rel=0.2)
+    result = motion_jitter(t, angle, STEP)
+    assert result.found
+    assert result.sigma_s == pytest.approx(0.002, rel=0.2)
 
 
 def test_a_rig_at_rest_gives_no_jitter() -> None:
@@ -100,5 +100,5 @@ def test_rig_a_has_hidden_jitter_and_rig_b_has_none() -> None:
         for name in names:
             r = h3.load(REAL_DATA / rig / f"{name}.csv", profile)
             assert np.ptp(np.diff(r.t)) < 1e-6  # the clock itself looks perfect
-            found = motion_jitter(r.t, r.angle, profile.encoder.rad_per_count)
-            assert found.found is expected, (name, found)
+            result = motion_jitter(r.t, r.angle, profile.encoder.rad_per_count)
+            assert result.found is expected, (name, result)

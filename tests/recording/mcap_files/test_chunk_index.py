@@ -179,5 +179,5 @@ def test_a_thousand_chunks_leave_nothing_in_memory(tmp_path: Path) -> None:
         finally:
             tracemalloc.stop()
         file.finish()
-    # Whatever else this process does meanwhile may keep some bytes, but not so many.
+    # Other work of this process may keep some bytes, but not so many.
     assert held[1] - held[0] < 20_000, "56 bytes a chunk would be 56000"

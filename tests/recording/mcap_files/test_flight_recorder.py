@@ -24,7 +24,7 @@ from heli3dof.recording.provenance import provenance
 from heli3dof.rig.interface import Identity
 from heli3dof.rig.profile import default_profile
 from tests.pace import counted, slower
-from tests.profiles import END_S, STANDSTILL_S
+from tests.profiles import END_S, STALL_S
 from tests.recording.bench import append_seconds
 from tests.recording.make import STEP, tick, write_flight
 
@@ -179,7 +179,7 @@ def test_kill_minus_nine_loses_at_most_half_a_second(tmp_path: Path) -> None:
     assert path.read_bytes() == before
     r = read_recording(result.path)
     lost = appended - len(r)
-    assert lost * 0.002 <= 0.5 + STANDSTILL_S, f"lost {lost * 0.002} s"
+    assert lost * 0.002 <= 0.5 + STALL_S, f"lost {lost * 0.002} s"
     np.testing.assert_array_equal(r.t, np.arange(len(r)) * 0.002)
     np.testing.assert_array_equal(r.channels["roll_count"], -np.arange(len(r)))
     assert r.meta["outcome"] == "recovered"

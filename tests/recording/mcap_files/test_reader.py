@@ -175,7 +175,7 @@ def test_writing_never_overwrites_and_leaves_no_incomplete_file(tmp_path: Path) 
 
 
 def rewritten(source: Path, path: Path, *, reverse: bool = False, drop: int = 0, **options) -> Path:
-    """Our messages through the mcap library's own writer, as other tools rewrite files."""
+    """heli3dof's messages, rewritten by the mcap library as other tools do."""
     with source.open("rb") as stream, path.open("wb") as out:
         reader = make_reader(stream)
         writer = Writer(out, **options)

@@ -1,4 +1,4 @@
-"""What a torn recording still holds."""
+"""The data restored from a torn recording."""
 
 from __future__ import annotations
 
@@ -78,11 +78,11 @@ def test_everything_before_the_tear_is_recovered(tmp_path: Path, whole: Path) ->
 
 def test_a_cut_at_any_records_edge_keeps_every_chunk_before_it(tmp_path: Path, whole: Path) -> None:
     content = whole.read_bytes()
-    found = scan(content)
+    result = scan(content)
     stride = RowFormat((SAMPLE, COMMAND, channels_layout(["gust m/s"]))).stride
     path = tmp_path / "cut.mcap"
     before = 0
-    for kind, start, end in found.records:
+    for kind, start, end in result.records:
         if kind == CHUNK_OPCODE:
             before += len(decode_chunk(content[start:end])) // stride
         if not before:

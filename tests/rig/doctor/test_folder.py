@@ -11,8 +11,8 @@ Usage = namedtuple("Usage", "total used free")
 
 
 def test_a_missing_folder_is_judged_by_its_parent(tmp_path: Path):
-    found = list(folder.checks(tmp_path / "not" / "made"))
-    assert str(tmp_path) in found[0].found
+    result = list(folder.checks(tmp_path / "not" / "made"))
+    assert str(tmp_path) in result[0].found
     assert not (tmp_path / "not").exists()
     assert not list(tmp_path.iterdir())
 

@@ -111,8 +111,8 @@ def test_a_killed_session_frees_the_rig_and_is_not_listed(other_process):
 
 
 def test_sessions_are_listed_with_their_command(session):
-    (found,) = running(DEVICE)
-    assert (found.device, found.pid, found.doing) == (DEVICE, os.getpid(), "heli3dof run rich")
+    (result,) = running(DEVICE)
+    assert (result.device, result.pid, result.doing) == (DEVICE, os.getpid(), "heli3dof run rich")
     assert running("serial:///dev/zero") == []
 
 
@@ -126,8 +126,8 @@ def test_private_rigs_do_not_lock_each_other(runtime):
 
 def test_a_stop_of_a_private_rig_is_confirmed_before_it_is_armed_and_forbids_it(runtime):
     with Session("mock:", private=True) as session:
-        (found,) = running("mock:")
-        question = Question(found, {"do": "estop", "reason": "smoke"})
+        (result,) = running("mock:")
+        question = Question(result, {"do": "estop", "reason": "smoke"})
         assert question.answer(5) == {"stopped": "before it had armed its emulated rig"}
         assert session.begin_to_arm() == "smoke"
 
@@ -135,8 +135,8 @@ def test_a_stop_of_a_private_rig_is_confirmed_before_it_is_armed_and_forbids_it(
 def test_the_loop_confirms_a_stop_of_a_private_rig_that_is_being_armed(runtime):
     with Session("mock:", private=True) as session:
         assert session.begin_to_arm() is None
-        (found,) = running("mock:")
-        assert Question(found, {"do": "estop", "reason": "smoke"}).answer(0.2) is None
+        (result,) = running("mock:")
+        assert Question(result, {"do": "estop", "reason": "smoke"}).answer(0.2) is None
         assert session.begin_to_arm() == "smoke"
 
 
@@ -157,16 +157,16 @@ def test_a_lock_file_that_cannot_be_removed_does_not_block_a_session(runtime, mo
 
 
 def test_a_request_without_the_key_is_dropped(session):
-    (found,) = running(DEVICE)
-    stranger = replace(found, key="another")
+    (result,) = running(DEVICE)
+    stranger = replace(result, key="another")
     assert Question(stranger, {"do": "estop"}).answer(5) is None
     assert session.asked is None
 
 
 def test_the_state_is_that_of_the_session(session):
     session.state = lambda: {"roll_deg": 1.5}
-    (found,) = running(DEVICE)
-    assert state(found, timeout_s=5) == {"roll_deg": 1.5}
+    (result,) = running(DEVICE)
+    assert state(result, timeout_s=5) == {"roll_deg": 1.5}
 
 
 def test_an_error_in_the_state_does_not_end_the_session(session):
@@ -174,14 +174,14 @@ def test_an_error_in_the_state_does_not_end_the_session(session):
         raise ValueError("no sample yet")
 
     session.state = broken
-    (found,) = running(DEVICE)
-    assert state(found, timeout_s=5) is None
-    assert Question(found, {"do": "state"}).answer(5) == {"error": "ValueError: no sample yet"}
+    (result,) = running(DEVICE)
+    assert state(result, timeout_s=5) is None
+    assert Question(result, {"do": "state"}).answer(5) == {"error": "ValueError: no sample yet"}
 
 
 def test_a_stop_is_answered_after_it_was_executed(session):
-    (found,) = running(DEVICE)
-    question = Question(found, {"do": "estop", "reason": "smoke"})
+    (result,) = running(DEVICE)
+    question = Question(result, {"do": "estop", "reason": "smoke"})
     deadline = time.monotonic() + 60
     while session.asked is None and time.monotonic() < deadline:
         time.sleep(1e-3)
@@ -191,15 +191,15 @@ def test_a_stop_is_answered_after_it_was_executed(session):
 
 
 def test_a_client_gives_up_a_session_that_never_confirms(session):
-    (found,) = running(DEVICE)
+    (result,) = running(DEVICE)
     start = time.monotonic()
-    assert Question(found, {"do": "estop"}).answer(0.2) is None
+    assert Question(result, {"do": "estop"}).answer(0.2) is None
     assert time.monotonic() - start < 10
 
 
 def test_a_waiting_client_gets_an_answer_when_the_session_ends(session):
-    (found,) = running(DEVICE)
-    question = Question(found, {"do": "estop"})
+    (result,) = running(DEVICE)
+    question = Question(result, {"do": "estop"})
     while session.asked is None:
         time.sleep(1e-3)
     session.close()
@@ -212,52 +212,52 @@ def connected(session: Running) -> socket.socket:
 
 @pytest.mark.parametrize("rubbish", [b"", b"\n", b"{", b"[1]", b'{"do": 1}\n', b"\xff" * 9000])
 def test_an_invalid_request_is_dropped_and_the_next_is_answered(session, rubbish):
-    (found,) = running(DEVICE)
-    with connected(found) as line:
+    (result,) = running(DEVICE)
+    with connected(result) as line:
         line.sendall(rubbish)
         with contextlib.suppress(OSError):  # it may have hung up already
             line.shutdown(socket.SHUT_WR)
-        assert state(found, timeout_s=5) == {}
+        assert state(result, timeout_s=5) == {}
 
 
 def test_silent_clients_delay_no_other(session):
-    (found,) = running(DEVICE)
-    lines = [connected(found) for _ in range(8)]
-    assert state(found, timeout_s=5) == {}
+    (result,) = running(DEVICE)
+    lines = [connected(result) for _ in range(8)]
+    assert state(result, timeout_s=5) == {}
     for line in lines:
         line.close()
 
 
 def test_a_hanging_session_is_alive_and_does_not_answer(other_process):
-    (found,) = running(DEVICE)
+    (result,) = running(DEVICE)
     suspend(other_process)
     try:
-        assert lives(found)
-        assert state(found, timeout_s=0.1) is None
+        assert lives(result)
+        assert state(result, timeout_s=0.1) is None
         with pytest.raises(DeviceError, match="busy"):
             Session(DEVICE)
     finally:
         other_process.send_signal(signal.SIGCONT)
-    assert state(found, timeout_s=5) == {}
+    assert state(result, timeout_s=5) == {}
 
 
 def test_a_session_that_hangs_for_long_is_alive(other_process):
-    (found,) = running(DEVICE)
+    (result,) = running(DEVICE)
     suspend(other_process)
     lines = []
     try:
         with contextlib.suppress(TimeoutError):
             for _ in range(2 * BACKLOG):
-                lines.append(socket.create_connection(("127.0.0.1", found.port), 0.2))
+                lines.append(socket.create_connection(("127.0.0.1", result.port), 0.2))
         assert len(lines) < 2 * BACKLOG
-        assert lives(found)
+        assert lives(result)
         assert [s.pid for s in running(DEVICE)] == [other_process.pid]
     finally:
         for line in lines:
             line.close()
         other_process.kill()
     other_process.wait()
-    assert not lives(found)
+    assert not lives(result)
 
 
 def test_one_of_many_simultaneous_sessions_gets_the_rig():
@@ -284,8 +284,8 @@ def test_one_of_many_simultaneous_sessions_gets_the_rig():
 )
 @given(noise=st.binary(max_size=6000))
 def test_no_bytes_keep_a_session_from_answering(session, noise):
-    (found,) = running(DEVICE)
-    with connected(found) as line, contextlib.suppress(BrokenPipeError, ConnectionResetError):
+    (result,) = running(DEVICE)
+    with connected(result) as line, contextlib.suppress(BrokenPipeError, ConnectionResetError):
         line.sendall(noise)
-    assert state(found, timeout_s=5) == {}
+    assert state(result, timeout_s=5) == {}
     assert session.asked is None

@@ -159,8 +159,8 @@ def test_a_program_begins_with_its_process_and_a_prompts_command_with_its_call(
     )
     before = time.monotonic_ns()
     done = subprocess.run([sys.executable, "-c", asks], capture_output=True, text=True, check=True)
-    began, asked = map(int, done.stdout.split())
-    assert before - 11_000_000 <= began <= asked - 300_000_000
+    began, called = map(int, done.stdout.split())
+    assert before - 11_000_000 <= began <= called - 300_000_000
     monkeypatch.setattr(sys, "ps1", ">>> ", raising=False)
     now = time.monotonic_ns()
     assert command_began_ns() >= now

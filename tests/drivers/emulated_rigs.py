@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from tests.drivers.firmware.building import rig_program
 
 
-class Door:
+class RigProcess:
     """A rig's process and the path of its terminal."""
 
     def __init__(self, command: list[str]) -> None:
@@ -29,10 +29,10 @@ class Door:
 
 
 @contextmanager
-def python_door(device: str = "mock:?watchdog_s=0.3") -> Iterator[Door]:
+def emulated_rig(device: str = "mock:?watchdog_s=0.3") -> Iterator[RigProcess]:
     """The emulated rig in Python."""
     module = "heli3dof_drivers.emulator.transport_pty"
-    rig = Door([sys.executable, "-m", module, "--device", device, "--with-parent"])
+    rig = RigProcess([sys.executable, "-m", module, "--device", device, "--with-parent"])
     try:
         yield rig
     finally:
@@ -40,9 +40,9 @@ def python_door(device: str = "mock:?watchdog_s=0.3") -> Iterator[Door]:
 
 
 @contextmanager
-def firmware_door(*options: str) -> Iterator[Door]:
+def firmware_rig(*options: str) -> Iterator[RigProcess]:
     """The firmware in C as a program with its own plant; skips where there is no C compiler."""
-    rig = Door([rig_program(), "--with-parent", "--watchdog", "300", *options])
+    rig = RigProcess([rig_program(), "--with-parent", "--watchdog", "300", *options])
     try:
         yield rig
     finally:
