@@ -12,7 +12,7 @@ help:
 	@echo "make demo        fly the mock rig, identify, compare, diagnose, report"
 	@echo "make test        the tests"
 	@echo "make test-kernel-usb  the USB and serial ports through a real Linux USB stack (Debian; fetches 100 MB)"
-	@echo "make check       lint, formatting and types"
+	@echo "make check       lint, formatting, types and wording"
 	@echo "make bench       re-measure every figure in docs/results/benchmarks.md (TOPIC=cli: that one)"
 	@echo "make bench-peers other people's tools on the same flights (long; Octave where installed)"
 	@echo "make bench-hidden flights that hide a cause, and who finds it (long; resumes where it stopped)"
@@ -45,6 +45,7 @@ check: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/python -m tests.docs.wording
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .

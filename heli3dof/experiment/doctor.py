@@ -2,7 +2,7 @@
 
 Group of a check → where it comes from:
 
-- ``door``: the driver's `heli3dof.rig.interface.Driver.examine`, before the port is opened
+- ``port``: the driver's `heli3dof.rig.interface.Driver.examine`, before the port is opened
 - ``computer``: `heli3dof.rig.doctor.host` and the real-time priority that the system grants
 - ``recordings``: `heli3dof.rig.doctor.folder`
 - ``rig``: `heli3dof.rig.doctor.link`, on the open rig
@@ -72,7 +72,7 @@ def doctor(
 
 def _checks(device: str, profile: Profile, folder: Path, arm: bool) -> Iterator[tuple[str, Check]]:
     url = check_url(device)
-    yield from (("door", check) for check in load_driver(url.scheme).examine(url))
+    yield from (("port", check) for check in load_driver(url.scheme).examine(url))
     yield from (("computer", check) for check in host.checks(profile))
     with realtime() as granted:
         # Measured with the priority that a flight gets.

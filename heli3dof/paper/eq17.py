@@ -15,8 +15,6 @@ because the printed numerators have no common four-state realisation.
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import scipy.linalg as la
 
@@ -70,19 +68,9 @@ def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.
 
 
 def paper17_model(
-    profile: Profile,
-    *,
-    corrected: bool = False,
-    dt: float | None = None,
-    mended: bool | None = None,
+    profile: Profile, *, corrected: bool = False, dt: float | None = None
 ) -> LinearModel:
-    """Return eq (17) as printed, or with T_11 ``corrected``, about the profile's V_o.
-
-    ``mended`` is the old name of ``corrected`` and causes a DeprecationWarning.
-    """
-    if mended is not None:
-        warnings.warn("mended= is now corrected=", DeprecationWarning, stacklevel=2)
-        corrected = mended
+    """Return eq (17) as printed, or with T_11 ``corrected``, about the profile's V_o."""
     dt = profile.dt if dt is None else dt
     A, B, C = realisation(corrected=corrected)
     A_d, B_d = held(A, B, dt)

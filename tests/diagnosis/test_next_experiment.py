@@ -123,5 +123,5 @@ def test_a_dropped_cause_is_planned_for_at_its_estimated_size(
 
 
 def test_an_error_is_raised_if_no_plan_can_be_flown(base: Estimate) -> None:
-    with pytest.raises(UsageError, match="No plan can be flown"):
+    with pytest.raises(UsageError, match="No plan separates"):
         recommend(base, [Cause.typical("motor.lag")], plans=[])

@@ -74,7 +74,7 @@ def test_runs_that_creep_by_the_same_voltage_are_reported() -> None:
     """5 and 7 V, 0.9 V more each: 36 % and 15 % of thrust differ by more than twice."""
     (note,) = together([run_of(5, 1.36, 0.9), run_of(7, 1.15, 0.9)])
     assert note["one_size"] == {"thrust": False, "voltage": True}
-    assert "One growth of voltage would do" in note["sentence"]
+    assert "One growth of voltage explains all of them" in note["sentence"]
 
 
 def test_a_run_without_creep_contradicts_both_sizes() -> None:

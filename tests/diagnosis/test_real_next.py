@@ -56,7 +56,7 @@ def test_confounded_terms_are_planned_for_together_by_those_with_an_absence(open
     result = next_free_flight(confounded, plans=["coast-down"])
     assert result is not None
     assert result.separates == ("friction.viscous.yaw", "motor.lag")
-    assert "in one another's place" in result.why
+    assert "these causes are confounded" in result.why
 
 
 def test_half_the_deviation_is_three_times_the_information_in_addition() -> None:

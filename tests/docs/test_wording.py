@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.docs.wording import LONGEST, long_sentences_in, words_in
+from tests.docs.wording import LONGEST, long_sentences_in, places, words_in
 
 
 def found(text: str) -> list[str]:
@@ -34,3 +34,7 @@ def test_tables_code_and_generated_blocks_are_no_sentences() -> None:
     code = "```\n" + "word " * 60 + "\n```"
     made = "<!-- x: made by python -m y -->\n" + "word " * 60 + "\n<!-- end of x -->"
     assert list(long_sentences_in("a.md", "\n\n".join([row, code, made]))) == []
+
+
+def test_the_tree_uses_the_glossarys_words() -> None:
+    assert [str(place) for place in places()] == []

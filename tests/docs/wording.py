@@ -18,15 +18,10 @@ ROOT = Path(__file__).parents[2]
 FILES = ("*.py", "*.md", "*.toml", "*.c", "*.h", "Makefile")
 LONGEST = 35
 """words in a sentence of the docs"""
-REBUILT = "heli3dof/diagnosis/"
+REBUILT = ("heli3dof/diagnosis/", "tests/diagnosis/")
 """The internals of the diagnosis are rebuilt, words included, by an issue of their own"""
-UNREAD = (
-    "tests/golden/documents/",
-    "CHANGELOG.md",
-    "tests/docs/wording.py",
-    "docs/results/benchmarks",
-)
-"""Recorded data, history, and the list itself"""
+UNREAD = ("tests/golden/documents/", "CHANGELOG.md", "tests/docs/", "docs/results/data/")
+"""Recorded data, history, and the list itself with its tests"""
 
 INSTEAD = {
     r"anew": "again",
@@ -53,6 +48,8 @@ PATTERN = re.compile(r"\b(?:" + "|".join(INSTEAD) + r")\b", re.IGNORECASE)
 ALLOWED: dict[str, str] = {
     "leftover": "a key of diagnose --json that the contract fixes",
     "loop_is_known": "a key of info --json",
+    "paper-17-mended": "a name of an earlier version, still read with a warning",
+    '"surely"': "a value of beyond_tolerance in diagnose --json",
 }
 """What a line must contain for its hits to be legitimate, and why"""
 
@@ -116,7 +113,7 @@ def places() -> list[Place]:
     )
     found: list[Place] = []
     for file in listed.stdout.splitlines():
-        if file.startswith((REBUILT, *UNREAD)):
+        if file.startswith((*REBUILT, *UNREAD)):
             continue
         text = (ROOT / file).read_text(encoding="utf-8")
         found += words_in(file, text)

@@ -1,4 +1,4 @@
-"""The body written one axis by itself: rig.md's equations, line by line, and the way there."""
+"""The body with uncoupled axes: rig.md's equations, line by line, and the way there."""
 
 from __future__ import annotations
 

@@ -49,8 +49,3 @@ def test_the_two_readings_differ_in_one_coefficient() -> None:
 def test_it_says_that_it_is_defective_and_is_not_the_default() -> None:
     assert "E14" in paper17_model(PROFILE).extra["defective"]
     assert next(iter(BUILT_IN)) == "hover"
-
-
-def test_the_old_name_of_the_argument_is_read_with_a_warning() -> None:
-    with pytest.warns(DeprecationWarning, match="corrected="):
-        assert paper17_model(PROFILE, mended=True).name == "paper-17-corrected"

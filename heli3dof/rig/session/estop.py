@@ -183,7 +183,7 @@ def request_estop(device: str | None, reason: str) -> EstopResult:
 
 
 def estop(device: str | None = None, reason: str = "heli3dof.estop()") -> EstopResult:
-    """Stop a rig now, or every rig that runs or is found: zero volts, whoever flies it.
+    """Stop a rig now, or every rig that runs or is found: zero volts, whichever process flies it.
 
     ``reason`` is stored in the recording of the flight that it ends. Raises DeviceError if no rig
     was stopped or one did not confirm.

@@ -1,4 +1,4 @@
-"""A profile's loop: its margins hold, its steps are flown, and what is doubtful is said."""
+"""A profile's loop: its margins hold, its steps are flown, doubtful values are reported."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ def test_a_number_that_varies_is_found_where_its_hook_keeps_it(recording: Record
 
 
 def test_a_sample_taken_late_moves_every_angle_by_its_rate(recording: Recording) -> None:
-    """Shift every angle by q̇ δ: the likelihood knows δ's size, and misses it where told 0."""
+    """Shift every angle by q̇ δ: the likelihood knows δ's size, and misses it when given 0."""
     model = nominal(recording.profile)
     t = recording.t
     late = t + 0.003 * np.random.default_rng(1021).standard_normal(len(t))
