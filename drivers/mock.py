@@ -4,8 +4,8 @@
 option and effect. Two clocks:
 
 - ``speed=max`` or a number: a virtual clock. Every exchange is one control period on it.
-- ``speed=real``: the host's clock. The device runs on between exchanges: it catches up the periods
-  that the host missed with the last voltage, and its watchdog counts them.
+- ``speed=real``: the host's clock. The device runs on between exchanges: it simulates
+  the periods that the host missed with the last voltage held. Its watchdog counts these periods.
 
 Both integrate whole control periods only, so the same seed and commands give the same samples.
 """

@@ -1,10 +1,11 @@
-"""The emulated rig as a USB device: descriptors, two bulk pipes around the link, and the stop.
+"""The emulated rig as a USB device: descriptors, two bulk pipes for the link, an emergency stop.
 
     OUT 0x01 ─▶ Endpoint.receive ─┐
                 Endpoint.tick ────┴─▶ IN 0x81
 
-The faults of a bus act here: halted pipes, pipes that answer nothing, lost power. The caller keeps
-the clock, in whole microseconds; nothing waits. Two transports use it: pyusb's backend in this
+The link's bytes go through the two pipes; the emergency stop is a request on endpoint 0. This
+module also simulates bus faults: halted pipes, silent pipes, lost power. The caller keeps the
+clock, in whole microseconds; nothing waits. Two transports use it: pyusb's backend in this
 process (`transport_usb`) and a real Linux USB stack (tests/kernel_usb).
 """
 

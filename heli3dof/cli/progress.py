@@ -2,9 +2,9 @@
 
     step  flying  roll   +5.0°  pitch   -0.1°  yaw    +0.2°  late 0 ━━━━━━━━━──────── 0:12:30
 
-A thread of rich draws it. It reads the loop's state and the loop never waits for it: one redraw
-takes 0.5 ms of processor time (median; 1.0 ms at 90 %), and the loop's thread takes the interpreter
-back after `heli3dof.experiment.control_loop.realtime_priority.SWITCH_S`.
+A thread of rich draws it and reads the loop's state; the loop never waits for it. One redraw takes
+0.5 ms of processor time (median; 90th percentile 1.0 ms). It can hold Python's global interpreter
+lock for `heli3dof.experiment.control_loop.realtime_priority.SWITCH_S` at most.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ USABLE_MIN_S = 5.0
 
 @dataclass(frozen=True)
 class Clock:
-    """The sampling of a recording, from its time stamps: seconds, and shares of samples."""
+    """Sampling statistics of a recording from its time stamps; shares are fractions of samples."""
 
     period_s: float
     nominal_s: float

@@ -26,7 +26,7 @@ _PRESENT = {former: present for present, former in FORMER_NAMES.items()}
 
 
 def present_names(details: Mapping[str, Any]) -> dict[str, Any]:
-    """Outcome details of a recording with the present names, also in their ``link``."""
+    """Return outcome details with former counter names replaced, also inside ``link``."""
     renamed = {_PRESENT.get(name, name): value for name, value in details.items()}
     if isinstance(link := renamed.get("link"), Mapping):
         renamed["link"] = {_PRESENT.get(name, name): value for name, value in link.items()}

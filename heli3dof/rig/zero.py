@@ -105,7 +105,7 @@ def calibrate(
 
 @dataclass(frozen=True)
 class ZeroResult:
-    """The rest counts that `zero` measured."""
+    """Encoder counts at the rest angles, as `zero` measured them."""
 
     device: str
     calibration: Calibration

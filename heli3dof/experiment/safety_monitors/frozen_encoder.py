@@ -132,7 +132,7 @@ class FrozenEncoder(SafetyMonitor):
         return None
 
     def must_still_fall(self) -> bool:
-        """Roll is constant above the table, from where a live axis falls without thrust."""
+        """True while the roll count is constant above the table: the arm must fall from there."""
         return self._airborne and self._axes[0].still_s > LIVE_S
 
     def _report(self, i: int, now: Period) -> Trip | None:

@@ -2,8 +2,8 @@
 
 Hypotheses: an encoder that counts the wrong way, swapped motor leads, a motor that does not turn or
 turns the wrong way. Each gives other accelerations α_H(t) from the same voltages and angles
-(`heli3dof.experiment.safety_monitors.axis_observer`). For each axis, over the last second or two
-before control was lost, the measured angle is fitted by
+(`heli3dof.experiment.safety_monitors.axis_observer`). For each axis, over the last 0.4 s before
+control was lost, the measured angle is fitted by
 
     θ(t) = θ₀ + ω₀ t + ½ b t² + s ∬ α_H dt²        0.4 ≤ s ≤ 2.5
 
@@ -11,7 +11,7 @@ s is the model's gain, b ~ N(0, B²) an unmodelled acceleration (friction, a wro
 With v the mean squared residual and n the number of independent residuals, the hypothesis's score
 is the Gaussian log-likelihood −½ Σ (n ln v + (b/B)²) over the axes that moved. A fault is reported
 only if its score exceeds that of a rig without fault by `SURE`, and every other fault's by
-`DISTINCT`: in the last 0.4 s, or in a longer window if those do not decide.
+`DISTINCT`. If none does, the test is repeated on the longer windows of `WINDOWS_S`, up to 1.6 s.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ SURE, DISTINCT = 10.0, 4.0
 
 
 class Moment(NamedTuple):
-    """One control period before the trip."""
+    """Angles and voltages of one control period; the fault is sought in those before the trip."""
 
     t: float
     """s"""

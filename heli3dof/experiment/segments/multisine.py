@@ -1,12 +1,12 @@
 """``multisine``: sums of cosines added to the voltages, common and difference independent.
 
-    c(t) = A_c Σ_odd  cos(2π k f_0 t + φ_k) / σ_c,     V_front += c + d
-    d(t) = A_d Σ_even cos(2π k f_0 t + φ_k) / σ_d,     V_back  += c − d
+    c(t) = A_c Σ_odd  f_k^−tilt cos(2π f_k t + φ_k) / σ_c,     V_front += c + d
+    d(t) = A_d Σ_even f_k^−tilt cos(2π f_k t + φ_k) / σ_d,     V_back  += c − d
 
-f_0 = 1/duration_s, and the lines lie in ``band_Hz``. Common and difference take every other line,
-so that they are orthogonal over the segment: roll answers to the sum, pitch to the difference. The
-lines' amplitudes fall as 1/f^``tilt``. Of `DRAWS` random sets of phases the one with the lowest
-crest factor is flown. ``common_V`` and ``difference_V`` are RMS values.
+f_k = k/duration_s, within ``band_Hz``. σ is the RMS of its sum, so A_c = ``common_V`` and
+A_d = ``difference_V`` are RMS values (V). Common and difference take every other line, so that they
+are orthogonal over the segment: roll answers to the sum, pitch to the difference. Of `DRAWS` random
+sets of phases the segment uses the one with the lowest crest factor.
 """
 
 from __future__ import annotations

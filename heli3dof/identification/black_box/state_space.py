@@ -84,7 +84,7 @@ def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
-    """One-step errors at the interval of the fit."""
+    """One-step prediction errors of ``chosen`` on each run, at the sampling interval of the fit."""
     ss = chosen.state_space
     if ss.K.any():
         ss = with_stable_predictor(ss, rho=OPEN_RHO)

@@ -93,7 +93,10 @@ def descend(
     v: LeastSquares, z: np.ndarray, *, rounds: int, settled: float,
     say: Callable[[int, float, float], None] | None = None,
 ) -> Descent:  # fmt: skip
-    """Descend until a round gains less than ``settled``; calls ``say(round, first cost, cost)``."""
+    """Minimise the cost from ``z``, until an iteration lowers it by less than ``settled``.
+
+    Ends after ``rounds`` iterations. Calls ``say(iteration, first cost, cost)`` after each.
+    """
     r = v.residuals(z)
     here = begun = v.cost(r, z)
     damping, done, count = DAMPING, False, 0
