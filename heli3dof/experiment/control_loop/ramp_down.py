@@ -122,8 +122,8 @@ def ramp_to_zero(
 
     ``motor`` is the profile's: its V_o and v_max decide where the ramp starts (`ramp_start`).
     ``at_once`` returns why to stop without the rest of the ramp, or None. ``known`` flags are
-    already part of the reason why the flight ended. ``supervision``: None after a flight that was
-    cut short. Never raises.
+    part of the reason why the flight ended and are not reported again. ``supervision`` holds the
+    safety monitors that judge the ramp; None after a flight that was cut short. Never raises.
     """
     if sample is None:
         exchange.stop("the device did not answer")
