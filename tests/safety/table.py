@@ -115,7 +115,7 @@ ROWS = [
         ramp("it"), "error", "ZeroDivisionError", 1, "the exception"),
     Row("nan_from_the_controller", "NaN from the controller", LOOP,
         RAMPED + " from the last voltage", ramp("it"),
-        "tripped", "the controller asked for nan V", 4),
+        "tripped", "the controller's output is nan V", 4),
     Row("encoder_jump", "an encoder jumps", "the loop (`EncoderJump`)", RAMPED, ramp("the jump"),
         "tripped", "encoder jumped by", 4, "which encoder jumped, by how many counts"),
     Row("frozen_encoder", "an encoder freezes", "the loop (`FrozenEncoder`, `SilentEncoder`)",
