@@ -24,13 +24,13 @@ X = TypeVar("X")
 _watcher: ContextVar[Watcher | None] = ContextVar("watcher", default=None)
 
 
-def hands() -> int:
+def worker_count() -> int:
     """The number of threads to use: the cores available to this process, at most `MOST`."""
     affinity = getattr(os, "sched_getaffinity", None)
     return min(MOST, len(affinity(0)) if affinity else os.cpu_count() or 1)
 
 
-def one_thread(function: Callable[P, X]) -> Callable[P, X]:
+def one_blas_thread(function: Callable[P, X]) -> Callable[P, X]:
     """The function with BLAS limited to one thread.
 
     Estimation's matrices are small. On a busy machine several BLAS threads wait for one another,
@@ -50,11 +50,11 @@ def one_thread(function: Callable[P, X]) -> Callable[P, X]:
 @functools.cache
 def _free() -> threading.Semaphore:
     """Counts the idle helper threads."""
-    return threading.Semaphore(hands() - 1)
+    return threading.Semaphore(worker_count() - 1)
 
 
 @contextmanager
-def watched(watcher: Watcher | None) -> Iterator[None]:
+def report_progress(watcher: Watcher | None) -> Iterator[None]:
     """Report progress inside the block: call ``watcher`` after each piece of `in_threads`.
 
     Pieces of nested calls are not reported.
@@ -66,7 +66,7 @@ def watched(watcher: Watcher | None) -> Iterator[None]:
         _watcher.reset(token)
 
 
-def in_threads(work: Callable[[int], X], count: int, *, what: str = "") -> list[X]:
+def parallel_map(work: Callable[[int], X], count: int, *, what: str = "") -> list[X]:
     """The results of ``work(0)`` … ``work(count − 1)``, in order.
 
     ``what`` names the pieces in the plural for `watched`; without it progress is not reported.
@@ -74,7 +74,7 @@ def in_threads(work: Callable[[int], X], count: int, *, what: str = "") -> list[
     """
     pieces = _Pieces(work, count, what)
     helpers: list[threading.Thread] = []
-    with watched(None):
+    with report_progress(None):
         while pieces.left:
             while pieces.left > 1 and _free().acquire(blocking=False):
                 helpers.append(threading.Thread(target=pieces.help, daemon=True))

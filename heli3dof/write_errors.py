@@ -54,7 +54,7 @@ def refusal(path: Path, error: OSError, *, fix: str = ELSEWHERE) -> Heli3dofErro
 
 
 @contextlib.contextmanager
-def explained(path: Path, *, fix: str = ELSEWHERE) -> Iterator[None]:
+def write_errors_explained(path: Path, *, fix: str = ELSEWHERE) -> Iterator[None]:
     """Raise the system's errors about writing ``path`` as ours."""
     try:
         yield

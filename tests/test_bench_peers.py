@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from heli3dof.model.discretisation import held
+from heli3dof.model.discretisation import c2d_zoh
 from heli3dof.rig.profile import default_profile
 from tests.bench import bench_peers
 from tests.bench.__main__ import SLOW, topics
@@ -23,7 +23,7 @@ TRUTH, KNOWN = flights.truth(), flights.known()
 
 def black_box(interval_s: float, *, feedthrough: float = 0.0) -> dict[str, np.ndarray]:
     """The true rig about hover as a discrete model."""
-    A, B = held(*rigid.linearised(TRUTH, KNOWN), interval_s)
+    A, B = c2d_zoh(*rigid.linearised(TRUTH, KNOWN), interval_s)
     zero = {"u0": np.full(2, 7.0), "y0": np.zeros(3)}
     return {
         "A": A, "B": B, "C": np.eye(3, 8), "D": np.full((3, 2), feedthrough),

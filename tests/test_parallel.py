@@ -11,7 +11,7 @@ import pytest
 from heli3dof import parallel
 from heli3dof.diagnosis import diagnose as stages
 from heli3dof.diagnosis.diagnose import Clock
-from heli3dof.parallel import in_threads, watched
+from heli3dof.parallel import parallel_map, report_progress
 
 
 def test_results_are_in_the_order_of_the_pieces() -> None:
@@ -19,15 +19,15 @@ def test_results_are_in_the_order_of_the_pieces() -> None:
         time.sleep(0.02 if i == 0 else 0.0)
         return i * i
 
-    assert in_threads(slow_at_first, 5) == [0, 1, 4, 9, 16]
+    assert parallel_map(slow_at_first, 5) == [0, 1, 4, 9, 16]
 
 
 def test_the_watcher_is_called_for_every_piece_of_named_work_only() -> None:
     reported: list[tuple[str, int, int]] = []
-    with watched(lambda what, done, of: reported.append((what, done, of))):
-        in_threads(abs, 3, what="flights")
-        in_threads(abs, 3)
-    in_threads(abs, 3, what="flights")
+    with report_progress(lambda what, done, of: reported.append((what, done, of))):
+        parallel_map(abs, 3, what="flights")
+        parallel_map(abs, 3)
+    parallel_map(abs, 3, what="flights")
     assert reported == [("flights", 1, 3), ("flights", 2, 3), ("flights", 3, 3)]
 
 
@@ -49,10 +49,10 @@ def test_nested_work_never_uses_more_threads_than_allowed() -> None:
             at_work[0] -= 1
         return i
 
-    sums = in_threads(lambda i: sum(in_threads(part, 4)), 5)
+    sums = parallel_map(lambda i: sum(parallel_map(part, 4)), 5)
     assert sums == [6] * 5
     assert most == [2]
-    assert in_threads(part, 3) == [0, 1, 2]
+    assert parallel_map(part, 3) == [0, 1, 2]
     assert most == [2], "a thread was not given back"
 
 
@@ -64,14 +64,14 @@ def test_a_thread_without_pieces_helps_with_nested_work() -> None:
         time.sleep(0.002)
         by.add(threading.get_ident())
 
-    in_threads(lambda i: [] if i else in_threads(part, 100), 2)
+    parallel_map(lambda i: [] if i else parallel_map(part, 100), 2)
     assert len(by) == 2
 
 
 def test_pieces_of_nested_work_are_not_reported() -> None:
     reported: list[str] = []
-    with watched(lambda what, done, of: reported.append(what)):
-        in_threads(lambda i: in_threads(abs, 2, what="parts"), 2, what="pieces")
+    with report_progress(lambda what, done, of: reported.append(what)):
+        parallel_map(lambda i: parallel_map(abs, 2, what="parts"), 2, what="pieces")
     assert reported == ["pieces"] * 2
 
 
@@ -80,8 +80,8 @@ def test_the_error_of_a_piece_is_raised() -> None:
         return 1 // (2 - i)
 
     with pytest.raises(ZeroDivisionError):
-        in_threads(breaks, 4)
-    assert in_threads(abs, 3) == [0, 1, 2], "the next call still works"
+        parallel_map(breaks, 4)
+    assert parallel_map(abs, 3) == [0, 1, 2], "the next call still works"
 
 
 def test_a_long_stage_reports_progress_and_a_short_one_does_not(

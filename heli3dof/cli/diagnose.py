@@ -65,14 +65,14 @@ def diagnose(
     from heli3dof.diagnosis.next_experiment import next_experiment
     from heli3dof.diagnosis.result import Diagnosis
     from heli3dof.model.model_file import save_model
-    from heli3dof.recording.atomic_write import check_outputs, ours, stem
+    from heli3dof.recording.atomic_write import check_outputs, default_output, stem
     from heli3dof.report.diagnosis_page import diagnosis_page
     from heli3dof.report.html import write_page
 
     out = Output(as_json=as_json, quiet=quiet)
     name = Path(f"{stem(recordings[0])}-extended.json")
     inputs = [*recordings, *(holdout or [])]
-    check_outputs(output or ours(name, force=force), report, force=force, inputs=inputs)
+    check_outputs(output or default_output(name, force=force), report, force=force, inputs=inputs)
     train, faults = _load(out, recordings, profile)
     test, test_faults = _load(out, holdout or [], profile)
     if faults or test_faults:
@@ -88,7 +88,7 @@ def diagnose(
     with stages(out) as stage:
         result = diagnose(train, test or None, quick=quick, seed=seed, says=stage, base=base.value)
         if result.fitted is not None:
-            path = output or ours(name, force=force)
+            path = output or default_output(name, force=force)
             written = str(save_model(result.fitted.model, path, force=force))
             if not quick:
                 stage("Simulating candidates for the next flight …")

@@ -147,13 +147,13 @@ def update(
         check_same_rig,
         read_calibration,
     )
-    from heli3dof.recording.atomic_write import check_output, ours, write_file
+    from heli3dof.recording.atomic_write import check_output, default_output, write_file
     from heli3dof.rig.profile import default_profile, load_profile, profile_from_dict
     from heli3dof.rig.profile_file import changed_text, new_text
 
     out = Output(as_json=as_json, quiet=quiet)
     stem = "rig" if profile is None else profile.stem
-    path = output or ours(Path(f"{stem}-calibrated.toml"), force=force)
+    path = output or default_output(Path(f"{stem}-calibrated.toml"), force=force)
     check_output(path, force=force)
     measured = read_calibration(source)
     if profile is not None:
@@ -240,9 +240,9 @@ def _report(
     out: Output, file: Path | None, profile: Profile, loop: LoopCheck, **more: Any
 ) -> list[str]:
     """Print the loop and the unusual numbers, emit the document, and return the latter."""
-    from heli3dof.rig.profile_remarks import unusual
+    from heli3dof.rig.profile_remarks import unusual_values
 
-    remarks = [*unusual(profile), *loop.unusual()]
+    remarks = [*unusual_values(profile), *loop.unusual()]
     out.show(*_loop_lines(loop))
     for remark in remarks:
         out.warn(remark)

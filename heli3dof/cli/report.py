@@ -33,13 +33,13 @@ def report(
     from heli3dof.comparison.compare import compare
     from heli3dof.model.linear.hover import hover_model
     from heli3dof.paper.reproduction import reproduce
-    from heli3dof.recording.atomic_write import check_outputs, ours, stem
+    from heli3dof.recording.atomic_write import check_outputs, default_output, stem
     from heli3dof.report.flight_report import flight_report
     from heli3dof.report.html import write_page
     from heli3dof.rig.profile import default_profile
 
     out = Output(as_json=as_json, quiet=quiet)
-    path = output or ours(Path(f"{stem(recordings[0])}-report.html"), force=force)
+    path = output or default_output(Path(f"{stem(recordings[0])}-report.html"), force=force)
     check_outputs(path, force=force, inputs=recordings)
     loaded = load_all(out, recordings, profile)
     names = models or ["hover"]

@@ -15,7 +15,12 @@ import numpy as np
 
 from heli3dof.axes import AXES, PITCH, ROLL, YAW
 from heli3dof.model.base import Model
-from heli3dof.model.control.loop_task import instants, loop_task, under_control, why_not_replayed
+from heli3dof.model.control.loop_task import (
+    control_instants,
+    loop_task,
+    under_control,
+    why_not_replayed,
+)
 from heli3dof.recording.recording import Recording
 
 __all__ = ["Replay", "loop_task", "replay", "under_control", "why_not_replayed"]
@@ -49,7 +54,7 @@ def replay(model: Model, recording: Recording) -> Replay:
         away = np.abs(np.degrees(result.angle - np.nan_to_num(task.reference)))
     limit = np.array([DIVERGED_DEG[i] for i in range(len(AXES))])
     lost = ~np.isfinite(result.angle).all(axis=1) | ~(away <= limit).all(axis=1)
-    grid = instants(flown.t, task.dt)
+    grid = control_instants(flown.t, task.dt)
     angle = np.column_stack([np.interp(flown.t, grid, a) for a in result.angle.T])
     voltage = np.column_stack([np.interp(flown.t, grid, v) for v in result.voltage.T])
     diverged_at_s = None

@@ -24,7 +24,7 @@ from heli3dof.model.estimation.ekf_quantised import RATE_0
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.prediction import NOISE
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 HORIZONS_S = (0.1, 0.3, 1.0, 3.0)
@@ -137,7 +137,7 @@ def floor_deg(
         return mean_square(model_ahead(model, flown, horizons_s)[1].errors)
 
     try:
-        squares = in_threads(one, flights)
+        squares = parallel_map(one, flights)
     except RecordingError:
         return covariance_floor_deg(model, recordings, horizons_s), by_formula
     return np.degrees(np.sqrt(np.mean(squares, axis=0))), f"{flights} flights of the model's own"

@@ -36,11 +36,11 @@ from math import erf, sqrt
 import numpy as np
 
 from heli3dof.diagnosis.refits import STAGE_S, Stand, own, refit
-from heli3dof.identification.greybox.multistep import FAR, Fitted, MultiStep, robust, search
-from heli3dof.model.estimation.ekf_jitter import follow
+from heli3dof.identification.greybox.multistep import FAR, MultiStep, MultiStepFit, robust, search
+from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.greybox.multistep import Flight, errors
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 
 CELL_S = 3.0
 DRAWS = 2000
@@ -76,9 +76,9 @@ class Trial:
     """What it costs to do without a term."""
 
     worse: Worse
-    fits: tuple[Fitted, ...] = ()
+    fits: tuple[MultiStepFit, ...] = ()
     """Each fold's without it; none where whole recordings were left out instead"""
-    beside: tuple[Fitted, ...] = ()
+    beside: tuple[MultiStepFit, ...] = ()
     """The same with it"""
 
 
@@ -96,15 +96,15 @@ class Removal:
 class Backward:
     """What is needed, with what each is worth, and what is not."""
 
-    fit: Fitted
+    fit: MultiStepFit
     """With every term"""
-    begun: Fitted
+    begun: MultiStepFit
     """The same, settled at the scales s that all refits share"""
     kept: tuple[Removal, ...]
     """Most needed first"""
     gone: tuple[Removal, ...]
     """In the order in which they went; last, what stayed though these blocks do not show it"""
-    halves: tuple[Fitted, ...] = ()
+    halves: tuple[MultiStepFit, ...] = ()
     """With every term, each fitted to the blocks of one fold alone"""
     first: Stand | None = None
     last: Stand | None = None
@@ -112,7 +112,7 @@ class Backward:
 
 
 def backward(
-    problem: MultiStep, found: Fitted, *, seed: int = 0, says: Says = lambda s: None
+    problem: MultiStep, found: MultiStepFit, *, seed: int = 0, says: Says = lambda s: None
 ) -> Backward:
     """Which terms held-out windows need. ``found`` is the fit of ``problem``."""
     begun = search(problem, found.z, found.noise, stages_s=(STAGE_S,))
@@ -150,7 +150,7 @@ def backward(
     return Backward(found, begun, tuple(kept), tuple(went), alone, first, stand)
 
 
-def glance(found: Fitted) -> Backward:
+def glance(found: MultiStepFit) -> Backward:
     """Without leaving blocks out: in the place of Δ stands how many deviations a term's numbers
     are from its absence, which the fit itself says."""
     each = [
@@ -162,7 +162,7 @@ def glance(found: Fitted) -> Backward:
     return Backward(found, found, kept, tuple(r for r in each if not r.worse.kept))
 
 
-def by_need(found: Fitted) -> list[tuple[str, float]]:
+def by_need(found: MultiStepFit) -> list[tuple[str, float]]:
     """(term, Σ (θ − null)²/σ² of its numbers), least needed first; recordings' own numbers count
     each for itself."""
     p, out = found.problem, {}
@@ -210,7 +210,7 @@ def known_beforehand(problem: MultiStep) -> set[str]:
     return out
 
 
-def traded(found: Fitted, name: str) -> list[str]:
+def traded(found: MultiStepFit, name: str) -> list[str]:
     """Other terms whose numbers are correlated with that one's."""
     free, C = found.structure.free, found.correlation
     mine = [j for j, f in enumerate(free) if f.term == name]
@@ -233,14 +233,14 @@ def removed(stand: Stand, name: str, *, seed: int, instead: str | None = None) -
             loss = [foreign(f, p, i, stand.fit.scale) for f in (less, full)]
             return np.asarray(loss[0] - loss[1])
 
-        return Trial(interval(np.concatenate(in_threads(one, len(p.flights))), seed))
+        return Trial(interval(np.concatenate(parallel_map(one, len(p.flights))), seed))
 
-    def each(i: int) -> tuple[Fitted, np.ndarray]:
+    def each(i: int) -> tuple[MultiStepFit, np.ndarray]:
         fit, test = stand.folds[i]
         less = refit(fit, name, instead)
         return less, np.asarray(cells(less, test, fit.scale) - cells(fit, test, fit.scale))
 
-    tried = in_threads(each, len(stand.folds))
+    tried = parallel_map(each, len(stand.folds))
     worse = interval(np.concatenate([lost for _, lost in tried]), seed)
     return Trial(worse, tuple(fit for fit, _ in tried), tuple(fit for fit, _ in stand.folds))
 
@@ -251,7 +251,7 @@ def costs(stand: Stand, trial: Trial) -> float:
     return sum(less.cost - fit.cost for less, (fit, _) in each)
 
 
-def cells(found: Fitted, test: MultiStep, scale: np.ndarray) -> np.ndarray:
+def cells(found: MultiStepFit, test: MultiStep, scale: np.ndarray) -> np.ndarray:
     """(m,) mean loss of the test's windows in each cell of `CELL_S`, recording by recording."""
     there = replace(test, structure=found.structure, varying=found.problem.varying)
     each = there.errors(found.z, found.noise, STAGE_S)
@@ -265,11 +265,11 @@ def by_cell(flight: Flight, e: np.ndarray, scale: np.ndarray) -> np.ndarray:
     return np.array([loss[cell == c].mean() for c in np.unique(cell)])
 
 
-def foreign(found: Fitted, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
+def foreign(found: MultiStepFit, p: MultiStep, i: int, scale: np.ndarray) -> np.ndarray:
     """(m,) as `cells`, on recording i of ``p``, of which the fit knows nothing."""
     q, flight, a = found.problem, p.flights[i], found.noise
     data = from_climbs_end(p.data[i], int(np.argmax(p.rows[i] == flight.starts[0])))
-    states = follow(q.structure, found.values, data, a[:3], a[3], q.varying).states
+    states = filter_jittered(q.structure, found.values, data, a[:3], a[3], q.varying).states
     X = np.full((len(flight.t), states.shape[1]), np.nan)
     there = p.rows[i] >= 0
     X[p.rows[i][there]] = states[there]

@@ -22,7 +22,7 @@ from heli3dof.diagnosis.trials import Trial, beginning, rings, widened
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.model.effects import Term
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 
 NEARER = 0.1
 """Of the way from nothing to where the screen saw a term: the start of a second attempt."""
@@ -118,10 +118,10 @@ def contend(
         )
         return None if score is None else Contender(term, ext, fit, score, score, None)
 
-    fits = [f for f in in_threads(trial, len(tried), what="fits") if f is not None]
+    fits = [f for f in parallel_map(trial, len(tried), what="fits") if f is not None]
     most = max((f.score for f in fits), default=0.0)
     ranked = [r for r in ranked if OVERTAKES * r[1] > most]
-    fits += [f for f in in_threads(one, len(ranked), what="fits") if f is not None]
+    fits += [f for f in parallel_map(one, len(ranked), what="fits") if f is not None]
     return sorted(fits, key=lambda f: -f.score)
 
 

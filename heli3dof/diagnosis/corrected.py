@@ -41,7 +41,7 @@ from heli3dof.identification.greybox.maximum_likelihood import (
 )
 from heli3dof.model.estimation.filter_data import Data, data_of
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 PILOTS = 8
@@ -168,7 +168,7 @@ def correct(
         here = look(problem, theta, noise)
         model = model_at(problem, theta, noise)
         anew = slopes is None or slopes.moved(theta, noise)
-        flown = in_threads(
+        flown = parallel_map(
             lambda b, m=model, th=theta, a=noise, w=anew: look(  # type: ignore[misc]
                 replace(problem, data=fly_again(m, recordings, problem.data, (seed, 7, b))), th, a,
                 whole=w,

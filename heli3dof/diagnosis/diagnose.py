@@ -36,7 +36,7 @@ from heli3dof.diagnosis.steps import Bench, Step, eliminated, looked_at
 from heli3dof.diagnosis.unnamed import Settled, unnamed
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.model.effects import term
-from heli3dof.parallel import watched
+from heli3dof.parallel import report_progress
 from heli3dof.recording.recording import Recording
 
 FLIGHTS, QUICK_FLIGHTS = 64, 16
@@ -75,7 +75,7 @@ def diagnose(
     train = [recordings] if isinstance(recordings, Recording) else list(recordings)
     held = [] if holdout is None else [holdout] if isinstance(holdout, Recording) else list(holdout)
     clock = Clock(says)
-    with watched(clock.counts):
+    with report_progress(clock.counts):
         return _diagnosed(train, held, clock, quick=quick, seed=seed, base=base)
 
 

@@ -44,7 +44,7 @@ from heli3dof.identification.greybox.likelihood import Likelihood, Pass, score_a
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_SETTLED
 from heli3dof.identification.greybox.method import usable_runs
 from heli3dof.model.estimation.filter_data import LEAD_S, Data, data_of
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 BLOCKS = 5
@@ -80,7 +80,7 @@ def on_blocks(found: Estimate, blocks: int = BLOCKS) -> HeldOut:
         theta = _refitted(found, at, tangents, cuts[k])
         return _evaluate(problem, theta, o.noise, cuts[k])
 
-    return _cells(d, "blocks left out", in_threads(one, len(cuts), what="blocks"))
+    return _cells(d, "blocks left out", parallel_map(one, len(cuts), what="blocks"))
 
 
 def held_out(found: Estimate, holdout: Sequence[Recording]) -> HeldOut:

@@ -18,7 +18,7 @@ from heli3dof.diagnosis.torque import Trail, trail_at
 from heli3dof.diagnosis.torque_hats import Hats
 from heli3dof.identification.greybox.estimate import BLOCK_S, Estimate
 from heli3dof.model.estimation.filter_data import Data
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 
@@ -46,7 +46,7 @@ def simulated(
         g = problem.tangents(o.theta, flight.at) @ flight.at.g
         return library.scores(flight), g - problem.prior_precision * (o.theta - problem.prior_mean)
 
-    both = in_threads(one, flights, what="flights")
+    both = parallel_map(one, flights, what="flights")
     return Scored(np.array([u for u, _ in both]), np.array([g for _, g in both]))
 
 

@@ -24,7 +24,7 @@ from heli3dof.identification.greybox.likelihood import (
     score_and_information,
 )
 from heli3dof.model.physics.state_layout import Stage
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 
 _PROBE = 0.5  # step of the log intensity, as in `fit`
 HELD = ("mass.change.time_s",)
@@ -68,7 +68,7 @@ def look(problem: Likelihood, theta: np.ndarray, noise: np.ndarray, *, whole: bo
     if not whole:
         return centre()
     here: Look
-    here, up, down = in_threads(part, 3)
+    here, up, down = parallel_map(part, 3)
     mid = here.at.loglik
     known = np.isfinite(up) & np.isfinite(mid) & np.isfinite(down)
     up, mid, down = (np.where(known, each, 0.0) for each in (up, mid, down))

@@ -50,7 +50,7 @@ from heli3dof.diagnosis.steps import without
 from heli3dof.diagnosis.thrust_scale import thrust_scale
 from heli3dof.identification.greybox.method import model_of
 from heli3dof.model.greybox.model import nominal
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 Instead = Callable[[Corrected, Choice, Set[str]], Iterable[tuple[Choice, Corrected]]]
@@ -76,7 +76,7 @@ def adopted(
     kept, dropped = list(choices), list[Dropped]()
     asked = {c.term.name for c in choices}
     while True:
-        less = in_threads(lambda i, f=found: without(f, kept[i].term), len(kept))  # type: ignore[misc]
+        less = parallel_map(lambda i, f=found: without(f, kept[i].term), len(kept))  # type: ignore[misc]
         after, *afters = each_held_out((found, *less), holdout)
         gains = [gain(o, after, seed=seed) for o in afters]
         stands = [0.0 if within_a_count(found, c) else stands_out(found, c) for c in kept]
@@ -105,7 +105,7 @@ def adopted(
 
 def each_held_out(fits: Sequence[Corrected], holdout: Sequence[Recording]) -> list[HeldOut]:
     """Every fit on what it has not seen."""
-    return in_threads(lambda i: held_out(fits[i], holdout), len(fits), what="fits")
+    return parallel_map(lambda i: held_out(fits[i], holdout), len(fits), what="fits")
 
 
 def stands_out(found: Corrected, choice: Choice) -> float:
@@ -172,7 +172,7 @@ def fitted(
             return how_wrong(profiles, holdout or train, truth=at, seed=seed)
         return after if found is base else held_out(base, holdout)
 
-    before, wrong = in_threads(both, 2)
+    before, wrong = parallel_map(both, 2)
     floor = {a: _number(wrong.at(1.0, a)[1]) for a in AXES}
     return Fitted(base, found, model, gain(before, after, seed=seed), before, after, wrong, floor)
 

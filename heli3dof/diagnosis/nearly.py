@@ -25,7 +25,7 @@ from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.gain_folds import row_by_row
 from heli3dof.diagnosis.result import Finding
 from heli3dof.diagnosis.select import Choice
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 
 CELL_S = 0.5
 AGREED = 1.0
@@ -57,7 +57,7 @@ def nearly(choice: Choice, here: set[str]) -> Choice:
     ][:ASKED]
     if not asked:
         return choice
-    each = in_threads(lambda i: cells([best, *asked][i]), len(asked) + 1)
+    each = parallel_map(lambda i: cells([best, *asked][i]), len(asked) + 1)
     tied, sure = list(choice.tied_with), choice.confidence
     for c, d in zip(asked, each[1:], strict=True):
         certain = sureness(best.score - c.score, scatter(each[0] - d))

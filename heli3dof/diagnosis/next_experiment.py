@@ -43,7 +43,7 @@ from heli3dof.model.effects import Term, term
 from heli3dof.model.estimation.filter_data import data_of
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.physics.parametrisation import Structure
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 
 AT_ONCE = 2
 """Plans that are asked further before the best is sought again"""
@@ -194,7 +194,7 @@ def _outlooks(
         """The jobs (plan, truth); those of plans that cannot be flown there strike them off."""
         first = [(t, 0) for t in dict.fromkeys(task for task, _ in jobs) if t not in nothing]
         every = [*first, *((task, i + 1) for task, i in jobs)]
-        seen = in_threads(
+        seen = parallel_map(
             lambda j: _scores(base, every[j][0], worlds[every[j][1]], looked), len(every)
         )
         cannot = {task for (task, _), z in zip(every, seen, strict=True) if z is None}

@@ -19,7 +19,7 @@ import numpy as np
 
 from heli3dof.model.compiled import compiled
 from heli3dof.model.control.controller import N_OUT, control_law, parameters, state_at_rest
-from heli3dof.model.estimation.decimated_log import filled
+from heli3dof.model.estimation.decimated_log import with_loop_rows
 from heli3dof.model.greybox.linearisation import balance, true_angles
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.physics.integrator import fly_row, readings, setup, stop_at_table
@@ -71,7 +71,7 @@ def noisy_flight(
         raise ValueError("the loop of this recording is unknown")
     n = len(recording) if rows is None else min(rows, len(recording))
     logged = recording.rows(slice(0, n))
-    part, at = filled(logged)
+    part, at = with_loop_rows(logged)
     n = len(part)
     t = part.t - part.t[0]
     h = np.append(np.diff(t), profile.dt)

@@ -36,7 +36,7 @@ from heli3dof.diagnosis.gumbel import beyond, gumbel
 from heli3dof.diagnosis.looks import look
 from heli3dof.diagnosis.screen import Screen, Seen
 from heli3dof.model.effects import Term
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 FALSE_ALARMS = 0.003
@@ -108,7 +108,7 @@ def simulated_nulls(
         at = look(replace(problem, data=data), o.theta, o.noise, whole=False)
         return screen.see(at, prior=False).z, at.g
 
-    out = in_threads(one, flights, what="flights")
+    out = parallel_map(one, flights, what="flights")
     z = np.array([z for z, _ in out])
     return judged_by(z, len(screen.plain)), np.array([g for _, g in out])
 

@@ -22,7 +22,7 @@ from heli3dof.diagnosis.real_halves import APART, SEEN
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 ONE_TIME = ("mass.change",)
@@ -34,7 +34,7 @@ def only_compared(names: Sequence[str], recordings: Sequence[Recording]) -> set[
     asked = [n for n in names if not n.startswith(ONE_TIME)]
     if len(recordings) < 2 or not asked:
         return set()
-    fits = in_threads(lambda i: _alone(recordings[i], asked), len(recordings))
+    fits = parallel_map(lambda i: _alone(recordings[i], asked), len(recordings))
     told = [f for f in fits if f is not None]
     if len(told) < 2:
         return set()

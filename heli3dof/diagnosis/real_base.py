@@ -26,7 +26,7 @@ from heli3dof.diagnosis.counts import SCALE
 from heli3dof.diagnosis.real_halves import APART, SEEN
 from heli3dof.diagnosis.result import Finding
 from heli3dof.identification.greybox.freeflight import WEIGHT
-from heli3dof.identification.greybox.multistep import Fitted
+from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.model.effects import term
 
 SURE = 1.96
@@ -34,7 +34,7 @@ BASE = 4
 """T_g and the inertias come first among a structure's numbers."""
 
 
-def numbers(fit: Fitted) -> tuple[Calibrated, ...]:
+def numbers(fit: MultiStepFit) -> tuple[Calibrated, ...]:
     """T_g with what every recording's weight adds, and the inertias."""
     out = []
     names, C = fit.structure.names, fit.covariance
@@ -49,7 +49,9 @@ def numbers(fit: Fitted) -> tuple[Calibrated, ...]:
     return tuple(out)
 
 
-def off_profile(whole: Fitted, halves: tuple[Fitted, ...], tolerance: float) -> tuple[Off, ...]:
+def off_profile(
+    whole: MultiStepFit, halves: tuple[MultiStepFit, ...], tolerance: float
+) -> tuple[Off, ...]:
     """What is surely off by more than the tolerance, the surest first."""
     if len(halves) < 2:
         return ()

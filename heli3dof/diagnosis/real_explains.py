@@ -15,7 +15,7 @@ from collections.abc import Container, Sequence
 import numpy as np
 
 from heli3dof.identification.greybox.freeflight import OFFSET, free_rows
-from heli3dof.identification.greybox.multistep import Fitted
+from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.recording.recording import Recording
 
@@ -31,7 +31,7 @@ PENDULUM = "stiffness.pendulum.roll.torque_Nm"
 EXPONENT = "motor.rotor_curve.exponent"
 
 
-def arm_torque(fit: Fitted | GreyBoxModel, roll_deg: float) -> float:
+def arm_torque(fit: MultiStepFit | GreyBoxModel, roll_deg: float) -> float:
     """N·m that lift has to hold there, Γ(r) = (T_g + τ) cos r + k_r sin r."""
     at = dict(zip(fit.structure.names, fit.values, strict=True))
     r = np.radians(roll_deg)
@@ -39,7 +39,9 @@ def arm_torque(fit: Fitted | GreyBoxModel, roll_deg: float) -> float:
     return float(torque + at.get(PENDULUM, 0.0) * np.sin(r))
 
 
-def hover_voltage(fit: Fitted | GreyBoxModel, roll_deg: float, pitch_deg: float = 0.0) -> float:
+def hover_voltage(
+    fit: MultiStepFit | GreyBoxModel, roll_deg: float, pitch_deg: float = 0.0
+) -> float:
     """V per motor that holds the arm there."""
     at = dict(zip(fit.structure.names, fit.values, strict=True))
     p = fit.structure.profile
@@ -48,7 +50,7 @@ def hover_voltage(fit: Fitted | GreyBoxModel, roll_deg: float, pitch_deg: float 
     return float(abs(p.motor.V_o) * max(lift / 2 / hover, 0.0) ** (1 / at.get(EXPONENT, 1.0)))
 
 
-def settles_at(fit: Fitted | GreyBoxModel, voltage_V: float) -> float:
+def settles_at(fit: MultiStepFit | GreyBoxModel, voltage_V: float) -> float:
     """Degrees at which the level arm stands with that voltage on both motors, table or no table."""
     angles = np.linspace(-60, 60, 1201)
     needed = np.array([hover_voltage(fit, a) for a in angles])
@@ -68,7 +70,9 @@ def steady(recording: Recording) -> np.ndarray:
     return np.asarray(np.column_stack([roll, np.degrees(r.angle[:, 1]), V])[rows])
 
 
-def explains(fit: Fitted, recordings: Sequence[Recording], causes: Container[str]) -> list[str]:
+def explains(
+    fit: MultiStepFit, recordings: Sequence[Recording], causes: Container[str]
+) -> list[str]:
     """One sentence for each thing that is seen, as far as its cause was named."""
     said = []
     seen = [steady(r) for r in recordings]

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from heli3dof.diagnosis.refits import own
-from heli3dof.identification.greybox.multistep import Fitted
+from heli3dof.identification.greybox.multistep import MultiStepFit
 
 SEEN = 1.645
 """95 % on one side, in each half"""
@@ -49,7 +49,7 @@ class Seen:
         return self.apart <= APART
 
 
-def seen(halves: tuple[Fitted, ...], name: str) -> Seen | None:
+def seen(halves: tuple[MultiStepFit, ...], name: str) -> Seen | None:
     """None where there are no halves, or the term has no size (its absence is no number)."""
     values = [deviations(h, name) for h in halves]
     if len(values) < 2 or any(v is None for v in values):
@@ -62,7 +62,7 @@ def seen(halves: tuple[Fitted, ...], name: str) -> Seen | None:
     return Seen(u, apart, by_prior)
 
 
-def deviations(fit: Fitted, name: str) -> tuple[float, float, float, bool] | None:
+def deviations(fit: MultiStepFit, name: str) -> tuple[float, float, float, bool] | None:
     """(u, θ, σ, whether the prior alone says so) of a term's first number in one fit.
 
     θ and σ are 0 for what differs by recording, and logarithms of what cannot be zero.
@@ -82,13 +82,13 @@ def deviations(fit: Fitted, name: str) -> tuple[float, float, float, bool] | Non
     return None
 
 
-def _in_coordinates(fit: Fitted, j: int) -> tuple[float, float, bool]:
+def _in_coordinates(fit: MultiStepFit, j: int) -> tuple[float, float, bool]:
     p = fit.problem
     C, before = (np.linalg.inv(H)[j, j] for H in (fit.tangents @ fit.tangents.T + p.prior, p.prior))
     return float(fit.z[j]), float(np.sqrt(C)), bool(LITTLE**2 * before < C)
 
 
-def chi2_of(fit: Fitted, j: int) -> tuple[float, int]:
+def chi2_of(fit: MultiStepFit, j: int) -> tuple[float, int]:
     """(χ², its freedom) of the recordings' own values of parameter j from its absence."""
     p = fit.problem
     at, f = own(p, j), fit.structure.free[j]

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from heli3dof.diagnosis.real_explains import arm_torque, hover_voltage, settles_at
-from heli3dof.identification.greybox.multistep import Fitted
+from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.identification.greybox.weak_form import DIFFERENCE, SPANS_S, log_of, residuals
 from heli3dof.model.estimation.filter_data import climb_rows
 from heli3dof.model.greybox.multistep import errors
@@ -51,7 +51,7 @@ ONE_SIZE = 2.0
 
 
 def still_hidden(
-    fit: Fitted, flights: Sequence[Recording], runs: Sequence[Recording] = ()
+    fit: MultiStepFit, flights: Sequence[Recording], runs: Sequence[Recording] = ()
 ) -> list[dict[str, Any]]:
     """JSON-able, each with its ``sentence``; ``flights`` are the fit's, ``runs`` are not."""
     out = [x for i, r in enumerate(flights) for x in take_off(fit, i, r)]
@@ -59,7 +59,7 @@ def still_hidden(
     return out + list(together([c for r in runs if (c := crept(fit, r)) is not None]))
 
 
-def take_off(fit: Fitted, i: int, recording: Recording) -> Iterator[dict[str, Any]]:
+def take_off(fit: MultiStepFit, i: int, recording: Recording) -> Iterator[dict[str, Any]]:
     """How the climb of the fit's recording i goes, and how the model says it should."""
     p, flight = fit.problem, fit.problem.flights[i]
     off = np.flatnonzero(~table_of(recording)[1])
@@ -98,7 +98,7 @@ def take_off(fit: Fitted, i: int, recording: Recording) -> Iterator[dict[str, An
     }  # fmt: skip
 
 
-def _pitch(fit: Fitted, i: int, k: int, n: int) -> tuple[float, float, float]:
+def _pitch(fit: MultiStepFit, i: int, k: int, n: int) -> tuple[float, float, float]:
     """Mean p̈ over the climb, rows k + spun up … k + n: measured, the model's, its deviation."""
     p = fit.problem
     flight = p.flights[i]
@@ -159,7 +159,7 @@ def constant_voltage(recording: Recording) -> tuple[int, int] | None:
     return int(on[0]), int(on[-1])
 
 
-def crept(fit: Fitted, recording: Recording) -> Crept | None:
+def crept(fit: MultiStepFit, recording: Recording) -> Crept | None:
     """None where no constant voltage held the arm off the table long enough."""
     r, on = recording, constant_voltage(recording)
     if on is None:
@@ -180,7 +180,7 @@ def crept(fit: Fitted, recording: Recording) -> Crept | None:
     )
 
 
-def creep(fit: Fitted, recording: Recording) -> Iterator[dict[str, Any]]:
+def creep(fit: MultiStepFit, recording: Recording) -> Iterator[dict[str, Any]]:
     """Whether the arm keeps moving at a constant voltage, and where the model says it stands."""
     c = crept(fit, recording)
     if c is None or (not c.creeps and abs(c.model_deg - c.early_deg) < OFF_DEG):

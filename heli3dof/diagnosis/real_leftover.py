@@ -18,8 +18,8 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.diagnosis.leftover import Leftover
-from heli3dof.identification.greybox.multistep import Fitted
-from heli3dof.identification.greybox.weak_form import SPANS_S, Log, log_of, residuals
+from heli3dof.identification.greybox.multistep import MultiStepFit
+from heli3dof.identification.greybox.weak_form import SPANS_S, SmoothedFlight, log_of, residuals
 
 SPAN_S = SPANS_S[0]
 BLOCK_S = 3.0
@@ -30,7 +30,7 @@ NEARLY = 0.8
 DRAWS = 500
 
 
-def leftovers(fit: Fitted) -> tuple[Leftover, ...]:
+def leftovers(fit: MultiStepFit) -> tuple[Leftover, ...]:
     """At most one for each axis, the largest share first."""
     logs = [log_of(f) for f in fit.problem.flights]
     e = residuals(fit.problem, logs, fit.z)[0]
@@ -58,7 +58,7 @@ def leftovers(fit: Fitted) -> tuple[Leftover, ...]:
     return tuple(sorted(found, key=lambda f: -f.share))
 
 
-def _spans(logs: list[Log]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+def _spans(logs: list[SmoothedFlight]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Rows of `residuals` that do not overlap, their time (recordings apart), the variables."""
     rows, t, at = [], [], 0
     x: dict[str, list[np.ndarray]] = {}

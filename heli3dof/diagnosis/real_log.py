@@ -59,11 +59,11 @@ from heli3dof.identification.greybox.freeflight import (
     flight_of,
     model_of,
 )
-from heli3dof.identification.greybox.multistep import Fitted as Fit
-from heli3dof.identification.greybox.noise_check import why_freeflight
+from heli3dof.identification.greybox.multistep import MultiStepFit as Fit
+from heli3dof.identification.greybox.noise_check import likelihood_obstacle
 from heli3dof.model.effects import terms
 from heli3dof.model.greybox.model import nominal
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 METHOD = (
@@ -89,7 +89,7 @@ def no_likelihood(recordings: Sequence[Recording]) -> str:
     whole = _whole(recordings)
     if not whole or any(r.profile.controller is not None for r in whole):
         return ""
-    return why_freeflight(whole)
+    return likelihood_obstacle(whole)
 
 
 def diagnose_real(
@@ -204,7 +204,7 @@ def _without(
         a, b = (left_out([model_of(f, whole, "") for f in fits], whole) for fits in (less, beside))
         return a, b
 
-    return dict(zip([r.term for r in causes], in_threads(one, len(causes)), strict=True))
+    return dict(zip([r.term for r in causes], parallel_map(one, len(causes)), strict=True))
 
 
 def _flown(fit: Fit, whole: Sequence[Recording], held: Sequence[Recording]) -> Flown:

@@ -22,7 +22,7 @@ from typing import Any
 from heli3dof.diagnosis.backward import Backward, Removal, known_beforehand, traded
 from heli3dof.diagnosis.real_halves import deviations, seen
 from heli3dof.diagnosis.real_next import Open
-from heli3dof.identification.greybox.multistep import Fitted
+from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.model.greybox.model import GreyBoxModel
 
 SURE = 0.95
@@ -30,7 +30,7 @@ LITTLE = 0.7
 """σ over the prior's: from there on the recordings have said little."""
 
 
-def apart(fit: Fitted, name: str) -> float:
+def apart(fit: MultiStepFit, name: str) -> float:
     """P of the term's first number; 1 where it has no absence."""
     found = deviations(fit, name)
     return 1.0 if found is None else math.erf(abs(found[0]) / math.sqrt(2))
@@ -103,7 +103,7 @@ def _why(found: Backward, r: Removal) -> str:
     return f"left-out blocks need it{other}, but its size is not significant"
 
 
-def sizes(fit: Fitted, name: str) -> dict[str, dict[str, float | str]]:
+def sizes(fit: MultiStepFit, name: str) -> dict[str, dict[str, float | str]]:
     """Parameter → value and deviation, before (mean, deviation) and after, in ``unit``."""
     p = fit.problem
     out: dict[str, dict[str, float | str]] = {}
@@ -120,7 +120,7 @@ def sizes(fit: Fitted, name: str) -> dict[str, dict[str, float | str]]:
     return out
 
 
-def unseen(fit: Fitted, causes: list[Removal]) -> Iterator[str]:
+def unseen(fit: MultiStepFit, causes: list[Removal]) -> Iterator[str]:
     """Terms without a name of which the recordings said little: what they cannot show."""
     here = {r.term for r in causes}
     for t in fit.structure.terms:

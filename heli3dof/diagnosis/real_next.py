@@ -31,9 +31,9 @@ from heli3dof.diagnosis.refits import STAGE_S
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.identification.greybox.freeflight import problem_of
-from heli3dof.identification.greybox.multistep import Fitted, MultiStep, valley
+from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, valley
 from heli3dof.model.greybox.model import GreyBoxModel
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 
 SURE = 1.96
 MOST = 3
@@ -44,7 +44,7 @@ MOST = 3
 class Open:
     """What a fit leaves open: terms that were needed and not surely sized, or not seen at all."""
 
-    fit: Fitted
+    fit: MultiStepFit
     model: GreyBoxModel
     """The fitted rig, to be flown"""
     names: tuple[str, ...]
@@ -97,7 +97,7 @@ def next_free_flight(
         A = information(open_, wished[i], seed)
         return None if A is None else np.sqrt(np.diag(np.linalg.inv(H + A)))
 
-    seen = in_threads(one, len(wished), what="plans")
+    seen = parallel_map(one, len(wished), what="plans")
     told = {
         plan.name: (plan.duration_s, [w.shown(s[w.at] * w.slope) for w in asked])
         for plan, s in zip(wished, seen, strict=True)
@@ -172,7 +172,7 @@ def link(p: MultiStep) -> np.ndarray:
     return L
 
 
-def _common(fit: Fitted) -> np.ndarray:
+def _common(fit: MultiStepFit) -> np.ndarray:
     """(n, n) covariance of the common coordinates."""
     H = fit.tangents @ fit.tangents.T + fit.problem.prior
     return np.asarray(np.linalg.inv(H)[: fit.problem.n, : fit.problem.n])

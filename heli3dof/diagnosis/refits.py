@@ -13,12 +13,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from heli3dof.identification.greybox.levenberg_marquardt import FRESH, follow_on
-from heli3dof.identification.greybox.multistep import SETTLED, Fitted, MultiStep, valley
+from heli3dof.identification.greybox.multistep import SETTLED, MultiStep, MultiStepFit, valley
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.model.effects import terms
 from heli3dof.model.greybox.multistep import Flight
 from heli3dof.model.physics.parametrisation import Structure
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 
 STAGE_S = (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
 BLOCK_S = 6.0
@@ -35,30 +35,30 @@ class Stand:
     """A fit, the same to each fold's blocks beside that fold's own windows, and (made when asked
     for) the same to all recordings but one."""
 
-    fit: Fitted
-    folds: tuple[tuple[Fitted, MultiStep], ...]
-    _others: dict[int, Fitted] = field(default_factory=dict)
+    fit: MultiStepFit
+    folds: tuple[tuple[MultiStepFit, MultiStep], ...]
+    _others: dict[int, MultiStepFit] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, fit: Fitted) -> Stand:
+    def of(cls, fit: MultiStepFit) -> Stand:
         return cls(fit, tuple(folds_of(fit)))
 
-    def but(self, i: int) -> Fitted:
+    def but(self, i: int) -> MultiStepFit:
         """To all recordings but that one."""
         if i not in self._others:
             kept = [j for j in range(len(self.fit.problem.flights)) if j != i]
             self._others[i] = only(kept, self.fit)
         return self._others[i]
 
-    def without(self, name: str, fits: Sequence[Fitted] = ()) -> Stand:
+    def without(self, name: str, fits: Sequence[MultiStepFit] = ()) -> Stand:
         """All of it without that term; ``fits``: the folds' own, where they were made before."""
-        each = list(fits) or in_threads(lambda k: refit(self.folds[k][0], name), len(self.folds))
+        each = list(fits) or parallel_map(lambda k: refit(self.folds[k][0], name), len(self.folds))
         tests = [test for _, test in self.folds]
         whole = refit(self.fit, name)
         return Stand(whole, tuple(zip(each, tests, strict=True)))
 
 
-def refit(found: Fitted, name: str, instead: str | None = None) -> Fitted:
+def refit(found: MultiStepFit, name: str, instead: str | None = None) -> MultiStepFit:
     """The fit with that term left out, ``instead`` in its place."""
     names = [t.name for t in found.structure.terms if t.name != name]
     if instead is not None:
@@ -74,12 +74,12 @@ def refit(found: Fitted, name: str, instead: str | None = None) -> Fitted:
 
 
 def warm(
-    found: Fitted, new: MultiStep, z: np.ndarray, D: np.ndarray | None, fresh: int = FRESH
-) -> Fitted:
+    found: MultiStepFit, new: MultiStep, z: np.ndarray, D: np.ndarray | None, fresh: int = FRESH
+) -> MultiStepFit:
     """The minimum of ``new`` next to ``z`` (dim,), whose tangents are about D (dim, R)."""
     v = valley(new, found.noise, STAGE_S, found.scale)
     r = follow_on(v, z, D, settled=SETTLED, fresh=fresh)
-    return Fitted(new, r.z, found.noise, found.scale, r.cost, r.tangents, r.rounds, r.settled)
+    return MultiStepFit(new, r.z, found.noise, found.scale, r.cost, r.tangents, r.rounds, r.settled)
 
 
 def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
@@ -93,7 +93,7 @@ def restructured(p: MultiStep, names: Sequence[str]) -> MultiStep:
     )
 
 
-def moved(found: Fitted, new: MultiStep) -> tuple[np.ndarray, np.ndarray]:
+def moved(found: MultiStepFit, new: MultiStep) -> tuple[np.ndarray, np.ndarray]:
     """(dim,) of ``new``: what both have stays, what is new stands at its prior; and the tangents
     (dim, R), NaN for what is new."""
     old, z = found.problem, new.start.copy()
@@ -114,11 +114,11 @@ def own(problem: MultiStep, j: int) -> list[int]:
     return [problem.n + i * len(problem.own) + b for i in range(len(problem.flights))]
 
 
-def folds_of(found: Fitted) -> list[tuple[Fitted, MultiStep]]:
+def folds_of(found: MultiStepFit) -> list[tuple[MultiStepFit, MultiStep]]:
     """For each fold: the fit to the others' blocks, with tangents anew, and its own windows."""
     p = found.problem
 
-    def one(fold: int) -> tuple[Fitted, MultiStep]:
+    def one(fold: int) -> tuple[MultiStepFit, MultiStep]:
         split = [halves(f, fold) for f in p.flights]
         train = replace(p, flights=tuple(a for a, _ in split))
         test = replace(p, flights=tuple(b for _, b in split))
@@ -128,10 +128,10 @@ def folds_of(found: Fitted) -> list[tuple[Fitted, MultiStep]]:
         D = v.tangents(fit.z, v.residuals(fit.z))  # many fits and a σ will rest on them
         return warm(found, train, fit.z, D), test
 
-    return in_threads(one, FOLDS)
+    return parallel_map(one, FOLDS)
 
 
-def of_windows(found: Fitted, kept: np.ndarray) -> np.ndarray:
+def of_windows(found: MultiStepFit, kept: np.ndarray) -> np.ndarray:
     """(dim, R') the tangents of those windows (S,) bool."""
     each = found.tangents.reshape(len(found.z), len(kept), -1)
     return np.asarray(each[:, kept].reshape(len(found.z), -1))
@@ -148,7 +148,7 @@ def halves(flight: Flight, fold: int) -> tuple[Flight, Flight]:
     return replace(flight, starts=flight.starts[train]), replace(flight, starts=flight.starts[test])
 
 
-def only(which: Sequence[int], found: Fitted) -> Fitted:
+def only(which: Sequence[int], found: MultiStepFit) -> MultiStepFit:
     """The fit to these recordings of the problem alone."""
     p = found.problem
     part = replace(

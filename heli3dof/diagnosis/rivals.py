@@ -31,7 +31,7 @@ from heli3dof.diagnosis.corrected import Corrected, correct, fly_again, model_at
 from heli3dof.diagnosis.nulls import Nulls
 from heli3dof.diagnosis.occam import price
 from heli3dof.diagnosis.select import EVEN, TIE, Choice, this_one
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 FALSE = 3.0
@@ -126,7 +126,7 @@ def likelihoods(
             for f in fits
         ])  # fmt: skip
 
-    flown = in_threads(all_of, len(fits) * FLIGHTS, what="flights of rivals")
+    flown = parallel_map(all_of, len(fits) * FLIGHTS, what="flights of rivals")
     return all_of(-1), np.array(flown).reshape(len(fits), FLIGHTS, len(fits))
 
 

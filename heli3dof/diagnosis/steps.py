@@ -29,7 +29,7 @@ from heli3dof.identification.greybox.maximum_likelihood import Optimum
 from heli3dof.identification.row_selection import unusable
 from heli3dof.model.effects import Term
 from heli3dof.model.physics.parametrisation import Structure
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 TRIAL_FLIGHTS = 12
@@ -285,7 +285,7 @@ def eliminated(
     taken = [s for s in steps if s.choice is not None]
     if len(taken) > 1:  # beside each other; what is without each is asked for again (`measured`)
         terms = [s.choice.term for s in taken if s.choice is not None]
-        in_threads(
+        parallel_map(
             lambda i: without(found, terms[i]) if i < len(terms) else full(found, True),
             len(terms) + 1,
         )

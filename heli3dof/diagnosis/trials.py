@@ -32,7 +32,7 @@ from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import better_noise
 from heli3dof.model.effects import Term, effects, terms
 from heli3dof.model.estimation.filter_data import Data
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 
 WORTH = 40.0
 """Δℓ of the first of the ``starts`` from which on a term is fitted: play scores hundreds there,
@@ -94,7 +94,7 @@ def trials(
         at = np.append(theta, ext.structure.free[-1].inward(value))
         return Trial(asked[k], value, float(ext.run(at, noise, keep=0).loglik.sum()) - none)
 
-    return [t for t in in_threads(one, len(asked), what="trials") if t.gain > WORTH]
+    return [t for t in parallel_map(one, len(asked), what="trials") if t.gain > WORTH]
 
 
 def standing_out(
@@ -109,7 +109,7 @@ def standing_out(
         none = replace(problem, data=nulls[b]).run(theta, noise, keep=0).loglik.sum()
         return float(with_it - none)
 
-    gains = np.array(in_threads(one, len(nulls), what="flights"))
+    gains = np.array(parallel_map(one, len(nulls), what="flights"))
     return bool(found.gain > gains.max() + WORTH)
 
 

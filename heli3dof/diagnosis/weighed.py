@@ -42,7 +42,7 @@ from heli3dof.diagnosis.looks import look
 from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_HIGH, NOISE_LOW
 from heli3dof.model.estimation.filter_data import Data
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 from heli3dof.recording.recording import Recording
 
 FLIGHTS = 24
@@ -150,7 +150,7 @@ def flown(
         seen = look(replace(problem, data=data), theta, noise)
         return np.concatenate([seen.g, seen.slope, edge_rates(data)]), seen.H
 
-    out = in_threads(one, flights, what=f"flights, weighed, round {what}")
+    out = parallel_map(one, flights, what=f"flights, weighed, round {what}")
     m = np.array([m for m, _ in out])
     mean = m.mean(axis=0)
     effects = signs.T @ m / flights if moved else np.zeros((6, n + 6))

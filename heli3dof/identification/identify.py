@@ -21,7 +21,7 @@ from heli3dof.identification.validation import WARM_UP_S, Metrics, metrics
 from heli3dof.model.base import Model
 from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.linear.model import LinearModel
-from heli3dof.parallel import one_thread
+from heli3dof.parallel import one_blas_thread
 from heli3dof.recording.recording import Recording
 
 FEEDBACK_TEST_S = 0.02
@@ -41,7 +41,7 @@ OPEN_LOOP_WARNING = (
 )
 
 
-@one_thread
+@one_blas_thread
 def identify(
     recordings: Recording | Sequence[Recording],
     *,

@@ -25,7 +25,7 @@ from heli3dof.axes import AXES
 from heli3dof.errors import RecordingError
 from heli3dof.identification.row_selection import REASONS, clipped, stretches, unusable
 from heli3dof.model.estimation.filter_data import LOST, Run, Stretch
-from heli3dof.recording.gap_filling import GAP, bridged
+from heli3dof.recording.gap_filling import GAP, fill_gaps
 from heli3dof.recording.recording import Recording
 
 SEGMENT_MIN_S = 1.0
@@ -202,7 +202,7 @@ def segments(prepared: Prepared, runs: Sequence[Run], factor: int) -> list[Segme
     out = []
     for run in runs:
         rec = prepared.recordings[run.source].rows(slice(run.start, run.stop))
-        rec, own = bridged(rec, LOST)
+        rec, own = fill_gaps(rec, LOST)
         count = len(rec) // factor
         if count < 2:
             continue

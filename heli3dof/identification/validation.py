@@ -19,7 +19,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.identification.preprocessing import Prepared
 from heli3dof.model.base import Model
-from heli3dof.model.control.loop_task import instants, loop_task, why_not_replayed
+from heli3dof.model.control.loop_task import control_instants, loop_task, why_not_replayed
 from heli3dof.model.estimation.filter_data import LOST, Run
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
@@ -151,7 +151,7 @@ def replays(
         task = loop_task(recording)
         with np.errstate(over="ignore", invalid="ignore"):
             flown = model.fly(task).angle
-        grid = instants(recording.t, task.dt)
+        grid = control_instants(recording.t, task.dt)
         angle = np.column_stack([np.interp(recording.t, grid, a) for a in flown.T])
         # A diverged loop counts as a huge error, not as missing rows.
         angle = np.where(np.isfinite(angle) & (np.abs(angle) < 1e6), angle, 1e6)

@@ -56,7 +56,7 @@ class Continuous:
     method: Literal["hold", "bilinear"]
 
 
-def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+def c2d_zoh(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """(A_d, B_d): the exact discretisation of ẋ = A x + B u with u held for dt (s)."""
     n, m = B.shape
     M = np.zeros((n + m, n + m))
@@ -65,7 +65,7 @@ def held(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarra
     return E[:n, :n], E[:n, n:]
 
 
-def released(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray] | None:
+def d2c_zoh(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray] | None:
     """(A, B) whose zero-order hold at dt (s) is (A_d, B_d); None if there is none."""
     z: np.ndarray = np.linalg.eigvals(A_d)
     if np.any((z.real <= 0) & (abs(z.imag) <= 1e-9 * np.maximum(1, abs(z)))):
@@ -84,7 +84,7 @@ def released(A_d: np.ndarray, B_d: np.ndarray, dt: float) -> tuple[np.ndarray, n
 
 def continuous(model: Sampled) -> Continuous:
     """The continuous-time model of a discrete one: inverse zero-order hold, else bilinear."""
-    zoh = released(model.A, model.B, model.dt)
+    zoh = d2c_zoh(model.A, model.B, model.dt)
     if zoh is not None:
         return Continuous(*zoh, model.C, np.zeros((3, 2)), "hold")
     # z = (1 + s dt/2)/(1 − s dt/2), with P = (A_d + I)⁻¹

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.linalg as la
 
 from heli3dof.model.control.closed_loop_poles import rightmost_first
-from heli3dof.model.discretisation import held
+from heli3dof.model.discretisation import c2d_zoh
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.rig.profile import Profile
 
@@ -73,7 +73,7 @@ def paper17_model(
     """Return eq (17) as printed, or with T_11 ``corrected``, about the profile's V_o."""
     dt = profile.dt if dt is None else dt
     A, B, C = realisation(corrected=corrected)
-    A_d, B_d = held(A, B, dt)
+    A_d, B_d = c2d_zoh(A, B, dt)
     return LinearModel(
         name="paper-17-corrected" if corrected else "paper-17",
         kind="paper17",

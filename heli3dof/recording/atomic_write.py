@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from heli3dof.errors import OutputExists, UsageError
-from heli3dof.write_errors import ELSEWHERE, explained
+from heli3dof.write_errors import ELSEWHERE, write_errors_explained
 
 RECORDINGS = (".mcap", ".parquet")
 """Endings of files that heli3dof writes and no importer reads"""
@@ -69,7 +69,7 @@ def check_outputs(
 def check_output(path: Path, *, force: bool, fix: str = ELSEWHERE) -> None:
     """Raise OutputExists, UsageError or NoSpace if ``path`` cannot be created."""
     _check_name(path, force=force)
-    with explained(path, fix=fix):
+    with write_errors_explained(path, fix=fix):
         place = path.resolve()
         if place.exists() and not place.is_file():  # a pipe or a device
             if not os.access(place, os.W_OK):
@@ -83,7 +83,7 @@ def check_folder(folder: Path, *, fix: str = ELSEWHERE) -> None:
 
     A missing folder is judged by the nearest existing one above it, and not created.
     """
-    with explained(folder, fix=fix):
+    with write_errors_explained(folder, fix=fix):
         there = folder.absolute()
         while not there.exists() and there != there.parent:
             there = there.parent
@@ -92,7 +92,7 @@ def check_folder(folder: Path, *, fix: str = ELSEWHERE) -> None:
 
 def new_folder(folder: Path, *, fix: str = ELSEWHERE) -> Path:
     """Create the folder and those above it; raises as `check_folder`."""
-    with explained(folder, fix=fix):
+    with write_errors_explained(folder, fix=fix):
         folder.mkdir(parents=True, exist_ok=True)
     check_folder(folder, fix=fix)
     return folder
@@ -111,7 +111,7 @@ def _probe(folder: Path) -> None:
 
 def _check_name(path: Path, *, force: bool) -> None:
     """Raise OutputExists or UsageError for a name that cannot be used."""
-    with explained(path):
+    with write_errors_explained(path):
         there, folder = path.exists(), path.is_dir()
     if folder:
         raise UsageError(
@@ -133,7 +133,7 @@ def _check_name(path: Path, *, force: bool) -> None:
         )
 
 
-def ours(path: Path, *, force: bool) -> Path:
+def default_output(path: Path, *, force: bool) -> Path:
     """A default output's path: ``path`` itself with ``force``, else a name that is free."""
     return path if force else unused(path)
 
@@ -171,11 +171,11 @@ def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
     check_output(path, force=force)
     path = path.resolve()  # a link stays a link; its target is replaced
     if path.exists() and not path.is_file():  # write to /dev/stdout, do not replace it
-        with explained(path), path.open("wb", buffering=0) as stream:
+        with write_errors_explained(path), path.open("wb", buffering=0) as stream:
             yield stream
         return
     part = path.with_name(f".{path.name[:NAME_KEPT]}.{os.getpid()}.part")
-    with explained(path):
+    with write_errors_explained(path):
         try:
             with part.open("x+b", buffering=0) as stream:
                 yield stream

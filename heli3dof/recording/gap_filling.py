@@ -31,7 +31,7 @@ def missing(t: np.ndarray, dt: float) -> np.ndarray:
     return np.asarray(np.maximum(np.round((d - late) / dt).astype(int) - 1, 0))
 
 
-def bridged(recording: Recording, longest: float) -> tuple[Recording, np.ndarray]:
+def fill_gaps(recording: Recording, longest: float) -> tuple[Recording, np.ndarray]:
     """The recording with inserted rows, and the indices (N,) of its own rows in it.
 
     Intervals of more than ``longest`` periods remain gaps. Without missing samples the recording

@@ -42,7 +42,7 @@ from pydantic import TypeAdapter, ValidationError
 from heli3dof.rig.interface import Identity
 from heli3dof.rig.session.paths import state_folder
 from heli3dof.rig.uptime import CLOCK_TOLERANCE, wrapped_difference_s
-from heli3dof.write_errors import explained
+from heli3dof.write_errors import write_errors_explained
 
 Counts = tuple[int, int, int]
 START_TOLERANCE_S = 2.0
@@ -65,7 +65,7 @@ class Calibration:
 
 
 @dataclass(frozen=True, slots=True)
-class Rest:
+class RestCounts:
     """The counts at the rest angles that a session uses, and where they come from."""
 
     counts_at_rest: Counts
@@ -83,24 +83,24 @@ class Rest:
         return about | ({"note": self.note} if self.note else {})
 
 
-POWER_UP = Rest((0, 0, 0), "power-up")
+COUNTS_AT_POWER_UP = RestCounts((0, 0, 0), "power-up")
 
 
-def rest_of(identity: Identity) -> Rest:
+def rest_counts_of(identity: Identity) -> RestCounts:
     """The counts at rest of the device with this identity; see the table above."""
     try:
         stored = load_calibration(identity.serial)
     except ValueError as problem:
         note = f"the stored rest angles cannot be read ({problem}): run heli3dof zero again"
-        return replace(POWER_UP, note=note)
+        return replace(COUNTS_AT_POWER_UP, note=note)
     if stored is None:
-        return POWER_UP
+        return COUNTS_AT_POWER_UP
     if stored.counts_per_rev != identity.counts_per_rev:
         note = (
             f"the rest angles stored on {stored.zeroed_utc} are for encoders of "
             f"{stored.counts_per_rev} counts and are not used: run heli3dof zero again"
         )
-        return replace(POWER_UP, note=note)
+        return replace(COUNTS_AT_POWER_UP, note=note)
     same_start = _same_start(stored, identity)
     if stored.boot != identity.boot or same_start is False:
         repeated = identity.boot is not None and stored.boot == identity.boot
@@ -113,14 +113,14 @@ def rest_of(identity: Identity) -> Rest:
             "assumes that the rig was at rest when the device started; if it was not, run "
             "heli3dof zero again"
         )
-        return replace(POWER_UP, note=note)
+        return replace(COUNTS_AT_POWER_UP, note=note)
     note = ""
     if identity.boot is None and same_start is None:
         note = (
             f"rest angles of heli3dof zero on {stored.zeroed_utc}; this device does not report "
             "restarts: if it was switched off since, run heli3dof zero again"
         )
-    return Rest(stored.counts_at_rest, "zero", note)
+    return RestCounts(stored.counts_at_rest, "zero", note)
 
 
 def _same_start(stored: Calibration, identity: Identity) -> bool | None:
@@ -166,7 +166,7 @@ def load_calibration(serial: str) -> Calibration | None:
 def store_calibration(calibration: Calibration) -> Path:
     """Write the calibration atomically; returns the file. Raises UsageError or NoSpace."""
     own = "set XDG_STATE_HOME to a folder of your own"
-    with explained(Path("~/.local/state"), fix=own):
+    with write_errors_explained(Path("~/.local/state"), fix=own):
         path = calibration_path(calibration.serial)
     c = calibration
     lines = [
@@ -180,7 +180,7 @@ def store_calibration(calibration: Calibration) -> Path:
         f"device = {_text(c.device)}",
     ]
     new = path.with_suffix(f".{os.getpid()}.new")
-    with explained(path, fix=own):
+    with write_errors_explained(path, fix=own):
         path.parent.mkdir(parents=True, exist_ok=True)
         new.write_text("\n".join(lines) + "\n", encoding="utf-8")
         new.replace(path)

@@ -18,7 +18,7 @@ DRIFT = 100e-6
 """s per s: the largest difference between two crystals"""
 
 
-class ClockMap:
+class ClockOffset:
     """Tracks one device's clock; times in seconds."""
 
     def __init__(self, device_s: float, host_s: float) -> None:

@@ -41,7 +41,7 @@ def estimated_hover_voltage(profile: Profile) -> float:
     return size if rest == 0 else abs(size) * (-1 if rest > 0 else 1)
 
 
-def unusual(profile: Profile) -> Iterator[str]:
+def unusual_values(profile: Profile) -> Iterator[str]:
     """One sentence for each unusual value."""
     for name, field in keys(Profile):
         key, value = key_of(field), value_at(profile, name)

@@ -31,13 +31,13 @@ def check_sample(sample: Any) -> None:
 
 def unusable_sample(sample: Any) -> Trip | None:
     """Why a sample cannot be used, as the trip that ends the flight; None for a good sample."""
-    problem = unreadable(sample)
+    problem = sample_problem(sample)
     if problem is None:
         return None
     return Trip(f"the rig's driver gave a sample that cannot be used: {problem}", _CAUSE, _FIX)
 
 
-def unreadable(sample: Any) -> str | None:
+def sample_problem(sample: Any) -> str | None:
     """The first field that is not a number, in words; None for a good sample. About 1 µs.
 
     Counts and flags must be whole numbers, times finite ones.

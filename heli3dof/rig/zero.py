@@ -16,7 +16,13 @@ from pathlib import Path
 
 from heli3dof.axes import AXES
 from heli3dof.errors import CheckFailed, SafetyTrip
-from heli3dof.rig.calibration import POWER_UP, Calibration, Counts, now_utc, store_calibration
+from heli3dof.rig.calibration import (
+    COUNTS_AT_POWER_UP,
+    Calibration,
+    Counts,
+    now_utc,
+    store_calibration,
+)
 from heli3dof.rig.drivers import default_device, is_private
 from heli3dof.rig.interface import Flags, Rig
 from heli3dof.rig.profile import Profile, default_profile
@@ -130,7 +136,7 @@ def zero(
     """
     device, profile = device or default_device(), profile or default_profile()
     with open_rig(device, profile) as rig:
-        before, rig.rest = rig.rest, POWER_UP  # raw counts of the device
+        before, rig.rest = rig.rest, COUNTS_AT_POWER_UP  # raw counts of the device
         standing = watch_standing(rig, MEASURE_S)
         measured = calibrate(standing, rig, profile, device, angles_deg)
     roll, pitch, yaw = (

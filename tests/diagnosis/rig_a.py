@@ -8,7 +8,7 @@ import pytest
 
 import heli3dof as h3
 from heli3dof.identification.greybox.freeflight import problem_of
-from heli3dof.identification.greybox.multistep import Fitted, search
+from heli3dof.identification.greybox.multistep import MultiStepFit, search
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.recording.recording import Recording
 from tests.paths import REAL_DATA
@@ -24,7 +24,7 @@ def recording(name: str) -> Recording:
 
 
 @cache
-def quick() -> Fitted:
+def quick() -> MultiStepFit:
     """Fit of closed-1a by free-run predictions of 1 s, two rounds: close, but not converged."""
     problem = problem_of([recording("closed-1a")])
     return search(problem, weak_start(problem), stages_s=((0.25, 0.5, 1.0),), rounds=2)

@@ -10,7 +10,7 @@ import pytest
 from heli3dof.diagnosis.calibration import Calibrated, Off
 from heli3dof.diagnosis.real_base import numbers, off_profile, one_factor, shown, sure
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
-from heli3dof.identification.greybox.multistep import Fitted
+from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.model.effects import term
 from tests.identification.known_flights import fly
 
@@ -22,14 +22,14 @@ def number(ratio: float, std: float) -> Calibrated:
 
 
 @pytest.fixture(scope="module")
-def known() -> Fitted:
+def known() -> MultiStepFit:
     """Every parameter at its prior mean, determined by the data to 2 % of its scale."""
     p = problem_of([fly(1022).recording.between(0, 25)], REAL_TERMS)
     D = np.eye(p.dim) / 0.02
-    return Fitted(p, p.start.copy(), np.ones(4), np.ones((7, 3)), 0.0, D, 0, True)
+    return MultiStepFit(p, p.start.copy(), np.ones(4), np.ones((7, 3)), 0.0, D, 0, True)
 
 
-def times(fit: Fitted, **ratios: float) -> Fitted:
+def times(fit: MultiStepFit, **ratios: float) -> MultiStepFit:
     """That fit with base parameters multiplied by these ratios."""
     z = fit.z.copy()
     for name, ratio in ratios.items():
@@ -55,7 +55,7 @@ def test_both_halves_must_show_the_same_deviation() -> None:
 
 
 def test_three_inertias_off_by_one_factor_are_confounded_with_the_thrust_gain(
-    known: Fitted,
+    known: MultiStepFit,
 ) -> None:
     fit = times(known, J_roll=0.7, J_pitch=0.7, J_yaw=0.7)
     off = off_profile(fit, (fit, fit), TOLERANCE)
@@ -64,7 +64,7 @@ def test_three_inertias_off_by_one_factor_are_confounded_with_the_thrust_gain(
     assert [o.value for o in off] == pytest.approx([0.7] * 3)
 
 
-def test_an_excess_trim_torque_is_a_mass_imbalance(known: Fitted) -> None:
+def test_an_excess_trim_torque_is_a_mass_imbalance(known: MultiStepFit) -> None:
     fit = times(known, T_g=1.45)
     (off,) = off_profile(fit, (fit, fit), TOLERANCE)
     nominal = fit.structure.free[0].start
@@ -73,7 +73,7 @@ def test_an_excess_trim_torque_is_a_mass_imbalance(known: Fitted) -> None:
     assert not off.tied_with
 
 
-def test_a_weight_common_to_all_recordings_counts_with_the_trim_torque(known: Fitted) -> None:
+def test_a_weight_common_to_all_recordings_counts_with_the_trim_torque(known: MultiStepFit) -> None:
     j = known.structure.names.index("mass.imbalance.torque_Nm")
     p, z = known.problem, known.z.copy()
     z[p.n + list(p.own).index(j)] += known.structure.free[j].inward(0.1)
@@ -81,7 +81,7 @@ def test_a_weight_common_to_all_recordings_counts_with_the_trim_torque(known: Fi
     assert more == pytest.approx(0.1)
 
 
-def test_a_rig_within_its_profile_or_without_halves_has_no_finding(known: Fitted) -> None:
+def test_a_rig_within_its_profile_or_without_halves_has_no_finding(known: MultiStepFit) -> None:
     assert off_profile(known, (known, known), TOLERANCE) == ()
     fit = times(known, T_g=1.45)
     assert off_profile(fit, (), TOLERANCE) == ()

@@ -9,7 +9,7 @@ from heli3dof.diagnosis.real_explains import explains, hover_voltage, steady
 from heli3dof.diagnosis.real_flown import Flown, gain, pays
 from heli3dof.diagnosis.real_leftover import _judged
 from heli3dof.diagnosis.real_log import no_likelihood
-from heli3dof.identification.greybox.multistep import Fitted
+from heli3dof.identification.greybox.multistep import MultiStepFit
 from heli3dof.recording.recording import Recording
 from tests.diagnosis import rig_a
 from tests.identification.known_flights import fly
@@ -21,7 +21,7 @@ def real() -> Recording:
 
 
 @pytest.fixture(scope="module")
-def quick(real: Recording) -> Fitted:
+def quick(real: Recording) -> MultiStepFit:
     return rig_a.quick()
 
 
@@ -38,7 +38,7 @@ def test_a_roll_only_run_does_not_change_the_method(real: Recording) -> None:
     assert not no_likelihood([rig_a.recording("open-roll-7V-1")])
 
 
-def test_a_higher_arm_needs_more_voltage(quick: Fitted) -> None:
+def test_a_higher_arm_needs_more_voltage(quick: MultiStepFit) -> None:
     """rig-a: about 9.6 V at +10° and 8.5 V at −10°, by its owners."""
     low, high = hover_voltage(quick, -10), hover_voltage(quick, 10)
     assert 6.5 < low < 9.0 < high < 11.0
@@ -51,14 +51,14 @@ def test_steady_rows_are_in_flight_and_off_the_table(real: Recording) -> None:
     assert 6 < rows[:, 2].mean() < 12
 
 
-def test_known_properties_of_the_rig_are_explained(quick: Fitted, real: Recording) -> None:
+def test_known_properties_of_the_rig_are_explained(quick: MultiStepFit, real: Recording) -> None:
     causes = ("encoder.offset.pitch", "stiffness.pendulum.roll", "motor.rotor_curve")
     text = " ".join(explains(quick, [real], causes))
     for cause in causes:
         assert cause in text
 
 
-def test_without_causes_there_is_no_explanation(quick: Fitted, real: Recording) -> None:
+def test_without_causes_there_is_no_explanation(quick: MultiStepFit, real: Recording) -> None:
     assert explains(quick, [real], ()) == []
 
 

@@ -18,7 +18,7 @@ from heli3dof.diagnosis.real_named import (
     within,
 )
 from heli3dof.identification.greybox.freeflight import REAL_TERMS, problem_of
-from heli3dof.identification.greybox.multistep import Fitted
+from heli3dof.identification.greybox.multistep import MultiStepFit
 from tests.identification.known_flights import fly
 
 NEEDED = Worse(2.0, 0.5, 3.0, 0.5, 0.99)
@@ -27,15 +27,15 @@ YAW, PITCH = "friction.coulomb.yaw", "friction.coulomb.pitch"
 
 
 @pytest.fixture(scope="module")
-def flat() -> Fitted:
+def flat() -> MultiStepFit:
     """No information in the data: every parameter at its prior, with the prior's deviation."""
     p = problem_of([fly(1022).recording.between(0, 25)], REAL_TERMS)
-    return Fitted(
+    return MultiStepFit(
         p, p.start.copy(), np.ones(4), np.ones((7, 3)), 0.0, np.zeros((p.dim, 1)), 0, True
     )
 
 
-def determined(fit: Fitted, values: dict[str, float], std: float) -> Fitted:
+def determined(fit: MultiStepFit, values: dict[str, float], std: float) -> MultiStepFit:
     """The same fit with these parameters determined to ``std`` and no others."""
     z, rows = fit.z.copy(), np.zeros((fit.problem.dim, fit.problem.dim))
     for name, value in values.items():
@@ -46,7 +46,7 @@ def determined(fit: Fitted, values: dict[str, float], std: float) -> Fitted:
     return replace(fit, z=z, tangents=rows)
 
 
-def backward_of(fit: Fitted, kept: dict[str, Worse], gone: dict[str, Worse]) -> Backward:
+def backward_of(fit: MultiStepFit, kept: dict[str, Worse], gone: dict[str, Worse]) -> Backward:
     return Backward(
         fit,
         fit,
@@ -55,12 +55,12 @@ def backward_of(fit: Fitted, kept: dict[str, Worse], gone: dict[str, Worse]) -> 
     )
 
 
-def test_a_size_of_1_96_deviations_differs_from_zero_at_95_percent(flat: Fitted) -> None:
+def test_a_size_of_1_96_deviations_differs_from_zero_at_95_percent(flat: MultiStepFit) -> None:
     fit = determined(flat, {f"{YAW}.torque_Nm": 1.96e-3}, 1e-3)
     assert apart(fit, YAW) == pytest.approx(0.95, abs=0.001)
 
 
-def test_an_offset_per_recording_is_tested_by_its_values(flat: Fitted) -> None:
+def test_an_offset_per_recording_is_tested_by_its_values(flat: MultiStepFit) -> None:
     """One recording with its own offset of 5° ± 1°: five deviations; zero without data."""
     assert apart(flat, "encoder.offset.pitch") == pytest.approx(0.0, abs=1e-6)
     fit = determined(flat, {}, 1.0)
@@ -73,14 +73,14 @@ def test_an_offset_per_recording_is_tested_by_its_values(flat: Fitted) -> None:
     assert apart(fit, "encoder.offset.pitch") > 0.99999
 
 
-def test_a_cause_is_needed_by_blocks_and_has_a_significant_size(flat: Fitted) -> None:
+def test_a_cause_is_needed_by_blocks_and_has_a_significant_size(flat: MultiStepFit) -> None:
     fit = determined(flat, {f"{YAW}.torque_Nm": 0.03, f"{PITCH}.torque_Nm": 0.001}, 2e-3)
     causes, kept = named(backward_of(fit, {YAW: NEEDED, PITCH: NEEDED}, {}))
     assert [r.term for r in causes] == [YAW]
     assert [r.term for r in kept] == [PITCH]
 
 
-def test_a_term_that_one_half_does_not_show_is_only_kept(flat: Fitted) -> None:
+def test_a_term_that_one_half_does_not_show_is_only_kept(flat: MultiStepFit) -> None:
     fit = determined(flat, {f"{YAW}.torque_Nm": 0.03}, 2e-3)
     shows, shows_not = fit, determined(flat, {f"{YAW}.torque_Nm": 0.001}, 2e-3)
     result = backward_of(fit, {YAW: NEEDED}, {})
@@ -92,7 +92,7 @@ def test_a_term_that_one_half_does_not_show_is_only_kept(flat: Fitted) -> None:
     assert "different sizes" in within(doubted, kept)[0]["why"]
 
 
-def test_a_term_that_blocks_do_not_need_is_kept_with_its_reason(flat: Fitted) -> None:
+def test_a_term_that_blocks_do_not_need_is_kept_with_its_reason(flat: MultiStepFit) -> None:
     fit = determined(flat, {f"{YAW}.torque_Nm": 0.03, f"{PITCH}.torque_Nm": 0.001}, 2e-3)
     result = replace(backward_of(fit, {PITCH: NEEDED}, {YAW: NOT_NEEDED}), halves=(fit, fit))
     causes, kept = named(result)
@@ -102,7 +102,7 @@ def test_a_term_that_blocks_do_not_need_is_kept_with_its_reason(flat: Fitted) ->
     assert "not significant" in reasons[PITCH]
 
 
-def test_a_kept_weight_is_reported_with_one_value_per_recording(flat: Fitted) -> None:
+def test_a_kept_weight_is_reported_with_one_value_per_recording(flat: MultiStepFit) -> None:
     result = backward_of(flat, {}, {"mass.imbalance": NOT_NEEDED, YAW: NOT_NEEDED})
     weight, friction = within(result, list(result.gone))
     assert weight["why"].startswith("with one value per recording")
@@ -110,7 +110,7 @@ def test_a_kept_weight_is_reported_with_one_value_per_recording(flat: Fitted) ->
 
 
 def test_certainty_is_the_lesser_of_size_and_need_and_known_terms_need_no_blocks(
-    flat: Fitted,
+    flat: MultiStepFit,
 ) -> None:
     fit = determined(flat, {f"{YAW}.torque_Nm": 0.03, "motor.rotor_curve.exponent": 1.8}, 2e-3)
     result = backward_of(fit, {YAW: NEEDED, "motor.rotor_curve": NOT_NEEDED}, {})
@@ -118,13 +118,13 @@ def test_certainty_is_the_lesser_of_size_and_need_and_known_terms_need_no_blocks
     assert certainty(result, result.kept[1]) > 0.99
 
 
-def test_a_size_is_listed_with_its_prior(flat: Fitted) -> None:
+def test_a_size_is_listed_with_its_prior(flat: MultiStepFit) -> None:
     size = sizes(flat, YAW)["torque_Nm"]
     assert size["prior_mean"] == pytest.approx(0.0)
     assert size["prior_std"] == size["std"] == pytest.approx(0.05)
 
 
-def test_terms_without_information_are_unseen(flat: Fitted) -> None:
+def test_terms_without_information_are_unseen(flat: MultiStepFit) -> None:
     fit = determined(flat, {f"{YAW}.torque_Nm": 0.03}, 2e-3)
     assert YAW in set(unseen(flat, []))
     assert YAW not in set(unseen(fit, []))

@@ -11,7 +11,7 @@ from heli3dof.experiment.fly import Flight, fly_plan
 from heli3dof.experiment.plan import step_plan
 from heli3dof.recording.row import RAMP_DOWN
 from heli3dof.rig.interface import Command, Flags, Identity, Sample
-from heli3dof.rig.session.client import Question, running
+from heli3dof.rig.session.client import Request, running
 from heli3dof.rig.session.server import Session
 from tests.rig.fakes import FakeDriver, FakeRig, only_drivers
 
@@ -64,7 +64,7 @@ def driver(monkeypatch: pytest.MonkeyPatch) -> StoppedDriver:
 
 def request_stop(identity: Identity | None = None) -> None:
     (session,) = running("fake://1")
-    Question(session, {"do": "estop", "reason": "smoke"})
+    Request(session, {"do": "estop", "reason": "smoke"})
     assert heard.wait(60), "the session's thread did not get the request"
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from heli3dof.model.discretisation import held
+from heli3dof.model.discretisation import c2d_zoh
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import Profile, default_profile
@@ -110,7 +110,7 @@ def linear_truth(dt: float) -> LinearModel:
     A[6, 6] = A[7, 7] = -1 / q["tau"]
     B = np.zeros((8, 2))
     B[6, 0] = B[7, 1] = q["K_f"] / q["tau"]
-    A, B = held(A, B, dt)
+    A, B = c2d_zoh(A, B, dt)
     hover = np.full(2, q["T_g"] / (2 * q["L_a"] * q["K_f"]))
     none = np.zeros((8, 3))
     return LinearModel(

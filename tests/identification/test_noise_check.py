@@ -11,8 +11,8 @@ import heli3dof as h3
 from heli3dof.identification.greybox.noise_check import (
     CLOCK,
     NoiseCheck,
+    likelihood_obstacle,
     noise_check,
-    why_freeflight,
 )
 from heli3dof.recording.recording import Recording
 from tests.identification.known_flights import fly
@@ -47,14 +47,14 @@ def test_the_check_fails_only_on_large_noise_with_small_prediction_errors() -> N
 
 @pytest.mark.parametrize("hide", ["", "encoder.backlash.pitch:0.5", "motor.lag:0.1"])
 def test_mock_flights_pass_the_check(hide: str) -> None:
-    assert why_freeflight([without_loop(fly(1310, "rich", hide=hide).recording)]) == ""
+    assert likelihood_obstacle([without_loop(fly(1310, "rich", hide=hide).recording)]) == ""
 
 
 def test_a_vibrating_rig_fails_the_check_with_a_reason(rig_b: Recording) -> None:
     check = noise_check([rig_b])
     assert check is not None
     assert check.overstated.tolist() == [False, True, False]
-    reason = why_freeflight([rig_b])
+    reason = likelihood_obstacle([rig_b])
     assert "on pitch" in reason
     assert reason != CLOCK
 

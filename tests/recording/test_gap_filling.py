@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from heli3dof.recording.gap_filling import bridged, missing
+from heli3dof.recording.gap_filling import fill_gaps, missing
 from heli3dof.recording.recording import Recording, make_recording
 from heli3dof.rig.profile import default_profile
 
@@ -24,7 +24,7 @@ def counting(t: np.ndarray) -> Recording:
 
 def test_two_lost_samples_get_rows_with_the_voltage_held_and_no_angle() -> None:
     rec = counting(DT * np.delete(np.arange(100), [40, 41]))
-    whole, own = bridged(rec, 6.5)
+    whole, own = fill_gaps(rec, 6.5)
     np.testing.assert_allclose(whole.t, DT * np.arange(100), atol=1e-15)
     assert whole.voltage[38:43, 0].tolist() == [38.0, 39.0, 39.0, 39.0, 40.0]
     assert whole.reference[41, 2] == 39.0
@@ -37,14 +37,14 @@ def test_two_lost_samples_get_rows_with_the_voltage_held_and_no_angle() -> None:
 def test_a_late_sample_is_not_a_lost_one() -> None:
     t = DT * np.arange(100.0)
     t[50] += 0.8 * DT
-    assert bridged(counting(t), 6.5)[0].t is t
+    assert fill_gaps(counting(t), 6.5)[0].t is t
     # Lost and late at once: sample 49 is missing, 50 came late.
     assert missing(np.delete(t, 49), DT).tolist() == [0] * 48 + [1] + [0] * 49
 
 
 def test_a_long_gap_is_not_filled() -> None:
     rec = counting(DT * np.delete(np.arange(100), np.arange(40, 50)))
-    whole, own = bridged(rec, 6.5)
+    whole, own = fill_gaps(rec, 6.5)
     assert whole is rec
     assert len(own) == 90
 
@@ -55,6 +55,6 @@ def test_every_row_keeps_its_period_for_any_losses(lost: set[int]) -> None:
     rec = counting(DT * there)
     if abs(rec.dt - DT) > 1e-9:  # most intervals are long: the period is unknown
         return
-    whole, own = bridged(rec, 1000.0)
+    whole, own = fill_gaps(rec, 1000.0)
     np.testing.assert_array_equal(own, there)
     np.testing.assert_allclose(whole.t, DT * np.arange(200), atol=1e-12)

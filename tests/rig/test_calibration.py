@@ -14,7 +14,7 @@ from heli3dof.rig.calibration import (
     Calibration,
     calibration_path,
     load_calibration,
-    rest_of,
+    rest_counts_of,
     store_calibration,
 )
 from heli3dof.rig.uptime import UPTIME_WRAP_S
@@ -32,34 +32,34 @@ def state(monkeypatch, tmp_path):
 
 
 def test_a_rig_without_a_calibration_is_assumed_to_have_started_at_rest():
-    rest = rest_of(IDENTITY)
+    rest = rest_counts_of(IDENTITY)
     assert (rest.counts_at_rest, rest.known_from, rest.note) == ((0, 0, 0), "power-up", "")
 
 
 def test_stored_counts_are_used_without_a_note(state):
     path = store_calibration(FOUND)
     assert path == state / "heli3dof" / "rigs" / "F-1.toml"
-    rest = rest_of(IDENTITY)
+    rest = rest_counts_of(IDENTITY)
     assert (rest.counts_at_rest, rest.known_from, rest.note) == ((12, -3, 40), "zero", "")
 
 
 def test_after_a_restart_of_the_device_stored_counts_are_not_used_and_a_note_says_so():
     store_calibration(FOUND)
-    rest = rest_of(replace(IDENTITY, boot=8))
+    rest = rest_counts_of(replace(IDENTITY, boot=8))
     assert rest.counts_at_rest == (0, 0, 0)
     assert "has restarted since heli3dof zero on 2026-11-21" in rest.note
 
 
 def test_without_boot_numbers_stored_counts_are_used_and_a_note_names_their_date():
     store_calibration(replace(FOUND, boot=None))
-    rest = rest_of(replace(IDENTITY, boot=None))
+    rest = rest_counts_of(replace(IDENTITY, boot=None))
     assert rest.counts_at_rest == (12, -3, 40)
     assert "2026-11-21" in rest.note
 
 
 def test_stored_counts_of_other_encoders_are_not_used():
     store_calibration(FOUND)
-    rest = rest_of(replace(IDENTITY, counts_per_rev=(-4096, 4096, 8192)))
+    rest = rest_counts_of(replace(IDENTITY, counts_per_rev=(-4096, 4096, 8192)))
     assert rest.counts_at_rest == (0, 0, 0)
     assert "run heli3dof zero again" in rest.note
 
@@ -71,7 +71,7 @@ def test_stored_counts_of_other_encoders_are_not_used():
 def test_a_damaged_file_is_not_used_and_a_note_says_so(text):
     path = store_calibration(FOUND)
     path.write_text(text)
-    rest = rest_of(IDENTITY)
+    rest = rest_counts_of(IDENTITY)
     assert rest.counts_at_rest == (0, 0, 0)
     assert "cannot be read" in rest.note
 
@@ -104,7 +104,7 @@ def zeroed(started_s: float | None, ago_s: float, boot: int | None = 7) -> None:
 def test_a_repeated_boot_number_does_not_hide_a_restart(up_before_s: float, ago_s: float):
     now = time.time()
     zeroed(now - ago_s - up_before_s, ago_s)
-    rest = rest_of(replace(IDENTITY, started_s=now - ago_s / 2))
+    rest = rest_counts_of(replace(IDENTITY, started_s=now - ago_s / 2))
     assert rest.counts_at_rest == (0, 0, 0)
     assert "its boot number 7 is the same" in rest.note
     assert "run heli3dof zero again" in rest.note
@@ -119,7 +119,7 @@ def test_a_device_without_a_restart_keeps_its_rest_angles_with_any_crystal(
     zeroed(started, ago_s)
     # A slow clock states a shorter uptime, as if it had started later. Modulo 49.7 days.
     stated = (ago_s + 100) * (1 - off) % UPTIME_WRAP_S
-    rest = rest_of(replace(IDENTITY, started_s=time.time() - stated))
+    rest = rest_counts_of(replace(IDENTITY, started_s=time.time() - stated))
     assert (rest.counts_at_rest, rest.note) == ((12, -3, 40), "")
 
 
@@ -127,9 +127,9 @@ def test_without_boot_numbers_the_uptime_detects_a_restart():
     now = time.time()
     zeroed(now - 500, 100, boot=None)
     same = replace(IDENTITY, boot=None, started_s=now - 500)
-    assert rest_of(same).counts_at_rest == (12, -3, 40)
-    assert rest_of(same).note == ""
-    other = rest_of(replace(same, started_s=now - 50))
+    assert rest_counts_of(same).counts_at_rest == (12, -3, 40)
+    assert rest_counts_of(same).note == ""
+    other = rest_counts_of(replace(same, started_s=now - 50))
     assert other.counts_at_rest == (0, 0, 0)
     assert "has restarted since" in other.note
 
@@ -138,4 +138,4 @@ def test_without_boot_numbers_the_uptime_detects_a_restart():
 def test_a_start_that_is_not_a_number_is_damage(text: str):
     path = store_calibration(FOUND)
     path.write_text(path.read_text() + text + "\n")
-    assert "cannot be read" in rest_of(IDENTITY).note
+    assert "cannot be read" in rest_counts_of(IDENTITY).note

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from heli3dof.rig.clock_offset import DRIFT, ClockMap
+from heli3dof.rig.clock_offset import DRIFT, ClockOffset
 
 DT = 0.002
 WAY = 150e-6
@@ -14,13 +14,13 @@ WAY = 150e-6
 
 
 def test_a_punctual_stream_is_never_late() -> None:
-    clock = ClockMap(5.0, 100.0)
+    clock = ClockOffset(5.0, 100.0)
     late = [clock.arrived(5.0 + k * DT, 100.0 + k * DT) for k in range(1, 1000)]
     assert max(late) < 1e-9
 
 
 def test_a_delayed_sample_is_late_by_its_delay_and_does_not_move_the_offset() -> None:
-    clock = ClockMap(0.0, WAY)
+    clock = ClockOffset(0.0, WAY)
     for k in range(1, 500):
         clock.arrived(k * DT, k * DT + WAY)
     assert clock.arrived(1.0, 1.0 + WAY + 0.004) == pytest.approx(0.004, abs=1e-6)
@@ -29,21 +29,21 @@ def test_a_delayed_sample_is_late_by_its_delay_and_does_not_move_the_offset() ->
 
 
 def test_the_next_sample_corrects_a_late_first_one() -> None:
-    clock = ClockMap(0.0, 0.050)
+    clock = ClockOffset(0.0, 0.050)
     clock.arrived(DT, DT + WAY)
     assert clock.arrived(2 * DT, 2 * DT + WAY + 0.003) == pytest.approx(0.003, abs=1e-6)
 
 
 @pytest.mark.parametrize("ppm", [-5000, -100, -50, 0, 50, 99])
 def test_a_drifting_clock_is_followed_for_an_hour(ppm: float) -> None:
-    clock = ClockMap(0.0, WAY)
+    clock = ClockOffset(0.0, WAY)
     step = 0.1
     late = [clock.arrived(k * step, k * step * (1 + ppm * 1e-6) + WAY) for k in range(1, 36_000)]
     assert max(late) < 1e-9
 
 
 def test_a_clock_slower_than_any_crystal_gives_growing_lateness() -> None:
-    clock = ClockMap(0.0, WAY)
+    clock = ClockOffset(0.0, WAY)
     late = [clock.arrived(k * DT, k * DT * (1 + 300e-6) + WAY) for k in range(1, 5000)]
     assert late[-1] == pytest.approx(200e-6 * 5000 * DT, rel=1e-3)
 
@@ -56,7 +56,7 @@ def test_a_clock_slower_than_any_crystal_gives_growing_lateness() -> None:
 def test_lateness_is_the_delay_beyond_the_smallest_within_the_drift(
     delays: list[float], ppm: float
 ) -> None:
-    clock = ClockMap(0.0, WAY + delays[0])
+    clock = ClockOffset(0.0, WAY + delays[0])
     quickest = delays[0]
     for k, delay in enumerate(delays[1:], 1):
         device = k * DT

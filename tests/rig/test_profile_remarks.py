@@ -8,7 +8,7 @@ import pytest
 
 from heli3dof.rig.profile import TABLE_I, Profile, profile_from_dict
 from heli3dof.rig.profile_file import merged, settings
-from heli3dof.rig.profile_remarks import estimated_hover_voltage, mass_hover_voltage, unusual
+from heli3dof.rig.profile_remarks import estimated_hover_voltage, mass_hover_voltage, unusual_values
 
 BODY_HEAVY = {"mass": {"m_w": 1.87, "m_f": 0.713, "m_b": 0.713}, "motor": {"V_o": 3.94}}
 """The set of the older literature (signs consistent): 1.426 kg of body, 3.94 V per motor."""
@@ -19,7 +19,7 @@ def rig(*changes: str, base: dict[str, Any] = BODY_HEAVY) -> Profile:
 
 
 def test_a_consistent_profile_has_no_remarks() -> None:
-    assert list(unusual(rig())) == []
+    assert list(unusual_values(rig())) == []
     assert mass_hover_voltage(rig()) == pytest.approx(3.94, abs=0.05)
 
 
@@ -39,18 +39,18 @@ def test_a_consistent_profile_has_no_remarks() -> None:
     ],
 )
 def test_an_unusual_value_is_reported(change: str, words: str) -> None:
-    assert words in "\n".join(unusual(rig(change)))
+    assert words in "\n".join(unusual_values(rig(change)))
 
 
 def test_the_papers_contradiction_is_reported() -> None:
-    remarks = "\n".join(unusual(profile_from_dict(TABLE_I)))
+    remarks = "\n".join(unusual_values(profile_from_dict(TABLE_I)))
     assert "the masses give -7.46" in remarks
     assert "erratum E2" in remarks
 
 
 def test_a_missing_controller_is_reported() -> None:
     data = {k: v for k, v in merged(TABLE_I, BODY_HEAVY).items() if k != "controller"}
-    assert "no [controller]" in "\n".join(unusual(profile_from_dict(data)))
+    assert "no [controller]" in "\n".join(unusual_values(profile_from_dict(data)))
 
 
 @pytest.mark.parametrize(("rest_deg", "sign"), [(-27.5, 1), (20.0, -1)])

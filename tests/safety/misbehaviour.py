@@ -48,7 +48,7 @@ from heli3dof.experiment.plan import step_plan
 from heli3dof.recording.info import summary
 from heli3dof.recording.mcap_files.reader import read_recording
 from heli3dof.recording.provenance import provenance
-from heli3dof.rig.calibration import POWER_UP
+from heli3dof.rig.calibration import COUNTS_AT_POWER_UP
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session.server import Session
 from heli3dof.rig.session.stoppable_rig import StoppableRig
@@ -331,7 +331,7 @@ def emulated(seed: int) -> Result:
         try:
             opened = LinkRig(line, PROFILE, driver="misbehaving", stream=seed % 2 == 0)
             with Session(f"misbehaving://{os.getpid()}", private=True) as session:
-                rig = StoppableRig(opened, session, POWER_UP)
+                rig = StoppableRig(opened, session, COUNTS_AT_POWER_UP)
                 about = provenance(source="flight", plan=PLAN.to_dict(), identity=rig.identity)
                 _judge(_fly_in_memory(rig, PROFILE, signals, about, Live()), result)
         except Heli3dofError as problem:

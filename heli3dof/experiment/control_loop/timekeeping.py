@@ -32,7 +32,7 @@ from collections.abc import Callable
 from operator import attrgetter
 from typing import Any
 
-from heli3dof.rig.clock_offset import ClockMap
+from heli3dof.rig.clock_offset import ClockOffset
 from heli3dof.rig.interface import Rig, Sample
 from heli3dof.rig.link_counters import attribute_of
 from heli3dof.rig.sample_instants import Instants
@@ -91,7 +91,7 @@ class DeviceTime(VirtualTime):
     def start(self, sample: Sample) -> None:
         self.due = sample.host_time_s
         self._instants = Instants(self.dt, sample.device_time_s)
-        self._map = ClockMap(sample.device_time_s, sample.host_time_s)
+        self._map = ClockOffset(sample.device_time_s, sample.host_time_s)
         self._lost = self._counted() if self._counted is not None else 0
 
     def arrived(self, sample: Sample, since_s: float) -> None:

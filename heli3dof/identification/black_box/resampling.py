@@ -24,7 +24,7 @@ import numpy as np
 
 from heli3dof.identification.black_box.pbsid import StateSpace
 from heli3dof.identification.black_box.stabilisation import kalman_gain, with_stable_predictor
-from heli3dof.model.discretisation import held, released
+from heli3dof.model.discretisation import c2d_zoh, d2c_zoh
 
 FASTEST = 1e-3
 """A mode with z below this decays within one sample."""
@@ -74,7 +74,7 @@ def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
         gain = np.where(one, 1 / T, s / np.where(one, 1, z - 1))
         Vi = np.linalg.inv(V)
         return np.real(V * s @ Vi), np.real(V * gain @ Vi @ B)
-    found = released(A, B, T)
+    found = d2c_zoh(A, B, T)
     if found is None:
         raise NoContinuousModel("its matrix has no real logarithm")
     return found
@@ -82,7 +82,7 @@ def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
 
 def at_rate(model: StateSpace, T: float, dt: float) -> StateSpace:
     """The model of interval T (s), resampled to dt (s)."""
-    A, B = held(*continuous(model, T), dt)
+    A, B = c2d_zoh(*continuous(model, T), dt)
     if not model.K.any():
         return replace(model, A=A, B=B)
     Q = model.K @ model.S @ model.K.T * (dt / T)

@@ -22,7 +22,7 @@ import numpy as np
 
 from heli3dof.identification.black_box.pbsid import Pair
 from heli3dof.identification.transfer_function import TransferFunctions
-from heli3dof.model.discretisation import held
+from heli3dof.model.discretisation import c2d_zoh
 
 STARTS = ((0.3, 0.2, 0.3, 1.2), (0.7, 0.3, 0.7, 1.25), (1.0, 0.05, 2.0, 4.0), (2.0, 1.0, 5.0, 20.0))
 """(a₁, a₀, b₁, b₀); the second is close to the denominator of (17)."""
@@ -59,7 +59,7 @@ def _regressors(data: Sequence[Pair], den: np.ndarray, T: float) -> np.ndarray:
     """(ΣN, 8 + 4 per segment + 1): both voltages filtered by s^k/D, free responses, and ones."""
     from scipy.signal import lfilter
 
-    A, B = held(*companion(den), T)
+    A, B = c2d_zoh(*companion(den), T)
     denom = np.real(np.poly(A))
     m = data[0][0].shape[1]
     # Numerators of the sampled states: x(z) = adj(zI − A) B / det, by its impulse response.
@@ -179,6 +179,6 @@ def state_space(fit: Tf4Fit, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndar
     """(A, B, C) at the interval dt (s): one companion block of four states per motor."""
     A, B = companion(fit.transfer.den)
     m = fit.transfer.num.shape[1]
-    Ad, Bd = held(np.kron(np.eye(m), A), np.kron(np.eye(m), B), dt)
+    Ad, Bd = c2d_zoh(np.kron(np.eye(m), A), np.kron(np.eye(m), B), dt)
     C = np.hstack([fit.transfer.num[:, j, :0:-1] for j in range(m)])
     return Ad, Bd, C

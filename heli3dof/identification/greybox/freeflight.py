@@ -22,7 +22,7 @@ import numpy as np
 from heli3dof.errors import RecordingError
 from heli3dof.identification.fit_result import FitResult, Parameter, Request
 from heli3dof.identification.greybox.linear_uncertainty import fit_result
-from heli3dof.identification.greybox.multistep import Fitted, MultiStep, search
+from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, search
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.identification.preprocessing import Prepared
 from heli3dof.identification.row_selection import stretches, unusable
@@ -122,7 +122,7 @@ def fit_freeflight(
     names: Sequence[str] = REAL_TERMS,
     *,
     say: Callable[[str], None] | None = None,
-) -> Fitted:
+) -> MultiStepFit:
     """Fit a rig with these terms to recordings with all three angles; ``say`` reports each round.
 
     Raises RecordingError where too few windows of 3 s lie between take-off, table and stops.
@@ -207,7 +207,7 @@ def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:
     return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
 
 
-def model_of(found: Fitted, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
+def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
     """The fitted model; its predictions re-estimate parameters that differ by recording."""
     return GreyBoxModel(
         name=name,
@@ -227,7 +227,7 @@ def model_of(found: Fitted, recordings: Sequence[Recording], name: str) -> GreyB
     )
 
 
-def parameters(found: Fitted) -> dict[str, Parameter]:
+def parameters(found: MultiStepFit) -> dict[str, Parameter]:
     """Name → value with standard deviation, nominal value and verdict."""
     out = {}
     std, prior = found.std, found.prior_std
@@ -240,7 +240,7 @@ def parameters(found: Fitted) -> dict[str, Parameter]:
     return out
 
 
-def warnings(found: Fitted) -> tuple[str, ...]:
+def warnings(found: MultiStepFit) -> tuple[str, ...]:
     """Warnings: unidentifiable parameters, no convergence, values that differ by recording."""
     out = [p.verdict for p in parameters(found).values() if p.verdict]
     if not found.converged:

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 
 TRIES = 8
 DAMPING = 1e-3
@@ -55,7 +55,7 @@ class LeastSquares:
         side = np.where(z + self.difference < self.high, self.difference, -self.difference)
         j = np.arange(len(z)) if which is None else which
         points = [z + side * (np.arange(len(z)) == i) for i in j]
-        moved = in_threads(lambda k: self.residuals(points[k]), len(points))
+        moved = parallel_map(lambda k: self.residuals(points[k]), len(points))
         return np.asarray((np.array(moved).reshape(len(j), len(r)) - r) / side[j, None])
 
     def step(self, z: np.ndarray, g: np.ndarray, H: np.ndarray, damping: float) -> np.ndarray:

@@ -21,7 +21,7 @@ from heli3dof.identification.greybox.likelihood import (
     Pass,
     score_and_information,
 )
-from heli3dof.parallel import in_threads
+from heli3dof.parallel import parallel_map
 
 TOLERANCE = 2e-3
 """Log-likelihood; corresponds to a step of 0.06 standard deviations."""
@@ -144,7 +144,7 @@ def better_noise(
     """
     factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)
-    mid, up, down = in_threads(lambda i: problem.run(theta, at[i], keep=0).loglik, 3)
+    mid, up, down = parallel_map(lambda i: problem.run(theta, at[i], keep=0).loglik, 3)
     with np.errstate(divide="ignore", invalid="ignore"):
         slope = (up - down) / (2 * _PROBE)
         bend = -(up - 2 * mid + down) / _PROBE**2

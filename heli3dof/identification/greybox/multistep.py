@@ -34,7 +34,7 @@ import numpy as np
 from heli3dof.axes import AXES
 from heli3dof.identification.greybox.levenberg_marquardt import LeastSquares, descend
 from heli3dof.identification.greybox.physical_fit import PhysicalFit
-from heli3dof.model.estimation.ekf_jitter import follow
+from heli3dof.model.estimation.ekf_jitter import filter_jittered
 from heli3dof.model.estimation.filter_data import Data
 from heli3dof.model.greybox.multistep import Flight, errors
 from heli3dof.model.physics.parametrisation import Structure
@@ -148,7 +148,9 @@ class MultiStep:
         """(N, 6) filtered states at flight i's rows; NaN where there is none."""
         flight = self.flights[i]
         X = np.full((len(flight.t), 6), np.nan)
-        found = follow(self.structure, self.values(z, i), self.data[i], noise[:3], noise[3])
+        found = filter_jittered(
+            self.structure, self.values(z, i), self.data[i], noise[:3], noise[3]
+        )
         there = self.rows[i] >= 0
         X[self.rows[i][there]] = found.states[there]
         return X
@@ -168,14 +170,14 @@ class MultiStep:
     def loglik(self, z: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """(3,) the filter's log-likelihood by axis."""
         parts = [
-            follow(self.structure, self.values(z, i), d, noise[:3], noise[3]).loglik
+            filter_jittered(self.structure, self.values(z, i), d, noise[:3], noise[3]).loglik
             for i, d in enumerate(self.data)
         ]
         return np.asarray(np.sum(parts, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted(PhysicalFit):
+class MultiStepFit(PhysicalFit):
     """The minimum."""
 
     problem: MultiStep
@@ -252,7 +254,7 @@ def search(
     rounds: int = ROUNDS,
     fixed: np.ndarray | None = None,
     say: Callable[[str], None] | None = None,
-) -> Fitted:
+) -> MultiStepFit:
     """The minimum from ``start`` (dim,), stage by stage.
 
     ``noise`` (4,) and ``fixed`` (M, 3) rad give the filter's noise and the scales s; by default
@@ -276,7 +278,7 @@ def search(
         v = valley(p, a, stage, scale)
         found = descend(v, z, rounds=rounds, settled=SETTLED, say=report)
         z, count = found.z, count + found.rounds
-    return Fitted(p, z, a, scale, found.cost, found.tangents, count, found.settled)
+    return MultiStepFit(p, z, a, scale, found.cost, found.tangents, count, found.settled)
 
 
 def valley(

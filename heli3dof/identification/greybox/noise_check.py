@@ -122,10 +122,10 @@ def no_likelihood(prepared: Prepared) -> str:
     sources = [prepared.recordings[i] for i in sorted({r.source for r in prepared.train})]
     if any(r.profile.controller is not None for r in sources):
         return CLOCK if all(has_jitter(r) for r in sources) else ""
-    return why_freeflight(sources)
+    return likelihood_obstacle(sources)
 
 
-def why_freeflight(recordings: Sequence[Recording]) -> str:
+def likelihood_obstacle(recordings: Sequence[Recording]) -> str:
     """Why recordings with an unknown controller rule out a likelihood; empty where it can be used.
 
     Tests sampling jitter first, then the process noise.

@@ -104,7 +104,7 @@ class Span:
 
 
 @dataclass(frozen=True, eq=False)
-class Log:
+class SmoothedFlight:
     """A flight with smoothed readings and test functions."""
 
     flight: Flight
@@ -115,7 +115,7 @@ class Log:
     spans: tuple[Span, ...]
 
 
-def log_of(flight: Flight, window_s: float = 3.0) -> Log:
+def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
     """The flight with smoothed readings, and test functions inside its windows."""
     from scipy.signal import savgol_filter
 
@@ -130,7 +130,7 @@ def log_of(flight: Flight, window_s: float = 3.0) -> Log:
     free = np.zeros(len(t), dtype=bool)
     for k in flight.starts:
         free[k : k + round(window_s / dt)] = True
-    return Log(flight, y, smooth, rate, tuple(span(free, dt, s) for s in SPANS_S))
+    return SmoothedFlight(flight, y, smooth, rate, tuple(span(free, dt, s) for s in SPANS_S))
 
 
 def span(free: np.ndarray, dt: float, width_s: float) -> Span:
@@ -145,7 +145,9 @@ def span(free: np.ndarray, dt: float, width_s: float) -> Span:
     return Span(k[bad[k + n] == bad[k]], phi / phi.sum(), phi_2 / phi.sum())
 
 
-def residuals(problem: MultiStep, logs: Sequence[Log], z: np.ndarray) -> list[np.ndarray]:
+def residuals(
+    problem: MultiStep, logs: Sequence[SmoothedFlight], z: np.ndarray
+) -> list[np.ndarray]:
     """Per span length: (n, 3) rad/s² over all flights."""
     found: list[list[np.ndarray]] = [[] for _ in SPANS_S]
     for i, log in enumerate(logs):
@@ -191,7 +193,7 @@ def weak_start(
 
 
 def _minimum(
-    problem: MultiStep, logs: Sequence[Log], scale: Sequence[np.ndarray], z: np.ndarray
+    problem: MultiStep, logs: Sequence[SmoothedFlight], scale: Sequence[np.ndarray], z: np.ndarray
 ) -> np.ndarray:
     def weighted(at: np.ndarray) -> np.ndarray:
         e = [e / s for e, s in zip(residuals(problem, logs, at), scale, strict=True)]

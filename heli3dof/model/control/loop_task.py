@@ -37,7 +37,7 @@ def loop_task(recording: Recording) -> LoopTask:
     if reason := why_not_replayed(recording):
         raise ValueError(reason)
     profile, t = recording.profile, recording.t
-    grid = instants(t, profile.dt)
+    grid = control_instants(t, profile.dt)
     # Half a period of tolerance: a late sample belongs to its own period.
     held = np.searchsorted(t, grid + 0.5 * profile.dt, side="right") - 1
     assert profile.controller is not None
@@ -69,7 +69,7 @@ def under_control(recording: Recording) -> Recording:
     return recording.rows(slice(int(rows[0]), int(rows[-1]) + 1))
 
 
-def instants(t: np.ndarray, dt: float) -> np.ndarray:
+def control_instants(t: np.ndarray, dt: float) -> np.ndarray:
     """Control instants from the first sample to the last, one period apart."""
     periods = round(float(t[-1] - t[0]) / dt)
     return np.asarray(t[0] + dt * np.arange(periods + 1))

@@ -22,7 +22,7 @@ NEAR = 0.02
 """Largest relative difference between a log's interval and m periods of its profile's loop."""
 
 
-def thinning(recording: Recording) -> int:
+def decimation(recording: Recording) -> int:
     """m; 1 for a log at the loop rate, or at no integer fraction of it."""
     if len(recording) < 2:
         return 1
@@ -33,7 +33,7 @@ def thinning(recording: Recording) -> int:
 
 def mean_voltage(recording: Recording) -> np.ndarray:
     """(N, 2) V: v̄ from each row to the next; v_0 in the last row and before a gap."""
-    m, v = thinning(recording), recording.voltage
+    m, v = decimation(recording), recording.voltage
     if m == 1:
         return v
     share = np.where(np.diff(recording.t) < GAP * recording.dt, (m - 1) / (2 * m), 0.0)
@@ -41,14 +41,14 @@ def mean_voltage(recording: Recording) -> np.ndarray:
     return np.vstack([v[:-1] + share[:, None] * rise, v[-1:]])
 
 
-def filled(recording: Recording) -> tuple[Recording, np.ndarray]:
+def with_loop_rows(recording: Recording) -> tuple[Recording, np.ndarray]:
     """(recording with a row for every period of the loop, (N,) index of the log's rows in it).
 
     References are held and extra voltages interpolated linearly. Angles and voltages are unknown
     between the rows and held as placeholders; the caller simulates them.
     """
     own = np.arange(len(recording))
-    if thinning(recording) == 1:
+    if decimation(recording) == 1:
         return recording, own
     n = np.maximum(np.round(np.diff(recording.t) / recording.profile.dt).astype(int), 1)
     at = np.append(0, np.cumsum(n))

@@ -228,7 +228,7 @@ _filter_compiled = compiled(_filter, error_model="numpy", nogil=True)
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class FilterResult:
     """The result of `follow`."""
 
     states: np.ndarray
@@ -237,14 +237,14 @@ class Followed:
     """(3,) log-likelihood of the readings by axis."""
 
 
-def follow(
+def filter_jittered(
     structure: Structure,
     values: np.ndarray,
     data: Data,
     noise: np.ndarray,
     jitter_s: float,
     varying: Mapping[str, float] | None = None,
-) -> Followed:
+) -> FilterResult:
     """Filter ``data`` with ``values`` (n,).
 
     ``noise`` (3,) rad/s²/√Hz; ``varying``: parameter → σ_b for the B parameters to re-estimate.
@@ -261,7 +261,7 @@ def follow(
         data.V, data.y, np.asarray(noise, dtype=float) ** 2, float(jitter_s),
         data.rad_per_count**2 / 12, loglik, X,
     )  # fmt: skip
-    return Followed(X, loglik)
+    return FilterResult(X, loglik)
 
 
 def positions(structure: Structure, names: tuple[str, ...]) -> np.ndarray:

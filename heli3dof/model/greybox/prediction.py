@@ -16,7 +16,7 @@ import numpy as np
 
 from heli3dof.model.compiled import compiled
 from heli3dof.model.estimation.decimated_log import mean_voltage
-from heli3dof.model.estimation.ekf_jitter import follow, positions
+from heli3dof.model.estimation.ekf_jitter import filter_jittered, positions
 from heli3dof.model.estimation.ekf_quantised import filter_blocks
 from heli3dof.model.estimation.filter_data import (
     Data,
@@ -128,7 +128,7 @@ def filtered(
         d = data_of([recording], runs)
         a = np.where(model.noise > 0, model.noise, NOISE)
         if model.varying:
-            states = follow(
+            states = filter_jittered(
                 model.structure, model.values, d, a, model.jitter_s, model.varying
             ).states
         else:

@@ -104,11 +104,11 @@ def hover_model(profile: Profile, *, printed: bool = False, dt: float | None = N
     States (rad, rad/s) as in (8); trim u0 = V_o per motor, y0 = 0. K is zero and S is NaN, because
     the paper gives no noise.
     """
-    from heli3dof.model.discretisation import held
+    from heli3dof.model.discretisation import c2d_zoh
 
     h = hover(profile, printed=printed)
     dt = profile.dt if dt is None else dt
-    A, B = held(h.A, h.B, dt)
+    A, B = c2d_zoh(h.A, h.B, dt)
     return LinearModel(
         name="hover-printed" if printed else "hover",
         kind="hover_printed" if printed else "hover",

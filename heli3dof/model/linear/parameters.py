@@ -72,11 +72,11 @@ class LinearParameters:
         """
         off = abs(dt / self.dt - 1)
         if self.exact_hold and off > 1e-9:
-            from heli3dof.model.discretisation import held, released
+            from heli3dof.model.discretisation import c2d_zoh, d2c_zoh
 
-            c = released(self.A, self.B, self.dt)
+            c = d2c_zoh(self.A, self.B, self.dt)
             if c is not None:
-                A, B = held(*c, dt)
+                A, B = c2d_zoh(*c, dt)
                 return replace(self, A=A, B=B, dt=dt)
         if off <= DT_TOLERANCE:
             return self

@@ -33,7 +33,7 @@ from heli3dof.model.compiled import compiled
 from heli3dof.model.estimation.filter_data import LOST, hold_last
 from heli3dof.model.linear.initial_state import rest_state, state_spread
 from heli3dof.model.linear.parameters import LinearParameters
-from heli3dof.recording.gap_filling import bridged
+from heli3dof.recording.gap_filling import fill_gaps
 from heli3dof.recording.recording import Recording
 
 ACCELERATION = np.array([0.05, 0.15, 0.05])
@@ -55,7 +55,7 @@ def predict(model: LinearParameters, recording: Recording, horizon_s: float) -> 
     RecordingError if the sample interval is not the model's (`LinearParameters.at`).
     """
     model = model.at(recording.dt)
-    whole, own = bridged(recording, LOST)
+    whole, own = fill_gaps(recording, LOST)
     if whole is not recording:
         return np.asarray(predict(model, whole, horizon_s)[own])
     N = len(recording)

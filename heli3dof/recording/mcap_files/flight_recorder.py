@@ -25,7 +25,7 @@ from heli3dof.recording.mcap_files.mcap_writer import OUTCOME, PROFILE, PROVENAN
 from heli3dof.recording.mcap_files.schema import RowFormat, RowPacker
 from heli3dof.recording.row import Row
 from heli3dof.rig.profile import Profile
-from heli3dof.write_errors import FULL, explained
+from heli3dof.write_errors import FULL, write_errors_explained
 
 CHUNK_S = 0.15
 """s of wall-clock time per chunk"""
@@ -77,7 +77,7 @@ class RecordingWriter:
         """The rows of the chunk in progress"""
         about = {"name": self.path.stem, **(meta or {}), "start_ns": self.start_ns}
         is_new = not self.path.exists()
-        with explained(self.path):
+        with write_errors_explained(self.path):
             self._stream: BinaryIO = self.path.open(  # type: ignore[assignment]
                 mode(self.path, force=force), buffering=0
             )

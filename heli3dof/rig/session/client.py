@@ -65,7 +65,7 @@ def running(device: str | None = None) -> list[Running]:
     return alive
 
 
-class Question:
+class Request:
     """A request sent to a session; several may be under way before any answer is read."""
 
     def __init__(self, session: Running, question: Mapping[str, Any]) -> None:
@@ -122,7 +122,7 @@ class Question:
 
 def lives(session: Running) -> bool:
     """Whether the session still accepts connections."""
-    question = Question(session, {})
+    question = Request(session, {})
     taken = question.taken
     question.close()
     return taken
@@ -130,6 +130,6 @@ def lives(session: Running) -> bool:
 
 def state(session: Running, timeout_s: float = 0.2) -> dict[str, Any] | None:
     """The state of a session's rig now; None without an answer."""
-    answer = Question(session, {"do": "state"}).answer(timeout_s)
+    answer = Request(session, {"do": "state"}).answer(timeout_s)
     content = None if answer is None else answer.get("state")
     return content if isinstance(content, dict) else None

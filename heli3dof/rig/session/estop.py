@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 
 from heli3dof.errors import DeviceError, Heli3dofError, UsageError
 from heli3dof.rig.drivers import find_rigs, is_private, load_driver
-from heli3dof.rig.session.client import Question, listed
+from heli3dof.rig.session.client import Request, listed
 from heli3dof.rig.session.known_devices import is_known, remembered, serials_at
 from heli3dof.rig.session.locks import is_held
 from heli3dof.rig.session.paths import device_name
@@ -63,7 +63,7 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
     except DeviceError:
         # The folder is another user's, so it shows no sessions; devices can still be stopped.
         sessions = []
-    requests = [Question(s, {"do": "estop", "reason": reason}) for s in sessions]
+    requests = [Request(s, {"do": "estop", "reason": reason}) for s in sessions]
     questions = [q for q in requests if q.taken]
     results = [stopped for q in questions if (stopped := _await(q, start)) is not None]
     if device is not None:
@@ -82,7 +82,7 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
     return results + _all_directly(known, start), left_out
 
 
-def _await(question: Question, start: float) -> Stopped | None:
+def _await(question: Request, start: float) -> Stopped | None:
     """The result for a session's rig; None where the session had already ended."""
     session = question.session
     who = f"pid {session.pid} (`{session.doing}`)"

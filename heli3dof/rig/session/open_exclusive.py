@@ -16,7 +16,7 @@ from typing import Any
 
 from heli3dof.axes import AXES, MOTORS
 from heli3dof.errors import DeviceError
-from heli3dof.rig.calibration import POWER_UP, rest_of
+from heli3dof.rig.calibration import COUNTS_AT_POWER_UP, rest_counts_of
 from heli3dof.rig.drivers import is_private, open_driver
 from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import Profile
@@ -53,7 +53,7 @@ def open_rig(
             raise
         if not session.private:
             remember(device, opened.identity.serial)
-        rest = POWER_UP if session.private else rest_of(opened.identity)
+        rest = COUNTS_AT_POWER_UP if session.private else rest_counts_of(opened.identity)
         rig = StoppableRig(opened, session, rest)
         try:
             session.state = lambda: {**state_of(rig, profile), **also()}

@@ -15,7 +15,7 @@ each of them (`heli3dof.rig.interface.ArmsWithPermission`).
 from __future__ import annotations
 
 from heli3dof.errors import SafetyTrip
-from heli3dof.rig.calibration import POWER_UP, Rest
+from heli3dof.rig.calibration import COUNTS_AT_POWER_UP, RestCounts
 from heli3dof.rig.interface import (
     ArmsWithPermission,
     Command,
@@ -32,7 +32,7 @@ from heli3dof.rig.session.server import Session
 class StoppableRig:
     """See `heli3dof.rig.interface.Rig`."""
 
-    def __init__(self, rig: Rig, session: Session, rest: Rest = POWER_UP) -> None:
+    def __init__(self, rig: Rig, session: Session, rest: RestCounts = COUNTS_AT_POWER_UP) -> None:
         self.inner, self.session = rig, session
         self.rest = rest
         self.last: Sample | None = None

@@ -23,7 +23,7 @@ from heli3dof.identification.black_box.pbsid import StateSpace
 from heli3dof.identification.black_box.resampling import NoContinuousModel, at_rate
 from heli3dof.identification.preprocessing import Prepared, prepare
 from heli3dof.model.base import Model
-from heli3dof.model.discretisation import held
+from heli3dof.model.discretisation import c2d_zoh
 from heli3dof.model.linear.model import LinearModel
 from heli3dof.model.model_file import read_model
 from heli3dof.recording.recording import Recording
@@ -119,7 +119,7 @@ def linear_model(found: Found, known: np.ndarray, dt: float) -> LinearModel:
     """
     a = found.arrays
     if found.kind == "physical":
-        A, B = held(*rigid.linearised(a["values"], known), dt)
+        A, B = c2d_zoh(*rigid.linearised(a["values"], known), dt)
         V_h = a["values"][3] / (2 * known[0] * known[2])
         return _model(found, A, B, np.eye(3, 8), np.full(2, V_h), np.zeros(3), dt)
     if found.kind == "continuous":
@@ -127,7 +127,7 @@ def linear_model(found: Found, known: np.ndarray, dt: float) -> LinearModel:
         A, B = a["A"], a["B"]
         trim = -np.linalg.lstsq(np.hstack([A, B * 20.0]), a["c"], rcond=1e-6)[0]
         n = len(A)
-        A_d, B_d = held(A, B, dt)
+        A_d, B_d = c2d_zoh(A, B, dt)
         return _model(found, A_d, B_d, a["C"], 20.0 * trim[n:], a["C"] @ trim[:n], dt)
     if found.kind == "exact":
         zero = np.zeros((len(a["A"]), 3))

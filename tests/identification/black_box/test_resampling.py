@@ -17,7 +17,7 @@ from heli3dof.identification.black_box.stabilisation import (
     stable_plant,
     with_stable_predictor,
 )
-from heli3dof.model.discretisation import held
+from heli3dof.model.discretisation import c2d_zoh
 from tests.identification.systems import integrating_system, record
 
 
@@ -41,7 +41,7 @@ def test_continuous_time_is_the_hand_computed_one() -> None:
 
 
 def test_a_double_integrator_is_converted_exactly() -> None:
-    A, B = held(np.array([[0.0, 1.0], [0, 0]]), np.array([[0.0], [2.0]]), 0.04)
+    A, B = c2d_zoh(np.array([[0.0, 1.0], [0, 0]]), np.array([[0.0], [2.0]]), 0.04)
     s = replace(integrating_system(), A=A, B=B, C=np.eye(1, 2), K=np.ones((2, 1)), S=np.eye(1))
     Ac, Bc = continuous(s, 0.04)
     np.testing.assert_allclose(Ac, [[0, 1], [0, 0]], atol=1e-8)

@@ -9,7 +9,7 @@ import pytest
 from heli3dof.model.control.closed_loop_poles import sampled_loop_poles
 from heli3dof.model.control.loop_check import check_loop_of, disc_margin
 from heli3dof.model.control.lqr import lqr_gain
-from heli3dof.model.discretisation import held
+from heli3dof.model.discretisation import c2d_zoh
 from heli3dof.model.linear.hover import hover, hover_model
 from heli3dof.rig.profile import K_G, TABLE_I, Profile, profile_from_dict
 from heli3dof.rig.profile_file import merged
@@ -53,7 +53,9 @@ def test_the_margin_is_no_larger_than_python_controls_for_both_motors_alike() ->
     profile = rig()
     h, K = hover(profile), np.array(K_G[0])
     # Roll alone, with the motors' common voltage as its one input: [r, ṙ] and the integral.
-    A, B = held(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [2 * h.B[3, 0]]]), profile.dt)
+    A, B = c2d_zoh(
+        np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [2 * h.B[3, 0]]]), profile.dt
+    )
     z = control.tf("z")
     w = 2 * np.pi * 20.0
     s = 2 / profile.dt * (z - 1) / (z + 1)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.model.estimation.decimated_log import filled, mean_voltage, thinning
+from heli3dof.model.estimation.decimated_log import decimation, mean_voltage, with_loop_rows
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.profile import default_profile
 
@@ -23,7 +23,7 @@ def log(t: np.ndarray, front: np.ndarray) -> Recording:
 def test_five_voltages_on_a_line_from_0_to_10_have_a_mean_of_4() -> None:
     # 0, 2, 4, 6, 8 are held for a period each; 10 is the next row's.
     thin = log(0.01 * np.arange(4), np.array([0.0, 10.0, 10.0, 5.0]))
-    assert thinning(thin) == 5
+    assert decimation(thin) == 5
     assert mean_voltage(thin)[:, 0] == pytest.approx([4.0, 10.0, 8.0, 5.0])
     assert mean_voltage(thin)[:, 1] == pytest.approx([-4.0, -10.0, -8.0, -5.0])
 
@@ -38,14 +38,14 @@ def test_a_log_at_the_loop_s_rate_or_at_one_that_is_no_part_of_it_is_left_as_it_
     step_s: float,
 ) -> None:
     whole = log(step_s * np.arange(50), np.arange(50.0))
-    assert thinning(whole) == 1
+    assert decimation(whole) == 1
     assert mean_voltage(whole) is whole.voltage
-    assert filled(whole)[0] is whole
+    assert with_loop_rows(whole)[0] is whole
 
 
 def test_what_is_filled_in_has_a_row_for_every_period_and_the_log_s_own_among_them() -> None:
     thin = log(0.01 * np.array([0, 1, 2, 4]), np.array([0.0, 10.0, 20.0, 40.0]))
-    whole, at = filled(thin)
+    whole, at = with_loop_rows(thin)
     assert at.tolist() == [0, 5, 10, 20]
     assert np.diff(whole.t) == pytest.approx(0.002)
     assert whole.t[at] == pytest.approx(thin.t)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from heli3dof.model.effects import terms
-from heli3dof.model.estimation.ekf_jitter import follow, positions
+from heli3dof.model.estimation.ekf_jitter import filter_jittered, positions
 from heli3dof.model.estimation.filter_data import Stretch, data_of
 from heli3dof.model.greybox.model import nominal
 from heli3dof.model.physics.parametrisation import Structure
@@ -43,7 +43,7 @@ def test_a_sample_taken_late_moves_every_angle_by_its_rate(recording: Recording)
     swing = np.radians([10.0, 15.0, 20.0]) * np.sin(2 * np.pi * 0.5 * late[:, None])
     d = data(replace(recording, angle=swing))
     noise = np.full(3, 2.0)
-    at = {s: follow(model.structure, model.values, d, noise, s).loglik.sum() for s in
+    at = {s: filter_jittered(model.structure, model.values, d, noise, s).loglik.sum() for s in
           (0.0, 0.001, 0.003, 0.009)}  # fmt: skip
     assert max(at, key=lambda s: at[s]) == 0.003
 
@@ -56,7 +56,7 @@ def test_an_encoder_that_was_zeroed_elsewhere_is_found_again(recording: Recordin
 
     def last(recording: Recording) -> float:
         d = data(recording)
-        out = follow(structure, structure.values_of({}), d, noise, 0.0, {OFFSET: 20.0})
+        out = filter_jittered(structure, structure.values_of({}), d, noise, 0.0, {OFFSET: 20.0})
         return float(out.states[-1, 6])
 
     assert last(replace(recording, angle=angle)) - last(recording) == pytest.approx(4.0, abs=0.4)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from heli3dof.model.discretisation import held
+from heli3dof.model.discretisation import c2d_zoh
 from heli3dof.model.linear.hover import hover, hover_model
 from heli3dof.model.linear.initial_state import rest_state, state_spread
 from heli3dof.model.linear.model import LinearModel
@@ -23,7 +23,7 @@ def with_rotor_lag(tau: float, stiffness: float = 0.0, dt: float = 0.002) -> Lin
     A[:6, :6], A[:6, 6:], A[6:, 6:] = h.A, h.B, -np.eye(2) / tau
     A[3, 0] = -stiffness
     B[6:] = np.eye(2) / tau
-    A_d, B_d = held(A, B, dt)
+    A_d, B_d = c2d_zoh(A, B, dt)
     return LinearModel(
         "lag", "statespace", A_d, B_d, np.eye(3, 8), np.zeros((8, 3)), np.full((3, 3), np.nan),
         np.full(2, h.V_o), np.zeros(3), dt,

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from heli3dof.rig.calibration import Rest
+from heli3dof.rig.calibration import RestCounts
 from heli3dof.rig.doctor import link
 from heli3dof.rig.interface import Check, Flags
 from heli3dof.rig.profile import default_profile
@@ -137,7 +137,7 @@ def test_a_clock_that_does_not_advance_fails_only_if_the_device_keeps_time(timeb
 
 def test_assumed_rest_angles_are_reported():
     seen = opened()
-    seen.rig.rest = Rest((0, 0, 0), "power-up", "the device has restarted")
+    seen.rig.rest = RestCounts((0, 0, 0), "power-up", "the device has restarted")
     check = link.rest_angles(seen)
     assert check.good is None
     assert "has restarted" in check.found

@@ -20,7 +20,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from heli3dof.errors import DeviceError
-from heli3dof.rig.session.client import Question, Running, lives, running, state
+from heli3dof.rig.session.client import Request, Running, lives, running, state
 from heli3dof.rig.session.paths import device_name, runtime_folder
 from heli3dof.rig.session.server import BACKLOG, Session
 from heli3dof.rig.session.stop_stamp import ALL, leave_stamp, stopped_since
@@ -127,7 +127,7 @@ def test_private_rigs_do_not_lock_each_other(runtime):
 def test_a_stop_of_a_private_rig_is_confirmed_before_it_is_armed_and_forbids_it(runtime):
     with Session("mock:", private=True) as session:
         (result,) = running("mock:")
-        question = Question(result, {"do": "estop", "reason": "smoke"})
+        question = Request(result, {"do": "estop", "reason": "smoke"})
         assert question.answer(5) == {"stopped": "before it had armed its emulated rig"}
         assert session.begin_to_arm() == "smoke"
 
@@ -136,7 +136,7 @@ def test_the_loop_confirms_a_stop_of_a_private_rig_that_is_being_armed(runtime):
     with Session("mock:", private=True) as session:
         assert session.begin_to_arm() is None
         (result,) = running("mock:")
-        assert Question(result, {"do": "estop", "reason": "smoke"}).answer(0.2) is None
+        assert Request(result, {"do": "estop", "reason": "smoke"}).answer(0.2) is None
         assert session.begin_to_arm() == "smoke"
 
 
@@ -159,7 +159,7 @@ def test_a_lock_file_that_cannot_be_removed_does_not_block_a_session(runtime, mo
 def test_a_request_without_the_key_is_dropped(session):
     (result,) = running(DEVICE)
     stranger = replace(result, key="another")
-    assert Question(stranger, {"do": "estop"}).answer(5) is None
+    assert Request(stranger, {"do": "estop"}).answer(5) is None
     assert session.asked is None
 
 
@@ -176,12 +176,12 @@ def test_an_error_in_the_state_does_not_end_the_session(session):
     session.state = broken
     (result,) = running(DEVICE)
     assert state(result, timeout_s=5) is None
-    assert Question(result, {"do": "state"}).answer(5) == {"error": "ValueError: no sample yet"}
+    assert Request(result, {"do": "state"}).answer(5) == {"error": "ValueError: no sample yet"}
 
 
 def test_a_stop_is_answered_after_it_was_executed(session):
     (result,) = running(DEVICE)
-    question = Question(result, {"do": "estop", "reason": "smoke"})
+    question = Request(result, {"do": "estop", "reason": "smoke"})
     deadline = time.monotonic() + 60
     while session.asked is None and time.monotonic() < deadline:
         time.sleep(1e-3)
@@ -193,13 +193,13 @@ def test_a_stop_is_answered_after_it_was_executed(session):
 def test_a_client_gives_up_a_session_that_never_confirms(session):
     (result,) = running(DEVICE)
     start = time.monotonic()
-    assert Question(result, {"do": "estop"}).answer(0.2) is None
+    assert Request(result, {"do": "estop"}).answer(0.2) is None
     assert time.monotonic() - start < 10
 
 
 def test_a_waiting_client_gets_an_answer_when_the_session_ends(session):
     (result,) = running(DEVICE)
-    question = Question(result, {"do": "estop"})
+    question = Request(result, {"do": "estop"})
     while session.asked is None:
         time.sleep(1e-3)
     session.close()

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from heli3dof.errors import DeviceError, SafetyTrip
-from heli3dof.rig.calibration import Rest
+from heli3dof.rig.calibration import RestCounts
 from heli3dof.rig.interface import Command, Flags
 from heli3dof.rig.profile import default_profile
 from heli3dof.rig.session.open_exclusive import open_rig
@@ -68,7 +68,7 @@ def test_reading_executes_a_stop(rig):
 
 
 def test_counts_are_zero_at_the_rest_angles(rig):
-    rig.rest = Rest((1, 2, 3), "zero")
+    rig.rest = RestCounts((1, 2, 3), "zero")
     assert rig.arm().counts == rig.read().counts == (9, 18, 27)
     sample = rig.exchange(Command(1, 3.0, 4.0), 0.0)
     assert sample.counts == (9, 18, 27)
