@@ -1,4 +1,4 @@
-"""The table of published numbers in docs/explanation/comparison.md."""
+"""The table of published numbers in docs/results/published.md."""
 
 from __future__ import annotations
 
@@ -15,4 +15,4 @@ def _published() -> str:
     return to_markdown(published_table(reproduce(hover_model(default_profile())))).rstrip("\n")
 
 
-PAGE = Page("docs/explanation/comparison.md", {"published": _published})
+PAGE = Page("docs/results/published.md", {"published": _published})

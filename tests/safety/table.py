@@ -184,4 +184,5 @@ def ramp_down() -> str:
     return f"{highest['caption']}:\n\n{markdown_table([*LAWS], rows)}"
 
 
-PAGE = Page("docs/reference/safety.md", {"table": table, "ramp_down": ramp_down, "limits": limits})
+PAGE = Page("docs/reference/safety.md", {"table": table, "limits": limits})
+RAMP_DOWN_PAGE = Page("docs/results/ramp-down.md", {"ramp_down": ramp_down})
