@@ -55,7 +55,8 @@ class Body:
 
     @property
     def J(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw inertia of the level rig in kg·m², without ``dJ``."""
+        """Roll, pitch and yaw inertia of the level rig in kg·m², without the rotary
+        inertias ``dJ``."""
         return self.J_w + self.I_bb, self.I_aa, self.J_w + self.I_bb + self.I_aa
 
     def vector(self) -> np.ndarray:

@@ -219,7 +219,7 @@ def _message(error: BaseException) -> str:
 
 @contextmanager
 def explained(hil_error: type[Exception], name: str, doing: str) -> Iterator[None]:
-    """Turn every HILError inside into a DeviceError."""
+    """Context manager: turn every HILError of its block into a DeviceError."""
     try:
         yield
     except hil_error as error:

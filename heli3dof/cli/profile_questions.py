@@ -59,7 +59,7 @@ def _is_terminal() -> bool:
 
 
 def _questions() -> Iterator[tuple[str, FieldInfo]]:
-    """The required keys, the name and the arm's rest angle."""
+    """Yield what to ask the user: each required key, the name and the arm's rest angle."""
     from heli3dof.rig.profile import Profile
     from heli3dof.toml_file import keys
 

@@ -1,4 +1,7 @@
-"""`file_info`: the contents of a recording's file as a JSON-able dictionary, torn files too."""
+"""`file_info`: the contents of a recording's file as a JSON-able dictionary.
+
+It also reads files that end early because the flight's program was killed.
+"""
 
 from __future__ import annotations
 

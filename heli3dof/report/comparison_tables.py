@@ -227,7 +227,7 @@ def comparison_grids(comparison: Comparison, reproduced: Sequence[Reproduced] = 
 def comparison_renderables(
     comparison: Comparison, reproduced: Sequence[Reproduced] = ()
 ) -> list[RenderableType]:
-    """The same tables for a terminal, each followed by a blank line."""
+    """The tables of a comparison for the terminal, each followed by a blank line."""
     from rich.padding import Padding
 
     below = (0, 0, 1, 0)

@@ -3,7 +3,7 @@
 - Backlash of full width w between the axis and its encoder: the encoder moves only while one of the
   two flanks is in contact.
 - Offset: the rig was not at its nominal rest when the counts were zeroed: reading = angle + offset.
-  Table and level start stay at their readings, and so at other true angles.
+  The table and a level start are defined by readings, so an offset shifts their true angles.
 - Scale: a wrong number of lines: reading = rest + k (angle − rest).
 """
 

@@ -90,8 +90,8 @@ Band = Annotated[
 class FreeSegment(BaseSegment):
     """A segment that opens the loop of one axis.
 
-    First the loop is closed for ``learn_s``, to find the mean voltage that holds the axis, and
-    for the approach to the axis's initial state. Then that voltage stays constant.
+    First the loop is closed: it holds the axis for ``learn_s``, in which its mean voltage is
+    measured, and brings it to the initial state. Then the loop opens and that voltage stays.
     """
 
     learn_s: Annotated[

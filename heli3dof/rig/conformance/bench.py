@@ -146,7 +146,10 @@ def require_rest(sample: Sample, when: str) -> None:
 
 
 def require_error(call: Callable[[], object], when: str) -> DeviceError:
-    """The DeviceError that ``call`` must raise, with cause and fix."""
+    """Call ``call`` and return the DeviceError that it must raise, with cause and fix.
+
+    The case fails without one; ``when`` names the situation in the message.
+    """
     try:
         found = call()
     except DeviceError as problem:

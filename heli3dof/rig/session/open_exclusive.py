@@ -34,10 +34,10 @@ def open_rig(
     also: Callable[[], Mapping[str, Any]] = dict,
     began_ns: int | None = None,
 ) -> Iterator[StoppableRig]:
-    """The open rig; closed and unlocked at the end.
+    """Context manager: open and lock the rig; close and unlock it at the end.
 
     ``doing``: what the session does, for messages; default: the command line. ``also`` adds to the
-    state that observers read. ``began_ns``: when the command that moves the rig began
+    state that other processes read. ``began_ns``: when the command that moves the rig began
     (`heli3dof.rig.session.stop_stamp`). Counts are zero at the stored rest angles;
     ``rig.rest.note`` holds what the user should know about them. Raises DeviceError where
     the rig is missing, not permitted, busy (naming the other session), or without a serial number.
