@@ -6,8 +6,8 @@ import re
 from collections.abc import Mapping
 
 from heli3dof_drivers.link.frames import _FIELDS, _HEADER, _KINDS, Cause, Code, Type, command, wire
-from heli3dof_drivers.link.golden_transcripts import TRANSCRIPTS, sample, text
 
+from tests.drivers.link.golden_transcripts import TRANSCRIPTS, sample, text
 from tests.pages.page import Page
 
 _SIGNS = {"B": "u8", "H": "u16", "h": "i16", "I": "u32", "i": "i32"}

@@ -29,11 +29,11 @@ from heli3dof_drivers.link.frames import (
     Status,
     wire,
 )
-from heli3dof_drivers.link.golden_transcripts import TRANSCRIPTS, Line
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.drivers.emulator.still import StillDevice, still_endpoint
+from tests.drivers.link.golden_transcripts import TRANSCRIPTS, Line
 
 V5 = 5_000_000
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from heli3dof_drivers.emulator.usb_function import FIFO, IN, OUT
 from heli3dof_drivers.link.frames import Arm, Cause, Splitter, wire
-from heli3dof_drivers.link.golden_transcripts import TRANSCRIPTS, Line
 
 from tests.drivers.emulator.still import still_endpoint
+from tests.drivers.link.golden_transcripts import TRANSCRIPTS, Line
 from tests.kernel_usb.usb_requests import KernelUsbFunction, Setup
 
 

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from cobs.cobs import encode
-
-from .checksum import check
-from .frames import (
+from heli3dof_drivers.link.checksum import check
+from heli3dof_drivers.link.frames import (
     NOT_MEASURED,
     Ack,
     Arm,
