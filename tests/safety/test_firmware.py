@@ -65,8 +65,8 @@ def test_after_kill_9_the_rig_is_at_zero_within_watchdog_and_ramp(tmp_path: Path
     with firmware_rig("--log", str(tmp_path / "volts")) as process:
         rig = Firmware(process, tmp_path / "volts")
         with flying(rig, tmp_path) as flight:
-            flight.process.kill()
             killed_s = time.monotonic()
+            flight.process.kill()
             flight.end()
             time.sleep(within("kill_9"))
         assert killed_s < rig.zero_s <= killed_s + within("kill_9")
@@ -83,8 +83,8 @@ def test_ctrl_c_ramps_the_rig_to_zero(tmp_path: Path) -> None:
     with firmware_rig("--log", str(tmp_path / "volts")) as process:
         rig = Firmware(process, tmp_path / "volts")
         with flying(rig, tmp_path) as flight:
-            flight.process.send_signal(signal.SIGINT)
             asked_s = time.monotonic()
+            flight.process.send_signal(signal.SIGINT)
             ended("ctrl_c", flight)
         assert asked_s < rig.zero_s <= asked_s + within("ctrl_c")
         starts_clean(rig)

@@ -119,8 +119,8 @@ def ended(name: str, flight: Flight) -> None:
 
 def test_kill_9(bench: Bench, tmp_path: Path) -> None:
     with flying(bench, tmp_path) as flight:
-        flight.process.kill()
         killed_s = time.monotonic()
+        flight.process.kill()
         code, _ = flight.end()
         bench.wait_until_zero()
     assert code == BY_NAME["kill_9"].exit_code
@@ -134,8 +134,8 @@ def test_kill_9(bench: Bench, tmp_path: Path) -> None:
 
 def test_stopped_process(bench: Bench, tmp_path: Path) -> None:
     with flying(bench, tmp_path) as flight:
-        flight.process.send_signal(signal.SIGSTOP)
         stopped_s = time.monotonic()
+        flight.process.send_signal(signal.SIGSTOP)
         bench.wait_until_zero()
         assert stopped_s < bench.zero_s <= stopped_s + within("stopped_process", bench, stopped_s)
         flight.process.send_signal(signal.SIGCONT)
