@@ -1,4 +1,4 @@
-"""Threads for estimation: `in_threads` shares out work, `one_thread` limits BLAS.
+"""Threads for estimation: `parallel_map` shares out work, `one_blas_thread` limits BLAS.
 
 The compiled filters release Python's global lock, so threads run in parallel: one per core, at most
 `MOST`. Nested calls share the same threads: the caller does pieces itself, and before each piece it
@@ -55,7 +55,7 @@ def _free() -> threading.Semaphore:
 
 @contextmanager
 def report_progress(watcher: Watcher | None) -> Iterator[None]:
-    """Report progress inside the block: call ``watcher`` after each piece of `in_threads`.
+    """Report progress inside the block: call ``watcher`` after each piece of `parallel_map`.
 
     Pieces of nested calls are not reported.
     """
@@ -69,7 +69,7 @@ def report_progress(watcher: Watcher | None) -> Iterator[None]:
 def parallel_map(work: Callable[[int], X], count: int, *, what: str = "") -> list[X]:
     """The results of ``work(0)`` … ``work(count − 1)``, in order.
 
-    ``what`` names the pieces in the plural for `watched`; without it progress is not reported.
+    ``what`` names the pieces in the plural for `report_progress`; without it nothing is reported.
     Raises the error of the first piece that failed.
     """
     pieces = _Pieces(work, count, what)

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import ast
+import importlib
+import importlib.util
 import re
+import textwrap
 
 import pytest
 
@@ -36,3 +40,16 @@ def test_the_readme_names_every_verb() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     for verb in verbs():
         assert f"`{verb}" in text, verb
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_every_name_that_an_example_imports_exists(page) -> None:
+    for block in re.findall(
+        r"^ *```python\n(.*?)```", page.read_text(encoding="utf-8"), re.M | re.S
+    ):
+        for node in ast.walk(ast.parse(textwrap.dedent(block))):
+            if isinstance(node, ast.ImportFrom) and str(node.module).startswith("heli3dof"):
+                module = importlib.import_module(str(node.module))
+                for alias in node.names:
+                    whole = f"{node.module}.{alias.name}"
+                    assert hasattr(module, alias.name) or importlib.util.find_spec(whole), whole

@@ -1,7 +1,7 @@
 """Whether both halves of the flights show a cause: what only one of them shows is no name.
 
 A fit's σ knows the noise, not what the model lacks; that moves a number from one half of the
-flights to the other. So the blocks of each fold (`heli3dof.diagnosis.backward.halves`) are fitted
+flights to the other. So the blocks of each fold (`heli3dof.diagnosis.refits.halves`) are fitted
 alone, and of a term's first number, with θ_h ± σ_h of half h and θ_0 its absence,
 
     u_h = (θ_h − θ_0)/σ_h           seen by both:  min_h |u_h| ≥ `SEEN`, all on one side

@@ -181,7 +181,7 @@ def _fly(
         must_still_fall=monitors.must_still_fall,
     )
     # Disarm before the recording is finished: a disk may take longer than the device's watchdog.
-    # `hold` closes the rig again, and reports what went wrong.
+    # `open_rig` closes the rig again, and reports what went wrong.
     with suppress(DeviceError):
         rig.close()
     if rig.session.stopped is None:

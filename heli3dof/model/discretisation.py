@@ -3,7 +3,7 @@
 Zero-order hold, dt in s::
 
     [A_d B_d]        ( [A B]    )
-    [ 0   I ]  = exp ( [0 0] dt )        (`held`; `released` takes the logarithm)
+    [ 0   I ]  = exp ( [0 0] dt )        (`c2d_zoh`; `d2c_zoh`: the logarithm)
 
 The logarithm does not exist for a pole at zero or on the negative real axis (a delay, an
 oscillation at half the sample rate). The bilinear rule z = (1 + s dt/2)/(1 − s dt/2) replaces it

@@ -62,7 +62,7 @@ def check_url(url: str | DeviceUrl) -> DeviceUrl:
 def open_driver(url: str | DeviceUrl, profile: Profile) -> Rig:
     """Open the rig of a device URL, without a lock: ``heli3dof estop`` cannot stop its process.
 
-    Applications use `heli3dof.open_driver`.
+    Applications use `heli3dof.open_rig`.
     """
     parsed = check_url(url)
     return load_driver(parsed.scheme).open(parsed, profile)

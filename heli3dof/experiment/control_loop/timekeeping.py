@@ -7,7 +7,7 @@ timebase   sample k is due                 skipped periods
 =========  ==============================  ====================================================
 host       when the host asks for it       ⌊lateness / dt⌋ for a sample that came late: missed
 device     by the device's clock, mapped   those that the link counted, or by which the
-           to the host's (`ClockMap`)      device's time jumped (`Instants`)
+           to the host's (`ClockOffset`)   device's time jumped (`Instants`)
 virtual    when it comes                   none
 =========  ==============================  ====================================================
 

@@ -229,7 +229,7 @@ _filter_compiled = compiled(_filter, error_model="numpy", nogil=True)
 
 @dataclass(frozen=True, eq=False)
 class FilterResult:
-    """The result of `follow`."""
+    """The result of `filter_jittered`."""
 
     states: np.ndarray
     """(N, 6 + B) x̂ after each row's readings; NaN in rows outside all blocks."""
