@@ -57,10 +57,15 @@ def flight_table(flight: Flight) -> Group | str:
 
 
 def flight_warnings(flight: Flight) -> list[str]:
-    """Warnings about the link to the rig."""
+    """Warnings about the link to the rig and about encoders that did not change."""
     from heli3dof.recording.link_quality import link_warnings
+    from heli3dof.recording.still_encoder import still_encoder_warnings
 
-    return link_warnings(flight.outcome.details(), flight.recording.profile.dt)
+    recording = flight.recording
+    return [
+        *link_warnings(flight.outcome.details(), recording.profile.dt),
+        *still_encoder_warnings(recording),
+    ]
 
 
 def flight_document(flight: Flight) -> dict[str, Any]:

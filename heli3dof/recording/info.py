@@ -19,6 +19,7 @@ from heli3dof.recording.logs.log_validation import timing
 from heli3dof.recording.mcap_files.reader import decode, open_mcap, profile_in
 from heli3dof.recording.mcap_files.recover import salvage
 from heli3dof.recording.recording import Recording
+from heli3dof.recording.still_encoder import still_encoder_warnings
 from heli3dof.rig.profile import Profile
 
 LATE_S = 1e-3
@@ -97,6 +98,7 @@ def summary(recording: Recording) -> dict[str, Any]:
             *meta.get("warnings", []),
             *_stuck_clock(stuck, len(recording)),
             *link_warnings(meta.get("outcome_details") or {}, recording.profile.dt),
+            *still_encoder_warnings(recording),
         ],
         "digest": recording.digest,
         "provenance": {key: meta[key] for key in PROVENANCE if key in meta},

@@ -21,6 +21,7 @@ from heli3dof.experiment.fly import prepare
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
 from heli3dof.experiment.safety_monitors import monitors_for
 from heli3dof.recording.row import CLOSED_LOOP, Row
+from heli3dof.recording.still_encoder import STILL_S
 from heli3dof.rig.drivers import open_driver
 from heli3dof.rig.profile import Profile, default_profile
 from tests.bench import Figure, at_most
@@ -60,6 +61,8 @@ class Frozen:
     found_s: float | None
     """s from the freeze to the report; None: found in the ramp to zero, or not at all"""
     moving: bool
+    warned: bool
+    """The summary warns that the encoder's count did not change at the end of the flight"""
 
 
 def plan_of(name: str) -> Plan:
@@ -100,6 +103,15 @@ class Course:
         turned = self.angle[k][i] - self.angle[j][i]
         return 57.2958 * abs(turned) / (self.t[k] - self.t[j])
 
+    def still_s(self, axis: str) -> float:
+        """How long the angle had not changed when closed loop ended."""
+        i = AXES.index(axis)
+        last = self.angle[-1][i]
+        since = (
+            t for t, angle in zip(self.t[::-1], self.angle[::-1], strict=True) if angle[i] != last
+        )
+        return self.t[-1] - next(since, self.t[0])
+
 
 def flown(plan: Plan, url: str, profile: Profile, sink: Course) -> Outcome:
     monitors = monitors_for(profile)
@@ -122,8 +134,9 @@ def on_the_mock(case: tuple[str, str, float, int]) -> Frozen:
     in_air = outcome.ending == "tripped" and outcome.periods * profile.dt < course_end(plan)
     moving = course.rate_deg_per_s(axis, at_s) > MOVING_DEG_PER_S
     return Frozen(
-        plan, axis, at_s, outcome.ending, str(outcome.detail), delay_s if in_air else None, moving
-    )
+        plan, axis, at_s, outcome.ending, str(outcome.detail), delay_s if in_air else None, moving,
+        course.still_s(axis) > STILL_S,
+    )  # fmt: skip
 
 
 def course_end(plan: str) -> float:
@@ -147,7 +160,8 @@ def on_the_firmware(case: tuple[str, str, float, int]) -> Frozen:
             )  # fmt: skip
     document = json.loads(done.stdout) if done.stdout.strip() else {}
     ending = str(document.get("outcome", f"exit {done.returncode}"))
-    return Frozen(plan, axis, at_s, ending, done.stderr[-300:], None, False)
+    warned = any(f"The {axis} encoder's count" in text for text in document.get("warnings", []))
+    return Frozen(plan, axis, at_s, ending, done.stderr[-300:], None, False, warned)
 
 
 def measure() -> list[Figure]:
@@ -188,7 +202,11 @@ def _completed(where: str, flights: list[Frozen]) -> list[Figure]:
         at_most(
             f"{where}: flights with a frozen encoder that end as completed", len(missed), 0, "",
             how=f"of {len(flights)}" + (f": {which}" if which else ""),
-        )
+        ),
+        at_most(
+            f"{where}: … and whose summary does not warn of that encoder",
+            sum(not f.warned for f in missed), 0, "",
+        ),
     ]  # fmt: skip
     if other:
         ends = ", ".join(sorted({f.ending for f in other}))

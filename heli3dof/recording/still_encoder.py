@@ -1,0 +1,47 @@
+"""Warns of an encoder whose count did not change at the end of a flight.
+
+The safety monitors end a flight when an axis must have turned and its count did not change. Within
+its dry friction an axis may stand still as long as it likes: 0.05 N·m holds the yaw axis of the
+emulated rig for 16 s of a roll step. A frozen encoder looks the same, so the flight may be
+completed, and this warning says what cannot be told apart.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from heli3dof.axes import AXES
+from heli3dof.recording.recording import Recording
+from heli3dof.recording.row import CLOSED_LOOP
+
+STILL_S = 5.0
+"""s: longer than an axis without dry friction stands still in flight (3.2 s in 12 emulated flights
+at a third to three times the default torque noise)"""
+
+
+def still_encoder_warnings(recording: Recording) -> list[str]:
+    """A warning for each axis whose count was constant for the last `STILL_S` of closed loop.
+
+    None for a flight that was cut short: it has a cause of its own.
+    """
+    phase = recording.channels.get("phase")
+    if phase is None or recording.meta.get("outcome") != "completed":
+        return []
+    flown = np.flatnonzero(phase == CLOSED_LOOP)
+    warnings = []
+    for axis in AXES:
+        count = recording.channels.get(f"{axis}_count")
+        if count is None or not flown.size:
+            continue
+        last = flown[-1]
+        other = flown[count[flown] != count[last]]
+        since = other[-1] if other.size else flown[0]
+        still_s = float(recording.t[last] - recording.t[since])
+        if still_s > STILL_S:
+            warnings.append(
+                f"The {axis} encoder's count did not change in the last {still_s:.0f} s of the "
+                "flight. Likely cause: dry friction held the axis, or its encoder is frozen; the "
+                f"recording cannot tell which. Try: heli3dof monitor and turn {axis} by hand: does "
+                "its angle follow?"
+            )
+    return warnings
