@@ -17,12 +17,15 @@ MAY_IMPORT = {
     "axes": set(),
     "toml_file": {"errors"},
     "parallel": set(),
+    "plugins": set(),
     "results": {"errors"},
     "rig": {"errors", "axes", "toml_file", "write_errors"},
-    "recording": {"errors", "results", "axes", "rig", "write_errors"},
+    "recording": {"errors", "results", "axes", "plugins", "rig", "write_errors"},
     "model": {"errors", "axes", "rig", "recording"},
     "experiment": {"errors", "axes", "toml_file", "rig", "recording", "model"},
-    "identification": {"errors", "results", "axes", "parallel", "rig", "recording", "model"},
+    "identification": {
+        "errors", "results", "axes", "parallel", "plugins", "rig", "recording", "model",
+    },
     "comparison": {"errors", "results", "axes", "rig", "recording", "model"},
     "paper": {"errors", "axes", "rig", "recording", "model", "comparison"},
     "diagnosis": {
@@ -35,7 +38,7 @@ MAY_IMPORT = {
     },
     "cli": {
         "errors", "axes", "write_errors", "rig", "recording", "model", "experiment",
-        "identification", "comparison", "diagnosis", "report", "toml_file", "paper",
+        "identification", "comparison", "diagnosis", "report", "toml_file", "paper", "plugins",
     },
 }  # fmt: skip
 

@@ -11,7 +11,6 @@ import importlib
 import os
 import pkgutil
 import sys
-from importlib.metadata import entry_points
 from typing import Any
 
 import typer
@@ -20,6 +19,7 @@ from typer.core import TyperGroup
 from heli3dof import cli
 from heli3dof.cli import output_encoding
 from heli3dof.cli.estop import estop_without_typer
+from heli3dof.plugins import use_plugins
 
 GROUP = "heli3dof.verbs"
 FAMILIES = {
@@ -69,11 +69,7 @@ def _register_all() -> None:
             found = importlib.import_module(f"{cli.__name__}.{module.name}")
             if hasattr(found, "register"):
                 found.register(app)
-    for plug_in in entry_points(group=GROUP):
-        try:
-            plug_in.load()(app)
-        except Exception as error:
-            print(f"Warning: the verb {plug_in.name} does not load: {error}", file=sys.stderr)
+    use_plugins(GROUP, "verb", lambda register: register(app))
 
 
 _register_all()

@@ -13,7 +13,7 @@ import pytest
 import typer
 from typer.main import get_command
 
-from heli3dof import cli
+from heli3dof import cli, plugins
 from heli3dof.cli import app as command_line
 from heli3dof.cli.estop import estop, estop_without_typer
 from tests.cli.running import heli3dof
@@ -47,18 +47,20 @@ def plug_in_verb(app: typer.Typer) -> None:
 
 
 def test_verbs_of_other_packages_are_registered_and_a_broken_one_is_a_warning(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     points = [
+        EntryPoint("ends", "sys:exit", command_line.GROUP),
         EntryPoint("hello", f"{__name__}:plug_in_verb", command_line.GROUP),
         EntryPoint("broken", "no_such_package:register", command_line.GROUP),
     ]
     app = typer.Typer(cls=command_line.Verbs)
     monkeypatch.setattr(command_line, "app", app)
-    monkeypatch.setattr(command_line, "entry_points", lambda group: points)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: points)
     command_line._register_all()
     assert "hello" in get_command(app).commands
-    assert "the verb broken does not load" in capsys.readouterr().err
+    assert "the verb ends (sys:exit) does not load" in caplog.text
+    assert "the verb broken (no_such_package:register) does not load" in caplog.text
 
 
 def processor_time_s() -> float:

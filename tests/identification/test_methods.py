@@ -9,6 +9,7 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
+from heli3dof import plugins
 from heli3dof.errors import UsageError
 from heli3dof.identification import methods as registry
 from heli3dof.identification.method import Method
@@ -26,7 +27,7 @@ def fit_mean(prepared: object, request: object) -> str:
 def plug_in(monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
     def register(value: str) -> None:
         point = EntryPoint("mean", value, registry.GROUP)
-        monkeypatch.setattr(registry, "entry_points", lambda group: [point])
+        monkeypatch.setattr(plugins, "entry_points", lambda group: [point])
         methods.cache_clear()
 
     yield register

@@ -7,14 +7,13 @@ Other packages register theirs as entry points of the group `GROUP`:
 from __future__ import annotations
 
 import importlib
-import logging
 import pkgutil
 from collections.abc import Mapping
 from functools import cache
-from importlib.metadata import entry_points
 
 from heli3dof.errors import UsageError, did_you_mean
 from heli3dof.identification.method import Method
+from heli3dof.plugins import must_be, use_plugins
 
 GROUP = "heli3dof.methods"
 
@@ -34,19 +33,14 @@ def methods() -> Mapping[str, Method]:
     Logs a warning for a plug-in that does not load, and leaves it out.
     """
     out = dict(built_in())
-    for point in entry_points(group=GROUP):
-        try:
-            method = point.load()
-            if not isinstance(method, Method):
-                raise TypeError(f"it is a {type(method).__name__}, not a Method")
-            if method.name in out:
-                raise ValueError(f"there is already a method {method.name!r}")
-        except Exception as error:
-            logging.getLogger("heli3dof").warning(
-                "Warning: the method %s does not load (%s) and is left out.", point.value, error
-            )
-        else:
-            out[method.name] = method
+
+    def add(method: Method) -> None:
+        must_be(Method, method)
+        if method.name in out:
+            raise ValueError(f"there is already a method {method.name!r}")
+        out[method.name] = method
+
+    use_plugins(GROUP, "method", add)
     return out
 
 

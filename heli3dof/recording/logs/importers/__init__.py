@@ -12,12 +12,11 @@ columns as a `Table`. Checks, units and provenance are common to all formats
 from __future__ import annotations
 
 import importlib
-import logging
 import pkgutil
 from functools import cache
-from importlib.metadata import entry_points
 from pathlib import Path
 
+from heli3dof.plugins import must_be, use_plugins
 from heli3dof.recording.logs.importer import Importer
 
 GROUP = "heli3dof.importers"
@@ -29,17 +28,12 @@ def importers() -> tuple[Importer, ...]:
     found: list[Importer] = []
     for module in pkgutil.iter_modules(__path__):
         found.append(importlib.import_module(f"{__name__}.{module.name}").IMPORTER)
-    for point in entry_points(group=GROUP):
-        try:
-            importer = point.load()
-            if not isinstance(importer, Importer):
-                raise TypeError(f"it is a {type(importer).__name__}, not an Importer")
-        except Exception as error:  # a plug-in may raise anything
-            logging.getLogger("heli3dof").warning(
-                "Warning: the importer %s (%s) does not load: %s", point.name, point.value, error
-            )
-            continue
+
+    def add(importer: Importer) -> None:
+        must_be(Importer, importer)
         found.append(importer)
+
+    use_plugins(GROUP, "importer", add)
     return tuple(found)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from heli3dof import plugins
 from heli3dof.recording import atomic_write
 from heli3dof.recording.info import file_info
 from heli3dof.recording.load import load
@@ -36,7 +37,7 @@ def plug_ins(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         EntryPoint("broken", "no_such_package:IMPORTER", importers.GROUP),
         EntryPoint("wrong", "json:loads", importers.GROUP),
     ]
-    monkeypatch.setattr(importers, "entry_points", lambda group: points)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: points)
     importers.importers.cache_clear()
     yield
     importers.importers.cache_clear()

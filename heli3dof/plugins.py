@@ -1,0 +1,33 @@
+"""Plug-ins of other packages: what their entry points of a group name.
+
+A plug-in that does not load is reported and left out, so that it cannot stop heli3dof.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from typing import Any
+
+
+def use_plugins(group: str, kind: str, use: Callable[[Any], None]) -> None:
+    """Call ``use`` with the object of each entry point of ``group``.
+
+    Logs a warning that names the ``kind`` and the plug-in if it cannot be imported or if ``use``
+    raises, and goes on with the next.
+    """
+    for point in entry_points(group=group):
+        try:
+            use(point.load())
+        except (Exception, SystemExit) as error:  # a plug-in may raise anything
+            logging.getLogger("heli3dof").warning(
+                "Warning: the %s %s (%s) does not load: %s. It is left out.",
+                kind, point.name, point.value, error,
+            )  # fmt: skip
+
+
+def must_be(expected: type, plugin: object) -> None:
+    """Raise TypeError unless ``plugin`` is an ``expected``."""
+    if not isinstance(plugin, expected):
+        raise TypeError(f"it is a {type(plugin).__name__}; expected: {expected.__name__}")
