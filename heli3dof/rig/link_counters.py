@@ -49,3 +49,10 @@ def attribute_of(statistics: Any, counter: str) -> str | None:
         stacklevel=2,
     )
     return former
+
+
+def count_of(statistics: Any, counter: str) -> int | None:
+    """The value of a counter of ``rig.statistics``; None where there is none."""
+    name = attribute_of(statistics, counter)
+    value = getattr(statistics, name) if name else None
+    return value if isinstance(value, int) else None

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 
 from heli3dof.rig.doctor.link import CABLE
 from heli3dof.rig.interface import Check, Command, Flags, Sample
-from heli3dof.rig.link_counters import attribute_of
+from heli3dof.rig.link_counters import count_of
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.session.stoppable_rig import StoppableRig
 
@@ -89,11 +89,9 @@ def traffic(armed: Armed) -> Check:
 
 def _missing(rig: StoppableRig) -> dict[str, int]:
     """The link's counts of missing samples; empty for a rig without them."""
-    counts = rig.statistics
-    names = {why: attribute_of(counts, why) for why in WHERE}
-    if not all(names.values()):
-        return {}
-    return {why: int(getattr(counts, name)) for why, name in names.items() if name}
+    counts = {why: count_of(rig.statistics, why) for why in WHERE}
+    found = {why: n for why, n in counts.items() if n is not None}
+    return found if len(found) == len(WHERE) else {}
 
 
 def watchdog_expires(armed: Armed) -> Check:

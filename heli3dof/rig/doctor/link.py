@@ -14,10 +14,11 @@ from heli3dof.axes import AXES
 from heli3dof.rig.clock import wait_until
 from heli3dof.rig.doctor import verdict
 from heli3dof.rig.interface import Check, Flags, Sample
-from heli3dof.rig.link_counters import attribute_of
+from heli3dof.rig.link_counters import count_of
 from heli3dof.rig.profile import Profile
 from heli3dof.rig.session.stoppable_rig import StoppableRig
 
+COUNTERS = ("retries", "malformed")
 POLLS = 500
 EVERY_S = 2e-3
 """s between readings: 1 s in all, enough to compare the clocks"""
@@ -50,7 +51,7 @@ class Opened:
 
 def listen(rig: StoppableRig, profile: Profile) -> Opened:
     """Read the rig `POLLS` times, or as often as `LONGEST_S` allows."""
-    retries, malformed = _counted(rig, "retries"), _counted(rig, "malformed")
+    before = [count_of(rig.statistics, name) for name in COUNTERS]
     samples, took = [], []
     first = time.monotonic()
     for k in range(POLLS):
@@ -60,10 +61,9 @@ def listen(rig: StoppableRig, profile: Profile) -> Opened:
         took.append(now - start)
         if now > first + LONGEST_S:
             break
-    return Opened(
-        rig, profile, samples, took,
-        _less(_counted(rig, "retries"), retries), _less(_counted(rig, "malformed"), malformed),
-    )  # fmt: skip
+    after = [count_of(rig.statistics, name) for name in COUNTERS]
+    retries, malformed = map(_less, after, before)
+    return Opened(rig, profile, samples, took, retries, malformed)
 
 
 def identity(opened: Opened) -> Check:
@@ -212,13 +212,6 @@ def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
     opened = listen(rig, profile)
     for check in CHECKS:
         yield check(opened)
-
-
-def _counted(rig: StoppableRig, name: str) -> int | None:
-    """A counter of the link; None for a rig without it."""
-    counts = rig.statistics
-    value = getattr(counts, attribute_of(counts, name) or "", None)
-    return value if isinstance(value, int) else None
 
 
 def _less(after: int | None, before: int | None) -> int | None:
