@@ -18,9 +18,7 @@ import math
 import numpy as np
 
 from heli3dof.model.compiled import compiled
-from heli3dof.model.estimation import ekf_quantised
 from heli3dof.model.estimation.ekf_quantised import grow
-from heli3dof.model.physics import integrator, rigid_body, rotor
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.integrator import coast, readings, setup
 from heli3dof.model.physics.rotor import thrusts
@@ -81,15 +79,7 @@ def _roll_on(  # type: ignore[no-untyped-def]
             at += 1
 
 
-roll_on = compiled(
-    _roll_on,
-    calls=(
-        rigid_body._accelerations, rigid_body._body_accelerations, rotor._thrusts, rotor._aim,
-        rotor._lagged, integrator._readings, integrator._coast, integrator._setup,
-    ),
-    error_model="numpy",
-    nogil=True,
-)  # fmt: skip
+roll_on = compiled(_roll_on, error_model="numpy", nogil=True)
 
 
 def _grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
@@ -103,7 +93,7 @@ def _grow_stably(P, A, d, a2, work):  # type: ignore[no-untyped-def]
         grow(P, A, d / parts, a2, work)
 
 
-grow_stably = compiled(_grow_stably, calls=(ekf_quantised._grow,), error_model="numpy", nogil=True)
+grow_stably = compiled(_grow_stably, error_model="numpy", nogil=True)
 
 
 def _scatter(  # type: ignore[no-untyped-def]
@@ -158,6 +148,4 @@ def _scatter(  # type: ignore[no-untyped-def]
                 grow_stably(P, A[k], h[k], driven, work)
 
 
-scatter = compiled(
-    _scatter, calls=(_grow_stably, ekf_quantised._grow), error_model="numpy", nogil=True
-)
+scatter = compiled(_scatter, error_model="numpy", nogil=True)

@@ -12,7 +12,6 @@ import numpy as np
 
 from heli3dof.model.compiled import compiled
 from heli3dof.model.estimation.ekf_quantised import linearise
-from heli3dof.model.physics import integrator, rigid_body, rotor
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.integrator import readings, setup
 from heli3dof.model.physics.rigid_body import accelerations
@@ -45,12 +44,7 @@ def _slopes(  # type: ignore[no-untyped-def]
             readings(s, X[c], first, address, par, mem, m, slope)
 
 
-slopes = compiled(
-    _slopes,
-    calls=(rigid_body._accelerations, rigid_body._body_accelerations, rotor._thrusts,
-           integrator._readings),
-    error_model="numpy", nogil=True,
-)  # fmt: skip
+slopes = compiled(_slopes, error_model="numpy", nogil=True)
 
 
 def _forcing(  # type: ignore[no-untyped-def]
@@ -97,12 +91,7 @@ def _forcing(  # type: ignore[no-untyped-def]
             accelerations(s, first, address, par, mem, free[b], w[0], w[1], out[j, c])
 
 
-forcing = compiled(
-    _forcing,
-    calls=(rigid_body._accelerations, rigid_body._body_accelerations, rotor._thrusts,
-           rotor._lagged, rotor._aim, integrator._setup),
-    error_model="numpy", nogil=True,
-)  # fmt: skip
+forcing = compiled(_forcing, error_model="numpy", nogil=True)
 
 
 def _misreading(  # type: ignore[no-untyped-def]
@@ -123,9 +112,7 @@ def _misreading(  # type: ignore[no-untyped-def]
                 m[j, n] = y[state[n]]
 
 
-misreading = compiled(
-    _misreading, calls=(integrator._setup, integrator._readings), error_model="numpy", nogil=True
-)
+misreading = compiled(_misreading, error_model="numpy", nogil=True)
 
 
 def _forward(  # type: ignore[no-untyped-def]

@@ -19,7 +19,6 @@ from __future__ import annotations
 import numpy as np
 
 from heli3dof.model.compiled import compiled
-from heli3dof.model.physics import integrator, rigid_body, rotor
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.integrator import readings, setup
 from heli3dof.model.physics.rigid_body import accelerations, body_accelerations
@@ -70,15 +69,7 @@ def _linear(  # type: ignore[no-untyped-def]
                 s[R + j] = X[k, j]
 
 
-linear = compiled(
-    _linear,
-    calls=(
-        rigid_body._accelerations, rigid_body._body_accelerations, rotor._thrusts, rotor._aim,
-        rotor._lagged, integrator._readings, integrator._setup,
-    ),
-    error_model="numpy",
-    nogil=True,
-)  # fmt: skip
+linear = compiled(_linear, error_model="numpy", nogil=True)
 
 
 def _gradient(blocks, h, A, B, slope, row, state, G, W, K, nu, mu):  # type: ignore[no-untyped-def]

@@ -20,17 +20,10 @@ from pathlib import Path
 from typing import Any
 
 
-def compiled(
-    function: Callable[..., Any],
-    *,
-    calls: tuple[Callable[..., Any], ...] = (),
-    leaf: bool = False,
-    **options: Any,
-) -> Any:
+def compiled(function: Callable[..., Any], *, leaf: bool = False, **options: Any) -> Any:
     """Return ``function`` under ``numba.njit``, cached on disk.
 
-    Compiled functions and numbers that it uses by their global names are found automatically;
-    ``calls`` names further functions whose change must recompile it.
+    A change in a compiled function or a number that it uses by a global name recompiles it.
 
     A ``leaf`` makes no array and calls only leaves. It is inlined into its callers and compiled
     without reference counting of arrays, which costs up to ten times as much as the arithmetic of a
@@ -43,7 +36,7 @@ def compiled(
 
     if leaf:
         options |= {"_nrt": False, "forceinline": True}
-    digest = "".join(map(_digest, (function, *calls))) + repr(sorted(options.items()))
+    digest = _digest(function) + repr(sorted(options.items()))
     return numba.njit(cache=True, **options)(_with_cell(function, digest))
 
 

@@ -29,7 +29,6 @@ from heli3dof.identification.greybox.multistep import MultiStep
 from heli3dof.model.compiled import compiled
 from heli3dof.model.greybox.multistep import Flight
 from heli3dof.model.greybox.prediction import impulse
-from heli3dof.model.physics import integrator, rigid_body
 from heli3dof.model.physics import state_layout as _s
 from heli3dof.model.physics.integrator import readings, setup
 from heli3dof.model.physics.rigid_body import accelerations
@@ -74,12 +73,7 @@ def _along(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: 
             out[k, 3 + i] = w[2, i]
 
 
-_along_compiled = compiled(
-    _along,
-    calls=(rigid_body._accelerations, rigid_body._body_accelerations, integrator._readings),
-    error_model="numpy",
-    nogil=True,
-)
+_along_compiled = compiled(_along, error_model="numpy", nogil=True)
 
 
 @dataclass(frozen=True, eq=False)
