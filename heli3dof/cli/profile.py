@@ -72,7 +72,9 @@ def new(
     profile = profile_from_dict(data, source=SOURCE)
     loop = _check_loop(out, profile)
     if not loop.stable:
-        _raise_unstable(profile)
+        from heli3dof.model.control.stability import check_hover_loop
+
+        check_hover_loop(profile)  # raises, with the poles and the cause
     write_file(path, new_text(data, remarks).encode(), force=force)
     if COMPUTED in remarks:
         out.warn(
@@ -227,13 +229,6 @@ def _exit_if_unstable(profile: Profile, loop: LoopCheck) -> None:
     """Exit with the code of an unstable loop; the document is already printed."""
     if not loop.stable and profile.loop_is_known:
         raise typer.Exit(UnstableLoop.exit_code)
-
-
-def _raise_unstable(profile: Profile) -> None:
-    """Raise UnstableLoop with the poles and the cause."""
-    from heli3dof.model.control.stability import check_hover_loop
-
-    check_hover_loop(profile)
 
 
 def _report(

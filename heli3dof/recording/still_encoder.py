@@ -3,7 +3,7 @@
 The safety monitors end a flight when an axis must have turned and its count did not change. Within
 its dry friction an axis may stand still as long as it likes: 0.05 N·m holds the yaw axis of the
 emulated rig for 16 s of a roll step. A frozen encoder looks the same, so the flight may be
-completed, and this warning says what cannot be told apart.
+completed, and this warning says that the two cannot be distinguished.
 """
 
 from __future__ import annotations

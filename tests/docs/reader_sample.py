@@ -9,24 +9,15 @@ from __future__ import annotations
 
 import ast
 import random
-import subprocess
 import sys
 from collections.abc import Iterator
 
-from tests.docs.wording import REBUILT, ROOT, paragraphs
+from tests.docs.wording import ROOT, paragraphs, tracked
 
 EACH = 40
 """texts of each kind"""
 SHORTEST = 6
 """words: a shorter text is a label"""
-
-
-def tracked(*patterns: str) -> list[str]:
-    """Paths of tracked files, from the top folder."""
-    listed = subprocess.run(
-        ["git", "ls-files", *patterns], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    return [f for f in listed.stdout.splitlines() if not f.startswith(REBUILT)]
 
 
 def docstrings() -> Iterator[tuple[str, str]]:

@@ -106,14 +106,19 @@ def _blank(match: re.Match[str]) -> str:
     return "\n" * match.group(0).count("\n")
 
 
+def tracked(*patterns: str) -> list[str]:
+    """Paths of tracked files from the top folder, those to be rebuilt left out."""
+    listed = subprocess.run(
+        ["git", "ls-files", *patterns], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    return [f for f in listed.stdout.splitlines() if not f.startswith(REBUILT)]
+
+
 def places() -> list[Place]:
     """Everything to reword in the tracked tree."""
-    listed = subprocess.run(
-        ["git", "ls-files", *FILES], cwd=ROOT, capture_output=True, text=True, check=True
-    )
     found: list[Place] = []
-    for file in listed.stdout.splitlines():
-        if file.startswith((*REBUILT, *UNREAD)):
+    for file in tracked(*FILES):
+        if file.startswith(UNREAD):
             continue
         text = (ROOT / file).read_text(encoding="utf-8")
         found += words_in(file, text)

@@ -33,11 +33,12 @@ from heli3dof.model.estimation.filter_data import (
     Stretch,
     climb_rows,
     data_of,
+    hold_last,
     starts_on_table,
 )
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.model.greybox.multistep import Flight
-from heli3dof.model.greybox.prediction import held, table_of
+from heli3dof.model.greybox.prediction import table_of
 from heli3dof.model.physics.parametrisation import Structure
 from heli3dof.recording.recording import Recording
 
@@ -175,7 +176,7 @@ def flight_of(recording: Recording) -> Flight:
     k = np.arange(0, max(len(r) - n, 0), every)
     h = np.append(np.diff(r.t), r.dt)
     return Flight(
-        r.t - r.t[0], h, held(r.voltage), r.angle, np.isfinite(r.angle).any(axis=0),
+        r.t - r.t[0], h, hold_last(r.voltage), r.angle, np.isfinite(r.angle).any(axis=0),
         table_of(r)[0], k[count[k + n] == count[k]], starts_on_table(r),
     )  # fmt: skip
 

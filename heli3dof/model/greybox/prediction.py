@@ -39,7 +39,6 @@ STEP_S = 0.02
 """s, the longest step of a prediction."""
 NOISE = np.array([0.05, 0.15, 0.05])
 """(3,) rad/s²/√Hz for a model without noise values; see `heli3dof.model.linear.prediction`."""
-held = hold_last
 
 
 def _roll(s, first, address, par, mem, where, free, t, V, mean, X, low, n, stride, out):  # type: ignore[no-untyped-def]

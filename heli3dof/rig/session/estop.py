@@ -20,7 +20,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from heli3dof.errors import DeviceError, Heli3dofError, UsageError
-from heli3dof.rig.drivers import find_rigs, is_private, load_driver
+from heli3dof.rig.drivers import check_url, find_rigs, is_private, load_driver
 from heli3dof.rig.session.client import Request, listed
 from heli3dof.rig.session.known_devices import is_known, remembered, serials_at
 from heli3dof.rig.session.locks import is_held
@@ -53,8 +53,7 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
     a DeviceError becomes a result that is not done.
     """
     if device is not None:
-        parsed = parse_url(device)
-        parsed.check_options(load_driver(parsed.scheme).options)
+        check_url(device)
     start = time.monotonic()
     try:
         with suppress(OSError):  # e.g. a full disk: running sessions can still be stopped
