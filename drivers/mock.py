@@ -39,8 +39,8 @@ class MockDriver:
 
     scheme = "mock"
     options: Sequence[str] = (
-        "profile", "hide", "seed", "noise", "start", "spread", "rate_hz", "watchdog_s", "fault",
-        "speed",
+        "profile", "hide", "seed", "noise", "noise_s", "vibration_hz", "start", "spread", "rate_hz",
+        "watchdog_s", "fault", "speed",
     )  # fmt: skip
     """The fields of `MockOptions`, which a stop must not load: pydantic is slow to import"""
     private_to_process = True
@@ -97,6 +97,8 @@ def device_of(profile: Profile, options: RigOptions) -> Device:
         hidden=parse_hide(options.hide),
         seed=options.seed,
         noise=options.noise,
+        noise_s=options.noise_s,
+        vibration_hz=options.vibration_hz,
         spread=options.spread,
         start_V=profile.motor.V_o if level else 0.0,
     )

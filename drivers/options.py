@@ -36,6 +36,12 @@ class RigOptions(UrlOptions):
     )
     seed: Whole = Field(default=0, ge=0, le=2**63, description="of everything random")
     noise: float = Field(default=1.0, ge=0, le=100, description="scale of the random torques")
+    noise_s: float = Field(
+        default=0.01, ge=1e-3, le=100, description="s, correlation time of the random torques"
+    )
+    vibration_hz: float = Field(
+        default=0.0, ge=0, le=50, description="frequency of a vibrating mode; 0: none"
+    )
     start: Literal["rest", "level"] = Field(
         default="rest", description="rest: on the table; level: held level until the first command"
     )

@@ -32,16 +32,27 @@ from numba import njit
 SIGMA_NM = (0.035, 0.0035, 0.015)
 """N·m, standard deviation on roll, pitch and yaw at ``noise=1``"""
 CORRELATION_S = 0.01
+VIBRATION_DAMPING = 0.02
+"""Damping ratio of the vibrating mode"""
 BLOCK = 512
 
 
 class TorqueNoise:
-    """A seeded stream of (3,) torques in N·m, one for each control period."""
+    """A seeded stream of (3,) torques in N·m, one for each control period.
 
-    def __init__(self, rng: np.random.Generator, dt: float, scale: float) -> None:
+    Another ``correlation_s`` keeps the density at low frequencies: σ² τ_c stays the same.
+    """
+
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        dt: float,
+        scale: float,
+        correlation_s: float = CORRELATION_S,
+    ) -> None:
         self._rng = rng
-        self._a = math.exp(-dt / CORRELATION_S)
-        self._sigma = scale * np.array(SIGMA_NM)
+        self._a = math.exp(-dt / correlation_s)
+        self._sigma = scale * math.sqrt(CORRELATION_S / correlation_s) * np.array(SIGMA_NM)
         self._w = self._sigma * rng.standard_normal(3)
         # Fill now: the first call compiles, which must not happen while the motors turn.
         self._fill()
@@ -58,6 +69,33 @@ class TorqueNoise:
         drive = self._sigma * math.sqrt(1 - self._a**2) * self._rng.standard_normal((BLOCK, 3))
         self._block = _correlate(self._w, self._a, drive)
         self._next = 0
+
+
+class Vibration:
+    """A seeded stream of (3,) torques in N·m of a lightly damped mode, with standard deviation σ.
+
+    τ[k] = Re z[k], z[k+1] = a z[k] + σ √(1 − |a|²) (N(0, 1) + i N(0, 1)), a = e^{(−ζ + i) ω dt}.
+    """
+
+    def __init__(self, rng: np.random.Generator, dt: float, scale: float, hertz: float) -> None:
+        w = 2 * math.pi * hertz
+        self._rng = rng
+        self._a = complex(math.cos(w * dt), math.sin(w * dt)) * math.exp(
+            -VIBRATION_DAMPING * w * dt
+        )
+        self._sigma = scale * np.array(SIGMA_NM)
+        self._drive = self._sigma * math.sqrt(1 - abs(self._a) ** 2)
+        self._z = self._sigma * self._two()
+
+    def draw(self) -> np.ndarray:
+        """The torques of the next period."""
+        torque: np.ndarray = self._z.real.copy()
+        self._z = self._a * self._z + self._drive * self._two()
+        return torque
+
+    def _two(self) -> np.ndarray:
+        real, imaginary = self._rng.standard_normal((2, 3))
+        return np.asarray(real + 1j * imaginary)
 
 
 @njit(cache=True)

@@ -1,8 +1,8 @@
 """The plant: body, effects, noise and encoders, one control period at a time.
 
-All random numbers come from one seed in separate streams (spread, noise, timing): switching one on
-does not change the others. The integrator takes at least `MIN_SUBSTEPS` substeps of at most
-`MAX_SUBSTEP_S` for each control period.
+All random numbers come from one seed in separate streams (spread, noise, timing, vibration):
+switching one on does not change the others. The integrator takes at least `MIN_SUBSTEPS` substeps
+of at most `MAX_SUBSTEP_S` for each control period.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from . import plant_layout as at
 from .body import Body, Setup, spread_body
 from .effects import Hidden
-from .noise import TorqueNoise
+from .noise import CORRELATION_S, TorqueNoise, Vibration
 
 MIN_SUBSTEPS = 4
 MAX_SUBSTEP_S = 0.5e-3
@@ -58,10 +58,12 @@ class Plant:
         hidden: tuple[Hidden, ...] = (),
         seed: int = 0,
         noise: float = 1.0,
+        noise_s: float = CORRELATION_S,
+        vibration_hz: float = 0.0,
         spread: float = 0.0,
         start_V: float = 0.0,
     ) -> None:
-        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(3)]
+        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
         if spread:
             setup = replace(setup, body=spread_body(setup.body, spread, streams[0]))
         # Descending order: the last effect on a signal's path is undone first.
@@ -73,7 +75,8 @@ class Plant:
         self.dt = dt
         self.periods = 0
         self.t = 0.0
-        self._noise = TorqueNoise(streams[1], dt, noise)
+        self._noise = TorqueNoise(streams[1], dt, noise, noise_s)
+        self._vibration = Vibration(streams[3], dt, noise, vibration_hz) if vibration_hz else None
         self._timing = streams[2]
         self._start_V = start_V
         self._substeps = max(MIN_SUBSTEPS, math.ceil(dt / MAX_SUBSTEP_S - 1e-9))
@@ -95,6 +98,8 @@ class Plant:
     def step(self, v_front: float, v_back: float) -> bool:
         """Run one control period under these voltages (V). False when its sample is lost."""
         self._w = self._noise.draw()
+        if self._vibration is not None:
+            self._w = self._w + self._vibration.draw()
         self.periods += 1
         end = self.periods * self.dt
         if self.setup.jitter_s:

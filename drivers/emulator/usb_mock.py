@@ -24,7 +24,8 @@ class UsbMockDriver:
 
     scheme = "usb+mock"
     options: Sequence[str] = (
-        "profile", "hide", "seed", "noise", "start", "spread", "rate_hz", "watchdog_s", "fault",
+        "profile", "hide", "seed", "noise", "noise_s", "vibration_hz", "start", "spread", "rate_hz",
+        "watchdog_s", "fault",
         "stream", "signs", "timeout_s", "bus",
     )  # fmt: skip
     """The fields of `UsbMockOptions`, which a stop must not load: pydantic is slow to import"""

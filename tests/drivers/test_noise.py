@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from heli3dof_drivers.emulator.noise import CORRELATION_S, SIGMA_NM, TorqueNoise
+from heli3dof_drivers.emulator.noise import CORRELATION_S, SIGMA_NM, TorqueNoise, Vibration
 
 from heli3dof.experiment.plan import load_plan
 from heli3dof.rig.profile import default_profile
@@ -33,6 +33,25 @@ def test_one_seed_is_one_stream_and_scale_scales_it():
     np.testing.assert_allclose(draw(0.002, 1500, scale=2.0), 2 * draw(0.002, 1500))
     assert not np.allclose(draw(0.002, 1500), draw(0.002, 1500, seed=2))
     assert not draw(0.002, 1500, scale=0.0).any()
+
+
+def test_a_longer_correlation_keeps_the_density_at_low_frequencies():
+    noise = TorqueNoise(np.random.default_rng(1), 0.002, 1.0, correlation_s=0.2)
+    w = np.array([noise.draw() for _ in range(200_000)])
+    # σ² τ_c is the same, so σ falls with the root of τ_c: 0.035 N·m √(0.01/0.2) = 0.0078 N·m.
+    np.testing.assert_allclose(w.std(axis=0)[0], 0.0078, rtol=0.1)
+    along = (w[100:] * w[:-100]).mean(axis=0) / w.var(axis=0)
+    np.testing.assert_allclose(along, math.exp(-1), atol=0.06)
+
+
+def test_a_vibration_has_the_standard_deviation_of_the_noise_and_its_own_frequency():
+    vibration = Vibration(np.random.default_rng(1), 0.002, 1.0, 9.0)
+    w = np.array([vibration.draw() for _ in range(100_000)])
+    np.testing.assert_allclose(w.std(axis=0), SIGMA_NM, rtol=0.15)
+    spectrum = np.abs(np.fft.rfft(w[:, 0])) ** 2
+    hertz = np.fft.rfftfreq(len(w), 0.002)
+    near = np.abs(hertz - 9.0) < 1.0
+    assert spectrum[near].sum() > 0.85 * spectrum.sum()
 
 
 def test_the_true_plant_replays_a_noisy_flights_pitch_to_about_94_percent():
