@@ -20,7 +20,17 @@ from tests.bench import Figure, Table, page
 FOLDER = Path(__file__).parent
 ROOT = FOLDER.parent.parent
 
-SLOW = ("peers", "hidden", "loop", "misbehaviour", "ramp_down", "realtime", "soak", "watches")
+SLOW = (
+    "peers",
+    "hidden",
+    "loop",
+    "misbehaviour",
+    "ramp_down",
+    "realtime",
+    "rigs",
+    "soak",
+    "watches",
+)
 """Topics that take many minutes or need further tools: measured only by name"""
 
 

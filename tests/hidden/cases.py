@@ -16,7 +16,7 @@ from heli3dof.experiment.fly import Flight, fly_plan
 from heli3dof.experiment.plan import Plan, load_plan, step_plan
 from heli3dof.recording.recording import Recording
 from heli3dof.rig.drivers import open_driver
-from heli3dof.rig.profile import default_profile
+from heli3dof.rig.profile import Profile, default_profile
 from tests.hidden.equivalences import NEVER_SEEN, UNRATED
 from tests.hidden.sizes import EFFECTS, OUTSIDE, RATIO, SIGN, SIZES, Effect
 
@@ -86,10 +86,25 @@ class Case:
         return plan_named(CLASSES[self.group].plan)
 
     @property
+    def profile(self) -> Profile:
+        return default_profile()
+
+    @property
     def device(self) -> str:
         hide = ",".join(h.text for h in self.hidden)
         url = f"mock:?speed=max&spread={SPREAD:g}&seed={self.rig_seed}"
         return url + (f"&hide={hide}" if hide else "")
+
+    def fly(self) -> Recording | str:
+        """The whole flight, or why it was not flown to its end."""
+        flight = fly(self)
+        if flight.outcome.ending != "completed":
+            return f"{flight.outcome.ending}: {flight.outcome.detail}"
+        return flight.recording
+
+    def truth(self, recording: Recording) -> Truth:
+        """See `truth_of`."""
+        return truth_of(self, recording)
 
 
 def plan_named(name: str) -> Plan:
@@ -103,13 +118,14 @@ def draw(group: str, seed: int) -> Case:
     rng = np.random.default_rng([20_261_121, number, seed])
     wanted = CLASSES[group]
     hidden = tuple(
-        _hidden(wanted.table[name], str(rng.choice(wanted.sizes)), wanted.plan, rng)
-        for name in _names(wanted, number, seed, rng)
+        drawn_effect(wanted.table[name], str(rng.choice(wanted.sizes)), wanted.plan, rng)
+        for name in drawn_names(wanted, number, seed, rng)
     )
     return Case(group, seed, hidden, int(rng.integers(2**31)))
 
 
-def _names(wanted: Class, number: int, seed: int, rng: np.random.Generator) -> list[str]:
+def drawn_names(wanted: Class, number: int, seed: int, rng: np.random.Generator) -> list[str]:
+    """The names of the effects in the case of that seed."""
     names = sorted(wanted.table)
     if wanted.effects == 2:
         allowed = [n for n in names if n not in NOT_IN_PAIRS]
@@ -120,7 +136,8 @@ def _names(wanted: Class, number: int, seed: int, rng: np.random.Generator) -> l
     return [names[deck[seed % len(names)]]]
 
 
-def _hidden(effect: Effect, size: str, plan: str, rng: np.random.Generator) -> Hidden:
+def drawn_effect(effect: Effect, size: str, plan: str, rng: np.random.Generator) -> Hidden:
+    """The effect at that size, with its sign and its second value drawn."""
     value = effect.sizes[SIZES.index(size)]
     turned = bool(rng.random() < 0.5)
     if turned and effect.way == SIGN:
@@ -164,11 +181,11 @@ class Truth:
 
 def truth_of(case: Case, recording: Recording) -> Truth:
     """The truth from the case, the emulated rig's own body, and the applied voltages."""
-    profile = default_profile()
+    profile = case.profile
     rig = open_driver(case.device, profile)
     body = rig.truth.body  # type: ignore[attr-defined]
     rig.close()
-    J, T_g = _nominal()
+    J, T_g = _nominal(profile)
     names, unseen, values = [], [], {}
     for h in case.hidden:
         effect = {**EFFECTS, **OUTSIDE}[h.name]
@@ -199,9 +216,8 @@ def _more(h: Hidden) -> dict[str, float]:
     return {second[h.name]: h.values[1]} if h.name in second else {}
 
 
-def _nominal() -> tuple[tuple[float, float, float], float]:
+def _nominal(p: Profile) -> tuple[tuple[float, float, float], float]:
     """The profile's level inertias (kg·m²) and gravity torque (N·m), from its point masses."""
-    p = default_profile()
     m, g = p.mass, p.geometry
     J_p = (m.m_f + m.m_b) * g.L_h**2
     J_r = m.m_w * g.L_w**2 + (m.m_f + m.m_b) * g.L_a**2

@@ -22,7 +22,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tests.hidden.cases import CLASSES, blind, draw, fly, truth_of
+from tests.hidden.cases import CLASSES, blind, draw
+from tests.hidden.rig_cases import RIG_CLASSES, draw_on_other_rig
 from tests.hidden.tools import FLIES, TOOLS
 from tests.paths import ROOT
 
@@ -46,16 +47,16 @@ def key(tool: str) -> str:
 
 def one(group: str, seed: int, tool: str) -> Line:
     """Fly a case and run the tool; a failure is a line as well."""
-    case = draw(group, seed)
+    case = draw(group, seed) if group in CLASSES else draw_on_other_rig(group, seed)
     line: Line = {
         "case": case.name, "group": group, "seed": seed, "device": case.device,
         "size": "/".join(h.size for h in case.hidden),
     }  # fmt: skip
-    flight = fly(case)
-    if flight.outcome.ending != "completed":
-        return {**line, "not_flown": f"{flight.outcome.ending}: {flight.outcome.detail}"}
-    line["truth"] = json.loads(json.dumps(asdict(truth_of(case, flight.recording))))
-    recording = blind(flight.recording)
+    flown = case.fly()
+    if isinstance(flown, str):
+        return {**line, "not_flown": flown}
+    line["truth"] = json.loads(json.dumps(asdict(case.truth(flown))))
+    recording = blind(flown)
     wall, cpu = time.perf_counter(), time.process_time()
     try:
         line["document"] = TOOLS[tool].ask(recording)
@@ -84,7 +85,8 @@ def wanted(first: int, share: float, only: Iterable[str] = ()) -> list[tuple[str
     The classes alternate, so that an interrupted run has cases of each class.
     """
     groups = list(only) or list(CLASSES)
-    counts = {g: max(1, round(share * CLASSES[g].count)) for g in groups}
+    classes = {**CLASSES, **RIG_CLASSES}
+    counts = {g: max(1, round(share * classes[g].count)) for g in groups}
     jobs = [((i + 0.5) / n, g, first + i) for g, n in counts.items() for i in range(n)]
     return [(g, seed) for _, g, seed in sorted(jobs)]
 
@@ -153,7 +155,9 @@ def arguments() -> argparse.Namespace:
     p = argparse.ArgumentParser(prog="python -m tests.hidden.run", description=__doc__)
     p.add_argument("--first", type=int, default=1000, help="first seed (below 1000: final tables)")
     p.add_argument("--share", type=float, default=1.0, help="of each class's number of cases")
-    p.add_argument("--only", nargs="*", default=[], choices=list(CLASSES), metavar="CLASS")
+    p.add_argument(
+        "--only", nargs="*", default=[], choices=[*CLASSES, *RIG_CLASSES], metavar="CLASS"
+    )
     p.add_argument("--tool", default="whole", choices=list(TOOLS))
     p.add_argument("--processes", type=int, default=os.cpu_count() or 1)
     return p.parse_args()

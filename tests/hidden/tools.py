@@ -28,6 +28,7 @@ Document = dict[str, Any]
 FLIES = (
     "drivers", "heli3dof/experiment", "heli3dof/recording", "heli3dof/rig",
     "heli3dof/model/control/controller.py", "tests/hidden/sizes.py", "tests/hidden/cases.py",
+    "tests/hidden/other_rigs.py", "tests/hidden/rig_cases.py",
 )  # fmt: skip
 """Files and folders that every flight depends on."""
 
