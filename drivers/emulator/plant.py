@@ -78,7 +78,7 @@ class Plant:
         self._noise = TorqueNoise(streams[1], dt, noise, noise_s)
         self._vibration = Vibration(streams[3], dt, noise, vibration_hz) if vibration_hz else None
         self._timing = streams[2]
-        self._start_V = start_V
+        self._start_V = float(start_V)
         self._substeps = max(MIN_SUBSTEPS, math.ceil(dt / MAX_SUBSTEP_S - 1e-9))
         self._body = setup.body.vector()
         self._body[at.REST : at.REST + 3] = setup.rest
@@ -106,9 +106,11 @@ class Plant:
             largest = LARGEST_JITTER * self.dt
             late = self.setup.jitter_s * self._timing.standard_normal()
             end += min(largest, max(-largest, late))
+        # Floats only: each combination with integers would be compiled anew, for seconds.
         self.counts = self._period(
-            self._state, v_front, v_back, self._w, self.t, end - self.t, self._substeps,
-            self._start_V, self._body, self._first, self._address, self._par, self._mem,
+            self._state, float(v_front), float(v_back), self._w, self.t, end - self.t,
+            self._substeps, self._start_V, self._body, self._first, self._address, self._par,
+            self._mem,
         )  # fmt: skip
         self.t = end
         lost = self.setup.lost_share

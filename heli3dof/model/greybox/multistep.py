@@ -91,9 +91,10 @@ def errors(
     s, par = structure.arrays(values)
     mean = impulse(structure, values, flight.V, flight.h, still=flight.still)
     out = np.empty((len(flight.starts), len(ahead), 3))
+    starts = np.ascontiguousarray(flight.starts)  # a strided array would be compiled for anew
     _windows_compiled(
         s, hooks.first, hooks.address, par, structure.memory, positions(structure, varying),
-        flight.free, flight.t, flight.V, mean, states, flight.low, flight.starts,
+        flight.free, flight.t, flight.V, mean, states, flight.low, starts,
         np.asarray(ahead, dtype=np.int64), max(1, round(STEP_S / flight.dt)), out,
     )  # fmt: skip
     return np.asarray(flight.y[np.add.outer(flight.starts, ahead)] - out)
