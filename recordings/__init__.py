@@ -1,7 +1,7 @@
-"""The reference recordings in the package, imported as ``heli3dof_recordings``.
+"""Reference recordings that come with heli3dof; Python imports them as ``heli3dof_recordings``.
 
-The emulated rig made all of them. ``recordings.toml`` has each one's command, profile and seed;
-``python -m heli3dof_recordings.make`` makes them again.
+All are flights of the emulated rig. ``recordings.toml`` has the command of each, with profile and
+seed; ``python -m heli3dof_recordings.make`` makes them again.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ FOLDER = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Reference:
-    """One reference recording: its file, its use, and the command that makes it."""
+    """A reference recording: its name, its use, and the command that makes it."""
 
     name: str
     use: str
-    """``identify`` (models are fitted to it) or ``compare``"""
+    """``identify`` (models are fitted to it) or ``compare`` (models are compared with it)"""
     about: str
     command: tuple[str, ...]
     """The arguments of ``heli3dof``; paths are relative to this folder."""
@@ -31,7 +31,7 @@ class Reference:
 
 
 def references() -> tuple[Reference, ...]:
-    """Every reference recording, in the order of ``recordings.toml``."""
+    """Return every reference recording, in the order of ``recordings.toml``."""
     data: dict[str, Any] = tomllib.loads((FOLDER / "recordings.toml").read_text(encoding="utf-8"))
     return tuple(
         Reference(r["name"], r["use"], r["about"], tuple(r["command"])) for r in data["recording"]

@@ -12,9 +12,9 @@ from heli3dof_recordings import FOLDER, Reference, references
 
 
 def make(reference: Reference, folder: Path = FOLDER) -> Path:
-    """Run one reference's command and return its file in ``folder``.
+    """Run a reference recording's command and write its file to ``folder``; return the path.
 
-    Host, git state and paths are omitted, because these files are published.
+    The file omits the host, the Git state and the paths of this computer, because it is published.
     """
     from heli3dof.cli.app import app
     from heli3dof.recording.mcap_files.reader import read_recording

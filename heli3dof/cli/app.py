@@ -1,8 +1,8 @@
-"""The command line. Every module of this folder that has a ``register(app)`` is a verb.
+"""The command line ``heli3dof VERB``: collects the verbs (its subcommands) and runs one.
 
-A new verb is one new file here, or a function ``register(app)`` of another package under the entry
-point group ``heli3dof.verbs``. Verbs import heavy libraries inside their functions, so that
-``heli3dof --help`` is quick.
+A verb is a module of this folder with a function ``register(app)``, or such a function of another
+package in the entry point group ``heli3dof.verbs``. Verbs import heavy libraries inside their
+functions, so that ``heli3dof --help`` is quick.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ FAMILIES = {
     "Files": ("import", "export", "info", "recover"),
     "Plans and rigs": ("plans", "devices", "doctor", "zero", "monitor", "estop", "profile"),
 }
-"""The order of ``heli3dof --help``; a verb that is not named here is listed under `MORE`"""
+"""Headings and verbs of ``heli3dof --help`` in order; any other verb is listed under `MORE`"""
 MORE = "More"
 
 
 class Verbs(TyperGroup):
-    """Lists the verbs by family."""
+    """Command group whose help lists the verbs by `FAMILIES`."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         order = [verb for family in FAMILIES.values() for verb in family]
@@ -76,7 +76,7 @@ _register_all()
 
 
 def main() -> None:
-    """Entry point of the ``heli3dof`` script."""
+    """Run the command line and exit with its code: the entry point of ``heli3dof``."""
     # Before numpy is imported. Our matrices are small: several BLAS threads gain nothing, and on
     # a busy machine they wait for each other, which made an identification ten times slower.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,4 +1,4 @@
-"""``compare``: Table II and Figures 7–9 of the paper, for any recordings and models."""
+"""``heli3dof compare``: makes the paper's Table II and Figures 7–9 of any recordings and models."""
 
 from __future__ import annotations
 
@@ -81,12 +81,11 @@ def compare(
 
 
 def _figure_paths(recordings: Sequence[Recording], folder: Path) -> list[Path]:
-    """The files that `write_figures` writes."""
     return [folder / f"{r.name}-{a}.{e}" for r in recordings for a in r.axes for e in FORMATS]
 
 
 def write_figures(comparison: Comparison, folder: Path, *, force: bool) -> list[Path]:
-    """Write Figures 7–9 of every recording as SVG and PNG; return their paths."""
+    """Write the paper's Figures 7–9 of every recording as SVG and PNG; return their paths."""
     from heli3dof.recording.atomic_write import new_folder
     from heli3dof.report.figure_style import save
     from heli3dof.report.figures import axis_figures

@@ -1,4 +1,4 @@
-"""``demo``: the whole chain on the emulated rig, without hardware or arguments."""
+"""``heli3dof demo``: flies the emulated rig, identifies, compares, diagnoses, writes a report."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _fly(out: Output, plan: Plan, path: Path, seed: int, start: str = "rest") ->
 
 
 def _new_folder(folder: Path) -> Path:
-    """Create the folder, or ``<folder>-2`` and so on if it exists."""
+    """Create and return ``folder``, or ``<folder>-2``, ``<folder>-3``, … if it exists."""
     from heli3dof.recording.atomic_write import new_folder
 
     number, path = 1, folder

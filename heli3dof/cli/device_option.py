@@ -1,4 +1,4 @@
-"""The device when ``--device`` is omitted: the only real rig found, else the emulated one."""
+"""Select the rig if ``--device`` is omitted: the only real rig found, else the emulated one."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ AnyDevice = Annotated[
 
 
 def device_or_default(out: Output, device: str | None) -> str:
-    """The given device, else the only real rig found, else the emulated one, with a note.
+    """Return ``device``, else the only real rig's URL, else the emulated rig's, with a note.
 
-    Raises UsageError if several rigs are found, and for a URL without a driver.
+    Raises UsageError if several rigs are found, and for a URL that no driver can open.
     """
     from heli3dof.rig.drivers import MOCK, check_url, default_device
 

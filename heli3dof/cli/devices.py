@@ -1,4 +1,4 @@
-"""``devices``: the rigs that can be opened, by driver, and the processes that use them."""
+"""``heli3dof devices``: lists the rigs that can be opened, and the processes that use them."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def devices(
 
 
 def _probe(url: str, profile: Path | None) -> dict[str, Any]:
-    """The identity and rest counts of a rig, which is opened but not armed."""
+    """Open a rig without arming it; return its identity and encoder counts at rest, or why not."""
     from heli3dof.errors import DeviceError
     from heli3dof.rig.session.open_exclusive import open_rig
 

@@ -1,4 +1,4 @@
-"""``diagnose``: the simulation's error, its causes, the extended model and its gain."""
+"""``heli3dof diagnose``: finds the causes of a simulation's error and extends the model."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def diagnose(
 
 
 def show_diagnosis(out: Output, document: Mapping[str, Any]) -> None:
-    """Print the document's tables and sentences."""
+    """Print a diagnosis as tables and sentences; ``document`` is that of ``diagnose --json``."""
     from heli3dof.report.diagnosis_tables import diagnosis_tables
     from heli3dof.report.text_table import Grid, to_rich
 
@@ -118,7 +118,7 @@ def show_diagnosis(out: Output, document: Mapping[str, Any]) -> None:
 
 
 def _end_with_bad_data(out: Output, result: Diagnosis) -> NoReturn:
-    """Exit with the code of a bad recording; with ``--quiet``, print each fault first."""
+    """Exit with the code of a bad recording. ``--quiet`` omits the tables, so print the faults."""
     if out.quiet:
         for fault in result.faults:
             fix = f" Try: {fault.fix}" if fault.fix else ""
@@ -129,10 +129,10 @@ def _end_with_bad_data(out: Output, result: Diagnosis) -> NoReturn:
 def _load(
     out: Output, paths: Sequence[Path], profile: Path | None
 ) -> tuple[list[Recording], list[Fault]]:
-    """The recordings, and the faults of logs that cannot be imported.
+    """Return the recordings that can be read, and a fault for each log that cannot be imported.
 
-    A log that was refused (radians in a column named degrees, for example) is bad data, which the
-    diagnosis reports. A missing file or a damaged recording is an error.
+    The diagnosis reports such a log (radians in a column named degrees, for example) as bad data.
+    A missing file or a damaged recording raises RecordingError.
     """
     from heli3dof.cli.inputs import load_all
     from heli3dof.diagnosis.integrity import Fault, Kind
@@ -153,7 +153,7 @@ def _load(
 
 
 def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
-    """Faults for swapped columns in a refused log: they can look like a wrong unit."""
+    """Return faults for swapped columns, if these and not a wrong unit made the import fail."""
     from heli3dof.diagnosis.integrity import integrity
     from heli3dof.recording.logs.import_log import import_log
 
@@ -167,9 +167,10 @@ def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
 
 @contextmanager
 def stages(out: Output) -> Iterator[Callable[[str], None]]:
-    """Yield a function that shows the current stage: a spinner, or a line per stage.
+    """Context manager: yields a function that displays a text on what the diagnosis is doing.
 
-    Text after a stage's "…" is its progress, which only the spinner shows.
+    On a terminal a spinner shows the text; otherwise each text is printed as a line, except texts
+    with progress (after "… ").
     """
     if out.quiet or not live_allowed():
         yield lambda sentence: None if "… " in sentence else out.note(sentence)

@@ -1,4 +1,4 @@
-"""``doctor``: check link, permissions, clock and latency; print the command that corrects each."""
+"""``heli3dof doctor``: checks link, permissions, clock, latency; prints how to correct them."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def doctor(
 
 
 def _show(out: Output, check: Check) -> None:
-    """Print a check, and how to correct it on a line of its own. ``--quiet``: failures only."""
+    """Print the result of a check, and how to correct a failure. ``--quiet``: failures only."""
     if out.quiet and check.good is False:
         fix = f" Try: {check.fix}" if check.fix else ""
         out.fail(f"{check.what}: {check.found}.{fix}")

@@ -1,4 +1,4 @@
-"""``export``: write a recording as CSV, MAT or Parquet."""
+"""``heli3dof export``: writes a recording as CSV, MAT or Parquet."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The summary of a flight: step metrics per axis, outcome and timing, as a table and as JSON."""
+"""Summarise a flight as a table and as JSON: step-response metrics, outcome and timing."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 def metrics_of(recording: Recording) -> Mapping[str, AxisMetrics]:
-    """Step metrics of the time under control, without the ramp to zero."""
+    """Return the step-response metrics by axis, without the ramp to zero at the flight's end."""
     from heli3dof.comparison.metrics import flight_metrics
 
     return flight_metrics(recording)
 
 
 def recording_table(recording: Recording, title: str, note: str | None = None) -> Group:
-    """The table of step metrics: a row for every step of every axis."""
+    """Return the table of step-response metrics, with a row for each step of each axis."""
     from heli3dof.report.comparison_tables import metrics_of as metrics_grid
     from heli3dof.report.text_table import to_rich
 
@@ -35,7 +35,7 @@ def recording_table(recording: Recording, title: str, note: str | None = None) -
 
 
 def recording_document(recording: Recording) -> dict[str, Any]:
-    """The step metrics of each axis, as JSON keys with units."""
+    """Return the step-response metrics of one step per axis, with units in the JSON keys."""
     metrics = metrics_of(recording)
     return {
         axis: {"set_deg": metrics[axis].reported.set_deg, **metrics[axis].reported.values()}
@@ -44,7 +44,7 @@ def recording_document(recording: Recording) -> dict[str, Any]:
 
 
 def flight_table(flight: Flight) -> Group | str:
-    """The step metrics, the outcome and the loop's timing."""
+    """Return the table of a flight: step-response metrics, outcome, and the loop's timing."""
     outcome = flight.outcome
     if not outcome.periods:
         return f"Nothing was flown: {outcome.detail}"
@@ -57,7 +57,7 @@ def flight_table(flight: Flight) -> Group | str:
 
 
 def flight_warnings(flight: Flight) -> list[str]:
-    """Warnings about the link to the rig and about encoders that did not change."""
+    """Return warnings about the link to the rig and about encoders that did not change."""
     from heli3dof.recording.link_quality import link_warnings
     from heli3dof.recording.still_encoder import still_encoder_warnings
 
@@ -69,7 +69,7 @@ def flight_warnings(flight: Flight) -> list[str]:
 
 
 def flight_document(flight: Flight) -> dict[str, Any]:
-    """The document of ``run-step --json`` and ``run --json``."""
+    """Return the dictionary that ``run-step --json`` and ``run --json`` print."""
     outcome = flight.outcome
     details = outcome.details()
     return {

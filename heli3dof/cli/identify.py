@@ -1,4 +1,4 @@
-"""``identify``: identify a model from recordings."""
+"""``heli3dof identify``: identifies a model from recordings."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def _write_report(
     *,
     force: bool,
 ) -> None:
-    """Write the identification's section and, with hold-out data, the comparison on it."""
+    """Write an HTML report on the model, with a comparison if there are hold-out data ``test``."""
     from heli3dof.comparison.compare import compare
     from heli3dof.paper.models import load_model
     from heli3dof.report.flight_report import flight_report

@@ -1,4 +1,4 @@
-"""``import``: make a recording of a CSV or MAT log."""
+"""``heli3dof import``: converts a CSV or MAT log to a recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``info``: what is in a recording, and where it came from."""
+"""``heli3dof info``: shows what a recording contains and how it was made."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def info(
 
 
 def info_table(about: Mapping[str, Any]) -> Table:
-    """The table of `heli3dof.recording.info.summary`'s dictionary."""
+    """Return the table of a recording's `heli3dof.recording.info.summary`."""
     from rich.table import Table
 
     table = Table(show_header=False)

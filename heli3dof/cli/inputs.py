@@ -1,4 +1,4 @@
-"""Load and check the recordings and models among a verb's arguments."""
+"""Load and check the recordings and models that a subcommand's arguments name."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[Recording]:
-    """Load every recording and print its warnings."""
+    """Load recordings and logs, and print their warnings. Raises RecordingError or UsageError."""
     from heli3dof.recording.load import load
 
     used = log_profile(profile)
@@ -42,7 +42,8 @@ def load_all(out: Output, paths: Sequence[Path], profile: Path | None) -> list[R
 def check_distinct(train: Sequence[Recording], holdout: Sequence[Recording]) -> None:
     """Raise UsageError if two recordings contain the same samples, whatever their names.
 
-    Twice in ``train``, they would count twice. In ``holdout``, they are no held-out data.
+    Two in ``train`` would count twice. One in ``train`` and one in ``holdout`` would not be held
+    out. Two in ``holdout`` are allowed.
     """
     names = {r.digest: r.name for r in train}
     for r in holdout:
@@ -83,7 +84,7 @@ def check_same_rig(recordings: Sequence[Recording]) -> None:
 
 
 def _rig_numbers(r: Recording) -> dict[str, float]:
-    """The numbers of the profile that identify the rig."""
+    """Return the numbers of a recording's profile that identify the rig, by key."""
     p = r.profile
     parts = {"geometry": p.geometry, "mass": p.mass}
     numbers = {f"{k}.{n}": float(v) for k, part in parts.items() for n, v in part}
@@ -95,7 +96,7 @@ def _rig_numbers(r: Recording) -> dict[str, float]:
 
 
 def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """Separate recordings from models (names or files) among a verb's arguments."""
+    """Separate a subcommand's arguments into recordings and models (built-in or ``.json``)."""
     from heli3dof.paper.models import BUILT_IN
 
     models = [w for w in words if w in BUILT_IN or w.endswith(".json")]
@@ -110,14 +111,14 @@ def split(words: Sequence[str]) -> tuple[list[Path], list[str]]:
 
 
 def models_for(names: Sequence[str], recording: Recording) -> list[Model]:
-    """The named models; built-in ones use the recording's profile."""
+    """Load models by built-in name or file; built-in ones use the recording's profile."""
     from heli3dof.paper.models import load_model
 
     return [load_model(name, recording.profile) for name in names]
 
 
 def reference_comparison() -> tuple[list[Recording], list[Model]]:
-    """The supplied recordings for comparison, and models identified from the other ones."""
+    """Return the supplied recordings for comparison, and models identified from the other ones."""
     from heli3dof_recordings import references
 
     from heli3dof.recording.mcap_files.reader import read_recording
@@ -128,7 +129,7 @@ def reference_comparison() -> tuple[list[Recording], list[Model]]:
 
 
 def identify_both(train: Sequence[Recording], test: Sequence[Recording]) -> list[Identification]:
-    """A black box, as in the paper, and the grey box, identified from the same recordings."""
+    """Identify a black box by the prediction-error method, as in the paper, and a grey box."""
     from heli3dof.identification.identify import identify
 
     return [

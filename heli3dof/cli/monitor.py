@@ -1,6 +1,6 @@
-"""``monitor``: live angles, rates, voltages, lateness and flags. Never arms.
+"""``heli3dof monitor``: shows angles, rates, voltages, lateness and flags live, without arming.
 
-If a process uses the rig, its readings come from that process; a free rig is opened and read.
+If another process uses the rig, that process supplies the readings; a free rig is opened and read.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 PERIOD_S = 0.1
 READINGS_PER_LINE = 10
-"""Without a terminal, one line is printed for so many readings"""
+"""Number of readings per printed line if there is no terminal"""
 
 
 def register(app: typer.Typer) -> None:
@@ -60,7 +60,7 @@ def monitor(
 def _source(
     out: Output, device: str | None, profile_file: Path | None, stack: ExitStack
 ) -> tuple[Callable[[], dict[str, Any] | None], dict[str, Any]]:
-    """A function that returns the next reading (None at the end), and keys for the document."""
+    """Return a function for the next reading (None: the session ended), and keys for ``--json``."""
     from heli3dof.rig.session.client import lives, running, state
     from heli3dof.rig.session.open_exclusive import open_rig, state_of
 
@@ -91,9 +91,9 @@ def _source(
 
 
 def _session(device: str | None, sessions: list[Running]) -> Running | None:
-    """The newest session of the device; None if there is none.
+    """Return the newest of the ``sessions``, processes that use the device; None if it is free.
 
-    For an emulated rig, the session's URL must contain every option of the given URL.
+    For an emulated rig, the session's URL must have every option of the given URL.
     """
     from heli3dof.rig.drivers import is_private
     from heli3dof.rig.url import parse_url
@@ -132,7 +132,7 @@ def _show_readings(
 
 
 def _display(out: Output, state: MonitorState) -> tuple[Callable[[], None], Callable[[], None]]:
-    """Functions that show the state and close the display: a live table, else lines."""
+    """Return a function that shows the state in a live table or in lines, and one that ends it."""
     if out.quiet:
         return (lambda: None), (lambda: None)
     if not live_allowed():

@@ -1,4 +1,4 @@
-"""The state that ``monitor`` shows: last reading, rates, ranges of the angles, flags seen.
+"""`MonitorState`: what ``heli3dof monitor`` shows, computed from a rig's readings.
 
 rate = (angle[k] − angle[k−1]) / (t[k] − t[k−1]),  t on the device's clock
 """
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class MonitorState:
-    """Accumulates `heli3dof.rig.session.open_exclusive.reading`s; any key may be missing."""
+    """Last reading of a rig, rates, angle ranges and flags seen. A reading may lack some keys."""
 
     def __init__(self) -> None:
         self.readings = 0
@@ -26,7 +26,6 @@ class MonitorState:
         self.worst_lateness_s = 0.0
 
     def add(self, reading: dict[str, Any]) -> None:
-        """Add the next reading."""
         previous, self.last = self.last, reading
         self.readings += 1
         self.flags_seen.update(reading.get("flags", ()))
@@ -43,7 +42,7 @@ class MonitorState:
             self.high_deg[axis] = max(angle, self.high_deg.get(axis, angle))
 
     def line(self) -> str:
-        """One line, where there is no live display."""
+        """Return the state as one line of text, for output without a live display."""
         last = self.last
         if "roll_deg" not in last:
             return "no answer"
@@ -52,7 +51,6 @@ class MonitorState:
         return "  ".join([*words, *self._status()])
 
     def table(self) -> Table:
-        """The table of the live display."""
         from rich.table import Table
 
         last = self.last
@@ -80,7 +78,7 @@ class MonitorState:
         return " · ".join(self._status()) if "flags" in self.last else "no answer"
 
     def _status(self) -> list[str]:
-        """Flags, and the flight's lateness or a free rig's response time."""
+        """Return texts: flags, and a flight's lateness or the response time of an unused rig."""
         last = self.last
         words = [" ".join(last["flags"]) or "not enabled"]
         if "lateness_s" in last:
@@ -92,7 +90,7 @@ class MonitorState:
         return words
 
     def document(self) -> dict[str, Any]:
-        """The keys of ``monitor --json``."""
+        """Return the state for ``monitor --json``."""
         return {
             "readings": self.readings,
             "last": self.last or None,

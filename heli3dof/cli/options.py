@@ -1,4 +1,4 @@
-"""Options that several verbs share, with the same name and meaning everywhere."""
+"""Define the options that several subcommands share, with one name and meaning everywhere."""
 
 from __future__ import annotations
 
@@ -65,14 +65,14 @@ Plan = Annotated[str, typer.Argument(metavar="PLAN", help="A plan's name, or its
 
 
 def rig_profile(file: Path | None) -> Profile:
-    """The profile of ``--profile``; the paper's rig when it is omitted."""
+    """Load the profile of ``--profile``; if it is omitted, return that of the paper's rig."""
     from heli3dof.rig.profile import default_profile, load_profile
 
     return load_profile(file) if file else default_profile()
 
 
 def log_profile(file: Path | None) -> Profile | None:
-    """The profile of ``--profile``; None when it is omitted, as recordings contain their own."""
+    """Load the profile of ``--profile``; None if omitted, because recordings contain their own."""
     from heli3dof.rig.profile import load_profile
 
     return load_profile(file) if file else None

@@ -1,4 +1,4 @@
-"""Where a verb's results, progress and errors go, for people and for scripts.
+"""Print a subcommand's results, progress and errors, for people and for scripts.
 
 With ``--json`` exactly one JSON document goes to stdout and everything else to stderr. There is
 no live display and no colour if stderr is not a terminal or ``NO_COLOR`` is set.
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 INTERRUPTED = 130
 TRACEBACK = "HELI3DOF_TRACEBACK"
-"""Environment variable: if set, an internal error prints its traceback."""
+"""Name of an environment variable: if it is set, an internal error prints its traceback."""
 
 
 def live_allowed() -> bool:
-    """Whether stderr may show a live display: it is a terminal, and ``NO_COLOR`` is not set."""
+    """True if stderr may show a spinner or live table: a terminal, and ``NO_COLOR`` is not set."""
     return sys.stderr.isatty() and not os.environ.get("NO_COLOR")
 
 
 class Output:
-    """The output of one verb: results (`show`), notes (`note`), the JSON document (`emit`)."""
+    """Prints a subcommand's output: results (`show`), notes (`note`), JSON document (`emit`)."""
 
     def __init__(self, *, as_json: bool = False, quiet: bool = False) -> None:
         self.as_json, self.quiet = as_json, quiet
@@ -53,13 +53,13 @@ class Output:
         return _console(no_color=bool(os.environ.get("NO_COLOR")) or None)
 
     def show(self, *results: RenderableType) -> None:
-        """Print results (tables or sentences) on stdout, with ``--json`` on stderr."""
+        """Print results (tables or sentences) on stdout, or on stderr if ``--json`` is given."""
         if not self.quiet:
             for each in results:
                 self.out.print(each, soft_wrap=isinstance(each, str), markup=False)
 
     def note(self, text: str) -> None:
-        """Print a note on stderr: a file that was written, an assumption."""
+        """Print a note on stderr, such as the name of a file that was written."""
         if not self.quiet:
             self.err.print(text, soft_wrap=True, markup=False)
 
@@ -72,7 +72,7 @@ class Output:
         self.err.print(text, soft_wrap=True, markup=False, style="bold red")
 
     def emit(self, document: Mapping[str, Any]) -> None:
-        """With ``--json``, print the document: UTF-8, or ASCII if stdout is not UTF-8."""
+        """If ``--json`` is given, print the document on stdout; as ASCII if stdout is not UTF-8."""
         if self.as_json:
             plain = jsonable(document)
             text = json.dumps(plain, ensure_ascii=False, indent=2, allow_nan=False)
@@ -82,7 +82,7 @@ class Output:
 
     @contextmanager
     def working(self, text: str) -> Iterator[None]:
-        """Show a spinner (without a terminal: a line) during work that takes over a second."""
+        """Context manager: shows a spinner during long work; without a terminal, prints a line."""
         if self.quiet or not live_allowed():
             if not self.quiet:
                 self.note(text)
@@ -93,7 +93,7 @@ class Output:
 
 
 def _console(**options: Any) -> Console:
-    """A console that replaces unprintable characters before it lays out columns."""
+    """Return a rich console that replaces unprintable characters before it lays out columns."""
     from rich.console import Console
 
     class Encoded(Console):
@@ -107,7 +107,7 @@ def _console(**options: Any) -> Console:
 
 
 def jsonable(value: Any) -> Any:
-    """The value in plain JSON types; numbers that are not finite become null."""
+    """Convert a value to JSON types; a number that is not finite becomes null."""
     if isinstance(value, Mapping):
         return {str(k): jsonable(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -124,7 +124,7 @@ def jsonable(value: Any) -> Any:
 
 
 def verb(function: Callable[P, None]) -> Callable[P, None]:
-    """Decorate a verb: print its errors in three sentences and exit with the right code."""
+    """Decorator of a subcommand: prints an error (what, likely cause, fix), exits with its code."""
 
     @functools.wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:
@@ -160,7 +160,7 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
 
 
 def _explain_os_error(error: OSError) -> Heli3dofError | None:
-    """Our error for an OSError about a file or the current folder; None for any other."""
+    """Return the error to print for an OSError about a file or the current folder, else None."""
     try:
         os.getcwd()
     except OSError:
@@ -188,7 +188,7 @@ def _explain_os_error(error: OSError) -> Heli3dofError | None:
 
 
 def print_error(error: Heli3dofError, *, as_json: bool) -> None:
-    """Print an error: what happened, the likely cause, the command to run."""
+    """Print an error: what happened, likely cause, command to run; if ``as_json``, also as JSON."""
     out = Output(as_json=as_json)
     out.err.print(f"Error: {error.what}", soft_wrap=True, markup=False, style="bold red")
     if error.cause:

@@ -1,4 +1,4 @@
-"""Print in any encoding: characters that the terminal or file lacks are replaced by ASCII text.
+"""Print in any encoding: characters that the encoding lacks are replaced by ASCII text.
 
 ====================  ====================================  ==============================
 character             written as                            from
@@ -38,7 +38,7 @@ ASCII = {
     "ß": "ss", "æ": "ae", "ø": "o", "ł": "l",
     "\u0307": "_dot", "\u0308": "_ddot", "\u0302": "_hat", "\u0304": "_bar",
 }  # fmt: skip
-"""The symbols we print. ``N.m.s/rad`` follows UCUM, the code for units of measure."""
+"""Symbols that heli3dof prints → ASCII text. ``N.m.s/rad`` follows UCUM, the code for units."""
 
 
 def prepare() -> None:
@@ -63,9 +63,9 @@ def prepare() -> None:
 
 
 def finish(code: str | int | None) -> str | int | None:
-    """Flush stdout and stderr; return the exit code, which is an error if output was lost.
+    """Flush stdout and stderr; return ``code``, or an error's exit code if output was lost.
 
-    A reader that ended first, as `head` does, is not an error.
+    It is no error if the program that reads the output ended first, as ``head`` does.
     """
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -89,7 +89,7 @@ def lost(error: OSError) -> int:
 
 
 def reader_has_gone(end: SystemExit) -> bool:
-    """Whether a library ended the process because the reader of its output ended first."""
+    """True if a library ended this process because the program that reads its output had ended."""
     return isinstance(end.__context__, BrokenPipeError)
 
 
@@ -102,7 +102,7 @@ def _discard(stream: TextIO) -> None:
 
 
 def printable(text: str, encoding: str | None) -> str:
-    """The text, with characters that the encoding lacks written in ASCII.
+    """Return the text with ASCII in place of the characters that the encoding lacks.
 
     >>> printable("5 °/s, χ² ≤ 2, ψ in cp1252", "ascii")
     '5 deg/s, chi^2 <= 2, psi in cp1252'
@@ -115,7 +115,7 @@ def printable(text: str, encoding: str | None) -> str:
 
 
 def carries(text: str, encoding: str | None) -> bool:
-    """Whether a stream of this encoding prints the text unchanged."""
+    """True if a stream of this encoding prints the text unchanged: ASCII text, or a UTF stream."""
     if not (encoding or "").lower().replace("_", "-").startswith("utf"):
         return text.isascii()
     try:
@@ -132,7 +132,7 @@ def _replace(error: UnicodeError) -> tuple[str, int]:
 
 
 def _in_ascii(text: str) -> str:
-    """ASCII for the text; adjacent superscripts share one ``^``."""
+    """Return the text in ASCII; adjacent superscripts share one ``^``: ``²³`` is ``^23``."""
     joined = "".join(map(_one_in_ascii, text))
     return re.sub(r"(?<=\^[-+\dn])\^(?=[-+\dn])", "", joined)
 

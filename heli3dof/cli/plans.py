@@ -1,4 +1,4 @@
-"""``plans``: the plans that come with heli3dof."""
+"""``heli3dof plans``: lists the plans that come with heli3dof."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``profile new|show|check|update``: write, show, check or correct the profile of a rig."""
+"""``heli3dof profile new|show|check|update``: writes, shows, checks or corrects a profile."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
 
 SOURCE = "the command line"
-"""Of a profile's numbers, in error messages"""
+"""Where a new profile's numbers come from, for error messages"""
 
 File = Annotated[
     Path | None,
@@ -187,7 +187,7 @@ def update(
 
 
 def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> None:
-    """Put the hover voltage that follows from the masses into the data."""
+    """Add the masses' hover voltage and a comment to a profile's ``data`` and ``remarks``."""
     from heli3dof.rig.profile import profile_from_dict
     from heli3dof.rig.profile_file import put
     from heli3dof.rig.profile_remarks import estimated_hover_voltage
@@ -201,7 +201,7 @@ def _compute_hover_voltage(data: dict[str, Any], remarks: dict[str, str]) -> Non
 
 
 def _design_gain(data: dict[str, Any], remarks: dict[str, str]) -> None:
-    """Put an LQR gain into the data, unless it equals the default gain."""
+    """Add an LQR gain and a comment to ``data`` and ``remarks``, unless it is the default gain."""
     from heli3dof.model.control.lqr import is_default_gain, lqr_gain
     from heli3dof.rig.profile import profile_from_dict
     from heli3dof.rig.profile_file import put
@@ -226,7 +226,7 @@ def _check_loop(out: Output, profile: Profile) -> LoopCheck:
 
 
 def _exit_if_unstable(profile: Profile, loop: LoopCheck) -> None:
-    """Exit with the code of an unstable loop; the document is already printed."""
+    """Exit with an error's code if the profile's own controller does not stabilise the rig."""
     if not loop.stable and profile.loop_is_known:
         raise typer.Exit(UnstableLoop.exit_code)
 
@@ -234,7 +234,7 @@ def _exit_if_unstable(profile: Profile, loop: LoopCheck) -> None:
 def _report(
     out: Output, file: Path | None, profile: Profile, loop: LoopCheck, **more: Any
 ) -> list[str]:
-    """Print the loop and the unusual numbers, emit the document, and return the latter."""
+    """Print the loop's poles, margins and steps, warn of unusual numbers; return the warnings."""
     from heli3dof.rig.profile_remarks import unusual_values
 
     remarks = [*unusual_values(profile), *loop.unusual()]
@@ -263,7 +263,7 @@ def _report(
 
 
 def _derived(profile: Profile) -> dict[str, tuple[float, str, str]]:
-    """Name → (value, unit, meaning) of each quantity derived from the keys."""
+    """Return (value, unit, meaning) by name of each quantity computed from a profile's keys."""
     from heli3dof.axes import AXES
     from heli3dof.rig.profile_remarks import mass_hover_voltage
 

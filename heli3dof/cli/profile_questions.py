@@ -1,4 +1,4 @@
-"""Ask for the numbers of a profile on the terminal."""
+"""Ask the user for the numbers of a new profile on the terminal."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ COMPUTED = "motor.V_o"
 
 
 def ask_missing(out: Output, data: dict[str, Any]) -> None:
-    """Ask for the required keys that ``data`` lacks, and put the answers there.
+    """Ask the user for the required keys that ``data`` lacks, and add the answers to it.
 
-    Raises UsageError, which names all of them, if stdin is not a terminal.
+    If stdin is not a terminal, raises UsageError with the names of these keys.
     """
     from heli3dof.rig.profile_file import put
 
@@ -47,7 +47,7 @@ def ask_missing(out: Output, data: dict[str, Any]) -> None:
 
 
 def value_at(data: Mapping[str, Any], name: str) -> Any:
-    """The value of a dotted key in nested dicts; None if it is absent."""
+    """Return the value of a dotted key (``motor.V_o``) in nested dicts; None if it is absent."""
     at: Any = data
     for part in name.split("."):
         at = at.get(part) if isinstance(at, Mapping) else None
@@ -59,7 +59,7 @@ def _is_terminal() -> bool:
 
 
 def _questions() -> Iterator[tuple[str, FieldInfo]]:
-    """Yield what to ask the user: each required key, the name and the arm's rest angle."""
+    """Yield the keys to ask for: each required key, the profile's name, the roll angle at rest."""
     from heli3dof.rig.profile import Profile
     from heli3dof.toml_file import keys
 
@@ -69,7 +69,7 @@ def _questions() -> Iterator[tuple[str, FieldInfo]]:
 
 
 def _ask(out: Output, name: str, field: FieldInfo) -> Any:
-    """Ask until the answer is plausible; None leaves the key out."""
+    """Ask for a key until the answer is plausible; return it, or None to omit the key."""
     from heli3dof.toml_file import key_of
 
     key = key_of(field)
@@ -97,7 +97,7 @@ def _ask(out: Output, name: str, field: FieldInfo) -> Any:
 
 
 def _number(text: str, field: FieldInfo) -> tuple[Any, str]:
-    """The number that was typed, and why it is refused (empty if it is accepted)."""
+    """Return the number in ``text``, and why it is not accepted (empty if it is accepted)."""
     from heli3dof.rig.profile_file import toml_value
     from heli3dof.toml_file import key_of, within
 

@@ -1,10 +1,10 @@
-"""The progress line of a flight, redrawn ten times a second by rich.
+"""Show a flight's progress in one line of the terminal, ten times a second.
 
     step  flying  roll   +5.0°  pitch   -0.1°  yaw    +0.2°  late 0 ━━━━━━━━━──────── 0:12:30
 
-A thread of rich draws it and reads the loop's state; the loop never waits for it. One redraw takes
-0.5 ms of processor time (median; 90th percentile 1.0 ms). It can hold Python's global interpreter
-lock for `heli3dof.experiment.control_loop.realtime_priority.SWITCH_S` at most.
+A thread of the library rich draws it from the control loop's state; the loop never waits. Drawing
+takes 0.5 ms of processor time (median; 90th percentile 1.0 ms). It holds Python's interpreter lock
+for `heli3dof.experiment.control_loop.realtime_priority.SWITCH_S` at most.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PER_SECOND = 10.0
 
 @contextmanager
 def progress(out: Output, live: Live, name: str) -> Iterator[None]:
-    """Show the progress of a flight, unless ``--quiet`` is given or stderr cannot show it."""
+    """Context manager: shows a flight's progress; not with ``--quiet`` or without a terminal."""
     if out.quiet or not live_allowed() or out.err.is_dumb_terminal:
         yield
         return
@@ -61,7 +61,7 @@ def progress(out: Output, live: Live, name: str) -> Iterator[None]:
 
 
 def state_text(live: Live) -> str:
-    """Phase, angles (degrees) and the number of late periods."""
+    """Return the flight's phase, angles in degrees and number of late periods as text."""
     roll, pitch, yaw = (degrees(angle) for angle in live.angle)
     return (
         f"{live.phase}  roll {roll:+6.1f}°  pitch {pitch:+6.1f}°  yaw {yaw:+7.1f}°"

@@ -1,4 +1,4 @@
-"""``recover``: copy the intact part of a damaged recording to a new file."""
+"""``heli3dof recover``: copies the intact part of a damaged recording to a new file."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from typer.core import TyperCommand
 
 
 def renamed(options: Mapping[str, str]) -> type[TyperCommand]:
-    """A command class that replaces each former option (key) by its present name (value)."""
+    """Return a typer command class that replaces a former option (key) by its new name (value)."""
 
     class Command(TyperCommand):
         def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

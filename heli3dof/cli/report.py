@@ -1,4 +1,4 @@
-"""``report``: one self-contained HTML file about recordings and models."""
+"""``heli3dof report``: writes one self-contained HTML file about recordings and models."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``run``: fly a plan in closed loop and record it; ``run --auto``: fly, diagnose and repeat."""
+"""``heli3dof run``: flies a plan in closed loop and records it; ``--auto`` also diagnoses."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def fly(
     seed: int,
     dry_run: bool,
 ) -> None:
-    """Fly a plan with progress, print the summary, and exit with the code of its outcome."""
+    """Fly a plan, print progress and summary; exit with an error's code if it was cut short."""
     from heli3dof.experiment.control_loop.loop import Live
     from heli3dof.experiment.fly import fly_plan
     from heli3dof.recording.atomic_write import check_output, new_folder
@@ -166,7 +166,7 @@ def _fly_auto(
 
 
 def _auto_document(out: Output, result: AutoResult) -> dict[str, Any]:
-    """Write the model and the report, print the diagnosis, return the document."""
+    """Write model and report of ``run --auto``, print the diagnosis, return the JSON document."""
     from heli3dof.cli.diagnose import show_diagnosis
     from heli3dof.diagnosis.document import diagnosis_document as to_document
     from heli3dof.model.model_file import save_model
@@ -211,13 +211,13 @@ def _fly_one(
 
 
 def default_path(name: str) -> Path:
-    """``flights/<UTC time>-<plan>.mcap``, in the current folder."""
+    """Return the path ``flights/<UTC time>-<name>.mcap`` in the current folder."""
     stamp = datetime.now(UTC).strftime("%Y%m%d-%H%M%S")
     return Path("flights") / f"{stamp}-{name}.mcap"
 
 
 def _show_plan(out: Output, plan: Plan, profile: Profile, device: str, seed: int) -> None:
-    """The dry run: check everything that a flight checks, and print the plan."""
+    """Carry out ``--dry-run``: check plan, gain and URL as a flight does, and print the plan."""
     from heli3dof.experiment.fly import prepare
     from heli3dof.rig.drivers import check_url
 

@@ -1,4 +1,4 @@
-"""``run-step``: fly a step in closed loop and record it."""
+"""``heli3dof run-step``: flies a step in closed loop and records it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``simulate``: fly a plan on a model, and record it like a flight."""
+"""``heli3dof simulate``: simulates a plan in closed loop on a model, recorded like a flight."""
 
 from __future__ import annotations
 

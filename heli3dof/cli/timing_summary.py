@@ -1,4 +1,4 @@
-"""The timing of a flight's control loop in words, for ``info`` and the summary of a flight."""
+"""Describe the timing of a flight's control loop as text, for ``info`` and a flight's summary."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 def timing_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Rows for a recording, from `heli3dof.recording.info.summary`'s dictionary."""
+    """Return rows (label, text) on timing from a recording's `heli3dof.recording.info.summary`."""
     rows: list[tuple[str, str]] = []
     late, details = about["lateness"], about["outcome_details"]
     if late:
@@ -37,7 +37,7 @@ def timing_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def timing_note(outcome: Outcome) -> str:
-    """The note under the table of a flight: late and skipped periods, lateness, latency."""
+    """Return late and skipped periods, lateness and latency as the note under a flight's table."""
     parts = [f"late by more than 1 ms: {outcome.late} of {outcome.periods} periods"]
     skipped = _skipped(outcome.missed, outcome.lost, outcome.left_out)
     if skipped:
@@ -55,7 +55,7 @@ def timing_note(outcome: Outcome) -> str:
 
 
 def latency_text(latency: Mapping[str, Any]) -> str:
-    """Command-to-echo latency: median, 99.9 % and maximum, in ms and whole periods."""
+    """Return the command-to-echo latency as text: median, 99.9 %, maximum, in ms and periods."""
     return ", ".join(
         f"{name} {_ms(latency[f'{key}_s'])} ({_periods(latency[f'{key}_periods'])})"
         for name, key in (("median", "median"), ("99.9 %", "p999"), ("maximum", "worst"))
@@ -63,7 +63,7 @@ def latency_text(latency: Mapping[str, Any]) -> str:
 
 
 def unacknowledged_text(latency: Mapping[str, Any]) -> str:
-    """How many commands were not echoed by the next sample, and how many never."""
+    """Return as text how many commands the next sample did not echo, and how many none echoed."""
     never = latency["commands_never_echoed"]
     return (
         f"{latency['commands_unacknowledged']} of {latency['commands']} commands not echoed by "
@@ -72,7 +72,10 @@ def unacknowledged_text(latency: Mapping[str, Any]) -> str:
 
 
 def realtime_advice(outcome: Outcome) -> str | None:
-    """How to make a late loop more punctual; None if it was not late or nothing was refused."""
+    """Return how to obtain a real-time permission that the operating system did not grant.
+
+    None if no control period was late or missed, or if the system granted all that would help.
+    """
     if outcome.realtime is None or not (outcome.late or outcome.missed):
         return None
     refused = outcome.realtime.refused

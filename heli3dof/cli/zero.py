@@ -1,4 +1,4 @@
-"""``zero``: store the encoder counts at the rest angles. Moves nothing."""
+"""``heli3dof zero``: stores the encoder counts at the rest angles. It moves nothing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""New files: complete or absent, and never over an existing file without ``force``."""
+"""Write output files: complete or not at all, and over an existing file only with ``force``."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from heli3dof.errors import OutputExists, UsageError
 from heli3dof.write_errors import ELSEWHERE, write_errors_explained
 
 RECORDINGS = (".mcap", ".parquet")
-"""Endings of files that heli3dof writes and no importer reads"""
+"""Endings that `stem` removes in addition to those of the importers"""
 
 
 def stem(path: Path) -> str:
-    """The file's name without the ending of a recording or a log; other dots are part of it.
+    """Return the file's name without the ending of a recording or a log; other dots are kept.
 
     >>> stem(Path("cable.yaw:0.1.mcap")), stem(Path("log.csv.gz"))
     ('cable.yaw:0.1', 'log')
@@ -31,19 +31,23 @@ def stem(path: Path) -> str:
 
 
 NAME_KEPT = 32
-"""Characters of a name in its temporary file's name: 4 bytes each stay below 255 bytes"""
+"""Characters of a file's name that its temporary file's name repeats. With at most 4 bytes each,
+they stay below the file systems' limit of 255 bytes."""
 PROBE = b"\0" * 4096
-"""Bytes written to test a folder: a block of most file systems"""
+"""Content of the file that `_probe` writes: a block (4096 bytes) of most file systems"""
 
 
 def check_outputs(
     *outputs: Path | None, force: bool, inputs: Iterable[Path] = (), fix: str = ELSEWHERE
 ) -> None:
-    """Raise an error if an output cannot be created; call it before computing anything.
+    """Raise an error if an output file cannot be created. Call it before a long computation.
 
-    OutputExists, UsageError (missing folder, no permission, the same name twice, or one of
-    ``inputs``, which ``force`` does not overwrite either) or NoSpace. A file is written to every
-    folder as a test. Outputs that are None are skipped.
+    * OutputExists: the file exists, and ``force`` is False
+    * UsageError: no folder, no permission, the same name twice, or one of ``inputs``, even with
+      ``force``
+    * NoSpace: the disk is full; a small file is written to every folder as a test
+
+    Outputs that are None are skipped. ``fix`` is the remedy that the error message names.
     """
     read = [p for p in inputs if p.is_file()]
     seen: list[Path] = []
@@ -67,7 +71,7 @@ def check_outputs(
 
 
 def check_output(path: Path, *, force: bool, fix: str = ELSEWHERE) -> None:
-    """Raise OutputExists, UsageError or NoSpace if ``path`` cannot be created."""
+    """Raise an error if ``path`` cannot be created: OutputExists, UsageError or NoSpace."""
     _check_name(path, force=force)
     with write_errors_explained(path, fix=fix):
         place = path.resolve()
@@ -81,7 +85,7 @@ def check_output(path: Path, *, force: bool, fix: str = ELSEWHERE) -> None:
 def check_folder(folder: Path, *, fix: str = ELSEWHERE) -> None:
     """Raise UsageError or NoSpace if no files can be written to ``folder``.
 
-    A missing folder is judged by the nearest existing one above it, and not created.
+    A missing folder is not created: the nearest existing folder above it is tested instead.
     """
     with write_errors_explained(folder, fix=fix):
         there = folder.absolute()
@@ -91,7 +95,7 @@ def check_folder(folder: Path, *, fix: str = ELSEWHERE) -> None:
 
 
 def new_folder(folder: Path, *, fix: str = ELSEWHERE) -> Path:
-    """Create the folder and those above it; raises as `check_folder`."""
+    """Create the folder and the missing ones above it. Raises UsageError or NoSpace."""
     with write_errors_explained(folder, fix=fix):
         folder.mkdir(parents=True, exist_ok=True)
     check_folder(folder, fix=fix)
@@ -110,7 +114,7 @@ def _probe(folder: Path) -> None:
 
 
 def _check_name(path: Path, *, force: bool) -> None:
-    """Raise OutputExists or UsageError for a name that cannot be used."""
+    """Raise OutputExists if the file exists; UsageError if it is a folder or lacks its folder."""
     with write_errors_explained(path):
         there, folder = path.exists(), path.is_dir()
     if folder:
@@ -134,14 +138,14 @@ def _check_name(path: Path, *, force: bool) -> None:
 
 
 def default_output(path: Path, *, force: bool) -> Path:
-    """A default output's path: ``path`` itself with ``force``, else a name that is free."""
+    """Return the path of an output without ``-o``: with ``force`` ``path``, else a free name."""
     return path if force else unused(path)
 
 
 def unused(path: Path) -> Path:
-    """``path``, or the first free numbered name: ``a-extended.json``, ``a-extended-2.json``, …
+    """Return ``path``, or the first free name: ``a-extended-2.json``, ``a-extended-3.json``, …
 
-    For default names, so that an earlier run does not block the next one.
+    An earlier run's output with the same default name then does not block the next run.
     """
     k, free = 1, path
     while free.exists():
@@ -151,9 +155,10 @@ def unused(path: Path) -> Path:
 
 
 def mode(path: Path, *, force: bool) -> str:
-    """The mode to open ``path`` for writing: files also for reading, pipes and devices not.
+    """Return the mode in which ``open`` is to write ``path``.
 
-    A pipe that the writer holds open for reading would not report that its reader has gone.
+    Files are opened for reading too, existing pipes and devices for writing only. A writer that
+    also opened a pipe for reading would not notice that the pipe's reader has ended.
     """
     if not force:
         return "x+b"
@@ -162,10 +167,11 @@ def mode(path: Path, *, force: bool) -> str:
 
 @contextlib.contextmanager
 def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
-    """A binary stream that becomes ``path`` when the block ends without an error.
+    """Context manager: yields a binary stream that becomes the file ``path`` at its end.
 
-    After an error nothing is left. A regular file's stream can also be read. Raises OutputExists,
-    UsageError (missing folder, no permission) or NoSpace.
+    If the block raises, the file is not created or replaced. A pipe or device is written directly;
+    any other stream can also be read. Raises OutputExists, UsageError (missing folder, no
+    permission) or NoSpace.
     """
     path = Path(path)
     check_output(path, force=force)
@@ -188,7 +194,7 @@ def new_file(path: str | Path, *, force: bool = False) -> Iterator[BinaryIO]:
 
 
 def write_file(path: str | Path, data: bytes, *, force: bool = False) -> Path:
-    """Write a whole file at once, as `new_file` does, and return its path."""
+    """Write ``data`` to a new file, completely or not at all; return its path. See `new_file`."""
     with new_file(path, force=force) as stream:
         left = memoryview(data)
         while left:

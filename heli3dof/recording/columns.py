@@ -1,7 +1,8 @@
-"""The columns of the contract's CSV log: their names, and a recording's arrays under them.
+"""Contract columns: the columns of a log whose names docs/reference/contract.md fixes.
 
-``t_s``, ``v_front_V``, ``v_back_V``, and any of the angles, references, commanded voltages and
-extra voltages. Every name ends in its unit; angles are in ``_deg`` or ``_rad``.
+Required are ``t_s``, ``v_front_V`` and ``v_back_V``. Angles, references, and the voltages before
+the limiter and added by the experiment are optional. Every name ends in its unit, an angle's in
+``_deg`` or ``_rad``.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ if TYPE_CHECKING:
 REQUIRED = ("t_s", "v_front_V", "v_back_V")
 VOLTAGES = {"voltage": "v_{}_V", "voltage_cmd": "v_{}_cmd_V", "voltage_extra": "v_{}_extra_V"}
 ANGLES = {"angle": "{}", "reference": "{}_ref"}
-"""Array of a `Recording` → the pattern of its columns' names, without an angle's unit"""
+"""Array of a `Recording` → pattern of its columns' names; an angle's unit is to be added"""
 ANGLE_UNITS = {"deg": np.pi / 180, "rad": 1.0}
 """Ending of an angle's name → rad per unit"""
 UNITS = frozenset({"s", "V", "A", "deg", "rad"})
-"""Units as columns' names end in them"""
+"""Units that a column's name can end in"""
 KNOWN = frozenset(
     ["t_s"]
     + [form.format(motor) for form in VOLTAGES.values() for motor in MOTORS]
@@ -33,14 +34,14 @@ KNOWN = frozenset(
         for unit in ANGLE_UNITS
     ]
 )
-"""Every column name of the contract"""
+"""Every column name of the contract, angles in both units"""
 
 
 def contract_columns(recording: Recording) -> dict[str, np.ndarray]:
-    """Name → (N,) column: the contract's columns with angles in degrees, then the channels.
+    """Return a recording's columns (N,) by name, for an export; angles are in degrees.
 
-    Columns that were not logged are left out. A channel with a contract name is prefixed by
-    ``channel_``.
+    The columns of docs/reference/contract.md come first, unless they were not logged, then the
+    channels. A channel with the name of an earlier column gets the prefix ``channel_``.
     """
     columns: dict[str, np.ndarray] = {"t_s": recording.t}
     for array, form in VOLTAGES.items():
@@ -56,7 +57,7 @@ def contract_columns(recording: Recording) -> dict[str, np.ndarray]:
 
 
 def unit_of(name: str) -> str:
-    """The unit in a column's name; empty where it has none.
+    """Return the unit that a column's name ends in; an empty text if there is none.
 
     >>> unit_of("roll_ref_deg"), unit_of("v_front_V"), unit_of("flags")
     ('deg', 'V', '')

@@ -1,12 +1,13 @@
 """Insert rows for lost samples, so that one row is one control period.
 
-Between t[k] and t[k+1] are
+The number of samples missing between t[k] and t[k+1] is
 
-    n = round((t[k+1] − t[k]) / dt) − 1        missing samples
+    n = max(0, round((t[k+1] − t[k] − δ) / dt) − 1)
 
-and one less if sample k+1 was late, so that the next interval is short. Inserted rows have evenly
-spaced times, no angles (NaN), and the last voltage, reference and extra voltage, which the rig
-held. The voltage's integral over any interval is unchanged.
+If the next interval is shorter than `EARLY` dt, sample k+1 was late by δ = dt − (t[k+2] − t[k+1]),
+at most t[k+1] − t[k] − dt. Otherwise δ = 0. Inserted rows have evenly spaced times and NaN as
+angles. They repeat all other values of row k, because the rig held its voltage. The voltage's
+integral over any interval is unchanged.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ import numpy as np
 from heli3dof.recording.recording import Recording
 
 GAP = 1.5
-"""Periods: a longer interval between two rows is a gap."""
+"""Control periods: a longer interval between two rows is a gap."""
 EARLY = 0.5
-"""Share of the period; a shorter interval follows a late sample."""
+"""Share of the control period: a shorter interval follows a late sample."""
 
 
 def missing(t: np.ndarray, dt: float) -> np.ndarray:
-    """(N − 1,) number of missing samples in each interval of times (N,) s; period ``dt`` in s."""
+    """Count the samples missing in each interval (N − 1,) of times ``t`` (N,); period ``dt``; s."""
     d = np.diff(t)
     after = np.append(d[1:], dt)
     late = np.where(after < EARLY * dt, np.clip(dt - after, 0.0, d - dt), 0.0)
@@ -32,10 +33,10 @@ def missing(t: np.ndarray, dt: float) -> np.ndarray:
 
 
 def fill_gaps(recording: Recording, longest: float) -> tuple[Recording, np.ndarray]:
-    """The recording with inserted rows, and the indices (N,) of its own rows in it.
+    """Return the recording with inserted rows, and the indices (N,) of its original rows there.
 
-    Intervals of more than ``longest`` periods remain gaps. Without missing samples the recording
-    itself is returned.
+    Intervals of more than ``longest`` control periods remain gaps. A recording without missing
+    samples is returned unchanged.
     """
     dt, own = recording.dt, np.arange(len(recording))
     n = missing(recording.t, dt)

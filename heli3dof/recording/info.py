@@ -1,6 +1,6 @@
-"""`file_info`: the contents of a recording's file as a JSON-able dictionary.
+"""`file_info`: describes a recording's file as a JSON-able dictionary.
 
-It also reads files that end early because the flight's program was killed.
+It also reads torn files: those that end early, for example because the program was killed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from heli3dof.recording.still_encoder import still_encoder_warnings
 from heli3dof.rig.profile import Profile
 
 LATE_S = 1e-3
-"""s: a control period that starts later than this is counted as late (a convention)."""
+"""s: a sample that comes later than this after its deadline counts as late (a convention)."""
 PROVENANCE = (
     "source", "started_utc", "device", "identity", "log", "versions", "git", "host",
     "command_line", "format",
@@ -33,9 +33,11 @@ PROVENANCE = (
 def file_info(
     path: str | Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
 ) -> dict[str, Any]:
-    """`summary` of the recording in a file, with ``file``, ``bytes`` and ``torn``.
+    """Return the `summary` of the recording in a file, and the file's name and size in bytes.
 
-    The summary of a torn recording is that of its intact part. Raises as `load` does.
+    If ``torn`` is True, the file's end is missing: the summary is that of its intact part, and
+    ``fix`` is the command that recovers this part.
+    Raises RecordingError and UsageError, as `load` does.
     """
     path = Path(path)
     salvaged = _salvaged(path, profile) if importer_of(path) is None else None
@@ -50,7 +52,7 @@ def file_info(
 
 
 def _salvaged(path: Path, profile: Profile | None) -> Recording | None:
-    """The intact part of a torn recording; None for a complete one, and for one without samples."""
+    """Return the intact part of a torn recording; None if it is complete or has no samples."""
     content = open_mcap(path)
     if content.whole:
         return None
@@ -59,7 +61,7 @@ def _salvaged(path: Path, profile: Profile | None) -> Recording | None:
 
 
 def summary(recording: Recording) -> dict[str, Any]:
-    """Length, timing, columns, ranges, controller, outcome and provenance of a recording."""
+    """Return a recording's length, timing, ranges, outcome, warnings and provenance, JSON-able."""
     meta: Mapping[str, Any] = recording.meta
     angles = {}
     for i, axis in enumerate(AXES):
@@ -106,7 +108,7 @@ def summary(recording: Recording) -> dict[str, Any]:
 
 
 def _stuck_clock(stuck: int, samples: int) -> list[str]:
-    """A warning for times that do not increase."""
+    """Return a warning if the time does not increase at ``stuck`` of the samples."""
     if not stuck:
         return []
     return [
@@ -116,13 +118,16 @@ def _stuck_clock(stuck: int, samples: int) -> list[str]:
 
 
 def _range(values: np.ndarray) -> tuple[float | None, float | None]:
-    """The smallest and largest finite value; None where there is none."""
+    """Return the smallest and the largest finite value; None for both if there is none."""
     finite = values[np.isfinite(values)]
     return (float(finite.min()), float(finite.max())) if finite.size else (None, None)
 
 
 def lateness(recording: Recording) -> dict[str, Any] | None:
-    """Statistics of the control periods' lateness; None if not logged, or on a virtual clock."""
+    """Return statistics of the samples' lateness: the time in s from deadline to arrival.
+
+    None if it was not logged, or if the clock was virtual: it waits for every sample.
+    """
     late = recording.channels.get("lateness_s")
     if late is None or not np.isfinite(late).any():
         return None

@@ -1,7 +1,7 @@
-"""Warnings of a poor link: dead time above one period, losses, rejected samples.
+"""`link_warnings`: warns of a poor link between this computer and the rig.
 
-`link_warnings` reads a recording's ``meta["outcome_details"]``, so the end of a flight and
-``heli3dof info`` print the same warnings.
+Causes are a dead time above one control period, losses, and rejected samples. The recording has the
+numbers, so the end of a flight and ``heli3dof info`` print the same warnings.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ from collections.abc import Mapping
 from typing import Any
 
 SLOW_PERIODS = 1.05
-"""Periods: a larger median command-to-echo latency is reported. A device without delay stays below
-1; the margin allows for the histogram's bins (1 %) and the drift of the two clocks."""
+"""Largest median command-to-echo latency without a warning, in control periods. A device without
+delay stays below 1; the margin allows for the histogram's bins (1 %) and the two clocks' drift."""
 LOSS_SHARE = 0.01
-"""Share of all samples, or of all commands: a larger loss is reported. The estimators bridge one
-lost period in a hundred without a visible effect; see docs/reference/recording.md, gaps."""
+"""Largest share of lost samples, or of commands without an echo, that gives no warning. The
+estimators bridge 1 % of lost periods without a visible effect (docs/reference/recording.md)."""
 
 
 def link_warnings(details: Mapping[str, Any], dt: float) -> list[str]:
-    """Warnings with likely cause and remedy; empty for a good link.
+    """Return warnings of a poor link, each with likely cause and remedy; none for a good link.
 
-    ``details`` are a flight's outcome details, ``dt`` its control period in s.
+    ``details`` is ``Recording.meta["outcome_details"]``, ``dt`` the control period in s.
     """
     found: list[str] = []
     latency = details.get("latency") or {}

@@ -1,4 +1,4 @@
-"""`load`: a recording from any file that a verb accepts."""
+"""`load`: reads a recording from any kind of file that heli3dof accepts."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ def load(
     profile: Profile | None = None,
     columns: str | Sequence[str] | None = None,
 ) -> Recording:
-    """A `Recording` from an MCAP file or from a log (``.csv``, ``.csv.gz``, ``.mat``).
+    """Read a `Recording` from an MCAP file or from a log (``.csv``, ``.csv.gz``, ``.mat``).
 
     A log needs ``profile``. A recording of heli3dof contains one, which ``profile`` replaces.
-    Raises RecordingError (5), UsageError (2).
+    ``columns`` names the rows or columns of a matrix in a MAT file. Raises RecordingError (exit
+    code 5) or UsageError (2).
     """
     if importer_of(path) is not None:
         return import_log(path, profile, columns)

@@ -1,4 +1,4 @@
-"""Record rows in memory, for the Python API, tests and simulations."""
+"""`MemoryRecorder`: records a flight in memory, for the Python API, tests and simulations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from heli3dof.rig.profile import Profile
 
 
 class MemoryRecorder:
-    """A `RowSink` that keeps the rows in a list."""
+    """Recorder that keeps a flight's rows in a list (a `RowSink`)."""
 
     def __init__(self) -> None:
         self.rows: list[Row] = []
@@ -22,12 +22,12 @@ class MemoryRecorder:
         self.rows.append(row)
 
     def recording(self, profile: Profile, meta: Mapping[str, Any]) -> Recording:
-        """The rows as a recording, with the same columns and channels as from a file."""
+        """Return the rows as a recording, with the columns and channels that a file would have."""
         return rows_to_recording(self.rows, profile, meta)
 
 
 def rows_to_recording(rows: Sequence[Row], profile: Profile, meta: Mapping[str, Any]) -> Recording:
-    """A recording from rows. Its voltage is the output that the device reports."""
+    """Convert rows to a recording. Its voltage is the output that the device reports."""
     n = len(rows)
 
     def column(values: list[Any], width: int) -> np.ndarray:

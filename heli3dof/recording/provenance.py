@@ -29,11 +29,11 @@ def provenance(
     named_host: bool = True,
     **more: Any,
 ) -> dict[str, Any]:
-    """The first entries of ``Recording.meta``, JSON-able.
+    """Return how a recording was made, as the first entries of ``Recording.meta``, JSON-able.
 
-    ``source`` is ``flight``, ``simulation`` or ``import``; ``device`` its URL; ``identity`` the
-    rig's. ``named_host=False`` omits host and command line, for published recordings. ``more`` is
-    added unchanged.
+    ``source`` is ``flight``, ``simulation`` or ``import``; ``device`` the rig's URL; ``identity``
+    what the rig reports about itself. ``named_host=False`` omits host and command line, for
+    published recordings. ``more`` is added unchanged. Entries that are None are omitted.
     """
     now = datetime.now(UTC)
     meta: dict[str, Any] = {
@@ -55,9 +55,11 @@ def provenance(
 
 
 def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
-    """The seeds of plan and device, None where nothing is random (a plan of steps, a real rig).
+    """Return the entries ``seeds`` and ``seed`` of ``Recording.meta``.
 
-    ``seed`` is the plan's if not None, else the device's, else the requested one.
+    ``plan`` is the requested seed, ``device`` the emulated rig's (None for a real rig).
+    ``plan_draws`` is True if the plan contains random signals. ``seeds`` has the seed of each, None
+    if it draws no random numbers. ``seed`` is the first of them that is not None, else ``plan``.
     """
     each = {"plan": plan if plan_draws else None, "device": device}
     return {"seed": next((s for s in each.values() if s is not None), plan), "seeds": each}
@@ -65,7 +67,7 @@ def seeds(plan: int, device: int | None, *, plan_draws: bool) -> dict[str, Any]:
 
 @cache
 def versions() -> Mapping[str, str]:
-    """Versions of Python, the system and the packages that affect a recording."""
+    """Return the version of Python and of `PACKAGES`, and the operating system's name."""
     found = {"python": platform.python_version(), "system": platform.system()}
     for name in PACKAGES:
         try:
@@ -77,7 +79,7 @@ def versions() -> Mapping[str, str]:
 
 @cache
 def git_state() -> Mapping[str, Any] | None:
-    """Revision and dirty flag if heli3dof runs from a checkout, else None."""
+    """Return heli3dof's Git revision, and whether it is modified; None without checkout or Git."""
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None

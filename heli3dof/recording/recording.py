@@ -24,31 +24,32 @@ if TYPE_CHECKING:
     import xarray
 
 LISTED = 8
-"""Channel names in a recording's repr; the others are counted."""
+"""Largest number of channel names in a recording's repr; it counts the others."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording(Result):
     """A flight: arrays over N samples, the rig's profile and the provenance.
 
-    Columns that were not logged are NaN throughout; see ``axes``, ``has_reference``, ``has_cmd``.
+    Columns that were not logged are NaN throughout: ``axes``, ``has_reference`` and ``has_cmd``
+    state which were logged.
     """
 
     t: np.ndarray
-    """(N,) s, strictly increasing, on the clock that timed the samples."""
+    """(N,) s, sampling times by the clock that timed the samples; increasing unless faulty."""
     voltage: np.ndarray
-    """(N, 2) V, front and back, at the amplifier, after the limiter."""
+    """(N, 2) V, front and back motor, at the amplifier, after the limiter."""
     angle: np.ndarray
     """(N, 3) rad, roll, pitch, yaw, from the encoders."""
     reference: np.ndarray
-    """(N, 3) rad, before the reference rate limiter."""
+    """(N, 3) rad, references of roll, pitch, yaw, before the reference rate limiter."""
     voltage_cmd: np.ndarray
-    """(N, 2) V, the controller's output before the limiter."""
+    """(N, 2) V, front and back, the controller's output before the limiter."""
     voltage_extra: np.ndarray
-    """(N, 2) V, what the experiment added to the controller's output."""
+    """(N, 2) V, front and back, what the experiment added to the controller's output."""
     profile: Profile
     channels: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """Name with unit → (N,): counts, flags, lateness, and a log's unknown columns."""
+    """Further columns (N,) by name with unit: counts, flags, lateness, unknown columns of a log."""
     meta: Mapping[str, Any] = field(default_factory=dict)
     """Provenance (JSON-able): name, source, plan, seed, versions, hashes, outcome."""
 
@@ -67,7 +68,7 @@ class Recording(Result):
                 raise ValueError(f"Recording.{name} has shape {got}, not {shape}")
 
     def summary(self) -> str:
-        """Three lines: size and rate; axes, references and profile; channels."""
+        """Return three lines of text: size and rate; axes, references and profile; channels."""
         rate = f"{self.duration:.1f} s at {1 / self.dt:.6g} Hz" if len(self) > 1 else "no duration"
         references = [a for a in self.axes if self.has_reference(a)]
         known = "" if self.profile.loop_is_known else ", controller unknown"
@@ -81,9 +82,10 @@ class Recording(Result):
         )
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """A pandas data frame of the contract's columns, angles in degrees, with index ``t_s``.
+        """Return a pandas data frame with index ``t_s``, angles in degrees.
 
-        Columns that were not logged are absent. Raises UsageError if pandas is missing.
+        Its columns are those of docs/reference/contract.md and the channels. Columns that were not
+        logged are absent. Raises UsageError if pandas is missing.
         """
         pd = optional("pandas")
         columns = contract_columns(self)
@@ -92,7 +94,7 @@ class Recording(Result):
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
-        """An xarray data set of the same columns, each with its unit, over ``t_s``.
+        """Return an xarray data set over ``t_s``: the columns of `to_dataframe` with their units.
 
         Raises UsageError if xarray is missing.
         """
@@ -112,17 +114,17 @@ class Recording(Result):
 
     @property
     def dt(self) -> float:
-        """The median sample interval in seconds."""
+        """Median sample interval in s."""
         return float(np.median(np.diff(self.t)))
 
     @property
     def duration(self) -> float:
-        """Seconds from the first to the last sample."""
+        """Time from the first to the last sample in s."""
         return float(self.t[-1] - self.t[0])
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The angles that were measured, in the order roll, pitch, yaw."""
+        """Names of the axes whose angles were measured, in the order roll, pitch, yaw."""
         return tuple(a for i, a in enumerate(AXES) if not np.isnan(self.angle[:, i]).all())
 
     def has_reference(self, axis: str) -> bool:
@@ -137,7 +139,8 @@ class Recording(Result):
     def digest(self) -> str:
         """SHA-256 of time, voltages and angles rounded to 1e-9 (s, V, rad).
 
-        It is the same in every file format: a CSV in degrees changes the last bits of an angle.
+        Because of the rounding it does not change in an export, even if a CSV in degrees changes
+        the last bits of an angle.
         """
         h = hashlib.sha256()
         for a in (self.t, self.voltage, self.angle):
@@ -145,12 +148,12 @@ class Recording(Result):
         return h.hexdigest()
 
     def between(self, start_s: float, stop_s: float) -> Recording:
-        """The samples with start_s ≤ t < stop_s, with the same profile and provenance."""
+        """Return a recording of the samples with start_s ≤ t < stop_s, with profile and meta."""
         keep = (self.t >= start_s) & (self.t < stop_s)
         return self.rows(keep)
 
     def rows(self, keep: np.ndarray | slice) -> Recording:
-        """The rows that a mask or a slice selects."""
+        """Return a recording of the samples that a mask (N,), an index array or a slice selects."""
         return replace(
             self,
             t=self.t[keep],
@@ -175,7 +178,7 @@ def make_recording(
     channels: Mapping[str, np.ndarray] | None = None,
     meta: Mapping[str, Any] | None = None,
 ) -> Recording:
-    """A `Recording` from arrays; omitted ones become columns of NaN."""
+    """Make a `Recording` from arrays; omitted references and voltages become columns of NaN."""
     n = len(t)
 
     def fill(a: np.ndarray | None, columns: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""`Row`: one control period of a flight, as the loop passes it to a recorder."""
+"""`Row`: the data of one control period, which the control loop passes to a recorder."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Protocol
 from heli3dof.rig.interface import Sample
 
 CLOSED_LOOP, RAMP_DOWN = 0, 1
-"""The phases of a flight, as recorded."""
+"""Values of `Row.phase`: the loop is closed, or the voltages ramp to zero at the flight's end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,27 +19,28 @@ class Row:
     """s since the first sample, on the device's clock."""
     sample: Sample
     angle: tuple[float, float, float]
-    """rad"""
+    """rad, roll, pitch, yaw"""
     reference: tuple[float, float, float]
     """rad, before the reference rate limiter"""
     limited: tuple[float, float, float]
     """rad, after the reference rate limiter"""
     extra: tuple[float, float]
-    """V"""
+    """V, front and back, added by the plan to the controller's output"""
     command: tuple[float, float]
-    """V, before the limiter"""
+    """V, the controller's output before the limiter"""
     voltage: tuple[float, float]
     """V, after the limiter, as sent"""
     command_sequence: int
-    """The sequence number of the command"""
+    """Number of the command; a later sample echoes it"""
     applied: tuple[float, float]
     """V, the output until the next sample, as the device reports it"""
     lateness: float
-    """s, delay of the sample after its deadline"""
+    """s from the sample's deadline to its arrival"""
     phase: int
+    """`CLOSED_LOOP` or `RAMP_DOWN`"""
 
 
 class RowSink(Protocol):
-    """Receives the rows: a recorder, or a list in memory."""
+    """What the control loop needs of a recorder: `append` receives the row of each period."""
 
     def append(self, row: Row) -> None: ...

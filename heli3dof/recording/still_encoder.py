@@ -1,9 +1,8 @@
 """Warns of an encoder whose count did not change at the end of a flight.
 
-The safety monitors end a flight when an axis must have turned and its count did not change. Within
-its dry friction an axis may stand still as long as it likes: 0.05 N·m holds the yaw axis of the
-emulated rig for 16 s of a roll step. A frozen encoder looks the same, so the flight may be
-completed, and this warning says that the two cannot be distinguished.
+Either dry friction held the axis, or its encoder is frozen; the recording cannot distinguish the
+two. Dry friction of 0.05 N·m holds the emulated rig's yaw axis for 16 s of a roll step. A safety
+monitor ends the flight only if the torque must have turned the axis and the count did not change.
 """
 
 from __future__ import annotations
@@ -15,14 +14,14 @@ from heli3dof.recording.recording import Recording
 from heli3dof.recording.row import CLOSED_LOOP
 
 STILL_S = 5.0
-"""s: longer than an axis without dry friction stands still in flight (3.2 s in 12 emulated flights
-at a third to three times the default torque noise)"""
+"""s: a longer constant count gives a warning. Without dry friction the longest was 3.2 s,
+in 12 emulated flights with a third to three times the default torque noise."""
 
 
 def still_encoder_warnings(recording: Recording) -> list[str]:
-    """A warning for each axis whose count was constant for the last `STILL_S` of closed loop.
+    """Return a warning for each axis whose count was constant in the last `STILL_S` of the loop.
 
-    None for a flight that was cut short: it has a cause of its own.
+    The list is empty for a flight that was cut short, since its outcome names another cause.
     """
     phase = recording.channels.get("phase")
     if phase is None or recording.meta.get("outcome") != "completed":

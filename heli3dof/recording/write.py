@@ -1,7 +1,7 @@
-"""`write_recording`: write a `Recording` to a file, completely or not at all.
+"""`write_recording`: writes a `Recording` to an MCAP file, completely or not at all.
 
-Columns that it does not have are NaN in the file and listed in its metadata record
-``heli3dof.columns``, so that reading restores the recording.
+Message fields for which the recording has no channel are NaN (integers: 0) in the file. The
+metadata record ``heli3dof.columns`` lists them, so that reading the file restores the recording.
 """
 
 from __future__ import annotations
@@ -36,15 +36,16 @@ ARRAYS: dict[str, tuple[str, ...]] = {
     "voltage_cmd": ("v_front_cmd_V", "v_back_cmd_V"),
     "voltage_extra": ("v_front_extra_V", "v_back_extra_V"),
 }
-"""Array of a `Recording` → columns of the messages"""
+"""Array of a `Recording` → fields of the messages that hold its columns"""
 CORE = {name for names in ARRAYS.values() for name in names}
 INTEGER_RANGE = {"fixed32": (0, 2**32 - 1), "sfixed32": (-(2**31), 2**31 - 1)}
 
 
 def write_recording(recording: Recording, path: str | Path, *, force: bool = False) -> Path:
-    """Write a recording as MCAP; `read_recording` returns equal arrays, channels and meta.
+    """Write a recording to the MCAP file ``path`` and return the path.
 
-    Raises OutputExists (without ``force``), UsageError, NoSpace.
+    `read_recording` restores equal arrays, channels and meta. Raises OutputExists (without
+    ``force``), UsageError or NoSpace.
     """
     rows, names, absent = encode(recording)
     layouts = [SAMPLE, COMMAND] + ([channels_layout(names)] if names else [])
@@ -73,7 +74,11 @@ def write_recording(recording: Recording, path: str | Path, *, force: bool = Fal
 
 
 def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
-    """The rows of a recording, the names of its further channels, and the absent columns."""
+    """Return a recording as the rows of an MCAP file, in a structured array (see `RowFormat`).
+
+    The second and third results are the names of the channels without a message field of their own,
+    and of the fields without a channel. Raises UsageError for more than `MAX_CHANNELS` channels.
+    """
     channels = {name: np.asarray(column) for name, column in recording.channels.items()}
     known: dict[str, np.ndarray] = {}
     absent: list[str] = []
@@ -113,7 +118,7 @@ def encode(recording: Recording) -> tuple[np.ndarray, list[str], list[str]]:
 
 
 def _fits(values: np.ndarray, kind: str) -> bool:
-    """True if a channel with a known name has that column's type."""
+    """True if the type ``kind`` of a message's field can hold the values of a channel."""
     if kind == "double":
         return True
     low, high = INTEGER_RANGE[kind]

@@ -1,15 +1,16 @@
-"""Check that angles have the unit in their column's name, by three tests.
+"""Check that a log's angles have the unit that their column's name states, by three tests.
 
 1. The encoder's grid: angles are multiples of 360/N degrees or 2π/N radians for N counts per
    revolution. Values on one unit's grid are not on the other's.
 2. Size: roll and pitch cannot exceed half a revolution.
-3. Newton's law: over windows T, the second difference of an angle is the doubly integrated torque,
+3. Newton's law: over windows of length T, the second difference of an angle q is the torque M over
+   the inertia J, integrated twice:
 
        q(t+T) − 2 q(t) + q(t−T) = ∫ w(τ) M(t+τ)/J dτ,   w a triangle of height T and width 2T
 
-   with M/J from the voltages: L_a K_f (V_f + V_b)/J_roll, L_h K_f (V_f − V_b)/J_pitch. Other
-   torques change the ratio of the standard deviations by 0.4 … 2.7 on real rigs, a wrong unit
-   by 57.3.
+   M/J follows from the voltages: L_a K_f (V_f + V_b)/J_roll, L_h K_f (V_f − V_b)/J_pitch. The ratio
+   of the standard deviations, left to right side, is 0.4 … 2.7 on real rigs, because M lacks other
+   torques. A wrong unit changes it by a factor of 57.3.
 """
 
 from __future__ import annotations
@@ -26,27 +27,28 @@ TURN = {"deg": 360.0, "rad": 2 * np.pi}
 OTHER = {"deg": "rad", "rad": "deg"}
 FULL_NAME = {"deg": "degrees", "rad": "radians"}
 OFF_GRID = 0.2
-"""Share of a step. 90 % of on-grid values are nearer to the grid, even printed with six digits; of
-other values, 40 % are."""
+"""Distance to the grid as a share of its step, below which a value is on the grid. At least 90 % of
+an encoder's values are nearer, even if printed with six digits; of other values, 40 % are."""
 COMMON_COUNTS = (500, 512, 1000, 1024, 2000, 2048, 2500, 4000, 4096, 5000, 8000, 8192, 10000,
                  16384, 20000)  # fmt: skip
 OR_EXCHANGED = "; or two columns are swapped, which heli3dof diagnose finds."
 NEWTON_WINDOW_S = 0.25
 NEWTON_FACTOR = float(np.sqrt(180 / np.pi))
-"""The geometric mean of the ratios of a right and a wrong unit"""
+"""Limit of `newton`'s ratio: the geometric mean of 1 (right unit) and 57.3 (wrong unit)"""
 
 COUNTS_FACTOR = 4.0
-"""Raw counts read as degrees give ratios of 4096/360 = 11 or 23, real rigs up to 2.7."""
+"""Limit of `newton`'s ratio for raw counts. 4096 or 8192 counts per revolution, read as degrees,
+give 11 or 23; real rigs give up to 2.7."""
 
 AGAINST = -0.4
-"""Correlation below which a sign is wrong; real rigs have +0.3 … +0.8 in closed loop, −0.1 … 0 at a
-constant voltage."""
+"""Correlation by `newton` below which the angle's sign is wrong. Real rigs have +0.3 …
++0.8 in closed loop, −0.1 … 0 at a constant voltage."""
 
 
 def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
-    """True if values (N,) lie on a grid of ``step`` through the first one.
+    """True if 90 % of the distinct values (N,) lie on a grid of ``step`` through the first value.
 
-    Each distinct value counts once. There must be ``levels`` of them, more than half a step apart.
+    False for fewer than ``levels`` distinct values, and if all are less than half a step apart.
     """
     seen = np.unique(values)
     steps = (seen - values[0]) / step
@@ -56,9 +58,9 @@ def on_grid(values: np.ndarray, step: float, levels: int = 2) -> bool:
 
 
 def check_angles(source: str, columns: Mapping[str, np.ndarray], profile: Profile) -> list[str]:
-    """Raise RecordingError for an angle in another unit than its name's; return warnings.
+    """Raise RecordingError if an angle's unit is not the one in its name; return warnings.
 
-    ``columns`` have the contract's names and are finite.
+    ``source`` is the log's name for messages. ``columns`` are those of docs/reference/contract.md.
     """
     warnings: list[str] = []
     for axis in AXES:
@@ -122,7 +124,10 @@ def _refuse(
     counts: int,
     ratio: float | None,
 ) -> None:
-    """Raise RecordingError if one of the tests contradicts the unit of off-grid values."""
+    """Raise RecordingError if values that are off their unit's grid have another unit.
+
+    ``ratio`` is the ratio of measured to explained motion from `newton`, None if not known.
+    """
     other = OTHER[unit]
     if on_grid(values, TURN[other] / counts, levels=4):
         raise wrong_unit(
@@ -156,10 +161,10 @@ def _refuse(
 
 
 def counts_seen(values: np.ndarray, unit: str, counts: int) -> float | None:
-    """Counts per revolution of the grid of values (N,); None if there is no grid.
+    """Return an encoder's counts per revolution from the grid of its angles (N,); None: no grid.
 
-    The result is ``counts`` (the profile's), a fraction of it if only every second (third, …) count
-    occurs, or another common encoder's number.
+    ``counts`` is the profile's number. The result is this number, a fraction of it if only every
+    second (third, …) count occurs, or the number of another common encoder.
     """
     if on_grid(values, TURN[unit] / counts):
         seen = np.unique(np.rint((values - values[0]) * counts / TURN[unit]).astype(np.int64))
@@ -178,7 +183,11 @@ def _other_encoder(name: str, seen: float, expected: int) -> str:
 def _check_reference(
     source: str, name: str, angle: np.ndarray, ref: str, reference: np.ndarray
 ) -> None:
-    """Raise RecordingError if an angle follows its reference with a slope of 57 or 1/57."""
+    """Raise RecordingError if an angle follows its reference, but in another unit.
+
+    Both (N,) are in revolutions, converted by the units in their names. An error is a correlation
+    above 0.5 with a slope outside 1/15 … 15; degrees taken for radians give 57.3.
+    """
     spread = float(np.std(reference))
     if spread == 0 or np.std(angle) == 0:
         return
@@ -197,10 +206,11 @@ def _check_reference(
 def newton(
     axis: str, angle: np.ndarray, columns: Mapping[str, np.ndarray], profile: Profile
 ) -> tuple[float, float] | None:
-    """Compare an angle's second differences (N,) rad with the doubly integrated torque.
+    """Compare an angle's second difference with the integrated torque by Newton's law.
 
-    Returns the ratio of their standard deviations, about 1 in the right unit, and their
-    correlation, positive with the right sign; None for yaw, or without motion or excitation.
+    ``angle`` (N,) is in rad; ``columns`` has the voltages. Returns the ratio of the standard
+    deviations, about 1 in the right unit, and the correlation, positive with the right sign. None
+    for yaw, for fewer than eight windows, and if angle or torque is constant to about one count.
     """
     dt = float(np.median(np.diff(columns["t_s"])))
     n = max(1, round(NEWTON_WINDOW_S / dt))
@@ -228,7 +238,7 @@ def _moving_sum(x: np.ndarray, n: int) -> np.ndarray:
 
 
 def wrong_unit(source: str, name: str, unit: str, evidence: str) -> RecordingError:
-    """The error for an angle in another unit than its name's."""
+    """Return the error for an angle whose unit is not the one in its name."""
     true_name = name.removesuffix(unit) + OTHER[unit]
     return RecordingError(
         f"{source}: {name} does not look like {FULL_NAME[unit]}: {evidence}.",

@@ -1,6 +1,6 @@
-"""From a log's table of named columns to a `Recording`, with its checks.
+"""Check a log's table of named columns and convert it to a `Recording`.
 
-Unknown columns are kept as channels. Angles in ``_deg`` are converted to radians.
+Columns with unknown names are kept as channels. Angles in ``_deg`` are converted to radians.
 """
 
 from __future__ import annotations
@@ -24,9 +24,13 @@ def recording_from_table(
 ) -> Recording:
     """Check a table and convert it to a `Recording`; warnings are added to ``meta["warnings"]``.
 
-    ``believed=False`` skips the checks of values against their columns' names and units. Raises
-    RecordingError for a missing or duplicate column, a value that is no number, time that does not
-    increase, and angles in another unit.
+    ``believed=False`` skips the checks whether angles and voltages have the units in their names.
+    Raises RecordingError for:
+
+    * a missing required column, or no angle at all
+    * an angle both in degrees and in radians, or in another unit than its name states
+    * fewer than ten samples, or a value that is not finite
+    * time that does not increase or is not in seconds
     """
     check_names(table)
     log_validation.long_enough(table.source, len(table.columns["t_s"]))
@@ -85,7 +89,7 @@ def recording_from_table(
 
 
 def check_names(table: Table) -> None:
-    """Raise RecordingError for a missing required column, or an angle in two units."""
+    """Raise RecordingError for a missing required column, or an angle in degrees and in radians."""
     names = list(table.columns)
     for required in REQUIRED:
         if required not in names:

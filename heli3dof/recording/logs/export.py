@@ -1,7 +1,7 @@
-"""`export`: a `Recording` as CSV (``.csv``, ``.csv.gz``), MAT (``.mat``) or Parquet (``.parquet``).
+"""`export`: writes a `Recording` as ``.csv``, ``.csv.gz``, ``.mat`` (MATLAB) or ``.parquet``.
 
-The columns are the contract's, angles in degrees with every digit: importing the file again gives
-the arrays back to 1e-12. MAT and Parquet files also hold the profile and the provenance.
+Angles are in degrees, and numbers have all their digits. Importing a CSV or MAT file again restores
+the arrays to 1e-12. MAT and Parquet files also contain the profile and the provenance.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ Columns = dict[str, np.ndarray]
 
 
 def export(recording: Recording, path: str | Path, *, force: bool = False) -> Path:
-    """Write a recording in the format that the file's ending names.
+    """Write a recording in the format of the file's ending, and return the path.
 
-    Raises OutputExists (without ``force``), UsageError (unknown ending, pyarrow missing), NoSpace.
+    Raises OutputExists (without ``force``), UsageError (unknown ending; for Parquet, pyarrow is not
+    installed) or NoSpace.
     """
     path = Path(path)
     check_format(path)
@@ -37,7 +38,7 @@ def export(recording: Recording, path: str | Path, *, force: bool = False) -> Pa
 
 
 def check_format(path: Path) -> None:
-    """Raise UsageError for a file name without an ending of `FORMATS`."""
+    """Raise UsageError if the file's ending is not one of `FORMATS`."""
     if not path.name.lower().endswith(tuple(FORMATS)):
         ending = path.suffix or path.name
         first, *others = FORMATS
@@ -49,7 +50,7 @@ def check_format(path: Path) -> None:
 
 
 def write_csv(columns: Columns) -> bytes:
-    """CSV text of columns: integers as integers, floats with every digit."""
+    """Return columns as CSV text: integers as integers, floats with all their digits."""
     out = io.StringIO()
     csv.writer(out, lineterminator="\n").writerow(re.sub(r"\s+", " ", name) for name in columns)
     cells = [map(repr, values.tolist()) for values in columns.values()]
@@ -98,4 +99,4 @@ FORMATS: dict[str, Callable[[Recording, Columns], bytes]] = {
     ".mat": _mat,
     ".parquet": _parquet,
 }
-"""Ending → the file's bytes"""
+"""Ending → function that returns the file's bytes"""

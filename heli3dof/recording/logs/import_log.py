@@ -1,4 +1,4 @@
-"""`import_log`: the log of another program, in any format of the registry, as a `Recording`."""
+"""`import_log`: reads another program's log, in any format that has an importer."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from heli3dof.rig.profile import Profile
 
 
 def is_log(path: str | Path) -> bool:
-    """True for a log format whose files carry no profile (CSV, MAT); the file need not exist."""
+    """True if the file's format cannot contain a profile (CSV, MAT). The file need not exist."""
     importer = importer_of(path)
     return importer is not None and not importer.carries_profile
 
@@ -27,12 +27,14 @@ def import_log(
     path: str | Path, profile: Profile | None, columns: str | Sequence[str] | None = None, *,
     believed: bool = True,
 ) -> Recording:  # fmt: skip
-    """Read the log of another program: CSV, gzipped CSV, MAT, or MCAP.
+    """Read another program's log (CSV, gzipped CSV, MAT, MCAP) as a `Recording`.
 
-    A profile without ``[controller]`` means that the controller is unknown; None means the profile
-    in the file. ``columns`` names the rows or columns of a MAT matrix. ``believed=False`` skips the
-    checks of values against their columns' names. ``meta["warnings"]`` lists the warnings. Raises
-    RecordingError, UsageError.
+    * ``profile``: the rig's; None: the one in the file, which only MCAP can contain. Without
+      ``[controller]``, the controller that flew is unknown.
+    * ``columns``: names of the rows or columns of a matrix in a MAT file
+    * ``believed=False`` skips the checks whether angles and voltages have the units in their names
+
+    Warnings are in ``Recording.meta["warnings"]``. Raises RecordingError or UsageError.
     """
     path = Path(path)
     if not path.exists():

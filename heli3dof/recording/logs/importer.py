@@ -1,4 +1,4 @@
-"""What an importer is (`Importer`) and what it returns (`Table`)."""
+"""`Importer`, a log format that can be read, and `Table`, the columns that it reads."""
 
 from __future__ import annotations
 
@@ -13,35 +13,35 @@ from heli3dof.rig.profile import Profile
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of a log as they were read, each (N,), under their names with units."""
+    """The columns (N,) of a log as they were read, by name with unit."""
 
     source: str
     """The file's name, for messages"""
     columns: Mapping[str, np.ndarray]
     where: Callable[[int], str]
-    """The position of sample k in the file: ``line 12`` of a CSV file"""
+    """Returns the position of sample k in the file, for messages: ``line 12``"""
     warnings: list[str] = field(default_factory=list)
     profile: Profile | None = None
-    """The rig's profile, for a format that can carry one"""
+    """The rig's profile, if the file contains one"""
 
 
 @dataclass(frozen=True)
 class Importer:
-    """One log format."""
+    """A log format: how its files are recognised and read."""
 
     name: str
     endings: tuple[str, ...]
     """What its file names end in, lower case: ``(".csv", ".csv.gz")``"""
     read: Callable[[Path, Profile | None, str | Sequence[str] | None], Table]
-    """``read(path, profile, columns)``: the file's table. ``columns`` is the option
-    ``--columns``. Raises RecordingError, UsageError."""
+    """``read(path, profile, columns)`` returns the file's table. ``columns`` is the option
+    ``--columns``. Raises RecordingError or UsageError."""
     recognises: Callable[[Path], bool] | None = None
-    """Whether a file has this format; by default its name's ending decides."""
+    """Returns True if a file has this format; None: its name's ending decides."""
     carries_profile: bool = False
-    """Whether files may hold a profile, so that none has to be named"""
+    """True if files can contain the rig's profile; others need ``--profile``"""
 
     def sniff(self, path: Path) -> bool:
-        """True for a file of this format. The file need not exist."""
+        """True if the file has this format. The file need not exist."""
         if self.recognises is not None:
             return self.recognises(path)
         return path.name.lower().endswith(self.endings)

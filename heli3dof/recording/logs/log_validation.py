@@ -1,6 +1,6 @@
-"""Checks of a log's values, times and voltages.
+"""Check a log's values, times and voltages.
 
-A log that would make every result wrong raises an error. Other problems are returned as warnings,
+A fault that would make every result wrong raises an error. Other faults are returned as warnings,
 which `import_log` stores in ``Recording.meta["warnings"]`` and ``heli3dof info`` prints.
 """
 
@@ -16,15 +16,16 @@ from heli3dof.recording.gap_filling import GAP
 from heli3dof.recording.logs.sampling_jitter import motion_jitter
 
 MIN_SAMPLES = 10
-"""Fewer say nothing about anything."""
+"""Smallest number of samples in a log (a convention)"""
 JITTER = 0.02
-"""RMS scatter of the intervals, as a share of the period, that gives a warning (a convention)"""
+"""Share of the period: a larger RMS scatter of the intervals gives a warning (a convention)"""
 
 Where = Callable[[int], str]
+"""Returns the position of sample k in the log, for messages: ``line 12``"""
 
 
 def finite(source: str, name: str, values: np.ndarray, where: Where) -> None:
-    """Raise RecordingError that names the first value that is not finite."""
+    """Raise RecordingError if a value (N,) is not finite; it names the first one's position."""
     bad = ~np.isfinite(values)
     if not bad.any():
         return
@@ -41,10 +42,10 @@ def finite(source: str, name: str, values: np.ndarray, where: Where) -> None:
 
 @dataclass(frozen=True)
 class Timing:
-    """Period, jitter and gaps of the time stamps."""
+    """Period, jitter and gaps of a recording's time stamps."""
 
     period_s: float
-    """Median interval"""
+    """Median interval between samples"""
     rate_hz: float
     jitter_s: float
     """RMS deviation of the intervals, gaps excluded, from the median"""
@@ -59,7 +60,7 @@ class Timing:
 
 
 def timing(t: np.ndarray) -> Timing:
-    """The `Timing` of strictly increasing times (N,) s, N ≥ 2."""
+    """Return the `Timing` of strictly increasing times (N,) s, N ≥ 2."""
     dt = np.diff(t)
     period = float(np.median(dt))
     gap = dt > GAP * period
@@ -75,7 +76,7 @@ def timing(t: np.ndarray) -> Timing:
 
 
 def long_enough(source: str, n: int) -> None:
-    """Raise RecordingError for fewer than ``MIN_SAMPLES``."""
+    """Raise RecordingError if a log has fewer than `MIN_SAMPLES` samples."""
     if n < MIN_SAMPLES:
         raise RecordingError(
             f"{source} has {n} sample{'s' * (n != 1)}; at least {MIN_SAMPLES} are needed.",
@@ -85,9 +86,10 @@ def long_enough(source: str, n: int) -> None:
 
 
 def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) -> list[str]:
-    """Raise RecordingError unless time (N,) s increases in seconds; return warnings.
+    """Raise RecordingError if time (N,) does not increase, or is not in seconds; return warnings.
 
-    ``period_s`` is the profile's control period.
+    Warnings are on gaps, jitter and a sampling period other than the profile's control period,
+    ``period_s``.
     """
     dt = np.diff(t)
     if (dt <= 0).any():
@@ -132,9 +134,9 @@ def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) ->
 
 
 def punctual(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -> list[str]:
-    """A warning of jitter in the angles (N, 3) rad that the times ``t`` (N,) s do not show.
+    """Return a warning if the angles (N, 3) rad show sampling jitter that ``t`` (N,) s does not.
 
-    See `heli3dof.recording.logs.sampling_jitter`.
+    The method is in `heli3dof.recording.logs.sampling_jitter`.
     """
     found = motion_jitter(t, angle, rad_per_count)
     if not found.found:
@@ -147,7 +149,7 @@ def punctual(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -> lis
 
 
 def voltages(source: str, front: np.ndarray, back: np.ndarray, v_max: float) -> list[str]:
-    """Raise RecordingError for voltages far above the limit ``v_max`` (V); return warnings."""
+    """Raise RecordingError for voltages above 20 times the limit ``v_max`` (V); return warnings."""
     warnings: list[str] = []
     for name, v in (("v_front_V", front), ("v_back_V", back)):
         top = float(np.abs(v).max())

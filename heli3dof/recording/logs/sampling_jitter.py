@@ -1,20 +1,21 @@
 """Estimate sampling jitter from the motion, when the log's time stamps do not show it.
 
-If a host sampled in bursts but logged an even clock, sample k was taken δ_k later than t_k, and all
-angles are displaced by the same time::
+If a host sampled in bursts but logged evenly spaced times, it took sample k by δ_k later than t_k.
+All angles y_i are displaced by the same δ_k::
 
     y_i(t_k + δ_k) ≈ y_i(t_k) + ẏ_i δ_k
 
-A parabola is fitted to each angle over ± `HALF_WINDOW_S`. e_i is its residual at the middle,
-divided by √(1 − h), h the middle's weight in the fit. Axes share δ, but not encoder steps or
-motion, so over pairs of axes
+A parabola is fitted to each angle over ± `HALF_WINDOW_S`. e_i is its residual at the middle sample,
+divided by √(1 − h), where h is that sample's weight in the fit. The axes have δ in common, but not
+encoder steps or motion. So the variance of δ is estimated over samples and pairs of axes i < j:
 
     σ_t² = Σ u e_i e_j w / Σ u w²,      w = ẏ_i ẏ_j,    u = 1 / (s_i² s_j²),  s² = q²/12 + (τ ẏ)²
 
-with the encoder's step q and τ = `SCALE_S`. For a single axis, σ_t² is the slope of e² over ẏ². Its
-standard deviation is a jackknife over blocks of `BLOCK_S`; with the blocks' shares b of the
-denominator, σ_t² over it follows Student's t with ν = 1/Σ b² − 1 degrees of freedom. Bursts longer
-than the window are seen only in part, so the true jitter is then larger.
+with the encoder's step q and τ = `SCALE_S`. For a single axis, σ_t² is the slope of e² over ẏ².
+
+The standard deviation of σ_t² is a jackknife over blocks of `BLOCK_S`. With b the blocks' shares of
+the denominator, σ_t² over its standard deviation follows Student's t with ν = 1/Σ b² − 1 degrees of
+freedom. Of bursts longer than the window, only a part is found: the true jitter is then larger.
 """
 
 from __future__ import annotations
@@ -25,19 +26,21 @@ import numpy as np
 
 HALF_WINDOW_S = 0.03
 SCALE_S = 1e-3
+"""s, τ: jitter that is assumed for the weights u"""
 LEAST = 2
-"""Samples on each side of the middle, at least; a parabola needs three in all"""
+"""Smallest number of samples on each side of the middle; a parabola needs three in all"""
 BLOCK_S = 0.25
 CHANCE = 5e-4
 """Probability of reporting jitter for an even clock"""
 WORTH_SAYING_S = 2e-4
+"""s: a smaller jitter is not reported"""
 EVEN = 1e-6
-"""Share of the period; a smaller scatter of the time stamps is their rounding."""
+"""Share of the period: a smaller range of the intervals is rounding; the clock is even"""
 
 
 @dataclass(frozen=True)
 class MotionJitter:
-    """The estimated jitter σ_t (s) and the standard deviation of σ_t² (s²)."""
+    """Estimated sampling jitter σ_t (RMS, s), and the standard deviation of its square (s²)."""
 
     sigma_s: float
     variance_std_s2: float
@@ -46,7 +49,7 @@ class MotionJitter:
 
     @property
     def found(self) -> bool:
-        """True if the jitter is significant and above `WORTH_SAYING_S`."""
+        """True if the jitter σ_t is significant at level `CHANCE` and above `WORTH_SAYING_S`."""
         from scipy.stats import t
 
         if not self.sigma_s > WORTH_SAYING_S:
@@ -58,9 +61,10 @@ NONE_FOUND = MotionJitter(0.0, np.inf)
 
 
 def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -> MotionJitter:
-    """σ_t of samples with times t (N,) s and angles (N, 3) rad (NaN: not measured).
+    """Estimate the jitter σ_t of samples at times t (N,) s, angles (N, 3) rad (NaN: not measured).
 
-    An axis that moves by less than two steps ``rad_per_count`` (3,) in the window is not used.
+    ``rad_per_count`` (3,) is the step of each encoder. In windows where an axis moves by less than
+    two steps, it is not used. Returns σ_t = 0 for logs that are too short.
     """
     dt = float(np.median(np.diff(t)))
     half = max(LEAST, round(HALF_WINDOW_S / dt))
@@ -90,7 +94,7 @@ def motion_jitter(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -
 
 
 def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """(N − 2 half,) the rescaled residual at the middle of a local parabola, and its slope."""
+    """Fit parabolas to 2 ``half`` + 1 samples; return residual e and slope ẏ at their middle."""
     width = 2 * half + 1
     windows = np.lib.stride_tricks.sliding_window_view
     T = windows(t, width) - t[half:-half, None]
@@ -110,12 +114,12 @@ def _residual(t: np.ndarray, y: np.ndarray, half: int) -> tuple[np.ndarray, np.n
 
 
 def _scatter(rate: np.ndarray, step: float) -> np.ndarray:
-    """(N,) rad², one axis' variance for the weights: its encoder's, and a likely jitter's."""
+    """Return s² (N,) in rad²: an axis' variance by its encoder's step and `SCALE_S` of jitter."""
     return np.asarray(step**2 / 12 + (SCALE_S * rate) ** 2)
 
 
 def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJitter:
-    """One axis: e² = const + σ_t² ẏ², least squares."""
+    """Estimate σ_t from one axis' residuals e and rates ẏ: e² = const + σ_t² ẏ², least squares."""
     there = np.isfinite(e)
     if there.sum() < 100:
         return NONE_FOUND
@@ -128,7 +132,7 @@ def _single_axis(e: np.ndarray, rate: np.ndarray, blocks: np.ndarray) -> MotionJ
 
 
 def _jackknife(top: np.ndarray, below: np.ndarray) -> MotionJitter:
-    """Σ top / Σ below, with its jackknife standard deviation."""
+    """Estimate σ_t² = Σ top / Σ below over blocks, and its standard deviation by the jackknife."""
     kept = below > 0
     top, below = top[kept], below[kept]
     n = len(top)

@@ -1,11 +1,11 @@
-"""Encode a chunk of rows as bytes in a buffer that is allocated once.
+"""`ChunkMaker`: encodes the n rows of an MCAP chunk as bytes, in a buffer that is allocated once.
 
     Chunk: head, compressed rows | MessageIndex of channel 1: head, n × (time, offset) | of 2 …
 
-The recorder encodes seven chunks of varying size per second. Buffers of varying size fragment the
-heap. zstd allocates by the size of its input (half a MiB) if it knows that size, frees the buffer
-for a much smaller input and allocates again for a larger one. It is therefore not given the size,
-and keeps buffers for `CHUNK_BYTES` from the first chunk on.
+The recorder encodes seven chunks of varying size per second. Buffers of varying size would fragment
+the heap. If zstd knows the size of its input, it allocates a buffer for that size (half a MiB) and
+replaces it when the size changes much. It is therefore not given the size, and keeps one buffer for
+`CHUNK_BYTES` from the first chunk on.
 """
 
 from __future__ import annotations
@@ -20,19 +20,21 @@ from heli3dof.recording.mcap_files.chunk_index import CODEC, HEAD, INDEX_HEAD
 from heli3dof.recording.mcap_files.schema import RowFormat
 
 CHUNK_BYTES = 32 * 1024
-"""Larger chunks delay the loop: 1 MiB by 3–6 ms, this size by less than 0.5 ms."""
+"""bytes of uncompressed rows per chunk. Encoding 1 MiB delays the control loop by 3–6 ms, this size
+by less than 0.5 ms."""
 LEVEL = 3
+"""zstd's compression level (its default)"""
 BEFORE_LENGTH = 9
-"""Bytes of a record's opcode and length, which its length does not include"""
+"""Bytes of a record's opcode (1) and length (8), which the length does not count"""
 
 
 def rows_of_chunk(rows: RowFormat) -> int:
-    """The number of rows in `CHUNK_BYTES`, at least one."""
+    """Return how many rows fit in `CHUNK_BYTES`, at least one."""
     return max(1, CHUNK_BYTES // rows.stride)
 
 
 class ChunkMaker:
-    """Encodes the chunks of one file."""
+    """Encodes the chunks of one file, one after another, in the same buffer."""
 
     def __init__(self, rows: RowFormat) -> None:
         self._rows = rows
@@ -44,7 +46,11 @@ class ChunkMaker:
         self._allocate(rows_of_chunk(rows))
 
     def make(self, data: bytes | memoryview) -> tuple[memoryview, int, tuple[int, int]]:
-        """Chunk and message indexes, valid until the next call; rows; first and last time (ns)."""
+        """Encode packed rows (`RowFormat`) as an MCAP chunk.
+
+        Returns the bytes of the chunk and its message indexes, valid until the next call; the
+        number of rows; and their first and last log time in ns.
+        """
         rows = np.frombuffer(data, self._rows.dtype)
         n = len(rows)
         if n > self._most:
@@ -73,7 +79,7 @@ class ChunkMaker:
         return buffer[:at], n, (start, end)
 
     def _allocate(self, rows: int) -> None:
-        """Allocate the buffers for so many incompressible rows."""
+        """Allocate buffers for this number of rows, even if they cannot be compressed."""
         stride, offsets = self._rows.stride, self._rows.offsets
         self._most = rows
         self._entries = [np.empty((rows, 2), "<u8") for _ in offsets]

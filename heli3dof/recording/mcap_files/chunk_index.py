@@ -1,11 +1,11 @@
-"""Build the chunk index by reading the finished file's chunk heads.
+"""Build the chunk index of an MCAP file at its end, from the heads of its chunks.
 
-A list kept during the flight would grow by an entry every 0.15 s. Each chunk's head contains the
-data of its index entry, and the length of its message indexes follows from its rows:
+A list in memory would grow by an entry every 0.15 s of flight. Each chunk's head contains the data
+of its index entry. The length of its message indexes follows from its number of rows n:
 
-    n = uncompressed size / stride        each of the message indexes: 15 + 16 n bytes
+    n = uncompressed size / bytes per row        each message index has 15 + 16 n bytes
 
-(opcode 1, length 8, channel 2, length of the entries 4; time 8 and offset 8 per row)
+These are opcode 1, length 8, channel 2, length of the entries 4; and per row time 8, offset 8.
 """
 
 from __future__ import annotations
@@ -23,20 +23,21 @@ from heli3dof.recording.mcap_files.schema import RowFormat
 
 CODEC = "zstd"
 HEAD = struct.Struct(f"<BQQQQII{len(CODEC)}sQ")
-"""opcode, length; start, end, uncompressed size, checksum, codec, compressed size"""
+"""Head of a chunk: opcode, length; first and last log time, uncompressed size, checksum, length and
+name of the codec, compressed size"""
 INDEX_HEAD = struct.Struct("<BQHI")
-"""A message index: opcode, length, channel, length of the entries"""
+"""Head of a message index: opcode, length, channel, length of the entries"""
 BATCH = 256
-"""Chunk heads read before their index entries are written, with one seek back per batch"""
+"""Number of chunk heads that are read before their index entries are written"""
 
 
 def chunk_indexes(
     stream: BinaryIO, span: tuple[int, int], count: int, rows: RowFormat
 ) -> Iterator[ChunkIndex]:
-    """The index entry of each of the ``count`` chunks within ``span`` (bytes: from, to).
+    """Yield the index entry of each of ``count`` chunks between two byte offsets, ``span``.
 
-    At each yield the stream's position is its end. Raises OSError if the file does not contain what
-    was written.
+    At each yield the stream is at its end, so that the caller can append the entry. Raises OSError
+    if the file does not contain these chunks any more.
     """
     at, end = span
     while at < end:
@@ -53,7 +54,7 @@ def chunk_indexes(
 
 
 def _at(stream: BinaryIO, at: int, rows: RowFormat) -> tuple[ChunkIndex | None, int]:
-    """The index entry of the record at offset ``at``, None if it is no chunk; the next offset."""
+    """Return the index entry of the record at byte ``at`` (None: no chunk), and the next offset."""
     stream.seek(at)
     head = stream.read(HEAD.size)
     if len(head) < 9 or not head[0]:

@@ -1,9 +1,9 @@
-"""`RecordingWriter`: records a flight while it runs, with bounded losses.
+"""`RecordingWriter`: records a flight while it runs; a crash loses its last fraction of a second.
 
-The loop packs and appends a row. One thread writes the rows of ``CHUNK_S`` as a chunk, another
-synchronises the file. A killed process loses the chunk in progress, a power cut the last half
-second. If the disk is full, or `BEHIND_MOST` rows wait for it, the next `append` raises an error;
-earlier chunks are kept.
+The control loop packs and appends one row per period. One thread writes the rows of `CHUNK_S` as a
+chunk, another makes the system write the file to the disk (`Syncer`). A killed process loses the
+chunk in progress, a power cut the last half second. If the disk is full, or `BEHIND_MOST`
+rows wait to be written, the next `append` raises an error; the chunks in the file are kept.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from heli3dof.rig.profile import Profile
 from heli3dof.write_errors import FULL, write_errors_explained
 
 CHUNK_S = 0.15
-"""s of wall-clock time per chunk"""
+"""s of wall-clock time whose rows form a chunk"""
 _HALF, _MASK = 1 << 31, (1 << 32) - 1
-"""For wrapping encoder counts to signed 32 bits"""
+"""Constants that wrap encoder counts to signed 32 bits"""
 BEHIND_MOST = 60_000
-"""Rows that may wait for the disk: two minutes at 500 Hz, about 25 MB"""
+"""Largest number of rows that may wait for the disk: two minutes at 500 Hz, about 25 MB"""
 
 
 class RecordingWriter:
-    """An open recording of a flight; use it as a context manager.
+    """Writes the recording of a flight row by row; use it as a context manager.
 
     ::
 
@@ -57,9 +57,10 @@ class RecordingWriter:
         force: bool = False,
         start_ns: int | None = None,
     ) -> None:
-        """Create the file, with the profile and ``meta`` (see ``provenance``) first.
+        """Create the file and write the profile and ``meta`` (see `provenance`) to it.
 
-        ``start_ns`` is t = 0 in ns since the epoch (now). Raises OutputExists, UsageError, NoSpace.
+        ``start_ns`` is the time of t = 0 in ns since 1970; default: now. Raises OutputExists
+        (without ``force``), UsageError or NoSpace.
         """
         self.path = Path(path)
         self.start_ns = time.time_ns() if start_ns is None else start_ns
@@ -95,7 +96,7 @@ class RecordingWriter:
         self._thread.start()
 
     def append(self, row: Row) -> None:
-        """Record a row. Raises NoSpace or RecordingError if earlier rows could not be written."""
+        """Queue a row for writing. Raises NoSpace or RecordingError if earlier rows were lost."""
         if self._failure is not None:
             self._raise_failure()
         if len(self._rows) >= BEHIND_MOST:
@@ -127,16 +128,16 @@ class RecordingWriter:
         return self._count
 
     def outcome(self, outcome: str, **details: Any) -> None:
-        """Set the outcome: ``completed``, ``tripped``, ``interrupted``, ``device`` …
+        """Set how the flight ended: ``completed``, ``tripped``, ``interrupted``, ``device`` …
 
-        `close` writes it; a later call replaces an earlier one.
+        `close` writes it with the ``details`` to the file. A later call replaces an earlier one.
         """
         self._outcome = {"outcome": outcome, **details}
 
     def close(self) -> None:
-        """Write the remaining rows, the outcome and the summary, and synchronise the file.
+        """Write the remaining rows, the outcome and MCAP's summary to the disk; close the file.
 
-        Raises NoSpace or RecordingError if rows were lost. Idempotent.
+        Raises NoSpace or RecordingError if rows were lost. A second call does nothing.
         """
         if self._closed:
             return
@@ -194,7 +195,7 @@ class RecordingWriter:
             raise self._syncer.failure
 
     def _finish(self) -> None:
-        """Write outcome and summary; after a failed write, following the last complete chunk."""
+        """Write outcome and summary; after a failed write, cut off the incomplete record first."""
         outcome = {"outcome": "unknown", **self._outcome, "rows": self._file.row_count}
         if self._failure is not None:
             outcome["rows_lost"] = self._count - self._file.row_count
@@ -240,5 +241,5 @@ class RecordingWriter:
 
 
 def profile_record(profile: Profile) -> dict[str, Any]:
-    """The content of the profile's metadata record."""
+    """Return the content of the metadata record with the profile."""
     return {"name": profile.name, "profile": profile.to_dict()}

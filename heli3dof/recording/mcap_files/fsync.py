@@ -1,9 +1,9 @@
-"""Synchronise a file to the disk while it is being written.
+"""`Syncer`: makes the operating system write a file's new data to the disk during a flight.
 
 Written data survive the end of the process, but not a power cut: the system keeps them in memory
 for up to half a minute. A separate thread therefore calls fdatasync whenever there are new data. A
-slow disk delays this thread, but neither the recorder nor the loop, since the call releases the
-interpreter's lock.
+slow disk delays this thread, but neither the recorder nor the control loop, since the call releases
+the interpreter's lock.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ import os
 import threading
 
 SYNC_S = 0.15
-"""s, minimum pause between two calls"""
+"""s, minimum pause between two calls of fdatasync"""
 NO_DISK = {errno.EINVAL, errno.ENOSYS, errno.ENOTSUP}
-"""Errors of pipes and some network file systems, which cannot be synchronised"""
+"""Errors of fdatasync for pipes and some network file systems, which do not support it"""
 
 _sync = getattr(os, "fdatasync", os.fsync)  # macOS has no fdatasync
 
 
 class Syncer:
-    """Synchronises an open file; `failure` is the error that stopped it."""
+    """Calls fdatasync for an open file in a thread; ``failure`` is the error that stopped it."""
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -32,11 +32,11 @@ class Syncer:
         self._thread.start()
 
     def written(self) -> None:
-        """Report new data in the file."""
+        """Ask the thread to call fdatasync, because the file has new data."""
         self._news.set()
 
     def close(self) -> None:
-        """Stop synchronising. Idempotent."""
+        """Stop the thread. A second call does nothing."""
         self._closing.set()
         self._news.set()
         self._thread.join()

@@ -1,7 +1,7 @@
-"""Scan the records of an MCAP file, complete or torn; describe a file that is no MCAP.
+"""Find the records of an MCAP file, complete or torn; describe a file that is no MCAP.
 
-The ``mcap`` library's readers stop with an exception at the first damage. Here the records are
-found first, and the caller decides how to handle a torn file.
+A file is torn if its end is missing. The ``mcap`` library's readers stop with an exception at the
+first damage. Here `scan` finds all records first, and its caller decides what to do with them.
 """
 
 from __future__ import annotations
@@ -39,31 +39,33 @@ _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, crc, length o
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _thread = threading.local()  # a decompressor is reused, and belongs to one thread
 LARGEST_CHUNK = 1 << 30
-"""bytes (1 GiB, a convention): a chunk that claims more is damaged; its memory is not allocated."""
+"""bytes (1 GiB, a convention): a chunk whose head states a larger size is treated as damaged"""
 
 
 class Damaged(Exception):
-    """The bytes differ from what was written."""
+    """Raised if bytes of a file are not those that were written."""
 
 
 @dataclass(frozen=True)
 class Scan:
-    """The records of an MCAP file's data section: opcode, start and end of their content."""
+    """The positions of the records in an MCAP file's data section, as `scan` found them."""
 
     data: bytes
+    """The whole file"""
     records: list[tuple[int, int, int]]
+    """Opcode of each record, and start and end of its content as byte offsets in ``data``"""
     whole: bool
-    """True when the file ends with footer and magic."""
+    """True if the file ends as an MCAP file must, with a footer and MCAP's magic bytes"""
     good: int
-    """Offset after the last complete record."""
+    """Byte offset after the last complete record"""
 
     def of(self, opcode: int) -> Iterator[bytes]:
-        """The contents of all records of one kind, in order."""
+        """Return the contents of all records with this opcode, in the file's order."""
         return (self.data[a:b] for kind, a, b in self.records if kind == opcode)
 
     @property
     def intact(self) -> bool:
-        """True when the data section's checksum is right, or there is none."""
+        """False if the data section has a checksum and it is wrong."""
         if not self.records or self.records[-1][0] != Opcode.DATA_END:
             return True
         _, start, end = self.records[-1]
@@ -72,10 +74,9 @@ class Scan:
 
     @cached_property
     def metadata(self) -> dict[str, dict[str, Any]]:
-        """Name → contents of the metadata records, with their JSON values decoded.
+        """Contents of the metadata records by name, with their JSON values decoded.
 
-        Unreadable records are skipped, so that the samples remain readable; ``intact`` is then
-        False.
+        Unreadable records are skipped, so that the samples remain readable.
         """
         found: dict[str, dict[str, Any]] = {}
         for content in self.of(Opcode.METADATA):
@@ -88,12 +89,12 @@ class Scan:
 
     @cached_property
     def schemas(self) -> dict[int, Schema]:
-        """Id → schema. Chunks are decompressed only if no schema is outside of them."""
+        """Schemas of the messages by id. Those in chunks are read only if there are no others."""
         return {s.id: s for s in (_read(Schema, c) for c in self._anywhere(Opcode.SCHEMA))}
 
     @cached_property
     def channels(self) -> dict[int, Channel]:
-        """Id → channel."""
+        """MCAP channels by id, read like the `schemas`."""
         return {c.id: c for c in (_read(Channel, c) for c in self._anywhere(Opcode.CHANNEL))}
 
     def _anywhere(self, opcode: int) -> Iterator[bytes]:
@@ -109,7 +110,7 @@ class Scan:
         )
 
     def messages(self) -> Iterator[tuple[int, int, bytes]]:
-        """(channel id, log time, payload) of every message, one by one, in the file's order."""
+        """Yield (channel id, log time in ns, payload) of every message, in the file's order."""
         for kind, a, b in self.records:
             if kind == Opcode.MESSAGE:
                 yield _message(self.data[a:b])
@@ -121,7 +122,7 @@ class Scan:
 
 
 def scan(data: bytes) -> Scan:
-    """Find the records of an MCAP file's data section; ``data`` starts with MCAP's magic."""
+    """Find the records in the bytes of an MCAP file, which must start with MCAP's magic bytes."""
     records, good = records_in(data, len(MAGIC))
     end = next((i for i, r in enumerate(records) if r[0] == Opcode.DATA_END), None)
     ended = end is not None and records[-1][0] == Opcode.FOOTER and data[good:] == MAGIC
@@ -130,7 +131,7 @@ def scan(data: bytes) -> Scan:
 
 
 def our_layouts(found: Scan) -> list[Layout] | None:
-    """The message layouts of a file that heli3dof wrote; None for another program's file."""
+    """Return the message layouts of a file that heli3dof wrote; None for another program's file."""
     by_topic = {c.topic: c for c in found.channels.values()}
     layouts = [SAMPLE, COMMAND]
     if CHANNELS_TOPIC in by_topic:
@@ -144,7 +145,7 @@ def our_layouts(found: Scan) -> list[Layout] | None:
 
 
 def channel_names(found: Scan) -> list[str]:
-    """The names of the further channels, from the MCAP channel's metadata. Raises Damaged."""
+    """Return the names of a recording's channels on `CHANNELS_TOPIC`. Raises Damaged."""
     for channel in found.channels.values():
         if channel.topic == CHANNELS_TOPIC:
             try:
@@ -156,7 +157,7 @@ def channel_names(found: Scan) -> list[str]:
 
 
 def records_in(data: bytes, at: int = 0) -> tuple[list[tuple[int, int, int]], int]:
-    """The complete records from offset ``at`` to a footer, and the offset after the last one."""
+    """Return the complete records (`Scan.records`) from byte ``at`` to a footer, and their end."""
     records: list[tuple[int, int, int]] = []
     size, unpack = len(data), _RECORD.unpack_from
     while at + 9 <= size:
@@ -172,7 +173,7 @@ def records_in(data: bytes, at: int = 0) -> tuple[list[tuple[int, int, int]], in
 
 
 def decode_chunk(content: bytes) -> bytes:
-    """The records inside a chunk, uncompressed. Raises Damaged."""
+    """Return the uncompressed records of a chunk record's content. Raises Damaged."""
     try:
         _, _, size, crc, name_length = _CHUNK.unpack_from(content)
         codec = content[32 : 32 + name_length].decode()
@@ -216,7 +217,7 @@ def _message(content: bytes) -> tuple[int, int, bytes]:
 
 
 def _read(kind: Any, content: bytes) -> Any:
-    """One record, decoded by the library. Raises Damaged."""
+    """Decode a record of the ``mcap`` library's class ``kind``. Raises Damaged."""
     try:
         return kind.read(ReadDataStream(BytesIO(content)))
     except (McapError, struct.error, UnicodeDecodeError) as error:
@@ -231,7 +232,7 @@ def _from_json(text: str) -> Any:
 
 
 def read_bytes(path: Path) -> bytes:
-    """A file's bytes. Raises RecordingError, which for a missing file names the nearest one."""
+    """Return a file's bytes. Raises RecordingError if it is missing or cannot be read."""
     try:
         return path.read_bytes()
     except FileNotFoundError:
@@ -251,7 +252,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def missing(path: Path) -> RecordingError:
-    """The error for a missing recording, with the nearest name in its folder."""
+    """Return the error for a missing recording; it suggests the most similar name in the folder."""
     near: list[str] = []
     if path.parent.is_dir():
         names = [p.name for p in path.parent.iterdir() if p.is_file()]
@@ -266,7 +267,7 @@ def missing(path: Path) -> RecordingError:
 
 
 def damaged(path: Path, error: Damaged) -> RecordingError:
-    """The error for a complete file with changed bytes."""
+    """Return the error for a complete file in which some bytes are damaged."""
     return RecordingError(
         f"{path} is damaged: {error}.",
         cause="the disk or a network copy changed some bytes.",
@@ -289,7 +290,7 @@ _SIGNATURES = (
 
 
 def what_is(data: bytes) -> str:
-    """A file's kind by its first bytes, as words for an error message."""
+    """Describe a file's kind by its first bytes, for an error message: ``a MAT-file``."""
     if not data:
         return "an empty file"
     for signature, name in _SIGNATURES:

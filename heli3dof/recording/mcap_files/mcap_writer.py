@@ -1,9 +1,9 @@
-"""Write an MCAP file: header, metadata, schemas, chunks of rows, summary.
+"""`McapFile`: writes an MCAP file of header, metadata, schemas, chunks of rows, and summary.
 
 The ``mcap`` library encodes all records but the chunks, whose messages are packed rows
-(`heli3dof.recording.mcap_files.chunk`). A chunk with its message indexes is one write, so a killed
-process leaves complete chunks. Compression, checksum and disk access release the interpreter's
-lock, so the control loop in the same process keeps its deadlines.
+(`heli3dof.recording.mcap_files.chunk`). One write call takes a chunk with its message indexes, so
+that a killed process leaves complete chunks. Compression, checksum and disk access release
+the interpreter's lock, so the control loop in the same process keeps its deadlines.
 """
 
 from __future__ import annotations
@@ -39,14 +39,15 @@ PROFILE = "heli3dof.profile"
 PROVENANCE = "heli3dof.provenance"
 OUTCOME = "heli3dof.outcome"
 SUMMARY_BYTES = 64 * 1024
-"""The summary is written in parts of this size."""
+"""bytes; the summary is written in parts of about this size."""
 
 
 class McapFile:
     """Writes one recording to an unbuffered binary stream.
 
-    If the stream can be read, `finish` adds an index of its chunks; a pipe has none. ``good`` is
-    the offset after the last complete record: after a failed write, the rest may be cut off.
+    If the stream can be read, `finish` adds an index of the chunks; a pipe's file has none.
+    ``good`` is the byte offset after the last complete record. After a failed write, the caller may
+    cut off the rest. ``channel_names``: message name → names of its fields, for the MCAP channel.
     """
 
     def __init__(
@@ -60,9 +61,9 @@ class McapFile:
         self._chunks = ChunkMaker(rows)
         self._metadata: list[MetadataIndex] = []
         self._first = 0
-        """Offset of the first chunk"""
+        """Byte offset of the first chunk"""
         self._times: tuple[int, int] | None = None
-        """Of the first and the last message, ns"""
+        """Log time of the first and the last message, ns"""
         self.chunk_count = 0
         self._schemas: list[Schema] = []
         self._channels: list[Channel] = []
@@ -78,7 +79,7 @@ class McapFile:
             self._channels.append(Channel(number, layout.topic, "protobuf", about, number))
 
     def start(self, metadata: Mapping[str, Mapping[str, Any]]) -> None:
-        """Write magic, header, metadata, schemas and channels."""
+        """Write all that precedes the chunks: magic bytes, header, metadata, schemas, channels."""
         builder = RecordBuilder()
         builder.write(MAGIC)
         Header(profile="", library=LIBRARY).write(builder)
@@ -91,7 +92,7 @@ class McapFile:
         self._first = self.good
 
     def add_metadata(self, name: str, data: Mapping[str, Any]) -> None:
-        """Write a Metadata record; every value is JSON text."""
+        """Write a Metadata record, with every value of ``data`` as JSON text."""
         builder = RecordBuilder()
         Metadata(name, {k: to_json(v) for k, v in data.items()}).write(builder)
         offset, length = self.good, builder.count
@@ -99,7 +100,7 @@ class McapFile:
         self._metadata.append(MetadataIndex(offset, length, name))
 
     def write_chunk(self, data: bytes | memoryview) -> None:
-        """Write a chunk of rows with its message indexes, in one call."""
+        """Write packed rows as one chunk, with its message indexes, in one write call."""
         chunk, rows, (start, end) = self._chunks.make(data)
         self._write(chunk)
         before = self._times or (start, end)
@@ -108,7 +109,7 @@ class McapFile:
         self.row_count += rows
 
     def finish(self) -> None:
-        """Write the summary and the closing magic."""
+        """Write MCAP's summary and closing magic bytes. Raises OSError."""
         before = self.good
         try:
             self._finish()
@@ -182,7 +183,7 @@ class McapFile:
 
 
 def to_json(value: Any) -> str:
-    """JSON text of a value; numpy scalars and arrays are allowed."""
+    """Return a value as JSON text. numpy's types become numbers and lists, other objects text."""
     return json.dumps(value, default=_plain, ensure_ascii=False)
 
 

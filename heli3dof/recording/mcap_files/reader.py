@@ -1,8 +1,8 @@
-"""`read_recording`: an MCAP file as a `Recording`.
+"""`read_recording`: reads an MCAP file as a `Recording`.
 
-heli3dof's own chunks are packed rows, which are checked and read as arrays (60 s at 500 Hz take
-tens of milliseconds). If another tool rewrote the file, the messages are read one by one. Files of
-other programs are imported (`heli3dof.recording.logs.import_log`).
+Chunks that heli3dof wrote are packed rows and are read as arrays (tens of milliseconds for 60 s at
+500 Hz). If another tool rewrote the file, the messages are read one by one. Files of other programs
+are imported (`heli3dof.recording.logs.import_log`).
 """
 
 from __future__ import annotations
@@ -36,10 +36,11 @@ from heli3dof.rig.profile import Profile, profile_from_dict
 
 
 def read_recording(path: str | Path, profile: Profile | None = None) -> Recording:
-    """Read an MCAP recording of heli3dof, or another program's with the contract's columns.
+    """Read an MCAP file of heli3dof, or another program's with the columns of a log.
 
     ``profile`` replaces the one in the file; another program's file needs it. Raises RecordingError
-    for a file that is missing, torn, damaged, no MCAP, or without the columns.
+    for a file that is missing, torn (its end is missing), damaged, no MCAP, without samples, or
+    without the columns of docs/reference/contract.md.
     """
     path = Path(path)
     found = open_mcap(path)
@@ -69,7 +70,7 @@ def read_recording(path: str | Path, profile: Profile | None = None) -> Recordin
 
 
 def open_mcap(path: Path) -> Scan:
-    """Scan an MCAP file, complete or torn. Raises RecordingError for any other file."""
+    """Scan an MCAP file, even if its end is missing. Raises RecordingError for other files."""
     data = read_bytes(path)
     if not data.startswith(MAGIC):
         kind = what_is(data)
@@ -89,7 +90,7 @@ def open_mcap(path: Path) -> Scan:
 
 
 def torn(path: Path, found: Scan) -> RecordingError:
-    """The error for a file whose end is missing."""
+    """Return the error for a file whose end is missing."""
     return RecordingError(
         f"{path} is torn: it ends after {found.good} bytes without its closing records.",
         cause="the program was killed, the disk was full, the copy is incomplete, or it is still "
@@ -99,7 +100,7 @@ def torn(path: Path, found: Scan) -> RecordingError:
 
 
 def chunk_rows(data: bytes, form: RowFormat) -> np.ndarray | None:
-    """The rows of one uncompressed chunk; None for another layout."""
+    """Return the rows of an uncompressed chunk; None if its bytes are not rows of this format."""
     if len(data) and data[0] != Opcode.MESSAGE:  # schemas and channels may come first
         front = next((a - 9 for kind, a, _ in records_in(data)[0] if kind == Opcode.MESSAGE), None)
         data = data[len(data) if front is None else front :]
@@ -107,7 +108,7 @@ def chunk_rows(data: bytes, form: RowFormat) -> np.ndarray | None:
 
 
 def _bulk_rows(found: Scan, form: RowFormat) -> np.ndarray | None:
-    """The rows of all chunks as arrays; None where the messages must be read one by one."""
+    """Return the rows of all chunks; None if the messages have to be read one by one."""
     topics = [c.topic for _, c in sorted(found.channels.items())]
     if sorted(found.channels) != list(range(1, len(form.layouts) + 1)) or topics != [
         layout.topic for layout in form.layouts
@@ -126,7 +127,10 @@ def _bulk_rows(found: Scan, form: RowFormat) -> np.ndarray | None:
 
 
 def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
-    """The rows of messages in any order, paired by their log times."""
+    """Read the messages one by one, in any order; those with the same log time form a row.
+
+    Raises RecordingError if the topics' log times differ, Damaged for a wrong message.
+    """
     ids = {c.topic: i for i, c in found.channels.items()}
     payloads: dict[int, list[tuple[int, bytes]]] = {i: [] for i in ids.values()}
     for channel, log_time, payload in found.messages():
@@ -157,7 +161,7 @@ def _gathered_rows(path: Path, found: Scan, form: RowFormat) -> np.ndarray:
 
 
 def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recording:
-    """A `Recording` from the rows of a file that heli3dof wrote."""
+    """Convert the rows of a file that heli3dof wrote to a `Recording`."""
     absent = set(found.metadata.get(COLUMNS, {}).get("absent", ()))
     stored = COLUMNS in found.metadata
     column = {
@@ -190,7 +194,7 @@ def decode(rows: np.ndarray, found: Scan, profile: Profile, path: Path) -> Recor
 
 
 def meta_in(found: Scan, path: Path) -> dict[str, Any]:
-    """``Recording.meta`` from the file's metadata records."""
+    """Return ``Recording.meta``: the file's name, provenance and outcome."""
     meta: dict[str, Any] = {"name": path.stem, **found.metadata.get(PROVENANCE, {})}
     details = dict(found.metadata.get(OUTCOME, {}))
     details.pop("rows", None)
@@ -202,7 +206,7 @@ def meta_in(found: Scan, path: Path) -> dict[str, Any]:
 
 
 def profile_in(found: Scan, path: Path) -> Profile:
-    """The profile in a file. Raises RecordingError where there is no usable one."""
+    """Return the profile in a file. Raises RecordingError if there is none or it is invalid."""
     record = found.metadata.get(PROFILE, {}).get("profile")
     try:
         if record is None:

@@ -1,8 +1,7 @@
-"""`recover`: write the intact part of a torn or damaged recording to a new file.
+"""`recover`: writes the intact part of a torn or damaged recording to a new file.
 
-Every complete chunk with a right checksum is kept. An incomplete chunk is lost, because its
-compressed bytes decode as a whole or not at all: at most 0.15 s of a flight. The original file is
-not changed.
+Every complete chunk with a right checksum is kept. An incomplete chunk, about 0.15 s of a flight,
+is lost: its compressed bytes decode as a whole or not at all. The original file is not changed.
 """
 
 from __future__ import annotations
@@ -31,22 +30,23 @@ from heli3dof.recording.mcap_files.schema import SAMPLE, RowFormat
 
 @dataclass(frozen=True)
 class Recovery:
-    """The result of `recover`."""
+    """What `recover` kept and lost."""
 
     path: Path
     """The new file"""
     samples: int
+    """Number of recovered samples"""
     seconds: float
-    """From the first to the last recovered sample"""
+    """Time from the first to the last of them"""
     bytes_lost: int
     """Bytes after the last complete record"""
     chunks_damaged: int
-    """Complete chunks with a wrong checksum, which are dropped"""
+    """Number of complete chunks that could not be decoded; they are omitted"""
 
 
 @dataclass(frozen=True, eq=False)
 class Salvage:
-    """The rows of the intact chunks in order, and the number of damaged ones."""
+    """The rows of a file's intact chunks, their format, and the number of damaged chunks."""
 
     form: RowFormat
     rows: np.ndarray
@@ -56,8 +56,8 @@ class Salvage:
 def recover(path: str | Path, output: str | Path | None = None, *, force: bool = False) -> Recovery:
     """Write the intact samples of ``path`` to ``output`` (default ``NAME.recovered.mcap``).
 
-    The new file's outcome is ``recovered``, with the original outcome, if any, and the losses.
-    Raises RecordingError for an intact file, and for one without samples.
+    The new file's outcome is ``recovered``; its details are the original outcome, if any, and the
+    losses. Raises RecordingError if ``path`` is intact or has no intact samples.
     """
     path = Path(path)
     output = path.with_name(f"{path.stem}.recovered.mcap") if output is None else Path(output)
@@ -106,7 +106,7 @@ def recover(path: str | Path, output: str | Path | None = None, *, force: bool =
 
 
 def salvage(path: Path, found: Scan) -> Salvage:
-    """The rows of intact chunks. Raises RecordingError for another program's file."""
+    """Read the rows of the intact chunks. Raises RecordingError for another program's file."""
     try:
         layouts = our_layouts(found) if found.channels else None
     except Damaged as error:

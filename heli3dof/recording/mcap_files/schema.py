@@ -1,15 +1,19 @@
-"""The recording's messages, which are both valid protobuf and packed structs.
+"""Layouts of a recording's messages, which are both valid protobuf and packed structs.
 
-All types have fixed width, fields are written in the order of their numbers, and numbers are below
-16, so that a tag is one byte. All messages of a type then have the same length and the same bytes
-between their values: one ``struct.pack`` encodes a message, one ``np.frombuffer`` decodes all, and
-any protobuf library reads them with the schema in the file::
+All fields have fixed width and are written in the order of their numbers. A number below 16 needs a
+tag of one byte. All messages of a type then have the same length and the same bytes between their
+values. One ``struct.pack`` encodes a message, one ``np.frombuffer`` decodes all, and any protobuf
+library reads them with the schema in the file::
 
     tag = field number << 3 | wire type      wire type 1: 8 bytes, 5: 4 bytes, little-endian
 
-A row of the recording is one message of each type with the same log time. Row k holds sample k,
-the command computed from it, and the voltage that the device reports for k to k+1 (it arrives
-with sample k+1: the loop hands a row over after the exchange). SI: s, V, A, rad.
+A row of the recording is one message of each type with the same log time. Row k contains:
+
+* sample k
+* the command computed from it
+* the voltage that the device reports for the time from k to k+1, which arrives with sample k+1
+
+Units are s, V, A, rad.
 """
 
 from __future__ import annotations
@@ -24,7 +28,7 @@ from typing import Any
 import numpy as np
 
 FORMAT = "heli3dof.recording/1"
-"""In every file's provenance; the number increases when a meaning changes"""
+"""Name of the format in every file's provenance; its number rises if a field changes its meaning"""
 
 PACKAGE = "heli3dof"
 OPCODE_MESSAGE = 0x05
@@ -36,7 +40,7 @@ MESSAGE_HEADER = (
     ("log_time", "<u8"),
     ("publish_time", "<u8"),
 )
-"""The head of an MCAP Message record; ``length`` counts from ``channel`` on"""
+"""Fields at the head of an MCAP Message record; ``length`` counts the bytes from ``channel`` on"""
 
 STRUCT_CODES = {"|u1": "B", "<u2": "H", "<u4": "I", "<i4": "i", "<u8": "Q", "<f8": "d"}
 # kind: (protobuf's FieldDescriptorProto.Type, wire type, numpy's type)
@@ -45,12 +49,12 @@ KINDS = {"double": (1, 1, "<f8"), "fixed32": (7, 5, "<u4"), "sfixed32": (15, 5, 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One field of a message: its name with unit, and its kind (a key of ``KINDS``)."""
+    """A field of a message: its name with unit, and its type ``kind`` (a key of ``KINDS``)."""
 
     name: str
     kind: str = "double"
     proto_name: str | None = None
-    """The name in the protobuf schema, if it is not ``name``"""
+    """The field's name in the protobuf schema; None: ``name``"""
 
 
 def _columns(names: str, kind: str = "double") -> tuple[Column, ...]:
@@ -59,7 +63,7 @@ def _columns(names: str, kind: str = "double") -> tuple[Column, ...]:
 
 @dataclass(frozen=True)
 class Layout:
-    """A message type: fields numbered from 1 in order, on one topic."""
+    """A message type and its MCAP topic; its fields are numbered from 1 in order."""
 
     name: str
     topic: str
@@ -71,7 +75,7 @@ class Layout:
 
     @cached_property
     def payload(self) -> np.dtype:
-        """The packed layout of one message's payload; tags are the fields ``tag1``, ``tag2`` …"""
+        """numpy's type of a message's payload: ``tag1``, first value, ``tag2``, second value …"""
         fields: list[tuple[str, str]] = []
         for number, column in enumerate(self.columns, 1):
             fields += [(f"tag{number}", tag_type(number)), (column.name, KINDS[column.kind][2])]
@@ -79,13 +83,13 @@ class Layout:
 
     @cached_property
     def record(self) -> np.dtype:
-        """The packed layout of an MCAP Message record: header and payload."""
+        """numpy's type of an MCAP Message record: header and payload."""
         descr = [(name, self.payload.fields[name][0].str) for name in self.payload.names or ()]  # type: ignore[index]
         return np.dtype([*MESSAGE_HEADER, *descr])
 
     @cached_property
     def descriptor_set(self) -> bytes:
-        """The serialised FileDescriptorSet, which is the schema in the MCAP file."""
+        """protobuf's FileDescriptorSet of the message, serialised: the schema in the MCAP file."""
         fields = b"".join(
             _bytes(
                 2,
@@ -125,14 +129,14 @@ COMMAND = Layout(
 )
 CHANNELS_TOPIC = "/heli3dof/channels"
 MAX_CHANNELS = 2000
-"""Field numbers up to here have tags of at most two bytes."""
+"""Largest number of fields in a message; their tags have at most two bytes."""
 
 
 def channels_layout(names: Sequence[str]) -> Layout:
-    """The third message, for columns that the first two do not have (imported logs).
+    """Return the layout of a third message, for a log's columns that the first two do not have.
 
-    Its columns are ``column1`` …; their names are in the MCAP channel's metadata, and, as far as
-    protobuf allows, in the schema.
+    Its columns are called ``column1`` …; ``names`` are in the MCAP channel's metadata, and in the
+    schema with characters that protobuf allows.
     """
     columns: list[Column] = []
     taken: set[str] = set()
@@ -146,7 +150,7 @@ def channels_layout(names: Sequence[str]) -> Layout:
 
 
 class RowFormat:
-    """One row: a Message record of each layout, side by side, channel ids 1, 2, …"""
+    """Byte format of a row: an MCAP Message record of each layout in turn, on channels 1, 2, …"""
 
     def __init__(self, layouts: Sequence[Layout] = (SAMPLE, COMMAND)) -> None:
         self.layouts = tuple(layouts)
@@ -162,11 +166,11 @@ class RowFormat:
         self._fixed_bytes = self.template.view(np.uint8)[self._fixed_at]
 
     def empty(self, n: int) -> np.ndarray:
-        """(n,) rows with headers and tags; all values are zero."""
+        """Return (n,) rows with headers and tags, and zero for all values."""
         return np.repeat(self.template, n)
 
     def parse(self, data: bytes | memoryview) -> np.ndarray | None:
-        """The rows as a structured array; None if the bytes have another layout."""
+        """Return the rows as a structured array; None if headers or tags differ."""
         if len(data) % self.stride:
             return None
         raw = np.frombuffer(data, np.uint8).reshape(-1, self.stride)
@@ -176,7 +180,7 @@ class RowFormat:
 
 
 class RowPacker:
-    """Packs one row of SAMPLE and COMMAND in one ``struct.pack`` (about 2 µs)."""
+    """Packs a row of SAMPLE and COMMAND with one ``struct.pack`` (about 2 µs)."""
 
     def __init__(self) -> None:
         rows = RowFormat()
@@ -197,7 +201,7 @@ class RowPacker:
     def __call__(
         self, k: int, log_time: int, sample: Sequence[Any], command: Sequence[Any]
     ) -> bytes:
-        """The bytes of row k: the values of both messages in the order of their columns."""
+        """Return row k as bytes: log time in ns, and both messages' values in field order."""
         row = self._template[:]
         row[self._times[0]] = row[self._times[1]] = (k, log_time, log_time)
         row[self._sample] = sample
@@ -206,18 +210,18 @@ class RowPacker:
 
 
 def tag_type(number: int) -> str:
-    """numpy's type of a field's tag: one byte below 16, two up to 2047."""
+    """Return numpy's type of a protobuf tag: one byte for numbers below 16, two up to 2047."""
     return "u1" if number < 16 else "<u2"
 
 
 def tag_value(number: int, kind: str) -> int:
-    """The tag as the little-endian number that its one or two varint bytes make."""
+    """Return a protobuf tag: the little-endian number that its one or two varint bytes make."""
     tag = number << 3 | KINDS[kind][1]
     return tag if tag < 128 else (tag & 0x7F | 0x80) | tag >> 7 << 8
 
 
 def _constants(layouts: Sequence[Layout]) -> list[tuple[tuple[str, str], int]]:
-    """(layout, field) and value of the bytes that are the same in all rows."""
+    """Return ((layout, field), value) of the header fields and tags that all rows share."""
     found: list[tuple[tuple[str, str], int]] = []
     for channel, layout in enumerate(layouts, 1):
         length = layout.record.itemsize - 9

@@ -1,6 +1,6 @@
-"""The log formats that can be imported: one file each, found by being in this folder.
+"""Find the importers of log formats: every module of this folder has one.
 
-A module defines ``IMPORTER``, an `Importer`: ``sniff`` recognises a file, ``read`` returns its
+The module defines ``IMPORTER``, an `Importer`: ``sniff`` recognises a file, ``read`` returns its
 columns as a `Table`. Checks, units and provenance are common to all formats
 (`heli3dof.recording.logs.import_log`). Another package adds a format through the entry point group
 ``heli3dof.importers``::
@@ -24,7 +24,7 @@ GROUP = "heli3dof.importers"
 
 @cache
 def importers() -> tuple[Importer, ...]:
-    """Every importer, ours first. A plug-in that does not load is left out with a warning."""
+    """Return every importer, plug-ins last. One that does not load is omitted with a warning."""
     found: list[Importer] = []
     for module in pkgutil.iter_modules(__path__):
         found.append(importlib.import_module(f"{__name__}.{module.name}").IMPORTER)
@@ -38,10 +38,10 @@ def importers() -> tuple[Importer, ...]:
 
 
 def importer_of(path: str | Path) -> Importer | None:
-    """The first importer that recognises the file; None for heli3dof's own recordings too."""
+    """Return the first importer that recognises the file; None for heli3dof's own recordings."""
     return next((i for i in importers() if i.sniff(Path(path))), None)
 
 
 def endings() -> tuple[str, ...]:
-    """The endings of importable file names, ``.csv.gz`` before its own end ``.gz``."""
+    """Return the endings of the names of importable files, longest first."""
     return tuple(sorted({e for i in importers() for e in i.endings}, key=len, reverse=True))

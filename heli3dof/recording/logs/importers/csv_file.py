@@ -1,7 +1,7 @@
-"""CSV logs (``.csv``, ``.csv.gz``): numpy parses the whole file, errors name line and column.
+"""Importer of CSV logs (``.csv``, ``.csv.gz``); its errors name line and column.
 
-When numpy fails, the text is parsed cell by cell to find the faulty one. Semicolons, tabs or spaces
-between columns and decimal commas are accepted with a warning.
+numpy parses the whole file; if it fails, the text is parsed cell by cell to find the faulty cell.
+Semicolons, tabs or spaces between columns and decimal commas are accepted with a warning.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ EMPTY = {"", "nan", "na", "n/a", "null", "none", "-"}
 def read(
     path: Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
 ) -> Table:
-    """Read a CSV log, gzipped or not. Raises RecordingError that names line and column."""
+    """Read a CSV log, gzipped or not. Raises RecordingError; UsageError if columns are given."""
     if columns is not None:
         raise UsageError(
             f"--columns is for MAT matrices; {path.name} names its columns in its header line.",
@@ -102,7 +102,7 @@ def _text(path: Path) -> str:
 
 
 def _two_bytes(data: bytes) -> str | None:
-    """The encoding's name for UTF-16, with or without byte order mark; None for other text."""
+    """Return the name of a UTF-16 encoding, with or without byte order mark; None: another one."""
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
     first = data[:512]
@@ -172,7 +172,11 @@ def _exact(
     names: list[str],
     warnings: list[str],
 ) -> dict[str, np.ndarray]:
-    """Parse cell by cell: an empty cell is NaN; an unknown column with text is ignored."""
+    """Parse cell by cell. An empty cell becomes NaN.
+
+    Text in a column with an unknown name removes that column with a warning. Text in another column
+    or a line with a wrong number of cells raises RecordingError.
+    """
     rows = [_cells(line, separator) for line in body]
     for number, row in zip(numbers, rows, strict=True):
         if len(row) != len(names):

@@ -1,6 +1,6 @@
-"""MAT logs: named vectors, or a matrix whose rows or columns ``--columns`` names.
+"""Importer of MAT logs: named vectors, or a matrix whose rows or columns ``--columns`` names.
 
-scipy reads versions 4 to 7. Version 7.3 (HDF5) is refused with the command to convert it.
+scipy reads versions 4 to 7. For version 7.3 (HDF5), the error contains the command to convert it.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ def read(
     """Read a MAT log.
 
     ``columns`` names the matrix's rows or columns in order: ``t_s,v_front_V,…``, with ``-`` for one
-    to skip. ``log:t_s,v_front_V,…`` also names the variable. Without ``columns``, the variables or
-    the fields of a structure must have the contract's names. Raises RecordingError, UsageError.
+    to skip. ``log:t_s,v_front_V,…`` takes the matrix from the variable ``log``. Without
+    ``columns``, the variables or the fields of a structure must have the columns' names. Raises
+    RecordingError or UsageError.
     """
     variables = _load(path)
     table = _structures(variables)
@@ -81,7 +82,7 @@ def _load(path: Path) -> dict[str, Any]:
 
 
 def _structures(variables: dict[str, Any]) -> dict[str, np.ndarray]:
-    """The variables, and the fields of structures as variables."""
+    """Return the arrays of a file by name, the fields of structures like variables."""
     table: dict[str, np.ndarray] = {}
     for name, value in variables.items():
         if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
@@ -93,7 +94,7 @@ def _structures(variables: dict[str, Any]) -> dict[str, np.ndarray]:
 
 
 def _vectors(table: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Numeric vectors with contract names, and others that are as long as ``t_s``."""
+    """Return the numeric vectors with `KNOWN` names, and others that are as long as ``t_s``."""
     found = {
         name: np.asarray(value, dtype=float).ravel()
         for name, value in table.items()

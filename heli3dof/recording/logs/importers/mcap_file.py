@@ -1,7 +1,8 @@
-"""MCAP files of other programs that contain the contract's columns.
+"""Importer of other programs' MCAP files with the columns of docs/reference/contract.md.
 
-JSON and protobuf messages are decoded. The fields of one topic's messages are the columns; other
-topics are joined where their log times are the same. Nothing is resampled.
+JSON and protobuf messages are decoded; their numeric fields are the columns. The first topic with
+both voltages determines the samples. Another topic is joined if its log times are the same; nothing
+is resampled.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ from heli3dof.rig.profile import Profile, profile_from_dict
 Decoder = Callable[[bytes], Mapping[str, Any]]
 VOLTAGES = {"v_front_V", "v_back_V"}
 HEAD_BYTES = 1 << 16
-"""Our schemas lie within the first bytes of our own files, which need no further scan."""
+"""Bytes read first: in heli3dof's own files they contain its topics, and no more is read"""
 
 
 def is_foreign(path: Path) -> bool:
-    """True for a complete MCAP file that heli3dof did not write."""
+    """True for a complete, undamaged MCAP file that heli3dof did not write."""
     try:
         with path.open("rb") as stream:
             head = stream.read(HEAD_BYTES)
@@ -44,7 +45,7 @@ def is_foreign(path: Path) -> bool:
 def read(
     path: Path, profile: Profile | None = None, columns: str | Sequence[str] | None = None
 ) -> Table:
-    """Read another program's MCAP. Raises RecordingError that names its topics."""
+    """Read another program's MCAP file. Raises RecordingError if it is damaged or lacks columns."""
     content = scan(path.read_bytes())
     try:
         table = _table(path, content)
@@ -97,7 +98,10 @@ def _joined(
     base: int,
     warnings: list[str],
 ) -> dict[str, np.ndarray]:
-    """The columns of the base topic, and of every topic with the same log times."""
+    """Return the columns of the topic ``base``, and of every topic with the same log times.
+
+    ``tables`` has the log times (ns) and columns of each topic by channel id.
+    """
     log_time, columns = tables[base]
     columns = dict(columns)
     if "t_s" not in columns:
