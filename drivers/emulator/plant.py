@@ -106,7 +106,7 @@ class Plant:
             largest = LARGEST_JITTER * self.dt
             late = self.setup.jitter_s * self._timing.standard_normal()
             end += min(largest, max(-largest, late))
-        # Floats only: each combination with integers would be compiled anew, for seconds.
+        # Floats only: each combination with integers would be compiled again, for seconds.
         self.counts = self._period(
             self._state, float(v_front), float(v_back), self._w, self.t, end - self.t,
             self._substeps, self._start_V, self._body, self._first, self._address, self._par,

@@ -91,7 +91,7 @@ def errors(
     s, par = structure.arrays(values)
     mean = impulse(structure, values, flight.V, flight.h, still=flight.still)
     out = np.empty((len(flight.starts), len(ahead), 3))
-    starts = np.ascontiguousarray(flight.starts)  # a strided array would be compiled for anew
+    starts = np.ascontiguousarray(flight.starts)  # numba compiles again for a strided array
     _windows_compiled(
         s, hooks.first, hooks.address, par, structure.memory, positions(structure, varying),
         flight.free, flight.t, flight.V, mean, states, flight.low, starts,
