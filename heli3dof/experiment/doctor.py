@@ -1,4 +1,4 @@
-"""Check what a flight needs: the port, the computer, the disk and the rig. Moves nothing.
+"""Checks what a flight needs: the port, the computer, the disk and the rig. Moves nothing.
 
 Group of a check → where it comes from:
 
@@ -30,12 +30,12 @@ FOLDER = Path("flights")
 
 @dataclass(frozen=True)
 class DoctorReport:
-    """The checks of one rig, each with its group."""
+    """Results of all checks of one rig, each with its group."""
 
     device: str
     checks: tuple[tuple[str, Check], ...]
     opened: bool
-    """Whether the rig could be opened"""
+    """True if the rig could be opened"""
 
     @property
     def failed(self) -> list[Check]:
@@ -50,10 +50,11 @@ def doctor(
     arm: bool = False,
     each: Callable[[Check], None] = lambda check: None,
 ) -> DoctorReport:
-    """Run every check and return the report; ``each`` is called with every check as it is done.
+    """Run every check and return the report; call ``each`` with each check when it is done.
 
-    ``arm`` also arms the rig at zero volts, which tests its watchdog and its emergency stop.
-    A rig that cannot be opened is the last check of the report, not an exception.
+    ``device``: a URL; default: the only rig found, else an emulated one. ``folder``: that of the
+    recordings. ``arm`` also arms the rig at zero volts, which tests its watchdog and its emergency
+    stop. A rig that cannot be opened is the last check of the report, not an exception.
     """
     device, profile = device or default_device(), profile or default_profile()
     done: list[tuple[str, Check]] = []

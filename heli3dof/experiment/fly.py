@@ -34,22 +34,23 @@ ON_REQUEST = "emergency stop on request"
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """A flight: its recording, its outcome, its file (None: in memory)."""
+    """Result of a flight: its recording, its outcome, its file (None: recorded in memory)."""
 
     recording: Recording
     outcome: Outcome
     path: Path | None
 
     def raise_if_cut_short(self) -> None:
-        """Raise SafetyTrip, DeviceError or the exception that ended the flight, if one did.
+        """Raise an exception if the flight did not complete its plan; else do nothing.
 
-        After an interrupt: KeyboardInterrupt. The recording is closed and complete either way.
+        SafetyTrip after a trip, KeyboardInterrupt after an interrupt, otherwise the DeviceError or
+        Heli3dofError that ended the flight or was caused by what did. The recording is complete.
         """
         self.raise_ending(self.outcome, self.path)
 
     @staticmethod
     def raise_ending(outcome: Outcome, path: Path | None) -> None:
-        """The same for a flight without a sample, which has no recording."""
+        """Raise as `raise_if_cut_short` does; ``path``: the file for the message, or None."""
         kept = f"; the recording is kept in {path}" if path else ""
         if outcome.ending == "interrupted":
             raise KeyboardInterrupt(outcome.detail)
@@ -75,9 +76,10 @@ class Flight:
 
 
 def prepare(plan: Plan, profile: Profile, seed: int) -> Signals:
-    """Render the plan and check it and the gain, before a rig is opened.
+    """Check the plan and the controller's gain; return the rendered plan.
 
-    Raises PlanError, or UnstableLoop if the gain does not stabilise the profile's hover model.
+    ``seed`` draws the plan's random signals. Raises PlanError, or UnstableLoop if the gain does not
+    stabilise the profile's hover model.
     """
     signals = checked(plan, profile, seed)
     check_hover_loop(profile)
@@ -100,7 +102,9 @@ def fly_plan(
     """Fly a plan on a rig and record it (to the file ``output``, or in memory).
 
     ``seed`` draws the plan's random signals, and an emulated rig's noise if its URL has no seed.
-    ``opened`` gets the rig's identity, ``warn`` each warning, both before the rig is armed.
+    ``force`` overwrites the file; ``meta`` is added to the recording's metadata; ``live`` receives
+    the progress. ``opened`` is called with the rig's identity, ``warn`` with each warning, before
+    the rig is armed.
 
     Returns the flight however it ended (see `Flight.raise_if_cut_short`). Raises if nothing flew:
     PlanError, UnstableLoop, DeviceError, OutputExists, or SafetyTrip if an emergency stop came
@@ -198,7 +202,7 @@ def _fly(
 
 
 def _progress(live: Live) -> dict[str, Any]:
-    """The flight's progress, for a second terminal."""
+    """Return the flight's progress as a dict for JSON, for a second terminal."""
     return {
         "phase": live.phase,
         "done": live.done,

@@ -38,7 +38,7 @@ class Signals:
     extra: np.ndarray
     """(N, 2) V, added to the controller's output."""
     opened: np.ndarray | None = None
-    """(N, 3) each axis's loop, closed or open (`model.control.loop_opening`); None: all closed."""
+    """(N, 3) mode of each axis's loop (`model.control.loop_opening`); None: all closed"""
     drawn: bool = False
     """True if the signals depend on the seed"""
 
@@ -68,9 +68,10 @@ class Plan:
         return sum(s.duration_s for s in self.segments)
 
     def render(self, dt: float, seed: int) -> Signals:
-        """References and extra voltages for every control period of length ``dt`` seconds.
+        """Return references and extra voltages for every control period of ``dt`` seconds.
 
-        Raises PlanError naming the segment whose numbers give no signal.
+        ``seed`` draws the random signals. Raises PlanError naming the segment whose numbers give no
+        signal.
         """
         rng = np.random.default_rng(seed)
         initial = rng.bit_generator.state
@@ -102,18 +103,17 @@ class Plan:
         )
 
     def summary(self) -> list[str]:
-        """One line per segment."""
         return [s.summary() for s in self.segments]
 
     def to_dict(self) -> dict[str, Any]:
-        """The plan as its TOML file would hold it; goes into the recording."""
+        """Return the plan as a nested dict with the keys of its TOML file, for the recording."""
         segments = [s.model_dump(mode="json", exclude_none=True) for s in self.segments]
         head = {"name": self.name, "description": self.description, "purpose": self.purpose}
         return {**{k: v for k, v in head.items() if v or k != "purpose"}, "segment": segments}
 
 
 def checked(plan: Plan, profile: Profile, seed: int) -> Signals:
-    """The plan rendered for this rig. Raises PlanError as `Plan.render` and `check_plan` do."""
+    """Render and check the plan. Raises PlanError (see `Plan.render`, `check_plan`)."""
     _check_duration(plan, profile.limits)  # before rendering, which needs memory
     signals = plan.render(profile.dt, seed)
     check_plan(plan, signals, profile)
@@ -121,7 +121,7 @@ def checked(plan: Plan, profile: Profile, seed: int) -> Signals:
 
 
 def check_plan(plan: Plan, signals: Signals, profile: Profile) -> None:
-    """Raise PlanError, naming the key to change, for a plan that would leave the envelope."""
+    """Raise PlanError if the plan's duration, references or extra voltages exceed the limits."""
     limits = profile.limits
     _check_duration(plan, limits)
     for i, (axis, low, high) in enumerate(_ranges(limits)):
@@ -163,7 +163,7 @@ def _ranges(limits: Limits) -> list[tuple[str, float, float]]:
 
 
 def plan_from_dict(data: Mapping[str, Any], *, source: str = "plan") -> Plan:
-    """The plan from nested dicts, as TOML gives them. Raises PlanError."""
+    """Build a plan from nested dicts, as TOML gives them. PlanError names ``source``."""
     head = check(Head, data, source, PlanError)
     segments = [_segment(s, i, source) for i, s in enumerate(head.segment, start=1)]
     return Plan(head.name, tuple(segments), head.description, head.purpose)
@@ -184,13 +184,13 @@ def _segment(data: Mapping[str, Any], number: int, source: str) -> BaseSegment:
 
 
 def named_plans() -> dict[str, Path]:
-    """Name → file of the plans that come with heli3dof."""
+    """Return name → TOML file of the plans that come with heli3dof."""
     folder = Path(str(resources.files("heli3dof.experiment") / "plans"))
     return {p.stem: p for p in sorted(folder.glob("*.toml"))}
 
 
 def load_plan(name_or_path: str | Path) -> Plan:
-    """A plan that comes with heli3dof, by its name, or a plan from a TOML file."""
+    """Load a plan by its name, if it comes with heli3dof, or from a TOML file. Raises PlanError."""
     text = str(name_or_path)
     known = named_plans()
     if text in known:
@@ -215,10 +215,10 @@ def step_plan(
     settle_s: float = 10.0,
     duration_s: float = 20.0,
 ) -> Plan:
-    """Hold level for ``settle_s`` (0: no hold), then step to these angles in degrees.
+    """Make a plan: hold level for ``settle_s`` (0: no hold), then step to these angles in degrees.
 
-    ``step_plan(roll=10)`` and ``step_plan((10, None, None))`` are the same; an axis without an
-    angle stays level. Raises ValueError for an axis with two angles.
+    ``duration_s``: the step's. ``step_plan(roll=10)`` and ``step_plan((10, None, None))`` are the
+    same; an axis without an angle stays level. Raises ValueError for an axis with two angles.
     """
     given: dict[str, float] = {}
     for axis, first, second in zip(AXES, target_deg, (roll, pitch, yaw), strict=True):

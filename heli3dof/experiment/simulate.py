@@ -27,9 +27,10 @@ def simulate(
 ) -> Recording:
     """Fly a plan in closed loop on a model and return the recording.
 
-    Starts at rest on the table (the profile's rest angles) or level. Controller and recording get
-    angles on the encoder grid unless ``quantised`` is False. Raises PlanError, or UnstableLoop if
-    the gain does not stabilise the model.
+    The rig starts at rest on the table (the profile's rest angles) or level. ``seed`` draws the
+    plan's random signals. Controller and recording get angles rounded to whole encoder counts
+    unless ``quantised`` is False. Raises PlanError, or UnstableLoop if the gain does not stabilise
+    the model.
     """
     profile = (profile or default_profile()).with_controller()
     controller = profile.controller
@@ -52,7 +53,7 @@ def simulate(
             limits=profile.limits,
         )
     )
-    # The grid goes through the start, as in the loop.
+    # Counts are zero at the start, as in the loop.
     counts = np.round((result.angle - angle0) / grid)
     angle = angle0 + counts * grid if quantised else result.angle
     return make_recording(

@@ -1,4 +1,4 @@
-"""Encoder counts at the rest angles, stored per serial number by ``heli3dof zero``.
+"""Stores and loads a rig's encoder counts at rest, as measured by ``heli3dof zero``.
 
     angle = rest + (count − counts_at_rest) · 2π / counts per revolution
 
@@ -46,12 +46,12 @@ from heli3dof.write_errors import write_errors_explained
 
 Counts = tuple[int, int, int]
 START_TOLERANCE_S = 2.0
-"""s: a HELLO and a STATUS on a slow line, and an NTP step of the host's clock"""
+"""s: covers the replies HELLO and STATUS on a slow line, and an NTP step of the host's clock"""
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """The result of ``zero``."""
+    """Counts of one device at the rest angles, as ``heli3dof zero`` measured them."""
 
     serial: str
     boot: int | None
@@ -59,9 +59,9 @@ class Calibration:
     counts_at_rest: Counts
     zeroed_utc: str
     device: str
-    """The URL it was measured through"""
+    """The device's URL in that measurement"""
     started_s: float | None = None
-    """When the device had started, see `heli3dof.rig.interface.Identity`"""
+    """When the device had started, s since 1970 by the host's clock; None: unknown"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class RestCounts:
     """What the user should know; empty if nothing"""
 
     def to_dict(self) -> dict[str, Any]:
-        """For a recording's provenance."""
+        """Return the keys for a recording's provenance."""
         about: dict[str, Any] = {
             "counts_at_rest": list(self.counts_at_rest),
             "known_from": self.known_from,
@@ -87,7 +87,7 @@ COUNTS_AT_POWER_UP = RestCounts((0, 0, 0), "power-up")
 
 
 def rest_counts_of(identity: Identity) -> RestCounts:
-    """The counts at rest of the device with this identity; see the table above."""
+    """Return the counts at rest of the device with this identity; see the module's table."""
     try:
         stored = load_calibration(identity.serial)
     except ValueError as problem:
@@ -124,7 +124,7 @@ def rest_counts_of(identity: Identity) -> RestCounts:
 
 
 def _same_start(stored: Calibration, identity: Identity) -> bool | None:
-    """Whether the device has run without a restart since ``zero``, by its uptime; None: unknown."""
+    """True if the device's uptime shows no restart since ``zero``; None: it is unknown."""
     if stored.started_s is None or identity.started_s is None:
         return None
     try:
@@ -136,12 +136,11 @@ def _same_start(stored: Calibration, identity: Identity) -> bool | None:
 
 
 def calibration_path(serial: str) -> Path:
-    """The file with one rig's calibration."""
     return state_folder() / "rigs" / (re.sub(r"[^A-Za-z0-9._-]", "_", serial) + ".toml")
 
 
 def load_calibration(serial: str) -> Calibration | None:
-    """The stored calibration of a rig, or None. Raises ValueError for a damaged file."""
+    """Load the calibration of a rig; None if none is stored. ValueError: the file is damaged."""
     try:
         path = calibration_path(serial)
     except OSError as problem:
@@ -164,7 +163,7 @@ def load_calibration(serial: str) -> Calibration | None:
 
 
 def store_calibration(calibration: Calibration) -> Path:
-    """Write the calibration atomically; returns the file. Raises UsageError or NoSpace."""
+    """Write the calibration atomically; return the file. Raises UsageError or NoSpace."""
     own = "set XDG_STATE_HOME to a folder of your own"
     with write_errors_explained(Path("~/.local/state"), fix=own):
         path = calibration_path(calibration.serial)
@@ -188,10 +187,9 @@ def store_calibration(calibration: Calibration) -> Path:
 
 
 def now_utc() -> str:
-    """The time now, as `Calibration.zeroed_utc` states it."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def _text(value: str) -> str:
-    """A TOML basic string: JSON's escapes are valid in TOML."""
+    """Quote a TOML basic string: JSON's escapes are valid in TOML."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,4 +1,4 @@
-"""Drivers, found through the entry-point group ``heli3dof.drivers``.
+"""Finds drivers through the entry-point group ``heli3dof.drivers``.
 
 heli3dof never imports a driver package by name, so third-party drivers work like ours. A driver
 that fails to import is a warning when rigs are listed, and an error only when its URL is used.
@@ -21,12 +21,12 @@ GROUP = "heli3dof.drivers"
 
 
 def registered() -> dict[str, EntryPoint]:
-    """Scheme → entry point of every registered driver."""
+    """Return URL scheme → entry point of every registered driver."""
     return {e.name: e for e in entry_points(group=GROUP)}
 
 
 def load_driver(scheme: str) -> Driver:
-    """The driver for a URL scheme. Raises UsageError for an unknown one, naming the nearest.
+    """Load the driver for a URL scheme. UsageError for an unknown one names the nearest.
 
     An unregistered scheme belongs to the driver of the part before its ``+``: ``serial+socket`` to
     ``serial``.
@@ -53,14 +53,14 @@ def load_driver(scheme: str) -> Driver:
 
 
 def check_url(url: str | DeviceUrl) -> DeviceUrl:
-    """The parsed URL. Raises UsageError for an unknown scheme or option."""
+    """Parse and check a URL. Raises UsageError for an unknown scheme or option."""
     parsed = parse_url(url) if isinstance(url, str) else url
     parsed.check_options(load_driver(parsed.scheme).options)
     return parsed
 
 
 def open_driver(url: str | DeviceUrl, profile: Profile) -> Rig:
-    """Open the rig of a device URL, without a lock: ``heli3dof estop`` cannot stop its process.
+    """Open the rig of a device URL without a lock, out of the reach of ``heli3dof estop``.
 
     Applications use `heli3dof.open_rig`.
     """
@@ -69,14 +69,14 @@ def open_driver(url: str | DeviceUrl, profile: Profile) -> Rig:
 
 
 def is_private(url: str | DeviceUrl) -> bool:
-    """True where the driver is `PrivateToProcess`: every opening makes a rig of its own."""
+    """True for an emulated rig: each opening makes a new one (see `PrivateToProcess`)."""
     parsed = parse_url(url) if isinstance(url, str) else url
     driver = load_driver(parsed.scheme)
     return isinstance(driver, PrivateToProcess) and driver.private_to_process
 
 
 def with_seed(url: str, seed: int) -> str:
-    """The URL with ``seed`` added, for a driver with that option where the URL has none."""
+    """Return the URL with ``seed`` added, if its driver has this option and the URL lacks it."""
     parsed = parse_url(url)
     if "seed" not in load_driver(parsed.scheme).options or "seed" in parsed.options:
         return url
@@ -84,7 +84,7 @@ def with_seed(url: str, seed: int) -> str:
 
 
 def seed_of(url: str) -> int | None:
-    """The seed in the URL of an emulated rig; None without one."""
+    """Return the seed in the URL of an emulated rig; None without one."""
     parsed = parse_url(url)
     if "seed" not in load_driver(parsed.scheme).options:
         return None
@@ -93,7 +93,7 @@ def seed_of(url: str) -> int | None:
 
 
 def find_rigs() -> Iterator[tuple[str, list[str], str | None]]:
-    """For each driver: its scheme, the URLs of the rigs present, and its error, if any."""
+    """Yield for each driver: its scheme, the URLs of the rigs present, and its error or None."""
     for scheme in sorted(registered()):
         try:
             yield scheme, list(load_driver(scheme).find()), None
@@ -106,7 +106,7 @@ MOCK = "mock:"
 
 
 def default_device() -> str:
-    """The only real rig found, or `MOCK` if there is none. Raises UsageError for several."""
+    """Return the URL of the only real rig found, or `MOCK`. Raises UsageError for several."""
     real = [url for _, urls, _ in find_rigs() for url in urls if not is_private(url)]
     if len(real) > 1:
         raise UsageError(

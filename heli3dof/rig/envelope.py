@@ -1,4 +1,4 @@
-"""The safety envelope, checked in every control period.
+"""Checks the safety envelope in every control period.
 
 A flight ends (exit 4, motors ramped to zero) as soon as
 
@@ -28,7 +28,7 @@ _NOT_FINITE = "the controller's gains, the references or an angle are not finite
 
 
 class Envelope:
-    """Checks the control periods of one flight; plain floats, a few microseconds a call."""
+    """Checks the control periods of one flight; a call takes a few microseconds."""
 
     def __init__(self, profile: Profile) -> None:
         limits = profile.limits
@@ -61,7 +61,7 @@ class Envelope:
         command: Sequence[float],
         voltage: Sequence[float],
     ) -> str | None:
-        """Why the flight must end now; None where it may go on.
+        """Return why the flight must end now; None if it may go on.
 
         t in s; angle and rate (3,) in rad and rad/s; command and voltage (2,) in V, before and
         after the controller's limiter.

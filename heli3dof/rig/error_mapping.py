@@ -1,4 +1,4 @@
-"""Turn the errors of a port or a vendor's library into DeviceError."""
+"""Turns the errors of a port or a vendor's library into DeviceError."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from heli3dof.errors import DeviceError
 
 @contextmanager
 def device_errors(name: str, fix: str = "heli3dof doctor", cause: str = "") -> Iterator[None]:
-    """Raise every OSError and ValueError within as a DeviceError about the rig ``name``."""
+    """Context manager: turn OSError and ValueError of its block into DeviceError about ``name``."""
     try:
         yield
     except (OSError, ValueError) as error:

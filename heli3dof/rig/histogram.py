@@ -2,8 +2,8 @@
 
     bin(t) = ⌈ln(t / SHORTEST_S) / ln(1 + RATIO)⌉     bin 0: up to SHORTEST_S; the last: from 85 s
 
-A quantile is reported as the upper edge of its bin, at most 1 % too long and never too short; in
-bin 0 as 0. The longest time is kept exactly.
+A quantile is reported as the upper edge of its bin, at most 1 % too long; in bin 0 as 0, in the
+last bin as the longest time, which is stored exactly.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from math import ceil, log, nan
 SHORTEST_S = 1e-7
 """s: below the resolution of every clock used here"""
 RATIO = 0.01
-"""A bin's upper edge exceeds its lower one by this share"""
+"""Share by which a bin's upper edge exceeds its lower one"""
 BINS = 2068
 _STEP = log(1 + RATIO)
 
 
 class Histogram:
-    """Counts times, in s."""
+    """Counts times in s by bins."""
 
     def __init__(self) -> None:
         self.counts = array("Q", bytes(8 * BINS))
@@ -41,7 +41,7 @@ class Histogram:
         return sum(self.counts)
 
     def quantile_s(self, share: float) -> float:
-        """The time that this share of the times does not exceed, s; NaN for an empty histogram.
+        """Return the time (s) that this share of the times does not exceed; NaN without any.
 
         >>> h = Histogram(); h.add(12e-6); h.add(80e-6); round(h.quantile_s(0.5) * 1e6, 1)
         12.1

@@ -1,4 +1,4 @@
-"""The interface between the control loop and a rig, real or emulated.
+"""Defines the interface between the control loop and a rig, real or emulated.
 
 One exchange is one control period. The command takes effect at once, and the sample is taken at
 the end of the period. So sample k's voltage follows from sample k's angles and is held until k+1::
@@ -51,7 +51,7 @@ class Flags(enum.IntFlag):
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """The connected device; ``heli3dof devices`` prints it and every recording keeps it."""
+    """Identifies the connected device; ``heli3dof devices`` and every recording show it."""
 
     driver: str
     model: str
@@ -59,7 +59,7 @@ class Identity:
     firmware: str
     protocol: str
     counts_per_rev: tuple[int, int, int]
-    """Roll, pitch, yaw; signed as in the profile."""
+    """Encoder counts per revolution of roll, pitch, yaw; signed as in the profile"""
     v_max: float
     """V, the amplifier's limit."""
     watchdog_s: float
@@ -75,7 +75,7 @@ class Identity:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """One period's voltages. The device echoes ``sequence`` in the sample that follows."""
+    """The voltages of one control period. The device echoes ``sequence`` in the next sample."""
 
     sequence: int
     v_front: float
@@ -112,7 +112,7 @@ class Check:
     found: str
     """The result, with its numbers"""
     good: bool | None
-    """None: not known"""
+    """True: in order; False: run ``fix``; None: not known"""
     fix: str = ""
     """The command to run or the thing to do; empty where there is nothing to do"""
 
@@ -128,22 +128,22 @@ class Rig(Protocol):
         ...
 
     def read(self) -> Sample:
-        """A sample now, of a rig that is not armed; nothing moves."""
+        """Return a sample now, of a rig that is not armed; nothing moves."""
         ...
 
     def exchange(self, command: Command, due_s: float) -> Sample:
-        """Apply the command now; return the sample at the period's end.
+        """Apply the command now; return the sample at the end of the control period.
 
-        Where the host keeps time, ``due_s`` (host monotonic) is that end.
+        ``due_s``: that end on the host's monotonic clock, for a rig whose host keeps time.
         """
         ...
 
     def estop(self, reason: str) -> None:
-        """Zero volts now, in any state. Idempotent; holds until `arm`."""
+        """Set zero volts now, in any state; they hold until `arm`. Idempotent."""
         ...
 
     def close(self) -> None:
-        """Zero volts, disable the amplifier, release the device. Idempotent."""
+        """Set zero volts, disable the amplifier, and release the device. Idempotent."""
         ...
 
 
@@ -153,7 +153,7 @@ class HasLinkStatistics(Protocol):
 
     @property
     def statistics(self) -> object:
-        """A dataclass of counters since the rig was opened; the recording's outcome keeps it.
+        """A dataclass of counters since the rig was opened; the recording's outcome stores it.
 
         ``lost``: samples that the device sent and the host never got. ``device_skipped``: samples
         that the device, being held up, never took.
@@ -179,16 +179,16 @@ class ReportsDeviceCause(Protocol):
 class ArmsWithPermission(Protocol):
     """A rig whose `Rig.arm` makes several attempts.
 
-    The session sets ``check_permission``. `Rig.arm` must call it in every attempt, after which a
-    later emergency stop makes the device refuse the attempt.
+    The session sets ``check_permission``. `Rig.arm` must call it in every attempt, at a point from
+    which on the device refuses this attempt if an emergency stop comes.
     """
 
     check_permission: Callable[[], None]
-    """Raises SafetyTrip where an emergency stop forbids to arm"""
+    """Raises SafetyTrip if an emergency stop was requested, which forbids to arm"""
 
 
 class Driver(Protocol):
-    """What a driver package registers: how to find its rigs and how to open one."""
+    """What a driver package registers: it finds, opens and stops rigs of one URL scheme."""
 
     scheme: str
     """The URL scheme, e.g. ``mock``."""
@@ -196,11 +196,11 @@ class Driver(Protocol):
     """Names of the options that the URL may carry, for error messages."""
 
     def find(self) -> Sequence[str]:
-        """Device URLs of the rigs present now. Quick, and never moves anything."""
+        """Return the device URLs of the rigs present now, within 1 s. Moves nothing."""
         ...
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
-        """Connect. Raises DeviceError (missing, busy, not permitted) or UsageError (options)."""
+        """Connect to a rig. Raises DeviceError (missing, busy, not permitted) or UsageError."""
         ...
 
     def estop(self, url: DeviceUrl) -> str:
@@ -211,13 +211,13 @@ class Driver(Protocol):
         ...
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """``doctor``'s checks of the port before it is opened: permission, holder, latency."""
+        """Check the port for ``doctor`` before it is opened: permission, holder, latency."""
         ...
 
 
 @runtime_checkable
 class PrivateToProcess(Protocol):
-    """A driver whose every opening makes a new rig inside the process: an emulated rig.
+    """A driver of emulated rigs: each opening makes a new rig inside the process.
 
     Such a rig is not locked, not listed as present, and has no stored rest angles.
     """
@@ -227,10 +227,10 @@ class PrivateToProcess(Protocol):
 
 @runtime_checkable
 class RecognisesRigs(Protocol):
-    """A driver whose `Driver.find` may list ports with no rig behind them."""
+    """A driver whose `Driver.find` may list ports at which there is no rig."""
 
     def is_rig(self, url: DeviceUrl) -> bool:
-        """True where a rig is certainly behind that URL now."""
+        """True if there is certainly a rig at that URL now."""
         ...
 
 
@@ -243,11 +243,11 @@ class NamesPlaces(Protocol):
     """
 
     def persistent_name(self, url: DeviceUrl) -> str:
-        """A name of what is plugged in at that URL, the same at any other port."""
+        """Return a name of the device at that URL, the same at whichever port it is plugged in."""
         ...
 
 
 def device_cause(rig: object) -> str | None:
-    """Why the device holds its output at zero; None where it states nothing."""
+    """Return the reason that the device states for its zero output; None if it states none."""
     cause = rig.device_cause if isinstance(rig, ReportsDeviceCause) else None
     return cause if isinstance(cause, str) and cause else None

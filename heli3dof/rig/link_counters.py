@@ -26,7 +26,7 @@ _PRESENT = {former: present for present, former in FORMER_NAMES.items()}
 
 
 def present_names(details: Mapping[str, Any]) -> dict[str, Any]:
-    """Return outcome details with former counter names replaced, also inside ``link``."""
+    """Return a flight's outcome details with present counter names, also inside ``link``."""
     renamed = {_PRESENT.get(name, name): value for name, value in details.items()}
     if isinstance(link := renamed.get("link"), Mapping):
         renamed["link"] = {_PRESENT.get(name, name): value for name, value in link.items()}
@@ -34,7 +34,7 @@ def present_names(details: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def attribute_of(statistics: Any, counter: str) -> str | None:
-    """The attribute of ``rig.statistics`` that holds a counter; None where there is none.
+    """Return the name of the attribute of ``rig.statistics`` with this counter; None without it.
 
     A driver that still uses the former name causes a DeprecationWarning.
     """
@@ -52,7 +52,7 @@ def attribute_of(statistics: Any, counter: str) -> str | None:
 
 
 def count_of(statistics: Any, counter: str) -> int | None:
-    """The value of a counter of ``rig.statistics``; None where there is none."""
+    """Return the value of a counter of ``rig.statistics``; None without it."""
     name = attribute_of(statistics, counter)
     value = getattr(statistics, name) if name else None
     return value if isinstance(value, int) else None

@@ -1,4 +1,4 @@
-"""A rig's profile: the numbers of Table I and of its loop, read from TOML and checked.
+"""A rig's profile: the parameters of the paper's Table I and of the loop, read from TOML.
 
 Names are the paper's symbols; `heli3dof.toml_file.Key` holds each key's unit, range and
 measurement. ``Profile.controller`` is None where the file has no ``[controller]``: the controller
@@ -11,7 +11,7 @@ of an imported log is then unknown. Every model of the rig derives from the keys
 
 Table I swaps the rows 14 and 15, L_w and L_a (E1). V_o is calibrated; its sign cannot be derived
 from Table I's masses (E2). Three point masses cannot represent three measured inertias (J_yaw would
-always be the sum of the other two), so measured ones have keys of their own.
+always be the sum of the other two), so measured inertias have keys of their own (``[inertia]``).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ K_G: tuple[tuple[float, ...], ...] = (
     (37.6, 13.2, -11.5, 20.9, 4.7, -16.1, 10.0, -1.0),
     (37.6, -13.2, 11.5, 20.9, -4.7, 16.1, 10.0, 1.0),
 )
-"""Eq (14) as printed: V/rad (×3), V·s/rad (×3), V/(rad·s) (×2); rows front, back (E7)."""
+"""Gain of eq (14) as printed (E7): rows front, back; V/rad (×3), V·s/rad (×3), V/(rad·s) (×2)."""
 
 g = 9.81
 """m/s², the value with which Table I gives V_o = 7.456 V."""
@@ -165,7 +165,7 @@ def _encoder(axis: str, positive: str, typical: str) -> Key:
 
 
 class Encoder(Section):
-    """Counts per revolution after ×4; negative where the count falls as the angle rises.
+    """Counts per revolution (4 per line); negative if the count falls as the angle rises.
 
     Counts are zero at power-up, with the rig at its rest angles: on the table, −27.5° in roll.
     """
@@ -198,7 +198,7 @@ class Encoder(Section):
 
     @property
     def rest_rad(self) -> np.ndarray:
-        """(3,) rad: the angles at which the counts are zero."""
+        """(3,) rad: the rest angles, at which the counts are zero."""
         return np.radians([self.roll_rest_deg, self.pitch_rest_deg, self.yaw_rest_deg])
 
 
@@ -215,13 +215,13 @@ class Loop(Section):
 
 
 class Limits(Section):
-    """The safety envelope. Defaults suit the laboratory rig of the paper.
+    """Limits that end a flight (safety envelope); the defaults suit the paper's rig.
 
-    Angles are absolute readings; a trip outside them ramps the motors to zero. ``roll_min_deg``
-    lies below the table (−27.5°), so that a start from rest is inside. The motors are ramped to
-    zero over ``ramp_down_s`` after a trip or an interrupt, over ``landing_s`` at a plan's end; at
-    once where they are far from the hover voltage (`heli3dof.experiment.control_loop.ramp_down`).
-    `heli3dof.experiment.safety_monitors` explains the last four.
+    Angles are absolute readings. ``roll_min_deg`` lies below the table (−27.5°), so that a start
+    from rest is within the limits. The motors are ramped to zero over
+    ``ramp_down_s`` after a trip or an interrupt, and over ``landing_s`` at a plan's end. Far from
+    the hover voltage they go to zero at once (`heli3dof.experiment.control_loop.ramp_down`).
+    `heli3dof.experiment.safety_monitors` explains the last four keys.
     """
 
     roll_min_deg: Annotated[
@@ -302,7 +302,7 @@ class ControllerSpec(Section):
 
 
 class Profile(Section):
-    """All parameters of a rig that are known before a flight."""
+    """A rig's parameters, as far as they are known before a flight."""
 
     name: Annotated[str, Key("the rig's name, shown in tables and recordings")] = "unnamed"
     geometry: Geometry
@@ -360,17 +360,17 @@ class Profile(Section):
 
     @property
     def loop_is_known(self) -> bool:
-        """True where the controller is known, so that the closed loop can be replayed."""
+        """True if the controller is known, so that the closed loop can be replayed."""
         return self.controller is not None
 
     def with_controller(self) -> Profile:
-        """This profile, with the default controller if it has none."""
+        """Return this profile, with the default controller if it has none."""
         if self.controller is not None:
             return self
         return self.model_copy(update={"controller": ControllerSpec()})
 
     def with_gain(self, K: ArrayLike) -> Profile:
-        """This profile with the controller gain K; the controller's other keys stay.
+        """Return this profile with the controller gain K; the controller's other keys stay.
 
         K: (2, 8), rows front and back, columns as in `ControllerSpec`. Raises ProfileError for
         another shape or a gain that is not finite.
@@ -401,7 +401,7 @@ class Profile(Section):
     __str__ = __repr__
 
     def to_dict(self) -> dict[str, Any]:
-        """Nested dict with the content of a TOML file; keys that are None are left out."""
+        """Return a nested dict with the content of a TOML file, without keys that are None."""
         return self.model_dump(mode="json", exclude_none=True)
 
 
@@ -419,7 +419,8 @@ def profile_from_dict(
 ) -> Profile:
     """Check a nested mapping (as TOML gives it) and build the profile.
 
-    ``recorded``: it comes from a recording or a model file, so implausible numbers pass.
+    ``source``: its name in errors. ``recorded``: it comes from a recording or a model file, so
+    implausible numbers pass. Raises ProfileError.
     """
     return check(Profile, data, source, ProfileError, recorded=recorded)
 
@@ -437,5 +438,5 @@ TABLE_I: Mapping[str, Any] = {
 
 
 def default_profile() -> Profile:
-    """The paper's rig: the profile used when none is given."""
+    """Return the profile of the paper's rig, which is used when none is given."""
     return profile_from_dict(TABLE_I, source="the built-in profile")

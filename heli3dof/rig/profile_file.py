@@ -1,4 +1,4 @@
-"""Write profiles as commented TOML files, and edit them without losing comments.
+"""Writes profiles as commented TOML files, and edits them without losing comments.
 
 A new file lists every key: the given ones as values, the others commented out with their defaults.
 `changed_text` edits with tomlkit, which keeps comments and order.
@@ -31,7 +31,7 @@ SECTIONS = {
 
 @dataclass(frozen=True)
 class Change:
-    """A key's new value and the comment that explains it."""
+    """A change of one key of a profile, and the comment that explains it."""
 
     key: str
     value: float | int
@@ -40,7 +40,7 @@ class Change:
 
 
 def settings(words: Iterable[str]) -> dict[str, Any]:
-    """Nested dicts from ``geometry.L_a=0.66``; a value is TOML, or a plain word.
+    """Parse words such as ``geometry.L_a=0.66`` (value: TOML or a plain word) to nested dicts.
 
     >>> settings(["geometry.L_a=0.66", "encoder.yaw=-8192", "name=lab 2"])
     {'geometry': {'L_a': 0.66}, 'encoder': {'yaw': -8192}, 'name': 'lab 2'}
@@ -59,7 +59,7 @@ def settings(words: Iterable[str]) -> dict[str, Any]:
 
 
 def toml_value(text: str) -> Any:
-    """The value of a TOML expression; the text itself where it is not TOML."""
+    """Parse a TOML value or a number; return any other text as it is."""
     try:
         return tomllib.loads(f"x = {text}")["x"]
     except tomllib.TOMLDecodeError:
@@ -71,7 +71,6 @@ def toml_value(text: str) -> Any:
 
 
 def put(data: dict[str, Any], name: str, value: Any) -> None:
-    """Set a dotted key in nested dicts."""
     *above, last = name.split(".")
     for part in above:
         inner = data.setdefault(part, {})
@@ -82,7 +81,7 @@ def put(data: dict[str, Any], name: str, value: Any) -> None:
 
 
 def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Nested dicts: ``above`` wins, key by key."""
+    """Merge nested dicts key by key; ``above`` wins over ``below``."""
     out = dict(below)
     for name, value in above.items():
         old = out.get(name)
@@ -92,7 +91,7 @@ def merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]
 
 
 def new_text(data: Mapping[str, Any], remarks: Mapping[str, str] | None = None) -> str:
-    """A commented TOML file with these values; ``remarks`` extend single keys' comments."""
+    """Return a commented TOML file with these values; ``remarks``: dotted key → extra comment."""
     remarks = remarks or {}
     lines = [f"# {line}" for line in TITLE]
     plain = {n: f for n, f in Profile.model_fields.items() if section_of(f) is None}
@@ -135,7 +134,7 @@ def _entry(name: str, field: FieldInfo, value: Any, remark: str | None) -> Itera
 
 
 def literal(value: Any) -> str:
-    """A value in TOML; a matrix has a line for each row."""
+    """Format a value as TOML; a matrix has a line for each row."""
     import tomlkit
 
     if isinstance(value, (list, tuple)) and value and isinstance(value[0], (list, tuple)):
@@ -145,7 +144,7 @@ def literal(value: Any) -> str:
 
 
 def changed_text(text: str, changes: Iterable[Change]) -> str:
-    """The file's text with these keys changed or added; all other lines stay as they are."""
+    """Return the file's text with these keys changed or added; other lines stay as they are."""
     import tomlkit
 
     document: Any = tomlkit.parse(text)

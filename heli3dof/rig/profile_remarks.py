@@ -1,4 +1,4 @@
-"""Report legal but unusual values of a profile, for ``profile check`` and ``profile new``.
+"""Reports legal but unusual values of a profile, for ``profile check`` and ``profile new``.
 
 The balance of the level arm gives a hover voltage from the masses::
 
@@ -22,27 +22,27 @@ from heli3dof.rig.profile import Profile, g
 from heli3dof.toml_file import key_of, keys, within
 
 FAR = 2.0
-"""standard deviations by which V_o and V_m may differ; different signs are always reported"""
+"""Standard deviations of V_m by which V_o may differ from it, if the signs agree"""
 MOST_OF_THE_AMPLIFIER = 0.6
-"""share of v_max at hover, above which too little is left for control"""
+"""|V_o| as a share of v_max above which too little is left for control"""
 INERTIA_RATIO = 1.5
 """largest ratio of a measured inertia to that of the masses, either way"""
 
 
 def mass_hover_voltage(profile: Profile) -> float:
-    """V_m in V per motor, signed; eq (6) of the paper has the opposite sign (erratum E2)."""
+    """Return V_m in V per motor, signed; the paper's eq (6) has the opposite sign (erratum E2)."""
     return -profile.gravity_torque / (2 * profile.geometry.L_a * profile.motor.K_f)
 
 
 def estimated_hover_voltage(profile: Profile) -> float:
-    """|V_m| with the sign of −(rest angle): a first value until V_o is measured."""
+    """Return |V_m| in V with the sign of −(rest angle): a first value until V_o is measured."""
     size = mass_hover_voltage(profile)
     rest = profile.encoder.roll_rest_deg
     return size if rest == 0 else abs(size) * (-1 if rest > 0 else 1)
 
 
 def unusual_values(profile: Profile) -> Iterator[str]:
-    """One sentence for each unusual value."""
+    """Yield a sentence for each unusual value."""
     for name, field in keys(Profile):
         key, value = key_of(field), value_at(profile, name)
         if key is None or key.usual is None or value is None or within(value, key.usual):
@@ -108,7 +108,7 @@ def _hover(profile: Profile) -> Iterator[str]:
 
 
 def value_at(profile: Profile, name: str) -> Any:
-    """The value of a dotted key; None where its section is absent."""
+    """Return the value of a dotted key; None if its section is absent."""
     at: Any = profile
     for part in name.split("."):
         at = getattr(at, part, None)

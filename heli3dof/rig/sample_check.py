@@ -1,4 +1,4 @@
-"""Check that a driver's sample consists of numbers.
+"""Checks that a driver's sample consists of numbers.
 
 A NaN compares false with everything, so ``min(max(v, −v_max), v_max)`` of a NaN may be v_max. No
 sample with a NaN may therefore reach a controller. Voltages and currents may be NaN, "not
@@ -30,7 +30,7 @@ def check_sample(sample: Any) -> None:
 
 
 def unusable_sample(sample: Any) -> Trip | None:
-    """Why a sample cannot be used, as the trip that ends the flight; None for a good sample."""
+    """Return why a sample cannot be used, as the trip that ends the flight; None if it can."""
     problem = sample_problem(sample)
     if problem is None:
         return None
@@ -38,7 +38,7 @@ def unusable_sample(sample: Any) -> Trip | None:
 
 
 def sample_problem(sample: Any) -> str | None:
-    """The first field that is not a number, in words; None for a good sample. About 1 µs.
+    """Return the first field that is not a number, in words; None without one. Takes about 1 µs.
 
     Counts and flags must be whole numbers, times finite ones.
     """

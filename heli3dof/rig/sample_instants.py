@@ -1,23 +1,24 @@
-"""The instant of a stream that a sample belongs to, by the device's clock alone.
+"""Counts the sampling instants that a device skipped, by the device's clock alone.
 
-A device takes a sample at its instant, or a little later when it is busy, never earlier:
+A device takes the sample of instant i at this instant or, when it is busy, a little later. So the
+sample's time d on the device's clock is
 
-    sample of instant i:  base + i·dt ≤ d < base + (i + 1)·dt
+    base + i·dt ≤ d < base + (i + BUSY)·dt        base: time of instant 0, estimated
 
-So base is the earliest value that fits. It may creep, since dt need not be exactly the device's own
-period (whole µs, on its own crystal).
+The estimate of base is the smallest d − i·dt so far. Before each sample it rises by CREEP·dt, since
+the device's own period (whole µs, on its own crystal) may be longer than dt.
 """
 
 from __future__ import annotations
 
 BUSY = 0.9
-"""periods: a sample that is later than this belongs to the next instant"""
+"""periods: a sample that is later than this after an instant belongs to the next one"""
 CREEP = 1e-3
-"""periods per period: by how much the device's period may exceed dt"""
+"""Largest excess of the device's period over dt, as a share of dt"""
 
 
 class Instants:
-    """Counts a stream's instants from its first sample on; times in seconds."""
+    """Counts the instants, ``dt`` s apart, from the first sample on; times: s, device's clock."""
 
     def __init__(
         self, dt: float, first_s: float, *, busy: float = BUSY, creep: float = CREEP
@@ -26,7 +27,7 @@ class Instants:
         self._base, self._k = first_s, 0
 
     def skipped(self, device_s: float) -> int:
-        """Add the next sample; returns the number of instants without a sample before it."""
+        """Add a sample of time ``device_s``; return the number of instants skipped before it."""
         dt = self._dt
         behind = (device_s - self._base) / dt - (self._k + 1)
         skipped = max(0, int(behind + 1 - self._busy))

@@ -1,4 +1,4 @@
-"""Why a flight must end: what was observed, the likely cause, and what to do.
+"""`Trip`: why a flight must end, with the likely cause and what to do.
 
 A safety monitor may also return a plain string; then cause and fix are unknown.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 
 class Trip(str):
-    """What was observed, as text. ``cause``: the likely one; ``fix``: the command or thing to do.
+    """A string: what was observed. ``cause``: its likely cause; ``fix``: what to run or to do.
 
     ``by_motion``: the rig moved differently from what its voltages demand, so the motion before the
     trip may show the fault (`heli3dof.experiment.safety_monitors.wiring_fault`).
@@ -24,7 +24,7 @@ class Trip(str):
 
     @staticmethod
     def first(*reasons: str | None) -> Trip | None:
-        """All reasons in one sentence, with the first known cause and fix; None without any."""
+        """Join the reasons to one `Trip` with the first known cause and fix; None without any."""
         given = [each for each in reasons if each]
         if not given:
             return None

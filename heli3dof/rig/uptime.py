@@ -1,15 +1,15 @@
-"""A device's uptime: it counts milliseconds modulo 2³² on a clock of its own."""
+"""Compares uptimes of a device, which counts them in ms modulo 2³² on its own clock."""
 
 from __future__ import annotations
 
 UPTIME_WRAP_S = 2**32 / 1000
-"""s: the uptime is stated in ms modulo 2³², 49.7 days (docs/reference/protocol.md, REPORT)"""
+"""s after which the uptime starts again at zero: 49.7 days (docs/reference/protocol.md, REPORT)"""
 CLOCK_TOLERANCE = 5e-3
-"""s per s: a ceramic resonator, the worst clock of a microcontroller board, is within 0.5 %"""
+"""s per s: error of the worst clock of a microcontroller board, a ceramic resonator (0.5 %)"""
 
 
 def wrapped_difference_s(a_s: float, b_s: float) -> float:
-    """a − b modulo `UPTIME_WRAP_S`, in [−W/2, W/2).
+    """Return a − b in s modulo W = `UPTIME_WRAP_S`, in [−W/2, W/2).
 
     >>> wrapped_difference_s(1.0, UPTIME_WRAP_S - 1.0)
     2.0

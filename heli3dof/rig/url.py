@@ -1,4 +1,4 @@
-"""Device URLs: ``scheme:`` or ``scheme://where``, then ``?option=value&option=value``.
+"""Parses device URLs: ``scheme:`` or ``scheme://where``, then ``?option=value&option=value``.
 
 ``mock:?profile=P&hide=friction.coulomb.yaw:0.03&seed=1&speed=max`` ·
 ``serial:///dev/ttyACM0?baud=921600`` · ``usb://VID:PID/SERIAL`` · ``quanser://BOARD/ID``
@@ -15,7 +15,7 @@ from heli3dof.errors import UsageError, did_you_mean
 
 @dataclass(frozen=True, slots=True)
 class DeviceUrl:
-    """A parsed device URL; ``options`` keeps every value of a repeated option."""
+    """A parsed device URL; ``options``: name → every value of this option."""
 
     text: str
     scheme: str
@@ -23,7 +23,6 @@ class DeviceUrl:
     options: Mapping[str, tuple[str, ...]]
 
     def one(self, name: str, default: str | None = None) -> str | None:
-        """The last value of an option, or the default."""
         values = self.options.get(name, ())
         return values[-1] if values else default
 
@@ -40,7 +39,7 @@ class DeviceUrl:
 
 
 def parse_url(text: str) -> DeviceUrl:
-    """Parse a device URL. Raises UsageError without a scheme.
+    """Parse a device URL. Raises UsageError if the scheme is missing.
 
     >>> parse_url("mock:?seed=1").one("seed")
     '1'

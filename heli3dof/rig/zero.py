@@ -1,8 +1,8 @@
-"""Measure the encoder counts at known angles, with the rig at rest.
+"""Measures the encoder counts at known angles, with the rig at rest.
 
     counts_at_rest = median(count) − (angle now − rest angle) · counts per revolution / 2π
 
-rounded to whole counts. The rig is at rest if no axis moves by more than `STILL_DEG` and
+rounded to whole counts. The rig is not at rest if an axis moves by more than both `STILL_DEG` and
 `STILL_COUNTS` during the measurement.
 """
 
@@ -29,9 +29,9 @@ from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.session.open_exclusive import open_rig
 
 STILL_DEG = 0.2
-"""°: a rig that swings moves further"""
+"""°: a rig that still swings moves by more"""
 STILL_COUNTS = 2
-"""counts: an encoder between two counts moves by one"""
+"""counts: the reading of an encoder between two counts alternates by one"""
 EVERY_S = 0.01
 """s between readings"""
 MEASURE_S = 1.0
@@ -40,17 +40,17 @@ MEASURE_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """Encoder readings over a while."""
+    """Encoder readings of an unarmed rig over some time."""
 
     counts: Counts
     """The median of each axis, in the device's counts"""
     moved: Counts
-    """Largest minus smallest"""
+    """Largest minus smallest count of each axis"""
     readings: int
 
 
 def watch_standing(rig: Rig, seconds: float) -> Standing:
-    """Read the unarmed rig for so long. Raises SafetyTrip where it is armed."""
+    """Read the unarmed rig's encoders for ``seconds``. Raises SafetyTrip if it is armed."""
     rows = []
     until = time.monotonic() + seconds
     while True:
@@ -78,7 +78,7 @@ def calibrate(
     device: str,
     angles_deg: tuple[float | None, float | None, float | None],
 ) -> Calibration:
-    """The calibration of a rig at these angles; None: that axis is at its rest angle.
+    """Compute the calibration of a rig at these angles (None: the axis is at its rest angle).
 
     Raises CheckFailed if the rig moved.
     """
@@ -116,9 +116,9 @@ class ZeroResult:
     device: str
     calibration: Calibration
     shift_deg: tuple[float, float, float]
-    """Roll, pitch, yaw: the change from the rest counts in use before, degrees"""
+    """Roll, pitch, yaw: change from the rest counts in use before, in degrees"""
     stored: Path | None
-    """The file; None for a dry run or an emulated rig, which starts at rest every time"""
+    """The file; None if nothing was stored: without ``store``, or for an emulated rig"""
     emulated: bool
 
 
@@ -132,7 +132,8 @@ def zero(
     """Measure the encoder counts of a rig at rest and store them. Moves nothing.
 
     ``angles_deg``: roll, pitch and yaw at which the rig stands now; None is the axis's rest angle.
-    Raises DeviceError, SafetyTrip for an armed rig, and CheckFailed for a rig that moves.
+    ``store``: False for a dry run. Raises DeviceError, SafetyTrip for an armed rig, and CheckFailed
+    for a rig that moves.
     """
     device, profile = device or default_device(), profile or default_profile()
     with open_rig(device, profile) as rig:

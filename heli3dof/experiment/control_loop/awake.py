@@ -5,8 +5,8 @@ the machine gets the core again, whatever the priority inside the machine. A pro
 idle priority (`spinner`) prevents that, and gives way to all other work inside. It is a process of
 its own because the flight's threads share one interpreter lock.
 
-* The first core stays idle: a host that rations processor time counts its own work for the machine
-  too, and would stop a machine that uses all its cores.
+* The first of several cores stays idle: a host that rations processor time also counts the work
+  that it does for the machine, and would stop a machine that uses all its cores.
 * A physical machine needs none of this.
 * A container with a quota of processor time gets none: it would use up the flight's quota.
 """
@@ -39,9 +39,10 @@ END_S = 1.0
 
 
 def keep_awake(undo: ExitStack, cores: Sequence[int], *, stay: bool) -> tuple[Check, ...]:
-    """Keep all but the first of these cores of a virtual machine busy until ``undo`` closes.
+    """Keep a virtual machine's cores, all but the first of several, busy until ``undo`` closes.
 
-    ``stay``: restrict this program's threads to them. On a physical machine: no check.
+    Returns the result as checks of ``heli3dof doctor``; none on a physical machine. ``stay``: also
+    restrict this program's threads to the busy cores, if there are two or more.
     """
     if not cores or not is_virtual():
         return ()
@@ -68,7 +69,7 @@ def keep_awake(undo: ExitStack, cores: Sequence[int], *, stay: bool) -> tuple[Ch
 
 
 def is_virtual() -> bool:
-    """Whether Linux reports a hypervisor."""
+    """True if this is Linux and reports that it runs in a virtual machine."""
     if not sys.platform.startswith("linux"):
         return False
     try:
@@ -80,7 +81,7 @@ def is_virtual() -> bool:
 
 
 def is_rationed() -> bool:
-    """Whether this program's control group, or one above it, has a quota of processor time."""
+    """True if this program's cgroup, or one above it, has a quota of processor time."""
     try:
         lines = [line.split(":", 2) for line in OWN_CGROUP.read_text().splitlines()]
     except OSError:
@@ -104,7 +105,7 @@ def _has_quota(path: Path) -> bool:
 
 
 def _reported_cores(spinner: subprocess.Popen[bytes], expected: int) -> list[str]:
-    """The cores that the spinner reports within `START_S`."""
+    """Return the core numbers that the spinner process reports within `START_S`."""
     assert spinner.stdout is not None
     reported, until = b"", time.monotonic() + START_S
     while reported.count(b"\n") < expected:

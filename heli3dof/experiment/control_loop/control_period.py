@@ -1,8 +1,8 @@
-"""`Period`, what the loop knows in one control period before it sends the command.
+"""`Period`: what the loop knows in one control period before it sends the command.
 
-A *monitor* is called with every `Period` and returns why the flight must end now, or None. It may
-keep state from period to period, so each flight needs new monitors. It runs inside the control
-period: a few microseconds, no input or output.
+A *monitor* is a callable. The loop calls it with every `Period`; it returns why the flight must end
+now, or None. It may keep state from period to period, so each flight needs new monitors. It runs
+inside the control period: it may take a few microseconds, and no input or output is allowed.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ class Period(NamedTuple):
     rate: tuple[float, float, float]
     """rad/s, the controller's filtered derivatives"""
     command: tuple[float, float]
-    """V: the controller's output before the limiter: front, back"""
+    """V (front, back): the controller's output before the voltage limiter"""
     voltage: tuple[float, float]
-    """V after the limiter, to be sent next"""
+    """V (front, back) after the voltage limiter, to be sent next"""
     sent: tuple[float, float]
     """V sent in the period before"""
     command_sequence: int
-    """Sequence number of that command, which this sample should echo"""
+    """Sequence number of the command that carried ``sent``, which this sample should echo"""
     lateness: float
     """s from the deadline to the sample's arrival; 0 on a virtual clock"""
     missed: int
-    """Periods skipped just before this one: missed by the host, lost on the line or left out"""
+    """Periods skipped just before this one, by the host, the line or the device"""
     left_out: int = 0
-    """Those for which the device made no sample"""
+    """Those of ``missed`` for which the device made no sample"""
     echo_s: float = 0.0
-    """s from sending a command to this sample, the first to echo it; 0 if it echoes no new one"""
+    """s from sending a command to this sample, the first to echo it; 0 without a new echo"""
     ramping_down: bool = False
     """True in the ramp to zero that ends a flight"""
 
@@ -52,13 +52,13 @@ class Period(NamedTuple):
 
 
 def motor_voltage(sample: Sample, sent: tuple[float, float]) -> tuple[float, float]:
-    """V at the motors (front, back): as reported by the device, else as sent.
+    """Return the voltages at the motors (front, back) in V: as the device reports, else as sent.
 
-    A driver whose amplifier does not report its output gives NaN.
+    ``v_applied`` is NaN if the amplifier does not report its output.
     """
     front, back = sample.v_applied
     return (front if isfinite(front) else sent[0], back if isfinite(back) else sent[1])
 
 
 Monitor = Callable[[Period], str | None]
-"""Returns why the flight must end now, or None."""
+"""Judges a period; returns why the flight must end now, or None."""

@@ -1,10 +1,12 @@
-"""Chooses the core that a flight runs on.
+"""Chooses the processor core that a flight's threads share.
 
-All threads of a flight share one core. They take turns for the interpreter anyway, and under
-SCHED_FIFO they delay nothing on the other cores, neither another flight nor the kernel's workers
-that deliver a serial line's bytes. The core is one that the kernel keeps free (``isolcpus=``), else
-the last one that no other flight has. Without SCHED_FIFO a thread would wait there behind ordinary
-programs, so the kernel chooses its core.
+The threads take turns for the interpreter anyway. On one core they delay, under SCHED_FIFO
+(real-time scheduling), neither another flight nor the kernel's workers that deliver a serial line's
+bytes. The choice, in this order:
+
+1. a core that the kernel keeps free of other programs (``isolcpus=``)
+2. under SCHED_FIFO: the last core that no other flight has, but not the first
+3. none: the kernel moves ordinary threads, which on a fixed core would wait for other programs
 """
 
 from __future__ import annotations
@@ -19,13 +21,14 @@ from heli3dof.rig.interface import Check
 
 ISOLATED = Path("/sys/devices/system/cpu/isolated")
 CLAIM = "\0heli3dof-core-{}"
-"""Name of an abstract socket: one flight can bind it, and it disappears with the process"""
+"""Name of an abstract socket: only one flight can bind it, and it disappears with the process"""
 
 
 def on_one_core(undo: ExitStack, *, scheduled: bool) -> tuple[Check, ...]:
-    """Move the calling thread, and all others if ``scheduled``, to a free core.
+    """Move the calling thread to the flight's core; return a check of ``heli3dof doctor``.
 
-    ``undo`` moves them back when it closes. No check if nothing can be moved.
+    ``scheduled``: the loop runs under SCHED_FIFO; then all threads of this program move. ``undo``
+    moves them back when it closes. Returns no check if no thread was moved.
     """
     if not hasattr(os, "sched_setaffinity"):
         return ()
@@ -41,21 +44,20 @@ def on_one_core(undo: ExitStack, *, scheduled: bool) -> tuple[Check, ...]:
 
 
 def available_cores() -> list[int]:
-    """This program's cores, and those that the kernel keeps free; empty if the system has no
-    affinity."""
+    """Return this program's cores and those kept free; empty if the system has no affinity."""
     if not hasattr(os, "sched_getaffinity"):
         return []
     return sorted(os.sched_getaffinity(0) | isolated_cores())
 
 
 def isolated_cores() -> set[int]:
-    """The cores that the kernel keeps free."""
+    """Return the cores that the kernel keeps free of other programs (``isolcpus=``)."""
     text = _text(ISOLATED)
     return parse_cores(text) if text else set()
 
 
 def parse_cores(text: str) -> set[int]:
-    """A set of cores in the kernel's notation.
+    """Parse a set of cores in the kernel's notation.
 
     >>> sorted(parse_cores("2-3,7"))
     [2, 3, 7]
@@ -68,7 +70,7 @@ def parse_cores(text: str) -> set[int]:
 
 
 def _claimed(undo: ExitStack) -> int | None:
-    """The last core that no other flight has; None if only the first is left."""
+    """Claim the last core that no other flight has; None if only the first is left."""
     for core in sorted(os.sched_getaffinity(0))[:0:-1]:
         claim = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:

@@ -1,7 +1,7 @@
 """Command-to-echo latency: from sending a command to the first sample that echoes it.
 
-Both times are the host's monotonic clock. Command c is sent at s_c; sample k arrives at h_k and
-echoes command e_k (``Sample.sequence``)::
+Command c is sent at s_c. Sample k arrives at h_k and echoes command e_k (``Sample.sequence``). Both
+times are on the host's monotonic clock::
 
     latency(c) = h_k − s_c,   k the first sample with e_k = c
 
@@ -30,7 +30,7 @@ _MASK = 0xFFFFFFFF
 
 @dataclass(frozen=True, slots=True)
 class EchoLatency:
-    """Latency over one flight; None for a time that was never measured."""
+    """Command-to-echo latency of one flight; a time is None if it was never measured."""
 
     commands: int
     commands_unacknowledged: int
@@ -39,7 +39,7 @@ class EchoLatency:
     p999_s: float | None
     worst_s: float | None
     median_periods: int | None
-    """The same in whole control periods, rounded, at least 1"""
+    """``median_s`` in whole control periods, rounded, at least 1"""
     p999_periods: int | None
     worst_periods: int | None
 
@@ -48,9 +48,10 @@ class EchoLatency:
 
 
 class EchoMeter:
-    """Measures the latency over the exchanges of one flight, in constant memory.
+    """Measures the command-to-echo latency of one flight, in constant memory.
 
-    ``clocked``: False for a virtual clock; then commands are counted, not timed.
+    ``dt``: the control period in s. ``clocked``: False for a virtual clock; then the meter counts
+    commands but does not time them.
     """
 
     def __init__(self, dt: float, *, clocked: bool = True) -> None:
@@ -62,10 +63,10 @@ class EchoMeter:
         self.latency = Histogram()
         self.commands = self.unacknowledged = self.never_echoed = 0
         self.last_s = 0.0
-        """s, of the newest command that the last sample echoes; 0 if it echoes no new one"""
+        """s: latency of the newest command that the last sample echoes; 0 without a new echo"""
 
     def exchanged(self, sequence: int, sent_s: float, sample: Sample) -> None:
-        """Command ``sequence`` went out at ``sent_s``; ``sample`` ended its control period."""
+        """Add command ``sequence``, sent at ``sent_s``, and the sample that ended its period."""
         self._sent_s[sequence % PENDING] = sent_s
         self.last_s = 0.0
         if not sample.flags & Flags.ENABLED:
@@ -83,7 +84,7 @@ class EchoMeter:
         self._echo = echo
 
     def measured(self) -> EchoLatency | None:
-        """The result; None if no command went out to an enabled device."""
+        """Return the result; None if no command went out to an enabled device."""
         if not self.commands:
             return None
         counts = (self.commands, self.unacknowledged, self.never_echoed)

@@ -3,9 +3,9 @@
     sample k → angles k → V[k] = controller(angles k, references k) → held until sample k+1
 
 Deadlines are absolute; the loop skips missed periods and never makes up for them
-(`heli3dof.experiment.control_loop.timekeeping`). Whatever ends the flight, the motors go to zero:
-in a ramp from hover, at once from elsewhere, recorded either way
-(`heli3dof.experiment.control_loop.ramp_down`).
+(`heli3dof.experiment.control_loop.timekeeping`). Whatever ends the flight, the motors go to zero
+(`heli3dof.experiment.control_loop.ramp_down`): in a ramp if the last voltages are near the hover
+voltage, else at once. The loop records this, too.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from heli3dof.rig.trip import Trip
 REMEMBERED_S = 4.0
 """s of motion before a trip that the search for a wiring fault uses"""
 BRIDGED = 500
-"""Most skipped periods that the controller steps through, the last ones: many times the memory of
-its filters. No flight goes on after so many, since every device's watchdog has expired by then."""
+"""The controller steps through at most this many skipped periods, the last ones: many times the
+memory of its filters. At 500 Hz they take 1 s, in which every device's watchdog expires."""
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
@@ -49,18 +49,19 @@ class Live:
     """The loop's progress, for a display in another thread; the loop never waits for it."""
 
     done: int = 0
+    """Control periods of the plan that are over, skipped ones included; ``total``: all"""
     total: int = 1
     angle: Triple = (0.0, 0.0, 0.0)
     voltage: Pair = (0.0, 0.0)
     late: int = 0
     lateness: float = 0.0
-    """s, of the last sample"""
+    """s from the deadline to the arrival of the last sample"""
     phase: str = "arming"
 
 
 @dataclass(frozen=True)
 class _End:
-    """How the flight ended so far."""
+    """How the flight ended, as known so far; ``detail``: in words."""
 
     ending: Ending
     detail: str
@@ -82,14 +83,22 @@ def fly(
     monitors: Sequence[Monitor] = (),
     must_still_fall: Callable[[], bool] = lambda: False,
 ) -> Outcome:
-    """Fly the rendered plan in closed loop and return how it ended. Never raises.
+    """Fly the rendered plan in closed loop, ramp to zero, and return how the flight ended.
 
-    ``stop`` returns why to end the flight, or None; the loop calls it in every period of the plan
-    and of the ramp after a completed plan. ``at_once`` returns why to stop without the rest of
-    the ramp to zero; the loop calls it in every period of the ramp.
-    ``monitors`` judge every period in their order, before the envelope, and the ramp after a
-    completed plan. While ``must_still_fall`` returns True that ramp goes on at zero volts.
-    The profile must have a controller, and its rate must be the signals'.
+    An error of the rig, the recorder or a callback ends the flight and is in the outcome. The
+    profile must have a controller and the control rate for which the signals were rendered.
+
+    Args:
+        sink: receives a row for every control period.
+        stop: returns why to end the flight, or None. Called in every period of the plan, and of
+            the ramp to zero if the plan was completed.
+        at_once: returns why to stop the device without the rest of the ramp to zero, or None.
+            Called in every period of the ramp.
+        live: receives the progress.
+        monitors: each judges, before the envelope does, every period in which ``stop`` is called.
+        must_still_fall: returns True while the arm reads a constant angle above the table. After
+            the ramp of a completed plan the motors are at zero, so a live roll encoder must show
+            the arm fall. The loop then goes on at zero volts, for `ramp_down.FALL_S` at most.
     """
     flight = _Flight(rig, profile, signals, sink, stop, live or Live(), monitors)
     with _granted(rig.identity) as granted:
@@ -127,7 +136,7 @@ class _Flight:
         """(t in s, angles in rad, V at the motors) of the last periods"""
 
     def fly_plan(self) -> tuple[_End, Sample | None]:
-        """Fly the plan; how that ended, and the last sample (None: the device does not answer)."""
+        """Fly the plan; return how it ended, and the last sample (None: the device fell silent)."""
         sample: Sample | None = None
         live = self.live
         live.total = len(self.reference)
@@ -156,7 +165,10 @@ class _Flight:
         at_once: Callable[[], str | None],
         must_still_fall: Callable[[], bool],
     ) -> tuple[_End, RampDown]:
-        """Ramp to zero; how the flight ended after all, and how the ramp went."""
+        """Ramp to zero from the last ``sample``; return how flight and ramp ended.
+
+        ``end``: how the plan ended. The callbacks are those of `fly`.
+        """
         self.live.phase = "ramping down"
         limits = self.profile.limits
         steps, supervision = self.steps(limits.ramp_down_s), None
@@ -180,7 +192,7 @@ class _Flight:
         return _after_ramp(end, ramp), ramp
 
     def outcome(self, end: _End, ramp: RampDown, granted: Realtime | None) -> Outcome:
-        """The flight's outcome, with the wiring fault that explains a trip."""
+        """Return the flight's outcome; a trip names the wiring fault that explains it, if any."""
         detail, tally = end.detail, self.tally
         if end.ending == "tripped" and isinstance(detail, Trip) and detail.by_motion:
             from heli3dof.experiment.safety_monitors.wiring_fault import Moment, with_cause
@@ -195,12 +207,15 @@ class _Flight:
         )  # fmt: skip
 
     def angle(self, sample: Sample) -> Triple:
-        """rad, from the encoders' counts."""
+        """Return roll, pitch and yaw in rad, from the encoders' counts."""
         c, q, z = sample.counts, self.rad_per_count, self.rest
         return (z[0] + c[0] * q[0], z[1] + c[1] * q[1], z[2] + c[2] * q[2])
 
     def period(self, k: int, sample: Sample) -> tuple[Sample, _End | None]:
-        """One control period: the next sample and None, or this sample and why the flight ends."""
+        """Fly period ``k`` of the plan; ``sample`` began it.
+
+        Returns the next sample and None, or the same sample and why the flight ends.
+        """
         exchange, live = self.exchange, self.live
         if exchange.unreadable is not None:
             return sample, _End("tripped", exchange.unreadable)
@@ -228,7 +243,10 @@ class _Flight:
         return after, None
 
     def control(self, k: int, angle: Triple) -> tuple[Triple, Pair, Pair, Pair]:
-        """(reference, extra, command, voltage) of period k."""
+        """Step the controller by period k; return (reference rad, extra V, command V, voltage V).
+
+        extra: what the plan adds to the voltages; command, voltage: before and after the limiter.
+        """
         # Plain floats from here on, made row by row: an hour of them would fill the memory.
         reference, extra = tuple(self.reference[k].tolist()), tuple(self.extra[k].tolist())
         if self.opened is None:
@@ -238,7 +256,8 @@ class _Flight:
     def bridge(self, k: int, skipped: int, angle: Triple) -> None:
         """Step the controller through the periods skipped before k, interpolating the angles.
 
-        Without this its filters would take the whole motion for that of one period.
+        ``angle`` (rad) is that of period k. Without this the controller's filters would take the
+        whole motion for that of one period.
         """
         before = self.before
         for j in range(max(1, skipped - BRIDGED + 1), skipped + 1):
@@ -249,7 +268,11 @@ class _Flight:
     def reason_to_end(
         self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair
     ) -> _End | None:
-        """Why the flight ends in this period, or None."""
+        """Return why the flight ends in this period k, at ``t`` s, or None.
+
+        The reason is, in this order: ``stop``, the device or a monitor, the envelope. Angle in rad;
+        command and voltage in V, before and after the limiter.
+        """
         if (requested := self.stop()) is not None:
             return _End("interrupted", requested)
         rates = self.controller.rates
@@ -266,7 +289,7 @@ class _Flight:
         self, k: int, t: float, sample: Sample, angle: Triple, command: Pair, voltage: Pair,
         ramping_down: bool = False,
     ) -> str | None:  # fmt: skip
-        """The first report of a safety monitor on this period, or None."""
+        """Return the first report of a safety monitor on period k, or None; see `reason_to_end`."""
         if not self.monitors:
             return None
         exchange = self.exchange
@@ -278,18 +301,17 @@ class _Flight:
         return next(filter(None, (monitor(now) for monitor in self.monitors)), None)
 
     def judge_ramp(self, sample: Sample, voltage: Pair) -> str | None:
-        """The same for a period of the ramp to zero."""
+        """Return the first report of a safety monitor on a period of the ramp to zero, or None."""
         t = sample.device_time_s - self.t0
         return self.judge(self.flown, t, sample, self.angle(sample), voltage, voltage, True)
 
     def steps(self, seconds: float) -> int:
-        """Control periods in that time, at least one."""
         return max(1, round(seconds / self.profile.dt))
 
     def ramp_recorder(
         self, append: Callable[[Row], None]
     ) -> Callable[[Sample, Pair, float, Sample], None]:
-        """Appends the periods of the ramp as rows, with the last reference."""
+        """Return a function that appends a period of the ramp as a row, with the last reference."""
         held = self.controller.limited_reference
 
         def record(sample: Sample, voltage: Pair, lateness: float, after: Sample) -> None:
@@ -305,7 +327,7 @@ class _Flight:
 
 
 def _after_ramp(end: _End, ramp: RampDown) -> _End:
-    """How the flight ended, given how the ramp went."""
+    """Return how the flight ended, from how the plan ended (``end``) and how the ramp went."""
     detail = Trip.first(end.detail, ramp.reason) or ""
     if ramp.stopped:
         return replace(end, ending="tripped", detail=detail)
@@ -321,7 +343,7 @@ def _after_ramp(end: _End, ramp: RampDown) -> _End:
 
 @contextmanager
 def _granted(identity: Identity) -> Iterator[Realtime | None]:
-    """Real-time measures for the loop; None on a virtual clock, which needs none."""
+    """Context manager: take and yield the real-time measures; on a virtual clock, yield None."""
     with ExitStack() as undo:
         if identity.timebase == "virtual":
             quiet_interpreter(undo)

@@ -21,16 +21,16 @@ Ending = Literal["completed", "tripped", "interrupted", "device", "error"]
 
 @dataclass(frozen=True)
 class Punctuality:
-    """Lateness of the samples, and the loop's computing time; seconds."""
+    """Quantiles, in s, of the samples' delay after their deadlines and of the computing time."""
 
     median_s: float
     p99_s: float
     p999_s: float
     worst_s: float
     late_share: float
-    """Share of all periods that were later than `LATE_S` or missed"""
+    """Share of all periods whose sample came later than `LATE_S`, or which the host missed"""
     turnaround_median_s: float
-    """From a sample's arrival to sending the command computed from it"""
+    """s from a sample's arrival to sending the command computed from it"""
     turnaround_p999_s: float
     turnaround_worst_s: float
 
@@ -41,11 +41,11 @@ class Outcome:
 
     ending: Ending
     detail: str
-    """A `Trip` if the likely cause is known"""
+    """What ended the flight, in words; a `Trip` if the likely cause is known"""
     periods: int
     """Control periods flown in closed loop"""
     late: int
-    """Periods later than `LATE_S`"""
+    """Periods whose sample came later than `LATE_S` after its deadline"""
     missed: int
     """Periods skipped because the host was too late"""
     worst_lateness_s: float
@@ -59,24 +59,24 @@ class Outcome:
     realtime: Realtime | None = None
     """What the system granted the loop; None on a virtual clock"""
     link: dict[str, Any] | None = None
-    """Counts of the rig's link (`link_counts`); None for a rig without"""
+    """Counts of the rig's link (`link_counts`); None for a rig without counters"""
     left_out: int = 0
     """Periods skipped because the device was held up and made no sample"""
     latency: EchoLatency | None = None
     """Command-to-echo latency; None if nothing was flown"""
     device_cause: str | None = None
-    """Why the device held its output at zero, as it states; None: it did not, or states nothing"""
+    """Why the device held its output at zero, in its own words; None if it states nothing"""
     ramped: bool = False
-    """True if that was a ramp from the last voltages; False for zero volts at once"""
+    """True if the motors were ramped to zero; False if they were set to zero volts at once"""
 
     def advice(self) -> dict[str, str]:
-        """Likely cause and fix; empty if not known."""
+        """Return ``likely_cause`` and ``fix`` for the user; empty if the cause is not known."""
         if not isinstance(self.detail, Trip):
             return {}
         return {"likely_cause": self.detail.cause, "fix": self.detail.fix}
 
     def details(self) -> dict[str, Any]:
-        """The outcome as the recording keeps it, with units in the keys."""
+        """Return the outcome as the recording stores it: JSON keys that contain their units."""
         return {
             "detail": self.detail,
             **self.advice(),
@@ -97,7 +97,10 @@ class Outcome:
 
 
 def link_counts(rig: Any) -> dict[str, Any] | None:
-    """``rig.statistics`` as JSON keys: numbers, and quantiles of histograms."""
+    """Return the link's counters ``rig.statistics`` as a dict for JSON; None for a rig without.
+
+    A histogram of times becomes its median, 99.9 % quantile and largest time.
+    """
     statistics = getattr(rig, "statistics", None)
     if not is_dataclass(statistics) or isinstance(statistics, type):
         return None
@@ -114,7 +117,7 @@ def link_counts(rig: Any) -> dict[str, Any] | None:
 
 
 class Tally:
-    """Counts the periods of one flight, in constant memory."""
+    """Counts late and skipped periods of one flight, and their times, in constant memory."""
 
     def __init__(self) -> None:
         self.late = self.missed = self.lost = self.left_out = 0
@@ -123,13 +126,16 @@ class Tally:
 
     @property
     def worst(self) -> float:
-        """s, the largest lateness"""
+        """Largest delay of a sample after its deadline, s."""
         return self.lateness.worst_s
 
     def count(
         self, lateness: float, turnaround: float, missed: int, lost: int, left_out: int
     ) -> None:
-        """Add a period: lateness in s, turnaround in s, periods skipped before it."""
+        """Add a period: delay of its sample after the deadline in s, computing time in s.
+
+        missed, lost, left_out: periods skipped before it by the host, the line and the device.
+        """
         if lateness > LATE_S:
             self.late += 1
         self.missed += missed
@@ -139,7 +145,7 @@ class Tally:
         self.left_out += left_out
 
     def punctuality(self) -> Punctuality | None:
-        """Quantiles over the periods counted (see `Histogram`); None without one."""
+        """Return quantiles over the periods counted (see `Histogram`); None without a period."""
         late, turn = self.lateness, self.turnaround
         n = late.n
         if not n:

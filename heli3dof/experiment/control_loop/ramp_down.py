@@ -1,21 +1,23 @@
-"""The ramp to zero that ends every flight; the loop records each of its periods.
+"""Takes the motors to zero volts at the end of a flight; the loop records each period of it.
 
     V[i] = V_start · (1 − i/n),  i = 1 … n,  n = ramp time / dt
 
     V_start = V_last   where |V_last,front − V_o| ≤ ½ V_h and |V_last,back − V_o| ≤ ½ V_h
     V_start = 0        elsewhere,                             V_h = max(|V_o|, v_max/8)
 
-A ramp sets down an arm that its thrust carries. From voltages far from the hover voltage a ramp
-throws the arm (24 V after a wrong encoder sign: up to 100°) or drives it into the table, so both
-motors go to zero at once. The law reads no angle, because the encoders may be why the flight ends.
+V_last: last voltages sent; V_o: hover voltage of each motor; v_max: the amplifier's limit. A ramp
+sets down an arm that its thrust carries. From voltages far from the hover voltage it throws the arm
+(24 V after a wrong encoder sign: up to 100°) or drives it into the table, so both motors go to zero
+at once. The law reads no angle, because the encoders may be why the flight ends.
 `make bench TOPIC=ramp_down` compares it with other laws.
 
-* Missed and lost periods are skipped, so the ramp takes no longer.
-* If the device does not answer, or a second signal arrives, the device is stopped at once.
+* Periods that the host misses or the line loses are skipped, so the ramp takes no longer.
+* If the device does not answer, or a second Ctrl-C arrives, the loop stops the device at once.
 * If the device stops on its own, the loop goes on recording its samples for the time of the ramp.
-* After a completed plan the ramp is slow (``landing_s``) and `Supervision` judges it. A report of a
-  monitor or of the recorder, or a request to end, shortens the rest to ``ramp_down_s``.
-* While the monitors report that the arm must still fall, zero volts are held for `FALL_S` at most.
+* After a completed plan the ramp is slow (``landing_s``) and has a `Supervision`. A report of a
+  safety monitor, a failure of the recorder or a request to end shortens the rest to
+  ``ramp_down_s``. Otherwise, if the roll count is still constant above the table after the ramp,
+  the loop holds zero volts for `FALL_S` at most, in which a live encoder must show the arm fall.
 """
 
 from __future__ import annotations
@@ -31,41 +33,42 @@ from heli3dof.rig.interface import Flags, Sample
 from heli3dof.rig.profile import Motor
 
 HOVER_BAND = 0.5
-"""Share of the hover voltage by which a motor's last voltage may differ from it for a ramp. A rig
-whose gain and trim torque each differ by 20 % from the profile hovers at 0.67 to 1.5 V_o. An arm at
-rest, ramped from κ times its hover voltage, climbs by (2/3) (κ − 1)³/κ² · T_g/J_roll · ramp time²:
-0.7° at κ = 1.5, 73°/s² and 0.5 s"""
+"""Largest difference between a last voltage and V_o from which a ramp starts, as a share of V_h.
+A rig whose gain and trim torque each differ by 20 % from the profile hovers at 0.67 to 1.5 V_o. An
+arm at rest, ramped from κ times its hover voltage, climbs by (2/3) (κ − 1)³/κ² · T_g/J_roll · ramp
+time²: 0.7° at κ = 1.5, T_g/J_roll = 73°/s² and a ramp of 0.5 s"""
 FALL_S = 2.0
 """s within which an arm without thrust reaches the table from any height (1 rad at 1 rad/s²)"""
 Pair = tuple[float, float]
 Record = Callable[[Sample, Pair, float, Sample], None]
-"""Records a period: the sample that opened it, V, its lateness in s, the sample after."""
+"""Records a period: its first sample, the voltages sent (V), that sample's lateness (s), the next
+sample"""
 
 
 @dataclass(frozen=True)
 class Supervision:
-    """What may end the slow ramp of a completed plan early."""
+    """Callbacks that may shorten or extend the slow ramp to zero after a completed plan."""
 
     monitor: Callable[[Sample, Pair], str | None]
-    """Judges each sample and the voltage (V) sent before it; returns why to hurry, or None"""
+    """Judges each sample and the voltages (V) sent before it; returns why to shorten, or None"""
     asked_to_end: Callable[[], str | None]
-    """Why to hurry, if the user or the recorder requires it"""
+    """Returns why to shorten: a request of the user or a failure of the recorder; else None"""
     must_still_fall: Callable[[], bool]
-    """Whether the arm is above the table without thrust"""
+    """Returns True while the roll count is constant above the table, so the arm must still fall"""
     hurried_steps: int
-    """Periods that the rest of a hurried ramp may take"""
+    """Control periods that the rest of a shortened ramp may take"""
 
 
 @dataclass(frozen=True)
 class RampDown:
-    """How the ramp went."""
+    """Result of a ramp to zero."""
 
     finished: bool
     """True if the last command was zero volts and the device carried it out"""
     reason: str = ""
     """Why the device was stopped at once instead"""
     stopped: bool = False
-    """True if that was on request, or if the device stopped on its own"""
+    """True if the device was stopped at once on request, or stopped on its own"""
     tripped: str | None = None
     """First report of a safety monitor during the ramp"""
     requested: str | None = None
@@ -77,14 +80,14 @@ class RampDown:
 
 
 def ramp_start(last: Pair, motor: Motor) -> Pair:
-    """V_start (front, back) in V of the ramp to zero, from the last voltages sent in V."""
+    """Return V_start (front, back) of the ramp to zero, from the last voltages sent, all in V."""
     most = HOVER_BAND * motor.hover_V
     hovers = all(abs(volts - motor.V_o) <= most for volts in last)
     return last if hovers else (0.0, 0.0)
 
 
 class _Schedule:
-    """V[i] = V_start (1 − i/n); zero after i = n."""
+    """Computes the voltages of a ramp: V[i] = V_start (1 − i/n); zero after i = n."""
 
     def __init__(self, start: Pair, steps: int) -> None:
         self.voltage = self._start = start
@@ -102,7 +105,7 @@ class _Schedule:
         return self.voltage
 
     def shorten(self, steps: int) -> None:
-        """Reach zero from the present voltage within ``steps``, unless it takes less anyway."""
+        """Reach zero from the present voltage in ``steps`` periods, unless fewer are left."""
         if steps < self.left:
             self._start, self._i, self._n = self.voltage, 0, steps
 
@@ -118,12 +121,15 @@ def ramp_to_zero(
     known: int = 0,
     supervision: Supervision | None = None,
 ) -> RampDown:
-    """Ramp to zero in ``steps`` periods from the last sample (None: the device does not answer).
+    """Ramp to zero in ``steps`` control periods; return how it went. Exceptions become its result.
 
-    ``motor`` is the profile's: its V_o and v_max decide where the ramp starts (`ramp_start`).
-    ``at_once`` returns why to stop without the rest of the ramp, or None. ``known`` flags are
-    part of the reason why the flight ended and are not reported again. ``supervision`` holds the
-    safety monitors that judge the ramp; None after a flight that was cut short. Never raises.
+    Args:
+        sample: the last one; None if the device does not answer, which is then stopped.
+        motor: the profile's; its V_o and v_max decide where the ramp starts (`ramp_start`).
+        record: records each period.
+        at_once: returns why to stop the device without the rest of the ramp, or None.
+        known: device flags that ended the flight; they are not reported again.
+        supervision: None after a flight that did not complete its plan.
     """
     if sample is None:
         exchange.stop("the device did not answer")
@@ -171,7 +177,7 @@ def ramp_to_zero(
 
 
 class GuardedRecorder:
-    """Passes rows to the recorder until that fails: a failure must not stop the ramp to zero."""
+    """Passes rows to the recorder until it fails; raises nothing, so that the ramp goes on."""
 
     def __init__(self, append: Callable[[Row], None]) -> None:
         self._append: Callable[[Row], None] | None = append

@@ -9,19 +9,19 @@ memory         mlockall: no page of the program has to be  memlock in limits.d, 
                read from the disk in flight
 idle states    a core wakes up at once                     users who may write
                                                            /dev/cpu_dma_latency
-virtual cores  the same, in a virtual machine (`awake`)    every user
+virtual cores  kept busy in a virtual machine (`awake`)    every user
 core           one for all threads of the flight (`cores`) users with scheduling; with
                                                            ``isolcpus=``, every user
-workers        the kernel's, which a serial line needs,    CAP_SYS_NICE
-               run before ordinary programs (`workers`)
+workers        the kernel's workers, which serve serial    CAP_SYS_NICE
+               lines, run before programs (`workers`)
 timer          sleeps end within 1 µs, not 50              every user
 interpreter    no garbage collection; other threads give   every user
                way within 0.1 ms
 =============  ==========================================  ======================================
 
 The flight goes on without a measure that is not granted; `Realtime` reports the command that
-grants it. While another thread of this program holds the interpreter's lock, the loop waits for it,
-so those threads run above all ordinary programs as well, but below the loop.
+grants it. The loop must wait while another thread of this program holds the interpreter's lock. So
+under SCHED_FIFO these threads, too, run above all ordinary programs, but below the loop.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ from heli3dof.experiment.control_loop.workers import raise_workers
 from heli3dof.rig.interface import Check
 
 PRIORITY = 40
-"""Of the loop, of 1 to 99; the kernel's interrupt threads have 50"""
+"""SCHED_FIFO priority of the loop (range 1 to 99); the kernel's interrupt threads have 50"""
 OTHERS_PRIORITY = 1
-"""Of the recorder and the live view"""
+"""SCHED_FIFO priority of the recorder and the live view"""
 SWITCH_S = 1e-4
 """s after which a thread that holds the interpreter's lock gives way"""
 LIMITS_D = "/etc/security/limits.d/heli3dof.conf"
@@ -58,7 +58,7 @@ _PR_SET_TIMERSLACK, _PR_GET_TIMERSLACK = 29, 30
 
 @dataclass(frozen=True)
 class Realtime:
-    """The measures that were granted and refused, as ``heli3dof doctor`` shows them."""
+    """Real-time measures that the system granted or refused, as ``heli3dof doctor`` shows them."""
 
     checks: tuple[Check, ...]
     scheduled: bool
@@ -72,7 +72,7 @@ class Realtime:
         return tuple(check for check in self.checks if check.good is False)
 
     def to_dict(self) -> dict[str, Any]:
-        """As the recording's outcome keeps it."""
+        """Return the measures as a recording's outcome stores them."""
         return {
             "scheduled": self.scheduled,
             "memory_locked": self.locked,
@@ -83,7 +83,10 @@ class Realtime:
 
 @contextmanager
 def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
-    """Take every measure for the calling thread that is permitted; undo them at the end."""
+    """Context manager: take every measure that is permitted; undo them at the end.
+
+    The calling thread gets the SCHED_FIFO ``priority`` (1 to 99).
+    """
     with ExitStack() as undo:
         quiet_interpreter(undo)
         cores = available_cores()
@@ -99,7 +102,7 @@ def realtime(priority: int = PRIORITY) -> Iterator[Realtime]:
 
 
 def quiet_interpreter(undo: ExitStack) -> None:
-    """Turn garbage collection off, and let threads give way quickly, until ``undo`` closes."""
+    """Turn garbage collection off, let threads give way in `SWITCH_S`, until ``undo`` closes."""
     undo.callback(sys.setswitchinterval, sys.getswitchinterval())
     if gc.isenabled():
         undo.callback(gc.enable)
@@ -124,7 +127,7 @@ def _scheduling(undo: ExitStack, priority: int) -> Check:
 
 
 def _schedule(undo: ExitStack, thread: int, priority: int) -> int:
-    """Run a thread (0: this one) under SCHED_FIFO; the priority that it got."""
+    """Run a thread (0: this one) under SCHED_FIFO; return the priority that it got."""
     import resource
 
     before = os.sched_getscheduler(thread), os.sched_getparam(thread)
@@ -182,7 +185,7 @@ def _may_lock_everything() -> bool:
 
 
 def _idle_states(undo: ExitStack) -> tuple[Check, ...]:
-    """Turn off deep idle states, from which a core takes 0.1 ms and more to wake."""
+    """Turn off deep idle states until ``undo`` closes: a core takes 0.1 ms or more to wake."""
     device = Path("/dev/cpu_dma_latency")
     if not device.exists():
         return ()
@@ -216,7 +219,6 @@ def _reason(error: OSError) -> str:
 
 
 def _permit() -> str:
-    """The command that permits scheduling and locked memory."""
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         return "start the container with --cap-add=SYS_NICE --cap-add=IPC_LOCK"
     return (

@@ -1,4 +1,4 @@
-"""The exchanges of one flight: command out, sample in, each with its number and deadline."""
+"""Exchanges commands for samples with the rig, once per control period of a flight."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from heli3dof.rig.trip import Trip
 
 
 class RigExchange:
-    """Sends a voltage, waits for the next sample, and measures how late that came."""
+    """Sends a command, waits for the next sample, and measures how late that came."""
 
     def __init__(self, rig: Rig, dt: float, tally: Tally) -> None:
         self._rig = rig
@@ -24,27 +24,30 @@ class RigExchange:
         self._tally = tally
         self.echo = EchoMeter(dt, clocked=rig.identity.timebase != "virtual")
         self.sequence = 0
-        """Number of the last command"""
+        """Sequence number of the last command"""
         self.sent = (0.0, 0.0)
-        """V that it sent"""
+        """V (front, back) of the last command"""
         self.lateness = 0.0
-        """s by which the sample after it was late"""
+        """s by which the last sample came after its deadline"""
         self.skipped = 0
-        """Periods skipped before that sample: missed, lost or left out"""
+        """Periods skipped before the last sample: by the host, the line or the device"""
         self.left_out = 0
-        """Those for which the device made no sample"""
+        """Those of ``skipped`` for which the device made no sample"""
         self.unreadable: Trip | None = None
-        """Why the last sample could not be used; the loop gets the one before instead"""
+        """Why the last sample could not be used (None: it could); the loop gets the one before"""
 
     def start(self) -> Sample:
-        """Arm the rig; the first sample of the flight."""
+        """Arm the rig and return the first sample of the flight."""
         sample = self._rig.arm()
         check_sample(sample)
         self._time.start(sample)
         return sample
 
     def exchange(self, since: Sample, voltage: tuple[float, float]) -> Sample:
-        """Send a voltage (V) computed from the sample ``since``; the next sample."""
+        """Send the voltages (V) computed from the sample ``since``; return the next sample.
+
+        If that cannot be used, return ``since`` with the next period's time.
+        """
         time = self._time
         self.sequence = (self.sequence + 1) & 0xFFFFFFFF
         self.sent = voltage
@@ -68,11 +71,11 @@ class RigExchange:
 
     @property
     def device_cause(self) -> str | None:
-        """Why the device holds its output at zero, as it states; None if it states nothing."""
+        """The reason that the device states for holding its output at zero; None if none."""
         return device_cause(self._rig)
 
     def stop(self, reason: str) -> None:
-        """Emergency stop. If it fails, the device's watchdog takes the volts away."""
+        """Stop the device in an emergency. If that fails, its watchdog ramps it to zero."""
         try:
             self._rig.estop(reason)
         except Exception:

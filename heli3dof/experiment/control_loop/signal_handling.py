@@ -26,21 +26,21 @@ SIGNALS = {
     "SIGBREAK": ("stopped with Ctrl-Break", "a second signal (Ctrl-Break)"),
     "SIGHUP": ("stopped since the terminal was closed (SIGHUP)", "a second signal (SIGHUP)"),
 }
-"""Signal, if the system has it: its words as the first signal, and as the second."""
+"""Signal → what messages call it as the first signal, and as the second"""
 
 
 class StopSignals:
-    """The signals received so far."""
+    """Records the stop signals that this program receives."""
 
     def __init__(self) -> None:
         self._received: list[str] = []
 
     def reason(self) -> str | None:
-        """Why to end the flight, after the first signal; None before."""
+        """Return why to end the flight, after the first signal; None before."""
         return SIGNALS[self._received[0]][0] if self._received else None
 
     def at_once(self) -> str | None:
-        """Why to stop without a ramp, after the second signal; None before."""
+        """Return why to stop without a ramp to zero, after the second signal; None before."""
         if len(self._received) < 2:
             return None
         return Trip(
@@ -56,9 +56,9 @@ class StopSignals:
 
 @contextmanager
 def stop_signals() -> Iterator[StopSignals]:
-    """Catch the signals in this block.
+    """Context manager: catch the signals of `SIGNALS` in its block.
 
-    Python catches signals only in the main thread; in another one nothing is received. A signal
+    Python handles signals only in the main thread; in another thread this catches none. A signal
     that the program was started to ignore (SIGHUP under nohup) stays ignored.
     """
     received = StopSignals()

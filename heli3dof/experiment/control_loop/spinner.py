@@ -1,9 +1,9 @@
 """Keeps processor cores busy at idle priority: ``python -I -S spinner.py CORE…``
 
 One process per core loops at idle priority (SCHED_IDLE), so that any other program gets the core at
-once. Each writes its core in a line on standard output. All end when standard input closes, and so
-with the program that started them. They ignore the keyboard's signals, which are for the flight.
-Only built-in modules are imported, so that this starts within some ms.
+once. Each writes its core's number in a line on standard output. All end when standard input
+closes, and so with the program that started them. They ignore Ctrl-C and other end signals, which
+the flight handles. Only built-in modules are imported, so that this starts within some ms.
 """
 
 import ctypes
@@ -16,7 +16,7 @@ KEYBOARD = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 
 def spin(core: int) -> None:
-    """Loop until the parent ends. Raises OSError for a core that this program may not use."""
+    """Keep this core busy until the parent ends. Raises OSError if the system does not allow it."""
     parent = os.getppid()
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))

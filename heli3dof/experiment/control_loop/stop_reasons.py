@@ -29,7 +29,7 @@ BY_FLAG = {
     ),
 }
 STOPPED = sum(int(flag) for flag in BY_FLAG)
-"""Any of these flags, as a number: the output is zero, or on the device's own ramp to zero"""
+"""These flags, as one number. With any of them the device's output is at zero or ramps to it"""
 
 
 BY_CAUSE = {
@@ -63,11 +63,14 @@ BY_CAUSE = {
         "a smaller step, or set motor.v_max to the device's limit",
     ),
 }
-"""Likely cause and fix by the cause that the device states, where that is more than its flag"""
+"""Cause that the device states → likely cause and fix, where these say more than its flag's"""
 
 
 def explain(flags: int, device_cause: str | None = None) -> Trip | None:
-    """Message, likely cause and fix for these flags; None if none of them stops the device."""
+    """Return what stopped the device, the likely cause and the fix; None if no flag stops it.
+
+    ``device_cause``: the cause that the device states.
+    """
     seen = Trip.first(*(trip for flag, trip in BY_FLAG.items() if flags & flag))
     if seen is None or device_cause is None:
         return seen

@@ -1,4 +1,4 @@
-"""Deadlines of a flight: by which clock, and whether a sample is on time, late or skipped.
+"""Keeps a flight's deadlines, and measures how late each sample is and what was skipped.
 
 Deadlines are absolute: due[k+1] = due[k] + dt, whatever happened in period k.
 
@@ -8,22 +8,22 @@ timebase   sample k is due                 skipped periods
 host       when the host asks for it       ⌊lateness / dt⌋ for a sample that came late: missed
 device     by the device's clock, mapped   those that the link counted, or by which the
            to the host's (`ClockOffset`)   device's time jumped (`Instants`)
-virtual    when it comes                   none
+virtual    when it arrives                 none
 =========  ==============================  ====================================================
 
 A link that numbers its samples distinguishes three kinds of skipped period (``rig.statistics``):
 
-* *lost*: the device made a sample that never came
-* *left out*: the device was held up and made no sample
-* *passed over*: the sample came too late to be used; the host *missed* it
+* *lost*: the device made a sample that never arrived
+* *left out* (``device_skipped``): the device was held up and made no sample
+* *passed over* (``samples_stale``): the sample came too late to be used; the host *missed* it
 
-For another link, the device's time gives the number of skipped periods. Those that the link counts
-as lost are lost; without a count, those that were due after the host began to wait. The rest is
-missed.
+Over any other link, the device's time gives the number of skipped periods. Those that the link
+counts as lost are lost; without a count, those that were due after the host began to wait. The rest
+is missed.
 
-The plan's k moves past a skipped period, so references keep wall time. Lateness counts from the
-first deadline that the host did not meet: a host that was away for 5.5 periods is late by 5.5
-periods and has missed 5, on any clock.
+The plan's index k advances by skipped periods, too, so the references keep wall time. Lateness
+counts from the first deadline that the host did not meet: a host that was away for 5.5 periods is
+late by 5.5 periods and has missed 5, on any clock.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from heli3dof.rig.link_counters import attribute_of
 from heli3dof.rig.sample_instants import Instants
 
 Skipped = Callable[[], tuple[int, int, int]]
-"""Samples since opening: lost by the link, left out by the device, passed over by the host"""
+"""Returns the numbers of samples *lost*, *left out* and *passed over* since the rig was opened"""
 
 
 class VirtualTime:
@@ -49,29 +49,28 @@ class VirtualTime:
         self.due = 0.0
         """Deadline of the next sample on the host's clock (s, monotonic), as estimated"""
         self.lateness = 0.0
-        """s by which the last sample was late"""
+        """s by which the last sample came after its deadline"""
         self.missed = 0
-        """Periods skipped before it because the host was late"""
+        """Periods skipped before the last sample because the host was late"""
         self.lost = 0
-        """Periods skipped before it because their samples were lost on the line"""
+        """Periods skipped before the last sample because theirs were lost on the line"""
         self.left_out = 0
-        """Periods skipped before it because the device made no samples of them"""
+        """Periods skipped before the last sample because the device made none"""
 
     def start(self, sample: Sample) -> None:
-        """Begin the flight with this sample."""
         self.due = sample.host_time_s
 
     def next(self) -> float:
-        """Advance to the next period; its deadline."""
+        """Advance to the next period; return its deadline (s on the host's monotonic clock)."""
         self.due += self.dt
         return self.due
 
     def arrived(self, sample: Sample, since_s: float) -> None:
-        """Measure the period's sample, for which the host began to wait at ``since_s``."""
+        """Update lateness and skipped periods; the host began to wait at ``since_s``."""
 
 
 class HostTime(VirtualTime):
-    """The host asks for sample k at due[k]."""
+    """Clock of a rig whose samples the host requests: sample k at due[k]."""
 
     def arrived(self, sample: Sample, since_s: float) -> None:
         self.lateness = sample.host_time_s - self.due
@@ -80,13 +79,16 @@ class HostTime(VirtualTime):
 
 
 class DeviceTime(VirtualTime):
-    """The device sends sample k at its own k·dt."""
+    """Clock of a rig whose device sends sample k at its own time k·dt.
+
+    ``lost``: returns how many samples the link has lost so far; None for a link without a count.
+    """
 
     def __init__(self, dt: float, lost: Callable[[], int] | None = None) -> None:
         super().__init__(dt)
         self._counted = lost
         self._lost = 0
-        """Samples that the link had lost so far"""
+        """Samples that the link had lost when the last sample arrived"""
 
     def start(self, sample: Sample) -> None:
         self.due = sample.host_time_s
@@ -113,7 +115,7 @@ class DeviceTime(VirtualTime):
 
 
 class CountedTime(DeviceTime):
-    """The same, over a link that counts every kind of skipped sample."""
+    """`DeviceTime` over a link that counts every kind of skipped sample."""
 
     def __init__(self, dt: float, skipped: Skipped) -> None:
         super().__init__(dt)
@@ -132,7 +134,7 @@ class CountedTime(DeviceTime):
 
 
 def timekeeper(rig: Rig, dt: float) -> VirtualTime:
-    """The clock of a rig, for control periods of ``dt`` s."""
+    """Return the clock for this rig's timebase and control periods of ``dt`` s."""
     if rig.identity.timebase == "host":
         return HostTime(dt)
     if rig.identity.timebase == "virtual":

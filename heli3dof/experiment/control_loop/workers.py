@@ -1,10 +1,10 @@
 """Raises the priority of the kernel's unbound workers, which deliver a serial line's bytes.
 
-What a tty driver or a pseudo-terminal receives, ``flush_to_ldisc`` passes on in a *kernel worker*
-(``kworker/u…``). This is an ordinary thread: it waits for a core among ordinary programs, whatever
-the priority of the loop that waits for the bytes. If permitted (root, CAP_SYS_NICE), these workers
-run under SCHED_FIFO during a flight: above the recorder and the live view, below the loop. USB and
-sockets do not use them.
+The kernel passes on what a tty driver or a pseudo-terminal receives (``flush_to_ldisc``) in a
+*kernel worker* (``kworker/u…``). This is an ordinary thread: it waits for a core among ordinary
+programs, whatever the priority of the loop that waits for the bytes. If permitted (root,
+CAP_SYS_NICE), these workers run under SCHED_FIFO during a flight: above the recorder and the live
+view, below the loop. USB and sockets do not use them.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from heli3dof.rig.interface import Check
 
 WHAT = "kernel's workers"
 PRIORITY = 20
-"""Between the flight's other threads (1) and the loop (40)"""
+"""SCHED_FIFO priority: between the flight's other threads (1) and the loop (40)"""
 PROC = Path("/proc")
 NAME = "kworker/u"
 BY_HAND = f"for p in $(pgrep {NAME}); do sudo chrt -f -p {PRIORITY} $p; done"
 
 
 def raise_workers(undo: ExitStack) -> tuple[Check, ...]:
-    """Run the workers under SCHED_FIFO until ``undo`` closes; no check if none are visible."""
+    """Run the workers under SCHED_FIFO until ``undo`` closes; return a check if there are any."""
     if not hasattr(os, "sched_setscheduler"):
         return ()
     workers = _workers()

@@ -33,7 +33,7 @@ from heli3dof.rig.profile import Profile
 
 
 class SafetyMonitor(ABC):
-    """A monitor of one flight. `monitors_for` makes a new one for each flight."""
+    """Base class of the monitors. `monitors_for` makes a new object for each flight."""
 
     order: ClassVar[int]
     """Monitors judge a period by rising order; the first report ends the flight."""
@@ -43,14 +43,14 @@ class SafetyMonitor(ABC):
 
     @abstractmethod
     def __call__(self, now: Period) -> str | None:
-        """Why the flight must end now (a `heli3dof.rig.trip.Trip`), or None."""
+        """Return why the flight must end now (a `heli3dof.rig.trip.Trip`), or None."""
 
     def at_once(self) -> str | None:
-        """Why the device must be stopped without a ramp, or None."""
+        """Return why the device must be stopped without a ramp to zero, or None."""
         return None
 
     def must_still_fall(self) -> bool:
-        """Whether the arm is above the table without thrust: the ramp goes on at zero volts."""
+        """True while the arm must still fall: after the ramp to zero, the loop then holds 0 V."""
         return False
 
 
@@ -65,7 +65,7 @@ class FlightMonitors:
 
 @cache
 def monitor_classes() -> tuple[type[SafetyMonitor], ...]:
-    """Every subclass of `SafetyMonitor` in the files of this package, by rising order."""
+    """Return every subclass of `SafetyMonitor` in this package, by rising ``order``."""
     found = set()
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")
@@ -80,7 +80,7 @@ def monitor_classes() -> tuple[type[SafetyMonitor], ...]:
 
 
 def monitors_for(profile: Profile) -> FlightMonitors:
-    """New monitors for one flight with this profile."""
+    """Make new monitors for one flight with this profile."""
     monitors = tuple(kind(profile) for kind in monitor_classes())
     return FlightMonitors(
         monitors,

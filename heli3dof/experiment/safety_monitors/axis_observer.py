@@ -1,14 +1,15 @@
-"""Expected acceleration of each axis, and an observer of its motion.
+"""Computes each axis's expected acceleration α, and observes its motion with a filter.
 
-The rigid body one axis at a time (paper, eqs (10) and (11), with cos and sin kept). V: voltages at
-the motors (V), angles in rad, accelerations in rad/s²::
+α follows from the rigid body, one axis at a time (paper, eqs (10) and (11), with cos and sin kept).
+V_f, V_b: voltages at the front and back motor (V); angles in rad, accelerations in rad/s²::
 
     α_roll  = (L_a K_f cos p (V_f + V_b) − T_g cos r) / J_roll       T_g = 2 L_a K_f V_o
     α_pitch =  L_h K_f (V_f − V_b) / J_pitch
     α_yaw   = −L_a K_f cos r sin p (V_f + V_b) / J_yaw
 
 A fading-memory α-β-γ filter follows each encoder. Its state is the angle θ, the rate ω and the
-unmodelled acceleration b = θ̈ − α. With h the time since the previous sample and m = exp(−Ω h)::
+unmodelled acceleration b = θ̈ − α. With h the time since the previous sample, Ω the
+bandwidth in rad/s and m = exp(−Ω h)::
 
     predict   θ ← θ + ω h + (α + b) h²/2      ω ← ω + (α + b) h
     correct   e = measured − θ
@@ -22,11 +23,11 @@ from math import cos, exp, radians, sin
 from heli3dof.rig.profile import Profile
 
 ON_TABLE = radians(3.0)
-"""rad above the rest angle: a roll angle below it may be on the table"""
+"""rad: an arm less than this above its rest angle may lie on the table"""
 PITCH_STOP = radians(25.0)
-"""rad: pitch beyond it may be at its mechanical stop (known rigs: ±32°)"""
+"""rad: a pitch angle beyond this may be at its mechanical stop (known rigs: ±32°)"""
 TILT = radians(10.0)
-"""rad: the pitch angle for the typical acceleration of yaw"""
+"""rad: pitch angle at which `ExpectedAcceleration.typical` takes that of yaw"""
 BANDWIDTH = (15.0, 22.0, 15.0)
 """Ω in rad/s for roll, pitch, yaw: faster than the loop's own motion (1 to 5 rad/s), slow enough
 that one count of quantisation at 500 Hz moves the rate by less than 10 counts/s"""
@@ -35,7 +36,7 @@ LONGEST_GAP_S = 0.25
 
 
 class ExpectedAcceleration:
-    """α of the profile's rigid body."""
+    """Computes α, the angular acceleration of each axis that the profile's rigid body predicts."""
 
     def __init__(self, profile: Profile) -> None:
         g, motor = profile.geometry, profile.motor
@@ -53,7 +54,7 @@ class ExpectedAcceleration:
 
     @property
     def typical(self) -> tuple[float, float, float]:
-        """rad/s² under V_h: roll by both motors, pitch by one, yaw by both at a pitch of 10°."""
+        """|α| in rad/s² under V_h: roll by both motors, pitch by one, yaw by both at `TILT`."""
         return (
             2 * self.roll_per_V * self.hover_V,
             self.pitch_per_V * self.hover_V,
@@ -63,7 +64,7 @@ class ExpectedAcceleration:
     def __call__(
         self, angle: tuple[float, float, float], front_V: float, back_V: float
     ) -> tuple[float, float, float]:
-        """(α_roll, α_pitch, α_yaw) in rad/s² at these angles (rad) under these voltages."""
+        """Return (α_roll, α_pitch, α_yaw) in rad/s² at these angles (rad) and voltages (V)."""
         total, cos_roll = front_V + back_V, cos(angle[0])
         return (
             self.roll_per_V * cos(angle[1]) * total - self.gravity * cos_roll,
@@ -73,7 +74,7 @@ class ExpectedAcceleration:
 
 
 class AxisObserver:
-    """The α-β-γ filter of one axis: `angle` (rad), `rate` (rad/s), `unmodelled` (rad/s²)."""
+    """The α-β-γ filter of one axis: its `angle` θ (rad), `rate` ω (rad/s), `unmodelled` b."""
 
     __slots__ = ("_bandwidth", "_gains", "_h", "angle", "rate", "unmodelled")
 

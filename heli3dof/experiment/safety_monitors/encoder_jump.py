@@ -1,12 +1,12 @@
 """Detects a count that changed by more than the rig can turn, and a device's clock that is wrong.
 
-Within Δt an axis turns by no more than its rate allows, and a count more or less:
+It reports a change Δcounts between two samples Δt apart if
 
     |Δcounts| · q  >  2 · rate_max · Δt + 2 q      q: rad per count
 
-rate_max is the profile's ``[limits]``; twice that, because the envelope judges a filtered rate. A
-smaller jump that stays cannot be distinguished from motion in this way. A jump of about 2¹⁶ or
-2²⁴ counts is a counter that wrapped.
+rate_max is that of the profile's ``[limits]``, doubled because the envelope judges a filtered rate.
+A smaller jump cannot be distinguished from motion in this way. After a jump of about 2¹⁶ or 2²⁴
+counts it reports a counter that wrapped.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from heli3dof.rig.trip import Trip
 CLOCK_S = 0.25
 """s for which a device's time may stay constant: many times the coarsest clock of a host, 16 ms"""
 COUNTER_BITS = (16, 24)
-"""of counters in common use; 32 bits do not wrap within a flight"""
+"""Widths of common counters; one of 32 bits does not wrap within a flight"""
 
 
 class EncoderJump(SafetyMonitor):
-    """Compares counts and time with those of the period before."""
+    """Compares encoder counts and device time with those of the period before."""
 
     order = 20
 

@@ -6,15 +6,16 @@ friction than the axis has shown so far in this flight, so a live axis turns at 
 
     ω̇ = α + b − f sgn(ω)      at rest while |α + b| ≤ f       f = F + 0.25 |α + b|      (rad/s²)
 
-α is the expected acceleration under the voltages at the motors, b the mean unmodelled acceleration
-of the observer. 0.25 |α + b| covers a thrust or an inertia that is wrong by a quarter. The encoder
-is reported as frozen when the model has turned further than the clearance C.
+ω: the model's rate; α: the expected acceleration under the voltages at the motors; b: the mean
+unmodelled acceleration of the observer; f: dry friction, in which 0.25 |α + b| covers a thrust or
+an inertia that is wrong by a quarter. The encoder is reported as frozen when the model has turned
+further than the clearance C.
 
-F starts at the largest value of known rigs, C at 1.2°, more than their backlash. Both then follow
-what the axis shows:
+F starts at the largest value of known rigs, C at 1.2°, more than their backlash. Both are then
+estimated from the axis's own motion:
 
-* Moving up and moving down differ in unmodelled acceleration by twice the friction F₀, whatever the
-  bias. F = F_min + 3 |F₀| after half a second in each direction.
+* Motion up and down differ in unmodelled acceleration by twice the axis's own friction F₀, whatever
+  the bias b. F = F_min + 3 |F₀| after half a second in each direction.
 * To turn back, an axis needs a change of α of at least 2 F₀. F is at most the third-smallest change
   that turned it back.
 * F is at least the largest deviation of the unmodelled acceleration from b while the axis moved
@@ -49,13 +50,13 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 LIFTS = 3.2
-"""times the hover voltage, both motors together: lifts a rig with 0.6 of its nominal thrust"""
+"""Sum of both motors' voltages, in hover voltages, that lifts a rig with 0.6 of nominal thrust"""
 ROLL_STOP = radians(30.0)
 """rad: roll beyond it may be at its mechanical stop (known rigs: +36°)"""
 AT_STOP_S = 0.5
 """s that the motors may push an axis against its stop: a large step on a slow rig touches it"""
 F_MIN = tuple(radians(a) for a in (3.0, 10.0, 0.5))
-"""rad/s², roll, pitch, yaw: error of F₀ by random torques and quantisation"""
+"""rad/s² (roll, pitch, yaw), added to F: error of F₀ by random torques and quantisation"""
 MISMATCH = 0.25
 """Share of the expected acceleration that may be wrong: gain and inertia by ±15 % each"""
 CLEARANCE = radians(1.2)
@@ -67,11 +68,11 @@ MOVING = 25
 RATE_ERROR = (7, 13, 7)
 """counts/s, two standard deviations of the rate at the last change of a count"""
 KNOWN_S = 0.5
-"""s of motion, in either direction, from which F₀ is taken"""
+"""s of motion in each direction after which F₀ is known"""
 BIAS_S = 2.0
 """s over which the unmodelled acceleration is averaged"""
 PEAK_S = 3.0
-"""s in which the largest unmodelled acceleration is forgotten to 1/e: longer than a step lasts"""
+"""s in which the largest unmodelled acceleration decays to 1/e: longer than a step lasts"""
 LIVE_S = 0.3
 """s: a count that stays constant for longer shows nothing of the unmodelled acceleration"""
 BLOCK_S = 0.05
@@ -81,7 +82,7 @@ MOST_FRICTION = (0.35, 1.0, 1.0)
 
 
 def frozen_trip(axis: int, what: str, *, by_motion: bool = False) -> Trip:
-    """The trip for an encoder that froze; ``what``: how that shows."""
+    """Make the trip for a frozen encoder. ``what``: what shows it; ``by_motion``: see `Trip`."""
     return Trip(
         what,
         "the encoder is frozen: its cable is out, its supply is gone, or its disc slips on the "
@@ -92,7 +93,7 @@ def frozen_trip(axis: int, what: str, *, by_motion: bool = False) -> Trip:
 
 
 class FrozenEncoder(SafetyMonitor):
-    """Judges each axis in every control period, the ramp to zero included."""
+    """Monitors every axis for a frozen encoder, in flight and in the ramp to zero."""
 
     order = 50
 
@@ -132,7 +133,7 @@ class FrozenEncoder(SafetyMonitor):
         return None
 
     def must_still_fall(self) -> bool:
-        """True while the roll count is constant above the table: the arm must fall from there."""
+        """True while the roll count is constant above the table: without thrust the arm falls."""
         return self._airborne and self._axes[0].still_s > LIVE_S
 
     def _report(self, i: int, now: Period) -> Trip | None:
@@ -161,7 +162,7 @@ class FrozenEncoder(SafetyMonitor):
 class _Axis:
     """One axis: its observer, its friction and clearance so far, and its standstill.
 
-    ``most``: the friction of known rigs in rad/s².
+    ``i``: 0 roll, 1 pitch, 2 yaw; ``q``: rad per count; ``most``: friction of known rigs in rad/s².
     """
 
     def __init__(self, i: int, q: float, most: float) -> None:
@@ -171,9 +172,9 @@ class _Axis:
         self._by_direction = self._by_turns = most
         self._friction = most
         self._peak = self._peak_now = 0.0
-        """rad/s²: largest deviation of the unmodelled acceleration from b; since the last change"""
+        """rad/s²: largest deviation from b; ``_now``: since the last change of the count"""
         self._direction = [0.0, 0.0]
-        """∫ b dt while moving down, and up"""
+        """∫ (unmodelled acceleration) dt in rad/s while moving down, and up"""
         self._direction_s = [0.0, 0.0]
         self._smallest = [inf] * SMALLEST
         self._largest = 0.0
@@ -182,7 +183,7 @@ class _Axis:
         self.restart(0, 0.0)
 
     def restart(self, count: int, angle: float) -> None:
-        """Start at rest without a bias; the friction found so far stays."""
+        """Restart the observer at rest at ``angle`` (rad), b = 0; keep the friction found."""
         self._observer.restart(angle)
         self.count = count
         self._bias = self._bias_s = 0.0
@@ -204,7 +205,7 @@ class _Axis:
         self._held = self._friction
 
     def on_table(self, h: float, count: int, angle: float, lift: float) -> None:
-        """One control period of roll near its rest angle, under ``lift`` (rad/s²)."""
+        """Step roll by ``h`` (s) near its rest angle under the acceleration ``lift`` (rad/s²)."""
         if count != self.count:
             self.restart(count, angle)
             return
@@ -213,7 +214,7 @@ class _Axis:
         self.moved += self._rate * h
 
     def step(self, h: float, alpha: float, count: int, angle: float) -> None:
-        """One control period in the air."""
+        """Step an axis in the air by ``h`` (s) under the expected acceleration ``alpha``."""
         observer = self._observer
         observer.step(h, alpha, angle)
         self._peak -= self._peak * h / PEAK_S
@@ -247,7 +248,7 @@ class _Axis:
             self._swing = abs(self.moved)
 
     def _observe(self, h: float, rate: float, unmodelled: float) -> None:
-        """Update the bias, and the friction by the direction of motion."""
+        """Update the bias b and, from the difference between up and down, the friction F."""
         self._bias_s += h
         self._bias += (unmodelled - self._bias) * h / min(self._bias_s, BIAS_S)
         self._peak_now = max(self._peak_now, abs(unmodelled - self._bias))
@@ -279,7 +280,7 @@ class _Axis:
         self._begin_standstill()
 
     def _turn(self, count: int) -> None:
-        """The axis has turned back by two counts; one count may be a limit cycle on an edge."""
+        """Update F and C: the axis turned back by two counts (one may be a limit cycle)."""
         if self._way and self._high >= self._low:
             change = self._high - self._low
             if change < self._smallest[-1]:

@@ -2,8 +2,8 @@
 
     asleep = (boottime − monotonic) − (boottime − monotonic at the flight's start)
 
-Meanwhile the rig's watchdog has ramped it to zero, or it has held one voltage. The loop's rates,
-integrals and last voltage are out of date, so the device is stopped at once, without a ramp.
+Meanwhile the rig's watchdog has ramped the rig to zero, or the rig has held one voltage. The loop's
+rates, integrals and last voltage are out of date, so the device is stopped at once, without a ramp.
 On a system without CLOCK_BOOTTIME only the device's watchdog ends the flight.
 """
 
@@ -21,7 +21,7 @@ SHORTEST_S = 0.1
 
 
 def ahead_s() -> float:
-    """boottime − monotonic in s. A delay between the two readings only makes it smaller."""
+    """Return boottime − monotonic in s; a delay between the readings only makes it smaller."""
     boottime = getattr(time, "CLOCK_BOOTTIME", None)
     if boottime is None:
         return 0.0
@@ -29,7 +29,7 @@ def ahead_s() -> float:
 
 
 class HostSuspend(SafetyMonitor):
-    """Compares the two clocks in every period, those of the ramp included."""
+    """Compares the two clocks in every period, those of the ramp to zero included."""
 
     order = 10
 
@@ -37,7 +37,7 @@ class HostSuspend(SafetyMonitor):
         self._ahead_s = max(ahead_s() for _ in range(5))
 
     def asleep_s(self) -> float:
-        """s that the computer slept since the flight began; 0 below `SHORTEST_S`."""
+        """Return for how many s the computer slept in this flight; 0 below `SHORTEST_S`."""
         asleep = ahead_s() - self._ahead_s
         return asleep if asleep > SHORTEST_S else 0.0
 

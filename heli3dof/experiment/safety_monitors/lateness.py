@@ -1,7 +1,7 @@
-"""Detects a loop that is too late to fly.
+"""Detects a loop that misses too many deadlines.
 
-Of the last second's periods, more than ``late_max_share`` came later than ``late_max_s`` after
-their deadline. Periods that were missed before a late sample count as late too.
+It reports when, of the last second's samples, a share of more than ``late_max_share`` came later
+than ``late_max_s`` after their deadlines. Periods missed before a late sample count as late, too.
 
 A busy host still has some quick periods. If even the quickest tenth of the last second's commands
 took more than `SLOW_PERIODS` to be echoed, the line or the device is slow, not the host.
@@ -17,16 +17,16 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 WINDOW_S = 1.0
-"""s of flight that are judged together"""
+"""s of flight over which late periods are counted"""
 QUICKEST = 0.1
 """Share of the last second's echoes; a busy host gets more than that many periods in time, or the
 device's watchdog expires first"""
 SLOW_PERIODS = 1.5
-"""Half-way between a command echoed by the next sample (1) and by the sample after it (2)"""
+"""Periods: half-way between a command echoed by the next sample (1) and by the one after (2)"""
 
 
 class Lateness(SafetyMonitor):
-    """A ring of the last second's periods: late or not."""
+    """Counts late periods within the last second."""
 
     order = 40
 
@@ -75,6 +75,6 @@ class Lateness(SafetyMonitor):
         )
 
     def _quickest_echo_s(self) -> float:
-        """s that nine tenths of the last echoes took at least; 0 if there was none."""
+        """Return the time (s) that nine tenths of the last echoes took at least; 0 without any."""
         kept = sorted(self._echo_s[: min(self._echoes, len(self._echo_s))])
         return kept[int(QUICKEST * len(kept))] if kept else 0.0

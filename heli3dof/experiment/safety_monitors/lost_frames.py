@@ -1,7 +1,7 @@
 """Detects a line that loses frames: samples by the gap they leave, commands by the missing echo.
 
-For longer than ``lost_max_s`` no sample came though the host waited for it (lost on the line, or
-left out by a device that was held up), or the samples that came echoed no new command.
+It reports when, for longer than ``lost_max_s``, no sample came though the host waited for it (lost
+on the line, or not made by a device that was held up), or the samples echoed no new command.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ DEVICE_FIX = "heli3dof doctor: see the device; a lower rate_hz in the profile"
 
 
 class LostFrames(SafetyMonitor):
-    """Counts lost samples and commands without an echo, each in a row."""
+    """Counts consecutive lost samples, and consecutive commands without an echo."""
 
     order = 30
 

@@ -26,15 +26,15 @@ from heli3dof.rig.profile import Profile
 FALSE_ALARM = 1e-3
 """ε: share of ramps in which a live axis may be reported"""
 CALM = 4
-"""counts: an axis is calm while its count stays within so many for `WINDOW_S`"""
+"""counts: an axis is calm while its count varies by no more than this within `WINDOW_S`"""
 WINDOW_S = 1.0
 PIECES = 10
-"""of the window; each keeps the range of its counts"""
+"""Parts of the window; each keeps the range of its counts"""
 STANDSTILLS, REVERSALS = 10, 3
-"""Calm standstills, and changes of direction, that show that an axis wanders"""
+"""Least numbers of calm standstills and of reversals that show that an axis wanders"""
 LEAST_S = 2.0
-"""s: without the controller random torques alone move a live axis by a count within 1.2 s (measured
-on emulated rigs)"""
+"""s, lower bound of T: without the controller, random torques alone move a live axis by a count
+within 1.2 s (measured on emulated rigs)"""
 SHORTEST_S = 0.01
 """s: shorter standstills are a limit cycle on an edge, and not counted"""
 
@@ -67,16 +67,16 @@ class SilentEncoder(SafetyMonitor):
 
 
 class _Axis:
-    """Standstills of one axis."""
+    """Records the standstills of one axis."""
 
     def __init__(self) -> None:
         self._n = self._reversals = 0
         self.longest_s = 0.0
-        """L"""
+        """L, the longest standstill so far, in s"""
         self.restart(0, 0.0)
 
     def restart(self, count: int, t: float) -> None:
-        """Start in a standstill whose beginning is unknown."""
+        """Start again at ``t`` (s), in a standstill whose beginning is unknown."""
         self._count, self.since = count, t
         self._from_change = False
         self._way = 0
@@ -85,7 +85,7 @@ class _Axis:
         self._calm_from = t + WINDOW_S
 
     def step(self, count: int, t: float, ramping_down: bool) -> None:
-        """One control period in the air."""
+        """Process the count of a control period in the air, at ``t`` (s)."""
         if t - self._piece_t > WINDOW_S / PIECES:
             self._piece_t = t
             self._range.pop(0)
@@ -108,7 +108,7 @@ class _Axis:
         self._way = way
 
     def longest_credible_s(self) -> float:
-        """T in s; infinite for an axis that has not been seen to wander."""
+        """Return T in s; infinite for an axis that has not yet wandered enough."""
         if self._n < STANDSTILLS or self._reversals < REVERSALS or not self._from_change:
             return float("inf")
         return max(LEAST_S, self.longest_s * (1 + log(1 / FALSE_ALARM) / log(self._n)))

@@ -32,8 +32,8 @@ from heli3dof.rig.profile import Profile
 from heli3dof.rig.trip import Trip
 
 WINDOWS_S = (0.4, 0.8, 1.6)
-"""s before control was lost: the shortest shows a fault that came late, the longest the slow motion
-of a yaw encoder that counts the wrong way"""
+"""s: lengths of the windows, which end where control was lost. The shortest shows a fault that came
+late, the longest the slow motion of a yaw encoder that counts the wrong way"""
 SHORTEST = 20
 """Fewest periods of an axis that is used"""
 MOVED = 6
@@ -41,7 +41,7 @@ MOVED = 6
 INDEPENDENT_S = 0.02
 """s between independent residuals: ten periods at 500 Hz"""
 BELOW_TABLE = radians(2.0)
-"""rad below the rest angle: no arm can be there, so roll has a wrong sign"""
+"""rad below the rest angle: the table prevents that, so the roll encoder has a wrong sign"""
 UNKNOWN = 0.5
 """B as a share of `ExpectedAcceleration.typical`"""
 GAIN = (0.4, 2.5)
@@ -51,7 +51,7 @@ SURE, DISTINCT = 10.0, 4.0
 
 
 class Moment(NamedTuple):
-    """Angles and voltages of one control period; the fault is sought in those before the trip."""
+    """Angles and voltages of one control period before the trip."""
 
     t: float
     """s"""
@@ -62,18 +62,18 @@ class Moment(NamedTuple):
 
 
 class Fault(NamedTuple):
-    """A wiring fault: how it maps voltages and angles."""
+    """A wiring fault, and its effect on encoder signs and thrusts."""
 
     what: str
     fix: str
     sign: tuple[int, int, int] = (1, 1, 1)
-    """of each encoder"""
+    """Factor of each encoder's angle since the start"""
     mix: tuple[tuple[int, int], tuple[int, int]] = ((1, 0), (0, 1))
-    """thrust of the front and the back motor for each of the two voltages"""
+    """Rows: effective voltage of the front, the back motor; columns: front, back voltage applied"""
 
 
 def _mix(motor: int, gain: int) -> tuple[tuple[int, int], tuple[int, int]]:
-    """The mix of a rig whose motor (0: front) has this gain."""
+    """Return `Fault.mix` of a rig on which one motor (0: front) has this gain."""
     return ((gain, 0), (0, 1)) if motor == 0 else ((1, 0), (0, gain))
 
 
@@ -110,7 +110,7 @@ HYPOTHESES = (NORMAL, *FAULTS)
 
 
 def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
-    """The fault that explains the motion before a trip; None if none clearly does."""
+    """Return the fault that explains the motion before a trip; None if none clearly does."""
     if len(moments) < SHORTEST:
         return None
     t = np.array([m.t for m in moments])
@@ -135,7 +135,7 @@ def wiring_fault(moments: Sequence[Moment], profile: Profile) -> Fault | None:
 
 
 def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
-    """The trip, with the wiring fault as its cause if the motion before it shows one."""
+    """Return the trip, with the wiring fault as its cause if the motion before it shows one."""
     fault = wiring_fault(moments, profile) if trip.by_motion else None
     if fault is None:
         return trip
@@ -147,7 +147,7 @@ def with_cause(trip: Trip, moments: Sequence[Moment], profile: Profile) -> Trip:
 def _windows(
     t: np.ndarray, angle: np.ndarray, profile: Profile, window_s: float
 ) -> dict[int, slice]:
-    """Axis → the rows in which it was free to move and did."""
+    """Return axis → the rows of the last ``window_s`` in which it was free to move and moved."""
     end = len(t)
     beyond = np.flatnonzero((np.abs(angle[:, 1]) > PITCH_STOP) & (t > t[-1] - 2 * WINDOWS_S[-1]))
     if len(beyond):
@@ -177,7 +177,7 @@ def _seen(
     profile: Profile,
     expected: ExpectedAcceleration,
 ) -> np.ndarray:
-    """(n, 3) rad/s²: expected acceleration of a rig with this fault, as its encoders show it."""
+    """Return α_H (n, 3) in rad/s²: expected acceleration with this fault, as encoders show it."""
     rest, sign = profile.encoder.rest_rad, np.array(fault.sign)
     true = (rest + sign * (angle - rest)).tolist()
     volts = (np.array(fault.mix, dtype=float) @ applied.T).tolist()
@@ -193,7 +193,10 @@ def _score(
     profile: Profile,
     unmodelled: np.ndarray,
 ) -> float:
-    """Log-likelihood of the measured angles under α_H; ``unmodelled``: B (3,) in rad/s²."""
+    """Return the log-likelihood of the measured angles under ``alpha`` (α_H, (n, 3) in rad/s²).
+
+    ``windows``: axis → rows to fit; ``unmodelled``: B (3,) in rad/s².
+    """
     q = np.abs(profile.encoder.rad_per_count)
     score = 0.0
     for i, rows in windows.items():
@@ -204,7 +207,10 @@ def _score(
 
 
 def _fit(t: np.ndarray, theta: np.ndarray, alpha: np.ndarray, weight: float) -> tuple[float, float]:
-    """Mean squared residual in rad², and b in rad/s²; ``weight`` of b's prior: count/B."""
+    """Fit θ(t) of the module; return the mean squared residual (rad²) and b (rad/s²).
+
+    ``alpha``: α_H in rad/s². ``weight`` of b's prior: rad per count divided by B, in s².
+    """
     h = np.diff(t, prepend=t[0])
     tau = t - t[0]
     double = np.append(np.cumsum(np.cumsum(alpha * h) * h), 0.0)

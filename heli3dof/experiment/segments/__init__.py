@@ -26,7 +26,7 @@ class Clock:
 
     n: int
     dt: float
-    """s"""
+    """s; ``n``: the number of control periods"""
     rng: np.random.Generator
 
     @property
@@ -48,25 +48,26 @@ class BaseSegment(Section):
     yaw_deg: Annotated[Finite | None, Key("yaw reference; absent: as before", "°")] = None
 
     def target(self, before: np.ndarray) -> np.ndarray:
-        """(3,) rad: the references at this segment's start."""
+        """Return this segment's references (3,) in rad; ``before``: those before it."""
         given = (self.roll_deg, self.pitch_deg, self.yaw_deg)
         return np.array(
             [b if g is None else np.radians(g) for g, b in zip(given, before, strict=True)]
         )
 
     def render(self, clock: Clock, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """References (n, 3) in rad and extra voltages (n, 2) in V; ``before`` is (3,) rad.
+        """Return references (n, 3) in rad, and voltages (n, 2) in V to add to the controller's.
 
-        By default the references jump to their new values, and no voltage is added.
+        ``before``: references (3,) in rad at the end of the segment before. By default the
+        references jump to their new values, and no voltage is added.
         """
         return np.tile(self.target(before), (clock.n, 1)), np.zeros((clock.n, 2))
 
     def opened(self, clock: Clock) -> np.ndarray:
-        """(n, 3) int8: each axis's mode (`model.control.loop_opening`); closed by default."""
+        """Return loop modes (n, 3), closed by default; see `model.control.loop_opening`."""
         return np.zeros((clock.n, 3), dtype=np.int8)
 
     def summary(self) -> str:
-        """One line for a dry run."""
+        """Return a line of text for ``heli3dof run --dry-run``."""
         moves = [
             f"{axis} {value:g}°"
             for axis, value in zip(AXES, (self.roll_deg, self.pitch_deg, self.yaw_deg), strict=True)
@@ -101,20 +102,20 @@ class FreeSegment(BaseSegment):
     ] = 4.0
 
     def opened_after(self, clock: Clock, axis: int, approach_s: float) -> np.ndarray:
-        """(n, 3) int8: modes of an axis that is open after ``learn_s + approach_s``."""
+        """Return loop modes (n, 3): ``axis`` learns for ``learn_s``, opens after the approach."""
         mode = np.zeros((clock.n, 3), dtype=np.int8)
         mode[clock.t < self.learn_s, axis] = LEARN
         mode[clock.t >= self.learn_s + approach_s, axis] = OPEN
         return mode
 
     def free_s(self, approach_s: float) -> float:
-        """s in open loop."""
+        """Return the time in open loop (s), which begins after ``learn_s + approach_s``."""
         return max(0.0, self.duration_s - self.learn_s - approach_s)
 
 
 @cache
 def kinds() -> dict[str, type[BaseSegment]]:
-    """Kind → class of every segment in this package."""
+    """Return kind → class of every segment in this package."""
     found: dict[str, type[BaseSegment]] = {}
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")

@@ -1,12 +1,13 @@
 """``coast-down``: the controller spins yaw up, then lets it coast with the body level.
 
-    learn_s   hover: the mean of yaw's share of the voltage is kept (it holds the body level)
+    learn_s   hover: the controller's mean yaw voltages, which hold the body level, are stored
     spin_s    the yaw reference moves at rate_deg_per_s
-    the rest  p → 0 and J_yaw ψ̈ = − c_ψ ψ̇ − τ_ψ sgn ψ̇ − …:  friction alone slows yaw
+    the rest  the stored voltages stay: pitch p → 0, and friction slows yaw:
+              J_yaw ψ̈ = − c_ψ ψ̇ − τ_ψ sgn ψ̇ − …
 
-Viscous friction shows as exponential decay, Coulomb friction as a straight line that ends in a
-stop, drag as a decay that is steep first. Roll and pitch stay in closed loop; so does yaw again
-beyond a share of the envelope (`heli3dof.model.control.loop_opening`).
+Viscous friction c_ψ shows as exponential decay, Coulomb friction τ_ψ as a straight line that ends
+in a stop, drag as a decay that is steep first. Roll and pitch stay in closed loop; so does yaw
+again beyond a share of the envelope (`heli3dof.model.control.loop_opening`).
 """
 
 from __future__ import annotations

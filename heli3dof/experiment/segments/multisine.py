@@ -3,10 +3,11 @@
     c(t) = A_c Σ_odd  f_k^−tilt cos(2π f_k t + φ_k) / σ_c,     V_front += c + d
     d(t) = A_d Σ_even f_k^−tilt cos(2π f_k t + φ_k) / σ_d,     V_back  += c − d
 
-f_k = k/duration_s, within ``band_Hz``. σ is the RMS of its sum, so A_c = ``common_V`` and
-A_d = ``difference_V`` are RMS values (V). Common and difference take every other line, so that they
-are orthogonal over the segment: roll answers to the sum, pitch to the difference. Of `DRAWS` random
-sets of phases the segment uses the one with the lowest crest factor.
+f_k = k/duration_s, within ``band_Hz``; with ``tilt`` > 0 the amplitudes fall with frequency. σ is
+the RMS of its sum, so A_c = ``common_V`` and A_d = ``difference_V`` are RMS values (V). Common and
+difference take every other frequency, so they are orthogonal over the segment: roll answers to the
+sum, pitch to the difference. Of `DRAWS` random sets of phases φ_k the segment uses the one with
+the lowest crest factor (peak/RMS).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from heli3dof.experiment.segments import Band, BaseSegment, Clock
 from heli3dof.toml_file import Finite, Key
 
 DRAWS = 32
-"""Random sets of phases; more lower the crest factor little"""
+"""Random sets of phases φ_k; more of them lower the crest factor little"""
 
 
 class Segment(BaseSegment):
@@ -47,7 +48,12 @@ class Segment(BaseSegment):
 
 
 def _low_crest(lines: np.ndarray, tilt: float, clock: Clock) -> np.ndarray:
-    """(n,) of RMS 1: the random phases with the smallest peak, starting near zero."""
+    """Return a multisine (n,) of RMS 1 with a low crest factor; n, dt: those of ``clock``.
+
+    It is the signal with the smallest peak of `DRAWS` signals with random phases, shifted
+    cyclically so that it starts near zero. ``lines``: its frequencies in multiples of 1/(n dt).
+    Its amplitudes are proportional to frequency^−tilt.
+    """
     best, best_peak = np.zeros(clock.n), np.inf
     amplitude = lines.astype(float) ** -tilt
     for _ in range(DRAWS):

@@ -3,8 +3,8 @@
     c(t) = ± common_V,  d(t) = ± difference_V,  each switching at most every ``bit_s``
     V_front += c + d,   V_back += c − d
 
-Two different maximum-length sequences (shift registers with linear feedback) from random states: a
-period has one more up than downs, and its autocorrelation is a spike.
+The signs are two different maximum-length sequences (linear feedback shift registers) from random
+states. Their autocorrelation is a spike; a period has one + more than −.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """``ramp``: the references move at a constant rate to new values, or the voltages to an offset.
 
-    r_ref(t) = r_0 + (r_1 − r_0) t/T,     V_extra(t) = common_V · t/T (front and back alike)
+    r_ref(t) = r_0 + (r_1 − r_0) t/T                     r_0, r_1: old, new reference
+    V_front += (common_V + difference_V) t/T,  V_back += (common_V − difference_V) t/T
 
-A slow ramp shows friction, a dead zone and the static thrust curve. The loop
+T is ``duration_s``. A slow ramp shows friction, a dead zone and the static thrust curve. The loop
 compensates the voltage offset, which ends with the segment.
 """
 

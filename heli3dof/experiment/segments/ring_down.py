@@ -1,12 +1,13 @@
 """``ring-down``: roll swings freely under the constant voltage that held it level.
 
-    learn_s    level: the mean of roll's share of the voltage is kept
+    learn_s    level: the controller's mean roll voltages are stored
     settle_s   displaced by displacement_deg
-    the rest   J_roll r̈ = L_a cos p F − T_g cos r − k_r sin r − c_r ṙ − …,   F constant
+    the rest   the stored voltages stay, so the thrust F is constant:
+               J_roll r̈ = L_a cos p F − T_g cos r − k_r sin r − c_r ṙ − …
 
-The frequency √(k_r/J_roll) shows a pendulum's stiffness, the decay its friction. Without stiffness
-roll stays, or drifts. Pitch and yaw stay in closed loop; so does roll again beyond a share of the
-envelope (`heli3dof.model.control.loop_opening`).
+The frequency √(k_r/J_roll) shows a pendulum's stiffness, the decay its friction c_r. Without
+stiffness roll stays, or drifts. Pitch and yaw stay in closed loop; so does roll again beyond a
+share of the envelope (`heli3dof.model.control.loop_opening`).
 """
 
 from __future__ import annotations

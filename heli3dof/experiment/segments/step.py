@@ -1,6 +1,6 @@
 """``step``: the references jump to new values and stay there.
 
-r_ref(t) = r_1 for t ≥ 0 (the controller's own limiter turns the jump into 45°/s).
+r_ref(t) = r_1 for t ≥ 0. The controller limits the reference's rate, by default to 45°/s.
 """
 
 from __future__ import annotations

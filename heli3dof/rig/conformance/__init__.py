@@ -1,4 +1,4 @@
-"""The requirements on every driver, as cases that run on any device URL.
+"""Tests the requirements on every driver, as cases that run on any device URL.
 
 In a driver's own tests::
 

@@ -1,4 +1,4 @@
-"""What a conformance case uses: a device URL, its driver, and a host that keeps deadlines."""
+"""Runs conformance cases: a device URL, its driver, and a host that keeps deadlines."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from heli3dof.rig.profile import Profile, default_profile
 from heli3dof.rig.url import parse_url
 
 PATIENCE = 20
-"""periods in which one command must arrive"""
+"""Control periods within which one command must arrive"""
 NEAR_V = 0.01
 """V by which an applied voltage may differ from the command"""
 
 
 class NotConforming(CheckFailed):
-    """A driver violates a requirement of `heli3dof.rig.interface`."""
+    """Raised if a driver violates a requirement of `heli3dof.rig.interface`."""
 
 
 class Host:
-    """A host that commands a rig at absolute deadlines."""
+    """Sends commands to a rig at absolute deadlines, ``dt`` s apart."""
 
     def __init__(self, rig: Rig, dt: float) -> None:
         self.rig, self.dt = rig, dt
@@ -40,13 +40,13 @@ class Host:
         return sample
 
     def send(self, v_front: float, v_back: float) -> Sample:
-        """One period; missed deadlines are skipped."""
+        """Send the voltages (V); return the sample of the next deadline not yet missed."""
         self.sequence += 1
         self.due += self.dt * max(1, math.ceil((time.monotonic() - self.due) / self.dt))
         return self.rig.exchange(Command(self.sequence, v_front, v_back), self.due)
 
     def hold(self, v_front: float, v_back: float) -> Sample:
-        """Send until a sample echoes it: on a busy computer a command may miss its period."""
+        """Send until a sample echoes the command, which may miss its period on a busy computer."""
         for _ in range(PATIENCE):
             sample = self.send(v_front, v_back)
             if sample.sequence == self.sequence:
@@ -62,7 +62,7 @@ class Bench:
     url: str
     profile: Profile
     moves: bool | None = None
-    """Whether motors may move; None: of emulated rigs only"""
+    """True if motors may move; None: only those of emulated rigs"""
     _rigs: ExitStack = field(default_factory=ExitStack)
 
     @property
@@ -71,7 +71,7 @@ class Bench:
 
     @property
     def private(self) -> bool:
-        """See `heli3dof.rig.interface.PrivateToProcess`."""
+        """True for an emulated rig (`heli3dof.rig.interface.PrivateToProcess`)."""
         return is_private(self.url)
 
     def open(self) -> Host:
@@ -83,7 +83,7 @@ class Bench:
         self._rigs.close()
 
     def open_to_move(self) -> Host:
-        """Open, for a case that moves the motors. Raises SkipTest where they must not move."""
+        """Open the rig for a case that moves motors. Raises SkipTest if they must not move."""
         host = self.open()
         moves = host.rig.identity.emulated if self.moves is None else self.moves
         if not moves:
@@ -93,7 +93,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class Case:
-    """One requirement. ``at_rest``: the rig must not have moved since its start."""
+    """One requirement, tested by ``check``. ``at_rest``: the rig must not have moved before."""
 
     name: str
     check: Callable[[Bench], None]
@@ -104,7 +104,7 @@ class Case:
 
 
 def cases(*checks: Callable[[Bench], None]) -> tuple[Case, ...]:
-    """The cases of these functions, by their names."""
+    """Make a case of each function, named after it."""
     return tuple(Case(c.__name__, c) for c in checks)
 
 
@@ -113,8 +113,8 @@ def conforms(
 ) -> None:
     """Run one case on a device URL. Raises NotConforming, SkipTest, or the driver's own error.
 
-    ``profile``: the rig's; default: the paper's. ``moves``: whether motors may move; default: only
-    emulated ones. Keep people away from a real rig.
+    ``profile``: the rig's; default: the paper's. ``moves``: True if motors may move; default: only
+    those of emulated rigs. Keep people away from a real rig.
     """
     bench = Bench(url, profile or default_profile(), moves)
     try:
@@ -140,7 +140,7 @@ def require_volts(sample: Sample, v_front: float, v_back: float, when: str) -> N
 
 
 def require_rest(sample: Sample, when: str) -> None:
-    """Zero volts, exactly, and not enabled."""
+    """Require exactly 0 V and an amplifier that is not enabled. ``when``: for the message."""
     require(sample.v_applied == (0.0, 0.0), f"zero volts {when}", sample.v_applied)
     require(not sample.flags & Flags.ENABLED, f"not enabled {when}", sample.flags)
 

@@ -1,4 +1,4 @@
-"""Requirements on a driver: find, options, checks, exclusive opening, emergency stop."""
+"""Tests requirements on a driver: find, options, checks, exclusive opening, emergency stop."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from .bench import Bench, cases, require, require_error, require_rest, require_v
 
 T = TypeVar("T")
 QUICK_S = 1.0
-"""s for `Driver.find` and `Driver.examine`"""
+"""s within which `Driver.find` and `Driver.examine` must return"""
 TRIES = 3
-"""The first call may import a library, on a busy computer"""
+"""Calls that are timed: on a busy computer the first may be slow, as it imports a library"""
 
 
 def _timed(call: Callable[[], Iterable[T]]) -> tuple[list[T], float]:
-    """The result and its time, s: of the first quick call, or the last."""
+    """Return a result and its time (s): of the first call within `QUICK_S`, or the last."""
     for _ in range(TRIES):
         start = time.monotonic()
         found = list(call())

@@ -1,4 +1,4 @@
-"""Requirements on an open rig: identity, clock, samples, voltages."""
+"""Tests requirements on an open rig: identity, clock, samples, voltages."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ ECHOES = 40
 STEPS = 50
 """periods in which the clock is observed"""
 ROUNDS = 20
-"""attempts: a busy computer spoils some, a faulty driver all"""
+"""Attempts: a busy computer makes some fail, a faulty driver all"""
 STEP, HOST_STEP = 0.05, 0.25
-"""periods: largest error of the best quarter of clock steps, device's and host's clock"""
+"""periods: largest error of the best quarter of clock steps, of device and host time bases"""
 ENDS = 15
-"""samples at either end of a measurement"""
+"""Number of samples at either end of a measurement"""
 BUSY_S = 0.03
 """s by which a busy computer may be late at both ends of a measurement"""
 
@@ -110,7 +110,7 @@ def a_sample_echoes_the_commands_sequence_and_voltages(bench: Bench) -> None:
 
 
 def _echoed_at_once(host: Host, sent: dict[int, tuple[float, float]]) -> int:
-    """How many of `ECHOES` commands the next sample echoes; ``sent``: voltages by sequence."""
+    """Return how many of `ECHOES` commands the next sample echoes; ``sent``: sequence → V."""
     at_once = 0
     for k in range(ECHOES):
         volts = (3.0 + 0.1 * k, -2.0)

@@ -1,4 +1,4 @@
-"""Requirements on a rig when something is wrong: stops, silence, invalid voltages, closing."""
+"""Tests requirements on a rig when something is wrong: stops, silence, invalid volts, closing."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from heli3dof.rig.interface import Flags
 from .bench import Bench, Host, cases, require, require_error, require_rest, require_volts
 
 SILENT_S = 0.5
-"""s beyond the watchdog's time: its ramp, and a busy computer"""
+"""s of silence beyond the watchdog's time, for its ramp to zero and a busy computer"""
 
 AWAY = 10
-"""periods of a host's absence, shorter than any watchdog"""
+"""Periods without a command, shorter than any watchdog's time"""
 ABSENCES = 5
-"""attempts: a host stall may spoil one, a faulty driver fails all"""
+"""Attempts: a host stall may make one fail, a faulty driver all"""
 
 
 def an_emergency_stop_holds_until_arming_and_may_be_repeated(bench: Bench) -> None:
@@ -111,7 +111,7 @@ def arming_while_armed_restarts_at_zero_volts(bench: Bench) -> None:
 
 
 def _require_flight(host: Host) -> None:
-    """The rig can be armed again, and applies voltages."""
+    """Require that the rig can be armed again and then applies voltages."""
     flags = host.arm().flags
     require(flags == Flags.ENABLED, "ENABLED and no other flag after arming again", flags)
     require_volts(host.hold(5.0, 5.0), 5.0, 5.0, "after arming again")

@@ -16,5 +16,5 @@ from heli3dof.rig.interface import Check
 
 
 def verdict(what: str, found: str, good: bool, fix: str) -> Check:
-    """The check's result; ``fix`` is dropped where it is good."""
+    """Make a `Check` of these fields; ``fix`` is dropped if ``good``."""
     return Check(what, found, good, "" if good else fix)

@@ -1,4 +1,4 @@
-"""Checks that need an armed rig: the loop's traffic, the watchdog, the emergency stop.
+"""Checks that need an armed rig: samples lost in the loop, the watchdog, the emergency stop.
 
 For ``doctor --arm``. Every command is zero volts, so nothing turns unless the amplifier is broken.
 Keep your hands off the propellers.
@@ -22,7 +22,7 @@ SECONDS = 1.0
 LONGEST_RAMP_S = 0.5
 """s: the longest ramp from the watchdog's expiry to zero volts"""
 LOST_SHARE = 1e-3
-"""share of samples that may be missing"""
+"""Largest share of samples that may be missing"""
 WHERE = {
     "lost": "lost on the line",
     "device_skipped": "not taken by the device",
@@ -37,7 +37,7 @@ FIXES = {
 
 
 class Armed:
-    """An open rig that gets zero volts only."""
+    """Sends an open rig commands of zero volts only."""
 
     def __init__(self, rig: StoppableRig, profile: Profile) -> None:
         self.rig, self.dt = rig, profile.dt
@@ -50,14 +50,14 @@ class Armed:
         return sample
 
     def zero_volts(self) -> Sample:
-        """One control period at zero volts."""
+        """Exchange a command of zero volts for the next sample."""
         self.sequence += 1
         self.due = max(self.due + self.dt, time.monotonic())
         return self.rig.exchange(Command(self.sequence, 0.0, 0.0), self.due)
 
 
 def traffic(armed: Armed) -> Check:
-    """Samples that came against those due by the device's clock, and where the rest was lost."""
+    """Compare the samples that came with those due by the device's clock; name the losses."""
     first = last = armed.arm()
     counts_before = _missing(armed.rig)
     came = 0
@@ -88,14 +88,14 @@ def traffic(armed: Armed) -> Check:
 
 
 def _missing(rig: StoppableRig) -> dict[str, int]:
-    """The link's counts of missing samples; empty for a rig without them."""
+    """Return the link's counts of missing samples by cause; empty if it lacks one of them."""
     counts = {why: count_of(rig.statistics, why) for why in WHERE}
     found = {why: n for why, n in counts.items() if n is not None}
     return found if len(found) == len(WHERE) else {}
 
 
 def watchdog_expires(armed: Armed) -> Check:
-    """Silence must expire the watchdog and latch the device."""
+    """Check that the watchdog expires without commands, and that the device latches."""
     what, rig = "watchdog at work", armed.rig
     if rig.identity.timebase == "virtual":
         return Check(what, "not checked: a virtual clock does not advance in the silence", None)
@@ -112,7 +112,7 @@ def watchdog_expires(armed: Armed) -> Check:
 
 
 def stop_holds(armed: Armed) -> Check:
-    """An emergency stop must hold against commands, and arming must clear it."""
+    """Check that an emergency stop holds against commands, and that arming clears it."""
     what = "emergency stop at work"
     armed.arm()
     armed.zero_volts()
@@ -131,7 +131,7 @@ CHECKS: tuple[Callable[[Armed], Check], ...] = (traffic, watchdog_expires, stop_
 
 
 def checks(rig: StoppableRig, profile: Profile) -> Iterator[Check]:
-    """Run every check of this file; the rig is stopped at the end."""
+    """Run every check of this file; stop the rig at the end."""
     armed = Armed(rig, profile)
     for check in CHECKS:
         yield check(armed)

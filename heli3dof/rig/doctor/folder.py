@@ -1,4 +1,4 @@
-"""Check the folder of recordings: permission, free space, time to synchronise."""
+"""Checks the folder of recordings: permission, free space, time to write to the disk."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from heli3dof.rig.doctor import verdict
 from heli3dof.rig.interface import Check
 
 ROOM_BYTES = 1 << 30
-"""A flight of ten minutes takes about 15 MB; the analysis writes as much again"""
+"""bytes that must be free: a flight of 10 min takes about 15 MB, its analysis as much again"""
 PIECE_BYTES = 32 * 1024
 """About what the recorder writes at a time"""
 TRIES = 20
 SLOW_S = 0.3
-"""s: a longer median is reported; data that is not yet on the disk is lost with the power"""
+"""s: a longer median is reported; a power failure loses data that is not yet on the disk"""
 
 
 def room(folder: Path) -> Check:
-    """Free space."""
+    """Check the free space in the folder."""
     what = "room for recordings"
     free = shutil.disk_usage(folder).free
     found = f"{free / 1e9:.1f} GB free in {folder}"
@@ -31,7 +31,7 @@ def room(folder: Path) -> Check:
 
 
 def to_disk(folder: Path) -> Check:
-    """Time to write and synchronise, as the recorder does."""
+    """Check the time to write and synchronise a file (fsync), as the recorder does."""
     what = "time to the disk"
     try:
         with tempfile.TemporaryFile(dir=folder) as file:
@@ -48,7 +48,7 @@ CHECKS: tuple[Callable[[Path], Check], ...] = (room, to_disk)
 
 
 def checks(folder: Path) -> Iterator[Check]:
-    """Run every check of this file; of the nearest parent, for a folder that does not exist yet."""
+    """Run every check of this file on the folder, or on its nearest parent that exists."""
     folder = folder.absolute()
     while not folder.is_dir():
         folder = folder.parent

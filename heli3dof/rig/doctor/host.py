@@ -1,4 +1,4 @@
-"""Check the computer: clock, wake-up latency, frequency governors, load, memory."""
+"""Checks the computer: clock, wake-up latency, frequency governors, load, memory."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ RESOLUTION_S = 1e-6
 
 
 def clock(profile: Profile) -> Check:
-    """The monotonic clock: its resolution and source."""
+    """Check the resolution and the source of the monotonic clock."""
     what = "clock"
     resolution = time.get_clock_info("monotonic").resolution
     source = _text(SYSTEM / "clocksource/clocksource0/current_clocksource")
@@ -43,7 +43,7 @@ def clock(profile: Profile) -> Check:
 
 
 def wake_up(profile: Profile) -> Check:
-    """Wake-up latency at absolute deadlines of the control period, for a second."""
+    """Check how late this program wakes up at the control period's deadlines, for a second."""
     dt = profile.dt
     n = max(10, round(WAKE_SECONDS / dt))
     start = time.monotonic() + dt
@@ -59,7 +59,7 @@ def wake_up(profile: Profile) -> Check:
 
 
 def frequency(profile: Profile) -> Check:
-    """The frequency governors: a core at a low clock wakes up late."""
+    """Check the frequency governors: a core at a low clock frequency wakes up late."""
     what = "frequency governor"
     files = sorted((SYSTEM / "cpu").glob("cpu[0-9]*/cpufreq/scaling_governor"))
     found = sorted({text for file in files if (text := _text(file)) is not None})
@@ -72,7 +72,7 @@ def frequency(profile: Profile) -> Check:
 
 
 def load(profile: Profile) -> Check:
-    """The load of this computer."""
+    """Check the load of this computer."""
     what = "other work"
     if not hasattr(os, "getloadavg"):
         return Check(what, "this system does not report it", None)
@@ -83,7 +83,7 @@ def load(profile: Profile) -> Check:
 
 
 def memory(profile: Profile) -> Check:
-    """Available memory: without it, pages are swapped during the flight."""
+    """Check the available memory: without it, pages are swapped during the flight."""
     what = "memory"
     text = _text(Path("/proc/meminfo"))
     if text is None:
@@ -95,11 +95,10 @@ def memory(profile: Profile) -> Check:
 
 
 CHECKS: tuple[Callable[[Profile], Check], ...] = (clock, frequency, load, memory)
-"""Without `wake_up`: it runs with the real-time priority of a flight."""
+"""All but `wake_up`, which runs with the real-time priority of a flight."""
 
 
 def checks(profile: Profile) -> Iterator[Check]:
-    """Run every check of this file."""
     for check in CHECKS:
         yield check(profile)
 

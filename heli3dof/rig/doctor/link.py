@@ -1,4 +1,4 @@
-"""Check the open rig: identity, state, round trip, loss, clock, noise, rest angles.
+"""Checks the open rig: identity, state, round trip, loss, clock, noise, rest angles.
 
 All checks use `Rig.read`; the rig is never armed.
 """
@@ -42,11 +42,11 @@ class Opened:
     profile: Profile
     samples: list[Sample]
     took_s: list[float]
-    """Of each reading, from request to sample"""
+    """s from request to sample, of each reading"""
     retries: int | None
-    """Requests that were repeated; None: this driver does not count them"""
+    """Requests that the driver repeated; None: it does not count them"""
     malformed: int | None
-    """Malformed frames"""
+    """Malformed frames received; None: the driver does not count them"""
 
 
 def listen(rig: StoppableRig, profile: Profile) -> Opened:
@@ -67,7 +67,7 @@ def listen(rig: StoppableRig, profile: Profile) -> Opened:
 
 
 def identity(opened: Opened) -> Check:
-    """Compare the device with the profile."""
+    """Compare the device's encoder counts and voltage limit with the profile's."""
     found, profile = opened.rig.identity, opened.profile
     e = profile.encoder
     stated = (
@@ -86,7 +86,7 @@ def identity(opened: Opened) -> Check:
 
 
 def watchdog(opened: Opened) -> Check:
-    """The watchdog's time; ``--arm`` checks that it works."""
+    """Check that the watchdog's time is short; ``--arm`` checks that it works."""
     seconds = opened.rig.identity.watchdog_s
     found = f"motors to zero after {seconds * 1e3:g} ms of silence"
     fix = "?watchdog_s=0.1 in the device URL, or the firmware's own setting"
@@ -94,7 +94,7 @@ def watchdog(opened: Opened) -> Check:
 
 
 def round_trip(opened: Opened) -> Check:
-    """Time from request to sample, against the control period."""
+    """Compare the time from request to sample with the control period."""
     took = sorted(opened.took_s)
     n, dt = len(took), opened.profile.dt
     usual, rare = took[n // 2], took[min(n - 1, int(0.999 * n))]
@@ -109,7 +109,7 @@ def round_trip(opened: Opened) -> Check:
 
 
 def loss(opened: Opened) -> Check:
-    """Requests without an answer, malformed frames."""
+    """Check that no request was repeated and no frame malformed."""
     if opened.retries is None or opened.malformed is None:
         return Check("loss", "this driver does not count it", None)
     n = len(opened.samples)
@@ -118,7 +118,7 @@ def loss(opened: Opened) -> Check:
 
 
 def device_clock(opened: Opened) -> Check:
-    """The device's clock against the host's, over the readings."""
+    """Compare the rate of the device's clock with the host's, over the readings."""
     first, last = opened.samples[0], opened.samples[-1]
     theirs = last.device_time_s - first.device_time_s
     ours = last.host_time_s - first.host_time_s
@@ -135,7 +135,7 @@ def device_clock(opened: Opened) -> Check:
 
 
 def stands_still(opened: Opened) -> Check:
-    """Counts of a rig at rest: changes are encoder noise, or a missing ground."""
+    """Check that a resting rig's counts stay: changes are encoder noise, or a missing ground."""
     spans = [
         max(column) - min(column)
         for column in zip(*(s.counts for s in opened.samples), strict=True)
@@ -148,7 +148,7 @@ def stands_still(opened: Opened) -> Check:
 
 
 def state(opened: Opened) -> Check:
-    """The device's state by its flags."""
+    """Check the device's state by its flags."""
     flags = opened.samples[-1].flags
     problems = {
         Flags.FAULT: ("the amplifier reports a fault", "let it cool, check supply and motors"),
@@ -164,7 +164,7 @@ def state(opened: Opened) -> Check:
 
 
 def rest_angles(opened: Opened) -> Check:
-    """The angles by the stored calibration, against the profile's rest angles.
+    """Compare the angles by the stored calibration with the profile's rest angles and limits.
 
     A reading outside the envelope ends any flight at once. One more than `ONE_TURN` outside is an
     error of the counter.

@@ -1,7 +1,8 @@
-"""List the running sessions from another process, and request a stop or the state.
+"""Lists the running sessions from another process, and requests a stop or the state.
 
-The locks' holder files name the sessions. A session is alive if its socket accepts a connection:
-that of a hanging process does, that of a killed one does not.
+A session is a process that uses a rig. The locks' holder files name the sessions. A session is
+alive if its socket accepts a connection: that of a hanging process does, that of a killed one does
+not.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from heli3dof.rig.session.paths import device_name, runtime_folder
 
 LONGEST_ANSWER = 1 << 16
 CONNECT_S = 0.2
-"""s to connect within this computer"""
+"""s within which a connection to a process of this computer must succeed"""
 
 
 @dataclass(frozen=True, slots=True)
 class Running:
-    """A session of this user."""
+    """A session of this user: a process that uses a rig."""
 
     device: str
     """The URL it opened"""
@@ -34,14 +35,14 @@ class Running:
     """Its command line"""
     since_utc: str
     private: bool
-    """The rig lives inside that process"""
+    """True if the rig is emulated inside that process"""
     port: int
     key: str
     lock: Path
 
 
 def listed(device: str | None = None) -> list[Running]:
-    """The recorded sessions, or those on one device; killed ones are still among them."""
+    """Return the sessions with a holder file, or those on one device; killed ones included."""
     pattern = "*.lock" if device is None else f"{device_name(device)}*.lock"
     sessions = []
     for holder in sorted(runtime_folder().glob(pattern + HOLDER)):
@@ -52,7 +53,7 @@ def listed(device: str | None = None) -> list[Running]:
 
 
 def running(device: str | None = None) -> list[Running]:
-    """The sessions that are alive, or those on one device; `mock:` means every emulated rig."""
+    """Return the live sessions, or those on one device; `mock:` means every emulated rig."""
     alive = []
     for session in listed(device):
         if lives(session):
@@ -66,7 +67,7 @@ def running(device: str | None = None) -> list[Running]:
 
 
 class Request:
-    """A request sent to a session; several may be under way before any answer is read."""
+    """Sends a request to a session; several can be under way before any answer is read."""
 
     def __init__(self, session: Running, question: Mapping[str, Any]) -> None:
         self.session = session
@@ -84,7 +85,7 @@ class Request:
             self.close()
 
     def answer(self, timeout_s: float) -> dict[str, Any] | None:
-        """The answer within ``timeout_s`` of the request; None without one."""
+        """Return the answer that comes within ``timeout_s`` of the request; None without one."""
         line = self._line
         if line is None:
             return None
@@ -106,7 +107,7 @@ class Request:
 
     @property
     def taken(self) -> bool:
-        """Whether the session accepted the connection; a hanging process does, without answering.
+        """True if the session accepted the connection; a hanging process does, without answering.
 
         Windows takes seconds to refuse a connection, and a process that hangs for long accepts no
         more: after a timeout the lock decides.
@@ -121,7 +122,7 @@ class Request:
 
 
 def lives(session: Running) -> bool:
-    """Whether the session still accepts connections."""
+    """True if the session still accepts connections."""
     question = Request(session, {})
     taken = question.taken
     question.close()
@@ -129,7 +130,7 @@ def lives(session: Running) -> bool:
 
 
 def state(session: Running, timeout_s: float = 0.2) -> dict[str, Any] | None:
-    """The state of a session's rig now; None without an answer."""
+    """Request the present state of a session's rig; None without an answer."""
     answer = Request(session, {"do": "state"}).answer(timeout_s)
     content = None if answer is None else answer.get("state")
     return content if isinstance(content, dict) else None

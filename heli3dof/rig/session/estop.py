@@ -1,14 +1,14 @@
-"""Stop rigs now, whichever process holds them.
+"""Stops rigs now, whichever process holds them.
 
-    first                →  leave a stamp: a command begun before it does not arm (`stop_stamp`)
+    first                →  leave a stamp: no command begun before it can arm (`stop_stamp`)
     running session      →  request it through its socket; it confirms that the device has stopped
     no answer in 200 ms  →  directly: the driver stops the device although a process holds it
     no session           →  directly
 
 All requests are sent before any answer is read, so a hanging session delays no other. Rigs without
-a session follow, all at once: those that a driver finds, and those that were opened before. A place
-where no rig is known (`heli3dof.rig.session.known_devices`) is left out, since another instrument
-may be there.
+a session follow, all at once: those that a driver finds, and those that were opened before. A port
+at which no rig is known (`heli3dof.rig.session.known_devices`) gets nothing, since another
+instrument may be there.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from heli3dof.rig.session.stop_stamp import ALL, leave_stamp, names_of
 from heli3dof.rig.url import parse_url
 
 PATIENCE_S = 0.2
-"""s for a session to confirm; it needs a control period and a round trip"""
+"""s within which a session must confirm; it needs a control period and a round trip"""
 
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """The result for one rig."""
+    """Result of an emergency stop for one rig."""
 
     device: str
     done: bool
@@ -43,14 +43,15 @@ class Stopped:
     seconds: float
     """s from the command to the confirmation"""
     held: bool
-    """A session held it; otherwise a driver found it, and it may not be a rig"""
+    """True if a session held it; False: found by a driver or opened before, and perhaps no rig"""
 
 
 def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]]:
-    """Stop one device, or every running session and every rig found: (results, left out).
+    """Stop one device, or (None) all running sessions and rigs; return (results, left out).
 
-    ``left out``: URLs that were found and may not be rigs. Raises UsageError for an invalid URL;
-    a DeviceError becomes a result that is not done.
+    left out: URLs that were found and may not be rigs: nothing was sent to them. ``reason`` goes
+    into the recording. Raises UsageError for an invalid URL; a DeviceError becomes a result with
+    ``done`` False.
     """
     if device is not None:
         check_url(device)
@@ -82,7 +83,7 @@ def stop_rigs(device: str | None, reason: str) -> tuple[list[Stopped], list[str]
 
 
 def _await(question: Request, start: float) -> Stopped | None:
-    """The result for a session's rig; None where the session had already ended."""
+    """Wait for a session's answer; return the result, or None if it had already ended."""
     session = question.session
     who = f"pid {session.pid} (`{session.doing}`)"
     answer = question.answer(PATIENCE_S) or {}
@@ -135,7 +136,7 @@ def _directly(device: str, start: float) -> Stopped:
 
 @dataclass(frozen=True)
 class EstopResult:
-    """What an emergency stop reached."""
+    """Result of an emergency stop for all rigs."""
 
     stopped: list[Stopped] = field(default_factory=list)
     unconfirmed: list[Stopped] = field(default_factory=list)
@@ -144,10 +145,10 @@ class EstopResult:
     """URLs of ports at which no rig was ever opened: nothing was sent to them"""
 
     def raise_if_not_stopped(self, device: str | None = None) -> None:
-        """Raise DeviceError if no rig was stopped, or one that moves may still be moving.
+        """Raise DeviceError if no rig was stopped, or if a rig did not confirm its stop.
 
-        A device that was only found, and that no session of ours holds, may not be a rig: if
-        others were stopped, it is no error that it does not confirm.
+        ``device``: the one that was to be stopped. Of all devices (None), one that no session holds
+        may not be a rig: if others were stopped, it need not confirm.
         """
         failed = self.unconfirmed
         if not self.stopped and not failed and self.skipped:
@@ -176,16 +177,16 @@ class EstopResult:
 
 
 def request_estop(device: str | None, reason: str) -> EstopResult:
-    """Stop one device, or all; return what was reached, whether it stopped or not."""
+    """Stop one device, or all (None); return the result, without an error for a failed stop."""
     reached, skipped = stop_rigs(device, reason)
     return EstopResult([s for s in reached if s.done], [s for s in reached if not s.done], skipped)
 
 
 def estop(device: str | None = None, reason: str = "heli3dof.estop()") -> EstopResult:
-    """Stop a rig now, or every rig that runs or is found: zero volts, whichever process flies it.
+    """Stop a rig now, or (None) every rig in use or found: zero volts, whichever process flies it.
 
     ``reason`` is stored in the recording of the flight that it ends. Raises DeviceError if no rig
-    was stopped or one did not confirm.
+    was stopped or one did not confirm (`EstopResult.raise_if_not_stopped`).
     """
     result = request_estop(device, reason)
     result.raise_if_not_stopped(device)

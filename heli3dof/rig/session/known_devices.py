@@ -1,7 +1,8 @@
-"""The places where a rig was opened: what ``heli3dof estop`` may stop, and the serial numbers.
+"""Records where rigs were opened, so that ``heli3dof estop`` stops only rigs.
 
-A serial port may lead to any instrument, and bytes that stop a rig may start another one. A place
-is known as a rig's if
+A serial port may lead to any instrument, and bytes that stop a rig may start another instrument. A
+place (the part of a device URL after the scheme, or the device's persistent name) is known as a
+rig's if
 
     its driver lists only rigs (it is not `RecognisesRigs`), or ``is_rig(url)`` is true now,
     or a rig was opened there before
@@ -22,11 +23,11 @@ from heli3dof.rig.session.paths import device_name, state_folder
 from heli3dof.rig.url import DeviceUrl, parse_url
 
 MOST = 200
-"""lines that are kept, the last ones: a rig at a new pseudo-terminal or TCP port adds one each"""
+"""Number of lines that are kept: each new pseudo-terminal or TCP port of a rig adds one"""
 
 
 def is_known(device: str) -> bool:
-    """Whether a rig is known to be there, so that a stop may be sent without a request for it."""
+    """True if a rig is known to be at this URL, so that a stop of all rigs may include it."""
     url = parse_url(device)
     driver = load_driver(url.scheme)
     if not isinstance(driver, RecognisesRigs) or driver.is_rig(url):
@@ -35,9 +36,9 @@ def is_known(device: str) -> bool:
 
 
 def remembered() -> Iterator[str]:
-    """URLs at which a rig was opened before and where the same device is plugged in now.
+    """Yield URLs at which a rig was opened before and where the same device is plugged in now.
 
-    Only of drivers that cannot list every rig (`NamesPlaces`).
+    Only for drivers that cannot list every rig (`NamesPlaces`).
     """
     for place, device, _ in _lines():
         with suppress(Exception):  # a line of before 2026-11, or a driver that was removed
@@ -47,7 +48,7 @@ def remembered() -> Iterator[str]:
 
 
 def serials_at(device: str) -> set[str]:
-    """Serial numbers of rigs opened at this URL's place, and the one in the URL itself."""
+    """Return the serial numbers of rigs opened at this URL's place, and the URL's last part."""
     url = parse_url(device)
     name = device_name(url)
     serials = {serial for _, at, serial in _lines() if at and device_name(at) == name}
@@ -55,7 +56,7 @@ def serials_at(device: str) -> set[str]:
 
 
 def remember(device: str, serial: str) -> None:
-    """Store that a rig answered there; does nothing where the state folder is not writable."""
+    """Store that a rig was opened at this URL; do nothing if the state folder is not writable."""
     with suppress(OSError):
         line = (_place(parse_url(device)), device, serial)
         kept = _lines()
@@ -72,7 +73,7 @@ def _place(url: DeviceUrl) -> str:
 
 
 def _lines() -> list[tuple[str, str, str]]:
-    """(place, device URL, serial number); the last two are empty in files of before 2026-11."""
+    """Read (place, device URL, serial number); the last two are empty in older files."""
     try:
         text = _file().read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

@@ -1,4 +1,4 @@
-"""Locks on rigs: on the port before it is opened, and on the device once it is identified.
+"""Locks a rig: its port before it is opened, and its device once that is identified.
 
     port     <runtime>/<device>.lock        the place in the URL
     device   <runtime>/<serial>-<…>.rig     IDENTITY's serial number and boot, so that only one of
@@ -26,13 +26,14 @@ from heli3dof.rig.session.paths import runtime_folder
 
 HOLDER = ".json"
 TAKE_S, TRY_S = 0.1, 0.01
-"""s in total and between attempts to lock: `is_held` takes a free lock for an instant"""
+"""s in total, and between attempts to lock: `is_held` takes a free lock for an instant"""
 
 
 class Lock:
-    """A lock, held until `release`; `write_holder` names the holder.
+    """A lock on a file, from construction until `release`; `write_holder` names the holder.
 
-    Raises DeviceError (busy) naming the holder. ``device``: the URL for messages.
+    Raises DeviceError, naming the holder, if another process has locked it. ``device``: the URL
+    for that message.
     """
 
     def __init__(self, path: Path, device: str) -> None:
@@ -46,7 +47,7 @@ class Lock:
             raise busy(device, read_holder(path)) from None
 
     def write_holder(self, about: Mapping[str, Any]) -> None:
-        """Name the holder. In place: Windows cannot replace a file that another process reads."""
+        """Write the holder file, in place: Windows cannot replace a file that another one reads."""
         holder_path(self._path).write_text(json.dumps(about), encoding="utf-8")
 
     def release(self) -> None:
@@ -59,7 +60,7 @@ class Lock:
 
 
 def is_held(path: Path) -> bool:
-    """Whether a process holds this lock now."""
+    """True if a process holds this lock now."""
     try:
         Lock(path, "").release()
     except DeviceError:
@@ -68,12 +69,11 @@ def is_held(path: Path) -> bool:
 
 
 def holder_path(lock: Path) -> Path:
-    """The file that names a lock's holder."""
     return lock.with_name(lock.name + HOLDER)
 
 
 def read_holder(lock: Path) -> dict[str, Any]:
-    """The content of the holder file; empty if it is missing or incomplete."""
+    """Read the holder file; empty if it is missing or incomplete."""
     try:
         content = json.loads(holder_path(lock).read_bytes())
     except (OSError, ValueError):
@@ -82,13 +82,13 @@ def read_holder(lock: Path) -> dict[str, Any]:
 
 
 def device_lock_path(serial: str, boot: int | None) -> Path:
-    """The lock file of a device; the same through each of its ports."""
+    """Return the path of a device's lock file, the same through each of its ports."""
     readable = re.sub(r"[^A-Za-z0-9]+", "-", serial).strip("-")[:24]
     return runtime_folder() / f"{readable}-{binascii.crc32(f'{serial}/{boot}'.encode()):08x}.rig"
 
 
 def busy(device: str, about: Mapping[str, Any]) -> DeviceError:
-    """The error for a rig that another session holds."""
+    """Make the error for a rig that another session holds; ``about``: its holder file."""
     try:
         who = f"pid {about['pid']} runs `{about['doing']}` since {about['since_utc']}"
         if about["device"] != device:

@@ -1,4 +1,4 @@
-"""Open a rig in a session: locked, and other processes can stop and observe it.
+"""Opens a rig in a session: it is locked, and other processes can stop and observe it.
 
     with open_rig("serial:///dev/ttyACM0", profile) as rig:
         sample = rig.read()
@@ -71,7 +71,7 @@ def _no_serial_number(device: str) -> DeviceError:
 
 
 def state_of(rig: StoppableRig, profile: Profile) -> dict[str, Any]:
-    """The rig's last sample for observers: degrees, volts, flags by name."""
+    """Return the rig's identity and last sample for other processes; see `reading`."""
     sample, identity = rig.last, rig.identity
     about = {"driver": identity.driver, "serial": identity.serial, "boot": identity.boot}
     if sample is None:
@@ -80,7 +80,7 @@ def state_of(rig: StoppableRig, profile: Profile) -> dict[str, Any]:
 
 
 def reading(sample: Sample, profile: Profile) -> dict[str, Any]:
-    """A sample in degrees, volts and amperes, with flags by name."""
+    """Convert a sample to degrees, volts and amperes, with its flags' names."""
     rest, per_count = profile.encoder.rest_rad, profile.encoder.rad_per_count
     values: dict[str, Any] = {
         f"{axis}_deg": degrees(rest[i] + sample.counts[i] * per_count[i])

@@ -1,4 +1,4 @@
-"""The folders of this user's sessions and calibrations, and the file name of a device.
+"""Locates the folders of this user's sessions and calibrations, and names a device's files.
 
 - runtime: ``$XDG_RUNTIME_DIR/heli3dof``, else ``heli3dof-UID`` in the folder of temporary files
   (``$TMPDIR``, ``/tmp``; on Windows the user's own): locks and running sessions. Mode 0700, since
@@ -22,7 +22,7 @@ from heli3dof.rig.url import DeviceUrl, parse_url
 
 
 def runtime_folder() -> Path:
-    """The folder of running sessions, created if missing.
+    """Return the folder of running sessions; create it if it is missing.
 
     Raises DeviceError where another user owns it, since its content cannot be trusted.
     """
@@ -58,7 +58,7 @@ def runtime_folder() -> Path:
 
 
 def state_folder() -> Path:
-    """The folder of what is kept between sessions; not created here.
+    """Return the folder of what is kept between sessions; it may not exist yet.
 
     Raises OSError for a user without a home folder.
     """
@@ -76,7 +76,7 @@ def state_folder() -> Path:
 
 
 def device_name(device: str | DeviceUrl) -> str:
-    """A file name for the rig of a URL, the same for every spelling of its place.
+    """Return a file name for the rig of a URL, the same for every spelling of its place.
 
     Options do not count, and a link such as /dev/serial/by-id/… is resolved.
 

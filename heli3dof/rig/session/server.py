@@ -1,4 +1,4 @@
-"""A running session: it locks its rig, and a second terminal can stop or observe it.
+"""`Session`: locks the rig that a process uses, and lets others stop or observe it.
 
     locks    the port's, and the device's once it is identified (`heli3dof.rig.session.locks`)
     socket   127.0.0.1, with a port and a key from the lock's holder file; one request per
@@ -38,17 +38,19 @@ LONGEST_REQUEST = 4096
 PATIENCE_S = 1.0
 """s that a client may take to send its request"""
 BACKLOG = 128
-"""Connections that the system accepts while this process hangs: 12 s of a monitor's"""
+"""Connections that the system accepts while this process hangs: 12 s of ``heli3dof monitor``"""
 MOST_CLIENTS = 64
-"""Connections without a request yet; another user of the computer can open them too"""
+"""Most connections that sent no request yet; other users of the computer can open them, too"""
 _number = itertools.count()
 
 
 class Session:
     """One process's lock on one rig. Close it, or use it in a ``with`` statement.
 
-    ``began_ns``: when the command that uses the rig began (`heli3dof.rig.session.stop_stamp`).
-    Raises DeviceError where another session holds the rig, naming it.
+    ``private``: the rig is emulated in this process. ``doing``: what the session does, for
+    messages. ``began_ns``: when the command that uses the rig began
+    (`heli3dof.rig.session.stop_stamp`). Raises DeviceError where another session holds the rig,
+    naming it.
     """
 
     def __init__(
@@ -61,7 +63,7 @@ class Session:
         self.stopped: str | None = None
         """How the rig was stopped on request; None: it was not"""
         self.state: Callable[[], Mapping[str, Any]] = dict
-        """The answer to ``state``; the answering thread calls it, so it must not use the rig"""
+        """Returns the answer to ``state``; called in another thread, so it must not use the rig"""
         self._began_ns = command_began_ns() if began_ns is None else began_ns
         self._names = names_of(device)
         self._deciding = threading.Lock()
@@ -87,10 +89,10 @@ class Session:
             raise
 
     def claim(self, identity: Identity) -> None:
-        """Lock the device that answered, whatever its port. Raises DeviceError (busy).
+        """Lock the identified device, whatever its port. Raises DeviceError if it is busy.
 
-        A private rig has neither lock nor stamp of its serial number: no other process can reach
-        it, and several emulated rigs share one number.
+        A private (emulated) rig gets no lock and no stamp name by its serial number: no other
+        process can reach it, and several emulated rigs share one number.
         """
         if not self.private:
             self._names = names_of(self.device, [identity.serial])
@@ -106,7 +108,7 @@ class Session:
                 self.confirm("before it had armed its emulated rig")
 
     def begin_to_arm(self) -> str | None:
-        """Why the rig must not be armed: a stop requested here, or a stamp. None: it may be.
+        """Return why the rig must not be armed (a requested stop, or a stop's stamp), or None.
 
         Call it again after every attempt: a stop may come while the rig is being armed.
         """
@@ -117,7 +119,7 @@ class Session:
             return self.asked
 
     def confirm(self, how: str) -> None:
-        """The rig has been stopped: answer every client that requested it."""
+        """Answer every client that requested a stop: the rig was stopped; ``how``: in words."""
         self.stopped = how
         if self._answering is not None:
             self._answering.wake()
@@ -205,7 +207,7 @@ class _Answering(threading.Thread):
         self._selector.register(client, selectors.EVENT_READ)
 
     def _read_request(self, client: socket.socket) -> None:
-        """Read one request, in one piece: far shorter than what a local socket delivers at once."""
+        """Read one request by one call: it is far shorter than what a local socket holds."""
         self._forget(client)
         try:
             request = json.loads(client.recv(LONGEST_REQUEST))

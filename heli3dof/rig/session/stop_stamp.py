@@ -1,9 +1,11 @@
-"""Stamps of emergency stops: a command begun before a stop cannot arm a rig after it.
+"""Stores the time of each emergency stop: a command begun before a stop cannot arm after it.
 
     <runtime>/<name>@<time>.stop      name: a device, a serial number, or ``all``
                                       time: of the stop, ns on the host's monotonic clock
 
-A flight must not arm if   its command began ≤ time of a stop of its rig ≤ now.
+A *command* starts flights: the run of a program, or a call (table). A flight must not arm if
+
+    its command began ≤ time of a stop of its rig ≤ now
 
 A stop leaves its stamp before it looks for sessions. A flight looks for stamps after its session
 is visible. So either the stop finds the session, or the flight finds the stamp.
@@ -42,16 +44,16 @@ _began_ns: int | None = None
 
 
 def start_command() -> None:
-    """A command of this program begins now; earlier stops do not affect its flights.
+    """Mark that a command of this program begins now; earlier stops do not affect its flights.
 
-    For programs with commands of their own: a server, a window, a test run.
+    For programs that carry out several commands: a server, a window, a test run.
     """
     global _began_ns
     _began_ns = time.monotonic_ns()
 
 
 def command_began_ns() -> int:
-    """When the running command began; ns on the monotonic clock."""
+    """Return when the running command began, in ns on the monotonic clock."""
     global _began_ns
     if hasattr(sys, "ps1"):  # an interactive interpreter has a prompt
         return time.monotonic_ns()
@@ -73,7 +75,7 @@ def leave_stamp(names: Iterable[str], reason: str) -> None:
 
 
 def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
-    """Why a command that began at ``began_ns`` must not arm these rigs; None where it may."""
+    """Return why a command begun at ``began_ns`` must not arm these rigs; None if it may."""
     now, wanted = time.monotonic_ns(), {ALL, *names}
     for stamp in runtime_folder().glob("*.stop"):
         name, _, time_ns = stamp.stem.rpartition("@")
@@ -89,13 +91,13 @@ def stopped_since(began_ns: int, names: Iterable[str]) -> str | None:
 
 
 def names_of(device: str, serials: Iterable[str] = ()) -> list[str]:
-    """The stamp names of a rig: its place, and each serial number it may have."""
+    """Return a rig's names in stamp files: of its place, and of each serial number it may have."""
     numbers = [f"serial-{binascii.crc32(s.encode()):08x}" for s in serials if s]
     return [device_name(device), *numbers]
 
 
 def _process_start_ns() -> int:
-    """When this process started, or up to 10 ms earlier (Linux).
+    """Return when this process started, or up to 10 ms earlier (Linux); ns, monotonic.
 
     Elsewhere psutil's value, which is off by any change of the wall clock since; without psutil,
     the time of this module's import.
@@ -114,7 +116,7 @@ def _process_start_ns() -> int:
 
 
 def _boot() -> str:
-    """An identifier of the computer's last start; empty where the system has none."""
+    """Return an identifier of the computer's last start; empty if the system has none."""
     try:
         return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
     except OSError:

@@ -1,6 +1,6 @@
-"""A rig in a session: another process can stop it, and its counts are zero at the rest angles.
+"""Wraps a rig in a session: other processes can stop it; its counts are zero at rest angles.
 
-An emergency stop that was requested from outside ends the loop through the samples (flag ESTOP)::
+An emergency stop that another process requests ends the loop by the samples' flag ESTOP::
 
     exchange(command):   requested?  →  estop once, confirm, and zero volts from then on
     arm():               requested, or a stop since the command began
@@ -30,13 +30,13 @@ from heli3dof.rig.session.server import Session
 
 
 class StoppableRig:
-    """See `heli3dof.rig.interface.Rig`."""
+    """A `heli3dof.rig.interface.Rig` that its session can stop."""
 
     def __init__(self, rig: Rig, session: Session, rest: RestCounts = COUNTS_AT_POWER_UP) -> None:
         self.inner, self.session = rig, session
         self.rest = rest
         self.last: Sample | None = None
-        """The last sample, for observers"""
+        """The last sample, for other processes"""
         if isinstance(rig, ArmsWithPermission):
             rig.check_permission = self._check_permission
 
@@ -51,11 +51,11 @@ class StoppableRig:
 
     @property
     def device_cause(self) -> str | None:
-        """See `heli3dof.rig.interface.ReportsDeviceCause`."""
+        """Why the device holds its output at zero, as it states (`ReportsDeviceCause`)."""
         return device_cause(self.inner)
 
     def arm(self) -> Sample:
-        """Raises SafetyTrip where a stop forbids it."""
+        """Arm the rig. Raises SafetyTrip if an emergency stop forbids it."""
         self._check_permission()
         sample = self._from_rest(self.inner.arm())
         self._check_permission()
