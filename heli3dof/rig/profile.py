@@ -259,7 +259,7 @@ class Limits(Section):
         Positive, Key("encoder readings missing for longer end the flight", "s")
     ] = 0.05
     saturated_max_s: Annotated[
-        Positive, Key("both motors at their limit for longer end the flight", "s")
+        Positive, Key("a motor at its limit for longer ends the flight", "s")
     ] = 2.0
 
 

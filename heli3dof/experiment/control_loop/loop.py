@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 
 from heli3dof.errors import DeviceError
@@ -197,7 +197,10 @@ class _Flight:
         if end.ending == "tripped" and isinstance(detail, Trip) and detail.by_motion:
             from heli3dof.experiment.safety_monitors.wiring_fault import Moment, with_cause
 
-            detail = with_cause(detail, [Moment(*m) for m in self.moments], self.profile)
+            with suppress(
+                Exception
+            ):  # a failed search must not lose the trip
+                detail = with_cause(detail, [Moment(*m) for m in self.moments], self.profile)
         virtual = self.rig.identity.timebase == "virtual"
         return Outcome(
             end.ending, detail, self.flown, tally.late, tally.missed, tally.worst, ramp.finished,

@@ -41,7 +41,7 @@ class Saturation(SafetyMonitor):
                     self._since[i] = t
                 elif t - since > self._longest_s:
                     return Trip(
-                        f"the {MOTORS[i]} motor was at its limit of {self._v_max:g} V for "
+                        f"{self._which(now)} was at its limit of {self._v_max:g} V for "
                         f"{t - since:.2g} s",
                         "the plan asks for more than the rig has, or a rotor does not pull.",
                         "check both rotors; then a smaller or slower step: heli3dof simulate "
@@ -51,3 +51,8 @@ class Saturation(SafetyMonitor):
             elif t - self._last[i] > BREAK * self._longest_s:
                 self._since[i] = None
         return None
+
+    def _which(self, now: Period) -> str:
+        """The motor commanded beyond its limit; the flag SATURATED alone does not name one."""
+        beyond = [m for m, v in zip(MOTORS, now.command, strict=True) if abs(v) > self._v_max]
+        return f"the {beyond[0]} motor" if len(beyond) == 1 else "a motor"

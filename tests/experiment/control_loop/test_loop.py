@@ -19,6 +19,7 @@ from heli3dof.recording.memory import MemoryRecorder
 from heli3dof.recording.row import CLOSED_LOOP, RAMP_DOWN
 from heli3dof.rig.interface import Command, Flags, Identity, Sample
 from heli3dof.rig.profile import Profile, default_profile
+from heli3dof.rig.trip import Trip
 
 PROFILE = default_profile()
 DT = PROFILE.dt
@@ -158,6 +159,18 @@ def test_a_monitor_that_raises_ends_the_flight_with_a_ramp_to_zero() -> None:
     outcome, _ = flown(rig, monitors=[lambda now: "" * (1 // (now.k - 10)) or None])
     assert (outcome.ending, outcome.periods, outcome.landed) == ("error", 10, True)
     assert ends_at_zero(rig)
+
+
+def test_a_failed_search_for_the_cause_of_a_trip_does_not_lose_the_outcome(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def fails(*_: object) -> None:
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr("heli3dof.experiment.safety_monitors.wiring_fault.with_cause", fails)
+    report = Trip("stood still", "not known.", "look", by_motion=True)
+    outcome, _ = flown(ScriptedRig(), monitors=[lambda now: report if now.k == 40 else None])
+    assert (outcome.ending, outcome.detail) == ("tripped", "stood still")
 
 
 def test_a_request_to_stop_ends_the_flight_with_a_ramp_to_zero() -> None:
