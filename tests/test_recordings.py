@@ -29,7 +29,7 @@ def test_each_contains_its_command_profile_and_seed(reference) -> None:
     assert recording.meta["command_line"] == ["heli3dof", *reference.command]
     assert recording.meta["seed"] == int(reference.command[reference.command.index("--seed") + 1])
     assert recording.meta["outcome"] == "completed"
-    assert recording.profile.loop_is_known
+    assert recording.profile.controller_is_known
     text = json.dumps(recording.meta)
     assert "/" not in text.replace("heli3dof.recording/1", "")
 

@@ -83,7 +83,7 @@ def flight_document(flight: Flight) -> dict[str, Any]:
         "late_periods": outcome.late,
         "missed_periods": outcome.missed,
         "lost_periods": outcome.lost,
-        "left_out_periods": outcome.left_out,
+        "left_out_periods": outcome.device_skipped,
         "worst_lateness_s": outcome.worst_lateness_s,
         "punctuality": details["punctuality"],
         "realtime": details["realtime"],

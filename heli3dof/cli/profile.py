@@ -227,7 +227,7 @@ def _check_loop(out: Output, profile: Profile) -> LoopCheck:
 
 def _exit_if_unstable(profile: Profile, loop: LoopCheck) -> None:
     """Exit with an error's code if the profile's own controller does not stabilise the rig."""
-    if not loop.stable and profile.loop_is_known:
+    if not loop.stable and profile.controller_is_known:
         raise typer.Exit(UnstableLoop.exit_code)
 
 

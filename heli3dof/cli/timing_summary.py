@@ -39,7 +39,7 @@ def timing_rows(about: Mapping[str, Any]) -> list[tuple[str, str]]:
 def timing_note(outcome: Outcome) -> str:
     """Return late and skipped periods, lateness and latency as the note under a flight's table."""
     parts = [f"late by more than 1 ms: {outcome.late} of {outcome.periods} periods"]
-    skipped = _skipped(outcome.missed, outcome.lost, outcome.left_out)
+    skipped = _skipped(outcome.missed, outcome.lost, outcome.device_skipped)
     if skipped:
         parts.append(skipped)
     timing = outcome.punctuality
@@ -85,13 +85,13 @@ def realtime_advice(outcome: Outcome) -> str | None:
     return f"Some periods were late, and {names} was not granted. Try: {refused[0].fix}"
 
 
-def _skipped(missed: int, lost: int, left_out: int) -> str:
+def _skipped(missed: int, lost: int, device_skipped: int) -> str:
     return ", ".join(
         text
         for count, text in (
             (missed, f"{missed} missed by this computer"),
             (lost, f"{lost} lost on the line"),
-            (left_out, f"{left_out} skipped by the device"),
+            (device_skipped, f"{device_skipped} skipped by the device"),
         )
         if count
     )

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from heli3dof.diagnosis.noisy_flight import noisy_flight
-from heli3dof.diagnosis.nulls import loop_is_known
+from heli3dof.diagnosis.nulls import controller_is_known
 from heli3dof.diagnosis.torque import trail_at
 from heli3dof.errors import RecordingError
 from heli3dof.identification.greybox.likelihood import Likelihood
@@ -128,7 +128,7 @@ def floor_deg(
     flights do not stay in the air (play, and what stood in for a cause, may make it unflyable).
     """
     by_formula = "the filter's covariance"
-    if not loop_is_known(recordings):
+    if not controller_is_known(recordings):
         return covariance_floor_deg(model, recordings, horizons_s), by_formula
 
     def one(b: int) -> np.ndarray:

@@ -73,7 +73,7 @@ def runaway(found: Estimate) -> bool:
 def base_at(bench: Bench, problem: Informed) -> Corrected:
     """The base's numbers as that problem has them, freed of their bias where the loop is known."""
     found = estimate(problem)
-    if not bench.loop_is_known:
+    if not bench.controller_is_known:
         return Corrected(problem, found.optimum)
     freed = correct(
         problem, *beginning(found), bench.recordings, seed=bench.seed, pilots=bench.pilots

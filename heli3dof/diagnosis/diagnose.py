@@ -110,7 +110,7 @@ def _diagnosed(
     many = QUICK_LEFT_FLIGHTS if quick else LEFT_FLIGHTS
     last = unnamed(bench, Settled(found, findings, dropped, after), held, flights=many)
     last = replace(last, findings=with_near(last.findings))
-    if not bench.loop_is_known:
+    if not bench.controller_is_known:
         clock.says("Fitting each recording separately …")
         last = replace(last, findings=doubted(last.findings, train))
     clock.start("gain", "Measuring the gain on held-out data …")
@@ -138,7 +138,7 @@ def _diagnosed(
         tolerance=profile.tolerance, level_deg=least_found(first.screen, first.nulls, LEVEL),
     )  # fmt: skip
     like = bool(each) and isinstance(each[0], Finding) and each[0].like
-    unsure = like and not bench.loop_is_known
+    unsure = like and not bench.controller_is_known
     return Diagnosis(
         *names, verdict_of(each, last.left, unsure=unsure), faults, whole,
         findings, off, last.dropped, last.left,
@@ -163,7 +163,7 @@ def causes(
     score, left = max(inertias, default=None), MOST
     while left:
         n = flights if not steps else max(8, round(FURTHER * flights))
-        nulls = f"against {n} simulated nulls" if bench.loop_is_known else "every candidate"
+        nulls = f"against {n} simulated nulls" if bench.controller_is_known else "every candidate"
         clock.start(f"screen {len(steps) + 1}", f"Screening {nulls} …")
         step = looked_at(bench, found, n)
         clock.start(f"fits {len(steps) + 1}", "Fitting what may be the cause …")
@@ -172,7 +172,7 @@ def causes(
         if step.choice is None:
             break
         made: Mapping[str, Corrected] = {}
-        if bench.opinions and bench.loop_is_known:
+        if bench.opinions and bench.controller_is_known:
             likelier, made = explained(bench, step)
             step = replace(step, choice=likelier)
         choice, wider = flown(bench, step, score, made)

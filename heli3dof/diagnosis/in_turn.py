@@ -67,7 +67,7 @@ def in_turn(
     near = [c for c in gone.contenders if c.term.name in gone.tied_with]
     for other in [c for c in near if c.term.name not in asked][:TURNS]:
         wider = replaced(bench, less, other)
-        if wider.scatter is not None or not bench.loop_is_known:
+        if wider.scatter is not None or not bench.controller_is_known:
             yield instead(gone, other), wider
 
 

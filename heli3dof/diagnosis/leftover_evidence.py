@@ -19,7 +19,7 @@ import numpy as np
 from heli3dof.diagnosis.colour import BLOCK_S, MEMORY_S, freedom, long_run, surely
 from heli3dof.diagnosis.corrected import Corrected
 from heli3dof.diagnosis.leftover_nulls import Scored, block_numbers, simulated
-from heli3dof.diagnosis.nulls import loop_is_known
+from heli3dof.diagnosis.nulls import controller_is_known
 from heli3dof.diagnosis.torque import Trail, trail
 from heli3dof.diagnosis.torque_hats import Hats, Sums, forward, hats
 from heli3dof.identification.greybox.estimate import Estimate
@@ -98,7 +98,7 @@ def evidence(
     library = hats(flight, np.flatnonzero(found.problem.data.axes))
     null = None
     flies = not isinstance(found, Corrected) or found.scatter is not None
-    if flies and loop_is_known(recordings):
+    if flies and controller_is_known(recordings):
         flights = max(flights, LEAST_FLIGHTS)
         null = simulated(found, recordings, library, flights=flights, seed=seed)
     held = Held.base(found, flight, null)

@@ -154,9 +154,11 @@ def formula_nulls(found: Corrected, screen: Screen) -> Nulls:
     )  # fmt: skip
 
 
-def loop_is_known(recordings: Sequence[Recording]) -> bool:
+def controller_is_known(recordings: Sequence[Recording]) -> bool:
     """True where every recording can be flown again."""
     return all(
-        r.profile.loop_is_known and len(r.axes) == 3 and any(r.has_reference(a) for a in r.axes)
+        r.profile.controller_is_known
+        and len(r.axes) == 3
+        and any(r.has_reference(a) for a in r.axes)
         for r in recordings
     )

@@ -16,7 +16,7 @@ from heli3dof.diagnosis.catalogue import candidates, probes, scans
 from heli3dof.diagnosis.contenders import Contender
 from heli3dof.diagnosis.corrected import Corrected, Informed, correct, fly_again, model_at
 from heli3dof.diagnosis.looks import look
-from heli3dof.diagnosis.nulls import Nulls, formula_nulls, loop_is_known, simulated_nulls
+from heli3dof.diagnosis.nulls import Nulls, controller_is_known, formula_nulls, simulated_nulls
 from heli3dof.diagnosis.occam import price
 from heli3dof.diagnosis.rivals import told_apart
 from heli3dof.diagnosis.screen import Screen, Seen
@@ -54,8 +54,8 @@ class Bench:
     """Whether modest scores ask a second one (`heli3dof.diagnosis.rivals`), some seconds each"""
 
     @property
-    def loop_is_known(self) -> bool:
-        return loop_is_known(self.recordings)
+    def controller_is_known(self) -> bool:
+        return controller_is_known(self.recordings)
 
     @cached_property
     def touches_stops(self) -> bool:
@@ -120,11 +120,15 @@ class Step:
             )
 
         made = made_of(self.tried(bench, tried_terms(present, bench.axes)))
-        if made is None and bench.loop_is_known and (rings := self.tried(bench, ringing(present))):
+        if (
+            made is None
+            and bench.controller_is_known
+            and (rings := self.tried(bench, ringing(present)))
+        ):
             made = made_of(rings)
-        if made is None and bench.loop_is_known:
+        if made is None and bench.controller_is_known:
             made = swallowed(self.instead_of_inertia, self.screen, self.nulls)
-        if made is not None and bench.loop_is_known:
+        if made is not None and bench.controller_is_known:
             made = told_apart(
                 made, self.nulls, bench.recordings, seed=bench.seed, pilots=bench.pilots,
                 opinions=bench.opinions and not made.term.effect.formal,  # its ties are not told
@@ -166,7 +170,7 @@ def extended(bench: Bench, choice: Choice) -> Corrected:
         also = [c for c in choice.contenders[1:] if surely(c, choice)]
         problem, at = as_well(problem, at, also)
     found = settled(bench, problem, at)
-    if found.scatter is None and bench.loop_is_known:
+    if found.scatter is None and bench.controller_is_known:
         return from_quiet(bench, found)
     return found
 
@@ -211,7 +215,7 @@ def from_quiet(bench: Bench, found: Corrected) -> Corrected:
 
 def settled(bench: Bench, problem: Likelihood, at: Optimum) -> Corrected:
     """The estimating equation's solution near an optimum; the optimum where no loop is known."""
-    if not bench.loop_is_known:
+    if not bench.controller_is_known:
         return Corrected(problem, at)
     return correct(
         problem,

@@ -192,7 +192,7 @@ def _fly(
         return outcome
     # The flight ended by an emergency stop from another process, in whatever phase that came.
     detail = Trip(
-        f"{ON_REQUEST}: {rig.session.asked}",
+        f"{ON_REQUEST}: {rig.session.stop_reason}",
         "somebody ran heli3dof estop.",
         "find out who and why; then start again: arming clears the stop",
     )

@@ -90,7 +90,7 @@ def summary(recording: Recording) -> dict[str, Any]:
         "channels": sorted(recording.channels),
         "profile": recording.profile.name,
         "rate_hz": recording.profile.loop.rate_hz,
-        "loop_is_known": recording.profile.loop_is_known,
+        "loop_is_known": recording.profile.controller_is_known,
         "plan": meta.get("plan"),
         "seed": meta.get("seed"),
         "seeds": meta.get("seeds"),

@@ -71,7 +71,7 @@ class Recording(Result):
         """Return three lines of text: size and rate; axes, references and profile; channels."""
         rate = f"{self.duration:.1f} s at {1 / self.dt:.6g} Hz" if len(self) > 1 else "no duration"
         references = [a for a in self.axes if self.has_reference(a)]
-        known = "" if self.profile.loop_is_known else ", controller unknown"
+        known = "" if self.profile.controller_is_known else ", controller unknown"
         names = sorted(self.channels)
         more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
         return (

@@ -108,7 +108,9 @@ def _summary(r: Recording) -> dict[str, Any]:
         "samples": f"{len(r)} at {1 / r.dt:.6g} Hz"
         + (f", {gaps.sum()} gaps" if gaps.any() else ""),
         "rig": r.profile.name,
-        "controller": "known" if r.profile.loop_is_known else "unknown: no closed-loop replay",
+        "controller": "known"
+        if r.profile.controller_is_known
+        else "unknown: no closed-loop replay",
         "voltage": f"{fixed(float(np.nanmin(r.voltage)), 1)} to "
         f"{fixed(float(np.nanmax(r.voltage)), 1)} V (limit ±{r.profile.motor.v_max:g} V)",
     }

@@ -359,7 +359,7 @@ class Profile(Section):
         return 1.0 / self.loop.rate_hz
 
     @property
-    def loop_is_known(self) -> bool:
+    def controller_is_known(self) -> bool:
         """True if the controller is known, so that the closed loop can be replayed."""
         return self.controller is not None
 

@@ -38,7 +38,7 @@ def test_run_step_records_and_prints_a_summary(tmp_path: Path) -> None:
     assert recording.digest == document["digest"]
     assert recording.meta["outcome"] == "completed"
     assert recording.meta["plan"]["segment"][-1]["roll_deg"] == 10
-    assert recording.profile.loop_is_known
+    assert recording.profile.controller_is_known
 
 
 def test_the_summary_has_no_colour_without_a_terminal(tmp_path: Path) -> None:

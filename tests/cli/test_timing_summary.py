@@ -16,7 +16,7 @@ REFUSED = Realtime(
 )
 GRANTED = Realtime((Check("real-time scheduling", "SCHED_FIFO", True),), True, True)
 OUTCOME = Outcome("completed", "flown", 1000, 5, 30, 31.2e-3, True, None, 2, FOUND, REFUSED)
-HELD_UP = replace(OUTCOME, left_out=7)
+HELD_UP = replace(OUTCOME, device_skipped=7)
 
 
 def test_the_note_counts_late_missed_and_lost_periods() -> None:

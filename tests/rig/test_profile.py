@@ -53,12 +53,12 @@ def test_an_encoder_that_counts_down_has_a_negative_step(tmp_path: Path) -> None
 
 
 def test_without_a_controller_section_the_controller_is_unknown(tmp_path: Path) -> None:
-    assert not load_profile(write(tmp_path, GOOD)).loop_is_known
+    assert not load_profile(write(tmp_path, GOOD)).controller_is_known
 
 
 def test_an_empty_controller_section_is_the_default_controller(tmp_path: Path) -> None:
     profile = load_profile(write(tmp_path, GOOD + "[controller]\n"))
-    assert profile.loop_is_known
+    assert profile.controller_is_known
     assert profile.controller is not None
     assert profile.controller.K_g[0].tolist() == [37.6, 13.2, -11.5, 20.9, 4.7, -16.1, 10.0, -1.0]
 
@@ -146,7 +146,7 @@ def test_a_profile_is_read_back_from_its_dict() -> None:
 def test_the_real_profiles_load(rig: str) -> None:
     profile = load_profile(REAL_DATA / rig / "profile.toml")
     assert profile.name == rig
-    assert not profile.loop_is_known
+    assert not profile.controller_is_known
 
 
 def test_with_gain_changes_only_the_gain() -> None:

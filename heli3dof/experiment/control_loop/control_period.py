@@ -36,10 +36,10 @@ class Period(NamedTuple):
     """Sequence number of the command that carried ``sent``, which this sample should echo"""
     lateness: float
     """s from the deadline to the sample's arrival; 0 on a virtual clock"""
-    missed: int
+    skipped: int
     """Periods skipped just before this one, by the host, the line or the device"""
-    left_out: int = 0
-    """Those of ``missed`` for which the device made no sample"""
+    device_skipped: int = 0
+    """Those of ``skipped`` for which the device made no sample"""
     echo_s: float = 0.0
     """s from sending a command to this sample, the first to echo it; 0 without a new echo"""
     ramping_down: bool = False

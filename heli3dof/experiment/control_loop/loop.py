@@ -197,15 +197,13 @@ class _Flight:
         if end.ending == "tripped" and isinstance(detail, Trip) and detail.by_motion:
             from heli3dof.experiment.safety_monitors.wiring_fault import Moment, with_cause
 
-            with suppress(
-                Exception
-            ):  # a failed search must not lose the trip
+            with suppress(Exception):  # a failed search must not lose the trip
                 detail = with_cause(detail, [Moment(*m) for m in self.moments], self.profile)
         virtual = self.rig.identity.timebase == "virtual"
         return Outcome(
             end.ending, detail, self.flown, tally.late, tally.missed, tally.worst, ramp.finished,
             end.error, tally.lost, None if virtual else tally.punctuality(), granted,
-            link_counts(self.rig), tally.left_out, self.exchange.echo.measured(),
+            link_counts(self.rig), tally.device_skipped, self.exchange.echo.measured(),
             self.exchange.device_cause, ramp.ramped,
         )  # fmt: skip
 
@@ -298,7 +296,7 @@ class _Flight:
         exchange = self.exchange
         now = Period(
             k, t, sample, angle, self.controller.rates, command, voltage, exchange.sent,
-            exchange.sequence, exchange.lateness, exchange.skipped, exchange.left_out,
+            exchange.sequence, exchange.lateness, exchange.skipped, exchange.device_skipped,
             exchange.echo.last_s, ramping_down,
         )  # fmt: skip
         return next(filter(None, (monitor(now) for monitor in self.monitors)), None)

@@ -60,7 +60,7 @@ class Outcome:
     """What the system granted the loop; None on a virtual clock"""
     link: dict[str, Any] | None = None
     """Counts of the rig's link (`link_counts`); None for a rig without counters"""
-    left_out: int = 0
+    device_skipped: int = 0
     """Periods skipped because the device was held up and made no sample"""
     latency: EchoLatency | None = None
     """Command-to-echo latency; None if nothing was flown"""
@@ -85,7 +85,7 @@ class Outcome:
             "late": self.late,
             "missed": self.missed,
             "lost": self.lost,
-            "device_skipped": self.left_out,
+            "device_skipped": self.device_skipped,
             "worst_lateness_s": self.worst_lateness_s,
             "landed": self.landed,
             "ramped": self.ramped,
@@ -120,7 +120,7 @@ class Tally:
     """Counts late and skipped periods of one flight, and their times, in constant memory."""
 
     def __init__(self) -> None:
-        self.late = self.missed = self.lost = self.left_out = 0
+        self.late = self.missed = self.lost = self.device_skipped = 0
         self.lateness = Histogram()
         self.turnaround = Histogram()
 
@@ -130,11 +130,11 @@ class Tally:
         return self.lateness.worst_s
 
     def count(
-        self, lateness: float, turnaround: float, missed: int, lost: int, left_out: int
+        self, lateness: float, turnaround: float, missed: int, lost: int, device_skipped: int
     ) -> None:
         """Add a period: delay of its sample after the deadline in s, computing time in s.
 
-        missed, lost, left_out: periods skipped before it by the host, the line and the device.
+        missed, lost, device_skipped: periods skipped before it by the host, the line, the device.
         """
         if lateness > LATE_S:
             self.late += 1
@@ -142,7 +142,7 @@ class Tally:
         self.lost += lost
         self.lateness.add(lateness)
         self.turnaround.add(turnaround)
-        self.left_out += left_out
+        self.device_skipped += device_skipped
 
     def punctuality(self) -> Punctuality | None:
         """Return quantiles over the periods counted (see `Histogram`); None without a period."""

@@ -31,7 +31,7 @@ class RigExchange:
         """s by which the last sample came after its deadline"""
         self.skipped = 0
         """Periods skipped before the last sample: by the host, the line or the device"""
-        self.left_out = 0
+        self.device_skipped = 0
         """Those of ``skipped`` for which the device made no sample"""
         self.unreadable: Trip | None = None
         """Why the last sample could not be used (None: it could); the loop gets the one before"""
@@ -63,10 +63,10 @@ class RigExchange:
         time.arrived(sample, sent_s)
         self.echo.exchanged(self.sequence, sent_s, sample)
         self.lateness = time.lateness
-        missed, lost, self.left_out = time.missed, time.lost, time.left_out
-        self.skipped = missed + lost + self.left_out
+        missed, lost, self.device_skipped = time.missed, time.lost, time.device_skipped
+        self.skipped = missed + lost + self.device_skipped
         turnaround = sent_s - since.host_time_s
-        self._tally.count(time.lateness, turnaround, missed, lost, self.left_out)
+        self._tally.count(time.lateness, turnaround, missed, lost, self.device_skipped)
         return sample
 
     @property

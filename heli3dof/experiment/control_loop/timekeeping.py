@@ -54,7 +54,7 @@ class VirtualTime:
         """Periods skipped before the last sample because the host was late"""
         self.lost = 0
         """Periods skipped before the last sample because theirs were lost on the line"""
-        self.left_out = 0
+        self.device_skipped = 0
         """Periods skipped before the last sample because the device made none"""
 
     def start(self, sample: Sample) -> None:
@@ -128,7 +128,7 @@ class CountedTime(DeviceTime):
     def _skip(self, sample: Sample, since_s: float) -> None:
         before = self._before
         self._before = now = self._so_far()
-        self.lost, self.left_out, self.missed = (
+        self.lost, self.device_skipped, self.missed = (
             now[0] - before[0], now[1] - before[1], now[2] - before[2],
         )  # fmt: skip
 

@@ -47,7 +47,7 @@ class Lateness(SafetyMonitor):
         late = now.lateness > self._late_s
         if not late and not self._late:
             return None
-        for _ in range(1 + (min(now.missed - now.left_out, len(self._ring)) if late else 0)):
+        for _ in range(1 + (min(now.skipped - now.device_skipped, len(self._ring)) if late else 0)):
             self._late += late - self._ring[self._at]
             self._ring[self._at] = late
             self._at = (self._at + 1) % len(self._ring)

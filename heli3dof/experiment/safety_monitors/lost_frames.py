@@ -30,11 +30,11 @@ class LostFrames(SafetyMonitor):
 
     def __call__(self, now: Period) -> str | None:
         # Periods that the host itself was too late for are no loss on the line.
-        lost = now.missed - int(now.lateness / self._dt + 1e-6)
+        lost = now.skipped - int(now.lateness / self._dt + 1e-6)
         if lost > self._most:
             gap_ms = 1e3 * (1 + lost) * self._dt
             gap = f"no sample came for {1 + lost} periods ({gap_ms:.0f} ms)"
-            if now.left_out > lost / 2:
+            if now.device_skipped > lost / 2:
                 what = f"{gap}: the device itself was held up, and made none"
                 return Trip(what, DEVICE_CAUSE, DEVICE_FIX)
             return Trip(f"{gap}: the line loses frames", LINE_CAUSE, LINE_FIX)

@@ -56,7 +56,7 @@ def recording_from_table(
             table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max
         )
         warnings += angle_units.check_angles(table.source, columns, profile)
-    if profile.loop_is_known and not any("_ref_" in name for name in columns.keys() & KNOWN):
+    if profile.controller_is_known and not any("_ref_" in name for name in columns.keys() & KNOWN):
         warnings.append(
             "The profile has a [controller], but the log has no reference: the closed loop cannot "
             "be replayed."

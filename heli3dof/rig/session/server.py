@@ -8,9 +8,9 @@
         {"key": "…", "do": "state"}                  answered with what `Session.state` returns
 
 A thread answers; it sleeps until a request comes. The control loop reads the attribute
-`Session.asked` in every period (`heli3dof.rig.session.stoppable_rig`), so that only one thread uses
-the rig. An emulated rig is private to its process: its lock has the pid in its name, and no serial
-number or lock of a device identifies it to other processes.
+`Session.stop_reason` in every period (`heli3dof.rig.session.stoppable_rig`), so that only one
+thread uses the rig. An emulated rig is private to its process: its lock has the pid in its name,
+and no serial number or lock of a device identifies it to other processes.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Session:
         began_ns: int | None = None,
     ) -> None:  # fmt: skip
         self.device, self.private = device, private
-        self.asked: str | None = None
+        self.stop_reason: str | None = None
         """Reason of a requested emergency stop; None: none was requested"""
         self.stopped: str | None = None
         """How the rig was stopped on request; None: it was not"""
@@ -103,7 +103,7 @@ class Session:
     def ask_estop(self, reason: str) -> None:
         """Request that the thread that uses the rig stops it; the first reason is kept."""
         with self._deciding:
-            self.asked = self.asked or reason
+            self.stop_reason = self.stop_reason or reason
             if self.private and not self._armed and self.stopped is None:
                 self.confirm("before it had armed its emulated rig")
 
@@ -113,10 +113,10 @@ class Session:
         Call it again after every attempt: a stop may come while the rig is being armed.
         """
         with self._deciding:
-            if self.asked is None:
-                self.asked = stopped_since(self._began_ns, self._names)
-            self._armed = self._armed or self.asked is None
-            return self.asked
+            if self.stop_reason is None:
+                self.stop_reason = stopped_since(self._began_ns, self._names)
+            self._armed = self._armed or self.stop_reason is None
+            return self.stop_reason
 
     def confirm(self, how: str) -> None:
         """Answer every client that requested a stop: the rig was stopped; ``how``: in words."""

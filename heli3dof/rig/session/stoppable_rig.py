@@ -63,16 +63,16 @@ class StoppableRig:
         return sample
 
     def read(self) -> Sample:
-        if self.session.asked is not None:
-            self._stop(self.session.asked)
+        if self.session.stop_reason is not None:
+            self._stop(self.session.stop_reason)
         sample = self.inner.read()
         check_sample(sample)
         self.last = sample = self._from_rest(sample)
         return sample
 
     def exchange(self, command: Command, due_s: float) -> Sample:
-        if self.session.asked is not None:
-            self._stop(self.session.asked)
+        if self.session.stop_reason is not None:
+            self._stop(self.session.stop_reason)
             command = Command(command.sequence, 0.0, 0.0)
         self.last = sample = self._from_rest(self.inner.exchange(command, due_s))
         return sample

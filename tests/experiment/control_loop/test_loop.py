@@ -151,7 +151,7 @@ def test_a_monitor_judges_every_period_and_its_report_ends_the_flight() -> None:
     last = seen[-1]
     assert last.sample.sequence == last.command_sequence == 40
     assert last.sent == sink.rows[39].voltage
-    assert (last.t, last.missed) == (pytest.approx(40 * DT), 0)
+    assert (last.t, last.skipped) == (pytest.approx(40 * DT), 0)
 
 
 def test_a_monitor_that_raises_ends_the_flight_with_a_ramp_to_zero() -> None:
@@ -168,9 +168,9 @@ def test_a_failed_search_for_the_cause_of_a_trip_does_not_lose_the_outcome(
         raise np.linalg.LinAlgError("SVD did not converge")
 
     monkeypatch.setattr("heli3dof.experiment.safety_monitors.wiring_fault.with_cause", fails)
-    report = Trip("stood still", "not known.", "look", by_motion=True)
+    report = Trip("did not turn", "not known.", "look", by_motion=True)
     outcome, _ = flown(ScriptedRig(), monitors=[lambda now: report if now.k == 40 else None])
-    assert (outcome.ending, outcome.detail) == ("tripped", "stood still")
+    assert (outcome.ending, outcome.detail) == ("tripped", "did not turn")
 
 
 def test_a_request_to_stop_ends_the_flight_with_a_ramp_to_zero() -> None:
@@ -302,7 +302,7 @@ def test_lost_samples_do_not_lengthen_the_ramp() -> None:
 def test_a_ramp_after_lost_samples_begins_at_the_last_voltage() -> None:
     # The flight ends by the first sample after 200 lost ones.
     rig = ScriptedRig(late=lambda k: 200 * DT if k == 60 else 0.0)
-    _, sink = flown(rig, periods=500, monitors=[lambda now: "lost" if now.missed else None])
+    _, sink = flown(rig, periods=500, monitors=[lambda now: "lost" if now.skipped else None])
     ramp = [r for r in sink.rows if r.phase == RAMP_DOWN]
     n = round(PROFILE.limits.ramp_down_s / DT)
     front = [r.voltage[0] for r in sink.rows if r.phase == CLOSED_LOOP][-1]

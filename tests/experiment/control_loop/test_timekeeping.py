@@ -129,9 +129,9 @@ def test_what_the_device_left_out_is_neither_lost_nor_missed() -> None:
     stream(time, 1, 10)
     link.lost, link.device_skipped, link.samples_stale = 8, 5, 2
     time.arrived(sample(7 + 16 * DT, 100 + 16 * DT + 0.0004), 100 + 10 * DT + 1e-4)
-    assert (*judged(time), time.left_out) == (DT + 0.0004, 1, 1, 3)
+    assert (*judged(time), time.device_skipped) == (DT + 0.0004, 1, 1, 3)
     stream(time, 17, 18)
-    assert (*judged(time), time.left_out) == (*NOTHING, 0)
+    assert (*judged(time), time.device_skipped) == (*NOTHING, 0)
 
 
 def test_host_time_and_device_time_report_the_same_delay() -> None:

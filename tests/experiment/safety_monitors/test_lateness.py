@@ -24,24 +24,24 @@ def test_lateness_is_forgotten_after_a_second() -> None:
 
 def test_periods_missed_before_a_late_sample_count_as_late() -> None:
     monitor = Lateness(PROFILE)
-    assert monitor(period(0, lateness=0.4, missed=200)) is None
-    assert monitor(period(201, lateness=0.12, missed=60)) is not None
+    assert monitor(period(0, lateness=0.4, skipped=200)) is None
+    assert monitor(period(201, lateness=0.12, skipped=60)) is not None
 
 
 def test_skipped_samples_without_lateness_are_not_reported() -> None:
     monitor = Lateness(PROFILE)
-    assert all(monitor(period(k, lateness=0.004, missed=1)) is None for k in range(0, 4000, 2))
+    assert all(monitor(period(k, lateness=0.004, skipped=1)) is None for k in range(0, 4000, 2))
 
 
 def test_samples_left_out_by_the_device_are_no_lateness() -> None:
     monitor = Lateness(PROFILE)
-    rows = [period(k, lateness=0.011, missed=4, left_out=4) for k in range(250)]
+    rows = [period(k, lateness=0.011, skipped=4, device_skipped=4) for k in range(250)]
     assert all(monitor(row) is None for row in rows)
 
 
 def test_a_line_that_takes_25_ms_is_reported_as_slow() -> None:
     monitor = Lateness(PROFILE)
-    rows = (period(k, lateness=0.025, missed=12, echo_s=0.025) for k in range(0, 2000, 13))
+    rows = (period(k, lateness=0.025, skipped=12, echo_s=0.025) for k in range(0, 2000, 13))
     report = next(filter(None, map(monitor, rows)))
     assert "every command took 25.0 ms or more (12 periods) to be echoed" in report
     assert isinstance(report, Trip)
@@ -53,7 +53,7 @@ def test_a_busy_host_with_some_quick_periods_is_reported_as_busy() -> None:
     monitor = Lateness(PROFILE)
     rows = []
     for k in range(0, 2000, 20):
-        rows.append(period(k, lateness=0.02, missed=10, echo_s=0.022))
+        rows.append(period(k, lateness=0.02, skipped=10, echo_s=0.022))
         rows.extend(period(k + j, echo_s=DT) for j in range(1, 5))
     report = next(filter(None, map(monitor, rows)))
     assert isinstance(report, Trip)

@@ -7,21 +7,21 @@ from tests.experiment.safety_monitors.periods import DT, PROFILE, period
 
 
 def test_a_gap_longer_than_the_limit_is_a_loss_on_the_line() -> None:
-    assert LostFrames(PROFILE)(period(26, missed=25)) is None
-    report = LostFrames(PROFILE)(period(27, missed=26))
+    assert LostFrames(PROFILE)(period(26, skipped=25)) is None
+    report = LostFrames(PROFILE)(period(27, skipped=26))
     assert report is not None
     assert "no sample came for 27 periods (54 ms)" in report
 
 
 def test_a_gap_that_the_device_made_is_attributed_to_it() -> None:
-    assert LostFrames(PROFILE)(period(26, missed=25, left_out=25)) is None
-    report = LostFrames(PROFILE)(period(27, missed=26, left_out=26))
+    assert LostFrames(PROFILE)(period(26, skipped=25, device_skipped=25)) is None
+    report = LostFrames(PROFILE)(period(27, skipped=26, device_skipped=26))
     assert report is not None
     assert "no sample came for 27 periods (54 ms): the device itself was held up" in report
 
 
 def test_a_gap_that_the_host_made_is_no_loss() -> None:
-    assert LostFrames(PROFILE)(period(300, missed=299, lateness=299 * DT)) is None
+    assert LostFrames(PROFILE)(period(300, skipped=299, lateness=299 * DT)) is None
 
 
 def test_commands_without_an_echo_for_longer_than_the_limit_are_lost() -> None:

@@ -328,4 +328,4 @@ def test_every_real_log_imports_with_jitter_warnings_for_rig_a_only(
         assert not r.has_cmd
     stored = load(write_recording(r, tmp_path / "a.mcap"))
     assert stored.digest == r.digest
-    assert not stored.profile.loop_is_known
+    assert not stored.profile.controller_is_known

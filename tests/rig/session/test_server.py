@@ -160,7 +160,7 @@ def test_a_request_without_the_key_is_dropped(session):
     (result,) = running(DEVICE)
     stranger = replace(result, key="another")
     assert Request(stranger, {"do": "estop"}).answer(5) is None
-    assert session.asked is None
+    assert session.stop_reason is None
 
 
 def test_the_state_is_that_of_the_session(session):
@@ -183,9 +183,9 @@ def test_a_stop_is_answered_after_it_was_executed(session):
     (result,) = running(DEVICE)
     question = Request(result, {"do": "estop", "reason": "smoke"})
     deadline = time.monotonic() + 60
-    while session.asked is None and time.monotonic() < deadline:
+    while session.stop_reason is None and time.monotonic() < deadline:
         time.sleep(1e-3)
-    assert session.asked == "smoke"
+    assert session.stop_reason == "smoke"
     threading.Timer(0.05, session.confirm, ["by the loop"]).start()
     assert question.answer(5) == {"stopped": "by the loop"}
 
@@ -200,7 +200,7 @@ def test_a_client_gives_up_a_session_that_never_confirms(session):
 def test_a_waiting_client_gets_an_answer_when_the_session_ends(session):
     (result,) = running(DEVICE)
     question = Request(result, {"do": "estop"})
-    while session.asked is None:
+    while session.stop_reason is None:
         time.sleep(1e-3)
     session.close()
     assert "over" in question.answer(5)
@@ -288,4 +288,4 @@ def test_no_bytes_keep_a_session_from_answering(session, noise):
     with connected(result) as line, contextlib.suppress(BrokenPipeError, ConnectionResetError):
         line.sendall(noise)
     assert state(result, timeout_s=5) == {}
-    assert session.asked is None
+    assert session.stop_reason is None
