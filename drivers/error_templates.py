@@ -1,7 +1,7 @@
-"""Errors that a library reports by number, as a table: number → message, cause and fix.
+"""Error tables: each maps a library's error number to a message, its cause and the fix.
 
-The texts are templates. ``{name}`` is the rig's URL, ``{doing}`` the operation that failed; a
-table may use further fields, which its driver fills in.
+The texts are templates. ``{name}`` is the rig's URL, ``{doing}`` the operation that failed. The
+driver fills them in, and further fields that its own table uses.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from heli3dof.errors import DeviceError
 
 
 class ErrorTemplate(NamedTuple):
-    """The three sentences of an error with fields to fill in."""
+    """The texts of an error: what happened, its cause and the fix, with ``{fields}`` to fill in."""
 
     what: str
     cause: str
     fix: str
 
     def error(self, **fields: object) -> DeviceError:
-        """The error with its fields filled in."""
+        """Returns the error with ``fields`` filled into its texts."""
         what, cause, fix = (text.format(**fields) for text in self)
         return DeviceError(what, cause=cause, fix=fix)
 
@@ -29,5 +29,5 @@ ErrorTable = Mapping[int, ErrorTemplate]
 
 
 def each(numbers: Iterable[int], template: ErrorTemplate) -> dict[int, ErrorTemplate]:
-    """Several numbers with the same meaning."""
+    """Returns a table that gives each of these error numbers the same template."""
     return dict.fromkeys(numbers, template)

@@ -1,13 +1,12 @@
-"""``mock:`` — the emulated rig behind the same interface as a real one.
+"""Driver of ``mock:`` URLs: an emulated rig with the same interface as a real one.
 
-``mock:?profile=P&hide=friction.coulomb.yaw:0.03&seed=1&speed=max``; mock.md lists every
-option and effect. Two clocks:
+``mock:?profile=P&hide=friction.coulomb.yaw:0.03&seed=1&speed=max``; docs/reference/mock.md lists
+every option and effect. There are two clocks:
 
-- ``speed=max`` or a number: a virtual clock. Every exchange is one control period on it.
+- ``speed=max`` or a number (times real time): a virtual clock. Every exchange is one control period
+  on it, so the same seed and commands give the same samples.
 - ``speed=real``: the host's clock. The device runs on between exchanges: it simulates
   the periods that the host missed with the last voltage held. Its watchdog counts these periods.
-
-Both integrate whole control periods only, so the same seed and commands give the same samples.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     from .options import MockOptions, RigOptions
 
 LONGEST_CATCH_UP_S = 60.0
-"""s of the host's absence that the device integrates; by then it has long been at rest"""
+"""s, the longest pause of the host that is simulated; by then the rig has long been at rest"""
 
 
 class MockDriver:
@@ -42,15 +41,15 @@ class MockDriver:
         "profile", "hide", "seed", "noise", "noise_s", "vibration_hz", "start", "spread", "rate_hz",
         "watchdog_s", "fault", "speed",
     )  # fmt: skip
-    """The fields of `MockOptions`, which a stop must not load: pydantic is slow to import"""
+    """The fields of `MockOptions`, named again because a stop must not import pydantic (slow)"""
     private_to_process = True
-    """See `heli3dof.rig.interface.PrivateToProcess`."""
+    """No other process can reach the rig: see `heli3dof.rig.interface.PrivateToProcess`"""
 
     def find(self) -> Sequence[str]:
         return ["mock:"]
 
     def open(self, url: DeviceUrl, profile: Profile) -> MockRig:
-        """The emulated rig of the URL; it has the host's profile unless the URL gives another.
+        """Open the emulated rig of the URL. It has ``profile`` unless the URL names another.
 
         Raises UsageError for a bad option, ProfileError for a bad profile.
         """
@@ -64,12 +63,12 @@ class MockDriver:
         return "an emulated rig exists only in the process that runs it: nothing else to stop"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """Nothing to check: no permission, no line."""
+        """Returns no checks: an emulated rig has no port and needs no permission."""
         return ()
 
 
 def own_profile(options: RigOptions, profile: Profile) -> Profile:
-    """The profile in the URL, or the host's. Raises ProfileError."""
+    """Returns the profile that the URL names, else ``profile``. Raises ProfileError."""
     if options.profile is None:
         return profile
     from heli3dof.rig.profile import load_profile
@@ -78,7 +77,7 @@ def own_profile(options: RigOptions, profile: Profile) -> Profile:
 
 
 def device_of(profile: Profile, options: RigOptions) -> Device:
-    """The emulated electronics and plant of these options, for any transport."""
+    """Returns the emulated electronics and plant of these options, for any transport."""
     from .emulator.body import setup_of
     from .emulator.device import WATCHDOG_S, Device
     from .emulator.effect_spec import parse_hide
@@ -142,23 +141,25 @@ class MockRig:
 
     @property
     def device(self) -> Device:
-        """The emulated electronics, for other transports to the same rig."""
+        """The emulated electronics; other transports use them to reach the same rig."""
         return self._device
 
     @property
     def device_cause(self) -> str | None:
-        """Why the emulated electronics hold their output at zero."""
+        """Why the emulated electronics hold their output at zero; None: they do not."""
         cause = self._device.cause
         return cause.name if cause else None
 
     @property
     def truth(self) -> Truth:
-        """The true state and parameters, for tests and benches; heli3dof never reads them."""
+        """The true state and parameters, for tests and benchmarks; heli3dof never reads them."""
         return self._device.plant.truth
 
     def arm(self) -> Sample:
-        """Enable at zero volts and clear latches. A rig held level is released at the first
-        command."""
+        """Enable the output at zero volts and clear every stop; returns the first sample.
+
+        A rig that starts held level is released at the first command.
+        """
         self._check_open()
         now = time.monotonic()
         self._catch_up(now)
@@ -167,13 +168,13 @@ class MockRig:
         return self._sample()
 
     def read(self) -> Sample:
-        """The sample now; in real time, after the periods since the last call."""
+        """Returns the present sample; with ``speed=real``, simulates the missed periods first."""
         self._check_open()
         self._catch_up(time.monotonic())
         return self._sample()
 
     def exchange(self, command: Command, due_s: float) -> Sample:
-        """One control period under the command; see `heli3dof.rig.interface`."""
+        """Run one control period under the command; see `heli3dof.rig.interface`."""
         self._check_open()
         device = self._device
         if not (math.isfinite(command.v_front) and math.isfinite(command.v_back)):
@@ -199,7 +200,7 @@ class MockRig:
         if now - self._last_s > device.watchdog_s:
             self._catch_up(now)
         periods = max(1, round((due_s - self._last_s) / dt))
-        # A late command: the old voltage held for the periods that have passed.
+        # A late command: the old voltage was held in the periods that have passed.
         held = min(int((now - self._last_s) / dt), periods - 1)
         for _ in range(held):
             device.period()
@@ -215,7 +216,7 @@ class MockRig:
         return self._sample()
 
     def _catch_up(self, now: float) -> None:
-        """Integrate the whole periods that have passed without the host (real time only)."""
+        """Simulate the whole periods since the last call of the host (``speed=real`` only)."""
         if self._real and self._last_s is not None and now > self._last_s:
             passed = int(min(now - self._last_s, LONGEST_CATCH_UP_S) / self._dt)
             for _ in range(passed):
@@ -223,7 +224,7 @@ class MockRig:
             self._last_s = now
 
     def estop(self, reason: str) -> None:
-        """Zero volts now, until `arm`."""
+        """Set the output to zero volts now, until `arm`."""
         if self._open:
             self._catch_up(time.monotonic())
             self._device.stop()

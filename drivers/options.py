@@ -1,4 +1,4 @@
-"""The URL options of each driver, one model each; ``quanser:`` has `quanser_hil.wiring`."""
+"""Pydantic models of the drivers' URL options; that of ``quanser:`` is in `quanser_hil.wiring`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .url_options import UrlOptions, Whole, expected
 
 SPEEDS = {"real": 1.0, "max": math.inf}
 SLOWEST, FASTEST = 0.01, 1e6
-"""Times real time"""
+"""Bounds of the simulation's speed, as multiples of real time"""
 
 
 def _speed(value: Any) -> float:
@@ -28,7 +28,7 @@ def _speed(value: Any) -> float:
 
 
 class RigOptions(UrlOptions):
-    """What describes an emulated rig, whatever transport it is reached over."""
+    """Options that describe an emulated rig, over every transport."""
 
     profile: str | None = Field(default=None, description="the rig's own profile, a TOML file")
     hide: tuple[str, ...] = Field(
@@ -72,11 +72,11 @@ class MockOptions(RigOptions):
         examples=["real"],
         description="times real time; real; max: as fast as possible",
     )
-    """inf: as fast as possible"""
+    """Multiple of real time; inf: as fast as possible"""
 
 
 class LinkOptions(UrlOptions):
-    """What every rig on the link has."""
+    """Options of every driver that uses the link protocol (docs/reference/protocol.md)."""
 
     stream: Literal["1", "0"] = Field(
         default="1", description="1: the device times its samples; 0: the host asks for each one"
@@ -111,7 +111,7 @@ class UsbOptions(LinkOptions):
 
 
 class UsbMockOptions(UsbOptions, RigOptions):
-    """Where both have an option, `UsbOptions` gives its bounds."""
+    """Options of ``usb+mock:``. Where both parents have an option, that of `UsbOptions` counts."""
 
     bus: tuple[str, ...] = Field(
         default=(), description="faults of the bus: KIND@SECONDS[:FOR_SECONDS]"

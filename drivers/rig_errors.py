@@ -1,4 +1,4 @@
-"""The errors that every driver raises alike."""
+"""Errors that several drivers raise with the same text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``serial:`` — a rig on a serial port, or on anything else that pyserial opens.
+"""Driver of ``serial:`` URLs: a rig on a serial port, or on anything else that pyserial opens.
 
 ``serial:///dev/ttyACM0?baud=921600`` · ``serial://COM3`` · ``serial+socket://host:port`` ·
 ``serial+rfc2217://host:port`` · ``serial+spy:///dev/ttyACM0?file=bytes.txt``: the part after the
@@ -29,22 +29,22 @@ class SerialDriver:
     options: Sequence[str] = (
         "stream", "watchdog_s", "signs", "baud", "low_latency", *PASSED_ON,
     )  # fmt: skip
-    """The fields of `SerialOptions`, which a stop must not load: pydantic is slow to import"""
+    """The fields of `SerialOptions`, named again because a stop must not import pydantic (slow)"""
 
     def find(self) -> Sequence[str]:
-        """The serial ports on USB. Only opening one shows whether a rig is connected to it."""
+        """Returns the serial ports on USB. Only opening one shows whether a rig is connected."""
         from .link.serial_ports import usb_ports
 
         return [f"serial://{port}" for port in usb_ports()]
 
     def is_rig(self, url: DeviceUrl) -> bool:
-        """True where a rig is known by its USB number, or a heli3dof process holds the port."""
+        """True if its USB vendor and product are a known rig's, or a heli3dof process holds it."""
         from .link.serial_ports import is_known
 
         return is_known(url.where)
 
     def persistent_name(self, url: DeviceUrl) -> str:
-        """The device at that port by its USB serial number: a ttyUSB0 may be another one later."""
+        """Returns a name with the USB serial number: the port's name may mean another rig later."""
         from .link.serial_ports import plugged_in
 
         return url.where if "+" in url.scheme else plugged_in(url.where)
@@ -85,7 +85,7 @@ class SerialDriver:
             line.close()
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """The port's file, permission, holder and latency timer; opens nothing."""
+        """Checks the port's file, permission, holder and latency timer; does not open the port."""
         from .link.serial_line import pyserial_url
         from .link.serial_port_checks import checks
         from .options import SerialOptions
@@ -96,7 +96,7 @@ class SerialDriver:
 
 
 def _baud(url: DeviceUrl) -> int:
-    """The baud rate for a stop; the option model is loaded only where it must explain an error."""
+    """Returns the baud rate for a stop; loads the slow option model only to explain an error."""
     text = url.one("baud", str(BAUD))
     if str(text).isdecimal():
         return int(str(text))

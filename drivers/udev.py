@@ -1,4 +1,4 @@
-"""The udev rule that ships: it lets the user at the machine open its rigs."""
+"""The Linux udev rule that comes with heli3dof: it lets the logged-in user open USB rigs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _IDS = re.compile(r'^[^#]*idVendor\}=="([0-9a-fA-F]{4})".*idProduct\}=="([0-9a-f
 
 
 def install_command() -> str:
-    """The command that installs the rule and applies it to connected devices."""
+    """Returns the shell command that installs the rule and applies it to connected devices."""
     return (
         f"sudo cp '{RULES}' {INSTALLED.parent}/ && sudo udevadm control --reload && "
         "sudo udevadm trigger"
@@ -20,7 +20,10 @@ def install_command() -> str:
 
 
 def known_ids() -> set[tuple[int, int]]:
-    """(vendor, product) of the USB rigs in the rule, with those that a lab added."""
+    """Returns (vendor, product) of each rig in the rule and in its installed copy.
+
+    A laboratory may add its own rigs to the installed copy.
+    """
     text = ""
     for file in (RULES, INSTALLED):
         try:
@@ -31,7 +34,7 @@ def known_ids() -> set[tuple[int, int]]:
 
 
 def installed() -> bool | None:
-    """True where the rule is installed unchanged; None where there is no udev."""
+    """True if the rule is installed unchanged; None where there is no udev (not Linux)."""
     if not sys.platform.startswith("linux"):
         return None
     try:

@@ -1,4 +1,4 @@
-"""The options of a device URL as a pydantic model: one class for each driver.
+"""Base of the pydantic models of URL options, one class for each driver.
 
 A field is one option: its type and bounds, its default, and its description for the option table.
 Import this module only where a rig is opened: pydantic takes 0.2 s of processor time to load, which
@@ -19,27 +19,27 @@ from heli3dof.rig.url import DeviceUrl
 Whole = Annotated[int, BeforeValidator(int)]
 """An integer written without a decimal point"""
 EXPECTED = "expected"
-"""The error type of a validator that states itself what a value must be"""
+"""Error type of the validators whose message states what the value must be"""
 
 
 def expected(what: str) -> PydanticCustomError:
-    """The error of a validator: the value is not ``what``."""
+    """Returns a validator's error. ``what``: in words, what the value must be."""
     return PydanticCustomError(EXPECTED, "{what}", {"what": what})
 
 
 class UrlOptions(BaseModel):
-    """Options are the fields with a description; the others come from the place in the URL."""
+    """Fields with a description are URL options; the others come from the part before the ``?``."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
-        """The options that a URL may have."""
+        """Returns the names of the options that a URL may have."""
         return tuple(row[0] for row in cls.rows())
 
     @classmethod
     def of(cls, url: DeviceUrl, **place: Any) -> Self:
-        """The checked options of a URL. ``place`` gives the fields that are no options.
+        """Returns the checked options of a URL. ``place``: values of the other fields.
 
         The last value of a repeated option counts, except where the field is a tuple of strings.
         Raises UsageError for an unknown option, naming the nearest, and for a value out of bounds.
@@ -74,7 +74,7 @@ class UrlOptions(BaseModel):
 
     @classmethod
     def rows(cls) -> list[tuple[str, str, str]]:
-        """Name, default and description of each option, for a table."""
+        """Returns name, default and description of each option, for a table."""
         return [
             (name, _shown_default(field), field.description)
             for name, field in cls.model_fields.items()
@@ -91,7 +91,7 @@ def _bound(field: FieldInfo, name: str) -> float:
 
 
 def _expectation(field: FieldInfo) -> str:
-    """What a value must be, by the field's type and bounds."""
+    """Returns in words what a value must be, by the field's type and bounds."""
     if choices := _choices(field):
         return f"one of {', '.join(choices)}"
     kind = "a whole number" if field.annotation is int else "a number"
@@ -99,7 +99,7 @@ def _expectation(field: FieldInfo) -> str:
 
 
 def _shown_default(field: FieldInfo) -> str:
-    """The default as a URL states it, or an example where the device or the profile gives it."""
+    """Returns the default as a URL states it, or the field's example value if it has one."""
     if field.examples:
         return str(field.examples[0])
     return f"{field.default:g}" if isinstance(field.default, float) else str(field.default)

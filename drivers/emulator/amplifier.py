@@ -1,11 +1,12 @@
-"""The emulated amplifier (docs/reference/protocol.md): states, ticket, watchdog, output.
+"""The emulated amplifier of docs/reference/protocol.md. Its output v(t) in each state:
 
-    ARMED    v(t) = last command, clipped to ± v_max
-    LATCHED  v(t) = v·(1 − (t − t_expired)/ramp), rounded towards zero to a whole microvolt
+    ARMED    v(t) = v, the last command clipped to ± v_max
+    LATCHED  v(t) = v·(1 − (t − t_expired)/ramp), rounded towards zero to a whole microvolt; then 0
              t_expired = arrival of the last command (or the ARM) + watchdog
     IDLE, STOPPED  v(t) = 0
 
-All voltages are whole microvolts, all times whole microseconds.
+All voltages are whole microvolts (but V in `Amplifier.mean_V`), all times whole microseconds. An
+ARM must carry the current ticket, a number that changes with every ARM, DISARM, stop and expiry.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ RAMP_US = 200_000
 
 
 class Amplifier:
-    """Decides the voltages at the motors."""
+    """Decides the voltages at the motors. ``now_us`` is the time on the device's clock."""
 
     def __init__(self, v_max_uV: int, watchdog_us: int, ramp_us: int = RAMP_US) -> None:
         self.v_max_uV = v_max_uV
@@ -33,11 +34,11 @@ class Amplifier:
         self._state = 0
         self._saturated = False
         self._uV = (0, 0)
-        """The last command, clipped"""
+        """The last command (front, back), clipped"""
         self._watchdog_us = watchdog_us
         self._fed_us = 0
         self._impulse = [0, 0]
-        """µV·µs since the last call of `mean_V`"""
+        """Integral of the output in µV·µs since the last call of `mean_V`"""
         self._summed_us = self._mean_from_us = 0
 
     @property
@@ -49,7 +50,7 @@ class Amplifier:
         return self._state == ENABLED
 
     def arm_code(self, ticket: int) -> Code:
-        """The amplifier's result code for an ARM with this ticket."""
+        """Returns the result that an ARM with this ticket would get: OK, or why it is refused."""
         if self.enabled:
             return Code.ALREADY_ARMED
         if ticket != self.ticket:
@@ -57,7 +58,7 @@ class Amplifier:
         return Code.FAULT if self.faulty else Code.OK
 
     def arm(self, now_us: int, number: int, watchdog_us: int) -> None:
-        """Enable at zero volts; `mean_V` averages from here."""
+        """Enable the output at zero volts; `mean_V` averages from here. ``number``: the ARM's."""
         self._enter(now_us, ENABLED, Cause.NONE)
         self.last = number
         self._watchdog_us = watchdog_us
@@ -66,15 +67,15 @@ class Amplifier:
         self._mean_from_us = now_us
 
     def disarm(self, now_us: int) -> None:
-        """Zero volts; LATCHED and STOPPED stay."""
+        """Set zero volts. ARMED becomes IDLE; LATCHED and STOPPED stay."""
         self._enter(now_us, 0 if self.enabled else self._state, self.cause)
 
     def stop(self, now_us: int, cause: int, flag: int = STOPPED) -> None:
-        """Zero volts at once, in every state."""
+        """Set zero volts at once, in every state. Samples then carry ``cause`` and ``flag``."""
         self._enter(now_us, flag, cause)
 
     def command(self, now_us: int, number: int, front_uV: int, back_uV: int) -> bool:
-        """Apply a command. False where it is not newer than the last, or the output is disabled."""
+        """Apply a command. Returns False if ``number`` is not newer or the state not ARMED."""
         if not self.enabled or not 0 < (number - self.last) & 0xFFFFFFFF < 0x80000000:
             return False
         self._sum(now_us)
@@ -87,7 +88,7 @@ class Amplifier:
         return True
 
     def advance(self, now_us: int) -> None:
-        """Latch where the watchdog has expired."""
+        """Change from ARMED to LATCHED if the watchdog has expired."""
         if self.enabled and now_us > self._fed_us + self._watchdog_us:
             self._sum(self._expired_us)
             self._state, self._saturated = LATCHED, False
@@ -96,7 +97,7 @@ class Amplifier:
             self._new_ticket()
 
     def output_uV(self, now_us: int) -> tuple[int, int]:
-        """The output at an instant, which must not lie before the last one."""
+        """Returns the output (front, back) at ``now_us``, which must not decrease between calls."""
         self.advance(now_us)
         if self._state == ENABLED:
             return self._uV
@@ -107,7 +108,7 @@ class Amplifier:
         return (0, 0)
 
     def mean_V(self, now_us: int) -> tuple[float, float]:
-        """V, the mean output since the last call or the arming."""
+        """Returns the mean output (front, back) in V since the last call or the arming."""
         self._sum(now_us)
         span = max(1, now_us - self._mean_from_us)
         front, back = self._impulse
@@ -129,7 +130,7 @@ class Amplifier:
         self.ticket = (self.ticket + 1) & 0xFFFFFFFF
 
     def _sum(self, now_us: int) -> None:
-        """Integrate the output until now; on the straight ramp by the midpoint rule."""
+        """Integrate the output until ``now_us``, on the linear ramp by the midpoint rule."""
         self.advance(now_us)
         start = self._summed_us
         if now_us <= start:
@@ -147,7 +148,7 @@ class Amplifier:
 
 
 def _part(uV: int, left: int, whole: int) -> int:
-    """uV·left/whole, rounded towards zero; 0 for left ≤ 0."""
+    """Returns uV·left/whole, rounded towards zero; 0 for left ≤ 0."""
     if left <= 0:
         return 0
     part = abs(uV) * left // whole

@@ -1,4 +1,4 @@
-"""The emulated body's parameters, from a profile with a random spread."""
+"""Computes the emulated rig's parameters from a profile, with an optional random spread."""
 
 from __future__ import annotations
 
@@ -16,36 +16,37 @@ if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
 
 g = 9.81
-"""m/s²"""
+"""m/s², gravitational acceleration"""
 
 ROLL_STOP_DEG = 36.0
 PITCH_STOP_DEG = 32.0
+"""°, the upper stop of roll, and the stops of pitch on either side"""
 
 
 @dataclass(frozen=True)
 class Body:
-    """The parameters of `lagrange` and of the motors, SI; the symbols are `lagrange`'s."""
+    """Parameters of the rigid body and the motors, in SI units; `lagrange` defines the symbols."""
 
     L_a: float
-    """m"""
+    """m, from the vertical axis to the pitch axis"""
     L_h: float
-    """m"""
+    """m, from the pitch axis to each motor"""
     K_f: float
-    """N/V"""
+    """N/V, thrust of one motor per volt"""
     T_g: float
     """N·m, gravity torque of the level arm"""
     J_w: float
-    """kg·m²"""
+    """kg·m², inertia of the counterweight"""
     I_aa: float
-    """kg·m²"""
+    """kg·m², inertia of the motors about e_a, the arm"""
     I_bb: float
-    """kg·m²"""
+    """kg·m², inertia of the motors about b, the body's bar"""
     I_ab: float
-    """kg·m²"""
+    """kg·m², their product of inertia"""
     G_p: float
     """N·m, gravity torque on the level body towards its heavier motor"""
     V_ref: float
-    """V at which a curved thrust map has the linear one's thrust"""
+    """V at which effect ``motor.thrust_curve`` leaves the thrust unchanged"""
     dJ: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """kg·m², rotary inertia on the joints' shafts"""
     tau_m: float = 0.0
@@ -55,12 +56,11 @@ class Body:
 
     @property
     def J(self) -> tuple[float, float, float]:
-        """Roll, pitch and yaw inertia of the level rig in kg·m², without the rotary
-        inertias ``dJ``."""
+        """Roll, pitch and yaw inertia of the level rig in kg·m², without ``dJ`` of the shafts."""
         return self.J_w + self.I_bb, self.I_aa, self.J_w + self.I_bb + self.I_aa
 
     def vector(self) -> np.ndarray:
-        """(BODY_SIZE,) array in the layout of `plant_layout`."""
+        """Returns the parameters as a (BODY_SIZE,) array in the layout of `plant_layout`."""
         b = np.zeros(at.BODY_SIZE)
         b[at.L_A], b[at.L_H] = self.L_a, self.L_h
         b[at.K_F], b[at.T_G], b[at.J_W] = self.K_f, self.T_g, self.J_w
@@ -73,7 +73,7 @@ class Body:
 
 
 def body_of(profile: Profile) -> Body:
-    """The rigid body of a profile, with thrust linear in voltage and no other effect."""
+    """Returns the rigid body of a profile, with thrust linear in voltage and no other effect."""
     m_f, m_b, m_w = profile.mass.m_f, profile.mass.m_b, profile.mass.m_w
     L_w, L_a, L_h = profile.geometry.L_w, profile.geometry.L_a, profile.geometry.L_h
     K_f, V_o = profile.motor.K_f, profile.motor.V_o
@@ -91,16 +91,16 @@ def body_of(profile: Profile) -> Body:
     )
     if profile.inertia is None:
         return body
-    # Measured inertias: their excess over the masses' inertia is put on the joints' shafts.
+    # Measured inertias: what they exceed those of the point masses by is put on the shafts.
     given = (profile.inertia.roll, profile.inertia.pitch, profile.inertia.yaw)
     roll, pitch, yaw = (J - m if J else 0.0 for J, m in zip(given, body.J, strict=True))
     return replace(body, dJ=(roll, pitch, yaw))
 
 
 def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
-    """The body with K_f, T_g, J_w, I_aa and I_bb each drawn uniformly from ± ``spread``.
+    """Returns the body with K_f, T_g, J_w, I_aa and I_bb each multiplied by a random 1 + u.
 
-    Geometry stays as it is: it is easily measured.
+    u is uniform in ± ``spread``. The lengths stay as they are: they are easily measured.
     """
     k = 1 + spread * rng.uniform(-1, 1, size=5)
     return replace(
@@ -116,13 +116,13 @@ def spread_body(body: Body, spread: float, rng: np.random.Generator) -> Body:
 
 @dataclass(frozen=True)
 class Setup:
-    """An emulated rig before power-up; effects may change it once, in their order."""
+    """An emulated rig before it is switched on. Effects may change it once (`Effect.setup`)."""
 
     body: Body
     nominal: Body
     """The profile's body, without spread"""
     rest: tuple[float, float, float]
-    """rad, where the counts are zero"""
+    """rad, the angles at which the encoder counts are zero"""
     start: tuple[float, float, float]
     """rad, the initial angles"""
     low: tuple[float, float, float]
@@ -132,14 +132,14 @@ class Setup:
     lost_share: float = 0.0
     """Share of samples that are lost"""
     jitter_s: float = 0.0
-    """s, standard deviation of the sampling instants"""
+    """s, standard deviation of the sampling instants about the even grid"""
 
 
 def setup_of(profile: Profile, start: str) -> Setup:
-    """The rig of a profile at rest on its table (``rest``) or held level (``level``).
+    """Returns the setup of a profile's rig. ``start``: ``rest`` (on its table) or ``level``.
 
-    The table is at the profile's rest angles, where the counts are zero. Raises UsageError where
-    these are outside the range of a table.
+    The table is at the profile's rest angles, where the counts are zero. Raises UsageError for rest
+    angles outside −90 … 0° of roll or beyond the pitch stops.
     """
     body = body_of(profile)
     rest = tuple(profile.encoder.rest_rad.tolist())

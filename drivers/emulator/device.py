@@ -1,7 +1,7 @@
 """The emulated electronics: amplifier limit, enable line, watchdog, emergency stop.
 
-The watchdog counts the device's own time. After ``watchdog_s`` without a command it latches: the
-output ramps to zero over `RAMP_S` and stays there until the device is armed again.
+The watchdog counts the device's own time. After ``watchdog_s`` without a command it expires: the
+output ramps to zero over `RAMP_S` and stays there (latched) until the device is armed again.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 WATCHDOG_S = 0.1
 RAMP_S = 0.2
 FULL_CURRENT_A = 4.0
-"""A at the amplifier's limit"""
+"""A, a motor's current at the amplifier's limit ``v_max``"""
 
 
 class Device:
-    """The electronics between the link and the plant."""
+    """The electronics between the host's commands and the plant."""
 
     def __init__(
         self,
@@ -46,12 +46,12 @@ class Device:
         self.cause = Cause.NONE
         """Why the output is held at zero"""
         self.v = (0.0, 0.0)
-        """V, the amplifier's output"""
+        """V, the amplifier's output (front, back)"""
         self._command = (0.0, 0.0)
         self._silent_s = 0.0
 
     def arm(self) -> None:
-        """Enable at zero volts and clear all latches."""
+        """Enable the output at zero volts; clear latch, stop and fault flags."""
         self.enabled, self.latched, self.stopped, self.saturated = True, False, False, False
         self.fault = Flags(0)
         self.cause = Cause.NONE
@@ -59,7 +59,7 @@ class Device:
         self._silent_s = 0.0
 
     def stop(self) -> None:
-        """Zero volts now, until armed."""
+        """Set the output to zero volts now, until `arm`."""
         self.stopped, self.saturated = True, False
         self.cause = Cause.HOST_ESTOP
         self.v = self._command = (0.0, 0.0)
@@ -69,7 +69,10 @@ class Device:
         self.v = self._command = (0.0, 0.0)
 
     def command(self, sequence: int, v_front: float, v_back: float) -> None:
-        """Apply these voltages (V), clipped to the limit, if enabled."""
+        """Apply these voltages (V), clipped to ± ``v_max``. NaN or infinity stops the motors.
+
+        While disabled, stopped, latched or faulty only ``sequence`` is stored.
+        """
         self.sequence = sequence
         if not self.enabled or self.stopped or self.latched or self.fault:
             return
@@ -85,7 +88,7 @@ class Device:
         self.held = False
 
     def period(self) -> bool:
-        """Run one control period with the present output. False when its sample is lost."""
+        """Run one control period with the present output. Returns False if its sample is lost."""
         silent = self._silent_s > self.watchdog_s
         if silent and self.enabled and not self.stopped and not self.fault:
             self.latched, self.saturated = True, False
@@ -101,7 +104,7 @@ class Device:
         return arrived
 
     def _trip(self, plant: Breaking) -> None:
-        """Zero volts from now on where the amplifier stops for a fault of its own."""
+        """Set zero volts if the URL's ``fault=`` makes the amplifier stop in this period."""
         trip = plant.trip()
         if trip is None:
             return
@@ -115,7 +118,7 @@ class Device:
 
     @property
     def current(self) -> tuple[float, float]:
-        """A, front and back: a propeller's load grows with the square of its speed."""
+        """Motor currents in A, front and back: a propeller's load grows with its speed squared."""
         k = FULL_CURRENT_A / self.v_max**2
         return k * self.v[0] * abs(self.v[0]), k * self.v[1] * abs(self.v[1])
 

@@ -1,6 +1,6 @@
-"""Parses ``hide=``: ``name[.axis]:value[@value]``, several separated by commas or repeated.
+"""Parses the URL option ``hide=``: effects as ``name[.axis]:value[@value]``, separated by commas.
 
-``hide=friction.coulomb.yaw:0.03,mass.change:0.05@20``
+The option may be repeated. Example: ``hide=friction.coulomb.yaw:0.03,mass.change:0.05@20``.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .effects import Effect, Hidden, catalogue
 
 
 def parse_hide(texts: Iterable[str]) -> tuple[Hidden, ...]:
-    """The effects in the values of ``hide=``, in the order in which they act.
+    """Returns the effects in the values of ``hide=``, in the order in which they act.
 
     Raises UsageError for an unknown effect or axis (naming the nearest), a missing or superfluous
     value, a value out of range, and an effect given twice.

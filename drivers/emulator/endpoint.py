@@ -1,11 +1,11 @@
-"""The device's side of the link: protocol.md's state machine around the emulated rig.
+"""The emulated device's side of the link: the state machine of docs/reference/protocol.md.
 
     IDLE ── ARM ──▶ ARMED ── no command for the watchdog's time ──▶ LATCHED
     every state ── ESTOP, fault ──▶ STOPPED
 
 `amplifier` gives the voltage in each state. Time is whole microseconds on the device's clock and
 comes from the caller: nothing here waits. The plant advances by whole control periods, counted from
-the arming. Its voltage in a period is the amplifier's mean over it, so the motion includes a
+the arming. It gets the mean of the amplifier's output over each period, so the motion includes a
 command's delay.
 """
 
@@ -49,9 +49,11 @@ if TYPE_CHECKING:
     from .plant import Truth
 
 SHORTEST_US = 500
+"""µs, the shortest sample period that an ARM may request"""
 QUIET_US = 2_000_000
-"""µs without a valid frame from the host after which a stream ends"""
+"""µs without a valid frame from the host after which the stream of samples ends"""
 NO_DELAY = 0xFFFF
+"""``delay_us`` of a sample before which no command arrived, or one after 65.5 ms"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +65,7 @@ class Unknown:
 
 
 class Endpoint:
-    """One device of protocol 1: bytes in, bytes out. The caller keeps the clock (µs)."""
+    """One emulated device: takes the host's bytes, returns its own. The caller gives the time."""
 
     def __init__(
         self,
@@ -89,9 +91,9 @@ class Endpoint:
         """Period of the stream; 0: no stream"""
         self._armed_us = 0
         self._number = 0
-        """Number of the next sample; lost samples count"""
+        """Number of the next sample; samples lost on purpose (``timing.gaps``) count"""
         self._streamed = 0
-        """Instants of the stream until now; skipped ones count"""
+        """Sampling instants of the stream until now, including those without a sample"""
         self._sampled_us: int | None = None
         self._heard_us = 0
         self._arrived_us: int | None = None
@@ -102,7 +104,7 @@ class Endpoint:
         self._jitter_us = 0
 
     def receive(self, now_us: int, data: bytes) -> bytes:
-        """The device's bytes in reply to the host's, after those that were due until now."""
+        """Returns the samples due by ``now_us``, then the replies to the host's ``data``."""
         out = self.tick(now_us)
         for frame in self._splitter.feed(data):
             self._frames += 1
@@ -111,7 +113,7 @@ class Endpoint:
         return out
 
     def tick(self, now_us: int) -> bytes:
-        """The bytes of the samples that are due until now."""
+        """Returns the bytes of the samples that are due by ``now_us``."""
         out = b""
         while (due := self._next_sample_us()) is not None and due <= now_us:
             self._advance(due)
@@ -129,10 +131,10 @@ class Endpoint:
         return out
 
     def held_up(self, now_us: int) -> None:
-        """The device did nothing since the last call and continues now.
+        """Skip the samples that were due a period ago or earlier, instead of sending a burst.
 
-        It skips the samples that were due a period ago or earlier, instead of sending a burst. A
-        caller that merely polls late does not call this: the device was on time.
+        Call this when the device continues after a pause. A caller that only polls late does not
+        call it: such a device was on time.
         """
         due = self._next_sample_us()
         if due is None or now_us < due + self._period_us:
@@ -141,23 +143,26 @@ class Endpoint:
         self._streamed += (now_us - due) // self._period_us
 
     def next_us(self) -> int | None:
-        """When the next sample of the stream is due; None: there is no stream."""
+        """Returns the time at which the stream's next sample is due; None: there is no stream."""
         return self._next_sample_us()
 
     def stop(self, now_us: int, cause: Cause = Cause.HOST_ESTOP, flag: int = STOPPED) -> bytes:
-        """Zero volts now, for a button, a fault (flag 2), a stall (flag 4) or a control request."""
+        """Set zero volts now; returns the bytes of the samples due by now.
+
+        For the stop button, a fault (``flag`` 2), a stall (``flag`` 4) or a USB control request.
+        """
         out = self.tick(now_us)
         self._amplifier.stop(now_us, cause, flag)
         return out
 
     @property
     def amplifier(self) -> Amplifier:
-        """Its state and output, for transports and tests."""
+        """The amplifier's state and output, for transports and tests."""
         return self._amplifier
 
     @property
     def truth(self) -> Truth:
-        """The plant's true state, for tests and benches; no frame carries it."""
+        """The plant's true state, for tests and benchmarks; no frame carries it."""
         return self._device.plant.truth
 
     def _reply(self, frame: Frame | Unknown) -> bytes:
@@ -193,7 +198,7 @@ class Endpoint:
             case _:
                 self._refused += 1
                 kind = frame.kind if isinstance(frame, Unknown) else frame.TYPE
-                if kind & 0x80:  # a device's frame: the line echoes, do not reply
+                if kind & 0x80:  # a device's frame: the line echoes ours, do not reply
                     return b""
                 return self._ack(frame.number, kind, Code.UNKNOWN_TYPE)
 
@@ -223,7 +228,7 @@ class Endpoint:
         return self._armed_us + (self._streamed + 1) * self._period_us
 
     def _advance(self, now_us: int) -> None:
-        """Run the plant's periods that end until now."""
+        """Simulate the plant's periods that end by ``now_us``, then check the watchdog."""
         while (end := self._grid_us + round((self._steps + 1) * self._dt_us)) <= now_us:
             volts = self._amplifier.mean_V(end)
             self._steps += 1
@@ -285,7 +290,7 @@ class Endpoint:
 
 
 class _Splitter(Splitter):
-    """Also returns valid frames of unknown types, to which a device replies."""
+    """A splitter that also returns valid frames of unknown types, to which a device replies."""
 
     def frame(self, piece: bytes) -> Frame | Unknown | None:  # type: ignore[override]
         known = parse(piece)

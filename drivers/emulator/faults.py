@@ -1,4 +1,4 @@
-"""Faults of the emulated rig, for drills: ``fault=KIND[.AXIS]@SECONDS[:COUNTS]``
+"""Faults of the emulated rig, to test safety functions: ``fault=KIND[.AXIS]@SECONDS[:COUNTS]``.
 
 `KINDS` describes each. Several are separated by commas, or ``fault=`` is repeated. The seconds are
 on the device's clock, which starts with its first period in motion. A fault of the amplifier occurs
@@ -27,7 +27,7 @@ TRIPS = {
     "stall": (Flags.STALL, Cause.STALL),
     "button": (Flags.ESTOP, Cause.BUTTON),
 }
-"""Faults at which the amplifier stops: the flag and cause that its samples then carry"""
+"""Faults of the amplifier, at which it stops → the flag and cause that its samples then carry"""
 KINDS = {
     "overcurrent": ("overcurrent@3", "The amplifier stops: zero volts, flag `FAULT`."),
     "overtemperature": ("overtemperature@3", "The same with another cause."),
@@ -47,18 +47,18 @@ ON_MOTORS = ("dead", "inverted")
 
 @dataclass(frozen=True, slots=True)
 class Fault:
-    """One fault and its time."""
+    """One fault, which begins at ``at_s`` (s on the device's clock)."""
 
     kind: str
     at_s: float
     axis: int = -1
     """Index of the axis, or of the motor for a kind in `ON_MOTORS`; −1: none"""
     counts: int = 0
-    """Size of a jump"""
+    """Counts that a ``jump`` adds"""
 
 
 def parse_faults(texts: Iterable[str]) -> tuple[Fault, ...]:
-    """The faults in the values of ``fault=``, the earliest first.
+    """Returns the faults in the values of ``fault=``, the earliest first.
 
     Raises UsageError for an unknown kind or axis (naming the nearest) and for a bad number.
     """
@@ -113,7 +113,7 @@ def _unclear(text: str, problem: str, example: str) -> UsageError:
 
 
 class Breaking:
-    """A plant whose encoders or motors fail, and that is otherwise the given `Plant`."""
+    """Wraps a `Plant` and adds faults; its interface is the plant's."""
 
     def __init__(self, plant: Plant, faults: tuple[Fault, ...]) -> None:
         self._plant = plant
@@ -123,10 +123,10 @@ class Breaking:
         """Axis → the count at which its encoder reversed"""
         self.dt = plant.dt
         self.trips = [f for f in faults if f.kind in TRIPS]
-        """Trips that have not occurred yet"""
+        """Faults of the amplifier (`TRIPS`) that have not occurred yet"""
 
     def step(self, v_front: float, v_back: float) -> bool:
-        """See `Plant.step`."""
+        """Run one control period as `Plant.step` does, with the motors' faults."""
         before = self.counts
         arrived = self._plant.step(*self._at_the_motors(v_front, v_back))
         for fault in self._faults:
@@ -137,7 +137,7 @@ class Breaking:
         return arrived
 
     def _at_the_motors(self, v_front: float, v_back: float) -> tuple[float, float]:
-        """V at the motors for this output of the amplifier."""
+        """Returns the voltages (V) at the motors for this output of the amplifier."""
         volts = [v_front, v_back]
         for fault in self._faults:
             if fault.at_s <= self._plant.t:
@@ -148,7 +148,7 @@ class Breaking:
         return volts[0], volts[1]
 
     def trip(self) -> tuple[Flags, Cause] | None:
-        """Flag and cause of a trip that is due; returned once."""
+        """Returns flag and cause of an amplifier fault that is due, each fault once; else None."""
         if not self.trips or self.trips[0].at_s > self._plant.t:
             return None
         return TRIPS[self.trips.pop(0).kind]

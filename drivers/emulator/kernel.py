@@ -1,13 +1,14 @@
-"""One control period of the plant, compiled.
+"""Compiled simulation of the plant over one control period.
 
-Each substep of length h: the voltages at the motors; the rotors' first-order lag, solved exactly;
+Each substep of length h computes the voltages at the motors; the rotors' first-order lag, exactly;
 the rigid body by classical Runge–Kutta of fourth order; then dry friction and stops as impulses.
 
-Dry friction is set-valued: at rest its torque holds the axis, up to its limit. So after the smooth
-step each dry axis gets the impulse λ_i that stops it, clipped to ±τ_i h, and each axis at a stop
-the one-sided impulse that ends its outward motion (inelastic). The impulses are iterated over the
-axes because M couples them (projected Gauss–Seidel). A friction torque constant over the substep
-also moves the angles by ½ h M⁻¹λ; with that correction an axis that sticks does not creep.
+Dry friction is set-valued: at rest its torque holds axis i, up to its limit τ_i. So after the
+Runge–Kutta step each axis with friction gets the impulse λ_i that stops it, clipped to ±τ_i h. Each
+axis at a stop gets the one-sided impulse that ends its outward motion (inelastic). The impulses are
+iterated over the axes because M couples them (projected Gauss–Seidel). A friction torque constant
+over the substep also moves the angles by ½ h M⁻¹λ; with that correction an axis at rest does not
+creep.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from . import plant_layout as at
 from .lagrange import accelerations, mass_matrix, solve
 
 SWEEPS = 30
+"""Largest number of Gauss–Seidel iterations"""
 
 R, R_DOT, F_FRONT, F_BACK = at.R, at.R_DOT, at.F_FRONT, at.F_BACK
 V_FRONT, V_BACK, T, H = at.V_FRONT, at.V_BACK, at.T, at.H
@@ -42,7 +44,7 @@ BODY, VOLTAGE, THRUST, TORQUE, DRY, MEASURE = (int(stage) for stage in at.Stage)
 def _call(
     typing_context: Any, address: Any, s: Any, body: Any, par: Any, mem: Any, out: Any
 ) -> Any:
-    """Call the machine code at an address with five arrays."""
+    """Call the machine code at ``address`` with five arrays."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         types = [context.get_value_type(t) for t in signature.args[1:]]
@@ -61,7 +63,7 @@ def _hooks(stage, s, body, first, address, par, mem, out):  # type: ignore[no-un
 
 @njit(error_model="numpy")
 def _lag(state, target_f, target_b, tau, elapsed, force):  # type: ignore[no-untyped-def]
-    """The thrusts (2,) in N after ``elapsed`` s of τ_m Ḟ = target − F, from state[6:8]."""
+    """Solve tau Ḟ = target − F (N) from state[6:8]; write F after ``elapsed`` s to ``force``."""
     left = 0.0 if tau <= 0.0 else math.exp(-elapsed / tau)
     force[0] = target_f + (state[6] - target_f) * left
     force[1] = target_b + (state[7] - target_b) * left
@@ -69,7 +71,7 @@ def _lag(state, target_f, target_b, tau, elapsed, force):  # type: ignore[no-unt
 
 @njit(error_model="numpy")
 def _impulses(state, h, dry, body):  # type: ignore[no-untyped-def]
-    """Dry friction (limits ``dry``, N·m) and the body's stops, in place."""
+    """Apply dry friction (limits ``dry``, N·m) and stops to ``state`` after a substep ``h`` (s)."""
     low, high = body[LOW : LOW + 3], body[HIGH : HIGH + 3]
     active = False
     for i in range(3):
@@ -124,7 +126,7 @@ def _counts(state, t, body, first, address, par, mem):  # type: ignore[no-untype
 
 
 def _sources() -> str:
-    """A digest of the sources: numba's cache does not detect changes in called functions."""
+    """Returns a hash of the sources as a cache key: numba misses changes in called functions."""
     h = hashlib.sha256()
     for name in ("kernel.py", "lagrange.py", "plant_layout.py"):
         h.update(Path(__file__).with_name(name).read_bytes())
@@ -132,7 +134,7 @@ def _sources() -> str:
 
 
 def _compile(digest: str) -> tuple[Any, Any]:
-    # The digest is a cell of the closures and so part of numba's cache key.
+    # Both functions use the digest, so it is part of their key in numba's cache.
     @njit(cache=True, error_model="numpy")
     def period(  # type: ignore[no-untyped-def]
         state, v_f, v_b, noise, t, dt, substeps, start_V, body0, first, address, par, mem
@@ -140,7 +142,8 @@ def _compile(digest: str) -> tuple[Any, Any]:
         """Advance ``state`` = (r, p, ψ, ṙ, ṗ, ψ̇, F_f, F_b) by ``dt`` s.
 
         Returns the encoders' counts at the end. The voltages ``v_f``, ``v_b`` in V and the
-        random torques ``noise`` (3,) in N·m are held throughout.
+        random torques ``noise`` (3,) in N·m are held throughout. ``start_V``: voltage before the
+        start. ``first`` … ``mem``: the effects, from `plant`.
         """
         _ = digest
         h = dt / substeps
@@ -198,7 +201,7 @@ def _compile(digest: str) -> tuple[Any, Any]:
 
     @njit(cache=True, error_model="numpy")
     def measure(state, t, body, first, address, par, mem):  # type: ignore[no-untyped-def]
-        """The encoders' counts (3 integers) at time ``t`` (s)."""
+        """Returns the encoders' counts (3 integers) at time ``t`` (s)."""
         _ = digest
         return _counts(state, t, body, first, address, par, mem)
 
@@ -207,7 +210,7 @@ def _compile(digest: str) -> tuple[Any, Any]:
 
 @cache
 def compiled() -> tuple[Any, Any]:
-    """``period`` and ``measure``, compiled for the types that `plant` calls them with."""
+    """Returns ``period`` and ``measure``, compiled for the types that `plant` calls them with."""
     period, measure = _compile(_sources())
     one, two, integers = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
     number, whole = numba.float64, numba.int64

@@ -1,4 +1,4 @@
-"""The rigid body, from its Lagrangian.
+"""Equations of motion of the rigid body, derived from its Lagrangian.
 
 Generalised coordinates q = (r, p, ψ) in rad: elevation of the arm, tilt of the body about the
 arm, travel about the vertical. With e_z up and ψ counter-clockwise::
@@ -24,8 +24,9 @@ the product I_ab = −(m_f − m_b) L_a L_h, all in kg·m², the kinetic energy 
 
 (the ΔJ are rotary inertias on the joints' shafts, zero on the rig as its profile describes it).
 Potential energy: U = T_g sin r + G_p cos r sin p, with T_g the gravity torque of the level arm
-and G_p = (m_f − m_b) g L_h. Table I's masses give T_g the wrong sign (erratum E2), so T_g is
-2 L_a K_f V_o, the torque that V_o was measured to hold. Lagrange's equations, with ψ cyclic::
+and G_p = (m_f − m_b) g L_h. The masses in the paper's Table I give T_g the wrong sign (erratum E2
+in docs/explanation/paper.md). So T_g is 2 L_a K_f V_o: the measured voltage V_o on both motors
+balances it. Lagrange's equations, with ψ cyclic::
 
     M q̈ + (∂M/∂r ṙ + ∂M/∂p ṗ) q̇ − ½ (q̇ᵀ ∂M/∂r q̇, q̇ᵀ ∂M/∂p q̇, 0) + ∂U/∂q = Q
 
@@ -35,7 +36,7 @@ Q from the thrusts F_f, F_b (N) by virtual work at their points of action::
     Q_p = L_h (F_f − F_b)
     Q_ψ = −L_a cos r sin p (F_f + F_b) + L_h sin r (F_f − F_b)
 
-Positive pitch turns the rig clockwise: the sign that the printed (10) has wrong (erratum E3).
+Positive pitch turns the rig clockwise; the paper's equation (10) has the wrong sign (erratum E3).
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ from .plant_layout import DJ_P, DJ_PSI, DJ_R, G_P, I_AA, I_AB, I_BB, I_NN, J_W, 
 
 @njit(cache=True)
 def mass_matrix(body: np.ndarray, r: float, p: float) -> tuple[float, ...]:
-    """M(q) in kg·m² as (rr, rp, rψ, pp, pψ, ψψ)."""
+    """Returns M(q) in kg·m² as (rr, rp, rψ, pp, pψ, ψψ). ``body``: layout of `plant_layout`."""
     sr, cr, sp, cp = math.sin(r), math.cos(r), math.sin(p), math.cos(p)
     Iaa, Ibb, Inn, Iab = body[I_AA], body[I_BB], body[I_NN], body[I_AB]
     return (
@@ -71,7 +72,7 @@ def mass_matrix(body: np.ndarray, r: float, p: float) -> tuple[float, ...]:
 def velocity_torques(
     body: np.ndarray, r: float, p: float, rd: float, pd: float, yd: float
 ) -> tuple[float, float, float]:
-    """Coriolis and centrifugal terms in N·m, on the left of Lagrange's equations."""
+    """Returns Coriolis and centrifugal torques, left of Lagrange's equations, N·m; rates rad/s."""
     sr, cr, sp, cp = math.sin(r), math.cos(r), math.sin(p), math.cos(p)
     Iaa, Ibb, Inn, Iab = body[I_AA], body[I_BB], body[I_NN], body[I_AB]
     # ∂M/∂r: the entries rr, rp and pp do not depend on r.
@@ -100,14 +101,14 @@ def velocity_torques(
 
 @njit(cache=True)
 def gravity(body: np.ndarray, r: float, p: float) -> tuple[float, float]:
-    """∂U/∂(r, p) in N·m; ψ is cyclic."""
+    """Returns ∂U/∂r and ∂U/∂p in N·m; U does not depend on ψ."""
     lean = body[G_P] * math.cos(p) * math.cos(r)
     return body[T_G] * math.cos(r) - body[G_P] * math.sin(r) * math.sin(p), lean
 
 
 @njit(cache=True)
 def solve(m: tuple[float, ...], x: float, y: float, z: float) -> tuple[float, float, float]:
-    """M⁻¹ (x, y, z) for the symmetric M of `mass_matrix`, by Cramer's rule."""
+    """Returns M⁻¹ (x, y, z) for the symmetric ``m`` of `mass_matrix`, by Cramer's rule."""
     rr, rp, ry, pp, py, yy = m
     a, b, c = pp * yy - py * py, ry * py - rp * yy, rp * py - ry * pp
     d, e, f = rr * yy - ry * ry, rp * ry - rr * py, rr * pp - rp * rp
@@ -129,7 +130,7 @@ def accelerations(
     torque: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """q̈ in rad/s² into ``out`` (3,), from the thrusts in N and further torques (3,) in N·m."""
+    """Write q̈ in rad/s² to ``out`` (3,), from the thrusts (N) and other torques (3,) in N·m."""
     r, p = q[0], q[1]
     h_r, h_p, h_y = velocity_torques(body, r, p, qd[0], qd[1], qd[2])
     g_r, g_p = gravity(body, r, p)
@@ -149,7 +150,7 @@ def accelerations(
 
 @njit(cache=True)
 def energy(body: np.ndarray, q: np.ndarray, qd: np.ndarray) -> float:
-    """Kinetic plus potential energy in J."""
+    """Returns kinetic plus potential energy in J."""
     rr, rp, ry, pp, py, yy = mass_matrix(body, q[0], q[1])
     kinetic = 0.5 * (rr * qd[0] ** 2 + pp * qd[1] ** 2 + yy * qd[2] ** 2)
     kinetic += rp * qd[0] * qd[1] + ry * qd[0] * qd[2] + py * qd[1] * qd[2]
@@ -159,6 +160,6 @@ def energy(body: np.ndarray, q: np.ndarray, qd: np.ndarray) -> float:
 
 @njit(cache=True)
 def travel_momentum(body: np.ndarray, q: np.ndarray, qd: np.ndarray) -> float:
-    """∂T/∂ψ̇ in N·m·s: the angular momentum about the vertical."""
+    """Returns ∂T/∂ψ̇ in N·m·s, the angular momentum about the vertical."""
     _, _, ry, _, py, yy = mass_matrix(body, q[0], q[1])
     return float(ry * qd[0] + py * qd[1] + yy * qd[2])

@@ -1,12 +1,12 @@
 """Process noise: a random torque on each axis, from the air and the rotors.
 
-An Ornstein–Uhlenbeck torque per axis, τ_c ẇ = −w + √(2 τ_c) σ ξ(t), drawn exactly at the control
-period and held over it: w[k+1] = a w[k] + σ √(1 − a²) N(0, 1), a = exp(−dt/τ_c). So its
-standard deviation is σ and its correlation time τ_c at any control rate.
+Each torque w is an Ornstein–Uhlenbeck process, τ_c ẇ = −w + √(2 τ_c) σ ξ(t), ξ white noise. It is
+sampled exactly at the control period and held over it: w[k+1] = a w[k] + σ √(1 − a²) N(0, 1),
+a = exp(−dt/τ_c). So its standard deviation is σ and its correlation time τ_c at any control rate.
 
-Source of σ: with the default controller from level, the true plant without noise replays the
-angles of a noisy run with this fit, 100 (1 − ‖y − ŷ‖/‖y − mean y‖), in percent for roll / pitch /
-yaw, mean of seeds 1–6 (lowest and highest pitch), plan seed 1:
+Source of σ: the fit of a noisy closed-loop run (angles y, default controller, from level) by the
+same plant without noise (angles ŷ). The fit is 100 (1 − ‖y − ŷ‖/‖y − mean y‖) %, for roll / pitch /
+yaw the mean of seeds 1–6, for pitch also the lowest and highest of them; plan seed 1:
 
 ==============  ======================  ===============
 plan            fit                     pitch
@@ -18,8 +18,8 @@ plan            fit                     pitch
 
 So no model can fit a run's pitch much better in closed-loop replay. About 70 % of the pitch error's
 variance comes through yaw, whose controller acts through pitch. Below 16 Hz the noise is almost
-white, of density σ √(2 τ_c) / J: 0.0054, 0.0136 and
-0.0022 rad/s² per √Hz (two-sided) on the paper's rig.
+white. The density of its accelerations is σ √(2 τ_c) / J: 0.0054 (roll), 0.0136 (pitch) and 0.0022
+(yaw) rad/s² per √Hz (two-sided) on the paper's rig.
 """
 
 from __future__ import annotations
@@ -32,13 +32,15 @@ from numba import njit
 SIGMA_NM = (0.035, 0.0035, 0.015)
 """N·m, standard deviation on roll, pitch and yaw at ``noise=1``"""
 CORRELATION_S = 0.01
+"""s, the correlation time τ_c"""
 VIBRATION_DAMPING = 0.02
 """Damping ratio of the vibrating mode"""
 BLOCK = 512
+"""Periods that are drawn at once"""
 
 
 class TorqueNoise:
-    """A seeded stream of (3,) torques in N·m, one for each control period.
+    """Draws random torques (3,) in N·m for each control period; ``scale`` multiplies `SIGMA_NM`.
 
     Another ``correlation_s`` keeps the density at low frequencies: σ² τ_c stays the same.
     """
@@ -58,7 +60,7 @@ class TorqueNoise:
         self._fill()
 
     def draw(self) -> np.ndarray:
-        """The torques of the next period."""
+        """Returns the torques (3,) in N·m of the next period."""
         if self._next == len(self._block):
             self._fill()
         row: np.ndarray = self._block[self._next]
@@ -100,7 +102,7 @@ class Vibration:
 
 @njit(cache=True)
 def _correlate(w: np.ndarray, a: float, drive: np.ndarray) -> np.ndarray:
-    """The next torques, one row for each period; ``w`` (3,) becomes the one after them."""
+    """Returns len(drive) rows of torques, w[k+1] = a w[k] + drive[k]; updates ``w`` (3,)."""
     block = np.empty_like(drive)
     for k in range(len(drive)):
         for i in range(3):

@@ -1,4 +1,4 @@
-"""The plant: body, effects, noise and encoders, one control period at a time.
+"""Simulates the plant (body, effects, noise and encoders), one control period at a time.
 
 All random numbers come from one seed in separate streams (spread, noise, timing, vibration):
 switching one on does not change the others. The integrator takes at least `MIN_SUBSTEPS` substeps
@@ -23,19 +23,19 @@ from .noise import CORRELATION_S, TorqueNoise, Vibration
 MIN_SUBSTEPS = 4
 MAX_SUBSTEP_S = 0.5e-3
 LARGEST_JITTER = 0.4
-"""Of a period: below 0.5, so that samples keep their order"""
+"""Largest sampling jitter, as a share of the period: below 0.5, so that samples keep their order"""
 
 log = logging.getLogger("heli3dof.mock")
 
 
 @dataclass(frozen=True)
 class Truth:
-    """The true state, for tests and benches; the rig interface does not carry it."""
+    """The plant's true state and parameters, for tests and benchmarks; no sample carries them."""
 
     t: float
     """s on the device's clock, which starts with its first period in motion"""
     angle: tuple[float, float, float]
-    """rad"""
+    """rad: roll, pitch, yaw"""
     rate: tuple[float, float, float]
     """rad/s"""
     thrust: tuple[float, float]
@@ -47,7 +47,11 @@ class Truth:
 
 
 class Plant:
-    """A rig's mechanics from voltages to encoder counts."""
+    """Simulates a rig's mechanics from motor voltages to encoder counts.
+
+    ``noise`` scales the random torques. ``spread`` is the largest relative change of parameters
+    (`spread_body`). ``start_V`` is the voltage on both motors before the start.
+    """
 
     def __init__(
         self,
@@ -66,7 +70,7 @@ class Plant:
         streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(4)]
         if spread:
             setup = replace(setup, body=spread_body(setup.body, spread, streams[0]))
-        # Descending order: the last effect on a signal's path is undone first.
+        # Reverse order: a start angle follows from its reading, through the last effect first.
         for h in reversed(hidden):
             if h.effect.setup is not None:
                 setup = h.effect.setup(setup, h.axis, h.values)
@@ -96,7 +100,7 @@ class Plant:
         """The encoders' counts since power-up: roll, pitch, yaw"""
 
     def step(self, v_front: float, v_back: float) -> bool:
-        """Run one control period under these voltages (V). False when its sample is lost."""
+        """Run one control period under these voltages (V). Returns False if its sample is lost."""
         self._w = self._noise.draw()
         if self._vibration is not None:
             self._w = self._w + self._vibration.draw()
@@ -132,7 +136,11 @@ class Plant:
 
 
 def _attach(hidden: tuple[Hidden, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Index bounds of each stage, then addresses, parameters and memories of the effects."""
+    """Returns the arrays ``first``, ``address``, ``par``, ``mem`` by which `kernel` calls effects.
+
+    ``address``, ``par`` and ``mem`` have one row for each compiled function, by stage. The rows of
+    stage i are ``first[i]`` to ``first[i + 1] − 1``.
+    """
     calls = [(stage, h) for stage in at.Stage for h in hidden if stage in h.effect.kernels]
     rows = max(1, len(calls))
     par = np.zeros((rows, at.PARAMETER_SIZE))
@@ -148,7 +156,7 @@ def _attach(hidden: tuple[Hidden, ...]) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def _compiled() -> tuple[Any, Any]:
-    """The compiled plant. Where compiling takes longer than a second, a warning says so."""
+    """Returns the functions of `kernel.compiled`; logs a warning if that takes over a second."""
     timer = threading.Timer(
         1.0,
         log.warning,

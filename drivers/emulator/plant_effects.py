@@ -1,8 +1,9 @@
 """The compiled functions of the effects, which the compiled plant calls by address.
 
-An effect's function has the signature ``(s, body, par, mem, out) → None`` over float64 arrays
-(`plant_layout` names their indices). The plant knows only its address, so a new effect is compiled
-without compiling the plant again.
+An effect's function has the signature ``(s, body, par, mem, out) → None`` over float64 arrays:
+context, body parameters, the effect's own parameters and memory, and what it changes.
+`plant_layout` names their indices. The plant knows only the function's address, so a new effect is
+compiled without compiling the plant again.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ Function = Callable[[Row, Row, Row, Row, Row], None]
 
 
 class Kernel:
-    """A decorated effect function; compiled, and cached on disk, at first use."""
+    """Decorator for an effect's function; it is compiled, and cached on disk, at first use."""
 
     def __init__(self, function: Function) -> None:
         self.function = function

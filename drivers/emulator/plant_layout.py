@@ -1,6 +1,6 @@
 """Indices of the arrays that the compiled plant and the effects share.
 
-Compiled effects on disk contain these numbers: append, never renumber.
+Compiled effects on disk contain these numbers: append new ones, never renumber.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ T = 0
 H = 1
 """s, the substep"""
 R, P, PSI = 2, 3, 4
-"""rad; ``R + axis``"""
+"""rad, the angles; ``R + axis`` with axis 0, 1, 2"""
 R_DOT, P_DOT, PSI_DOT = 5, 6, 7
-"""rad/s; ``R_DOT + axis``"""
+"""rad/s, the rates; ``R_DOT + axis``"""
 V_FRONT, V_BACK = 8, 9
 """V at the motors, after the voltage stage"""
 F_FRONT, F_BACK = 10, 11
-"""N"""
+"""N, the thrusts"""
 V_START = 12
-"""V on both motors before the release"""
+"""V on both motors before the start"""
 CONTEXT_SIZE = 16
 
 # The body's numbers; see `body.Body` for units and meaning.
 L_A, L_H, K_F, T_G, J_W, I_AA, I_BB, I_NN, I_AB, G_P = range(10)
 DJ_R, DJ_P, DJ_PSI, TAU_M, GAIN_FRONT, GAIN_BACK, V_REF = range(10, 17)
 REST = 17
-"""rad, where the counts are zero; ``REST + axis``"""
+"""rad, the angles at which the counts are zero; ``REST + axis``"""
 COUNTS_PER_RAD = 20
 """signed; ``COUNTS_PER_RAD + axis``"""
 LOW, HIGH = 24, 27
-"""rad, the stops; ``LOW + axis``"""
+"""rad, the lower and upper stops; ``LOW + axis``"""
 BODY_SIZE = 32
 
 # An effect's own row of parameters: its axis (−1 without one), then its values.
@@ -42,16 +42,16 @@ MEMORY_SIZE = 1024
 
 
 class Stage(enum.IntEnum):
-    """Where in a substep an effect is called, and the content of its ``out``."""
+    """The points of a substep at which effects are called, and the content of their ``out``."""
 
     BODY = 0
     """once a substep; `out` is the body's numbers, to be changed in place"""
     VOLTAGE = 1
     """once a substep; `out` is the two motor voltages in V, to be changed in place"""
     THRUST = 2
-    """at every evaluation; `out` is the two thrusts in N, to be changed in place"""
+    """at each of the four Runge–Kutta stages; `out` is the two thrusts in N, changed in place"""
     TORQUE = 3
-    """at every evaluation; `out` is the generalised torques in N·m, to be added to"""
+    """at each of these stages too; `out` is the generalised torques in N·m, to be added to"""
     DRY_FRICTION = 4
     """once a substep; `out` is the largest dry-friction torque per axis in N·m, to be added to"""
     MEASURE = 5

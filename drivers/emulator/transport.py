@@ -1,4 +1,4 @@
-"""An emulated rig at a file descriptor, in real time."""
+"""Runs an emulated rig at a file descriptor, in real time."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from collections.abc import Callable
 from .endpoint import Endpoint
 
 SPIN_US = 150
-"""µs before a sample is due from which the loop polls instead of sleeping"""
+"""µs: the loop polls instead of sleeping where a sample is due within this time"""
 IDLE_US = 20_000
+"""µs, the longest sleep"""
 FULL = 8192
 """Bytes kept for a host that does not read; further replies are dropped"""
 
 
 def emulated(url: str = "mock:") -> Endpoint:
-    """The device's side of the rig of a ``mock:`` URL, just started.
+    """Start the emulated rig of a ``mock:`` URL and return its device.
 
     The plant is compiled before this returns. Raises UsageError for a bad option.
     """
@@ -48,14 +49,14 @@ class Delay:
             self._pending.append((now_us + self._delay_us, data))
 
     def get(self, now_us: int) -> bytes:
-        """The bytes that have arrived by now."""
+        """Returns the bytes that have arrived by ``now_us``."""
         out = b""
         while self._pending and self._pending[0][0] <= now_us:
             out += self._pending.popleft()[1]
         return out
 
     def next_us(self) -> int | None:
-        """When the next byte arrives; None: no byte is on its way."""
+        """Returns the time in µs at which the next byte arrives; None: no byte is on its way."""
         return self._pending[0][0] if self._pending else None
 
 
@@ -66,7 +67,7 @@ def serve(
     *,
     delay_us: int = 0,
 ) -> None:
-    """Run the device at this descriptor until ``going`` returns False or the descriptor closes.
+    """Run the device at descriptor ``fd`` until ``going`` returns False or the descriptor closes.
 
     ``delay_us``: delay of every byte in each direction.
     """

@@ -1,7 +1,7 @@
 """``python -m heli3dof_drivers.emulator.transport_pty --device 'mock:?hide=…&seed=…'``
 
-The emulated rig at a pseudo-terminal, in real time, in a process of its own that can be killed and
-restarted like a rig. The first line on stdout is the terminal's path, which
+Runs the emulated rig at a pseudo-terminal, in real time, in a process of its own that can be killed
+and restarted like a rig. The first line on stdout is the terminal's path, which
 ``heli3dof … --device serial://PATH`` opens.
 """
 
@@ -35,9 +35,9 @@ def main() -> None:
 
 
 def _terminal() -> tuple[int, str]:
-    """A raw pseudo-terminal: the rig's descriptor and the path of the host's end.
+    """Open a raw pseudo-terminal; returns the rig's descriptor and the path of the host's end.
 
-    The host's end stays open here too, so that the rig outlives its host.
+    This process also keeps the host's end open, so that the rig continues when its host closes it.
     """
     rig_end, host_end = os.openpty()
     tty.setraw(host_end)

@@ -1,7 +1,7 @@
 """An emulated USB bus: a backend for pyusb, without libusb and without hardware.
 
 `KINDS` lists the faults of the bus: ``bus=KIND@SECONDS[:FOR_SECONDS]``, repeated as needed. Two
-openings of one bus act as two processes: an interface can be claimed once.
+handles of one rig act as two processes: only one can claim the interface.
 """
 
 from __future__ import annotations
@@ -49,7 +49,10 @@ _ENDPOINT = "bLength bDescriptorType bEndpointAddress bmAttributes wMaxPacketSiz
 
 @dataclass(frozen=True, slots=True)
 class BusFault:
-    """A fault ``at_s`` after the bus began, for ``for_s`` seconds (None: for good, or once)."""
+    """A fault that begins ``at_s`` s after the bus was created and lasts ``for_s`` s.
+
+    ``for_s`` None: for good, but a stalled pipe works again once the host has cleared it.
+    """
 
     kind: str
     at_s: float = 0.0
@@ -57,7 +60,7 @@ class BusFault:
 
     @staticmethod
     def of(text: str) -> BusFault:
-        """The fault in an option's text. Raises UsageError.
+        """Returns the fault in an option's text. Raises UsageError.
 
         >>> BusFault.of("silent@1:0.5")
         BusFault(kind='silent', at_s=1.0, for_s=0.5)
@@ -79,7 +82,7 @@ class BusFault:
 
 @dataclass(eq=False)
 class RigOnBus:
-    """A device on the bus with its faults to come."""
+    """A device on the bus, with its present and future faults."""
 
     function: UsbFunction
     faults: Sequence[BusFault] = ()
@@ -87,7 +90,7 @@ class RigOnBus:
     refused: bool = False
     claimed_by: Any = None
     plugs: int = 0
-    """How often it was plugged in again: handles from before are invalid"""
+    """How often it was plugged in again; this makes earlier handles invalid"""
 
 
 @dataclass(eq=False)
@@ -100,7 +103,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def locked(method: F) -> F:
-    """Let one thread at a time in; a thread that waits releases the lock."""
+    """Decorator: the method runs under the bus's lock, which a thread releases while it waits."""
 
     @functools.wraps(method)
     def method_with_lock(self: EmulatedBus, *args: Any, **named: Any) -> Any:
@@ -111,7 +114,7 @@ def locked(method: F) -> F:
 
 
 class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
-    """A pyusb backend that has emulated rigs only."""
+    """A pyusb backend whose only devices are emulated rigs. ``clock`` returns seconds."""
 
     def __init__(
         self, rigs: Iterable[RigOnBus], clock: Callable[[], float] = time.monotonic
@@ -137,7 +140,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
             rig.function.configuration = 1
 
     def now_us(self) -> int:
-        """The devices' clock."""
+        """Returns the devices' clock: µs since the bus was created."""
         return int((self._clock() - self._began) * 1e6)
 
     def _apply_faults(self) -> None:
@@ -171,7 +174,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
     def _end(self, rig: RigOnBus, fault: BusFault) -> None:
         match fault.kind:
             case "unplug":
-                self.unplug(rig)  # no call may have come while it was out
+                self.unplug(rig)  # in case no call came while it was unplugged
                 self.plug(rig)
             case "silent":
                 rig.function.silent = False
@@ -303,7 +306,7 @@ class EmulatedBus(usb.backend.IBackend):  # type: ignore[misc]
         return rig.function
 
     def _wait(self, function: UsbFunction, deadline: float) -> None:
-        """Wait until something may have changed; raise at the deadline."""
+        """Wait until a transfer may succeed, at most 10 ms; past ``deadline``: USBTimeoutError."""
         now = self._clock()
         if now >= deadline:
             raise usb.core.USBTimeoutError("Operation timed out", errno=errno.ETIMEDOUT)

@@ -39,7 +39,7 @@ CONFIGURATION = (
 
 
 class UsbFunction:
-    """One device on a bus. A method that returns None replies with a STALL."""
+    """One USB device. A method that returns None replies STALL, USB's handshake for an error."""
 
     def __init__(self, endpoint: Endpoint, serial: str, *, configured: bool = True) -> None:
         self.endpoint = endpoint
@@ -48,13 +48,13 @@ class UsbFunction:
         self.halted: set[int] = set()
         """Pipes that stall until the host clears them"""
         self.stuck: set[int] = set()
-        """Pipes that stall again after they were cleared"""
+        """Pipes that stall again each time the host has cleared them"""
         self.silent = False
         """Both pipes reply NAK to everything: transfers time out"""
         self._to_host = b""
 
     def control(self, now_us: int, kind: int, request: int, value: int) -> bytes | None:
-        """A control request: a string descriptor, or the stop."""
+        """Handle a control request, ``kind`` its bmRequestType: return a string, or stop."""
         if (kind, request, value >> 8) == (0x80, 6, 3):
             return self._string(value & 0xFF)
         if (kind, request) == (0x40, STOP):
@@ -63,14 +63,14 @@ class UsbFunction:
         return None
 
     def configure(self, now_us: int, value: int) -> None:
-        """Configuration 1, or 0: none, which stops the motors."""
+        """Select configuration 1, or 0 (unconfigured), which stops the motors."""
         if not value:
             self.lost(now_us)
         self.configuration = value
         self.halted.clear()
 
     def take(self, now_us: int, data: bytes) -> bool | None:
-        """Accept bytes from the host. False: NAK, try again."""
+        """Accept bytes from the host. Returns False for a NAK: the host tries again."""
         if OUT in self.halted | self.stuck:
             return None
         if self.silent or not self.configuration:
@@ -79,7 +79,7 @@ class UsbFunction:
         return True
 
     def give(self, now_us: int, longest: int) -> bytes | None:
-        """Bytes for the host; b"" is a NAK."""
+        """Returns at most ``longest`` bytes for the host; b"" is a NAK."""
         self._send(self.endpoint.tick(now_us))
         if IN in self.halted | self.stuck:
             return None
@@ -89,7 +89,7 @@ class UsbFunction:
         return now
 
     def lost(self, now_us: int) -> None:
-        """The bus was reset or unplugged, or the configuration was removed: the motors stop."""
+        """Stop the motors, as the bus was reset or unplugged, or the configuration removed."""
         self._stop(now_us, Cause.SUPPLY)
         self.configuration = 0
         self.halted.clear()

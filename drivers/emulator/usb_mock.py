@@ -1,4 +1,4 @@
-"""``usb+mock:?hide=…&seed=…`` — the rig of ``mock:`` on an emulated USB bus, without libusb.
+"""Driver of ``usb+mock:?hide=…&seed=…``: the rig of ``mock:`` on an emulated USB bus, no libusb.
 
 It takes every option of ``mock:`` but ``speed`` (a bus is real time), those of ``usb:``, and
 ``bus=KIND@SECONDS[:FOR_SECONDS]`` for faults of the bus; see `transport_usb`.
@@ -28,16 +28,16 @@ class UsbMockDriver:
         "watchdog_s", "fault",
         "stream", "signs", "timeout_s", "bus",
     )  # fmt: skip
-    """The fields of `UsbMockOptions`, which a stop must not load: pydantic is slow to import"""
+    """The fields of `UsbMockOptions`, named again because a stop must not import pydantic (slow)"""
     private_to_process = True
-    """See `heli3dof.rig.interface.PrivateToProcess`."""
+    """No other process can reach the rig: see `heli3dof.rig.interface.PrivateToProcess`"""
 
     def find(self) -> Sequence[str]:
-        """None: an emulated bus exists only while a process has it open."""
+        """Returns no URLs: an emulated bus exists only while a process has it open."""
         return []
 
     def open(self, url: DeviceUrl, profile: Profile) -> Rig:
-        """A bus with the one rig that the URL describes. Raises UsageError for a bad option."""
+        """Create a bus with the rig of the URL and open it. Raises UsageError for a bad option."""
         from ..mock import own_profile
         from ..options import UsbMockOptions
         from ..usb_bulk.driver import open_on
@@ -56,7 +56,7 @@ class UsbMockDriver:
 
 
 def rig_on_bus(profile: Profile, options: RigOptions, faults: tuple[str, ...] = ()) -> RigOnBus:
-    """One rig to be put on a bus."""
+    """Returns a rig to be put on an `EmulatedBus`. ``faults``: the bus's, as in ``bus=``."""
     from ..mock import device_of
     from .endpoint import Endpoint
     from .transport_usb import BusFault, RigOnBus

@@ -1,9 +1,9 @@
-"""The check of a frame: CRC-16 of its bytes, and of its bytes in reverse order.
+"""Computes a frame's check: CRC-16 of its bytes, and of its bytes in reverse order.
 
 CRC-16/IBM-3740 ("CCITT-FALSE"): x¹⁶ + x¹² + x⁵ + 1, initial value 0xFFFF, nothing reflected,
 nothing inverted; "123456789" gives 0x29B1. It detects every burst of up to 16 bits and every one,
 two or three wrong bits. Other errors pass one CRC-16 with probability 2⁻¹⁶. In reverse order the
-same wrong bits are another polynomial, so other errors pass both with probability 2⁻³².
+same wrong bits form another error polynomial, so other errors pass both with probability 2⁻³².
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ INITIAL = 0xFFFF
 
 
 def crc16(data: bytes) -> int:
-    """
+    """Returns the CRC-16/IBM-3740 of ``data``.
+
     >>> hex(crc16(b"123456789"))
     '0x29b1'
     """
@@ -22,5 +23,5 @@ def crc16(data: bytes) -> int:
 
 
 def check(data: bytes) -> bytes:
-    """The last four bytes of a frame: crc16, then crc16 in reverse order, little-endian."""
+    """Returns a frame's last four bytes: crc16 of ``data``, then of its reverse, little-endian."""
     return (crc_hqx(data, INITIAL) | crc_hqx(data[::-1], INITIAL) << 16).to_bytes(4, "little")

@@ -1,7 +1,7 @@
 """A `Transport` over a file descriptor: a tty, a pseudo-terminal, a socket.
 
 It reads as soon as the system reports bytes: a round trip takes a third of the time that it takes
-through pyserial's ``read``.
+with pyserial's ``read``.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from collections.abc import Callable
 from heli3dof.errors import DeviceError
 
 WRITE_S = 0.1
-"""s for which a port may refuse to accept a frame"""
+"""s, the longest wait until the port accepts a frame"""
 CHUNK = 4096
+"""Bytes of one read at most"""
 
 
 class DescriptorLine:
-    """An open descriptor, made non-blocking; ``release`` closes it."""
+    """A line over an open descriptor, made non-blocking; ``release`` is called to close it."""
 
     def __init__(self, fd: int, name: str, release: Callable[[], None]) -> None:
         os.set_blocking(fd, False)
@@ -32,7 +33,7 @@ class DescriptorLine:
         return self._name
 
     def write(self, data: bytes) -> None:
-        """Send all of ``data``. Raises DeviceError when the port is full or gone."""
+        """Send all of ``data``. Raises DeviceError if the port is gone or full for `WRITE_S`."""
         until = time.monotonic() + WRITE_S
         while data:
             try:
@@ -46,7 +47,7 @@ class DescriptorLine:
                 raise gone(self._name, problem) from problem
 
     def read(self, timeout_s: float) -> bytes:
-        """The bytes that have arrived; see `Transport.read`."""
+        """Returns the bytes that have arrived; see `Transport.read`."""
         fd = self._open_fd()
         try:
             if not select.select([fd], [], [], timeout_s)[0]:
@@ -76,10 +77,10 @@ class DescriptorLine:
             return  # the line is gone: nothing to release
 
     def _hung_up(self) -> bool:
-        """True where a readable line without bytes has ended.
+        """True if a line that was readable but gave no bytes has ended.
 
-        On a terminal, poll reports a hang-up; without it another process, such as heli3dof estop,
-        has read the bytes first. On any other descriptor it is the end.
+        On a terminal, poll then reports a hang-up. Otherwise another process, such as heli3dof
+        estop, has read the bytes first. Any other descriptor has always ended.
         """
         if not os.isatty(self._fd):
             return True
@@ -94,7 +95,7 @@ class DescriptorLine:
 
 
 def gone(name: str, problem: Exception | None) -> DeviceError:
-    """The line was unplugged."""
+    """Returns the error for an unplugged line; ``problem``: the system's error, if any."""
     return DeviceError(
         f"{name} is gone{f' ({problem})' if problem else ''}.",
         cause="the cable is out, or the device has lost its supply; its own watchdog takes the "

@@ -1,4 +1,4 @@
-"""The emergency stop: sent in any state until the device confirms it."""
+"""Sends the emergency stop, in any state, until the device confirms it or the tries end."""
 
 from __future__ import annotations
 
@@ -13,13 +13,16 @@ from .request_reply import RequestClient
 from .transport import Transport
 
 STOP_EVERY_S = 20e-3
+"""s between two ESTOP frames"""
 STOP_TRIES = 25
 SHARED_TRIES = 10
-"""Where another program holds the line: bytes read here are missing there."""
+"""ESTOP frames where another program holds the line too: bytes read here are missing there"""
 
 
 def ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:
-    """A function that returns a frame if it is the ACK of one of these requests, else None."""
+    """Returns a function of a frame and numbers: it returns the frame if it is the ACK of a request
+    of this type with one of the numbers, else None.
+    """
 
     def match(frame: Frame, numbers: set[int]) -> Ack | None:
         if isinstance(frame, Ack) and frame.request == request and frame.number in numbers:
@@ -30,9 +33,10 @@ def ack_of(request: Type) -> Callable[[Frame, set[int]], Ack | None]:
 
 
 def stop(client: RequestClient, tries: int = STOP_TRIES) -> bool:
-    """True when the device has acknowledged the stop, or a sample shows it stopped.
+    """Send the stop up to ``tries`` times. True once an ACK or a sample shows the device stopped.
 
-    On a shared line the other program reads most replies; the repeated samples still get through.
+    On a line that another program reads too, that program gets most replies; samples repeat, so
+    some arrive here.
     """
     is_ack = ack_of(Type.ESTOP)
     numbers: set[int] = set()
@@ -55,7 +59,7 @@ def _is_stopped(sample: SampleFrame) -> bool:
 
 
 def stop_over(transport: Transport, *, shared: bool = False) -> str:
-    """Stop the device at the other end; returns a line for the user.
+    """Stop the device at the other end; returns a message for the user.
 
     ``shared``: another program holds this line and may read the reply. Raises DeviceError where
     nothing confirms the stop.

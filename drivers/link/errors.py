@@ -34,7 +34,7 @@ def not_ours(name: str) -> DeviceError:
 
 
 def not_stopped(name: str, tries: int, *, shared: bool = False) -> DeviceError:
-    """``shared``: another program held the line meanwhile."""
+    """Returns the error for an unconfirmed stop. ``shared``: another program held the line too."""
     return DeviceError(
         f"{name}: the emergency stop was sent {tries} times and not acknowledged.",
         cause="the line is broken, or the program that holds the port has read the reply."
@@ -45,7 +45,7 @@ def not_stopped(name: str, tries: int, *, shared: bool = False) -> DeviceError:
 
 
 def not_arming(name: str, code: int, cause: int, period_us: int, watchdog_us: int) -> DeviceError:
-    """The device refused an ARM."""
+    """Returns the error for a refused ARM; ``code`` and ``cause`` are those of its ACK."""
     if code == Code.FAULT:
         reason = Cause(cause).name.lower() if cause in set(Cause) else f"number {cause}"
         return DeviceError(

@@ -1,4 +1,4 @@
-"""The frames of protocol 1, byte by byte; docs/reference/protocol.md defines their meaning.
+"""Packs and parses the frames of protocol 1; docs/reference/protocol.md defines their meaning.
 
     frame   = COBS(header body check) 0x00
     header  = version u8, type u8, number u32
@@ -21,14 +21,14 @@ from .checksum import check
 
 VERSION: Final = 1
 NOT_MEASURED: Final = -0x8000
-"""A current that the device does not measure."""
+"""Value of a current that the device does not measure"""
 LONGEST: Final = 128
 """Bytes between two delimiters at most; longer pieces are malformed"""
 _HEADER = Struct("<BBI")
 
 
 class Type(enum.IntEnum):
-    """Bit 7 marks frames from the device."""
+    """The type of a frame; bit 7 marks those that the device sends."""
 
     HELLO = 0x01
     ARM = 0x02
@@ -44,7 +44,7 @@ class Type(enum.IntEnum):
 
 
 class Code(enum.IntEnum):
-    """The result in an ACK."""
+    """The result of a request, in its ACK."""
 
     OK = 0
     ALREADY_ARMED = 1
@@ -56,7 +56,7 @@ class Code(enum.IntEnum):
 
 
 class Cause(enum.IntEnum):
-    """Why the output is held at zero."""
+    """Why the device holds its output at zero."""
 
     NONE = 0
     WATCHDOG = 1
@@ -72,7 +72,10 @@ class Cause(enum.IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Hello:
-    """Request the identity. The reply, in every state, is an `IdentityFrame`."""
+    """Requests the device's identity. The reply, in every state, is an `IdentityFrame`.
+
+    A device that supports none of ``oldest`` … ``newest`` replies an `Ack` with `Code.VERSION`.
+    """
 
     TYPE: ClassVar = Type.HELLO
     BODY: ClassVar = Struct("<BB")
@@ -84,22 +87,22 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """Enable at zero volts. The reply is an `Ack`, then sample 0."""
+    """Enables the output at zero volts. The reply is an `Ack`, then, if that is OK, sample 0."""
 
     TYPE: ClassVar = Type.ARM
     BODY: ClassVar = Struct("<III")
     number: int
     ticket: int
-    """The device's current one, so that a repeated or delayed ARM has no effect"""
+    """The device's current ticket, so that a repeated or delayed ARM has no effect"""
     period_us: int
     """µs from sample to sample of the stream; 0: no stream, a sample for each POLL"""
     watchdog_us: int
-    """µs; 0: the device's own"""
+    """µs without a command until the device ramps to zero; 0: the device's own value"""
 
 
 @dataclass(frozen=True, slots=True)
 class CommandFrame:
-    """Voltages until the next command. ``number`` increases with every command."""
+    """Sets the voltages until the next command. ``number`` increases with every command."""
 
     TYPE: ClassVar = Type.COMMAND
     BODY: ClassVar = Struct("<ii")
@@ -110,7 +113,7 @@ class CommandFrame:
 
 @dataclass(frozen=True, slots=True)
 class Poll:
-    """Request a sample now, in every state."""
+    """Requests a sample now, in every state; has no effect while samples are streamed."""
 
     TYPE: ClassVar = Type.POLL
     BODY: ClassVar = Struct("")
@@ -119,7 +122,7 @@ class Poll:
 
 @dataclass(frozen=True, slots=True)
 class Disarm:
-    """Zero volts, amplifier disabled. The reply is an `Ack`."""
+    """Sets zero volts and disables the amplifier. The reply is an `Ack`."""
 
     TYPE: ClassVar = Type.DISARM
     BODY: ClassVar = Struct("")
@@ -128,7 +131,7 @@ class Disarm:
 
 @dataclass(frozen=True, slots=True)
 class Estop:
-    """Zero volts now, in every state and whatever the number. The reply is an `Ack`."""
+    """Sets zero volts now, in every state and with any ``number``. The reply is an `Ack`."""
 
     TYPE: ClassVar = Type.ESTOP
     BODY: ClassVar = Struct("<B")
@@ -138,7 +141,7 @@ class Estop:
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """Request the device's counters. The reply is a `Report`."""
+    """Requests the device's counters. The reply is a `Report`."""
 
     TYPE: ClassVar = Type.STATUS
     BODY: ClassVar = Struct("")
@@ -147,7 +150,7 @@ class Status:
 
 @dataclass(frozen=True, slots=True)
 class IdentityFrame:
-    """The device's identity. ``number`` is the request's."""
+    """The device's identity, in reply to a `Hello`; ``number`` is that of the request."""
 
     TYPE: ClassVar = Type.IDENTITY
     BODY: ClassVar = Struct("<BBIIiiiIIII16s16s16s")
@@ -176,13 +179,13 @@ class IdentityFrame:
 
 @dataclass(frozen=True, slots=True)
 class Ack:
-    """The result of a request; ``number`` is the request's."""
+    """The result of a request; ``number`` is that of the request."""
 
     TYPE: ClassVar = Type.ACK
     BODY: ClassVar = Struct("<BBBBI")
     number: int
     request: int
-    """Its type"""
+    """The request's type"""
     code: int
     flags: int
     cause: int
@@ -191,13 +194,13 @@ class Ack:
 
 @dataclass(frozen=True, slots=True)
 class SampleFrame:
-    """One reading. ``number`` counts the samples since the device was armed, POLLed ones too."""
+    """One sample. ``number`` counts the samples since the device was armed, POLLed ones too."""
 
     TYPE: ClassVar = Type.SAMPLE
     BODY: ClassVar = Struct("<IIiiiiihhHBB")
     number: int
     echo: int
-    """The number of the last command applied"""
+    """Number of the last command that the device applied, or of the ARM"""
     time_us: int
     """The device's clock modulo 2³²"""
     roll: int
@@ -206,11 +209,11 @@ class SampleFrame:
     """Counts since the device started"""
     front_uV: int
     back_uV: int
-    """The output until now"""
+    """The amplifier's output at this time"""
     front_mA: int
     back_mA: int
     delay_us: int
-    """From the previous sample to the arrival of the echoed command; 65535: longer"""
+    """From the previous sample to the arrival of the command; 65535: longer, or no command came"""
     flags: int
     cause: int
 
@@ -225,15 +228,15 @@ class Report:
     frames: int
     """Valid frames received"""
     malformed: int
-    """Received with wrong COBS, length or check"""
+    """Pieces received with wrong COBS, length, version or check"""
     refused: int
-    """Valid but without effect: stale or repeated commands, unknown types"""
+    """Valid frames without effect: stale or repeated commands, unknown types"""
     expiries: int
-    """Of the watchdog"""
+    """How often the watchdog expired"""
     late_us: int
-    """The greatest lateness of a sample of the stream"""
+    """The longest time by which a streamed sample was taken after it was due"""
     encoder_errors: int
-    """Invalid transitions of A and B"""
+    """Invalid transitions of the encoder lines A and B"""
     uptime_ms: int
     flags: int
     cause: int
@@ -256,7 +259,7 @@ _FIELDS = {t: tuple(k.__slots__)[1:] for t, k in _KINDS.items()}
 
 
 def payload(frame: Frame) -> bytes:
-    """Header, body and check."""
+    """Returns the frame's header, body and check, before the COBS encoding."""
     kind = int(frame.TYPE)
     body = frame.BODY.pack(*(getattr(frame, name) for name in _FIELDS[kind]))
     data = _HEADER.pack(VERSION, kind, frame.number & 0xFFFFFFFF) + body
@@ -264,16 +267,18 @@ def payload(frame: Frame) -> bytes:
 
 
 def wire(frame: Frame) -> bytes:
-    """The bytes on the line with the delimiter. An ESTOP also begins with one, so that a torn frame
-    before it does not spoil it."""
+    """Returns the bytes on the line, with the delimiter 0 at the end.
+
+    An ESTOP also begins with a 0, so that an incomplete frame before it cannot corrupt it.
+    """
     out: bytes = encode(payload(frame)) + b"\0"
     return b"\0" + out if frame.TYPE == Type.ESTOP else out
 
 
 def parse(stuffed: bytes) -> Frame | None:
-    """The frame between two delimiters, or None.
+    """Returns the frame in the bytes between two delimiters; None if they are not a valid frame.
 
-    A HELLO is valid whatever the version in its header: it is the request for the versions.
+    A HELLO is valid with any version in its header, because it asks for the device's version.
     """
     try:
         data = decode(stuffed)
@@ -288,7 +293,7 @@ def parse(stuffed: bytes) -> Frame | None:
 
 
 def command(number: int, front_uV: int, back_uV: int) -> bytes:
-    """``wire(CommandFrame(…))``, faster, for the loop."""
+    """Returns ``wire(CommandFrame(…))``, computed faster for the control loop."""
     data = pack("<BBIii", VERSION, Type.COMMAND, number, front_uV, back_uV)
     out: bytes = encode(data + check(data)) + b"\0"
     return out
@@ -303,7 +308,7 @@ class Splitter:
         """Pieces that were not a valid frame"""
 
     def feed(self, data: bytes) -> list[Frame]:
-        """The frames that these bytes complete, in order."""
+        """Returns the frames that these bytes complete, in order."""
         *whole, rest = (self._rest + data).split(b"\0")
         if len(rest) > LONGEST:  # too long for a frame: do not collect it
             rest = rest[: LONGEST + 1]
@@ -320,5 +325,5 @@ class Splitter:
         return out
 
     def frame(self, piece: bytes) -> Frame | None:
-        """The frame in a piece, or None. The emulated device overrides this for unknown types."""
+        """Returns the frame in a piece, or None. The emulated device adds unknown types here."""
         return parse(piece)

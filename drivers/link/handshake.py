@@ -1,4 +1,4 @@
-"""Identifies the device and its protocol version, and checks it against the profile."""
+"""Identifies the device and its protocol version, and compares the device with the profile."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from heli3dof.rig.profile import Profile
 
 TRIES = 12
-"""A board that restarts when its port is opened takes up to two seconds to reply."""
+"""HELLO requests: a board that restarts when its port is opened needs up to 2 s to reply"""
 AXES = ("roll", "pitch", "yaw")
 
 
 def identify(client: RequestClient) -> IdentityFrame:
-    """The device's identity. Raises DeviceError: no reply, another device, another version."""
+    """Returns the device's identity. Raises DeviceError: no reply, no rig, another version."""
     transport = client.transport
     transport.flush_input()
     transport.write(b"\0")
@@ -56,7 +56,7 @@ def identify(client: RequestClient) -> IdentityFrame:
 
 
 def foreign_version(received: bytes) -> int | None:
-    """The version of a valid frame of another protocol version in these bytes, or None."""
+    """Returns the version of the first valid frame of another protocol version, or None."""
     for piece in received.split(b"\0"):
         try:
             data = decode(piece)
@@ -86,7 +86,7 @@ def _shown(received: bytes) -> str:
 def check_profile(
     identity: IdentityFrame, profile: Profile, name: str, *, signs: str = "device"
 ) -> None:
-    """Check that this is the profile's rig. Raises DeviceError naming the profile's key.
+    """Check that the device is the profile's rig. Raises DeviceError that names the profile's key.
 
     ``signs="profile"``: the profile gives the encoders' counting direction, not the device.
     """
@@ -129,7 +129,7 @@ def check_profile(
 
 
 def period_of(profile: Profile) -> int:
-    """The control period in whole µs."""
+    """Returns the control period in whole µs."""
     return round(1e6 / profile.loop.rate_hz)
 
 

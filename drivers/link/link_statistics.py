@@ -1,4 +1,4 @@
-"""Counters of a link and the distribution of its round trip, for recordings, doctor and benches."""
+"""Counters and time distributions of a link, for recordings, ``doctor`` and benchmarks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from heli3dof.rig.histogram import Histogram
 
 @dataclass
 class LinkStatistics:
-    """Counts since the link was opened."""
+    """Counts and times since the link was opened."""
 
     sent: int = 0
     """Frames to the device"""
@@ -20,20 +20,20 @@ class LinkStatistics:
     lost: int = 0
     """Samples that the device took and that never arrived: their numbers are missing"""
     device_skipped: int = 0
-    """Samples that the device never took because it was held up: its time jumped, no number is
-    missing"""
+    """Samples that a delayed device did not take: its time jumped, but no number is missing"""
     samples_stale: int = 0
     """Samples that arrived too late to be used: with a newer one, or after the next command"""
     rejected: int = 0
-    """Valid frames with an impossible sample: a repeated number, or the echo of a command that was
-    never sent"""
+    """Valid frames with an impossible sample: a repeated number, or an echo of no sent command"""
     commands: int = 0
     commands_unacknowledged: int = 0
     """Commands that the next sample did not echo: lost, refused, or still on their way"""
     retries: int = 0
     """Requests sent again because no reply arrived"""
     round_trip: Histogram = field(default_factory=Histogram)
-    """From a request to its reply"""
+    """s from a request to its reply"""
     delay: Histogram = field(default_factory=Histogram)
-    """From a sample to the arrival of the next command, by the device's clock: the latency modulo
-    the period"""
+    """s on the device's clock from a sample to the arrival of the next command there.
+
+    It is the loop's latency modulo the sample period.
+    """

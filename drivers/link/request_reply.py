@@ -1,7 +1,7 @@
-"""Requests and replies over a transport, with timeouts, retries and counters.
+"""Sends requests and receives their replies over a transport, with timeouts, retries and counters.
 
-A reply carries its request's number: a late reply to an earlier attempt counts, a reply to another
-request never does. Samples that arrive meanwhile are queued.
+A reply carries its request's number. So a late reply to an earlier attempt is accepted, a reply to
+another request is not. Samples that arrive meanwhile are queued.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from .transport import Transport
 
 TRIES = 3
 REPLY_TIMEOUT_S = 0.2
-"""s for each attempt"""
+"""s that each attempt waits for its reply"""
 TAIL = 256
 """Most recent bytes that are kept to describe an unknown device"""
 F = TypeVar("F")
 
 
 class RequestClient:
-    """The host's end of one line."""
+    """The host's end of one line: sends frames, returns replies, and queues samples."""
 
     def __init__(self, transport: Transport) -> None:
         self.transport = transport
@@ -34,12 +34,12 @@ class RequestClient:
         self.tail = b""
         """The last bytes received during the last request"""
         self.round_trip_s = 0.0
-        """From the last request to its reply"""
+        """s from the last request to its reply"""
         self._splitter = Splitter()
         self._number = 0
 
     def next_number(self) -> int:
-        """A number for a request; commands have numbers of their own, in order."""
+        """Returns a new number for a request; commands are numbered separately."""
         self._number = (self._number + 1) & 0xFFFFFFFF
         return self._number
 
@@ -49,7 +49,7 @@ class RequestClient:
         self.statistics.sent += 1
 
     def receive(self, timeout_s: float) -> list[Frame]:
-        """Read once. Returns the frames that are not samples; samples go to ``samples``."""
+        """Read bytes once. Returns the frames other than samples, which go to ``samples``."""
         return self._process(self.transport.read(timeout_s))
 
     def _process(self, data: bytes) -> list[Frame]:
@@ -75,7 +75,7 @@ class RequestClient:
         tries: int = TRIES,
         timeout_s: float = REPLY_TIMEOUT_S,
     ) -> F | None:
-        """The reply to a request; None when none arrived in any attempt.
+        """Send a request and return its reply; None when none arrived in any attempt.
 
         ``make`` returns the request frame for a number. ``match`` is called with each received
         frame and the numbers of all attempts; it returns the reply, or None for another frame.
@@ -101,7 +101,7 @@ class RequestClient:
         return None
 
     def drain(self) -> None:
-        """Process the bytes that have arrived, without waiting."""
+        """Queue the samples that have arrived, without waiting; discard other frames."""
         for _ in range(64):
             data = self.transport.read(0.0)
             if not data:

@@ -1,13 +1,13 @@
-"""A rig on the link, over any transport; docs/reference/protocol.md, the host's side.
+"""A rig on the link, over any transport: the host's side of docs/reference/protocol.md.
 
 Streaming (the device keeps time)::
 
     exchange:  COMMAND at once ──▶ ... the device's next sample
 
 Samples that were waiting when the command was sent are discarded, and of several that arrive
-together the newest is used. So a late host loses periods and never runs two in one. A command that
-the line lost or delayed costs no period: the next sample is used, and its echo shows the loss.
-Polled (the host keeps time)::
+together the newest is used. So a late host skips periods; it never runs two exchanges in one. If
+the line loses or delays a command, no period is lost: the next sample is used. Its echo, the number
+of the last command applied, shows that the command is missing. Polled (the host keeps time)::
 
     exchange:  COMMAND at once, wait until due_s, POLL ──▶ SAMPLE
 """
@@ -60,16 +60,16 @@ if TYPE_CHECKING:
     from .transport import Transport
 
 LARGEST_uV = 2_000_000_000
-"""The most that a command frame can hold; every device clips far below it"""
+"""µV, below the largest number of a command frame (2³¹ − 1); every device clips far below it"""
 RESTART_S = 0.7
-"""s by which the uptime must fall short of the expected one to count as a restart: a STATUS may
-take `TRIES` attempts, 0.6 s in all"""
+"""s: a device whose uptime falls short of the expected one by more has restarted. A STATUS request
+may take `TRIES` attempts, 0.6 s in all"""
 EMULATED = "emulated"
-"""The prefix of the model of a device without motors"""
+"""Prefix of the model name of an emulated device"""
 
 
 class LinkRig:
-    """An open rig; see `heli3dof.rig.interface.Rig`."""
+    """An open rig on the link; see `heli3dof.rig.interface.Rig`."""
 
     def __init__(
         self,
@@ -83,9 +83,9 @@ class LinkRig:
     ) -> None:
         """Identify the device and compare it with the profile; nothing moves.
 
-        ``stream=False``: the host keeps time. ``watchdog_s``: instead of the device's own.
-        ``signs="profile"``: the profile gives the encoders' counting direction. Raises
-        DeviceError after closing the transport.
+        ``stream=False``: the host polls each sample. ``watchdog_s``: replaces the device's own.
+        ``signs="profile"``: the profile gives the encoders' counting direction. Where this raises
+        DeviceError, it has closed the transport.
         """
         self._transport = transport
         self._client = RequestClient(transport)
@@ -96,7 +96,7 @@ class LinkRig:
         self._gone = self._armed_here = False
         self._open = True
         self.check_permission: Callable[[], None] = lambda: None
-        """See `heli3dof.rig.interface.ArmsWithPermission`; called once the ticket is known."""
+        """Raises SafetyTrip if a stop forbids arming (`interface.ArmsWithPermission`)"""
         try:
             reply = identify(self._client)
             check_profile(reply, profile, transport.name, signs=signs)
@@ -127,11 +127,11 @@ class LinkRig:
         return cause_name(self._validator.cause)
 
     def arm(self) -> Sample:
-        """Enable at zero volts with latches cleared; returns the first sample."""
+        """Clear latches and enable the output at zero volts; returns the first sample."""
         self._check_open()
         self._samples.armed = self._streaming = False
         self._armed_here = True
-        # After a restart the counts have another zero: do not take them for the old angles.
+        # A restart zeroes the counts at the present angles: do not convert them as before.
         if (problem := self._connection_error()) is not None:
             raise problem
         for _ in range(TRIES):
@@ -154,7 +154,7 @@ class LinkRig:
         raise self._no_sample()
 
     def read(self) -> Sample:
-        """A sample now, armed or not."""
+        """Returns a sample taken now (of a stream: the next one), armed or not."""
         self._check_open()
         if self._streaming:
             self._samples.discard_stale()
@@ -162,7 +162,7 @@ class LinkRig:
         return self._poll()
 
     def exchange(self, command_: Command, due_s: float) -> Sample:
-        """One control period under the command; see `heli3dof.rig.interface`."""
+        """Run one control period under the command; see `heli3dof.rig.interface`."""
         self._check_open()
         v_front, v_back = command_.v_front, command_.v_back
         if not (isfinite(v_front) and isfinite(v_back)):
@@ -180,7 +180,7 @@ class LinkRig:
         return self._poll()
 
     def estop(self, reason: str) -> None:
-        """Zero volts now. Raises DeviceError where the device does not confirm it."""
+        """Set zero volts now. Raises DeviceError if the device does not confirm it."""
         if not self._open:
             return
         tries = SHARED_TRIES if self._gone else STOP_TRIES
@@ -189,14 +189,15 @@ class LinkRig:
         self._samples.discard_stale()
 
     def report(self) -> Report | None:
-        """The device's own counters; None when it does not reply."""
+        """Returns the device's own counters; None when it does not reply."""
         self._check_open()
         return self._client.request(Status, _report)
 
     def close(self) -> None:
-        """Zero volts, amplifier disabled, line released. Idempotent; no error on a broken line.
+        """Set zero volts, disable the amplifier, release the line. Idempotent.
 
-        A device that was never armed here stays as it is: another program may run it.
+        A broken line raises no error. A device that this object never armed stays as it is: another
+        program may run it.
         """
         if not self._open:
             return
@@ -227,7 +228,10 @@ class LinkRig:
         return self._checked(self._samples.first())
 
     def _next_of_stream(self) -> Sample:
-        """The stream's next sample. Where the stream has ended: a polled sample, or DeviceError."""
+        """Returns the stream's next sample, or a polled one if the stream has ended.
+
+        Raises DeviceError if the device is gone or has restarted.
+        """
         sample = self._samples.next_of_stream()
         if sample is not None:
             return sample
@@ -241,7 +245,7 @@ class LinkRig:
         return self._checked(self._samples.poll())
 
     def _checked(self, sample: Sample | None) -> Sample:
-        """The sample. Raises DeviceError for none, or where another program disarmed the device."""
+        """Returns ``sample``. Raises DeviceError if None or if another program disarmed the rig."""
         if sample is None or (self._samples.armed and not sample.flags & _SINCE_ARMED):
             raise self._no_sample()
         return sample
@@ -253,11 +257,11 @@ class LinkRig:
         return ack
 
     def _no_sample(self) -> DeviceError:
-        """Why no sample arrived: the device is gone, restarted, or under another program."""
+        """Returns the error for a missing sample: device gone, restarted, or armed elsewhere."""
         return self._connection_error() or not_ours(self._transport.name)
 
     def _connection_error(self) -> DeviceError | None:
-        """None when the device replies and has not restarted since it was opened."""
+        """Returns the error if the device is silent or restarted since its opening, else None."""
         reply = self._client.request(
             Hello, lambda f, n: f if isinstance(f, IdentityFrame) and f.number in n else None
         )
@@ -268,12 +272,12 @@ class LinkRig:
         return None if same else restarted(self._transport.name)
 
     def _uptime_s(self) -> float | None:
-        """s since the device started, modulo 2³² ms; None where it does not report it."""
+        """Returns s since the device started, modulo 2³² ms; None if it does not reply."""
         report = self._client.request(Status, _report)
         return None if report is None else report.uptime_ms / 1e3
 
     def _uptime_fell_back(self) -> bool:
-        """True where the uptime shows a restart; some devices repeat their boot number."""
+        """True if the uptime shows a restart; needed as some devices repeat their boot number."""
         uptime_s = self._uptime_s()
         if uptime_s is None or self._started_s is None:
             return False

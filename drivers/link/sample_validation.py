@@ -1,20 +1,21 @@
 """Accepts the samples of the current arming that are newer than the last one and echo a command
 that was sent.
 
-A sample with number n and echo e is accepted where, with n_last and e_last those of the last
-accepted sample (e_last is at first the ARM's number) and c the last command's number,
+Let n be a sample's number and e its echo, the number of the last command applied. It is accepted
+where, with n_last and e_last of the last accepted sample (e_last is at first the ARM's number) and
+c the number of the last command sent,
 
     0 < (n − n_last) mod 2³² < 2³¹    and    (e − e_last) mod 2³² ≤ (c − e_last) mod 2³²
 
-An echo never goes back, and never ahead of the last command. So a repeated or overtaken sample, or
-one of an older arming, fails one of the two. The device's clock (µs modulo 2³²) and its 32-bit
+So an accepted echo never decreases and never exceeds c. A repeated or overtaken sample, or one of
+an older arming, fails one of the two conditions. The device's clock (µs modulo 2³²) and its 32-bit
 counts are unwrapped here.
 
     lost           += (n − n_last) − 1                 taken, and never arrived
-    device_skipped += (i − i_last) − (n − n_last)      never taken: the device was held up
+    device_skipped += (i − i_last) − (n − n_last)      never taken: the device was delayed
 
-i is the index of the stream's instant to which the sample's time belongs (`Instants`). It is exact:
-time and period are both of the device's clock.
+i counts the stream's sampling instants up to the sample's time (`Instants`). It is exact: the
+device's own clock gives both this time and the period.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ _MASK = 0xFFFFFFFF
 _HALF = 0x80000000
 _FLAGS = [Flags(value & 63) for value in range(256)]
 BUSY = 0.9999
-"""Of a period: the most by which a device may take a sample too late; from one period on it skips
-the sample. Clock and period are whole µs, so nothing lies between."""
+"""Share of a period by which a device may take a sample too late. From one period on it skips the
+sample; clock and period are whole µs, so nothing lies between"""
 REMEMBERED = 1024
-"""Commands whose sequence is kept by their number; at least one second's worth"""
+"""Commands whose caller's sequence number is remembered: those of 1 s at 1 kHz"""
 
 
 class SampleValidator:
@@ -43,7 +44,7 @@ class SampleValidator:
     def __init__(self, statistics: LinkStatistics) -> None:
         self._statistics = statistics
         self.number = 0
-        """Number of the last command, or of the ARM"""
+        """Number of the last command sent, or of the ARM"""
         self.cause = 0
         """Cause in the last sample: why the device holds its output at zero"""
         self._sequences = [0] * REMEMBERED
@@ -58,7 +59,10 @@ class SampleValidator:
         self._instants: Instants | None = None
 
     def arm(self, period_us: int = 0) -> int:
-        """The number of a new ARM, higher than every earlier command's. 0 µs: no stream."""
+        """Returns the number of a new ARM, above every earlier command's.
+
+        ``period_us``: µs between the stream's samples; 0: no stream.
+        """
         self._period_s = period_us * 1e-6
         self._instants = None
         self.number = self._echo = (self.number + 1) & _MASK
@@ -67,13 +71,13 @@ class SampleValidator:
         return self.number
 
     def command(self, sequence: int) -> int:
-        """The number of the frame that carries the caller's command ``sequence``."""
+        """Returns the number for the frame that carries the caller's command ``sequence``."""
         self.number = number = (self.number + 1) & _MASK
         self._sequences[number % REMEMBERED] = sequence
         return number
 
     def accept(self, frame: SampleFrame, host_time_s: float) -> Sample | None:
-        """The sample in a frame, or None for one that is rejected."""
+        """Returns the sample in a frame that arrived at ``host_time_s``; None if it is rejected."""
         statistics = self._statistics
         ahead = (frame.echo - self._echo) & _MASK
         step = 1 if self._last is None else (frame.number - self._last) & _MASK
@@ -96,7 +100,7 @@ class SampleValidator:
         return sample
 
     def convert(self, frame: SampleFrame, host_time_s: float) -> Sample:
-        """The sample in a frame, without any check; for a rig that is not armed."""
+        """Returns the sample in a frame, without any check; for a rig that is not armed."""
         r, p, y = self._counts
         # Signed 32-bit differences from the last counts; the first counts are near zero.
         self._counts = counts = (
@@ -127,7 +131,7 @@ class SampleValidator:
 
 
 def cause_name(cause: int) -> str | None:
-    """The protocol's name of a cause; None for cause 0."""
+    """Returns the protocol's name of a cause; None for cause 0 (the output is not held at zero)."""
     if cause in set(Cause):
         return Cause(cause).name if cause else None
     return f"CAUSE_{cause}"

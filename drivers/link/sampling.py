@@ -2,8 +2,8 @@
 
 Of several samples that arrived together the newest is used; the others, and those that arrived
 before the host waited for one, are discarded as stale. A POLL without a reply is repeated after
-four times the last round trip. Its reply may then arrive twice, and the second one was sampled
-before the next exchange's command: `_extra_replies` counts how many may still arrive.
+four times the last round trip. Then two replies may arrive, and the second was sampled before the
+next exchange's command: `_extra_replies` counts how many may still arrive.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from .sample_validation import SampleValidator
 
 SILENCE_S = 0.5
-"""s without a sample after which the rig counts as gone; its watchdog is quicker"""
+"""s without a sample after which the rig counts as gone; its watchdog expires earlier"""
 SHORTEST_RETRY_S, LONGEST_RETRY_S = 5e-3, 0.1
-"""s until a POLL is repeated while armed; otherwise the longest"""
+"""s, limits of the time until a POLL is repeated while armed; otherwise it is the longest"""
 
 
 class Sampling:
-    """The samples of one open rig. ``armed``: echo and number are checked."""
+    """Reads the samples of one open rig; while ``armed``, those that `SampleValidator` accepts."""
 
     def __init__(self, client: RequestClient, validator: SampleValidator) -> None:
         self._client, self._validator = client, validator
@@ -35,7 +35,7 @@ class Sampling:
         self._extra_replies = 0
 
     def next_of_stream(self) -> Sample | None:
-        """The stream's next sample; None when none arrived for `SILENCE_S`."""
+        """Returns the stream's next sample; None when none arrived for `SILENCE_S`."""
         deadline = time.monotonic() + SILENCE_S
         while (sample := self._newest()) is None:
             left = deadline - time.monotonic()
@@ -47,7 +47,7 @@ class Sampling:
         return sample
 
     def first(self) -> Sample | None:
-        """The sample that follows the ARM of a polled device; None when none arrived."""
+        """Returns the sample that follows the ARM of a polled device; None when none arrived."""
         deadline = time.monotonic() + SILENCE_S
         while time.monotonic() < deadline:
             sample = self._newest()
@@ -59,7 +59,7 @@ class Sampling:
         return None
 
     def poll(self) -> Sample | None:
-        """A sample now; None when none arrived for `SILENCE_S`."""
+        """Request a sample and return it; None when none arrived for `SILENCE_S`."""
         client, statistics = self._client, self._client.statistics
         self.discard_stale()
         first_s, sent = time.monotonic(), 0
@@ -76,7 +76,7 @@ class Sampling:
                     continue
                 echoed = self._validator.last_command_echoed
                 if extra and sample.flags & Flags.ENABLED and not echoed:
-                    statistics.samples_stale += 1  # else every exchange would lag by one
+                    statistics.samples_stale += 1  # else every exchange would use an old reply
                     continue
                 self._extra_replies = sent - 1
                 round_trip_s = sample.host_time_s - first_s
@@ -88,17 +88,17 @@ class Sampling:
         return None
 
     def set_round_trip(self, round_trip_s: float) -> None:
-        """Set the retry time to four times the last round trip."""
+        """Set the time until a POLL is repeated to four round trips, within its limits."""
         self._retry_s = min(max(4 * round_trip_s, SHORTEST_RETRY_S), LONGEST_RETRY_S)
 
     def discard_stale(self) -> None:
-        """Discard the samples taken before now."""
+        """Discard the samples that have already arrived."""
         self._client.drain()
         if self._newest() is not None:
             self._client.statistics.samples_stale += 1
 
     def _newest(self) -> Sample | None:
-        """The newest valid sample that has arrived; the others are stale."""
+        """Returns the newest valid sample that has arrived; counts the others as stale."""
         samples = self._client.samples
         take = self._validator.accept if self.armed else self._validator.convert
         newest: Sample | None = None

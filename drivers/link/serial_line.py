@@ -42,11 +42,11 @@ class PyserialLine:
         return self._name
 
     def write(self, data: bytes) -> None:
-        """All of ``data``. Raises DeviceError."""
+        """Send all of ``data``. Raises DeviceError."""
         self._called(lambda: self._port.write(data))
 
     def read(self, timeout_s: float) -> bytes:
-        """The bytes that have arrived; see `Transport.read`."""
+        """Returns the bytes that have arrived; see `Transport.read`."""
 
         def read() -> bytes:
             port = self._port
@@ -73,7 +73,7 @@ class PyserialLine:
         try:
             return call()
         except (SerialException, OSError, TypeError) as problem:
-            # TypeError: what pyserial raises for a port that was closed meanwhile.
+            # pyserial raises TypeError for a port that was closed meanwhile.
             raise gone(self._name, problem) from problem
 
 
@@ -107,9 +107,10 @@ def open_line(url: str, *, baud: int = BAUD, low_latency: bool = True) -> Transp
 
 
 def open_shared(path: str) -> Transport | None:
-    """The port opened past its holder's lock; None where no process holds it, and on Windows.
+    """Open a port that another process has locked, in spite of the lock.
 
-    Its settings stay as the holder has set them. Raises DeviceError: missing or not permitted.
+    Returns None if no process has locked it, and on Windows. The port's settings stay as the other
+    process has set them. Raises DeviceError: missing or not permitted.
     """
     if os.name != "posix":
         return None
@@ -145,7 +146,7 @@ def prefer_low_latency(port: Serial) -> bool:
 
 
 def refused(url: str, problem: Exception) -> DeviceError:
-    """Why a port did not open, and what to do."""
+    """Returns the error for a port that did not open: why, and what to do."""
     number = getattr(problem, "errno", None)
     if "://" in url:
         return DeviceError(
@@ -180,9 +181,9 @@ def refused(url: str, problem: Exception) -> DeviceError:
 
 
 def pyserial_url(url: DeviceUrl) -> str:
-    """The place of a device URL as pyserial writes it, with the options that are pyserial's own.
+    """Returns the port of a device URL as pyserial writes it, with pyserial's own options.
 
-    Raises UsageError where there is no place, or where a plain port is given such an option.
+    Raises UsageError for a URL without a port, and for a plain port with such an option.
 
     >>> from heli3dof.rig.url import parse_url
     >>> pyserial_url(parse_url("serial+spy:///dev/ttyACM0?file=bytes.txt&baud=9600"))

@@ -20,7 +20,7 @@ from .serial_ports import (
 
 
 def checks(path: str) -> Sequence[Check]:
-    """One `Check` for each; opens nothing."""
+    """Returns one `Check` each of file, permission, holder and latency; does not open the port."""
     if not os.path.exists(path):
         there = ", ".join(usb_ports()) or "none on USB"
         return (Check("port", f"{path} is not there (ports: {there})", False, "plug the rig in"),)

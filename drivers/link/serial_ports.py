@@ -1,4 +1,4 @@
-"""The system's serial ports: which exist, which process holds one, its latency timer."""
+"""Describes the system's serial ports: which exist, which process holds one, its latency timer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LATENCY_FILES = (
 
 
 def usb_ports() -> Sequence[str]:
-    """Device files of the serial ports on USB; nothing is opened.
+    """Returns the device files of the serial ports on USB; opens none of them.
 
     A motherboard's own ports are omitted: they exist whether or not a rig is connected.
     """
@@ -27,9 +27,9 @@ def usb_ports() -> Sequence[str]:
 
 
 def is_known(path: str) -> bool:
-    """True where a rig is known by its USB number, or a heli3dof process has locked the port.
+    """True if the port's USB vendor and product are a known rig's, or heli3dof has locked it.
 
-    The process may be another user's, whose sessions are not visible here.
+    The heli3dof process may be another user's, whose sessions are not visible here.
     """
     from ..udev import known_ids
 
@@ -40,7 +40,7 @@ def is_known(path: str) -> bool:
 
 
 def plugged_in(path: str) -> str:
-    """A name of the device at a port that holds at any port, if it has a serial number.
+    """Returns a name of the device at a port; with a serial number it is the same at every port.
 
     A pseudo-terminal's name includes its creation time, as its number is used again.
     """
@@ -54,7 +54,7 @@ def plugged_in(path: str) -> str:
 
 
 def _on_usb(path: str) -> Any:
-    """pyserial's description of a port on USB, or None."""
+    """Returns pyserial's description of a port on USB; None for another port."""
     from serial.tools.list_ports import comports
 
     real = os.path.realpath(path)
@@ -70,7 +70,7 @@ def _runs_heli3dof(pid: int) -> bool:
 
 
 def holders(path: str) -> list[tuple[int, str]]:
-    """(pid, name) of the processes that have this device open, as far as /proc shows them."""
+    """Returns (pid, name) of the processes with this device open, as far as /proc shows them."""
     try:
         wanted = os.stat(path).st_rdev
     except OSError:
@@ -95,7 +95,7 @@ def _is(fd: Path, device: int) -> bool:
 
 
 def lockers(path: str) -> list[tuple[int, str]]:
-    """(pid, name) of the processes that have locked this port, as pyserial does."""
+    """Returns (pid, name) of the processes that have locked this port, as pyserial does."""
     try:
         file = os.stat(path)
         locks = Path("/proc/locks").read_text(encoding="ascii")
@@ -109,12 +109,12 @@ def lockers(path: str) -> list[tuple[int, str]]:
 
 
 def named(processes: list[tuple[int, str]]) -> str:
-    """``process 123 (python)``, for each."""
+    """Returns the processes as text: ``process 123 (python), …``."""
     return ", ".join(f"process {pid} ({name})" for pid, name in processes)
 
 
 def held_by(path: str) -> str:
-    """The processes that have locked a port or have it open, or that /proc does not show."""
+    """Returns as text the processes that have locked a port, or else those that have it open."""
     return named(lockers(path) or holders(path)) or "a process of another user"
 
 
@@ -126,7 +126,7 @@ def _name(pid: int) -> str:
 
 
 def latency_timer(path: str) -> tuple[int, Path] | None:
-    """An FTDI adapter's latency timer in ms and its file; None for other ports."""
+    """Returns an FTDI adapter's latency timer in ms and its file; None for other ports."""
     name = Path(os.path.realpath(path)).name
     for place in LATENCY_FILES:
         file = Path(place.format(name))
@@ -138,7 +138,7 @@ def latency_timer(path: str) -> tuple[int, Path] | None:
 
 
 def permission_fix(path: str) -> str:
-    """The command that lets this user open the port."""
+    """Returns the shell command that lets this user open the port."""
     try:
         import grp
 

@@ -1,7 +1,7 @@
-"""The interface of what carries the link's bytes: a serial line, USB pipes, an emulated rig.
+"""Interface of a transport, which carries the link's bytes: a serial line, USB pipes.
 
-A transport knows nothing of frames. It raises DeviceError where it is unplugged, not permitted or
-full.
+A transport does not interpret the bytes. It raises DeviceError where it is unplugged, not permitted
+or full.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ class Transport(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name in messages: a port, a USB path."""
+        """The line's name in messages: a port, a USB path."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -22,7 +22,7 @@ class Transport(Protocol):
         ...
 
     def read(self, timeout_s: float) -> bytes:
-        """The bytes that have arrived, at least one; b"" when none arrived within ``timeout_s``."""
+        """Returns the bytes that have arrived; b"" when none arrived within ``timeout_s``."""
         ...
 
     def flush_input(self) -> None:

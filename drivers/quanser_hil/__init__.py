@@ -1,4 +1,4 @@
-"""``quanser://``: the vendor's data acquisition boards, through the vendor's HIL library."""
+"""Driver of ``quanser://`` URLs: Quanser's data acquisition boards, through its HIL library."""
 
 from .driver import QuanserDriver
 

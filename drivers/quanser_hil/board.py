@@ -1,4 +1,4 @@
-"""One board through the vendor's HIL library: its calls, with the array types that they need.
+"""Wraps the vendor's HIL library for one board: its calls, with the array types that they need.
 
 Channels are ``array('I')``, volts ``array('d')``, counts ``array('i')``, digital states
 ``array('b')`` and expiration states ``array('i')``, as in the library's documentation. The library
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
     from .wiring import Wiring
 
 DAC_V = 10.0
-"""V, the analog outputs' range; another program may have set a smaller one"""
+"""V, the range of the analog outputs is ± this; another program may have set a smaller one"""
 FOREVER = 0xFFFFFFFF
-"""Samples of an endless task, where the library does not define a constant for it"""
+"""Number of samples of an endless task, where the library defines no constant for it"""
 
 
 def library() -> Any:
-    """The vendor's module ``quanser.hardware``. Raises DeviceError where it is missing."""
+    """Returns the vendor's module ``quanser.hardware``. Raises DeviceError if it is missing."""
     import importlib
 
     try:
@@ -41,10 +41,10 @@ def library() -> Any:
 
 
 class Board:
-    """The open board. Every method may raise the library's HILError."""
+    """An open board. Methods may raise the library's HILError."""
 
     def __init__(self, hardware: Any, wiring: Wiring) -> None:
-        """Open the board; nothing is written."""
+        """Open the board; its outputs stay as they are. ``hardware``: the module of `library`."""
         self._hardware = hardware
         self._wiring = wiring
         self.error: type[Exception] = hardware.HILError
@@ -59,7 +59,7 @@ class Board:
         self._hil.open(wiring.board, wiring.number)
 
     def prepare(self) -> None:
-        """Zero volts, amplifier disabled, channels configured as the wiring states."""
+        """Set zero volts, disable the amplifier, configure the channels as the wiring states."""
         hil, hardware = self._hil, self._hardware
         self.watchdog_clear()
         self.write_volts(0.0, 0.0)
@@ -83,21 +83,21 @@ class Board:
             hil.set_encoder_counts(self._encoders, 3, array("i", [0, 0, 0]))
 
     def firmware(self) -> str:
-        """The board's firmware version, or "unknown".
+        """Returns the board's firmware version, or "unknown".
 
-        The serial number is never read: it is a string property, and the vendor's wrapper passes C
-        a buffer of one byte for it.
+        No method reads the serial number: it is a string property, and the vendor's wrapper passes
+        C a buffer of one byte for it.
         """
         names = self._hardware.IntegerProperty
         version = self._properties(names.FIRMWARE_MAJOR_VERSION, names.FIRMWARE_MINOR_VERSION)
         return "unknown" if version is None else f"{version[0]}.{version[1]}"
 
     def version(self) -> str:
-        """The HIL library's version, or "unknown"."""
+        """Returns the HIL library's version, or "unknown"."""
         return version_of(self._hardware)
 
     def write_volts(self, front: float, back: float) -> None:
-        """Volts at the motors; the board puts out these divided by the amplifier's gain."""
+        """Set the motors' voltages (V): the board's output is V / gain. NaN sets zero volts."""
         if not (math.isfinite(front) and math.isfinite(back)):
             front = back = 0.0  # a converter's output for NaN is undefined
         gain = self._wiring.gain
@@ -105,19 +105,19 @@ class Board:
         self._hil.write_analog(self._motors, 2, self._volts)
 
     def write_enable(self, on: bool) -> None:
-        """Set the enable lines, where there are any."""
+        """Enable or disable the amplifier by its enable lines, if there are any."""
         if self._enable:
             level = self._wiring.enable_level if on else 1 - self._wiring.enable_level
             states = array("b", [level] * len(self._enable))
             self._hil.write_digital(self._enable, len(self._enable), states)
 
     def read_counts(self) -> tuple[int, int, int]:
-        """Roll, pitch, yaw now."""
+        """Returns the present counts of roll, pitch and yaw."""
         self._hil.read_encoder(self._encoders, 3, self._counts)
         return self._counts[0], self._counts[1], self._counts[2]
 
     def read_currents(self) -> tuple[float, float]:
-        """A, front and back; NaN where no input measures them."""
+        """Returns the motors' currents in A, front and back; NaN where no input measures them."""
         if not self._currents:
             return _NO_CURRENTS
         self._hil.read_analog(self._currents, 2, self._sensed)
@@ -125,7 +125,7 @@ class Board:
         return self._sensed[0] * scale, self._sensed[1] * scale
 
     def watchdog_start(self) -> None:
-        """Set the expiration states of volts and enable lines, then start the watchdog.
+        """Set what the outputs do when the watchdog expires (expiration states), then start it.
 
         Some boards, the Q8 series among them, need the states of all their outputs or of none.
         """
@@ -146,9 +146,10 @@ class Board:
             hil.watchdog_start(timeout_s)
 
     def _set_expiration(self, analog: array[int], lines: array[int]) -> None:
-        """Analog outputs to 0 V, enable lines to the level that disables, others to tristate.
+        """Set the expiration states of these channels.
 
-        The Q8 series refuses a level: all its digital outputs go to tristate.
+        Analog outputs go to 0 V, enable lines to the level that disables, others to tristate. The
+        Q8 series refuses a level: all its digital outputs go to tristate.
         """
         hil, states, n = self._hil, self._hardware.DigitalState, len(lines)
         hil.watchdog_set_analog_expiration_state(
@@ -167,16 +168,16 @@ class Board:
             hil.watchdog_set_digital_expiration_state(lines, n, tristate)
 
     def watchdog_start_to_expire(self) -> None:
-        """The last resort where the outputs cannot be written: let the watchdog expire."""
+        """Start the watchdog to let it expire: the last resort if the outputs cannot be written."""
         with suppress(self.error):
             self.watchdog_start()
 
     def watchdog_reload(self) -> bool:
-        """False where it had expired."""
+        """Restart the watchdog's timeout. Returns False if it had already expired."""
         return bool(self._hil.watchdog_reload())
 
     def watchdog_expired(self) -> bool:
-        """True where it has expired; False where the board does not reply."""
+        """True if the watchdog has expired; False also if the board does not reply."""
         try:
             return bool(self._hil.watchdog_is_expired())
         except self.error:
@@ -186,11 +187,11 @@ class Board:
         self._unless(Qerr.WATCHDOG_STOP_NOT_SUPPORTED, self._hil.watchdog_stop)
 
     def watchdog_clear(self) -> None:
-        """Allow the outputs to be written again."""
+        """Allow the outputs to be written again after the watchdog expired."""
         self._unless(Qerr.WATCHDOG_CLEAR_NOT_SUPPORTED, self._hil.watchdog_clear)
 
     def task_start(self, rate_hz: float, samples: int) -> Any:
-        """Sample the encoders at a rate into a buffer for ``samples`` samples."""
+        """Start a task that samples the encoders at ``rate_hz``, with a buffer of ``samples``."""
         hil = self._hil
         task = hil.task_create_encoder_reader(samples, self._encoders, 3)
         clock = self._hardware.Clock.HARDWARE_CLOCK_0 + self._wiring.clock
@@ -219,7 +220,7 @@ class Board:
         self._hil.close()
 
     def _properties(self, *codes: int) -> array[int] | None:
-        """Integer properties of the board; None where it does not have them."""
+        """Returns integer properties of the board; None if it does not have them."""
         values = array("i", [0] * len(codes))
         try:
             self._hil.get_integer_property(array("i", codes), len(codes), values)
@@ -228,7 +229,7 @@ class Board:
         return values
 
     def _unless(self, code: int, call: Callable[[], object]) -> None:
-        """Call, and ignore this one error."""
+        """Run ``call`` and ignore a HILError with this code."""
         try:
             call()
         except self.error as error:
@@ -237,7 +238,7 @@ class Board:
 
 
 def version_of(hardware: Any) -> str:
-    """The HIL library's version, or "unknown"."""
+    """Returns the HIL library's version, or "unknown"."""
     try:
         version = hardware.HIL.get_version()
         return f"{version.major}.{version.minor}.{version.release}"

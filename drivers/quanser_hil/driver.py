@@ -1,4 +1,4 @@
-"""``quanser://BOARD/NUMBER`` — a rig on a Quanser board, e.g. ``quanser://q8_usb/0``.
+"""Driver of ``quanser://BOARD/NUMBER``: a rig on a Quanser board, e.g. ``quanser://q8_usb/0``.
 
 The board is reached through the vendor's HIL library, which is not on PyPI and is imported when a
 board is opened. The URL states the wiring: see `heli3dof_drivers.quanser_hil.wiring`.
@@ -26,28 +26,28 @@ if TYPE_CHECKING:
 
 
 class QuanserDriver:
-    """Opens boards. ``hardware`` returns the vendor's module; default: the installed one."""
+    """Opens rigs on boards. ``hardware`` returns the vendor's module, by default the installed."""
 
     scheme = "quanser"
     options: Sequence[str] = (
         "front", "back", "roll", "pitch", "yaw", "enable", "enabled_by", "gain", "current",
         "amps_per_V", "watchdog_s", "clock", "counts",
     )  # fmt: skip
-    """The fields of `Wiring`, which a stop must not load: pydantic is slow to import"""
+    """The fields of `Wiring`, named again so that checking them does not import pydantic (slow)"""
 
     def __init__(self, hardware: Callable[[], Any] = library) -> None:
         self._hardware = hardware
 
     def find(self) -> Sequence[str]:
-        """None: the library cannot list boards, and opening one may disturb a run."""
+        """Returns no URLs: the library cannot list boards, and opening one may disturb a run."""
         return ()
 
     def persistent_name(self, url: DeviceUrl) -> str:
-        """The board's place, by which `heli3dof estop` finds a board that was opened before."""
+        """Returns ``BOARD/NUMBER``, by which ``heli3dof estop`` finds a board opened before."""
         return url.where
 
     def open(self, url: DeviceUrl, profile: Profile) -> QuanserRig:
-        """Open the board, set its outputs to zero and disable the amplifier."""
+        """Open the board, set zero volts and disable the amplifier."""
         from .rig import QuanserRig
         from .wiring import Wiring
 
@@ -59,8 +59,8 @@ class QuanserDriver:
     def estop(self, url: DeviceUrl) -> str:
         """Disable the amplifier and write zero volts, on boards that a second program can open.
 
-        A program that continues to run writes its volts again; with the amplifier disabled they do
-        not reach the motors.
+        Another program that still runs may write its volts again. With the amplifier disabled they
+        do not reach the motors; without enable lines this raises DeviceError.
         """
         from .wiring import Wiring
 
@@ -82,7 +82,7 @@ class QuanserDriver:
         return f"amplifier disabled by digital outputs {lines}, and zero volts written"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """The vendor's library and the enable lines; the board is not opened."""
+        """Checks the vendor's library and that enable lines are given; does not open the board."""
         from .wiring import Wiring
 
         wiring = Wiring.of(url)

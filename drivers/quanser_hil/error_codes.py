@@ -1,7 +1,7 @@
-"""The HIL library's error codes, each with its message, cause and fix for the user.
+"""Maps the error codes of the vendor's HIL library to messages with cause and fix.
 
-Its functions raise HILError with a negative ``error_code``; the numbers are those of the vendor's
-quanser_errors.h.
+The library's functions raise HILError with a negative ``error_code``; the numbers are those of the
+vendor's quanser_errors.h.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ EVERY_OUTPUT = (
     Qerr.ANALOG_EXPIRATIONS_NOT_CONFIGURED, Qerr.DIGITAL_EXPIRATIONS_NOT_CONFIGURED,
     Qerr.Q8_SERIES_EXPIRATIONS_NOT_CONFIGURED,
 )  # fmt: skip
-"""The board needs the expiration states of all its outputs, not of some"""
+"""Errors of a board that needs the watchdog's expiration states of all its outputs, not of some"""
 _CLOCK = (
     Qerr.CLOCK_NOT_SUPPORTED, Qerr.CLOCK_FREQUENCY_TOO_HIGH, Qerr.CLOCK_FREQUENCY_TOO_LOW,
     Qerr.CLOCK_FREQUENCY_INVALID,
@@ -185,16 +185,16 @@ ERRORS: ErrorTable = {
         ),
     ),
 }
-"""By the library's number without its sign"""
+"""Error number without its sign → texts"""
 
 
 def code_of(error: BaseException) -> int:
-    """The number of a HILError, without its sign; 0 for any other error."""
+    """Returns the number of a HILError, without its sign; 0 for any other error."""
     return abs(int(getattr(error, "error_code", 0)))
 
 
 def explain(error: BaseException, name: str, doing: str) -> DeviceError:
-    """The error for a user. ``name``: the rig's URL; ``doing``: e.g. "starting its watchdog"."""
+    """Returns the error for the user. ``name``: the rig's URL; ``doing``: e.g. "being armed"."""
     code = code_of(error)
     known = ERRORS.get(code)
     if known is not None:
@@ -219,7 +219,7 @@ def _message(error: BaseException) -> str:
 
 @contextmanager
 def explained(hil_error: type[Exception], name: str, doing: str) -> Iterator[None]:
-    """Context manager: turn every HILError of its block into a DeviceError."""
+    """Context manager: turns a HILError of its block into a DeviceError (see `explain`)."""
     try:
         yield
     except hil_error as error:
@@ -227,7 +227,7 @@ def explained(hil_error: type[Exception], name: str, doing: str) -> Iterator[Non
 
 
 def no_library(error: BaseException) -> DeviceError:
-    """The vendor's Python package, or the library that it loads, is missing."""
+    """Returns the error for a missing Python package of the vendor, or a missing library of it."""
     if isinstance(error, ImportError):
         return DeviceError(
             "No Quanser board can be opened: the Python package quanser.hardware is missing.",

@@ -18,7 +18,10 @@ def task_ended(name: str) -> DeviceError:
 def not_stopped(
     name: str, problem: BaseException, watchdog_s: float, watching: bool
 ) -> DeviceError:
-    """The board did not accept an emergency stop."""
+    """Returns the error for a board that did not accept an emergency stop.
+
+    ``watching``: the board's watchdog was started and is running.
+    """
     message = explain(problem, name, "being stopped").what
     return DeviceError(
         f"{name} did not accept the stop. {message}",
@@ -31,7 +34,7 @@ def not_stopped(
 
 
 def no_enable_line(name: str) -> DeviceError:
-    """An emergency stop while another program may write its volts again."""
+    """Returns the error for a stop after which another program may write its volts again."""
     return DeviceError(
         f"{name}: zero volts were written, but may not stay.",
         cause="the URL says enable=none: a program that still runs writes its volts again.",

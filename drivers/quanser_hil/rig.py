@@ -7,7 +7,7 @@
     LATCHED, STOPPED ──arm──▶ ARMED
 
 One period when ARMED: reload the watchdog, discard older samples, write the volts, wait for the
-board's next sample. In every other state nothing is written and the watchdog is not reloaded, so
+board's next sample. In every other state no volts are written and the watchdog is not reloaded. So
 it switches the outputs off if this process did not.
 
 The board measures counts only. The volts in a sample are those written, clipped to the amplifier's
@@ -48,7 +48,7 @@ class QuanserRig:
     """An open board with a helicopter on it."""
 
     def __init__(self, board: Board, wiring: Wiring, profile: Profile, name: str) -> None:
-        """Switch the outputs off. Closes the board where that raises DeviceError."""
+        """Switch the outputs off. If that fails, close the board and raise DeviceError."""
         self._board, self._name = board, name
         self._state = State.IDLE
         self._open = True
@@ -91,11 +91,11 @@ class QuanserRig:
 
     @property
     def device_cause(self) -> str | None:
-        """The board reports only its watchdog; a stop came from this program."""
+        """Why the output is zero: "WATCHDOG" (the board's), "HOST_ESTOP" (this program's), None."""
         return {State.LATCHED: "WATCHDOG", State.STOPPED: "HOST_ESTOP"}.get(self._state)
 
     def arm(self) -> Sample:
-        """Zero volts, then start the task and the watchdog, then enable the amplifier."""
+        """Set zero volts, start the encoder task and the watchdog, then enable the amplifier."""
         self._check_open()
         board = self._board
         try:
@@ -122,7 +122,7 @@ class QuanserRig:
             raise
 
     def read(self) -> Sample:
-        """The board's next sample; before the first arming, one taken now."""
+        """Returns the board's next sample; before the first arming, one taken now."""
         self._check_open()
         with explained(self._board.error, self._name, "being read"):
             if self._stream.running:
@@ -131,7 +131,7 @@ class QuanserRig:
             return self._sample(counts, self._stream.now_s())
 
     def exchange(self, command: Command, due_s: float) -> Sample:
-        """One period of the board's clock under the command; ``due_s`` is not used."""
+        """Run one period of the board's clock under the command; ``due_s`` is not used."""
         self._check_open()
         v_front, v_back = command.v_front, command.v_back
         if not (math.isfinite(v_front) and math.isfinite(v_back)):
@@ -148,7 +148,7 @@ class QuanserRig:
             raise explain(error, self._name, "running") from error
 
     def estop(self, reason: str) -> None:
-        """Zero volts and amplifier disabled now; the watchdog is no longer reloaded."""
+        """Set zero volts and disable the amplifier now; the watchdog is no longer reloaded."""
         if not self._open:
             return
         problem = self._switch_off()
@@ -156,10 +156,10 @@ class QuanserRig:
             raise not_stopped(self._name, problem, self._identity.watchdog_s, self._watching)
 
     def close(self) -> None:
-        """Zero volts, amplifier disabled, watchdog and task stopped, board released.
+        """Set zero volts, disable the amplifier, stop watchdog and task, and release the board.
 
-        A latched board stays latched: the next opening clears it. On a board that did not accept
-        the zero volts the watchdog keeps running.
+        After its watchdog expired the board stays latched until it is opened again. On a board that
+        did not accept the zero volts the watchdog keeps running.
         """
         if not self._open:
             return
@@ -211,7 +211,7 @@ class QuanserRig:
         return self._sample(counts, stream.time_s)
 
     def _overran(self, problem: Overrun) -> None:
-        """Begin a new task. Samples lost while armed end the run."""
+        """Start a new task after a buffer overflow. If armed, switch off and raise DeviceError."""
         armed = self._state is State.ARMED
         if armed:
             self._switch_off()
@@ -230,7 +230,7 @@ class QuanserRig:
         self._state, self._volts, self._saturated = State.LATCHED, (0.0, 0.0), False
 
     def _switch_off(self) -> BaseException | None:
-        """Zero volts and amplifier disabled; the board's error where it did not accept that."""
+        """Set zero volts and disable the amplifier. Returns the board's error if that fails."""
         latched = self._state is State.LATCHED
         self._state, self._volts, self._saturated = State.STOPPED, (0.0, 0.0), False
         problem: BaseException | None = None

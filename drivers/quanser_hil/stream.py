@@ -1,16 +1,18 @@
-"""The board's encoder task samples at the board's own rate; the host takes the newest sample.
+"""Reads the newest sample of the board's encoder task, which samples at the board's own rate.
 
-A task fills its buffer at d = k·dt; reading a sample blocks until there is one. The library does
-not report how many are waiting, and a host that was late must not use them one by one. So the
-offset θ between the two clocks is tracked: a sample read at host time h is due at d + θ, and
+The task stores sample k in a buffer at device time d = k·dt; reading a sample waits until there is
+one. The library does not report how many are waiting, and a host that was late must not use them
+one by one. So the offset θ between the two clocks is tracked. The sample of device time d is due at
+host time d + θ; if it is read at host time h,
 
     θ[k] = min(h − d,  θ[k−1] + DRIFT·dt)  where the read waited for the sample, so it was fresh
     θ[k] = min(h − d,  θ[k−1])             where it did not wait
     waiting = ⌊(now − d − θ) / dt⌋
 
-Waiting samples are read together; the last one is used, and the device's time advances over the
-others. θ does not follow a jump, so a host that stalled while it waited notices that too. Where
-the host twice had to wait for samples that should have been waiting, θ was wrong and is restarted.
+``now`` is the host's time and d the last sample's. Waiting samples are read together; the last one
+is used, and the device's time advances over the others. θ does not follow a jump, so a host that
+stalled while it waited notices that too. Where the host twice had to wait for samples that should
+have been waiting, θ was wrong and is restarted.
 """
 
 from __future__ import annotations
@@ -25,17 +27,17 @@ from .error_codes import OVERRUN, code_of
 BUFFER_S = 2.0
 """s of samples that the board buffers: longer than the longest watchdog (1 s)"""
 BLOCKED = 0.1
-"""Of a period: a read that took longer has waited for its sample"""
+"""Share of a period: a read that took longer has waited for its sample"""
 DRIFT = 0.01
 """s per s by which a board's clock may run slow; a crystal is within 1e-4"""
 DOUBTS = 2
-"""Times that expected samples were not waiting until θ is restarted"""
+"""The offset θ is restarted when expected samples were not waiting this many times in a row"""
 
 Counts = tuple[int, int, int]
 
 
 class Overrun(Exception):
-    """The buffer ran over: samples are lost, and the task has ended."""
+    """The task's buffer overflowed: samples are lost, and the task has ended."""
 
 
 class Ended(Exception):
@@ -49,15 +51,15 @@ class StreamStatistics:
     samples: int = 0
     """Taken by the board and read by this program"""
     samples_stale: int = 0
-    """Of them, those that had waited too long to be used"""
+    """Those of `samples` that were not used, because a newer one was waiting"""
     lost: int = 0
-    """Periods without a sample because the buffer had run over"""
+    """Periods without a sample because the buffer had overflowed"""
     tasks: int = 0
     """Encoder tasks started"""
 
 
 class EncoderStream:
-    """The running task, and the device's time: s since the board was opened."""
+    """Reads the encoder task and keeps the device's time, in s since the board was opened."""
 
     def __init__(self, board: Board, dt: float) -> None:
         self._board, self._dt = board, dt
@@ -75,15 +77,19 @@ class EncoderStream:
 
     @property
     def time_s(self) -> float:
-        """The last sample's device time."""
+        """The device's time of the last sample, s."""
         return self._base_s + self._k * self._dt
 
     def now_s(self) -> float:
-        """The device's time now; not before the last sample's."""
+        """Returns the device's time now in s; not before the last sample's."""
         return self.time_s + max(0.0, self._late_s())
 
     def start(self, *, overrun: bool = False) -> None:
-        """Start a task with an empty buffer; the device's time continues."""
+        """Start a task with an empty buffer; the device's time continues.
+
+        ``overrun``: the last task's buffer overflowed, so the periods since its last sample count
+        as lost.
+        """
         self.end()
         before_s, self._base_s = self.time_s, self.now_s()
         if overrun:
@@ -98,16 +104,16 @@ class EncoderStream:
             self._board.task_end(task)
 
     def discard_waiting(self) -> None:
-        """Discard the samples taken before now."""
+        """Discard the samples that are waiting."""
         self._drain()
 
     def next(self) -> Counts:
-        """The next sample, or the newest where several have arrived."""
+        """Returns the counts of the next sample, or of the newest where several are waiting."""
         counts = self._read(1)
         return self._drain() or counts
 
     def _drain(self) -> Counts | None:
-        """The newest of the waiting samples; None: there are none."""
+        """Read the waiting samples and return the newest one's counts; None: there are none."""
         counts: Counts | None = None
         while waiting := self._waiting():
             start = time.monotonic()
@@ -126,7 +132,7 @@ class EncoderStream:
         return max(0, min(int(self._late_s() / self._dt), self._samples))
 
     def _late_s(self) -> float:
-        """s since the last sample was due."""
+        """Returns s since the last sample was due."""
         if self._offset is None:
             return 0.0
         return time.monotonic() - self.time_s - self._offset

@@ -1,4 +1,4 @@
-"""The options of ``quanser:`` URLs: the wiring of the board's channels; docs/how-to/quanser.md."""
+"""Options of ``quanser:`` URLs: how the rig is wired to the board; see docs/how-to/quanser.md."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from heli3dof.rig.url import DeviceUrl
 from ..url_options import UrlOptions, expected
 
 CHANNELS = 1000
-"""More than any board has"""
+"""Bound of the channel numbers: more than any board has"""
 
 
 def _channel(value: Any) -> int:
@@ -91,7 +91,10 @@ class Wiring(UrlOptions):
 
     @classmethod
     def of(cls, url: DeviceUrl, **place: Any) -> Self:
-        """Raises UsageError for a bad place or option, and for a channel that is used twice."""
+        """Returns the wiring that a URL states.
+
+        Raises UsageError for a URL without a board, a bad option, and a channel that is used twice.
+        """
         board, slash, number = url.where.partition("/")
         number = number or ("" if slash else "0")
         if not board or not number:

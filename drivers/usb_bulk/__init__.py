@@ -1,4 +1,4 @@
-"""``usb://``: rigs on USB bulk pipes, through pyusb. docs/reference/protocol.md, section USB."""
+"""Driver of ``usb://``: rigs on USB bulk pipes, by pyusb (docs/reference/protocol.md, USB)."""
 
 from .driver import UsbDriver
 

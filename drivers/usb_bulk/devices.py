@@ -1,8 +1,8 @@
 """Finds the rigs on the bus, and the one that a URL means.
 
-A rig is recognised by an interface of class 0xFF, subclass 0x48, protocol 0x01, whatever its
-VID:PID. The search sends nothing to a device: descriptors and, on Linux, serial numbers are the
-kernel's copies.
+A rig is recognised by an interface of class 0xFF, subclass 0x48, protocol 0x01, with any VID:PID.
+The search reads the system's copies of the descriptors and, on Linux, of the serial numbers. It
+requests a serial number from the device only where the system has no copy.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ class OnBus:
 
     @property
     def node(self) -> Path:
-        """Its device file on Linux."""
+        """The rig's device file on Linux."""
         return Path(f"/dev/bus/usb/{self.device.bus or 0:03d}/{self.device.address or 0:03d}")
 
     def holder(self) -> str:
-        """The processes that have it open; "" where /proc shows none."""
+        """Returns the processes that have the rig open, as text; "" where /proc shows none."""
         holders = []
         for process in Path("/proc").glob("[0-9]*"):
             try:
@@ -59,9 +59,9 @@ class OnBus:
 
 
 def kernel_lists_one() -> bool:
-    """False where the kernel's list of interfaces holds no rig, so libusb need not be loaded.
+    """True if the kernel lists a rig's interface, or where it has no such list (not Linux).
 
-    True where there is no such list.
+    If False, there is no need to load libusb.
     """
     if not SYSFS.is_dir():
         return True
@@ -77,7 +77,7 @@ def kernel_lists_one() -> bool:
 
 
 def system_backend() -> Any:
-    """pyusb's backend for the system's libusb. Raises DeviceError where it is missing."""
+    """Returns pyusb's backend for the system's libusb. Raises DeviceError if that is missing."""
     from usb.backend import libusb1
 
     backend = libusb1.get_backend()
@@ -87,7 +87,7 @@ def system_backend() -> Any:
 
 
 def on_bus(backend: Any) -> Iterator[OnBus]:
-    """Every rig on the bus."""
+    """Yields every rig on the bus. ``backend``: pyusb's."""
     import usb.core
 
     for device in usb.core.find(find_all=True, backend=backend):
@@ -100,7 +100,7 @@ def on_bus(backend: Any) -> Iterator[OnBus]:
 
 
 def interface_of(device: Any) -> Any:
-    """The rig's interface in its first configuration, or None."""
+    """Returns the first interface with a rig's class, subclass and protocol, or None."""
     wanted = (CLASS, SUBCLASS, PROTOCOL)
     for configuration in device:
         for i in configuration:
@@ -110,7 +110,7 @@ def interface_of(device: Any) -> Any:
 
 
 def _serial(device: Any) -> str | None:
-    """The serial number; from sysfs where possible, which needs no permission."""
+    """Returns the serial number; from sysfs where possible, which needs no permission."""
     import usb.core
     import usb.util
 
@@ -129,9 +129,10 @@ def _serial(device: Any) -> str | None:
 
 
 def select(backend: Any, text: str, where: str) -> OnBus:
-    """The one rig that ``usb://VID:PID/SERIAL`` means; either part or both may be omitted.
+    """Returns the one rig that ``usb://VID:PID/SERIAL`` means; either part or both may be omitted.
 
-    Raises UsageError for a malformed place, DeviceError where no rig fits or several do.
+    ``text``: the whole URL, for messages; ``where``: its part ``VID:PID/SERIAL``. Raises UsageError
+    if that is malformed, DeviceError where no rig fits or several do.
     """
     match = _WHERE.fullmatch(where)
     if where.endswith("/"):

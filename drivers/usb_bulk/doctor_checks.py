@@ -1,4 +1,4 @@
-"""``doctor``'s checks of a USB rig: libusb, the udev rule, and the rig of the URL."""
+"""``heli3dof doctor``'s checks of a USB rig: libusb, the udev rule, and the rig of the URL."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SPEEDS = {1: "low, 1.5 Mbit/s", 2: "full, 12 Mbit/s", 3: "high, 480 Mbit/s", 4: 
 
 
 def examine(backend: Callable[[], Any], url: DeviceUrl) -> Sequence[Check]:
-    """Sends nothing to the rig and claims nothing."""
+    """Returns the checks, without claiming the rig. ``backend`` returns pyusb's backend."""
     try:
         pyusb = backend()
     except DeviceError as error:
@@ -27,7 +27,7 @@ def examine(backend: Callable[[], Any], url: DeviceUrl) -> Sequence[Check]:
     rule = installed()
     if rule is not None:
         state = f"installed in {INSTALLED}" if rule else f"not in {INSTALLED}, or an older one"
-        # Another rule or root may do as well: the permission below decides.
+        # Another rule or root may permit it too: the check of the permission below decides.
         checks.append(Check("udev rule", state, rule or None, "" if rule else install_command()))
     try:
         on = select(pyusb, url.text, url.where)

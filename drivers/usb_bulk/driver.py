@@ -1,6 +1,6 @@
-"""``usb://VID:PID/SERIAL`` — a rig on a pair of USB bulk pipes.
+"""Driver of ``usb://VID:PID/SERIAL``: a rig on a pair of USB bulk pipes.
 
-Either part of the place may be omitted where one rig fits. The options are listed in
+VID:PID, SERIAL or both may be omitted where only one rig fits. The options are listed in
 docs/how-to/connect-a-rig.md.
 """
 
@@ -31,13 +31,13 @@ class UsbDriver:
 
     scheme = "usb"
     options: Sequence[str] = ("stream", "watchdog_s", "signs", "timeout_s")
-    """The fields of `UsbOptions`, which a stop must not load: pydantic is slow to import"""
+    """The fields of `UsbOptions`, named again because a stop must not import pydantic (slow)"""
 
     def __init__(self, backend: Callable[[], Any] = system_backend) -> None:
         self._backend = backend
 
     def find(self) -> Sequence[str]:
-        """The rigs on the bus; empty where libusb is missing."""
+        """Returns the URLs of the rigs on the bus; none if libusb is missing."""
         if self._backend is system_backend and not kernel_lists_one():
             return []
         import usb.core
@@ -55,7 +55,7 @@ class UsbDriver:
         return open_on(self._backend(), url, profile, options)
 
     def estop(self, url: DeviceUrl) -> str:
-        """Zero volts by a control request, even where another process holds the rig's pipes."""
+        """Set zero volts by a control request, even if another process holds the rig's pipes."""
         import usb.util
 
         from ..link.frames import Cause
@@ -68,7 +68,7 @@ class UsbDriver:
         return f"{on.url} confirmed the stop; its output is zero until it is armed again"
 
     def examine(self, url: DeviceUrl) -> Sequence[Check]:
-        """libusb, the udev rule, and whether the rig is present, permitted and free."""
+        """Checks libusb, the udev rule, and whether the rig is present, permitted and free."""
         from .doctor_checks import examine
 
         return examine(self._backend, url)
@@ -77,7 +77,10 @@ class UsbDriver:
 def open_on(
     bus: Any, url: DeviceUrl, profile: Profile, options: UsbOptions, where: str | None = None
 ) -> Rig:
-    """Open a rig on a bus that pyusb reaches through the backend ``bus``."""
+    """Open a rig on a bus that pyusb reaches through the backend ``bus``.
+
+    ``where``: ``VID:PID/SERIAL``, if not that of ``url``.
+    """
     from .rig import UsbRig
     from .transport import UsbTransport
 

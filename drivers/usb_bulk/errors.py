@@ -1,4 +1,4 @@
-"""The errors of the USB bus by errno: what happened, the likely cause, what to do.
+"""Maps the errors of the USB bus to messages: what happened, the likely cause, what to do.
 
 pyusb maps libusb's errors to errno, the same on every system.
 """
@@ -69,11 +69,11 @@ ERRORS: ErrorTable = {
         "use a short shielded cable and no hub; then heli3dof devices",
     ),
 }
-"""By errno"""
+"""errno → texts"""
 
 
 def no_libusb() -> DeviceError:
-    """pyusb is installed, but not libusb."""
+    """Returns the error for a system where pyusb is installed, but not libusb."""
     return DeviceError(
         "No USB rig can be opened: libusb is missing.",
         cause="pyusb needs the system's libusb 1.0 and does not find it.",
@@ -84,7 +84,7 @@ def no_libusb() -> DeviceError:
 def explain(
     error: BaseException, name: str, doing: str, holder: Callable[[], str] = lambda: ""
 ) -> DeviceError:
-    """The error for a user. ``name``: the rig's URL; ``doing``: e.g. "taking a command".
+    """Returns the error for the user. ``name``: the rig's URL; ``doing``: e.g. "taking a command".
 
     ``holder`` returns the process that holds the rig; it is called only for EBUSY.
     """
@@ -105,7 +105,7 @@ def explain(
 
 @contextmanager
 def explained(name: str, doing: str, holder: Callable[[], str] = lambda: "") -> Iterator[None]:
-    """Turn every error of the bus inside into a DeviceError."""
+    """Context manager: turns an error of the bus in its block into a DeviceError (`explain`)."""
     import usb.core
 
     failures: tuple[Any, ...] = (usb.core.USBError, NotImplementedError)

@@ -1,12 +1,12 @@
-"""The link's bytes over a pair of USB bulk pipes.
+"""Carries the link's bytes over a pair of USB bulk pipes.
 
     OUT 0x01   host → device      a transfer may hold several frames or a part of one
     IN  0x81   device → host      a thread keeps one transfer pending and queues its bytes
-    EP 0       bmRequestType 0x40, bRequest 0x45, wValue = reason: stop, whatever the pipes do
+    EP 0       bmRequestType 0x40, bRequest 0x45, wValue = reason: stop, even if the pipes stall
 
-Reading needs a thread: libusb waits whole milliseconds, and a loop of 2 ms has to poll without
-waiting. A stalled pipe is cleared and used again; the link's checks and numbers detect the lost
-bytes. A pipe that stalls twice without a byte in between ends the connection.
+Reading needs a thread: libusb waits whole milliseconds, too long for a control period of 2 ms. A
+stalled pipe is cleared and used again; the link's checks and numbers detect the lost bytes. A pipe
+that stalls twice without a byte in between ends the connection.
 """
 
 from __future__ import annotations
@@ -35,19 +35,21 @@ LONGEST_READ = 4096
 WRITE_S = 0.25
 """s that the rig may take to accept a frame"""
 CONTROL_S = 0.25
+"""s that it may take to accept a control request"""
 READ_S = 0.05
-"""s that one IN transfer waits; closing takes as long"""
+"""s that one IN transfer waits; closing may take as long"""
 
 
 def _ms(seconds: float) -> int:
-    """A libusb timeout: whole milliseconds, at least 1 (0 would wait for ever)."""
+    """Returns a libusb timeout: whole milliseconds, at least 1 (0 would wait for ever)."""
     return max(1, math.ceil(seconds * 1000))
 
 
 def stop(device: Any, reason: int, name: str, tries: int = 1) -> None:
-    """Zero volts by a control request; it needs no claim and works while the pipes are stalled.
+    """Set zero volts by a control request.
 
-    Repeated after a timeout, up to ``tries`` times in all.
+    It works while the pipes are stalled or another process has claimed them. It is repeated after a
+    timeout, up to ``tries`` times in all.
     """
     import usb.core
 
@@ -87,7 +89,7 @@ class UsbTransport:
         return self._name
 
     def write(self, data: bytes) -> None:
-        """Send all of it, or raise DeviceError."""
+        """Send all of ``data``, or raise DeviceError."""
         import usb.core
 
         self._check_open()
@@ -106,7 +108,7 @@ class UsbTransport:
                 raise explain(timeout, self._name, "taking a frame")
 
     def read(self, timeout_s: float) -> bytes:
-        """The bytes that have arrived; b"" when none arrived within ``timeout_s``."""
+        """Returns the bytes that have arrived; b"" when none arrived within ``timeout_s``."""
         self._check_open()
         if self._ended is not None:
             raise self._ended
@@ -130,7 +132,7 @@ class UsbTransport:
                     self._ended = item
 
     def stop(self, reason: int) -> None:
-        """Zero volts now, by control request. The rig does not reply on the pipe."""
+        """Set zero volts now, by a control request. The rig does not reply on the pipe."""
         self._check_open()
         stop(self._device, reason, self._name)
 
@@ -156,7 +158,7 @@ class UsbTransport:
                 usb.util.dispose_resources(self._device)
 
     def _read_loop(self) -> None:
-        """The thread: one IN transfer after another, until closed or until the bus fails."""
+        """Run the reading thread: one IN transfer after another, until closed or the bus fails."""
         import usb.core
 
         buffer = array("B", bytes(LONGEST_READ))
@@ -170,16 +172,16 @@ class UsbTransport:
                         self._recover(error, IN, stalled, "sending a sample")
                         stalled = True
                     continue
-                if n:  # a transfer without bytes only marks the end of another
+                if n:  # a transfer without bytes only ends the one before it
                     stalled = False
                     self._received.put(buffer[:n].tobytes())
         except DeviceError as error:
             self._received.put(error)
-        except Exception as error:  # whatever ends this thread, the loop must learn of it
+        except Exception as error:  # `read` must raise whatever ends this thread
             self._received.put(explain(error, self._name, "sending a sample"))
 
     def _recover(self, error: Any, pipe: int, stalled: bool, doing: str) -> None:
-        """Clear a first stall; raise every other error."""
+        """Clear a first stall of ``pipe``; raise a second one (``stalled``) and other errors."""
         if error.errno != errno.EPIPE or stalled:
             raise explain(error, self._name, doing) from error
         self.stalls += 1

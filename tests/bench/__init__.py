@@ -1,9 +1,9 @@
 """Benchmarks: ``make bench`` measures the figures of docs/results/benchmarks.md.
 
-A bench is one file, ``bench_<topic>.py``, with ``TITLE``, optionally ``INTRO`` and ``COMMAND``, and
-``measure()``, which returns a list of `Figure` and `Table`. benchmarks.json stores them by topic,
-so that one topic can be measured again without the others. The page is rendered from that file
-alone.
+A benchmark is one file, ``bench_<topic>.py``, with ``TITLE``, optionally ``INTRO`` and ``COMMAND``,
+and ``measure()``, which returns a list of `Figure` and `Table`. benchmarks.json stores them by
+topic, so that one topic can be measured again without the others. The page is rendered from that
+file alone.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Figure:
-    """One measured number and its required value, the bar (empty: none)."""
+    """A measured number with its required value ``bar``, as text (empty: none)."""
 
     what: str
     value: str
@@ -32,10 +32,10 @@ class Table:
 
 
 def at_most(what: str, value: float, bar: float, unit: str, *, how: str = "") -> Figure:
-    """A figure that must not exceed its bar."""
+    """Returns a figure whose value must not exceed ``bar``."""
     return Figure(what, f"{value:.3g} {unit}".strip(), f"≤ {bar:g} {unit}", value <= bar, how)
 
 
 def at_least(what: str, value: float, bar: float, unit: str, *, how: str = "") -> Figure:
-    """A figure that must reach its bar."""
+    """Returns a figure whose value must be at least ``bar``."""
     return Figure(what, f"{value:.4g} {unit}".strip(), f"≥ {bar:g} {unit}", value >= bar, how)

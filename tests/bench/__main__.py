@@ -1,6 +1,6 @@
-"""``python -m tests.bench [topic ...]``: measure, keep the figures, render benchmarks.md.
+"""``python -m tests.bench [topic ...]`` measures, stores the figures and renders benchmarks.md.
 
-Without a topic: all but those in `SLOW`.
+Without a topic it measures all but those in `SLOW`.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ SLOW = (
     "soak",
     "watches",
 )
-"""Topics that take many minutes or need further tools: measured only by name"""
+"""Topics that take many minutes or need further tools; they run only when named"""
 
 
 def topics() -> list[str]:
-    """The topics in the order of their files' names."""
+    """Returns the topics, in alphabetical order."""
     return [p.stem.removeprefix("bench_") for p in sorted(FOLDER.glob("bench_*.py"))]
 
 

@@ -1,4 +1,4 @@
-"""Replay errors of the black-box models on held-out flights."""
+"""Measures the closed-loop replay fit of black-box models on held-out flights."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HIDE = (
 )
 SEEDS = (1, 2, 3, 4)
 BARS = {"multisine": 85.0, "steps": 79.0, "large": 61.0}
-"""%: one point below the best black boxes measured before the project began"""
+"""%: required pitch fit, one point below the best black boxes before the project began"""
 INTRO = f"""
 Fit in closed-loop replay, 100 (1 − ‖y − ŷ‖/‖y − mean y‖), of `identify --method pem` (prediction
 error; order and interval selected on the training flight) on a held-out flight of the same plan,
@@ -38,7 +38,7 @@ def flight(plan: str, seed: int, *, noise: float = 1.0) -> Recording:
 
 
 def fit_percent(measured: Recording, clean: Recording) -> np.ndarray:
-    """(3,) fit in % of one flight by another, over the rows in closed loop."""
+    """Returns the (3,) fit in % of ``measured`` by ``clean``, over the rows in closed loop."""
     n = int(np.sum(measured.channels["phase"] == 0))
     y, z = measured.angle[:n], clean.angle[:n]
     error = np.linalg.norm(y - z, axis=0)

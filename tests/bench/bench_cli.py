@@ -1,4 +1,4 @@
-"""Run times of short commands."""
+"""Measures the run times of short commands."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ HELI3DOF = str(Path(sys.executable).parent / "heli3dof")
 
 
 def seconds(*arguments: str) -> float:
-    """One process, in a runtime folder of its own: its estop must not reach other flights."""
+    """Returns the run time of one command.
+
+    The command has its own runtime folder, so that its estop does not reach other flights.
+    """
     with tempfile.TemporaryDirectory(prefix="h3b-") as own:
         return _seconds(arguments, {**os.environ, "XDG_RUNTIME_DIR": own})
 
@@ -34,7 +37,7 @@ def measure() -> list[Figure]:
 
 
 def waited(*words: str) -> Figure:
-    """Time of whole processes, from start to exit."""
+    """Returns the run time of a command's whole process, from start to exit."""
     seconds(*words)  # the first run compiles bytecode
     times = [seconds(*words) for _ in range(10)]
     shown = " ".join(words).removesuffix(" --device mock:")

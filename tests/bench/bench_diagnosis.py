@@ -1,4 +1,4 @@
-"""Run times of a diagnosis on two cores: no hidden effect and one, quick and full."""
+"""Measures run times of a diagnosis on two cores: no hidden effect and one, quick and full."""
 
 from __future__ import annotations
 
@@ -60,14 +60,14 @@ def cores(count: int) -> Iterator[None]:
 
 
 def warm(recording: Recording, quick: bool) -> tuple[float, float, str]:
-    """(wall s, CPU s, verdict)"""
+    """Diagnose in this process; returns wall time (s), CPU time (s) and verdict."""
     wall, cpu = time.perf_counter(), time.process_time()
     result = diagnose(recording, quick=quick)
     return time.perf_counter() - wall, time.process_time() - cpu, result.verdict
 
 
 def cold(path: Path, quick: bool) -> float:
-    """s of the command, from start to exit."""
+    """Returns the time in s of the command ``heli3dof diagnose``, from start to exit."""
     model = path.with_suffix(".model.json")
     words = [HELI3DOF, "diagnose", str(path), "-o", str(model), "--force", "--json"]
     start = time.perf_counter()

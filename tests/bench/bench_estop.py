@@ -1,4 +1,4 @@
-"""Emergency stop of another process's flight: duration, and races with the start of a flight."""
+"""Measures an emergency stop of another process's flight: its duration, and stops at the start."""
 
 from __future__ import annotations
 
@@ -55,7 +55,10 @@ def measure() -> list[Figure]:
 
 
 def raced(kind: str) -> list[Figure]:
-    """What came of `RACES` flights that were stopped while they started."""
+    """Returns the figures of `RACES` flights that were stopped while they started.
+
+    ``kind``: the device, as `race` takes it.
+    """
     draw = random.Random(14)
     seen = []
     for k in range(RACES):
@@ -81,7 +84,7 @@ def raced(kind: str) -> list[Figure]:
 
 
 def stopped_in(*, hung: bool) -> float:
-    """Seconds until the confirmation, of one flight."""
+    """Returns s from the stop of one flight to its confirmation; ``hung``: of a suspended one."""
     with flying() as (device, process):
         if hung:
             suspend(process)
@@ -93,7 +96,7 @@ def stopped_in(*, hung: bool) -> float:
 
 @contextmanager
 def flying() -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
-    """A flight that has been in the air for a second."""
+    """Yields device URL and process of a flight that has been in the air for a second."""
     quiet = subprocess.DEVNULL
     with (
         tempfile.TemporaryDirectory() as folder,

@@ -1,4 +1,7 @@
-"""The grey-box estimator on mock flights with known parameters; the mock shares no code with it."""
+"""Measures the grey-box estimator on flights of the emulated rig, whose parameters are known.
+
+The emulated rig shares no code with the estimator's model.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +37,10 @@ the true value.
 
 
 def one_fit(job: tuple[int, str, float]) -> dict[str, Any]:
-    """One flight fitted: errors, standard deviations and bounds, in the estimator's coordinates."""
+    """Fit one flight (``job``: seed, plan, noise scale).
+
+    Returns errors, standard deviations and Cramér–Rao bounds in the estimator's coordinates.
+    """
     from heli3dof.identification.greybox.estimate import cramer_rao, score_test
     from heli3dof.identification.greybox.method import fit_greybox
     from heli3dof.model.effects import effects, term
@@ -67,11 +73,11 @@ LAG = "motor.lag.time_constant_s"
 REDUNDANT = {
     "motor.thrust_gain", "mass.imbalance", "inertia", "motor.spin_up", "motor.saturation",
 }  # fmt: skip
-"""Base parameters under another name, and effects with an uninformative score at the start"""
+"""Not score-tested: they duplicate base parameters, or their initial score is uninformative"""
 
 
 def one_replay(seed: int) -> np.ndarray:
-    """(2, 3): fit % of the replayed loop on a held-out flight, of the model and the true rig."""
+    """Returns (2, 3) fits in %: replay of a held-out flight by the model and by the true rig."""
     from heli3dof.comparison.replay import loop_task, under_control
     from heli3dof.identification.greybox.method import fit_greybox, model_of
     from tests.identification.known_flights import HIDDEN, fly
@@ -92,7 +98,7 @@ def one_replay(seed: int) -> np.ndarray:
 
 
 def one_start(seed: int) -> float:
-    """Distance between the optima from the nominal and a random start, in standard deviations."""
+    """Returns how far the optima from nominal and random start differ, in standard deviations."""
     from heli3dof.identification.greybox.maximum_likelihood import maximise
     from heli3dof.identification.greybox.method import fit_greybox
     from tests.identification.known_flights import fly
@@ -114,7 +120,7 @@ def one_start(seed: int) -> float:
 
 
 def fit_seconds() -> float:
-    """CPU seconds of a fit of a 90 s recording at 500 Hz, from the recording to the intervals."""
+    """Returns CPU s of a fit of a 90 s recording at 500 Hz, including confidence intervals."""
     from heli3dof.identification.greybox.method import fit_greybox
     from tests.identification.known_flights import fly, long_plan
 

@@ -1,8 +1,12 @@
-"""Diagnosis of flights with hidden effects. ``make bench-hidden``; see `tests.hidden`.
+"""Measures the diagnosis of flights with hidden effects: ``make bench-hidden``; see `tests.hidden`.
 
-Environment variables: HIDDEN_FIRST, the first seed (default 0, for the final tables; use 1000 and
-above in development); HIDDEN_SHARE, the share of each class's cases (default 1); HIDDEN_JOBS, the
-number of processes (default: all cores). Finished cases are not repeated.
+Environment variables:
+
+- HIDDEN_FIRST: first seed (default 0, for the final tables; use 1000 and above in development)
+- HIDDEN_SHARE: share of the cases of each class (default 1)
+- HIDDEN_JOBS: number of processes (default: all cores)
+
+Cases whose results are stored are not run again.
 """
 
 from __future__ import annotations
@@ -75,7 +79,7 @@ HEAD = ("hidden", "flights", "right", "found")
 
 
 def rows(cases: list[Judged]) -> list[tuple[str, ...]]:
-    """The confusion matrix by rows, without its empty cells."""
+    """Returns the confusion matrix as rows (hidden effect, group, right/all, reported causes)."""
     return [
         (hidden, group, f"{right}/{n}", result)
         for hidden, group, n, right, result in confusions(cases)
@@ -83,7 +87,7 @@ def rows(cases: list[Judged]) -> list[tuple[str, ...]]:
 
 
 def comparison(asked: dict[str, list[Judged]]) -> Table:
-    """One row per rate, one column per tool."""
+    """Returns a table with one row per rate and one column per tool."""
     by_tool = {name: {r.what: r for r in rates(cases)} for name, cases in asked.items()}
     whats = list(by_tool["whole"])
     table = [
@@ -103,7 +107,7 @@ def comparison(asked: dict[str, list[Judged]]) -> Table:
 
 
 def figures(cases: list[Judged]) -> list[Figure]:
-    """The rates with a required value."""
+    """Returns the rates with a required value, and the median parameter error."""
     out = [
         Figure(r.what, r.text, r.asked, r.met, f"95 % interval {r.between}")
         for r in rates(cases) if r.bar is not None
@@ -119,7 +123,7 @@ def figures(cases: list[Judged]) -> list[Figure]:
 
 
 def timed() -> list[Figure]:
-    """Run times for one minute at 500 Hz on two otherwise idle cores, with compiled code."""
+    """Returns run times for one minute at 500 Hz on two otherwise idle cores, after compilation."""
     out = []
     with ProcessPoolExecutor(1, mp_context=get_context("spawn"), initializer=_two_cores) as pool:
         for tool, bar_s in (("quick", 10.0), ("whole", 40.0)):

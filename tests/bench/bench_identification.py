@@ -1,4 +1,4 @@
-"""Prediction and replay errors of the estimators on held-out flights, and the time of a fit."""
+"""Measures the estimators: prediction and replay errors on held-out flights, time of a fit."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""kill -9 and power cuts: how soon the motors stand, and how much of the flight is lost.
+"""Measures kill -9 and power cuts: time to zero volts, and how much of the recording is lost.
 
-KILLS in the environment shortens it.
+KILLS in the environment sets the number of flights.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ KILLS = int(os.environ.get("KILLS", "100"))
 SEED = 5
 POWER_S = 30.0
 WATCHDOG_S, RAMP_S, TURN_S = 0.1, 0.2, 2e-3
-"""s: the firmware's defaults; its watchdog may take 1 ms longer, its output changes every 1 ms"""
+"""s: the firmware's watchdog, its ramp, and the tolerance: 1 ms of the watchdog, 1 ms of output"""
 
 
 def measure() -> list[Figure]:
@@ -44,7 +44,7 @@ def measure() -> list[Figure]:
 
 
 def survived(killed: list[Killed]) -> list[Figure]:
-    """kill -9: zero volts in time, little lost, every file recovered."""
+    """Returns the figures of the flights ended by kill -9: time to zero volts, and data lost."""
     how = f"{len(killed)} flights, killed {EARLIEST_S:g} to {LATEST_S:g} s after take-off, seed"
     how = f"{how} {SEED}"
     worst = max(k.zero_s for k in killed)

@@ -1,4 +1,4 @@
-"""The link: damaged frames, and round-trip times."""
+"""Measures the link: what damaged frames cause, and round-trip times."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def damaged() -> list[Figure]:
 
 
 def against_the_firmware(trial: Trial) -> tuple[int, int]:
-    """Number of replies of the emulated device, and number in which the firmware's core differs."""
+    """Returns the number of the emulated device's replies, and of those the firmware differs in."""
     sent = "".join(f"{now} > {data.hex()}\n" for now, data, _ in trial.script)
     expected = [
         f"{now} < {piece.hex()}00"
@@ -89,7 +89,7 @@ def against_the_firmware(trial: Trial) -> tuple[int, int]:
 
 
 def polled(rig_process: RigProcess, rate_hz: float) -> Figure:
-    """Round-trip times in polled mode, where the host keeps time."""
+    """Measures round-trip times in polled mode, where the host keeps time."""
     profile = profile_from_dict({**TABLE_I, "loop": {"rate_hz": rate_hz}})
     rig = open_driver(rig_process.url("stream=0"), profile)
     assert isinstance(rig, LinkRig)

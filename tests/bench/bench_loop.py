@@ -1,7 +1,6 @@
-"""Punctuality of the control loop in real time.
+"""Measures the punctuality of the control loop in real time.
 
-Run it on an idle machine. FLIGHT_SECONDS in the environment shortens it. `bench_kill` has kill -9
-and power cuts, `bench_soak` the growth of memory in half an hour.
+Run it on an idle machine. FLIGHT_SECONDS in the environment sets the length of a flight.
 """
 
 from __future__ import annotations
@@ -39,17 +38,17 @@ SECONDS = float(os.environ.get("FLIGHT_SECONDS", "60"))
 
 
 class Kind(NamedTuple):
-    """One flight of the bench."""
+    """The conditions of one flight of this benchmark."""
 
     rate_hz: int
     granted: bool
     tcp: bool = False
     awake: bool = True
-    """False: a virtual machine's cores may idle"""
+    """False: the cores may enter idle states, from which those of a virtual machine wake late"""
 
     @property
     def seconds(self) -> float:
-        """Duration of the flight; shorter at 1 kHz, which has no required values."""
+        """Duration of the flight in s; shorter at 1 kHz, which has no required values."""
         return SECONDS if self.rate_hz == 500 else SECONDS / 2
 
 
@@ -68,13 +67,16 @@ def measure() -> list[Figure | Table]:
 
 
 def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
-    """One flight's JSON document; limits and watchdog tolerate host stalls."""
+    """Fly once; returns the run's JSON document and the causes of late periods.
+
+    The profile's limits and the watchdog tolerate host stalls.
+    """
     rate_hz, granted, tcp, awake = kind
     name = f"{rate_hz}-{granted}-{tcp}-{awake}"
     profile = write_profile(folder / f"{rate_hz}.toml", rate_hz=rate_hz, **PATIENT)
     output, log = (folder / f"{name}.{suffix}" for suffix in ("mcap", "late"))
     transport = ("--tcp", "0") if tcp else ()
-    # A device has its own processor: not the flight's core, and not the one that may idle.
+    # A real device has its own processor: use neither the first core (the flight's) nor the last.
     apart = sorted(os.sched_getaffinity(0))[1:-1]
     options = ("--watchdog", "500", "--late", str(log), *transport)
     without = ("permissions",) * (not granted) + ("awake",) * (not awake)
@@ -93,7 +95,7 @@ def fly(program: str, folder: Path, kind: Kind) -> dict[str, Any]:
 
 
 def device_late_s(device: str, profile: Path) -> float:
-    """The worst lateness of the firmware's own process."""
+    """Returns the longest delay (s) of a sample by the firmware's own process."""
     rig: Any = open_driver(device, load_profile(profile))
     try:
         return float(rig.report().late_us) * 1e-6
@@ -102,7 +104,7 @@ def device_late_s(device: str, profile: Path) -> float:
 
 
 def punctual(flights: dict[Kind, dict[str, Any]]) -> list[Figure]:
-    """The figures at 500 Hz: late periods by cause, and samples lost on the line."""
+    """Returns the figures at 500 Hz: late periods by cause, and samples lost on the line."""
     figures = []
     for kind, result in flights.items():
         if kind.rate_hz != 500 or not kind.awake:
@@ -144,7 +146,7 @@ def punctual(flights: dict[Kind, dict[str, Any]]) -> list[Figure]:
 
 
 def side_by_side(flights: dict[Kind, dict[str, Any]]) -> Table:
-    """Every flight's quantiles."""
+    """Returns a table with the lateness quantiles of every flight."""
     rows = []
     for kind, result in flights.items():
         p = result["punctuality"]

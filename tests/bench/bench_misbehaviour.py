@@ -1,4 +1,4 @@
-"""Flights under random sequences of device faults: crashes, and motors at zero."""
+"""Flies under random sequences of device faults; counts crashes and motors not at zero."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ INTRO = (
 )
 SEQUENCES = int(os.environ.get("MISBEHAVIOUR_SEQUENCES", "1000"))
 FIRMWARE_SHARE = 0.2
-"""Of the sequences: real time costs ten times as much as the virtual clock"""
+"""Share of the sequences run on the firmware: its real time takes ten times the virtual clock's"""
 WORKERS = 2
 SHOWN = 2000
-"""Characters of a failure that are printed"""
+"""Number of characters of a failure that are printed"""
 
 
 def measure() -> list[Figure | Table]:

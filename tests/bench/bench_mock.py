@@ -1,4 +1,4 @@
-"""Speed of the emulated rig, and the replay fit of the true model."""
+"""Measures the speed of the emulated rig, and the replay fit of the true model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Speed of simulation, controller and prediction."""
+"""Measures the speed of simulation, controller and prediction."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TITLE = "The model"
 
 
 def tick_us() -> float:
-    """The best of 20 batches, µs per tick of the controller in plain Python."""
+    """Returns µs per call of the controller in plain Python, the best of 20 batches."""
     c = Controller.of(default_profile())
     angle = np.array([0.01, 0.02, 0.03])
     best = np.inf
@@ -33,7 +33,7 @@ def tick_us() -> float:
 
 
 def predict_s() -> float:
-    """Best of 3, s: 60 s at 500 Hz on the hover model, one second ahead."""
+    """Returns s to predict 60 s at 500 Hz one second ahead by the hover model, the best of 3."""
     profile = default_profile().with_controller()
     assert profile.controller is not None
     reference = np.tile(np.radians([10.0, 0.0, 10.0]), (30_000, 1))

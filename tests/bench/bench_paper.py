@@ -1,4 +1,4 @@
-"""The paper's numbers, recomputed."""
+"""Recomputes the paper's numbers and compares them."""
 
 from __future__ import annotations
 
@@ -20,20 +20,23 @@ INTRO = (
 
 
 def golden(what: str, value: float, expected: str, unit: str, how: str = "") -> Figure:
-    """A number that must agree to every digit of ``expected``."""
+    """Returns the figure of a number that must agree to every digit of ``expected``."""
     digits = len(expected.partition(".")[2])
     text = f"{value:.{digits}f}"
     return Figure(what, f"{text} {unit}", f"{expected} {unit}", text == expected, how)
 
 
 def near(what: str, value: float, expected: float, how: str = "") -> Figure:
-    """A number of the sampled loop, ± 0.03°."""
+    """Returns the figure of a number that must be within 0.03° of ``expected``."""
     met = abs(value - expected) <= 0.03
     return Figure(what, f"{value:.2f} °", f"{expected:g} ± 0.03 °", met, how)
 
 
 def sampled(target: tuple[float | None, float | None, float | None]) -> np.ndarray:
-    """(N, 3) degrees: a step from level through the sampled controller of `run-step`."""
+    """Returns the angles (N, 3) in ° of a step from level with the sampled controller.
+
+    ``target``: roll, pitch, yaw in °; None: no step.
+    """
     plan = h3.step_plan(target, settle_s=0.0, duration_s=12.0)
     profile = default_profile()
     flown = h3.simulate(plan, h3.hover_model(profile), start="level", quantised=False)

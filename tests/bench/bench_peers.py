@@ -1,4 +1,4 @@
-"""Other identification tools on the same flights, with the same scores. ``make bench-peers``."""
+"""Compares other identification tools on the same flights by the same scores (make bench-peers)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ COMMAND = "make bench-peers"
 PLANS = ("multisine", "steps")
 SEEDS = (1, 2, 3, 4, 5)
 SLOW_SEEDS = (1, 2)
-"""For tools whose fits take minutes"""
+"""Flights for tools whose fits take minutes"""
 HELD_OUT = (VALIDATION, ("steps", 102))
 WORKERS = max(1, (os.cpu_count() or 2) // 2)
 
@@ -59,7 +59,7 @@ cached (bench-out/peers) until a flight or an adapter changes; the stated durati
 
 @dataclass(frozen=True)
 class Fit:
-    """One fit, judged; ``problem``: the reason if there is none."""
+    """One fit with its scores; ``problem``: why there is no fit, else empty."""
 
     tool: Tool
     plan: str
@@ -158,7 +158,7 @@ def row_of_truth(replay: np.ndarray, held_out: judge.Prepared) -> tuple[str, ...
 
 
 def settings(fits: Sequence[Fit]) -> Table:
-    """The setting of each tool on the first flight."""
+    """Returns a table of each tool's settings on the first flight."""
     rows = []
     for tool in TOOLS:
         mine = [f.found.setting for f in fits if f.tool is tool and f.found is not None]
@@ -167,7 +167,7 @@ def settings(fits: Sequence[Fit]) -> Table:
 
 
 def claims(fits: Sequence[Fit]) -> list[Figure]:
-    """The required advantages of the grey box over output error and filter error."""
+    """Returns the required advantages of the grey box over output error and filter error."""
 
     def errors(tool: Tool) -> np.ndarray:
         got = [
@@ -202,7 +202,7 @@ def claims(fits: Sequence[Fit]) -> list[Figure]:
 
 
 def middle(values: Sequence[float]) -> float:
-    """The median of what is a number; NaN where nothing is."""
+    """Returns the median of the finite values; NaN if there are none."""
     good = [v for v in values if np.isfinite(v)]
     return statistics.median(good) if good else np.nan
 
@@ -214,7 +214,7 @@ def number(value: float) -> str:
 
 
 def percent(value: float) -> str:
-    """A fit; a loop that fell apart is not worth its digits."""
+    """Returns a fit in % as text: "diverges" for −100 or less."""
     if not np.isfinite(value):
         return "–"
     return f"{value:.1f}" if value > -100 else "diverges"

@@ -1,4 +1,4 @@
-"""Climb of the arm and its speed at the table after a trip, under several ramps to zero volts."""
+"""Compares ramps to zero volts after a trip: climb of the arm, and its speed at the table."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from tests.bench.simulated_trips import (
 )
 
 RIGS = int(os.environ.get("RAMP_DOWN_RIGS", "200"))
-"""for each situation on the model, and in all on the emulator"""
+"""Number of flights, for each situation on the model, and in all on the emulator"""
 TITLE = "The ramp to zero volts after a trip"
 INTRO = f"""
 {RIGS} flights of each situation on the profile's rigid body: thrust gain, T_g and inertias drawn
@@ -43,7 +43,7 @@ within ±20 %, front and back motor within ±5 % of each other's mean, rotor lag
 """
 V_O, HOVER_V = PROFILE.motor.V_o, PROFILE.motor.hover_V
 EQUAL_DEG = 0.1
-"""°: larger climbs by up to this count as equal; about one count of the encoder"""
+"""°: climbs that differ by at most this, about one encoder count, are equal"""
 SEED = 1
 LEAST_SHARE = 95.0
 """%: required share of flights that climb no higher than with zero at once"""
@@ -169,7 +169,7 @@ def _emulated() -> list[Figure | Table]:
 
 
 def _tripped(situation: Situation, count: int, band: float) -> list[Fall]:
-    """``count`` trips in the air. The law after the trip does not affect the selection."""
+    """Returns ``count`` trips in the air; ``band`` (the law after it) does not affect which."""
     falls: list[Fall] = []
     seed = 0
     while len(falls) < count and seed < 20 * count:

@@ -1,4 +1,4 @@
-"""Two real rigs: prediction errors, and the output of identify and diagnose as text files."""
+"""Measures prediction errors on two real rigs; stores the output of identify and diagnose."""
 
 from __future__ import annotations
 
@@ -37,10 +37,10 @@ Free-run prediction of held-out recordings: RMSE over all samples up to 3 s afte
 of the states. Measured only on machines with the recordings.
 """
 DATA = ROOT / "docs" / "results" / "data"
-"""Folder of the printed output, one file for each rig and verb"""
+"""Folder of the stored output, one file for each rig and verb"""
 HELD_OUT = {"rig-a": (1.8, 2.4, 2.4)}
 HAND_MADE = {"rig-a": (1.73, 2.37, 2.36)}
-"""Degrees, roll / pitch / yaw over 3 s: required values, and those of models made by hand."""
+"""°, roll / pitch / yaw: 3 s prediction errors of models made by hand, the required values"""
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,11 @@ def measure() -> list[Figure]:
 def fitted_to_flights(
     trial: Trial, model: GreyBoxModel, test: Sequence[h3.Recording]
 ) -> list[Figure]:
-    """The same error in flight (`usable_runs`: no table, no take-off) and from the end of the climb
-    on, with that of constant angles; each term's share of the whole error."""
+    """Returns the 3 s prediction errors of ``model`` and of constant angles, on two selections.
+
+    These are flight (`usable_runs`: no table, no take-off) and all from the end of the climb on.
+    Further figures are the model's errors without one term each.
+    """
     free = [r.rows(slice(int(np.flatnonzero(free_rows(r))[0]), None)) for r in test]
     flown = [r.rows(slice(run.start, run.stop)) for r in test for run in usable_runs(r, 0)]
     flown = [r for r in flown if r.t[-1] - r.t[0] > 3.5]
@@ -147,7 +150,7 @@ def fitted_to_flights(
 def diagnosed(
     trial: Trial, train: list[h3.Recording], test: list[h3.Recording]
 ) -> tuple[str, list[Figure]]:
-    """The output of `diagnose` for the same recordings, and its model's errors in open loop."""
+    """Returns the output of `diagnose` for the same recordings, and its model's errors."""
     since = time.perf_counter()
     runs = [h3.load(p, trial.profile) for p in sorted((REAL_DATA / trial.rig).glob("open-*.csv"))]
     result = diagnose([*train, *runs], test)
@@ -192,7 +195,10 @@ def diagnosed(
 
 
 def folds(trial: Trial) -> list[Figure]:
-    """Each recording held out once: all terms, and without those that cross-validation removes."""
+    """Returns the errors with each recording held out once.
+
+    The model has all terms, or only those that cross-validation keeps.
+    """
     out = []
     names = [*trial.train, *trial.test]
     for left in trial.train:
@@ -219,7 +225,7 @@ def folds(trial: Trial) -> list[Figure]:
 
 
 def open_loop(trial: Trial, model: GreyBoxModel) -> list[Figure]:
-    """Steady roll angle at a constant voltage, in held-out runs."""
+    """Returns steady roll angles at constant voltage, of the model and of held-out runs."""
     out = []
     for path in sorted((REAL_DATA / trial.rig).glob("open-roll-*V-*.csv")):
         r = h3.load(path, trial.profile)

@@ -1,7 +1,7 @@
-"""Which of the measures for real time reduces the share of late periods.
+"""Compares the share of late periods with and without each measure for real time.
 
-FLIGHTS (blocks, at least 20 for a result) and SECONDS (length of a flight) in the environment
-shorten it: ``FLIGHTS=2 SECONDS=3 make bench TOPIC=realtime``.
+Environment: FLIGHTS, number of blocks (one flight per measure; at least 20 for a result), and
+SECONDS, length of a flight. ``FLIGHTS=2 SECONDS=3 make bench TOPIC=realtime`` is a short run.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MEASURES = {
     "awake": "a virtual machine's processors kept busy at idle priority (`awake.py`, "
     "`spinner.py`)",
 }  # fmt: skip
-"""Name in `tests.realtime.flight.WITHOUT` -> the measure"""
+"""Name in `tests.realtime.flight.WITHOUT` → description of the measure"""
 INTRO = (
     "`heli3dof run-step` at 500 Hz in a process of its own, with recorder and live view, against "
     "the C firmware on a pseudo-terminal (emulated rig, the device keeps time). A block is one "
@@ -63,7 +63,7 @@ def measure() -> list[Figure | Table]:
 
 
 def late_shares(blocks: int, seconds: float) -> dict[str, np.ndarray]:
-    """Name of the measure that is off ("": none) -> (blocks,) share of late periods."""
+    """Returns measure switched off ("": none) → share of late periods (blocks,)."""
     draw = random.Random(SEED)
     shares: dict[str, list[float]] = {name: [] for name in ("", *MEASURES)}
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
@@ -79,7 +79,7 @@ def late_shares(blocks: int, seconds: float) -> dict[str, np.ndarray]:
 
 
 def late_share(folder: Path, off: str, seconds: float) -> float:
-    """Share of late periods in one flight of ``seconds`` with the measure ``off`` switched off."""
+    """Returns the share of late periods in one flight without the measure ``off``."""
     profile = write_profile(folder / "rig.toml", **PATIENT)
     with (
         firmware(rig_program(), "--watchdog", "500") as device,
@@ -94,7 +94,7 @@ def late_share(folder: Path, off: str, seconds: float) -> float:
 def ratio(
     on: np.ndarray, off: np.ndarray, *, draws: int = DRAWS, seed: int = SEED
 ) -> tuple[float, float, float]:
-    """mean(off)/mean(on) of pairs (n,), and its 95 % percentile bootstrap interval over pairs.
+    """Returns mean(off)/mean(on) of the pairs (n,) and its 95 % percentile bootstrap interval.
 
     Infinite where no period was late with the measure on; NaN where none was late either way.
     """
@@ -102,7 +102,7 @@ def ratio(
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = off[picks].mean(axis=1) / on[picks].mean(axis=1)
         point = np.divide(off.mean(), on.mean())
-    # Sorted picks, not interpolated quantiles: an interval may end at infinity.
+    # Quantiles without interpolation, because an interval may end at infinity.
     ratios = np.sort(ratios[~np.isnan(ratios)])
     if not len(ratios):
         return float(point), float("nan"), float("nan")

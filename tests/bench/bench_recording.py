@@ -1,4 +1,4 @@
-"""Time to record a period and to read a recording, and data lost by kill -9."""
+"""Measures the time to record a period and to read a recording, and data lost by kill -9."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SEED = 1
 
 
 def lost_after_kill(folder: Path, after_s: float) -> float:
-    """Seconds of data lost when a real-time flight is killed with kill -9."""
+    """Returns s of data lost when a real-time flight gets kill -9 after ``after_s`` s."""
     path = folder / f"killed-{after_s:.3f}.mcap"
     flight = subprocess.Popen(
         [*HELI3DOF, "run-step", "--roll", "5", "--device", DEVICE, "-o", str(path)],

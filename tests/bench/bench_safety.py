@@ -1,4 +1,4 @@
-"""Every row of safety.md at random moments: time to zero volts, and motion of the arm."""
+"""Causes every event of docs' safety.md at random moments; measures time to zero volts, motion."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from tests.safety.table import BY_NAME, NO_EFFECT
 
 TITLE = "Safety: every fault at random moments"
 MOMENTS = int(os.environ.get("SAFETY_MOMENTS", "10"))
-"""of each row on each device"""
+"""Number of random moments, for each event and device"""
 IN_REAL_TIME = 4
-"""Flights at once: they mostly sleep"""
+"""Real-time flights at once: they mostly sleep"""
 TURN_S = 2e-3
-"""s: the firmware's program sets its output every 1 ms, and its watchdog may take 1 ms longer"""
+"""s, tolerance of the firmware: 1 ms between outputs, 1 ms of its watchdog"""
 INTRO = (
     f"Every row of [safety.md](safety.md) at random moments (seed {SEED}) of a flight from the "
     "table and back: arming, take-off, a step of 10° in roll and 20° in yaw, landing. The flight "
@@ -76,7 +76,7 @@ WHY = {
     "amplifier_fault": "overcurrent; the drill counts from arming",
     "button": "the drill counts from arming",
 }
-"""How the bench causes an event"""
+"""Event → how the benchmark causes it"""
 
 
 def measure() -> list[Figure | Table]:
@@ -146,7 +146,7 @@ def fly_all(flights: list[Case]) -> list[Run]:
 
 
 def report(run: Run) -> None:
-    """Print a flight on stderr if its outcome or time is not as stated."""
+    """Print a flight on stderr if its outcome or time is not as safety.md states."""
     if run.wrong or (
         run.case.row != CALM and run.in_flight and not (in_time(run) and run.as_claimed)
     ):
@@ -159,7 +159,7 @@ def report(run: Run) -> None:
 
 
 def in_time(run: Run) -> bool:
-    """Whether zero volts came within the stated time plus lateness and the device's time grid."""
+    """True if zero volts came within the stated time, lateness and the device's time grid added."""
     if run.took_s is None:
         return True
     grid_s = default_profile().dt if run.case.virtual else CALLED_S
@@ -169,7 +169,7 @@ def in_time(run: Run) -> bool:
 
 
 def line(row: str, device: str, runs: list[Run]) -> tuple[str, ...]:
-    """A row of the table."""
+    """Returns the table row of an event on one device."""
     events = [r for r in runs if r.in_flight]
     timed = [r for r in events if r.took_s is not None]
     took = [1e3 * (r.took_s or 0.0) for r in timed]
@@ -197,14 +197,14 @@ def line(row: str, device: str, runs: list[Run]) -> tuple[str, ...]:
 
 
 def made(row: str) -> tuple[str, ...]:
-    """How the bench causes an event on each device."""
+    """Returns the table row of how the benchmark causes an event on each device."""
     emulated = "line" if row in NEED_A_PROCESS else "virtual"
     firmware = "line, drill" if row in SWITCHES else "line"
     return BY_NAME[row].what, emulated, firmware, WHY.get(row, "the signal")
 
 
 def outside(runs: list[Run]) -> Iterable[tuple[str, ...]]:
-    """Outcomes for events while no motor ran."""
+    """Yields table rows of the outcomes of events while no motor ran."""
     for device in (EMULATED, FIRMWARE):
         for phase, when in (("opening", "before arming"), ("over", "after zero volts")):
             result = [r for r in runs if (r.case.device, r.phase) == (device, phase)]
@@ -215,6 +215,6 @@ def outside(runs: list[Run]) -> Iterable[tuple[str, ...]]:
 
 
 def named(runs: Iterable[Run]) -> str:
-    """The first twelve of these runs, as text."""
+    """Returns the first twelve of these runs as text."""
     texts = [f"{r.case.row} {r.case.device} {r.phase} at {r.case.moment_s:g} s" for r in runs]
     return "; ".join(texts[:12]) + (f"; and {len(texts) - 12} more" if len(texts) > 12 else "")

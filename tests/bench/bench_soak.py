@@ -1,4 +1,4 @@
-"""Growth of memory in a flight of half an hour; SOAK_MINUTES in the environment shortens it."""
+"""Measures the growth of memory in a flight of half an hour (SOAK_MINUTES in the environment)."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ SOAK_MINUTES = float(os.environ.get("SOAK_MINUTES", "30"))
 ROWS = int(1e6 * min(1.0, SOAK_MINUTES / 10))
 ASKED_MIN = 30.0
 SLACK = ("--watchdog", "1000")
-"""A busy machine may stall for longer than the firmware's default of 100 ms"""
+"""Option: a watchdog of 1000 ms, as a busy machine may stall longer than the default of 100 ms"""
 GROWTH_KiB_PER_MIN = 1024 / (8 * 60)
 """Bar for the upper end of the interval: 1 MiB in 8 h"""
 BYTES_A_ROW = 0.1
-"""0.2 MB in an hour"""
+"""Bytes of memory kept per row: 0.2 MB per hour at 500 Hz"""
 
 
 def measure() -> list[Figure]:
@@ -42,7 +42,7 @@ def measure() -> list[Figure]:
 
 
 def rows() -> Figure:
-    """The emulated flight: growth of Python's memory from the first third to the last row."""
+    """Measures the growth of Python's memory per row from a third of an emulated flight on."""
     at = (ROWS // 3, ROWS - 1)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rows.mcap"
@@ -61,14 +61,14 @@ def rows() -> Figure:
 
 
 def long_flight(long: Soak) -> list[Figure]:
-    """The soak: duration of the flight, and the interval of the growth."""
+    """Returns the figures of the long flight: its duration, and the interval of the growth."""
     flight = long.flight
     ended = (
         f"{flight['detail']}; {flight['periods']} periods, {flight['missed_periods']} missed, "
         f"{flight['lost_periods']} lost"
     )
     return [
-        # The readings end a second before the flight does.
+        # The readings of memory end a second before the flight does.
         at_least(
             "soak: duration of the flight", round(long.flown_min, 1), ASKED_MIN, "min", how=ended
         ),
@@ -81,7 +81,7 @@ def long_flight(long: Soak) -> list[Figure]:
 
 
 def memory_text(of: Soak) -> str:
-    """First and last reading, and the interval of the growth."""
+    """Returns as text the first and last reading and the interval of the growth."""
     files = "{:.1f} to {:.1f}".format(*of.files_MiB)
     return (
         f"{of.first_MiB:.2f} to {of.last_MiB:.2f} MiB private, {files} MiB of files; mean step "

@@ -1,4 +1,4 @@
-"""The USB transport: flights over the emulated bus, and a real Linux USB stack in a VM."""
+"""Measures the USB transport: flights on the emulated bus, and on Linux's USB stack in a VM."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def measure() -> list[Figure | Table]:
 
 
 def flown(stream: bool) -> Figure:
-    """One flight over the emulated bus."""
+    """Measures one flight over the emulated bus; ``stream``: the device keeps time."""
     profile = default_profile()
     rig: Any = open_driver(f"usb+mock:?start=level&stream={int(stream)}", profile)
     n = round(SECONDS / profile.dt)
@@ -59,7 +59,7 @@ def flown(stream: bool) -> Figure:
 
 
 def in_the_guest() -> list[Figure | Table]:
-    """The cases of `make test-kernel-usb`, and their measurements."""
+    """Runs the tests of `make test-kernel-usb` in a virtual machine; returns its measurements."""
     try:
         lines = run_guest()
     except Missing as reason:

@@ -1,4 +1,4 @@
-"""Frozen encoders: time to detection, missed detections, and false trips of the monitors."""
+"""Measures how the safety monitors detect frozen encoders: time, missed cases, false trips."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ INTRO = (
     "`rich` flights of such rigs without a fault."
 )
 MOMENTS = int(os.environ.get("WATCHES_MOMENTS", "20"))
-"""of each axis and plan"""
+"""Number of flights with a freeze, for each axis and plan"""
 HOURS = float(os.environ.get("WATCHES_HOURS", "5"))
-"""of calm flight, and as many of rich flight"""
+"""h of calm flight (hover), and as many of the plan ``rich``"""
 WORKERS = os.cpu_count() or 1
 PLANS = ("step", "steps", "rich")
 NOISE = (1.0, 0.33, 3.0)
@@ -51,7 +51,7 @@ CALM_S = 1200.0
 
 @dataclass(frozen=True)
 class Frozen:
-    """One flight whose encoder froze."""
+    """The outcome of one flight in which an encoder froze."""
 
     plan: str
     axis: str
@@ -59,10 +59,10 @@ class Frozen:
     ending: str
     detail: str
     found_s: float | None
-    """s from the freeze to the report; None: found in the ramp to zero, or not at all"""
+    """s from the freeze to the trip; None: found in the ramp to zero, or not at all"""
     moving: bool
     warned: bool
-    """The summary warns that the encoder's count did not change at the end of the flight"""
+    """True: the summary warns that the encoder's count did not change at the end of the flight"""
 
 
 def plan_of(name: str) -> Plan:
@@ -70,7 +70,7 @@ def plan_of(name: str) -> Plan:
 
 
 def cases(seed: int) -> list[tuple[str, str, float, int]]:
-    """(plan, axis, s of the freeze, number)"""
+    """Returns the cases as (plan, axis, time of the freeze in s, number)."""
     rng = random.Random(seed)
     made = []
     for plan in PLANS:
@@ -82,7 +82,7 @@ def cases(seed: int) -> list[tuple[str, str, float, int]]:
 
 
 class Course:
-    """A recorder that keeps the angles in closed loop."""
+    """A recorder that keeps time and angles of the closed-loop rows."""
 
     def __init__(self) -> None:
         self.t: list[float] = []
@@ -94,7 +94,7 @@ class Course:
             self.angle.append(row.angle)
 
     def rate_deg_per_s(self, axis: str, at_s: float) -> float:
-        """The mean rate in the 0.2 s before."""
+        """Returns the mean absolute rate in the 100 periods before ``at_s``."""
         i = AXES.index(axis)
         k = min(range(len(self.t)), key=lambda n: abs(self.t[n] - at_s))
         j = max(0, k - 100)
@@ -104,7 +104,7 @@ class Course:
         return 57.2958 * abs(turned) / (self.t[k] - self.t[j])
 
     def still_s(self, axis: str) -> float:
-        """How long the angle had not changed when closed loop ended."""
+        """Returns for how many s the angle had not changed when the closed loop ended."""
         i = AXES.index(axis)
         last = self.angle[-1][i]
         since = (
@@ -140,7 +140,7 @@ def on_the_mock(case: tuple[str, str, float, int]) -> Frozen:
 
 
 def course_end(plan: str) -> float:
-    """s of the plan's last period"""
+    """Returns the plan's duration in s, less half a control period."""
     return plan_of(plan).duration_s - 0.5 * default_profile().dt
 
 
@@ -215,13 +215,13 @@ def _completed(where: str, flights: list[Frozen]) -> list[Figure]:
 
 
 def calm_flight(seed: int) -> str | None:
-    """The cause of a false trip in hover, or None."""
+    """Returns the cause of a false trip in hover, or None."""
     outcome = hover(CALM_S, seed, "&spread=0.15")
     return None if outcome.ending == "completed" else f"seed {seed}: {outcome.detail}"
 
 
 def rich_flight(seed: int) -> str | None:
-    """The cause of a false trip in a rich flight, or None."""
+    """Returns the cause of a false trip in a flight of the plan ``rich``, or None."""
     profile = default_profile().with_controller()
     url = f"mock:?speed=max&seed={20_000 + seed}&spread=0.15&noise={NOISE[seed % 3]:g}"
     outcome = flown(load_plan("rich"), url, profile, Course())

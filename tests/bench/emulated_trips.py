@@ -1,4 +1,4 @@
-"""Emulated rigs with random parameters, tripped in flight by `control_loop.loop.fly`.
+"""Trips emulated rigs with random parameters in flight, by `control_loop.loop.fly`.
 
 The emulated plant shares no code with the model that `simulated_trips` uses, and its angles here
 are the true ones. It has the laboratory rig's stops: roll +36°, pitch ±32°.
@@ -24,7 +24,7 @@ from tests.bench.simulated_trips import CLEAR, FALL_S, LAG_S, REST, SPREAD, Fall
 from tests.experiment.safety_monitors.test_false_alarms import Nowhere
 
 LATEST_S = 4.0
-"""s by which a flight with a wrong sign has left the envelope"""
+"""s, duration of the plans: a flight with a wrong encoder sign leaves the envelope earlier"""
 
 
 class WithTruth:
@@ -44,9 +44,10 @@ class WithTruth:
 
 
 def tripped(situation: Situation, seed: int, band: float) -> Fall | None:
-    """The motion after one trip with this `ramp_down.HOVER_BAND`; None: the arm was on the table.
+    """Returns the motion after one trip, or None if the arm was on the table at the trip.
 
-    An infinite band ramps from every voltage, a negative one from none.
+    ``band`` replaces `ramp_down.HOVER_BAND`: with an infinite one every voltage ramps to zero, with
+    a negative one zero comes at once.
     """
     profile = _steep(default_profile().with_controller())
     rng = np.random.default_rng([seed, *situation.name.encode()])
@@ -60,7 +61,7 @@ def tripped(situation: Situation, seed: int, band: float) -> Fall | None:
     plan = step_plan((situation.roll_deg, None, situation.yaw_deg), settle_s=0, duration_s=LATEST_S)
     signals = plan.render(dt, seed)
     if situation.volts is not None:
-        # The sum with the controller's voltage is beyond the limit.
+        # 10 v_max, so that its sum with the controller's voltage is beyond the limit.
         signals.extra[begins:] = np.multiply(situation.volts, 10 * profile.motor.v_max)
     with patch.object(ramp_down, "HOVER_BAND", band):
         flown = fly(
@@ -81,6 +82,6 @@ def tripped(situation: Situation, seed: int, band: float) -> Fall | None:
 
 
 def _steep(profile: Profile) -> Profile:
-    """The profile without a slew limit: in these flights the voltage jumps to its limit."""
+    """Returns the profile without slew limit: in these flights the voltage jumps to its limit."""
     limits = profile.limits.model_copy(update={"slew_max_V_per_s": 1e9})
     return profile.model_copy(update={"limits": limits})

@@ -74,7 +74,7 @@ ROWS: tuple[tuple[str, str, str], ...] = (
     ("soak", "soak: growth of memory, upper limit of the 95 % interval",
      "30 min flight: growth of memory"),
 )  # fmt: skip
-"""(topic, name of its figure in benchmarks.json, label on the page)"""
+"""The lines of the page: (topic, name of its figure in benchmarks.json, label on the page)"""
 
 HEAD = """# Benchmarks
 
@@ -96,7 +96,7 @@ Store = Mapping[str, Mapping[str, Any]]
 
 
 def load() -> dict[str, dict[str, Any]]:
-    """The stored measurements, by topic."""
+    """Returns the stored measurements by topic."""
     return json.loads(STORE.read_text(encoding="utf-8")) if STORE.exists() else {}
 
 
@@ -105,7 +105,7 @@ def command(topic: str, kept: Mapping[str, Any]) -> str:
 
 
 def render(store: Store) -> str:
-    """The page: a line for each of `ROWS` measured at a commit (not on a changed tree)."""
+    """Returns the page: a line for each of `ROWS` that was measured without uncommitted changes."""
     shown = [t for t in store if not store[t]["revision"].endswith("-dirty")]
     return HEAD + "".join(_line(store, *row) for row in ROWS if row[0] in shown)
 
@@ -120,14 +120,14 @@ def _line(store: Store, topic: str, what: str, label: str) -> str:
 
 
 def _interval(how: str) -> str:
-    """The figure's 95 % interval if it has one, else the first clause of ``how``."""
+    """Returns the 95 % interval in a figure's ``how`` if there is one, else its first clause."""
     if match := re.search(r"95 % interval ([\d.]+ to [\d.]+ %)", how):
         return match.group(1)
     return how.split("; ")[0] or "–"
 
 
 def files(store: Store) -> dict[str, str]:
-    """The CSV files, by name."""
+    """Returns the content of the CSV files by name."""
     rows = [
         [topic, f["what"], f["value"], f["bar"], f["met"], f["how"], command(topic, k),
          k["revision"], k["machine"]]
@@ -142,7 +142,7 @@ def files(store: Store) -> dict[str, str]:
 
 
 def errors_table(rig: str) -> str:
-    """The errors of a rig's models, with the bar if there is one."""
+    """Returns a table of the errors of a rig's models, with required values if there are any."""
     rows = ["| model, and where | roll / pitch / yaw | bar |", "|---|---|---|"]
     for f in load()["real"]["figures"]:
         what = f["what"].removeprefix(rig).lstrip(",: ")
@@ -164,7 +164,7 @@ def _csv(rows: list[list[Any]]) -> str:
 
 
 def pages(store: Store) -> dict[Path, str]:
-    """Every file that is rendered from the store."""
+    """Returns the content of every file that is rendered from the stored measurements."""
     return {PAGE: render(store)} | {DATA / name: text for name, text in files(store).items()}
 
 

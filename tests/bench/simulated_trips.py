@@ -1,11 +1,11 @@
-"""Simulated flights that end in a trip, and the arm's motion under the voltages that follow.
+"""Simulates flights that end in a trip, and the arm's motion under the voltages that follow.
 
 The plant is the profile's rigid body (`heli3dof.model.physics.rigid_body`) with a table under the
 arm (inelastic) and pitch stops. Thrust gain, motor mismatch, T_g, inertias and rotor lag are drawn
 for each flight. A `Situation` is the flight until the trip: the default controller, with or without
-a fault, then perhaps fixed voltages. The trip comes at a random moment, or earlier: at the
-envelope, or where the true roll passes the envelope's. The upper stop of roll is far above a real
-rig's, so that it does not limit the height.
+a fault, then perhaps fixed voltages. The trip comes at a random moment, or earlier: where a signal
+leaves the safety envelope, or the true roll its largest angle. The upper stop of roll is far above
+a real rig's, so that it does not limit the height.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from heli3dof.rig.profile import default_profile
 SPREAD = 0.2
 """share: thrust gain, T_g and the inertias lie uniformly within ±20 % of the profile's"""
 MISMATCH = 0.05
-"""share by which each motor's gain may differ from the mean of both, uniform"""
+"""largest share by which each motor's gain differs from the mean of both, uniform"""
 LAG_S = 0.15
 """s: the rotors' lag lies uniformly between 0 and this"""
 PITCH_STOP = math.radians(32.0)
-"""rad, the laboratory rig's and the emulated one's"""
+"""rad, stops of pitch on the laboratory rig and on the emulated one"""
 ROLL_STOP = math.radians(80.0)
-"""rad: no laboratory rig's, but short of the vertical, where the arm has no inertia about it"""
+"""rad, upper stop of roll: below the vertical, where the yaw inertia of the arm vanishes"""
 SETTLE_S = 0.5
 """s of level hover before the step, the fault or the voltages"""
 FALL_S = 4.0
 """s simulated after the trip"""
 CLEAR = math.radians(0.5)
-"""rad above the table: a trip below it does not count, and another is drawn"""
+"""rad above the table: a trip below does not count, and another one is drawn"""
 RATE = 9
 """index of the filtered rates in the controller's state"""
 Pair = tuple[float, float]
@@ -51,7 +51,7 @@ REST = float(PROFILE.encoder.rest_rad[0])
 
 @dataclass(frozen=True)
 class Situation:
-    """A flight until its trip."""
+    """The conditions of a flight until its trip."""
 
     name: str
     roll_deg: float = 0.0
@@ -61,15 +61,15 @@ class Situation:
     settle_s: float = SETTLE_S
     """s before the step, the frozen encoder or the voltages begin"""
     volts: Pair | None = None
-    """Shares of v_max that both motors get then; None: the controller's voltages"""
+    """Voltages of both motors after ``settle_s``, over v_max; None: the controller's voltages"""
     moment_s: Pair = (0.0, 1.5)
-    """s after that: the trip's moment is uniform between the two"""
+    """s from the end of ``settle_s`` to the trip: uniform between the two"""
     sign: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """of the encoders, as the host reads them"""
+    """signs of the encoders, as the host reads them"""
     frozen: int | None = None
     """axis whose encoder freezes"""
     wires: tuple[Pair, Pair] = ((1.0, 0.0), (0.0, 1.0))
-    """the motors' voltages are these times the host's"""
+    """matrix: the motors' voltages are it times the host's"""
 
 
 def _saturated(name: str, volts: Pair, longest_s: float) -> Situation:
@@ -139,15 +139,15 @@ class Fall:
     """The motion after a trip."""
 
     climb_deg: float
-    """highest roll beyond that at the trip"""
+    """highest roll minus the roll at the trip"""
     table_deg_per_s: float
-    """roll's speed as the arm meets the table; the fastest time, where it rises again"""
+    """roll's speed as the arm meets the table; if it bounces, the highest of these speeds"""
     pitch_deg: float
-    """largest pitch, either way"""
+    """largest absolute pitch"""
 
 
 def flights(situation: Situation, count: int, seed: int) -> Iterator[Tripped]:
-    """``count`` trips in the air, each on a rig of its own."""
+    """Yields ``count`` trips in the air, each on a newly drawn rig."""
     rng = np.random.default_rng([seed, *situation.name.encode()])
     found = 0
     for _ in range(20 * count):
@@ -162,7 +162,7 @@ def flights(situation: Situation, count: int, seed: int) -> Iterator[Tripped]:
 
 
 def fall(tripped: Tripped, volts: np.ndarray) -> Fall:
-    """The motion under these voltages (n, 2) V, zero after them."""
+    """Returns the motion under these voltages (n, 2) V, one row per period, zero after them."""
     dt = PROFILE.dt
     host = np.zeros((round(FALL_S / dt), 2))
     host[: len(volts)] = volts
@@ -236,7 +236,7 @@ def _structure() -> Structure:
 
 
 def _no_effects() -> tuple[Any, ...]:
-    """first, address, par, mem and free, as the kernels take them."""
+    """Returns the kernels' arguments first, address, par, mem, free for a model without effects."""
     structure = _structure()
     hooks = structure.hooks
     par = np.zeros((1, state_layout.PARAMETERS))
@@ -244,7 +244,7 @@ def _no_effects() -> tuple[Any, ...]:
 
 
 def _move(s, first, address, par, mem, free, x, F, low, stop, V, k, t, h, target, w, decay):  # type: ignore[no-untyped-def]
-    """One period of the plant; returns the speed (rad/s) at which roll met the table."""
+    """Simulate one period; returns roll's speed (rad/s) at the table, 0 if it did not meet it."""
     fly_row(s, x, k, t, h, V, target, F, first, address, par, mem, free, w, decay)
     met = 0.0
     if x[0] < low:

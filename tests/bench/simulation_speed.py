@@ -1,4 +1,4 @@
-"""How many times faster than real time the hover loop is simulated."""
+"""Measures how many times faster than real time the hover loop is simulated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from heli3dof.rig.profile import default_profile
 
 
 def simulation_speed(duration_s: float = 600.0, repeats: int = 5) -> float:
-    """Simulated seconds per second for the hover loop at 500 Hz: the best of ``repeats`` runs.
+    """Returns simulated s per s for the hover loop at 500 Hz, the best of ``repeats`` runs.
 
     One run is a 10° roll square wave with quantised encoders, on one thread, after compilation.
     """

@@ -1,7 +1,8 @@
-"""python -m tests.golden [keep]: compare to the last digit, or keep today's documents.
+"""``python -m tests.golden`` compares the commands' output with the kept documents, to 1e-9.
 
-The test allows 1 %: another processor rounds differently, and a limit cycle on one count amplifies
-it. Before and after a change on the same machine, nothing may differ.
+With the argument ``keep`` it replaces the kept documents. The test allows 1 %, because another
+processor rounds differently, and a limit cycle on one encoder count amplifies that. Before and
+after a change on the same machine, nothing may differ.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The commands whose documents and recordings are kept, and the reduced form that is kept.
+"""Runs the commands whose JSON documents and recordings are kept, and reduces their output.
 
 A kept document holds every key, number, boolean and single word of the printed one. Sentences, file
-paths and times of day are replaced by a mark, so wording may change and meaning may not.
+paths and times of day are replaced by a mark, so that their wording may change.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ RECORDED = {"run-step", "run-step-hidden", "simulate", "simulate-large"}
 
 
 def words(name: str, folder: Path) -> list[str]:
-    """The arguments of one command, with its files in ``folder``."""
+    """Returns the arguments of one command, with its files in ``folder``."""
     given = [w.format_map(REFERENCES) for w in COMMANDS[name]]
     if name in RECORDED:
         given += ["--output", str(folder / f"{name}.mcap")]
@@ -60,7 +60,7 @@ def words(name: str, folder: Path) -> list[str]:
 
 
 def reduced(document: Any, key: str = "") -> Any:
-    """The document without the parts that change with wording or from run to run."""
+    """Returns the document without the parts that change with wording or from run to run."""
     if DIFFERS_IN_EVERY_RUN.search(key):
         return RUN
     if isinstance(document, dict):
@@ -73,9 +73,10 @@ def reduced(document: Any, key: str = "") -> Any:
 
 
 def differences(kept: Any, now: Any, share: float, at: str = "") -> Iterator[str]:
-    """Where two reduced documents differ: keys, lengths, words, or numbers by more than ``share``.
+    """Yields where two reduced documents differ: keys, lengths, words or numbers.
 
-    Numbers may also differ by ``share`` itself: an error of 0.01° that becomes 0.02° is no change.
+    Numbers a, b differ if |a − b| > share·(1 + max(|a|, |b|)): with a share of 1 %, an error of
+    0.01° that becomes 0.02° is no difference.
     """
     if isinstance(kept, dict) and isinstance(now, dict):
         yield from (f"{at}.{k}: gone" for k in kept.keys() - now.keys())
@@ -99,7 +100,7 @@ def _are_numbers(*values: Any) -> bool:
 
 
 def recorded(path: Path) -> dict[str, Any]:
-    """Length, mean and mean square of each channel, and the keys of the metadata."""
+    """Returns length, mean and mean square of each channel, and the keys of the metadata."""
     recording = read_recording(path)
     columns = {
         "t": recording.t, "angle": recording.angle, "voltage": recording.voltage,
@@ -114,7 +115,7 @@ def recorded(path: Path) -> dict[str, Any]:
 
 
 def documents(names: Iterable[str], folder: Path) -> Iterator[tuple[str, Any]]:
-    """(file name, reduced document) of each command, run in ``folder``."""
+    """Run the commands in ``folder``; yields (file name, reduced document)."""
     for name in names:
         result = heli3dof(*words(name, folder))
         yield f"{name}.json", {"exit_code": result.code, "document": reduced(result.document)}

@@ -1,4 +1,4 @@
-"""The documents that scripts read are unchanged: every key, number and word."""
+"""Checks that the JSON documents for scripts are unchanged: every key, number and word."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from tests.golden.commands import COMMANDS, KEPT, differences, documents
 
 SHARE = 1e-2
-"""Relative: a limit cycle on one count amplifies another processor's rounding to this size"""
+"""Allowed difference: a limit cycle on one encoder count amplifies rounding to this size"""
 
 
 @pytest.mark.parametrize("name", COMMANDS)

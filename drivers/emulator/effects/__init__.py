@@ -1,8 +1,8 @@
-"""The effects that the emulated rig can hide, one family per file.
+"""The effects, one family per file: physics that the URL option ``hide=`` adds to the ideal rig.
 
-A new effect is one new file with ``EFFECTS``: its physics in the docstring, a compiled function of
-a few lines, and an `Effect` that names its parameters with units and bounds. Every module in this
-folder is loaded.
+Every module in this folder is loaded for its tuple ``EFFECTS``. A new effect needs its physics in
+the module's docstring, a compiled function of a few lines, and an `Effect` that names its
+parameters with units and bounds.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["Effect", "Hidden", "Parameter", "catalogue"]
 
 @cache
 def catalogue() -> dict[str, Effect]:
-    """Every effect by its name, in alphabetical order."""
+    """Returns every effect by its name, in alphabetical order."""
     effects: list[Effect] = []
     for info in pkgutil.iter_modules(__path__):
         module = importlib.import_module(f"{__name__}.{info.name}")

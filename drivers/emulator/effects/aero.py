@@ -1,11 +1,14 @@
-"""Effects of the air and the rotors other than thrust along the body's normal.
+"""Effects of the air and the rotors on thrust and torque.
+
+The symbols are those of `lagrange`; a, h₀, k and κ are the effects' parameters.
 
 - Ground effect: near the table the thrust is F (1 + a exp(−h/h₀)); h = L_a (sin r − sin r_rest) is
   the body's height above the table.
 - Inflow: a rotor that moves along its axis at v_n (m/s) has the thrust F (1 − k v_n), with
-  v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇), front +, back −.
-- Reaction torque: both propellers turn in the same direction; the torque κF acts on the body about
-  its normal n. By virtual work: Q_r = κF sin p, Q_p = 0, Q_ψ = κF cos r cos p.
+  v_n = L_a (cos p ṙ − cos r sin p ψ̇) ± L_h (ṗ + sin r ψ̇), front +, back −. The factor is
+  limited to 0 … 2.
+- Reaction torque: both propellers turn in the same direction; the torque κF, F = F_f + F_b, acts
+  on the body about its normal n. By virtual work: Q_r = κF sin p, Q_p = 0, Q_ψ = κF cos r cos p.
 - Gyroscopic torque of the rotors' angular momentum H = k (V_f + V_b) n: −ω × H, i.e.
   Q_r = −H cos p ω_a, Q_p = −H ω_b, Q_ψ = −H sin r ω_b + H cos r sin p ω_a (it does no work).
 """

@@ -1,4 +1,4 @@
-"""The description of an effect: name, parameters with units and bounds, and where it acts."""
+"""Defines how an effect is described: name, parameters with units and bounds, where it acts."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ALL_AXES = ("roll", "pitch", "yaw")
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect; values outside ``low`` … ``high`` are refused."""
+    """One number of an effect; `parse_hide` rejects values outside ``low`` … ``high``."""
 
     name: str
     unit: str
@@ -22,15 +22,16 @@ class Parameter:
     high: float
     meaning: str
     default: float | None = None
-    """The value where none is given; None: it must be given"""
+    """The value if the URL gives none; None: the URL must give one"""
 
 
 @dataclass(frozen=True)
 class Effect:
     """Behaviour of a rig that the base simulation does not have.
 
-    ``kernels`` act while the rig runs, ``setup`` once before. Effects of one stage act in ascending
-    ``order``, the order of the signal's path.
+    ``kernels`` are compiled functions, called at their `Stage` of each integration substep.
+    ``setup(setup, axis, values)`` is called once before the rig runs and returns the changed
+    `Setup`. Effects of one stage act in ascending ``order``, the order of the signal's path.
     """
 
     name: str
@@ -45,7 +46,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Hidden:
-    """A hidden effect with its axis (−1: none) and values."""
+    """An effect that ``hide=`` selects, with axis (0 roll, 1 pitch, 2 yaw; −1: none) and values."""
 
     effect: Effect
     axis: int
@@ -53,7 +54,7 @@ class Hidden:
 
     @property
     def text(self) -> str:
-        """The text of ``hide=`` for it."""
+        """The effect as ``hide=`` takes it, e.g. ``friction.coulomb.yaw:0.03``."""
         from heli3dof.axes import AXES
 
         name = self.effect.name + (f".{AXES[self.axis]}" if self.axis >= 0 else "")

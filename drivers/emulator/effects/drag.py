@@ -1,4 +1,4 @@
-"""Air drag of the moving arm and body: −d |q̇| q̇."""
+"""Air drag of the moving arm and body: −d |q̇| q̇ on the axis of rate q̇; d is the parameter."""
 
 from __future__ import annotations
 

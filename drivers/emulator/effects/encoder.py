@@ -1,10 +1,10 @@
-"""Errors of the encoders, before the angles are counted.
+"""Encoder errors; they act on the angles before these are rounded to counts.
 
 - Backlash of full width w between the axis and its encoder: the encoder moves only while one of the
   two flanks is in contact.
 - Offset: the rig was not at its nominal rest when the counts were zeroed: reading = angle + offset.
-  The table and a level start are defined by readings, so an offset shifts their true angles.
-- Scale: a wrong number of lines: reading = rest + k (angle − rest).
+  The table (roll) and the start are defined by readings, so an offset shifts their true angles.
+- Scale: a wrong number of encoder lines: reading = rest + k (angle − rest), k the scale.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Friction of the joints.
+"""Friction torques of the joints; q̇ is the rate, τ_c and c are the parameters.
 
 Coulomb: −τ_c sgn(q̇); at rest, the torque that keeps the joint at rest, up to ±τ_c (set-valued, see
-`kernel`). Viscous: −c q̇.
+`heli3dof_drivers.emulator.kernel`). Viscous: −c q̇.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 - ``inertia``: the inertia of the axis at level is ``ratio`` times the profile's. The difference is
   rotary inertia on the joint's shaft (ΔJ in `lagrange`).
 - ``mass.change``: a mass m is added to the body at L_a on the pitch axis at time t₀: T_g grows by
-  m g L_a, I_bb and I_nn by m L_a². The rates do not jump.
+  m g L_a, I_bb and I_nn by m L_a². The rates do not jump at t₀.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The motors, from the commanded voltage to the thrust, along the signal's path.
+"""Effects of the motors, from the commanded voltage to the thrust, along the signal's path.
 
-V in volts per motor:
+V is the voltage of one motor, V_o its hover voltage; T, k, V_d, s, m, τ_m are the parameters:
 
 1. ``motor.delay``: V(t − T), exactly: the mean of the delayed voltage over each substep.
 2. ``motor.supply_sag``: the supply voltage drops under load: V (1 − k (|V_f| + |V_b|)).
@@ -8,9 +8,9 @@ V in volts per motor:
 4. ``motor.dead_zone``: zero for |V| below V_d, and V − V_d sgn V above.
 5. ``motor.thrust_curve``: V → (1 − s) V + s V |V| / V_ref: a share s of the thrust is quadratic;
    at V_ref = |V_o| the thrust is that of the linear map.
-6. ``motor.thrust_gain``: thrust of both times k; ``motor.thrust_mismatch``: front over back m,
-   F_f : F_b = m : 1 at equal voltages with their sum unchanged.
-7. ``motor.lag``: τ_m Ḟ = K_f V − F, each rotor.
+6. ``motor.thrust_gain``: the thrust of both motors times k; ``motor.thrust_mismatch``:
+   F_f : F_b = m : 1 at equal voltages, with their sum unchanged.
+7. ``motor.lag``: τ_m Ḟ = K_f V − F for each rotor.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .base import Effect, Parameter
 
 LONGEST_DELAY_S = 0.1
 SLOTS = 500
-"""Substeps that the delay stores"""
+"""Substeps whose voltages the delay stores: 0.1 s up to 1245 Hz; above, it limits the delay"""
 
 
 @kernel

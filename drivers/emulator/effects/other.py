@@ -1,4 +1,6 @@
-"""Effects outside the diagnosis' catalogue, to test that it reports an unexplained torque.
+"""Torques that the diagnosis has no model of, to test that it reports an unmodelled effect.
+
+The parameter is k:
 
 - ``other.yaw_torque_from_pitch_rate``: −k ṗ on yaw;
 - ``other.roll_torque_from_yaw_angle``: k sin ψ on roll (a tilted base);

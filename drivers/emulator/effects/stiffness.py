@@ -1,4 +1,4 @@
-"""Restoring torques that depend on an angle only.
+"""Restoring torques that depend on the joint's angle q only; k is the parameter.
 
 Pendulum: a centre of mass below the joint's axis gives −k sin q (negative k: above the axis).
 Cable: the twisted cable bundle at the slip ring gives −k ψ.

@@ -34,7 +34,7 @@ static uint64_t expiry_us(const struct device *device)
     return device->command_us + device->watchdog_us;
 }
 
-/* LATCHED: v (1 - (t - t_expired) / ramp), rounded towards zero. */
+/* When LATCHED, the output is v (1 - (t - t_expired) / ramp), rounded towards zero. */
 bool device_output(const struct device *device, uint64_t now_us, int32_t uV[2])
 {
     const uint64_t ramp_us = device->config.ramp_us;
@@ -167,8 +167,8 @@ static void stream(struct device *device, uint64_t now_us)
 {
     const uint64_t end_us = device->heard_us + STREAM_SILENCE_US;
     if (now_us >= device->next_us && device->next_us <= end_us) {
-        /* Late by more than a period: skip the samples in between instead of sending a burst. The
-         * time shows it; a gap in the numbers would mean that the line lost them. */
+        /* Late by a period or more: skip the samples in between instead of sending a burst. Only
+         * the time shows it; a gap in the numbers would mean that the line lost samples. */
         const uint64_t late_us = now_us - device->next_us;
         const uint64_t skipped = late_us / device->period_us;
         if (late_us > device->late_us)

@@ -18,7 +18,7 @@
 #include "link.h"
 
 #define WATCHDOG_LONGEST_US 1000000u
-#define STREAM_SILENCE_US 2000000u /* us without a frame from the host that end a stream */
+#define STREAM_SILENCE_US 2000000u /* us without a frame from the host: then the stream ends */
 
 struct device_config {
     uint32_t boot;   /* changes with every start */
@@ -32,7 +32,7 @@ struct device_config {
 struct device_inputs {
     int32_t counts[3]; /* since the start */
     uint32_t encoder_errors;
-    int16_t mA[2];     /* NOT_MEASURED where it is not */
+    int16_t mA[2];     /* motor currents, or NOT_MEASURED */
     uint8_t fault;     /* the amplifier's: an enum cause, or 0 */
     bool stall, button;
 };
@@ -49,12 +49,12 @@ struct device {
     int32_t set_uV[2]; /* the last accepted command, clipped */
     bool saturated;
     uint32_t echo; /* number of the last accepted command, or of the ARM */
-    uint64_t command_us, watchdog_us;
+    uint64_t command_us, watchdog_us; /* time of that command or ARM; timeout */
 
     uint64_t period_us; /* 0: no stream */
     uint64_t next_us;   /* the stream's next instant */
     uint64_t sampled_us;
-    uint32_t samples; /* taken since the start, or the arming */
+    uint32_t samples; /* taken since the start, or the last arming */
     bool fresh; /* a command came since the last sample */
 
     uint64_t start_us, heard_us;
@@ -63,25 +63,26 @@ struct device {
     struct link_out out;
 };
 
-/* Also after a reset: output zero, IDLE. `config` is copied, its texts are not. */
+/* Sets output zero and IDLE. Call it at the start and after a reset. The texts of `config` are not
+ * copied and must stay valid. */
 void device_start(struct device *device, const struct device_config *config, uint64_t now_us);
 
-/* The hardware's lines; a fault, a stall or the button stops at once. */
+/* Takes the hardware's inputs, then ticks. A new fault, stall or button press stops at once. */
 void device_sense(struct device *device, uint64_t now_us, const struct device_inputs *inputs);
 
 /* Advances watchdog and stream to this time. Call it at least every millisecond. */
 void device_tick(struct device *device, uint64_t now_us);
 
-/* Bytes from the host. Ticks first. */
+/* Ticks, then takes bytes from the host and queues the replies in `out`. */
 void device_receive(struct device *device, uint64_t now_us, const uint8_t *bytes, size_t n);
 
-/* Stop other than by the link: USB's control request, a lost bus. */
+/* Stops for a reason outside the link: USB's control request, a lost bus. */
 void device_stop(struct device *device, uint8_t cause);
 
-/* When device_tick must be called next, if before the next millisecond. */
+/* Returns when device_tick must be called next, if that is before the next millisecond. */
 uint64_t device_next_us(const struct device *device);
 
-/* The voltages at this time; false where the amplifier is to be disabled. */
+/* Writes the voltages at this time to uV; returns false where the amplifier is to be disabled. */
 bool device_output(const struct device *device, uint64_t now_us, int32_t uV[2]);
 
 uint8_t device_flags(const struct device *device);

@@ -1,6 +1,6 @@
 #include "encoder.h"
 
-/* [before << 2 | now]: the step's counts; 2 marks an invalid step. */
+/* Counts of a step, at index before << 2 | now of the lines A << 1 | B; 2 marks an invalid step. */
 static const int8_t STEP[16] = {
     0,  -1, +1, 2,  /* from 00 to 00, 01, 10, 11 */
     +1, 0,  2,  -1, /* from 01 */

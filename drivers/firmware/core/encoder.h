@@ -16,6 +16,7 @@ struct encoder {
     uint8_t lines;   /* the last state, A << 1 | B */
 };
 
+/* `lines`: the present state, A << 1 | B. encoder_start also sets count and errors to zero. */
 void encoder_start(struct encoder *encoder, uint8_t lines);
 void encoder_step(struct encoder *encoder, uint8_t lines);
 int32_t encoder_count(const struct encoder *encoder);

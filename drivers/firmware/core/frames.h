@@ -55,11 +55,11 @@ enum cause {
 
 enum code { OK, ALREADY_ARMED, STALE_TICKET, FAULT, BAD_PARAMETER, UNKNOWN_TYPE, VERSION };
 
-/* The kind of bytes between two delimiters. */
+/* What the bytes between two delimiters are. */
 enum verdict {
     FRAME_MALFORMED, /* COBS, length, version or check wrong */
     FRAME_UNKNOWN, /* valid, of an unknown type */
-    FRAME_TAKEN
+    FRAME_TAKEN /* valid, of a known type */
 };
 
 /* A received frame; the type determines the used fields. */

@@ -26,14 +26,15 @@ struct link_out {
     uint32_t dropped;    /* frames */
 };
 
-/* True when this byte ends a piece that is not empty: it is in `piece`, `n` bytes long. The next
- * byte begins another one. */
+/* Takes a byte. Returns true when it ends a piece that is not empty: `n` bytes in `in->piece`. The
+ * next byte overwrites it. */
 bool link_in_byte(struct link_in *in, uint8_t byte, size_t *n);
 
-/* Leaves at least `spare` bytes free. */
+/* Queues a frame, or drops it if fewer than `spare` bytes would stay free. */
 void link_out_frame(struct link_out *out, const uint8_t *frame, size_t n, size_t spare);
 
-/* The bytes to send next, contiguous from `*at`. Then call link_sent with the number sent. */
+/* Returns the number of bytes to send next, contiguous from `*at`. Call link_out_sent with the
+ * number that was sent. */
 size_t link_out_peek(const struct link_out *out, const uint8_t **at);
 void link_out_sent(struct link_out *out, size_t n);
 

@@ -1,4 +1,4 @@
-/* The core under arbitrary bytes and times. At every step the harness checks that
+/* Runs the core with arbitrary bytes and times. At every step the harness checks that
  *
  *  1. the output is zero unless ARMED by an ARM with the current ticket, or on the ramp after it;
  *  2. |output| <= v_max, always;
@@ -114,7 +114,7 @@ static void say(const uint8_t *bytes, size_t n)
     device_receive(&device, now_us, bytes, n);
 }
 
-/* With a correct check, of any length. */
+/* Sends a frame with a correct check, of any length. */
 static void say_payload(uint8_t payload[64], size_t n)
 {
     uint8_t stuffed[72] = {0};
@@ -196,7 +196,7 @@ static void say_command(struct cursor *c)
     must(device.echo == (due ? number : before), "a stale or repeated command does nothing");
 }
 
-/* Raw bytes. A corpus may contain a valid frame, so the voltages are checked against the commands
+/* Sends raw bytes. They may contain a valid frame, so the voltages are checked against the commands
  * that the core reports as accepted. */
 static void say_noise(struct cursor *c)
 {

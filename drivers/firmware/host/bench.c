@@ -3,16 +3,16 @@
 #include <math.h>
 
 #define PI 3.14159265358979323846
-#define OHM 6.0 /* of a motor, turning or blocked: 4 A at 24 V */
+#define OHM 6.0 /* resistance of a motor, turning or blocked: 4 A at 24 V */
 
-/* The lines A, B after `counts` counts: 00, 10, 11, 01, cyclic. */
+/* Returns the lines A, B after `counts` counts: 00, 10, 11, 01, cyclic. */
 static uint8_t lines_at(long counts)
 {
     static const uint8_t GRAY[4] = {0, 2, 3, 1};
     return GRAY[(unsigned long)counts & 3u];
 }
 
-/* The encoder gets every edge in order. */
+/* Passes every edge to the encoder in order, until it has `counts` counts. */
 static void turn(struct bench *bench, int axis, long counts)
 {
     long *at = &bench->turned[axis];

@@ -1,4 +1,4 @@
-/* The simulated bench of the HAL: the plant, its encoders, and the drills. */
+/* The simulated rig behind the HAL: the plant, its encoders, and drills (faults at set times). */
 #ifndef HELI3DOF_BENCH_H
 #define HELI3DOF_BENCH_H
 
@@ -15,12 +15,12 @@ struct bench {
     struct encoder encoders[3];
     long turned[3];   /* counts that the axis has turned; the encoder follows by single steps */
     double V[2];      /* at the motors */
-    double armed_s;   /* the first arming: drills count from here */
+    double armed_s;   /* the first arming, from which the times of drills count */
 };
 
 void bench_start(struct bench *bench, const struct options *options, double t_s);
 
-/* Advances the plant under the present voltages. */
+/* Advances the plant to t_s under the present voltages. */
 void bench_advance(struct bench *bench, double t_s);
 
 /* The device restarts: the counts restart from zero. */

@@ -15,10 +15,10 @@ struct delay {
 
 void delay_put(struct delay *delay, uint64_t arrives_us, uint8_t byte);
 
-/* The bytes that have arrived by now, at most `room`; returns how many. */
+/* Writes the bytes that have arrived by now to `bytes`, at most `room`; returns how many. */
 size_t delay_get(struct delay *delay, uint64_t now_us, uint8_t *bytes, size_t room);
 
-/* When the next byte arrives; UINT64_MAX where none is on the way. */
+/* Returns when the next byte arrives; UINT64_MAX where none is on the way. */
 uint64_t delay_next_us(const struct delay *delay);
 
 #endif

@@ -21,10 +21,10 @@
 #include "rig.h"
 #include "tcp.h"
 
-#define REAL_TIME_PRIORITY 80 /* as hardware: the host's load must not delay it */
+#define REAL_TIME_PRIORITY 80 /* the computer's load must not delay it, as with hardware */
 #define TURN_US 1000u
 #define MOTION_S 5e-3
-#define LATE_US 200u /* a turn takes some 10 us */
+#define LATE_US 200u /* from sample to writing, to count as late; a turn takes some 10 us */
 
 static struct options options;
 static struct bench bench;
@@ -190,7 +190,7 @@ static void start(void)
     rig_start(&device, &config);
 }
 
-/* Where permitted: a loaded machine would delay the device. */
+/* Requests real-time scheduling, where permitted: a loaded machine would delay the device. */
 static void real_time(void)
 {
     const struct sched_param priority = {.sched_priority = REAL_TIME_PRIORITY};
@@ -227,7 +227,7 @@ static int opened(const char *option, const char *path)
     return file;
 }
 
-/* A sample that was taken in this turn and written late. */
+/* Logs a sample that was taken in this turn and written late. */
 static void log_late(uint64_t sampled_before_us)
 {
     const uint64_t took_us = hal_now_us() - device.sampled_us;
@@ -240,7 +240,7 @@ static void log_late(uint64_t sampled_before_us)
         late_file = -1;
 }
 
-/* The arm's present position, with or without a sample. */
+/* Logs the arm's present position, even if the host gets no sample. */
 static void log_motion(void)
 {
     static double written_s;

@@ -12,9 +12,9 @@
 struct options {
     const char *serial;
     const char *link; /* a symbolic link to the PTY, or NULL */
-    const char *log;  /* motor voltages with times, or NULL */
-    const char *late; /* samples that this program wrote late, or NULL */
-    const char *motion; /* the plant's roll angle and rate, or NULL */
+    const char *log;  /* file for motor voltages with times, or NULL */
+    const char *late; /* file for the samples that this program wrote late, or NULL */
+    const char *motion; /* file for the plant's roll angle and rate, or NULL */
     int tcp;          /* a port of this computer instead of a PTY, 0 any; -1: a PTY */
     int with_parent;  /* ends with the parent process */
     uint32_t watchdog_us, ramp_us, shortest_us;
@@ -37,7 +37,7 @@ struct options {
     uint32_t seed;
 };
 
-/* Ends the program for a wrong command line (2) or --help (0). */
+/* Reads the command line. Ends the program if it is wrong (exit code 2), and for --help (0). */
 struct options options_read(int argc, char **argv);
 
 #endif

@@ -39,11 +39,11 @@ static double dot(vec u, vec v)
     return u.x * v.x + u.y * v.y + u.z * v.z;
 }
 
-/* Accelerations enter linearly: a_i = sum_j (d x_i / d q_j) ddq_j + the rest at ddq = 0. */
+/* A point mass. Its acceleration is linear in ddq: a = sum_j (d x / d q_j) ddq_j + a at ddq = 0. */
 struct point {
     double mass;
     vec along[3]; /* d x / d q_j, m/rad */
-    vec left;     /* m/s^2 */
+    vec left;     /* a at ddq = 0, m/s^2 */
 };
 
 static void solve3(double A[3][4], double x[3])
@@ -65,7 +65,7 @@ static void solve3(double A[3][4], double x[3])
 
 void plant_acceleration(const double q[3], const double dq[3], const double V[2], double ddq[3])
 {
-    /* The frame that turns with yaw, its x axis below the arm. Nothing depends on psi. */
+    /* Vectors in the frame that turns with yaw, x axis below the arm. Nothing depends on psi. */
     const double cr = cos(q[ROLL]), sr = sin(q[ROLL]);
     const double cp = cos(q[PITCH]), sp = sin(q[PITCH]);
     const vec z = {0, 0, 1}, t = {0, 1, 0};

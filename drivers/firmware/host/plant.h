@@ -1,4 +1,4 @@
-/* The bench: a 3-DOF helicopter as three point masses on a bar on an arm, by Newton and Euler
+/* The plant: a 3-DOF helicopter as three point masses on a bar on an arm, by Newton and Euler
  * with Kane's projection, no small angles.
  *
  *     roll r: the arm, up +       pitch p: the body, front up +      yaw psi: the arm, CCW +
@@ -23,13 +23,13 @@ struct plant {
     double t_s;
 };
 
-/* At rest on the table. */
+/* Sets the plant at rest on the table. */
 void plant_start(struct plant *plant, double t_s);
 
 /* Integrates until t_s under constant voltages (V: front, back). */
 void plant_advance(struct plant *plant, double t_s, const double V[2]);
 
-/* Angular accelerations, rad/s^2. */
+/* Writes the angular accelerations, rad/s^2, to ddq. */
 void plant_acceleration(const double q[3], const double dq[3], const double V[2], double ddq[3]);
 
 #endif

@@ -6,10 +6,11 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Opens it; the file descriptor of the board's end, or -1 with errno. `path` gets the host's end. */
+/* Opens a PTY; returns the file descriptor of the board's end, or -1 with errno. Writes the path of
+ * the host's end to `path`, which has `room` bytes. */
 int pty_open(char *path, size_t room);
 
-/* The number of bytes; 0 where there are none, or no room. */
+/* Both return the number of bytes; 0 where there are none, or no room. */
 size_t pty_read(int fd, uint8_t *bytes, size_t room);
 size_t pty_write(int fd, const uint8_t *bytes, size_t n);
 

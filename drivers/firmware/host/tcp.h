@@ -6,14 +6,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Listens on 127.0.0.1 (port 0: any free one); the file descriptor, or -1 with errno. `name`
- * gets "socket://127.0.0.1:PORT". */
+/* Listens on 127.0.0.1 (port 0: any free one); returns the file descriptor, or -1 with errno.
+ * Writes "socket://127.0.0.1:PORT" to `name`. */
 int tcp_listen(uint16_t port, char *name, size_t room);
 
-/* A new host's connection, or -1. */
+/* Returns the file descriptor of a new host's connection, or -1. */
 int tcp_accept(int listener);
 
-/* The number of bytes; 0 where there are none. Closes `*fd` and sets it to -1 for a host that left. */
+/* Returns the number of bytes read. Closes `*fd` and sets it to -1 for a host that left. */
 size_t tcp_read(int *fd, uint8_t *bytes, size_t room);
 
 #endif

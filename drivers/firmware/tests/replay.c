@@ -1,4 +1,4 @@
-/* The core on a virtual clock: `heli3dof-replay` reads lines
+/* Runs the core on a virtual clock: `heli3dof-replay` reads lines
  *
  *     100 > 0401010701…   these bytes arrive at 100 us
  *     900 .               the clock advances to 900 us
@@ -111,7 +111,7 @@ int main(int argc, char **argv)
         if (sscanf(line, "%" SCNu64 " %n", &now_us, &used) < 1)
             continue;
         const char *rest = line + used;
-        if (*rest == '!') { /* held up until now: nothing was done meanwhile */
+        if (*rest == '!') { /* the device paused until now */
             device_tick(&device, now_us);
             print_answers(now_us);
             continue;

@@ -1,5 +1,5 @@
-/* Cases that the golden transcripts do not cover: counting, COBS, faults, lost time, the plant.
- * Prints each statement; the first that is false ends the program. */
+/* Tests what the golden transcripts do not cover: counting, COBS, faults, lost time, the plant.
+ * Prints each test's name; the first that fails ends the program. */
 #include <assert.h>
 #include <math.h>
 #include <stdio.h>
@@ -254,7 +254,7 @@ static void the_devices_own_frames_coming_back_are_not_answered(void)
 
 /* ---- the bench plant --------------------------------------------------------------------- */
 
-/* By hand: point masses 1.87 kg at 0.4699 m and 1.15 kg at 0.6604 m; the bar adds 0.03635. */
+/* Inertias by hand: point masses 1.87 kg at 0.4699 m, 1.15 kg at 0.6604 m; bar 0.03635 kg m^2. */
 static void at_hover_the_plant_is_the_papers(void)
 {
     const double zero[3] = {0, 0, 0}, tilt[3] = {0, 1e-6, 0};

@@ -1,15 +1,16 @@
-"""AeroID: output error and filter error on the rigid body of `rigid`, ten parameters.
+"""Adapter of AeroID: output error and filter error on the rigid body of `rigid`, ten parameters.
 
-Manual: AeroID's README and the docstrings of ``identify`` and ``filter_states``.
+Settings, by AeroID's README and the docstrings of ``identify`` and ``filter_states``:
+
 - ``output_error``: weights are "inverse measurement noise standard deviations": the encoders'.
-  The bench starts it at the *true* parameters: from the start values of the other tools it
-  converged to another minimum, with half of the parameters off by more than 100 %, which would
+  It starts at the *true* parameters. From the start values of the other tools it converged to
+  another minimum, with half of the parameters off by more than 100 %; the benchmark would then
   measure the search and not the criterion.
 - ``filter_error``: process noise as continuous power spectral density, measurement noise as
-  variance. It needs both; the bench passes the *true* values, which no user knows. Its ``sigma2``,
+  variance. It needs both and gets the *true* values, which no user knows. Its ``sigma2``,
   near 1 if they are right, is part of the reported setting.
-- controls are interpolated linearly between samples, so it gets the mean voltage *around* each
-  sample. Every 20 ms: at 2 ms both methods would take ten times as long.
+- Both: AeroID interpolates controls linearly between samples, so it gets the mean voltage *around*
+  each sample. The samples are 20 ms apart: at 2 ms both methods would take ten times as long.
 """
 
 from __future__ import annotations
@@ -69,7 +70,7 @@ def main(method: str, task_file: str, found_file: str) -> None:
 
 
 def noise(method: str, task: Task) -> dict[str, object]:
-    """The noise arguments of ``identify``, by method."""
+    """Returns the noise arguments of ``identify`` for this method."""
     encoder = task.rad_per_count**2 / 12  # variance of rounding to a count
     if method == "output_error":
         return {"weights": dict(zip(OUTPUTS, encoder**-0.5, strict=True))}

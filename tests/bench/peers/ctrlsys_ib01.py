@@ -1,11 +1,12 @@
-"""ctrlsys: SLICOT's IB01AD and IB01BD, MOESP for A and C, N4SID for B and D, black box.
+"""Adapter of ctrlsys (SLICOT's IB01AD, IB01BD), a black box: MOESP for A, C, N4SID for B, D.
 
-Manual: SLICOT's pages of IB01AD, IB01BD. The combined method ('C' in IB01BD, so 'M' in IB01AD) is
-the one of their own example program and of SLICOT's moen4; NOBR must exceed the order, eight for
-the rig, and is left at 2 N, the default of the interfaces to these routines; 'C', the Cholesky
-algorithm, is the fast default. 'C' of JOBCK asks for the covariances, from which the gain follows
-by the same Riccati equation: when it computes the gain itself, version 1.1.1 corrupts its heap at
-these sizes.
+Settings, by SLICOT's pages of IB01AD and IB01BD:
+
+- the combined method ('C' in IB01BD, so 'M' in IB01AD), as in their example program and in moen4
+- NOBR, the block rows, must exceed the order N, eight for the rig; 2 N is the interfaces' default
+- 'C', the Cholesky algorithm, is the fast default
+- JOBCK 'C' requests the covariances; the Kalman gain then follows by the same Riccati equation.
+  Where it computes the gain itself, version 1.1.1 corrupts its heap at these sizes.
 """
 
 from __future__ import annotations

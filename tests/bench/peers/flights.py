@@ -1,8 +1,8 @@
-"""The rig with known parameters, and its flights.
+"""Flies the rig of the comparison, an emulated one with known parameters.
 
-The emulated rig is not the one that its profile describes: masses, thrust gain and hover voltage
-are off by 5 or 6 %, as on a real bench, so that no fit starts at the true values. It hides the
-effects of `HIDE`; the rest is `heli3dof_drivers.emulator`.
+It differs from the default profile, which the tools know: masses, thrust gain and hover voltage are
+off by 5 or 6 %, as on a real rig, so that no fit starts at the true values. It also has the effects
+of `HIDE`; the rest is `heli3dof_drivers.emulator`.
 """
 
 from __future__ import annotations
@@ -30,14 +30,15 @@ HIDDEN = {
 HIDE = ",".join(f"{name}:{value:g}" for name, value in HIDDEN.items())
 OFF_NOMINAL = {"m_w": 1.05, "m_f": 0.94, "m_b": 0.94, "K_f": 1.06, "V_o": 0.95}
 GUESS = {"k_r": 0.5, "k_p": 0.02, "c_r": 0.1, "c_p": 0.005, "c_y": 0.05, "tau_m": 0.05}
-"""Start values of physical fits for parameters that the profile lacks: off by a factor of two."""
+"""Start values of physical fits for parameters that the profile lacks: off by a factor of two"""
 NOISE_NM = (0.035, 0.0035, 0.015)
-"""N·m, mock.md: the random torques' standard deviation; correlated over `CORRELATION_S`."""
+"""N·m, standard deviation of the random torques on roll, pitch, yaw (docs/reference/mock.md)"""
 CORRELATION_S = 0.01
+"""s, their correlation time"""
 
 
 def rig_profile() -> dict[str, Any]:
-    """The true rig, as a profile's nested dict."""
+    """Returns the profile of the true rig, as a nested dict."""
     data = copy.deepcopy({k: v for k, v in TABLE_I.items() if k != "controller"})
     for section in ("mass", "motor"):
         for key, value in data[section].items():
@@ -46,7 +47,7 @@ def rig_profile() -> dict[str, Any]:
 
 
 def physics_of(profile: Profile) -> dict[str, float]:
-    """The inertias (kg·m²) and the gravity torque (N·m) of a profile, from its point masses."""
+    """Returns a profile's inertias (kg·m², of point masses) and gravity torque T_g (N·m)."""
     g, m = profile.geometry, profile.mass
     J_p = (m.m_f + m.m_b) * g.L_h**2
     J_r = m.m_w * g.L_w**2 + (m.m_f + m.m_b) * g.L_a**2
@@ -55,19 +56,22 @@ def physics_of(profile: Profile) -> dict[str, float]:
 
 
 def nominal() -> np.ndarray:
-    """In the order of `rigid.NAMES`: the start values of a physical fit."""
+    """Returns the start values of a physical fit, in the order of `rigid.NAMES`."""
     start = {**physics_of(default_profile()), **GUESS}
     return np.array([start[name] for name in rigid.NAMES])
 
 
 def known() -> np.ndarray:
-    """In the order of `rigid.KNOWN`, of the nominal profile."""
+    """Returns the known constants of the nominal profile, in the order of `rigid.KNOWN`."""
     p = default_profile()
     return np.array([p.geometry.L_a, p.geometry.L_h, p.motor.K_f])
 
 
 def truth() -> np.ndarray:
-    """In the order of `rigid.NAMES`: torques and inertias on the scale where K_f is nominal."""
+    """Returns the true parameters in the order of `rigid.NAMES`, scaled so that K_f is nominal.
+
+    Voltages and angles determine torques and inertias only relative to K_f.
+    """
     rig = profile_from_dict(rig_profile(), source="the bench's rig")
     scale = default_profile().motor.K_f / rig.motor.K_f
     torques = {
@@ -82,14 +86,14 @@ def truth() -> np.ndarray:
 
 
 def acceleration_noise() -> np.ndarray:
-    """(3,) rad/s² per √Hz, two-sided: σ √(2 τ_c) / J of the true rig."""
+    """Returns σ √(2 τ_c) / J of the true rig, (3,) rad/s² per √Hz, two-sided."""
     J = physics_of(profile_from_dict(rig_profile(), source="the bench's rig"))
     inertia = np.array([J["J_r"], J["J_p"], J["J_y"]])
     return np.asarray(np.array(NOISE_NM) * np.sqrt(2 * CORRELATION_S) / inertia)
 
 
 def fly(plan: str, seed: int, folder: Path, *, noise: float = 1.0) -> Recording:
-    """A flight from level, kept as an MCAP file of its own in ``folder``."""
+    """Fly a plan from level; returns the recording, an MCAP file in ``folder``."""
     rig = folder / "rig.toml"
     if not rig.exists():
         rig.write_text(_toml(rig_profile()), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The two files between the bench and a peer: the task and the model.
+"""Writes and reads the two files between the benchmark and a peer: the task and the model.
 
 ``kind`` is one of four forms of a model:
 
@@ -10,7 +10,7 @@
 ``physical``     `rigid.NAMES` with values and standard deviations (NaN where the peer has none)
 
 Every model comes with the CPU time of the fit alone (no import, no reading), the peak memory of
-the fitting process, and the setting.
+the fitting process, and the tool's setting as text.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ PROC_STATUS = Path("/proc/self/status")
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """One unbroken flight from rest, N samples, and the known numbers of the rig."""
+    """One uninterrupted flight from rest, N samples, and the known numbers of the rig."""
 
     t: np.ndarray
     """(N,) s"""
     voltage: np.ndarray
-    """(N, 2) V, held from k to k + 1."""
+    """(N, 2) V; row k is held from sample k to k + 1"""
     angle: np.ndarray
-    """(N, 3) rad, measured before voltage k acts."""
+    """(N, 3) rad; row k is measured before voltage k acts"""
     nominal: np.ndarray
     """(len(rigid.NAMES),): start values of physical fits, in the order of `rigid.NAMES`."""
     known: np.ndarray
@@ -49,7 +49,7 @@ class Task:
 
     @property
     def dt(self) -> float:
-        """s"""
+        """The sample period in s."""
         return float(np.median(np.diff(self.t)))
 
 
@@ -64,7 +64,7 @@ def read_task(path: Path) -> Task:
 
 @dataclass
 class Meter:
-    """CPU time and peak memory of a fit in this process."""
+    """Measures CPU time and peak memory of a fit in this process."""
 
     cpu_s: float = np.nan
     peak_MB: float = np.nan
@@ -78,9 +78,10 @@ class Meter:
 
 
 def peak_MB(status: str = "") -> float:
-    """The process's own peak from /proc/self/status; NaN where there is none (not Linux).
+    """Returns this process's peak memory by /proc/self/status; NaN if that is missing (not Linux).
 
-    getrusage is not suitable: a child starts with the peak of its parent.
+    getrusage is not suitable: a child starts with the peak of its parent. ``status``: the file's
+    text, for tests.
     """
     if not status and PROC_STATUS.exists():
         status = PROC_STATUS.read_text(encoding="ascii")
@@ -102,13 +103,16 @@ class Found:
 def write_linear(
     path: Path, meter: Meter, setting: str, *, interval_s: float = 0.0, **arrays: Any
 ) -> None:
-    """A, B, C and, where there are, D, K, S, u0, y0, c; continuous where interval_s is 0."""
+    """Write A, B, C and, if present, D, K, S, u0, y0, c; ``interval_s`` 0: a continuous model."""
     kind = "discrete" if interval_s else "continuous"
     _write(path, kind, meter, setting, interval_s=interval_s, **arrays)
 
 
 def write_exact(path: Path, meter: Meter, setting: str, **arrays: Any) -> None:
-    """A, B, C, K, S, u0, y0 of a `LinearModel`, and poles (n, 4: re, im, std re, std im; 1/s)."""
+    """Write A, B, C, K, S, u0, y0 of a `LinearModel`, and its poles.
+
+    The poles are (n, 4) in 1/s: real part, imaginary part, and their standard deviations.
+    """
     _write(path, "exact", meter, setting, **arrays)
 
 
@@ -120,7 +124,10 @@ def write_physical(
     stds: np.ndarray,
     model_file: str = "",
 ) -> None:
-    """``model_file``: a heli3dof model with more than the ten numbers, used for the replay."""
+    """Write the ten parameters of `rigid.NAMES` with their standard deviations.
+
+    ``model_file``: a heli3dof model with further parameters, used for the replay instead.
+    """
     more = {"model_file": model_file} if model_file else {}
     _write(path, "physical", meter, setting, values=values, stds=stds, **more)
 

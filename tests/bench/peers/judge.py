@@ -1,15 +1,15 @@
 """Scores every fit in the same way: replayed loops, one step, poles, parameters, coverage.
 
 - *replay*: fit % per axis of the simulated closed loop with the references of held-out flights;
-- *one step*: fit % of predictions 40 ms ahead on the same flights, the lowest axis. Near 100 for
-  any model, which the table shows for comparison;
-- *poles*: those of the model about level hover, each true pole paired with one of the model's so
+- *one step*: fit % of predictions 40 ms ahead on the same flights, the lowest axis. It is near 100
+  for every model, and shown only for comparison;
+- *poles*: the model's poles s about level hover. Each true pole ŝ is paired with one of them so
   that the sum of |s − ŝ| / (|s| + |ŝ| + 0.1 rad/s) is least. The *rotor* column is the mean error
-  of the two at −1/τ in % (of one where the model has only one); the *body* column is the RMS
-  distance of the other five but the yaw integrator, in rad/s; its own from zero is *drift*, rad/s;
+  of the two at −1/τ in % (of one where the model has only one). *Body* is the RMS distance in rad/s
+  of the five others without the yaw integrator, *drift* that integrator's distance from zero;
 - *parameters*: median of |error| in % over the ten of `rigid.NAMES`;
 - *coverage*: number of 95 % intervals that contain the true value: of the ten parameters if a
-  fit has them, else of the poles' real and imaginary parts.
+  fit has them, else of the real and imaginary parts of its poles.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from tests.bench.peers.rigid_model import RigidModel
 ONE_STEP_S = 0.04
 NORMAL_95 = 1.959964
 SLOW_RAD_S = 0.1
-"""rad/s: poles slower than this count as equal."""
+"""rad/s, the constant in the pairing of poles: differences far below it do not matter"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,7 @@ class Verdict:
 
 
 def judge(found: Found, truth: np.ndarray, known: np.ndarray, held_out: Prepared) -> Verdict:
-    """A peer's model, or a `RigidModel` of ours, on held-out flights."""
+    """Returns the scores of a fit ``found`` on held-out flights."""
     try:
         linear = linear_model(found, known, held_out.dt)
     except NoContinuousModel:
@@ -82,17 +82,17 @@ def judge(found: Found, truth: np.ndarray, known: np.ndarray, held_out: Prepared
 
 
 def flights(recordings: list[Recording]) -> Prepared:
-    """Held-out flights, ready for `judge`."""
+    """Returns held-out flights as `judge` takes them."""
     return prepare(recordings, held_out=recordings)
 
 
 def replay_fit(model: object, held_out: Prepared) -> np.ndarray:
-    """(3,) %, pooled over the flights."""
+    """Returns the (3,) replay fit in %, pooled over the flights."""
     return validation.score(validation.replays(model, held_out, held_out.held_out)).fit_percent  # type: ignore[arg-type]
 
 
 def replay_of(quiet: list[Recording], held_out: Prepared) -> np.ndarray:
-    """(3,) %, the replay fit of the true rig itself: its flights without noise."""
+    """Returns the (3,) replay fit in % of the true rig itself: of its flights without noise."""
     pairs = []
     for run in held_out.held_out:
         rows = slice(run.start, run.stop)
@@ -106,14 +106,14 @@ def replay_of(quiet: list[Recording], held_out: Prepared) -> np.ndarray:
 
 
 def one_step_fit(model: Model, held_out: Prepared) -> float:
-    """%, the lowest axis."""
+    """Returns the *one step* score in %, that of the lowest axis."""
     with np.errstate(over="ignore", invalid="ignore"):
         pairs = validation.predictions(model, held_out, held_out.held_out, ONE_STEP_S)
     return float(validation.score(pairs).fit_percent.min())
 
 
 def linear_model(found: Found, known: np.ndarray, dt: float) -> LinearModel:
-    """The fit at the control rate; a physical one about level hover.
+    """Returns the fit as a linear model at the control rate; a physical one about level hover.
 
     Raises NoContinuousModel where a discrete fit has a mode that no continuous one has.
     """
@@ -123,7 +123,7 @@ def linear_model(found: Found, known: np.ndarray, dt: float) -> LinearModel:
         V_h = a["values"][3] / (2 * known[0] * known[2])
         return _model(found, A, B, np.eye(3, 8), np.full(2, V_h), np.zeros(3), dt)
     if found.kind == "continuous":
-        # ẋ = A (x − x0) + B (u − u0): the smallest trims equivalent to the constant c
+        # ẋ = A (x − x0) + B (u − u0): the smallest x0, u0 equivalent to the constant c
         A, B = a["A"], a["B"]
         trim = -np.linalg.lstsq(np.hstack([A, B * 20.0]), a["c"], rcond=1e-6)[0]
         n = len(A)
@@ -138,7 +138,7 @@ def linear_model(found: Found, known: np.ndarray, dt: float) -> LinearModel:
     fast = at_rate(
         StateSpace(a["A"], a["B"], a["C"], a["K"], np.zeros(3), a["S"]), float(a["interval_s"]), dt
     )
-    # A feedthrough acts one control period later, the earliest time in a sampled loop.
+    # A feedthrough D acts one control period later, the earliest time in a sampled loop.
     n = fast.order
     A = np.zeros((n + 2, n + 2))
     A[:n, :n] = fast.A
@@ -160,16 +160,16 @@ def _model(
 
 
 def true_poles(truth: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """(8,) rad/s: the two rotors first, the yaw integrator last, the body's between."""
+    """Returns the true poles (8,) in rad/s: two rotors, five of the body, the yaw integrator."""
     s = np.linalg.eigvals(rigid.linearised(truth, known)[0]).astype(complex)
     return s[np.argsort(-np.abs(s))]
 
 
 def paired(own: np.ndarray, true: np.ndarray) -> np.ndarray:
-    """(8,) the model's pole for each true one; NaN where it has too few."""
+    """Returns the model's pole for each of the 8 true ones; NaN where it has too few."""
     from scipy.optimize import linear_sum_assignment
 
-    # Between 0 and 1 for any pair: one missing pole does not change the pairs of the others.
+    # The cost is between 0 and 1, so a missing pole does not change the pairs of the others.
     size = np.abs(own[None, :]) + np.abs(true[:, None]) + SLOW_RAD_S
     rows, columns = linear_sum_assignment(np.abs(own[None, :] - true[:, None]) / size)
     out = np.full(len(true), np.nan, dtype=complex)
@@ -178,7 +178,7 @@ def paired(own: np.ndarray, true: np.ndarray) -> np.ndarray:
 
 
 def pole_errors(own: np.ndarray, true: np.ndarray) -> tuple[float, float, float]:
-    """(rotor %, body rad/s, drift rad/s) of a model's poles (rad/s)."""
+    """Returns the columns *rotor* (%), *body* and *drift* (rad/s) for a model's poles (rad/s)."""
     near = paired(own, true)
     off = np.abs(near - true)
     rotor = off[:2] / np.abs(true[:2])
@@ -192,7 +192,10 @@ def pole_errors(own: np.ndarray, true: np.ndarray) -> tuple[float, float, float]
 
 
 def poles_covered(poles: np.ndarray, true: np.ndarray) -> tuple[int, int]:
-    """Of poles (n, 4: re, im, std re, std im; rad/s), intervals that hold their true pole."""
+    """Returns how many intervals contain their true value, and the number of intervals.
+
+    ``poles``: (n, 4) in rad/s: real part, imaginary part, and their standard deviations.
+    """
     own = poles[:, 0] + 1j * poles[:, 1]
     held_, total = 0, 0
     for value, target in zip(paired(own, true), true, strict=True):

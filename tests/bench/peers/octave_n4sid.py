@@ -1,8 +1,8 @@
-"""Octave's control package: ``n4sid``, black box. Needs ``octave`` with ``octave-control``.
+"""Adapter of ``n4sid`` in Octave's control package, a black box. Needs ``octave-control``.
 
-Manual: ``help n4sid`` of the control package. It recommends: give the order N if known (here
-the rig's eight states), leave S at its default for that N (16); Cholesky ('alg' 'C') is the
-default; INFO.K and INFO.Ry make the predictor. Means are subtracted first.
+Settings, as ``help n4sid`` recommends: the order N if known (here the rig's eight states), S (block
+rows) at its default for that N (16), 'alg' at its default 'C' (Cholesky). INFO.K and INFO.Ry give
+the predictor. Means are subtracted first.
 """
 
 from __future__ import annotations

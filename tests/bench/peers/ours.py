@@ -1,10 +1,13 @@
-"""heli3dof's methods, each in its own process like the other tools.
+"""Runs heli3dof's methods, each in its own process like the other tools.
 
-``python -m tests.bench.peers.ours METHOD FLIGHT.mcap HELD_OUT.mcap FOUND.npz``. The time is that
-of the fit, as it is for the others: of a black box `identify` as a whole, whose choice of order
-and interval is part of it; of the grey box `fit_greybox`, from the recording to intervals and
-bounds, without the scores on held-out data that `identify` adds. Machine code is compiled before
-(the bench runs every method once without measuring it).
+``python -m tests.bench.peers.ours METHOD FLIGHT.mcap HELD_OUT.mcap FOUND.npz``. The measured time
+is that of the fit, as for the others:
+
+- black box: the whole of `identify`, because it selects the order and the sample interval
+- grey box: `fit_greybox`, from the recording to intervals and bounds, without the scores on
+  held-out data that `identify` adds
+
+Machine code is compiled before: the benchmark first runs every method once without measuring.
 """
 
 from __future__ import annotations
@@ -33,7 +36,7 @@ PHYSICAL = dict(
         strict=True,
     )
 )  # fmt: skip
-"""The grey box's names of the ten parameters; K_f is fixed at its nominal value there, too."""
+"""The grey box's names of the ten parameters; it also fixes K_f at its nominal value"""
 
 
 def main(method: str, flight_file: str, held_out_file: str, found_file: str) -> None:
@@ -73,9 +76,10 @@ def main(method: str, flight_file: str, held_out_file: str, found_file: str) -> 
 def ten_parameters(
     document: Mapping[str, Any] | Sequence[Mapping[str, Any]],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(values, stds), each (10,), of ``parameters`` in ``identify --json``, by name or as a list.
+    """Returns (values, standard deviations), each (10,), in the order of `rigid.NAMES`.
 
-    A parameter that the fit excluded is zero, as in the model; one without std has NaN.
+    ``document``: ``parameters`` of ``identify --json``, a mapping by name or a list. A parameter
+    that the fit excluded is zero, as in the model; a missing standard deviation is NaN.
     """
     if not isinstance(document, Mapping):
         document = {str(p.get("parameter", p.get("name"))): p for p in document}

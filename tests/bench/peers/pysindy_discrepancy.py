@@ -1,4 +1,4 @@
-"""PySINDy's discrepancy recipe: sparse regression of the nominal model's acceleration errors.
+"""Adapter of PySINDy's discrepancy recipe: sparse regression of a model's acceleration errors.
 
 Kaheman, Kaiser, Strom, Kutz and Brunton, "Learning discrepancy models from experimental data"
 (2019): the residual between measured accelerations and the known model's is regressed on a
@@ -6,20 +6,20 @@ library of candidate functions by STLSQ. Here in torques, so that one column is 
 
     S J_i (q̈_i − q̈_i,nominal) = Σ_j θ_ij S φ_ij(q, q̇, V)            i = roll, pitch, yaw
 
-S is a Savitzky–Golay filter, twice, as the manual's "Practical tips" smooth noisy data before they
+S is a Savitzky–Golay filter, twice: the manual's "Practical tips" smooth noisy data before they
 are differenced (`SmoothedFiniteDifference`: once for rates, once more for accelerations). The same
-S acts on the right-hand side, so that it cancels. Columns have norm 1, alpha is the manual's, and
-the threshold is scanned: the sparsest model within a standard error of the best in
+S acts on the right-hand side, so its effect on both is equal. Columns have norm 1, and alpha is the
+manual's. The threshold is scanned: the sparsest model within a standard error of the best in
 cross-validation over blocks of time.
 
 The adapter helps the recipe in five ways:
 
-- the base is refitted with every candidate, and a base parameter beyond the profile's tolerance is
-  a finding
+- the base (thrust gain and gravity, `BASE`) is refitted with every candidate; a base parameter
+  beyond the profile's tolerance is reported
 - a column whose coefficient has an impossible sign is removed
 - lost samples are interpolated
 - nearly proportional columns count as confounded (`pysindy_library`)
-- the window and the smallest share were chosen on flights with known effects (seeds from 1000 on)
+- the filter's window and `LEAST` were chosen on flights with known effects (seeds from 1000 on)
 """
 
 from __future__ import annotations
@@ -50,21 +50,21 @@ RATE_WINDOW_S = 0.1
 EVERY = 10
 EDGE_S = 1.0
 THRESHOLDS = np.geomspace(0.01, 0.6, 18)
-"""Of coefficients of normalised columns for a normalised target: its standard deviation's share."""
+"""Scanned thresholds of STLSQ: smallest coefficient, with target and columns scaled to norm 1"""
 ALPHA = 0.05
 BLOCKS = 5
 TOLERANCE, SURE = 0.15, 3.0
 LEAST = 0.45
-"""Of a target's norm. Without it plain `run-step` flights with nothing hidden name a lag in 7 of 8
-(shares up to 0.41; 0 of 12 rich ones and 0 of 8 steps name anything; seeds from 1000 on)."""
+"""Smallest share of the target's norm that a reported effect must have. Without it 7 of 8
+`run-step` flights with no effect name a lag (shares up to 0.41; none of 12 rich ones, 8 steps)."""
 INSIDE = 1e-3
-"""A column with a smaller share outside the base's span is confounded with the base."""
+"""A column with a smaller share of its norm outside the base's span is confounded with the base"""
 
 Finding = dict[str, Any]
 
 
 def even(task: Task) -> Task:
-    """On an even clock: lost and late samples interpolated, voltages held."""
+    """Returns the task on an even clock: lost and late samples interpolated, voltages held."""
     t = np.arange(task.t[0], task.t[-1], task.dt)
     angle = np.column_stack([np.interp(t, task.t, a) for a in task.angle.T])
     held = np.searchsorted(task.t, t + 1e-9, side="right") - 1
@@ -86,7 +86,7 @@ def odd(window_s: float, t: np.ndarray) -> int:
 
 
 def smoothed(x: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """S, and then the rows that are kept."""
+    """Returns S x, x smoothed twice, on the rows of `kept`."""
     from scipy.signal import savgol_filter
 
     for _ in range(2):
@@ -95,17 +95,18 @@ def smoothed(x: np.ndarray, t: np.ndarray) -> np.ndarray:
 
 
 def kept(x: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Returns every `EVERY`-th row, without `EDGE_S` at both ends."""
     edge = round(EDGE_S / float(t[1] - t[0]))
     return np.asarray(x[edge:-edge:EVERY])
 
 
 def regression(task: Task) -> list[tuple[np.ndarray, dict[str, np.ndarray]]]:
-    """For each axis the torque that the nominal model lacks, and the library: N·m."""
+    """Returns for each axis the torque that the nominal model lacks, and the library's, in N·m."""
     task = even(task)
     t, q = task.t, task.angle
     w = difference(q, t, RATE_WINDOW_S)
     a = kept(difference(difference(q, t, WINDOW_S), t, WINDOW_S), t)
-    # Held from k to k + 1: at sample k half of it is the one before.
+    # Voltage k is held from k to k + 1: around sample k, half of it is the one before.
     V = 0.5 * (task.voltage + np.vstack([task.voltage[:1], task.voltage[:-1]]))
     lack = a - smoothed(accelerations(q, w, V, task), t)
     J = [known(task)[name] for name in ("J_r", "J_p", "J_y")]
@@ -118,7 +119,7 @@ def regression(task: Task) -> list[tuple[np.ndarray, dict[str, np.ndarray]]]:
 def orthogonal_to_base(
     y: np.ndarray, library: Mapping[str, np.ndarray]
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Target and candidates, orthogonal to the base."""
+    """Returns target and candidates without their components in the span of the base."""
     Q, _ = np.linalg.qr(np.column_stack([library[name] for name in BASE if name in library]))
     rest = {}
     for name, x in library.items():
@@ -131,7 +132,10 @@ def orthogonal_to_base(
 def refits(
     y: np.ndarray, library: Mapping[str, np.ndarray], found: Collection[str]
 ) -> list[dict[str, float]]:
-    """The base's coefficients, fitted with the findings: on all rows, then without each block."""
+    """Returns the base's coefficients, fitted with the effects found.
+
+    The first are those of all rows, the others those without one block of time each (jackknife).
+    """
     names = [name for name in library if name in BASE or name in found]
     X = np.column_stack([library[name] for name in names])
     rows = np.arange(len(y))
@@ -140,7 +144,7 @@ def refits(
 
 
 def unit(x: np.ndarray) -> np.ndarray:
-    """Norm 1: a coefficient is the share of the target that its column explains alone."""
+    """Returns x scaled to norm 1, so that a coefficient is its column's share of the target."""
     return np.asarray(x / np.linalg.norm(x, axis=0))
 
 
@@ -155,7 +159,10 @@ def stlsq(X: np.ndarray, y: np.ndarray, threshold: float) -> np.ndarray:
 
 
 def scanned(X: np.ndarray, y: np.ndarray) -> float:
-    """The sparsest model within a standard error of the best, in cross-validation over time."""
+    """Returns the threshold of the sparsest model within a standard error of the best.
+
+    The errors are those of cross-validation over blocks of time.
+    """
     errors = []
     for held in np.array_split(np.arange(len(y)), BLOCKS):
         rest = np.setdiff1d(np.arange(len(y)), held)
@@ -168,7 +175,7 @@ def scanned(X: np.ndarray, y: np.ndarray) -> float:
 
 
 def sparse(y: np.ndarray, library: Mapping[str, np.ndarray]) -> dict[str, tuple[float, float]]:
-    """Name → coefficient (N·m per unit) and its share of the target.
+    """Returns name → coefficient (N·m per unit) and its share of the target.
 
     Columns with an impossible sign are removed from the library, and the rest is refitted.
     """
@@ -190,10 +197,10 @@ def sparse(y: np.ndarray, library: Mapping[str, np.ndarray]) -> dict[str, tuple[
 
 
 def ratios(refit: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """K_f, inertias and T_g to nominal, from the three axes' base coefficients.
+    """Returns K_f, inertias and T_g over their nominal values, from the base coefficients.
 
-    1 + gain_i = (K_f/K_f,0)(J_i,0/J_i), 1 + gravity = (T_g/T_g,0)(J_r,0/J_r): K_f is the
-    median over the three inertias.
+    With index 0 for nominal values, 1 + gain_i = (K_f/K_f,0)(J_i,0/J_i) for axis i and
+    1 + gravity = (T_g/T_g,0)(J_r,0/J_r); K_f is the median over the three axes.
     """
     gain = np.array([1 + axis["base.gain"] for axis in refit])
     K = float(np.median(gain))
@@ -203,7 +210,7 @@ def ratios(refit: Sequence[Mapping[str, float]]) -> dict[str, float]:
 
 
 def calibrated(of_axes: Sequence[Sequence[Mapping[str, float]]]) -> list[Finding]:
-    """Base parameters off by more than the tolerance and `SURE` jackknife errors."""
+    """Returns base parameters off by more than the tolerance and `SURE` jackknife errors."""
     whole, *without = [ratios(refit) for refit in zip(*of_axes, strict=True)]
     out = []
     for name, ratio in whole.items():
@@ -228,7 +235,7 @@ def finding(name: str, value: float, strength: float) -> Finding:
 
 
 def discrepancy(task: Task) -> dict[str, object]:
-    """A document in the contract's form, with the entries that this recipe provides."""
+    """Returns the findings in the form of ``diagnose --json``, as far as this recipe has them."""
     base, strongest = [], dict[str, tuple[float, float]]()
     for y, library in regression(task):
         result = sparse(*orthogonal_to_base(y, library))

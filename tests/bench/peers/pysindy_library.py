@@ -1,7 +1,7 @@
-"""The library of PySINDy's discrepancy recipe: one column of torque for each candidate effect.
+"""Library for PySINDy's discrepancy recipe: one column of torque for each candidate effect.
 
-A column is the torque of an effect of one unit on an axis, N·m, from angles q = (r, p, ψ), rates
-and voltages, in rig.md's signs; F = K_f (V_f + V_b), D = K_f (V_f − V_b)::
+A column is the torque (N·m) on an axis of an effect of unit size, from angles q = (r, p, ψ), rates
+and voltages. Signs are those of rig.md; F = K_f (V_f + V_b), D = K_f (V_f − V_b). The base is::
 
     roll   L_a cos p F           − T_g cos r
     pitch  L_h D
@@ -11,7 +11,7 @@ A voltage change ΔV changes F and D, so it acts on all three axes. Nearly propo
 merged into one: lag and delay, dry friction and backlash, a pitch offset and the reaction torque.
 As separate columns they got large opposite coefficients on every flight. A thrust curve and a
 sagging supply are one column with opposite signs. Limits, mass changes, lost samples and periodic
-torques of unknown frequency have no column, because they are not functions of the state.
+torques of unknown frequency have no column: they are no function of the state with one coefficient.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from tests.bench.peers.interface import Task
 
 AXES = ("roll", "pitch", "yaw")
 BASE = ("base.gain", "base.gravity")
-"""Errors of the base: refitted with every candidate, and no finding within tolerance."""
+"""Columns for errors of the base: refitted with every candidate, reported only beyond tolerance"""
 LAG_S, STICK_RAD_S, HEIGHT_M, REST_RAD = 0.03, 0.02, 0.1, np.radians(-27.5)
 
 TIES = {
@@ -34,25 +34,25 @@ TIES = {
     "stiffness.pendulum.roll": ["encoder.offset.roll"],
     **{f"friction.coulomb.{axis}": [f"encoder.backlash.{axis}"] for axis in AXES},
 }
-"""Column → the other effects that it stands for."""
+"""Column → the other effects that it stands for"""
 NEGATIVE = {"motor.thrust_curve": "motor.supply_sag", "stiffness.pendulum.roll":
             "encoder.offset.roll"}  # fmt: skip
-"""Effect of a negative coefficient, if it differs from that of a positive one."""
+"""Column → the effect that a negative coefficient means, if it is another than a positive one's"""
 EITHER_SIGN = frozenset(
     {"bias.torque.pitch", "bias.torque.yaw", "motor.thrust_mismatch", "aero.reaction_torque",
      "aero.gyroscopic"} | set(NEGATIVE)
 )  # fmt: skip
-"""All others have a positive coefficient or none."""
+"""Columns whose coefficient may have either sign; those of all others must be positive"""
 
 
 def known(task: Task) -> dict[str, float]:
-    """The profile's numbers by name: `rigid.NAMES` and `rigid.KNOWN`."""
+    """Returns the profile's numbers by the names in `rigid.NAMES` and `rigid.KNOWN`."""
     names = (*rigid.NAMES, *rigid.KNOWN)
     return dict(zip(names, [*task.nominal.tolist(), *task.known.tolist()], strict=True))
 
 
 def accelerations(q: np.ndarray, w: np.ndarray, V: np.ndarray, task: Task) -> np.ndarray:
-    """(N, 3) rad/s² of the profile's rigid body without lag, friction or stiffness."""
+    """Returns (N, 3) rad/s² of the profile's rigid body without lag, friction or stiffness."""
     of = known(task)
     values = [of[n] if n in ("J_r", "J_p", "J_y", "T_g") else 0.0 for n in rigid.NAMES[:-1]]
     P = (*values, 1.0, *task.known.tolist())
@@ -67,7 +67,10 @@ def accelerations(q: np.ndarray, w: np.ndarray, V: np.ndarray, task: Task) -> np
 def columns(
     q: np.ndarray, w: np.ndarray, V: np.ndarray, task: Task
 ) -> tuple[dict[str, np.ndarray], ...]:
-    """For each axis, name → torque (N,). q, w (N, 3), V (N, 2), every ``task.dt``."""
+    """Returns for each axis name → torque (N,) in N·m.
+
+    q (N, 3) rad, w (N, 3) rad/s and V (N, 2) V are sampled every ``task.dt``.
+    """
     of = known(task)
     L_a, L_h, K_f, V_o = of["L_a"], of["L_h"], of["K_f"], of["T_g"] / (2 * of["L_a"] * of["K_f"])
     r, p, psi = q.T

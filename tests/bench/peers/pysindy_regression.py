@@ -1,9 +1,9 @@
-"""PySINDy: sparse regression of derivatives on a linear library, with control.
+"""Adapter of PySINDy: sparse regression of derivatives on a linear library, with control.
 
-Manual: PySINDy's "Practical tips" and the page on differentiation. Noisy measurements are smoothed
-before they are differenced (``SmoothedFiniteDifference``), the threshold of STLSQ lies below the
-smallest coefficient to keep, and prior knowledge determines the
-variables: angles and rates are the states, both voltages are controls.
+Settings, by PySINDy's "Practical tips" and its page on differentiation: noisy measurements are
+smoothed before they are differenced (``SmoothedFiniteDifference``), the threshold of STLSQ lies
+below the smallest coefficient to keep, and prior knowledge determines the variables. Here angles
+and rates are the states, both voltages are controls.
 
 Choices in its favour, from trials on seed 1: with accelerations as further states (for the rotor
 lag) the loops diverged; windows of 0.2 to 0.6 s and thresholds of 0 or 0.05 gave larger errors.

@@ -1,4 +1,4 @@
-"""The rig as physics for peers that fit a plant model: eight states, ten unknown numbers.
+"""Equations of motion for peers that fit a plant model: eight states, ten unknown parameters.
 
 Kinetic energy of an arm with inertias J_r, J_ψ and of a body that is a bar of inertia J_p about
 its middle, at the arm's end (angles of rig.md; the bar's rate has the components ω_a along the
@@ -12,10 +12,10 @@ arm and ω_n along the body's normal)::
     Q_ψ = −L_a cos r sin p F + L_h sin r D − c_ψ ψ̇
     τ_m Ḟ_i = K_f V_i − F_i
 
-Lagrange's equations in (r, p, ψ) are two linear equations for r̈ and ψ̈, and p̈ from them. The
-state holds f_i = F_i − T_g/(2 L_a), thrust away from hover, so that a flight from rest, level,
-starts at zero whatever T_g is. Voltages and angles do not determine the scale of torque: K_f stays
-at its nominal value, and all other parameters are relative to it.
+Lagrange's equations in (r, p, ψ) reduce to two linear equations for r̈ and ψ̈, which then give p̈.
+The state holds f_i = F_i − T_g/(2 L_a), the thrust minus that of hover, so that a flight from rest,
+level, starts at zero for every T_g. Voltages and angles do not determine the scale of torque: K_f
+stays at its nominal value, and all other parameters are relative to it.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ import math
 import numpy as np
 
 NAMES = ("J_r", "J_p", "J_y", "T_g", "k_r", "k_p", "c_r", "c_p", "c_y", "tau_m")
-"""kg·m² ×3, N·m ×3 (k: per sine of the angle), N·m·s/rad ×3, s."""
+"""Unknown parameters: J in kg·m², T_g and k (per sine of the angle) in N·m, c N·m·s/rad, tau_m s"""
 KNOWN = ("L_a", "L_h", "K_f")
-"""m, m, N/V."""
+"""Known constants in m, m, N/V"""
 STATES = ("r", "p", "y", "r_dot", "p_dot", "y_dot", "f_front", "f_back")
 
 
 def derivative(r, p, y, rd, pd, yd, f_f, f_b, v_f, v_b, P):  # type: ignore[no-untyped-def]
-    """(ṙ, ṗ, ψ̇, r̈, p̈, ψ̈, ḟ_f, ḟ_b); P is `NAMES` and then `KNOWN`, as plain floats.
+    """Returns (ṙ, ṗ, ψ̇, r̈, p̈, ψ̈, ḟ_f, ḟ_b); P is `NAMES` and then `KNOWN`, as plain floats.
 
-    y, the travel, is cyclic. Runs as it stands in Python and under numba.
+    Nothing depends on y, the yaw angle. The function runs both in Python and under numba.
     """
     J_r, J_p, J_y, T_g, k_r, k_p, c_r, c_p, c_y, tau, L_a, L_h, K_f = P
     sr, cr, sp, cp = math.sin(r), math.cos(r), math.sin(p), math.cos(p)
@@ -48,7 +48,7 @@ def derivative(r, p, y, rd, pd, yd, f_f, f_b, v_f, v_b, P):  # type: ignore[no-u
     # d(ω_a)/dt = p̈ + sin r ψ̈ + alpha,  d(ω_n)/dt = sin p r̈ + cos r cos p ψ̈ + beta
     alpha = cr * rd * yd
     beta = cp * pd * rd - sr * cp * rd * yd - cr * sp * pd * yd
-    # Row p gives J_p d(ω_a)/dt = X at once.
+    # The equation for p gives J_p d(ω_a)/dt = X directly.
     X = Q_p + J_p * w_n * (cp * rd - cr * sp * yd)
     dT_dr = -A * cr * sr * yd * yd + J_p * yd * (w_a * cr - w_n * sr * cp)
     R = Q_r + dT_dr - J_p * (w_n * cp * pd + sp * beta)
@@ -65,7 +65,10 @@ def derivative(r, p, y, rd, pd, yd, f_f, f_b, v_f, v_b, P):  # type: ignore[no-u
 
 
 def linearised(values: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A (8, 8), B (8, 2) of ẋ = A x + B (V − V_h) about level hover, by central differences."""
+    """Returns A (8, 8), B (8, 2) of ẋ = A x + B (V − V_h) about level hover (voltage V_h).
+
+    They are computed by central differences.
+    """
     P = (*map(float, values), *map(float, known))
     V_h = P[3] / (2 * P[10] * P[12])
     z0 = np.array([0.0] * 8 + [V_h, V_h])

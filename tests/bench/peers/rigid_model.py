@@ -1,7 +1,7 @@
-"""`RigidModel`: `rigid`'s equations in the contract's loop, to score physical fits.
+"""`RigidModel` simulates `rigid`'s equations in closed loop, to score physical fits.
 
-RK4 at a quarter of the control period under the held voltage. The peers' own simulators are not
-used, so that the same code scores every fit.
+It integrates by RK4 with a quarter of the control period under the held voltage. The peers' own
+simulators are not used, so that the same code scores every fit.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ SUBSTEPS = 4
 
 @dataclass(frozen=True, eq=False)
 class RigidModel:
-    """values in the order of `rigid.NAMES`, known in that of `rigid.KNOWN`."""
+    """A physical fit; ``values`` in the order of `rigid.NAMES`, ``known`` of `rigid.KNOWN`."""
 
     values: np.ndarray
     known: np.ndarray
 
     def fly(self, task: LoopTask) -> LoopResult:
-        """The loop from rest at ``task.angle0``, rotors at hover."""
+        """Simulate the loop from rest at ``task.angle0``, with the rotors at hover thrust."""
         N = len(task.reference)
         grid = np.zeros(3) if task.rad_per_count is None else np.abs(task.rad_per_count)
         p = parameters(task.controller, task.V_o, task.v_max, task.dt)

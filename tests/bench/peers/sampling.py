@@ -1,7 +1,7 @@
-"""Flights at a slower rate for the black boxes, without bias.
+"""Reduces the sample rate of flights without bias.
 
-Exact means of the held voltage over [k, k+1) and angles picked at k; picking the voltage as well
-would bias the rotor's lag by many standard deviations.
+The voltage is the exact mean of the held voltage over each new interval, the angle that at its
+start. A voltage sampled there too would bias the rotor's lag by many standard deviations.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 def held_means(
     voltage: np.ndarray, angle: np.ndarray, factor: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """u (M, 2) V, the mean over each ``factor`` samples; y (M, 3) rad, the first of each."""
+    """Returns u (M, 2) V, the mean of each ``factor`` samples, and y (M, 3) rad, their first."""
     M = len(voltage) // factor
     u = voltage[: M * factor].reshape(M, factor, 2).mean(axis=1)
     return u, angle[: M * factor : factor].copy()
@@ -21,9 +21,9 @@ def held_means(
 def node_means(
     voltage: np.ndarray, angle: np.ndarray, factor: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """For tools that interpolate linearly between samples: u is the mean *around* each instant.
+    """Returns u (M, 2) V and y (M, 3) rad for tools that interpolate linearly between samples.
 
-    (M, 2) V over [k − factor/2, k + factor/2) and (M, 3) rad; factor is even.
+    u is the mean *around* each instant k, over [k − factor/2, k + factor/2); factor is even.
     """
     half = factor // 2
     M = (len(voltage) - half) // factor

@@ -1,4 +1,4 @@
-"""The tools that are compared, and the process that runs each fit."""
+"""Lists the tools that are compared, and runs each fit in a process of its own."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ TIME_LIMIT_S = 2400
 KEPT = ROOT / "bench-out" / "peers"
 """Cache of slow fits, valid while flight and code are unchanged"""
 VALIDATION = ("multisine", 101)
-"""The hold-out flight of `identify`, so that the whole other flight is used for the fit"""
+"""Plan and seed of the hold-out flight for `identify`, which then fits the whole other flight"""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Tool:
         return self.module == "ours"
 
     def missing(self) -> str:
-        """The reason if it cannot run here, else an empty string."""
+        """Why the tool cannot run here, else an empty string."""
         if self.ours:
             known = self.arguments[0] in methods()
             return "" if known else f"heli3dof has no method {self.arguments[0]!r} yet"
@@ -72,7 +72,10 @@ TOOLS = (
 
 
 def prepare_task(plan: str, seed: int, folder: Path) -> None:
-    """Fly, keep the flight, and cut the tasks from its usable rows: one for each start."""
+    """Fly, store the flight, and write the tasks from its longest usable run.
+
+    There is one task for each set of start values: nominal and true.
+    """
     recording = flights.fly(plan, seed, folder)
     run = max(judge.flights([recording]).train, key=lambda r: r.stop - r.start)
     rows = recording.rows(slice(run.start, run.stop))
@@ -85,7 +88,10 @@ def prepare_task(plan: str, seed: int, folder: Path) -> None:
 
 
 def run(tool: Tool, plan: str, seed: int, folder: Path) -> Path:
-    """The fit in a process of its own. Raises CalledProcessError or TimeoutExpired."""
+    """Fit in a process of its own; returns the model's file.
+
+    Raises CalledProcessError or TimeoutExpired.
+    """
     out = folder / f"{plan}-{seed}-{tool.module}-{'-'.join(tool.arguments)}.npz"
     if tool.ours:
         validation = folder / f"{VALIDATION[0]}-{VALIDATION[1]}.mcap"
@@ -112,7 +118,7 @@ def run(tool: Tool, plan: str, seed: int, folder: Path) -> Path:
 
 
 def fingerprint(tool: Tool, task_file: Path) -> str:
-    """A hash of the flight and of all code that a fit depends on; equal hashes give equal fits."""
+    """Returns a hash of a peer's task, its code and the tools' versions: the key of a kept fit."""
     h = hashlib.sha256(" ".join(tool.arguments).encode())
     if not tool.ours:
         task = read_task(task_file)

@@ -195,8 +195,8 @@ static void start_uart(void)
     NVIC_ENABLE0 = 1u << IRQ_UART0 | 1u << IRQ_PORT_D | 1u << IRQ_PORT_E;
 }
 
-/* After 2 x 25 ms without a turn the processor hangs: the chip restarts at zero volts and IDLE. The
- * protocol's watchdog is another one: it expires when the host sends no command. */
+/* Starts the chip's watchdog: after 2 x 25 ms without a turn of the main loop the chip restarts, at
+ * zero volts and IDLE. The protocol's watchdog is another: it expires without a host's command. */
 static void start_dog(void)
 {
     RCGC0 |= 1u << 3;
@@ -214,7 +214,7 @@ static void feed_dog(void)
     DOG_LOCK = 1;
 }
 
-/* The kit's Ethernet address, as text. */
+/* Returns the kit's Ethernet address as text. */
 static const char *serial_number(void)
 {
     static char text[FRAME_TEXT + 1];
@@ -227,8 +227,8 @@ static const char *serial_number(void)
     return text;
 }
 
-/* The chip has no source of entropy. The numbers come from a count of starts in SRAM and the time of
- * the host's first byte (to 20 ns), so they are set at that byte, before they can be requested. */
+/* Sets boot number and first ticket. As the chip has no source of entropy, they come from a count
+ * of starts in SRAM and the time of the host's first byte (to 20 ns), at which they are set. */
 static void name_this_start(void)
 {
     static uint32_t starts __attribute__((section(".kept")));
@@ -265,8 +265,8 @@ int main(void)
             named = true;
         }
         rig_turn(&device);
-        /* Sleep until the next interrupt, a millisecond at most; the interrupt of a byte that
-         * arrives before the sleep is pending and ends it. */
+        /* Sleep until the next interrupt, a millisecond at most. Interrupts are off, so that a byte
+         * that arrives before the sleep leaves one pending, which ends the sleep. */
         const bool soon = device_next_us(&device) < hal_now_us() + 1000u;
         interrupts_off();
         if (!soon && rx_head == rx_tail)
