@@ -1,9 +1,9 @@
-"""`compare`: recordings and models side by side, as in Table II and Figures 7–9 of the paper.
+"""`compare`: compare models with recordings, as in Table II and Figures 7–9 of the paper.
 
 If a recording's controller is known, each model is simulated in the same closed loop
-(`heli3dof.comparison.replay`); its step metrics and their differences from the experiment's (the
-content of Table II, E11) are reported. For every recording, multi-step prediction errors are
-reported too (`heli3dof.comparison.prediction`).
+(`heli3dof.comparison.replay`). Its step metrics are reported, and their differences from the
+experiment's, which are the content of Table II (erratum E11). For every recording, multi-step
+prediction errors are reported too (`heli3dof.comparison.prediction`).
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ def compare(
 ) -> Comparison:
     """Compare every model with every recording.
 
-    ``models`` may be a function that makes them from the recording's profile. ``horizons_s`` are
-    the prediction horizons; without any, nothing is predicted. If a model cannot be compared, the
-    reason is in its ``cannot`` and the others are compared.
+    ``models`` may be a function that makes the models for a recording. ``horizons_s`` are the
+    prediction horizons; without any, nothing is predicted. If a model cannot be compared, its
+    ``ModelComparison.cannot`` gives the reason, and the others are compared.
     """
     flights = tuple(
         compare_flight(r, models(r) if callable(models) else models, horizons_s=horizons_s)
@@ -129,7 +129,7 @@ def _model_comparison(
 
 
 def _metrics(flown: Recording, angle: np.ndarray) -> Mapping[str, AxisMetrics]:
-    """Metrics of the experiment or of a replay over the same rows."""
+    """Return the step metrics by axis of measured or replayed angles (N, 3) rad."""
     grain = flown.profile.encoder.rad_per_count
     return step_metrics(flown.t, angle, flown.reference, resolution=grain)
 
@@ -151,7 +151,7 @@ def _prediction_error(
 
 
 def _divergence(replayed: Replay) -> list[str]:
-    """A sentence if the gain does not stabilise the model."""
+    """Return a sentence if the closed loop with this model is unstable, otherwise nothing."""
     parts = []
     if replayed.unstable_poles:
         p = replayed.unstable_poles[0]
@@ -163,7 +163,7 @@ def _divergence(replayed: Replay) -> list[str]:
 
 
 def _attempt(work: Callable[[], T], reasons: list[str]) -> T | None:
-    """The work's result; None, with a new entry in ``reasons``, after an error of heli3dof."""
+    """Return the result of ``work``; on a `Heli3dofError`, None, and add it to ``reasons``."""
     try:
         return work()
     except Heli3dofError as error:

@@ -11,7 +11,7 @@
                                           experiment), replay_rmse_deg
                      prediction           rmse_deg.<horizon>.<axis>, over_window_deg.<axis>
                    held_still             prediction error of constant angles
-    published[]    the paper's number, ours, whether it is reproducible, and why
+    published[]    the paper's number, the one simulated here, whether and why it is reproducible
 
 The six metrics are ``peak_deg overshoot_deg overshoot_percent steady_error_deg rise_time_s
 settling_time_s``; `heli3dof.comparison.metrics` defines them. Undefined numbers are null.
@@ -39,7 +39,7 @@ SCHEMA = "heli3dof.comparison/1"
 
 
 class PublishedRow(Protocol):
-    """A published number with ours (`heli3dof.paper.reproduction.Reproduced`)."""
+    """A number that the paper prints, with its reproduction (`paper.reproduction.Reproduced`)."""
 
     def to_dict(self) -> dict[str, Any]: ...
 
@@ -47,7 +47,7 @@ class PublishedRow(Protocol):
 def comparison_document(
     comparison: Comparison, published: Iterable[PublishedRow] = ()
 ) -> dict[str, Any]:
-    """A dict of JSON types, without NaN or numpy types."""
+    """Return the comparison as a dict of JSON types, without NaN or numpy types."""
     document: dict[str, Any] = {
         "schema": SCHEMA,
         "horizons_s": list(comparison.horizons_s),
@@ -134,5 +134,5 @@ def _numbers(values: Mapping[str, float]) -> dict[str, float | None]:
 
 
 def _number(value: float) -> float | None:
-    """The number; None for NaN and infinity, which JSON does not have."""
+    """Return the number, or None for NaN and infinity, which JSON does not have."""
     return float(value) if np.isfinite(value) else None

@@ -4,14 +4,14 @@ A *segment* is a stretch of constant reference. With the measured angle y, the s
 start value y_a (degrees), and s = sgn(y_r − y_a):
 
     peak               y_pk, with s·y_pk = max s·y
-    overshoot          s·(y_pk − y_r)                          (negative: it fell short)
+    overshoot          s·(y_pk − y_r)                   (negative if y does not reach y_r)
     overshoot, percent 100 · overshoot / |y_r − y_a|
     steady error       mean of y − y_r over the last tenth of the segment
     rise time          from y_a + 10 % to y_a + 90 % of (y_r − y_a), interpolated
     settling time      from the step until y stays within ±2 % of |y_r − y_a| about y_r
 
-The paper's word "overshoot" has two meanings (E10): section II-C defines it as the largest
-difference from the set value, section III and Table II print peak values. Here they are
+The paper's word "overshoot" has two meanings (erratum E10): its section II-C defines it as the
+largest difference from the set value, its section III and Table II print peak values. Here they are
 ``overshoot_deg`` and ``peak_deg``.
 
 Kinds of segment:
@@ -26,8 +26,9 @@ Kinds of segment:
 ``none``     there is no reference, and every metric is undefined.
 
 The *reported* segment of an axis is its first ``step``, else its ``start``, else the ``hold`` or
-``moving`` one. The latter counts from the first change of any axis' reference, which excludes the
-take-off. ``AxisMetrics.steps`` has all segments. Undefined metrics are NaN.
+``moving`` one. A ``hold`` or ``moving`` segment is then measured from the first change of any axis'
+reference, which excludes the take-off. ``AxisMetrics.steps`` has all segments. Undefined metrics
+are NaN.
 """
 
 from __future__ import annotations
@@ -46,13 +47,13 @@ from heli3dof.recording.recording import Recording
 Kind = Literal["step", "start", "hold", "moving", "none"]
 
 MIN_STEP_DEG = 0.5
-"""A smaller difference between first angle and first set value is a hold (a convention)."""
+"""Largest difference between first angle and first set value that is a hold (a convention)"""
 MIN_HOLD_S = 0.5
-"""A reference that mostly rests for less than this is moving (a convention)."""
+"""s: a reference is moving if less than half of its rows rest this long (a convention)."""
 SETTLING_BAND = 0.02
-"""of the step's size (a convention)"""
+"""Half-width of the settling band as a share of the step's size (a convention)"""
 STEADY_SHARE = 0.1
-"""The last share of a segment, over which the steady error is averaged (a convention)"""
+"""Share of a segment, at its end, over which the steady error is averaged (a convention)"""
 
 METRICS = (
     "peak_deg",
@@ -66,7 +67,7 @@ METRICS = (
 
 @dataclass(frozen=True)
 class StepMetrics:
-    """One segment of one axis; see the module's docstring for the definitions."""
+    """Step metrics of one segment of one axis, as the module's docstring defines them."""
 
     kind: Kind
     start_s: float
@@ -90,7 +91,7 @@ class StepMetrics:
 
 @dataclass(frozen=True)
 class AxisMetrics:
-    """The reported segment of an axis, and all segments."""
+    """Step metrics of an axis: of the reported segment, and of all segments."""
 
     reported: StepMetrics
     steps: tuple[StepMetrics, ...]
@@ -108,10 +109,7 @@ NOTHING = StepMetrics("none", np.nan, np.nan, np.nan, np.nan)
 
 
 def flight_metrics(recording: Recording) -> Mapping[str, AxisMetrics]:
-    """Metrics per axis of a recording, without the ramp to zero volts that ends a flight.
-
-    ``flight_metrics(r)["roll"].reported.steady_error_deg`` is what the command line prints.
-    """
+    """Return the step metrics of a recording by axis, without the ramp to zero at its end."""
     flown = under_control(recording)
     return step_metrics(
         flown.t, flown.angle, flown.reference, resolution=flown.profile.encoder.rad_per_count
@@ -125,10 +123,10 @@ def step_metrics(
     *,
     resolution: np.ndarray | None = None,
 ) -> Mapping[str, AxisMetrics]:
-    """Metrics per axis of arrays, measured or simulated.
+    """Return the step metrics of measured or simulated angles by axis.
 
     t (N,) s, angle (N, 3) rad, reference (N, 3) rad before the rate limiter, NaN where absent. The
-    settling band is at least ``resolution`` (3,) rad, the encoder's step.
+    settling band is at least ± ``resolution`` (3,) rad, the encoder's step.
     """
     changes = [_changes(reference[:, i]) for i in range(len(AXES))]
     first = min((int(c[0]) for c in changes if len(c)), default=0)
@@ -149,9 +147,10 @@ def axis_metrics(
     since_s: float = -np.inf,
     resolution: float = 0.0,
 ) -> AxisMetrics:
-    """Metrics of one axis: t (N,) s, angle (N,) rad, reference (N,) rad.
+    """Return the step metrics of one axis: t (N,) s, angle (N,) rad, reference (N,) rad.
 
-    A ``hold`` counts from ``since_s``; ``resolution`` (rad) is the encoder's step.
+    A reported ``hold`` or ``moving`` segment is measured from ``since_s`` (s) on. ``resolution``
+    (rad) is the encoder's step.
     """
     y, ref = np.degrees(angle), np.degrees(reference)
     segments = _segments(t, y, ref)
@@ -172,7 +171,7 @@ def axis_metrics(
 
 
 def _changes(reference: np.ndarray) -> np.ndarray:
-    """Rows at which a reference changes by more than rounding, begins or ends."""
+    """Return the rows at which a reference changes by more than rounding, begins or ends."""
     absent = np.isnan(reference)
     with np.errstate(invalid="ignore"):
         moved = np.abs(np.diff(reference)) > 1e-9
@@ -180,7 +179,7 @@ def _changes(reference: np.ndarray) -> np.ndarray:
 
 
 def _segments(t: np.ndarray, y: np.ndarray, ref: np.ndarray) -> list[_Segment]:
-    """The segments of a reference: its constant stretches, one moving one, or none."""
+    """Return the segments of a reference: its constant stretches, one moving one, or none."""
     known = np.flatnonzero(~np.isnan(ref))
     if not len(known):
         return []
@@ -205,7 +204,7 @@ def _segments(t: np.ndarray, y: np.ndarray, ref: np.ndarray) -> list[_Segment]:
 def _measure(
     t: np.ndarray, y: np.ndarray, ref: np.ndarray, segment: _Segment, grain_deg: float
 ) -> StepMetrics:
-    """The six metrics of one segment; y, ref in degrees."""
+    """Return the six metrics of one segment; y and ref are in degrees."""
     rows = segment.rows
     t, y, ref = t[rows], y[rows], ref[rows]
     base = StepMetrics(segment.kind, float(t[0]), float(t[-1]), segment.from_deg, segment.set_deg)
@@ -240,12 +239,12 @@ def _measure(
 
 
 def _steady_error(t: np.ndarray, error: np.ndarray) -> float:
-    """The mean over the segment's last tenth, degrees."""
+    """Return the mean error over the segment's last tenth, in degrees."""
     return float(np.mean(error[t >= t[-1] - STEADY_SHARE * (t[-1] - t[0])]))
 
 
 def _crossing(t: np.ndarray, progress: np.ndarray, level: float) -> float:
-    """Time (s) of the first rise of ``progress`` through ``level``; NaN if there is none."""
+    """Return the time (s) when ``progress`` first rises through ``level``; NaN if it never does."""
     above = progress >= level
     k = int(np.argmax(above))
     if not above[k] or k == 0:
@@ -255,7 +254,7 @@ def _crossing(t: np.ndarray, progress: np.ndarray, level: float) -> float:
 
 
 def _settling(t: np.ndarray, outside: np.ndarray) -> float:
-    """Time (s) from the step until no later sample is outside; NaN if the last one is."""
+    """Return the time (s) from the step until no later sample is ``outside``; NaN if one stays."""
     if outside[-1]:
         return np.nan
     last = np.flatnonzero(outside)

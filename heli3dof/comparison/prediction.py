@@ -1,10 +1,10 @@
-"""Multi-step prediction errors: angles a horizon h ahead, from a state estimated up to then.
+"""Multi-step prediction errors: the angle at row k, predicted from a state estimated h earlier.
 
     e_h[k] = y[k] − ŷ[k | angles up to k − h, measured voltages],    RMSE_h = √(mean e_h²)
 
-They need no controller. The RMSE is given for three horizons, and *over* the longest one (the mean
-square over all times from 0 to 3 s), as the literature on these rigs does. The baseline is constant
-angles, ŷ[k] = y[k − h]; a useful model has a smaller error.
+They need no controller. The RMSE is given for three horizons h, and *over* a window of 3 s (the
+mean square over all horizons from 0 to 3 s), as in the literature on these rigs.
+The baseline is constant angles, ŷ[k] = y[k − h]; a useful model has a smaller error.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from heli3dof.recording.recording import Recording
 
 HORIZONS_S = (0.5, 1.0, 3.0)
 STEPS_DRAWN = 30
-"""Points of a window that is drawn: every 0.1 s of 3 s"""
+"""Horizons per window if its curve is drawn: every 0.1 s of 3 s"""
 STEPS_AVERAGED = 12
-"""Points of a window that is only averaged: every 0.25 s of 3 s"""
+"""Horizons per window if its error is only averaged: every 0.25 s of 3 s"""
 
 
 @dataclass(frozen=True, eq=False)
 class Predictions:
-    """A model's predictions of one recording, in rad."""
+    """A model's predictions of one recording at several horizons."""
 
     ahead: Mapping[float, np.ndarray]
     """Horizon in s → (N, 3) rad, the prediction of row k made that long before; NaN where none"""
     instants_s: np.ndarray
-    """(M,) s: the points of a window, the last at its end"""
+    """(M,) s: the horizons that make up a window, ascending"""
 
     @property
     def window_s(self) -> float:
@@ -40,13 +40,13 @@ class Predictions:
 
 
 class HeldStill:
-    """ŷ[k] = y[k − h]: constant angles, the baseline of every model."""
+    """The baseline predictor: the angles stay as they were when the prediction is made."""
 
     name = "constant angles"
     kind = "held"
 
     def predict(self, recording: Recording, horizon_s: float) -> np.ndarray:
-        """(N, 3) rad: the angle ``horizon_s`` earlier."""
+        """Return the angles (N, 3) rad that were measured ``horizon_s`` earlier."""
         h = max(1, round(horizon_s / recording.dt))
         held = np.full_like(recording.angle, np.nan)
         held[h:] = recording.angle[:-h]
@@ -60,14 +60,14 @@ def predictions(
     *,
     steps: int = STEPS_DRAWN,
 ) -> Predictions:
-    """Predict at each horizon, and at ``steps`` points of windows as long as the longest one."""
+    """Return predictions at ``horizons_s``, and at ``steps`` horizons spread up to the longest."""
     instants = np.round(max(horizons_s) * np.arange(1, steps + 1) / steps, 9)
     wanted = sorted({round(float(h), 9) for h in (*horizons_s, *instants)})
     return Predictions({h: model.predict(recording, h) for h in wanted}, instants)
 
 
 def common_rows(several: Sequence[Predictions]) -> Mapping[float, np.ndarray]:
-    """Horizon → (N, 3) bool: where every predictor that models the axis has a prediction.
+    """Return by horizon, as (N, 3) bool, the rows that every model of the axis predicts.
 
     All models are evaluated on these rows, so that one with fewer predictions has no advantage.
     """
@@ -81,7 +81,7 @@ def common_rows(several: Sequence[Predictions]) -> Mapping[float, np.ndarray]:
 def rmse_deg(
     recording: Recording, made: Predictions, rows: Mapping[float, np.ndarray] | None = None
 ) -> Mapping[float, np.ndarray]:
-    """Horizon → (3,) degrees; NaN for an axis that is not predicted or not measured."""
+    """Return the RMSE (3,) in degrees by horizon, over ``rows``; NaN for an unpredicted axis."""
     return {
         h: _rms(np.degrees(y - recording.angle), None if rows is None else rows[h])
         for h, y in made.ahead.items()
@@ -89,7 +89,7 @@ def rmse_deg(
 
 
 def over_window_deg(by_horizon: Mapping[float, np.ndarray], made: Predictions) -> np.ndarray:
-    """(3,) degrees: the RMSE over a window, from 0 (no error) to its end.
+    """Return the RMSE (3,) in degrees over a window, from horizon 0 (no error) to its end.
 
     ``by_horizon`` is the result of `rmse_deg`; squares are averaged by the trapezoidal rule.
     """
@@ -100,7 +100,7 @@ def over_window_deg(by_horizon: Mapping[float, np.ndarray], made: Predictions) -
 
 
 def stitched(recording: Recording, made: Predictions) -> tuple[np.ndarray, np.ndarray]:
-    """Successive windows: t (M,) s and angle (M, 3) rad, with a row of NaN between them.
+    """Return successive windows as a curve: t (M,) s, angle (M, 3) rad, a row of NaN between them.
 
     Each window starts at the measured angles and is predicted for ``made.window_s``.
     """
@@ -117,7 +117,7 @@ def stitched(recording: Recording, made: Predictions) -> tuple[np.ndarray, np.nd
 
 
 def _rms(error: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
-    """(3,) root mean square of each column's finite rows; NaN where there are none."""
+    """Return the root mean square (3,) of each column's finite rows; NaN where there are none."""
     use = np.isfinite(error) if rows is None else np.isfinite(error) & rows
     count = use.sum(axis=0)
     total = np.where(use, error, 0.0) ** 2

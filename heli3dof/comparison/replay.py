@@ -1,10 +1,12 @@
-"""Closed-loop replay: the same references, extra voltages and controller, on a model.
+"""Closed-loop replay: simulate a model with a flight's references, excitation and controller.
 
-    V[k] = V_o + K_g (x_ref − x)[k] + V_extra[k],   clipped to ±v_max            (7), E5, E6
+    V[k] = V_o + K_g (x_ref − x)[k] + V_extra[k],   clipped to ±v_max
 
-The model starts at rest at the flight's first angles; the rig's later motion does not enter. An
-open-loop replay would drift, because the plant integrates twice (0.05 V of bias is 25° after
-10 s), while the loop holds model and rig to the same references. The controller must be known.
+This is eq (7) of the paper, with errata E5 and E6 corrected. V_o is the hover voltage, K_g the
+gain, x the state, V_extra the plan's excitation. The model starts at rest at the flight's first
+angles; the rig's later motion does not enter. An open-loop replay would drift, because the plant
+integrates twice (0.05 V of bias is 25° after 10 s). The loop holds model and rig to the same
+references. The controller must be known.
 """
 
 from __future__ import annotations
@@ -31,14 +33,14 @@ DIVERGED_DEG = {ROLL: 180.0, PITCH: 180.0, YAW: 720.0}
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """A simulated flight at the recording's times."""
+    """A replayed flight: a model's angles and voltages at the recording's times."""
 
     t: np.ndarray
     """(N,) s"""
     angle: np.ndarray
     """(N, 3) rad, NaN once it has diverged"""
     voltage: np.ndarray
-    """(N, 2) V after the limiter, likewise"""
+    """(N, 2) V after the limiter, NaN once it has diverged"""
     diverged_at_s: float | None
     """s on the recording's clock, or None"""
     unstable_poles: tuple[complex, ...]
@@ -46,7 +48,7 @@ class Replay:
 
 
 def replay(model: Model, recording: Recording) -> Replay:
-    """Simulate the model in the recording's loop. Raises ValueError without a controller."""
+    """Simulate a model in a recording's closed loop. Raises ValueError if that is not possible."""
     flown = under_control(recording)
     task = loop_task(flown)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""The results of `heli3dof.comparison.compare.compare`: one per comparison, recording and model."""
+"""The result classes of `compare`: of the whole comparison, of each recording, of each model."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """A curve for a figure: t (M,) s, angle (M, 3) rad; NaN breaks the line."""
+    """A model's curve for a figure: t (M,) s, angle (M, 3) rad; NaN breaks the line."""
 
     label: str
     kind: str
@@ -31,7 +31,7 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class PredictionError:
-    """RMSE of multi-step predictions in degrees (3,): by horizon in s, and over the longest one."""
+    """RMSE (3,) of predictions, degrees: at each horizon (s), and over all up to the longest."""
 
     ahead_deg: Mapping[float, np.ndarray]
     over_window_deg: np.ndarray
@@ -58,12 +58,12 @@ class ModelComparison:
 
 @dataclass(frozen=True, eq=False)
 class FlightComparison:
-    """One recording and the comparison of every model with it."""
+    """The comparison of every model with one recording."""
 
     recording: Recording
-    """As given"""
+    """The complete recording"""
     flown: Recording
-    """The part under control, which everything below describes"""
+    """Its part in closed loop, which all other attributes describe"""
     experiment: Mapping[str, AxisMetrics]
     loop: str
     """``replayed`` or ``not replayed``"""
@@ -73,7 +73,7 @@ class FlightComparison:
     models: tuple[ModelComparison, ...]
 
     def difference(self, model: ModelComparison, axis: str) -> dict[str, float]:
-        """The model's six metrics minus the experiment's; NaN if either is undefined."""
+        """Return the model's six metrics minus the experiment's; NaN if either is undefined."""
         if model.metrics is None:
             return dict.fromkeys(METRICS, np.nan)
         ours = model.metrics[axis].reported.values()
@@ -81,7 +81,7 @@ class FlightComparison:
         return {name: ours[name] - theirs[name] for name in METRICS}
 
     def model(self, name: str) -> ModelComparison:
-        """The comparison of the model with this name. Raises KeyError."""
+        """Return the comparison of the model called ``name``. Raises KeyError if there is none."""
         for m in self.models:
             if m.name == name:
                 return m
@@ -90,7 +90,7 @@ class FlightComparison:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Comparison(Result):
-    """Recordings and models side by side."""
+    """The result of `heli3dof.compare`: every model compared with every recording."""
 
     flights: tuple[FlightComparison, ...]
     horizons_s: tuple[float, ...]
@@ -107,7 +107,7 @@ class Comparison(Result):
         return tuple(sentences)
 
     def summary(self) -> str:
-        """The size of the comparison, then one line per recording: each model's RMSE."""
+        """Return a heading, one line per recording with each model's RMSE, and the warnings."""
         models = dict.fromkeys(m.name for f in self.flights for m in f.models)
         lines = [
             f"Comparison of {', '.join(models) or 'no model'} with {len(self.flights)} "
@@ -120,11 +120,11 @@ class Comparison(Result):
         return "\n".join([*lines, *(f"  Warning: {w}" for w in self.warnings)])
 
     def to_dict(self) -> dict[str, Any]:
-        """The document of ``compare --json`` without the paper's numbers."""
+        """Return the document of ``compare --json`` without the paper's numbers."""
         return comparison_document(self)
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """A pandas data frame with a row per recording, model (and ``experiment``) and axis.
+        """Return a pandas data frame: a row per recording, model (and ``experiment``) and axis.
 
         Columns: the six metrics, ``replay_rmse_deg``, and ``rmse_deg_H_s`` of predictions H s
         ahead. Raises UsageError if pandas is missing.

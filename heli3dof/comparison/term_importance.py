@@ -1,9 +1,10 @@
 """Importance of a grey-box model's terms: the increase in prediction error without each term.
 
-    share_t = RMSE(model, term t at its null) − RMSE(model)      over `HORIZON_S`, degrees
+    share_t = RMSE(model without term t) − RMSE(model)      over `HORIZON_S`, degrees
 
-The other parameters keep their values, so this measures the fitted model's use of a term, not the
-error of a model refitted without it. A log-parameter has no null; it gets its lowest value.
+"Without" sets the term's parameters to the value at which they have no effect; a logarithmic
+parameter has none and gets its lowest value. The other parameters keep their values, so this
+measures how the fitted model uses a term, not the error of a model refitted without it.
 """
 
 from __future__ import annotations
@@ -32,15 +33,15 @@ class Share:
 
     term: str
     without_deg: np.ndarray
-    """(3,) RMSE over the window, degrees"""
+    """(3,) RMSE over a prediction window, degrees, without the term"""
     whole_deg: np.ndarray
-    """(3,) with the term"""
+    """(3,) RMSE with the term"""
 
 
 def shares(
     model: GreyBoxModel, recordings: Sequence[Recording], horizon_s: float = HORIZON_S
 ) -> tuple[Share, ...]:
-    """One per term, in the model's order; squares are averaged over the recordings."""
+    """Return a `Share` per term, in the model's order; squares are averaged over ``recordings``."""
     whole = error_deg(model, recordings, horizon_s)
     return tuple(
         Share(t, error_deg(without(model, t), recordings, horizon_s), whole) for t in model.terms
@@ -48,7 +49,7 @@ def shares(
 
 
 def without(model: GreyBoxModel, term: str) -> GreyBoxModel:
-    """The model with the term's parameters at their null, and nothing refitted."""
+    """Return the model with the term's parameters set to no effect, and nothing refitted."""
     values = model.values.copy()
     free = model.structure.free
     own = {f.name for f in free if f.term == term}
@@ -62,7 +63,7 @@ def without(model: GreyBoxModel, term: str) -> GreyBoxModel:
 def error_deg(
     model: GreyBoxModel | HeldStill, recordings: Sequence[Recording], horizon_s: float
 ) -> np.ndarray:
-    """(3,) degrees: RMSE over windows of that length."""
+    """Return the RMSE (3,) in degrees over prediction windows of ``horizon_s`` s."""
     squares = []
     for r in recordings:
         made = predictions(model, r, (horizon_s,), steps=STEPS_AVERAGED)

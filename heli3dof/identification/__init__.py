@@ -1,6 +1,6 @@
-"""Models from recordings: preprocessing, feedback test, fit, validation.
+"""Identify models from recordings: preprocessing, feedback test, fit, validation.
 
-`identify.identify` does all of it. Each method is one file in `methods`. The choices are explained
-in docs/explanation/identification.md. This package imports nothing of its own: listing methods is
-fast.
+`identify.identify` runs all steps. Each identification method is one file in `methods`.
+docs/explanation/identification.md explains the choices. This ``__init__`` imports nothing, so that
+the command line lists the methods quickly.
 """

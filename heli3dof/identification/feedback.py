@@ -1,12 +1,12 @@
 """A test for feedback: are the voltages correlated with past innovations of the angles?
 
-Both sides are whitened by autoregressions of order p: e from a VARX of the angles on past angles
-and voltages, w from an AR of the voltages on their own past. Without feedback w[k] is independent
-of e[k], e[k−1], …, and
+Autoregressions of order p whiten both signals. e is the innovation of a VARX of the angles on past
+angles and voltages; w is that of an AR of the voltages on their own past. Without feedback w[k] is
+independent of e[k], e[k−1], …, and, over h lags,
 
     Q = N Σ_{j=0}^{h−1} tr(R_jᵀ R_j)  ~  χ²(2·3·h),      R_j = corr(w[k], e[k−j])
 
-with both normalised to unit covariance (Haugh 1976; Söderström & Stoica 1989, section 12.10).
+with w and e scaled to unit covariance (Haugh 1976; Söderström & Stoica 1989, section 12.10).
 The sum includes j = 0 because sample k's voltage follows from sample k's angles.
 """
 
@@ -20,13 +20,14 @@ import numpy as np
 from heli3dof.identification.black_box.pbsid import Pair, past, varx
 
 LEVEL = 1e-3
+"""Significance level"""
 SHARE_MIN = 0.005
-"""Share of the voltages' innovation below which feedback biases no estimator."""
+"""Least `Feedback.share` that counts as feedback; a smaller one hardly biases a fit."""
 
 
 @dataclass(frozen=True)
 class Feedback:
-    """The test's result. ``share``: of the voltages' innovation, explained by past angles."""
+    """The result of a feedback test. ``share``: part of the voltage innovation from the angles."""
 
     statistic: float
     degrees_of_freedom: int
@@ -37,7 +38,7 @@ class Feedback:
 
 
 def feedback_test(data: Sequence[Pair], *, p: int = 10, h: int = 5) -> Feedback:
-    """Test segments u (N, 2) V, y (N, 3) rad at one rate for feedback from y to u."""
+    """Test for feedback from angles y (N, 3) rad to voltages u (N, 2) V; p: AR order, h: lags."""
     from scipy.stats import chi2
 
     long = [(u, y) for u, y in data if len(u) > 3 * p]
@@ -83,7 +84,7 @@ def _input_innovations(data: Sequence[Pair], p: int) -> list[np.ndarray]:
 
 
 def _whitener(cov: np.ndarray) -> np.ndarray:
-    """L with L cov Lᵀ = I; directions without variance are dropped."""
+    """Return L with L cov Lᵀ = I; directions without variance are dropped."""
     lam, V = np.linalg.eigh(cov)
     keep = lam > 1e-12 * lam.max()
     return np.asarray((V[:, keep] / np.sqrt(lam[keep])).T)

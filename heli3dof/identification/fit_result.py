@@ -1,6 +1,6 @@
-"""The interface between a method and `identify`: a `Request` in, a `FitResult` out.
+"""The interface of all identification methods: a method gets a `Request`, returns a `FitResult`.
 
-Preprocessing, validation, residual tests, JSON and printing are shared by all methods.
+All methods share preprocessing, validation, residual tests, JSON and printing.
 """
 
 from __future__ import annotations
@@ -18,16 +18,18 @@ from heli3dof.model.estimation.filter_data import Run
 from heli3dof.recording.recording import Recording
 
 Innovations = tuple[list[np.ndarray], list[np.ndarray]]
-"""Per segment: errors e (N, 3) rad, and the voltages u (N, 2) V at the same rows."""
+"""Two lists over segments: errors e (N, 3) rad, and the voltages u (N, 2) V at the same rows."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the user chose: the method's name, the order (None: search), intervals (s)."""
+    """The user's options for a fit: method, order, sampling intervals, terms, the model's name."""
 
     method: str
     order: int | None
+    """Number of states of a black box; None: the order search chooses it."""
     intervals_s: tuple[float, ...]
+    """s: the sampling intervals that the order search tries."""
     name: str
     terms: tuple[str, ...] | None = None
     """Effects of a physical model by name; None: the method's default."""
@@ -37,7 +39,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Parameter:
-    """A physical parameter with its standard deviation (NaN where unknown) and unit."""
+    """An estimated physical parameter: ``value``, standard deviation ``std`` (NaN if unknown)."""
 
     value: float
     std: float
@@ -52,7 +54,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Pole:
-    """A pole in continuous time (1/s) and its standard deviations (NaN where unknown)."""
+    """A continuous-time pole (1/s) with standard deviations of real and imaginary part, or NaN."""
 
     value: complex
     std_real: float
@@ -68,13 +70,13 @@ class Pole:
 
 
 def rightmost_first(poles: Sequence[Pole]) -> tuple[Pole, ...]:
-    """The poles by falling real part."""
+    """Return the poles sorted by falling real part."""
     return tuple(sorted(poles, key=lambda p: (-p.value.real, p.value.imag)))
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A fit that the order search tried. ``score``: mean fit %, by which it chooses."""
+    """A fit that the order search tried. ``score``: mean fit (%), by which the search chooses."""
 
     order: int
     interval_s: float
@@ -97,7 +99,7 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class FitResult:
-    """A fitted model with its uncertainty."""
+    """The result of an identification method: a fitted model with its uncertainty."""
 
     model: Model
     """At the control rate."""
@@ -105,7 +107,8 @@ class FitResult:
     interval_s: float
     """s between the samples of the fit."""
     innovations: Callable[[Prepared, Sequence[Run]], Innovations]
-    """Errors over runs: one step ahead, or of the simulation (output error)."""
+    """Function (prepared, runs) → prediction errors: one step ahead, or of the simulation if the
+    method is output error."""
     poles: tuple[Pole, ...] = ()
     transfer: TransferFunctions | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
@@ -114,8 +117,8 @@ class FitResult:
     response: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None = None
     """ω (F,) rad/s → G (F, 3, 2) and its standard deviation, rad/V."""
     test_interval_s: float | None = None
-    """s between the errors of ``innovations``, where it is not ``interval_s``."""
+    """s between the errors of ``innovations``; None: ``interval_s``."""
     correlation: np.ndarray | None = None
-    """(n, n) between the ``parameters``, in their order."""
+    """(n, n) correlation matrix of the ``parameters``, in their order."""
     method: str = ""
-    """The method that fitted, where it is not the one requested."""
+    """Name of the method that fitted; empty if it is the requested one."""

@@ -1,4 +1,4 @@
-"""`identify`: from recordings to a model with its uncertainty and its warnings."""
+"""`identify`: fit a model to recordings, with uncertainty, held-out scores and warnings."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from heli3dof.recording.recording import Recording
 
 FEEDBACK_TEST_S = 0.02
 TEST_ROWS = 60
-"""The residual tests skip segments shorter than this, at the interval of the fit."""
+"""The residual tests skip segments with fewer innovations than this after the filter's settling."""
 __all__ = ["Identification", "identify"]
 USEFUL_S = 0.5
-"""s; a model that cannot predict this far ahead is of no use in a loop."""
+"""s: horizon at which a negative fit gives a warning; a controller needs predictions this far."""
 BEYOND = 2.0
-"""Warn where held-out data move an axis by this factor more than the training data."""
+"""Ratio of an axis' rms motion in held-out and in training data, above which a warning is given"""
 ORDER_MAX = 20
 OPEN_LOOP_WARNING = (
     "Output error assumes that the voltages are independent of the disturbances. In closed loop "
@@ -55,18 +55,19 @@ def identify(
     """Identify a model from recordings of one rig.
 
     Args:
-        recordings: one or several with the same sample interval; all are fitted together. Black
-            boxes need all three angles. Physical methods can also use recordings that lack some,
-            if at least one has all three.
+        recordings: one or several with the same sample interval; all are fitted together. Black-box
+            methods need all three angles. Physical methods can also use recordings that lack some
+            angles, if at least one recording has all three.
         method: a name from `heli3dof.identification.methods`: ``greybox`` and ``freeflight``
             (physical parameters), or a black box: ``pem``, ``pbsid``, ``oe``, ``tf4``.
-        order: number of states of a black box; None searches
+        order: number of states of a black box; None starts an order search
             (`heli3dof.identification.black_box.order_selection`).
         terms: effects of a physical model by name, as ``motor.lag`` or ``friction.viscous.yaw``;
             None takes the method's default.
         holdout: recordings to validate on. None sets aside the last quarter of each recording.
-        intervals_s: sampling intervals (s) to try; each becomes a multiple of the control period.
-        name: of the model; None takes the method's name.
+        intervals_s: sampling intervals (s) that the order search tries, each rounded to a multiple
+            of the control period.
+        name: name of the model; None takes the method's name.
 
     Raises:
         UsageError: an unknown method or an impossible order.
@@ -124,7 +125,7 @@ def identify(
 
 
 def residual_tests(found: FitResult, prepared: Prepared) -> tuple[ResidualTest, ...]:
-    """Whiteness and past inputs on held-out data; empty where there is too little of it."""
+    """Return the whiteness and past-inputs tests on held-out data; empty if these are too short."""
     settle = round(WARM_UP_S / (found.test_interval_s or found.interval_s))
     E, U = [], []
     for e, u in zip(*found.innovations(prepared, prepared.held_out), strict=True):
@@ -135,7 +136,7 @@ def residual_tests(found: FitResult, prepared: Prepared) -> tuple[ResidualTest, 
 
 
 def recording_warnings(prepared: Prepared) -> list[str]:
-    """Warnings about clocks and voltages that bias a fit."""
+    """Return warnings about a wrong log rate, jitter, lost samples and voltages at their limit."""
     out = []
     for r in prepared.reports:
         c = r.clock
@@ -162,7 +163,7 @@ def recording_warnings(prepared: Prepared) -> list[str]:
 
 
 def extrapolation_warnings(prepared: Prepared) -> list[str]:
-    """A warning for each axis that held-out data move much further than the training data."""
+    """Return a warning for each axis that moves much further in held-out than in training data."""
 
     def spread(runs: Sequence[Run]) -> np.ndarray:
         parts = [prepared.recordings[r.source].angle[r.start : r.stop] for r in runs]
@@ -180,7 +181,7 @@ def extrapolation_warnings(prepared: Prepared) -> list[str]:
 
 
 def poor_prediction_warnings(scores: Metrics, prepared: Prepared) -> list[str]:
-    """A warning where predictions are worse than the axis's mean (negative fit)."""
+    """Return a warning if predictions `USEFUL_S` ahead are worse than the mean (negative fit)."""
     score = scores.prediction.get(USEFUL_S)
     if score is None or not prepared.held_out:
         return []
@@ -213,7 +214,7 @@ def _with_provenance(found: FitResult, method: str, prepared: Prepared) -> Model
 def _by_angles(
     recordings: Sequence[Recording], *, split: bool
 ) -> tuple[list[Recording], list[Recording]]:
-    """Recordings with all three angles, and the others where a method can use those."""
+    """Return (recordings with all three angles, the others); all in the first if not ``split``."""
     whole = [r for r in recordings if len(r.axes) == len(AXES)]
     if not split or not whole:
         return list(recordings), []

@@ -1,4 +1,4 @@
-"""`Method`: what a method of identification registers."""
+"""`Method`: the record that makes an identification method available as ``--method NAME``."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Method:
-    """A name for ``--method``, a sentence about it, and the function that fits."""
+    """An identification method: its name for ``--method``, a sentence for the help, and its fit."""
 
     name: str
     sentence: str
     function: str
-    """``module:function``, called with (`Prepared`, `Request`). It is imported only to fit, because
-    the command line loads every method to list them."""
+    """The fit as ``module:function``, called with (`Prepared`, `Request`). Only `fit` imports it,
+    because the command line loads every `Method` to list them."""
     assumes_open_loop: bool = False
-    """Biased where the voltages respond to the angles."""
+    """True if feedback from the angles to the voltages biases the estimates."""
     physical: bool = False
-    """Has terms to add and leave out, and can use recordings that lack an angle."""
+    """True if the model consists of physical terms that the user can add or leave out. Such a
+    method can also use recordings that lack an angle."""
 
     def fit(self, prepared: Prepared, request: Request) -> FitResult:
         module, _, function = self.function.partition(":")

@@ -1,16 +1,17 @@
-"""From recordings to regression data: clock, usable rows, mean voltages, held-out runs.
+"""Prepare recordings for a fit: check clocks, select rows, set held-out data aside, decimate.
 
-The voltage of sample k is held until k + 1. So over an interval of q samples the mean voltage is
-*exactly* the integral of the input divided by the interval,
+The amplifier holds the voltage of sample k until k + 1. So over an interval of q samples the mean
+voltage is *exactly* the integral of the input divided by the interval,
 
     ū[i] = Σ_{j=iq}^{iq+q−1} V[j] (t[j+1] − t[j]) / (t[(i+1)q] − t[iq]),      y[i] = angle[iq]
 
-Angles are picked, never averaged: a centred average uses future samples and looks like a delay.
+Angles are sampled, not averaged: a centred average uses future samples and looks like a delay.
 
 A segment ends at a long gap in the clock and at a row that a linear model cannot use
 (`heli3dof.identification.row_selection`). A short gap ends no segment: the voltage was held, so its
-integral is known, and a missing angle is interpolated linearly. Over a gap of g seconds the
-interpolation error is at most |q̈| g²/8: 0.01° for 10 rad/s² and 13 ms, less than a count.
+integral is known, and missing angles are interpolated linearly. Over a gap of g seconds and with an
+angular acceleration q̈, the interpolation error is at most |q̈| g²/8: 0.01° for 10 rad/s² and 13 ms,
+less than an encoder count.
 """
 
 from __future__ import annotations
@@ -34,22 +35,24 @@ USABLE_MIN_S = 5.0
 
 @dataclass(frozen=True)
 class Clock:
-    """Sampling statistics of a recording from its time stamps; shares are fractions of samples."""
+    """Sampling statistics of a recording, from its time stamps."""
 
     period_s: float
+    """Median sample interval"""
     nominal_s: float
+    """The profile's control period"""
     jitter_s: float
-    """Standard deviation of the sample interval, gaps aside."""
+    """Standard deviation of the sample intervals that are no gaps."""
     gaps: int
     lost_share: float
-    """Missing samples, as a share of all that should be there."""
+    """Fraction of samples that are missing."""
     long_gaps: int = 0
-    """Gaps that are too long to be interpolated."""
+    """Number of gaps that are too long to be interpolated."""
 
 
 @dataclass(frozen=True)
 class RecordingReport:
-    """The clock and the usable rows of one recording."""
+    """Sampling statistics of one recording, and the shares of usable and of left-out rows."""
 
     name: str
     seconds: float
@@ -78,7 +81,7 @@ class RecordingReport:
         }
 
     def sentences(self) -> list[str]:
-        """Lines to print."""
+        """Return the report as lines of text."""
         c = self.clock
         out = [
             f"{self.name}: {self.seconds:.1f} s every {c.period_s * 1e3:.4g} ms "
@@ -101,7 +104,7 @@ class RecordingReport:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Recordings with their usable runs and reports. ``held_out`` runs are never fitted."""
+    """Recordings with reports, and their runs of usable rows, some of which are held out."""
 
     recordings: tuple[Recording, ...]
     train: tuple[Run, ...]
@@ -115,7 +118,7 @@ class Prepared:
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Regression data: u (N, 2) V, the mean over [k, k+1); y (N, 3) rad, picked at k."""
+    """A decimated run: u (N, 2) V, means over the intervals; y (N, 3) rad, at their starts."""
 
     u: np.ndarray
     y: np.ndarray
@@ -125,7 +128,7 @@ class Segment:
 
 
 def check_clock(recording: Recording) -> Clock:
-    """Period, jitter and gaps. Raises RecordingError where time does not increase."""
+    """Return period, jitter and gaps. Raises RecordingError where time does not increase."""
     t = recording.t
     if len(t) < 3:
         raise RecordingError(
@@ -160,11 +163,11 @@ def prepare(
     """Check clocks, find usable runs, and set held-out data aside.
 
     Args:
-        recordings: to fit. All need roll, pitch and yaw, and the same sample interval.
+        recordings: recordings to fit; all need roll, pitch and yaw, and the same sample interval.
         held_out: recordings to validate on. Without any, the last ``held_out_share`` of each
             recording's usable time is set aside.
 
-    Raises RecordingError: too few usable rows, a missing axis, constant voltages, or different
+    Raises RecordingError for too few usable rows, a missing angle, constant voltages, or different
     sample intervals.
     """
     if not recordings:
@@ -198,7 +201,7 @@ def prepare(
 
 
 def segments(prepared: Prepared, runs: Sequence[Run], factor: int) -> list[Segment]:
-    """Runs decimated by ``factor``: mean voltages, and angles at the start of each interval."""
+    """Return each run decimated by ``factor``; runs of fewer than two intervals are skipped."""
     out = []
     for run in runs:
         rec = prepared.recordings[run.source].rows(slice(run.start, run.stop))

@@ -1,15 +1,18 @@
 """Tests of innovations on held-out data: whiteness, and independence of past voltages.
 
-Whiteness (Hosking 1980, the multivariate portmanteau), h lags, l outputs:
+Whiteness (Hosking 1980, the multivariate portmanteau test) of N innovations e with l outputs, over
+h lags:
 
     Q = N² Σ_{j=1}^{h} tr(R_jᵀ R_0⁻¹ R_j R_0⁻¹)/(N − j)  ~  χ²(l² h),     R_j = (1/N) Σ e[k] e[k−j]ᵀ
 
-Past inputs (score test): e regressed on u[k−1], …, u[k−h],
+Past inputs (score test): e[k] is regressed on m voltages u[k−1], …, u[k−h]. S_e is the covariance
+of e, S_explained that of the regression's prediction:
 
     LM = N tr(S_e⁻¹ S_explained)  ~  χ²(l m h)
 
-LM holds for coloured u, as long as e is white. Under feedback only *past* inputs can be tested,
-because present and future ones respond to e. On held-out data the fit costs no degrees of freedom.
+The χ² distribution of LM holds for coloured u, as long as e is white. Under feedback only *past*
+inputs can be tested, because present and future ones respond to e. On held-out data no parameter
+was fitted, so no degrees of freedom are subtracted.
 
 Both statistics grow with the length of the record: over minutes of flight they detect harmless
 nonlinearity. So each test also gives the share of variance that the past explains.
@@ -24,11 +27,12 @@ from typing import Any
 import numpy as np
 
 LEVEL = 0.01
+"""Significance level of both tests"""
 
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """One test. ``bound`` is the 99 % point; the test is passed if statistic ≤ bound."""
+    """The result of one test; it is passed if statistic ≤ ``bound``, the 99 % quantile of χ²."""
 
     name: str
     statistic: float
@@ -36,8 +40,8 @@ class ResidualTest:
     p_value: float
     bound: float
     share: float
-    """Share of the innovations' variance explained by the tested past (mean over outputs), minus
-    what as many regressors explain of white noise."""
+    """Share of the innovations' variance that past innovations or voltages explain (mean over
+    outputs), minus the share that as many regressors explain of white noise."""
     samples: int
 
     @property
@@ -56,7 +60,7 @@ class ResidualTest:
         }
 
     def sentence(self) -> str:
-        """A line to print."""
+        """Return the result as a line of text."""
         verdict = "passed" if self.passed else "not passed"
         return (
             f"{self.name}: {verdict} (χ²({self.degrees_of_freedom}) = {self.statistic:.4g}, "
@@ -66,7 +70,7 @@ class ResidualTest:
 
 
 def whiteness(innovations: Sequence[np.ndarray], h: int = 20) -> ResidualTest:
-    """Portmanteau test over segments e (N_i, l)."""
+    """Test segments (N_i, l) of innovations for whiteness over ``h`` lags; skip those ≤ 2h rows."""
     es = [e - np.vstack(list(innovations)).mean(axis=0) for e in innovations if len(e) > 2 * h]
     N = sum(len(e) for e in es)
     l = es[0].shape[1]
@@ -84,7 +88,7 @@ def whiteness(innovations: Sequence[np.ndarray], h: int = 20) -> ResidualTest:
 def past_inputs(
     innovations: Sequence[np.ndarray], inputs: Sequence[np.ndarray], h: int = 20
 ) -> ResidualTest:
-    """Score test of e (N_i, l) on u (N_i, m) over the same segments."""
+    """Test whether innovations e (N_i, l) depend on past voltages u (N_i, m), over ``h`` lags."""
     E, Z = [], []
     for e, u in zip(innovations, inputs, strict=True):
         if len(e) > 2 * h:
@@ -97,7 +101,7 @@ def past_inputs(
 
 
 def _explained(e: np.ndarray, z: np.ndarray) -> float:
-    """tr(S_e⁻¹ S_explained) of the regression of e on z."""
+    """Return how much of e (N, l) a regression on z (N, q) explains: tr(S_e⁻¹ S_explained)."""
     q, _ = np.linalg.qr(z / (z.std(axis=0) + 1e-12))
     p = q.T @ e
     return float(np.trace(np.linalg.solve(e.T @ e, p.T @ p)))

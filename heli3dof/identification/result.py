@@ -28,7 +28,7 @@ SUMMARY_HORIZON_S = 1.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Identification(Result):
-    """The result of `heli3dof.identify`."""
+    """The result of `heli3dof.identify`: the model, its uncertainty, held-out scores, warnings."""
 
     method: str
     model: Model
@@ -54,12 +54,12 @@ class Identification(Result):
 
     @property
     def poles(self) -> tuple[Pole, ...]:
-        """Continuous time, 1/s, with standard deviations; rightmost first."""
+        """Continuous-time poles in 1/s with standard deviations, rightmost first."""
         return self.found.poles
 
     @property
     def transfer(self) -> TransferFunctions:
-        """Continuous time, rad/V; its printed lines are in degrees/V.
+        """Continuous-time transfer functions in rad/V; their ``lines()`` print degrees/V.
 
         Raises UsageError for a model that has none (`FitResult.transfer` is None).
         """
@@ -68,17 +68,17 @@ class Identification(Result):
         return self.found.transfer
 
     def frequency_response(self, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """G (F, 3, 2) complex and the standard deviation of |G − Ĝ|, rad/V, at ω (F,) rad/s.
+        """Return the response G (F, 3, 2) and its standard deviation, rad/V, at ω (F,) rad/s.
 
-        The deviation is NaN where the method has none. Raises UsageError for a model without a
-        linear response.
+        The standard deviation √(var Re G + var Im G) is NaN where the method gives none. Raises
+        UsageError for a model without a linear response.
         """
         if self.found.response is None:
             raise UsageError(f"A model by {self.method} has no frequency response.")
         return self.found.response(np.asarray(omega, dtype=float))
 
     def sentences(self) -> list[str]:
-        """What the terminal and the report print, a line each."""
+        """Return the lines that the terminal and the report print."""
         out = [line for r in self.prepared.reports for line in r.sentences()]
         out.append(self.feedback.sentence)
         out.append(
@@ -90,7 +90,7 @@ class Identification(Result):
         return out
 
     def summary(self) -> str:
-        """Method, held-out scores and residual tests in three lines, then numbers and warnings."""
+        """Return three lines (method, held-out scores, residual tests), then numbers, warnings."""
         ahead = self.metrics.prediction[SUMMARY_HORIZON_S]
         replay = self.metrics.replay_note or _by_axis(self.metrics.replay)
         tests = [f"{t.name} {'passed' if t.passed else 'not passed'}" for t in self.residuals]
@@ -108,7 +108,7 @@ class Identification(Result):
         return "\n".join([*lines, *(f"Warning: {w}" for w in self.warnings)])
 
     def to_dataframe(self) -> DataFrame:
-        """One row per physical parameter, or per pole where the model is a black box.
+        """Return a data frame: a row per physical parameter, or for a black box per pole.
 
         Needs pandas; raises UsageError with the command that installs it.
         """
@@ -119,9 +119,9 @@ class Identification(Result):
         return pandas.DataFrame([p.to_json() for p in self.poles]).rename_axis("pole")
 
     def to_dict(self, file: str | None = None) -> dict[str, Any]:
-        """One model of ``identify --json``; ``file`` is the path of the saved model.
+        """Return the model's entry in ``identify --json``; ``file`` is the saved model's path.
 
-        Numbers that are not known are None.
+        Unknown numbers are None.
         """
         document: dict[str, Any] = {
             "name": self.model.name,
@@ -163,5 +163,5 @@ class Identification(Result):
 
 
 def _by_axis(score: Score) -> str:
-    """``roll 98.1 %, pitch 92.0 %, yaw 97.0 %``"""
+    """Return the fits as text: ``roll 98.1 %, pitch 92.0 %, yaw 97.0 %``."""
     return ", ".join(f"{a} {f:.1f} %" for a, f in zip(AXES, score.fit_percent, strict=True))

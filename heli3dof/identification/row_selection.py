@@ -1,29 +1,29 @@
-"""Which rows of a flight a linear model may be fitted to, and why the others are left out.
+"""Select the rows of a flight that a linear model can be fitted to; give a reason for the others.
 
-A linear model about hover does not describe the table, the stops, take-off at the amplifier's
-limit, or free fall. Rows in those are left out, each counted under a reason:
+A linear model about hover does not describe the rig on its table, at a stop, in take-off at the
+amplifier's limit, or in free fall. Such rows are left out, each counted under a reason:
 
 ``unread``        a NaN in a voltage or an angle
-``table``         on the table or within 1° of it, before lift-off and after landing
+``table``         on the table or within 1° of it for 0.1 s or more
 ``take_off``      from lift-off until roll is half-way to level, the voltages have been off their
                   limit for 0.25 s, and 3 s have passed
 ``stop``          roll or pitch within 0.2° of its extreme, beyond 25°, and resting there for 0.3 s
                   or after an impact; yaw has no stop
-``motors_off``    both voltages zero for 0.1 s or more, and from there to the next lift-off
+``motors_off``    both voltages zero for 0.1 s or more, and the rows after that until roll rises
 ``falling``       the end of a flight, after roll was last half-way to level
-``ramp_down``     the ramp-down of the control loop (channel ``phase``)
+``ramp_down``     the ramp of the voltages to zero that ends a flight (channel ``phase``)
 
-Resting against a stop differs from turning around. An arm with constant acceleration a turns
-around on a count of width q: it stays there for T = 2 √(2q/a), and arrived at v = √(2qa), so
-v T = 4q. An arm that a stop holds stays longer,
+Two cases must be distinguished: the arm rests against a stop, or it reverses. Let q be the width of
+an encoder count. An arm with constant acceleration a that reverses within a count stays on it for
+T = 2 √(2q/a). It arrived at the rate v = √(2qa), so v T = 4q. An arm at a stop stays longer,
 
     v T > `HIT` q
 
-A filter without stops would treat the impact as process noise. Every later row on the same count
+A filter without stops would treat the impact as process noise. Every other row on the same count
 is left out as well.
 
-Clipped voltages elsewhere are kept: the recorded voltage is what reached the motor. Their share is
-reported.
+Rows in flight with a voltage at its limit are kept, because the recorded voltage is what reached
+the motor. Their share is reported.
 """
 
 from __future__ import annotations
@@ -46,17 +46,17 @@ AT_STOP_S = 0.3
 AT_EXTREME = np.deg2rad(0.2)
 HIT = 8.0
 BEFORE_S = 0.01
-"""s over which the rate before an impact is measured."""
+"""s over which the rate v before an impact is measured"""
 
 
 def clipped(recording: Recording) -> np.ndarray:
-    """(N,) bool: a voltage within 0.1 % of the amplifier's limit."""
+    """Return (N,) bool: rows with a voltage within 0.1 % of the amplifier's limit."""
     limit = recording.profile.motor.v_max * 0.999
     return np.asarray((np.abs(recording.voltage) >= limit).any(axis=1))
 
 
 def unusable(recording: Recording) -> dict[str, np.ndarray]:
-    """Reason → (N,) bool mask; a row may have several reasons."""
+    """Return masks (N,) bool of the rows to leave out, by reason; a row can have several."""
     v, y = recording.voltage, recording.angle
     measured = [i for i, a in enumerate(AXES) if a in recording.axes]
     rows = {"unread": np.isnan(v).any(axis=1) | np.isnan(y[:, measured]).any(axis=1)}
@@ -86,7 +86,7 @@ def unusable(recording: Recording) -> dict[str, np.ndarray]:
 
 
 def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows on the table, and rows of take-off after each lift-off."""
+    """Return two masks (N,): the rows on the table, and the rows of take-off."""
     roll = np.nan_to_num(recording.angle[:, ROLL], nan=0.0)
     rest = float(roll.min())
     n = len(roll)
@@ -113,7 +113,7 @@ def _table(recording: Recording, off: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
-    """Rows after the motors were cut, until voltages are back and roll rises again."""
+    """Return (N,) bool: the rows with the motors ``off``, and those after until roll rises."""
     out = off.copy()
     for end in np.flatnonzero(off[:-1] & ~off[1:]) + 1:
         k = int(end)
@@ -124,7 +124,7 @@ def _dropping(off: np.ndarray, roll: np.ndarray) -> np.ndarray:
 
 
 def _falling(roll: np.ndarray) -> np.ndarray:
-    """Rows at the end, where the arm descends for the last time."""
+    """Return (N,) bool: the rows after ``roll`` was last half-way from the table to level."""
     out = np.zeros(len(roll), dtype=bool)
     if roll[0] < ON_TABLE_BELOW:
         up = np.flatnonzero(roll > roll[0] / 2)
@@ -134,7 +134,7 @@ def _falling(roll: np.ndarray) -> np.ndarray:
 
 
 def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
-    """Rows where the angle rests on one count at its extreme; see the module."""
+    """Return (N,) bool: the rows at a stop, by the criterion in the module's docstring."""
     out = np.zeros(len(angle), dtype=bool)
     moves = np.abs(np.diff(angle))
     edges = np.concatenate([[0], np.flatnonzero(moves != 0) + 1, [len(angle)]])
@@ -155,14 +155,14 @@ def _at_stop(angle: np.ndarray, dt: float) -> np.ndarray:
 
 
 def stretches(mask: np.ndarray, cuts: np.ndarray | None = None) -> list[tuple[int, int]]:
-    """[start, stop) of the consecutive True rows of a mask (N,), also split at rows ``cuts``."""
+    """Return [start, stop) of each run of True in a mask (N,), also split at the rows ``cuts``."""
     edges = np.flatnonzero(np.diff(mask)) + 1
     edges = np.unique(np.concatenate([[0, len(mask)], edges, [] if cuts is None else cuts]))
     return [(a, b) for a, b in itertools.pairwise(edges.astype(int).tolist()) if mask[a]]
 
 
 def _long_runs(mask: np.ndarray, at_least: int) -> np.ndarray:
-    """The mask with every run of True shorter than ``at_least`` rows cleared."""
+    """Return the mask without its runs of True shorter than ``at_least`` rows."""
     out = np.zeros(len(mask), dtype=bool)
     for a, b in stretches(mask):
         if b - a >= at_least:

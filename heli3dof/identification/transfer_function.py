@@ -3,7 +3,7 @@
     T(s)_{i,j} = N_ij(s) / D(s),      i = 1 front, 2 back;  j = 1 roll, 2 pitch, 3 yaw
 
 D is monic. Numerators are stored in rad/V and printed in degrees/V. Each coefficient has a standard
-deviation. That of a zero follows from N(z) = 0, with ν the highest power:
+deviation. That of a zero z follows from N(z) = Σ_k n_k z^{ν−k} = 0, with ν the highest power:
 
     ∂z = −Σ_k z^{ν−k} ∂n_k / N′(z)
 """
@@ -22,9 +22,10 @@ DEGREES = float(np.rad2deg(1.0))
 
 @dataclass(frozen=True, eq=False)
 class TransferFunctions:
-    """num (3, 2, k) rad/V from motor to axis, den (k,) monic, highest power first.
+    """Transfer functions from the two motors to the three angles over a common denominator.
 
-    ``covariance`` (q, q): of [den[1:], num.ravel()], or None where it is not known.
+    num (3, 2, k) is in rad/V, [axis, motor]; den (k,) is monic. The highest power comes first.
+    ``covariance`` (q, q) is that of [den[1:], num.ravel()]; None if unknown.
     """
 
     num: np.ndarray
@@ -41,7 +42,7 @@ class TransferFunctions:
         return std[k - 1 :].reshape(self.num.shape), np.concatenate([[0.0], std[: k - 1]])
 
     def zeros(self, axis: int, motor: int) -> list[tuple[complex, float]]:
-        """Zeros z (1/s) of one entry, each with the standard deviation of |ẑ − z|."""
+        """Return the zeros (1/s) of num[axis, motor], each with its σ, √(var Re + var Im)."""
         n = _without_rounding(self.num[axis, motor], float(np.abs(self.num[axis]).max()))
         k = len(self.den)
         out = []
@@ -58,7 +59,7 @@ class TransferFunctions:
         return out
 
     def lines(self, digits: int = 4) -> list[str]:
-        """One line to print per entry, front motor first, in degrees/V."""
+        """Return a line of text for each of the six transfer functions, in degrees/V."""
         den = polynomial(self.den, digits)
         out = []
         for j in range(2):
@@ -68,7 +69,7 @@ class TransferFunctions:
         return out
 
     def to_json(self) -> dict[str, Any]:
-        """Coefficients (highest power first) with standard deviations, degrees/V; zeros in 1/s."""
+        """Return coefficients (degrees/V) and zeros (1/s), both with standard deviations."""
         num_std, den_std = self.std
         entries = []
         for j, motor in enumerate(MOTORS):
@@ -95,7 +96,9 @@ class TransferFunctions:
 
 
 def polynomial(coefficients: np.ndarray, digits: int = 4, scale: float = 0.0) -> str:
-    """``52s^3 + 6.568s^2 + 7.539s + 3.989``, without leading coefficients that round to zero.
+    """Format a polynomial in s from its coefficients, the highest power first.
+
+    Leading coefficients below 1e-9 of the largest one or of ``scale`` are rounding and are omitted.
 
     >>> polynomial(np.array([1.0, 1.379, 2.01, -1.072, 0.3533]))
     's^4 + 1.379s^3 + 2.01s^2 - 1.072s + 0.3533'

@@ -1,11 +1,11 @@
-"""How good a model is on held-out data.
+"""Score a model on held-out data: the fit in percent, and the RMSE, of predictions and of a replay.
 
     fit = 100 (1 − ‖y − ŷ‖ / ‖y − ȳ‖)  %
 
-per axis, for predictions one sample, 0.1, 0.5, 1 and 3 s ahead, and for the closed-loop replay: the
-model flies the same references under the same controller. One step ahead of a smooth, fast-sampled
-motion every model fits nearly 100 %. Horizons of 0.5 s and more, and the replay, separate good
-models from bad ones.
+Each axis is scored for predictions one sample, 0.1, 0.5, 1 and 3 s ahead. It is also scored for the
+closed-loop replay: the model flies the same references under the same controller. One sample ahead,
+almost every model fits a smooth motion to nearly 100 %. Horizons of 0.5 s and more, and the replay,
+separate good models from bad ones.
 """
 
 from __future__ import annotations
@@ -24,23 +24,24 @@ from heli3dof.model.estimation.filter_data import LOST, Run
 
 HORIZONS_S = (0.1, 0.5, 1.0, 3.0)
 WARM_UP_S = 2.0
-"""The filter's settling time, where no usable rows precede a run."""
+"""s at a run's start that are not scored while the filter settles; fewer if usable rows precede."""
 LEAD_IN_S = 10.0
+"""s of usable rows before a run, at most, in which the filter settles"""
 AFTER_TAKE_OFF_S = 2.0
-"""The replay of a flight from the table is scored from this long after take-off: a linear model
-does not describe the rise from −27.5°, and its error takes time to decay."""
+"""s from the first usable row after take-off, before which the replay of a flight from the table is
+not scored: a linear model does not describe the rise from −27.5°, and its error must decay."""
 
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """fit_percent (3,) and rmse (3,) rad over ``rows`` rows; NaN without rows."""
+    """Fit (3,) in percent and RMSE (3,) in rad per axis, over ``rows`` rows; NaN without rows."""
 
     fit_percent: np.ndarray
     rmse: np.ndarray
     rows: int
 
     def to_json(self) -> dict[str, Any]:
-        """By axis, in degrees."""
+        """Return fit (%) and RMSE (degrees) by axis."""
         return {
             axis: {"fit_percent": float(f), "rmse_deg": float(np.rad2deg(e))}
             for axis, f, e in zip(AXES, self.fit_percent, self.rmse, strict=True)
@@ -52,7 +53,7 @@ NO_SCORE = Score(np.full(3, np.nan), np.full(3, np.nan), 0)
 
 @dataclass(frozen=True, eq=False)
 class Metrics:
-    """Scores on held-out data. ``prediction``: horizon in s → score; 0.0 is one sample."""
+    """Scores on held-out data. ``prediction``: horizon in s → score; 0.0 stands for one sample."""
 
     prediction: dict[float, Score]
     replay: Score
@@ -60,7 +61,10 @@ class Metrics:
     """Why there is no replay; empty where there is one."""
 
     def to_json(self) -> dict[str, Any]:
-        """Keys ``one_step``, ``0.1_s``, …, ``closed_loop_replay``; null where not available."""
+        """Return fit (%) and RMSE (degrees) by axis; unavailable scores are NaN.
+
+        Each axis has the keys ``one_step``, ``0.1_s``, …, ``closed_loop_replay``.
+        """
         named = {("one_step" if h == 0 else f"{h:g}_s"): s for h, s in self.prediction.items()}
         fit = {
             axis: {
@@ -80,9 +84,9 @@ class Metrics:
 
 
 def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
-    """The score over pairs of measured and predicted (N, 3) rad, without rows that hold a NaN.
+    """Return the score over pairs of measured and predicted angles (N, 3) rad.
 
-    Each pair's spread is taken about its own mean.
+    Rows with a NaN are skipped. The fit compares with the mean of each pair's measured angles.
     """
     error, spread, rows = np.zeros(3), np.zeros(3), 0
     for y, predicted in pairs:
@@ -102,7 +106,7 @@ def score(pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> Score:
 def predictions(
     model: Model, prepared: Prepared, runs: Sequence[Run], horizon_s: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Measured and predicted angles over runs; NaN until the filter has settled."""
+    """Return measured and predicted angles (N, 3) rad per run; NaN until the filter has settled."""
     out = []
     for run in runs:
         recording = prepared.recordings[run.source]
@@ -117,7 +121,7 @@ def predictions(
 
 
 def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
-    """Number of usable rows directly before the run, in which the filter can settle."""
+    """Return how many usable rows, at most ``most``, precede the run and settle the filter."""
     for other in (*prepared.train, *prepared.held_out):
         if other.source == run.source and other.stop == run.start:
             t = prepared.recordings[run.source].t
@@ -128,7 +132,7 @@ def _lead_in(prepared: Prepared, run: Run, most: int) -> int:
 
 
 def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
-    """Why the loop of these recordings cannot be replayed; empty where it can."""
+    """Return why the closed loop of recordings number ``sources`` cannot be replayed, or ``""``."""
     for i in sources:
         r = prepared.recordings[i]
         if reason := why_not_replayed(r):
@@ -143,7 +147,7 @@ def replay_obstacle(prepared: Prepared, sources: Sequence[int]) -> str:
 def replays(
     model: Model, prepared: Prepared, runs: Sequence[Run]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Measured and replayed angles over the runs; replays start at each recording's first row."""
+    """Return measured and replayed angles in the runs; a replay starts with its recording."""
     out = []
     settle = round(AFTER_TAKE_OFF_S / prepared.dt)
     for source in sorted({r.source for r in runs}):
@@ -172,7 +176,7 @@ def _first_usable(prepared: Prepared, source: int, otherwise: int) -> int:
 
 
 def metrics(model: Model, prepared: Prepared, runs: Sequence[Run]) -> Metrics:
-    """All scores of a model over runs, usually ``prepared.held_out``."""
+    """Return all scores of a model over ``runs``, usually ``prepared.held_out``."""
     prediction = {h: score(predictions(model, prepared, runs, h)) for h in (0.0, *HORIZONS_S)}
     note = replay_obstacle(prepared, sorted({r.source for r in runs}))
     replay = NO_SCORE if note else score(replays(model, prepared, runs))

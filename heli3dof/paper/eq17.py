@@ -1,13 +1,13 @@
-"""Eq (17), the paper's identified model: data with known defects, never a default plant.
+"""Eq (17), the paper's identified model, as printed and corrected; it has known defects.
 
-One denominator; T(s)_{i,j} is from motor i (1 front, 2 back) to angle j (1 roll, 2 pitch, 3 yaw),
-in degrees per volt. Its defects (E14):
+All transfer functions have one denominator. T(s)_{i,j} is from motor i (1 front, 2 back) to angle j
+(1 roll, 2 pitch, 3 yaw), in degrees per volt. The defects (erratum E14):
 
 * T_11 begins with 52 s³. T_1j ≈ −T_2j elsewhere, and T_21 begins with −2.537 s³, so 2.52 s³ is very
   likely meant: the *corrected* reading.
 * T_12 and T_13 have no constant term, but T_22 and T_23 have one.
-* A fourth-order model cannot represent the plant, which has six states and a free integrator in
-yaw. * Every reading is unstable in the loop with K_g.
+* A fourth-order model cannot represent the plant, which has six states and an integrator in yaw.
+* Both readings, printed and corrected, are unstable in closed loop with the gain K_g.
 
 The model is a `LinearModel` in rad and V: the exact zero-order hold of an eight-state realisation,
 because the printed numerators have no common four-state realisation.
@@ -24,7 +24,7 @@ from heli3dof.model.linear.model import LinearModel
 from heli3dof.rig.profile import Profile
 
 DENOMINATOR = (1.0, 1.379, 2.01, 1.072, 0.3533)
-"""s⁴ … s⁰"""
+"""Coefficients of s⁴ … s⁰"""
 NUMERATORS_PRINTED = (
     ((52.0, 6.568, 7.539, 3.989), (0.2395, -0.827, 1.139, 0.0), (-2.821, 0.3479, 1.807, 0.0)),
     (
@@ -39,7 +39,7 @@ T11_CORRECTED = 2.52
 
 
 def numerators_deg(*, corrected: bool = False) -> np.ndarray:
-    """(2, 3, 4): motor, angle, coefficients of s³ … s⁰, °/V."""
+    """Return the numerators (2, 3, 4), °/V: motor, angle, coefficients of s³ … s⁰."""
     num = np.array(NUMERATORS_PRINTED)
     if corrected:
         num[0, 0, 0] = T11_CORRECTED
@@ -47,17 +47,17 @@ def numerators_deg(*, corrected: bool = False) -> np.ndarray:
 
 
 def poles() -> np.ndarray:
-    """(4,) rad/s: the roots of the common denominator, rightmost first."""
+    """Return the roots (4,) of the common denominator, rad/s, rightmost first."""
     return rightmost_first(np.roots(DENOMINATOR))
 
 
 def dc_gains_deg() -> np.ndarray:
-    """(2, 3): motor, angle; °/V. Both readings have the same gains: they differ in s³ only."""
+    """Return the DC gains (2, 3), °/V: motor, angle. Printed and corrected, they are the same."""
     return numerators_deg()[:, :, -1] / DENOMINATOR[-1]
 
 
 def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(A (8, 8), B (8, 2), C (3, 8)) in rad and V: one controllable canonical form per motor."""
+    """Return A (8, 8), B (8, 2), C (3, 8) in rad and V: a controllable canonical form per motor."""
     num = np.deg2rad(numerators_deg(corrected=corrected))
     companion = np.zeros((4, 4))
     companion[0] = -np.array(DENOMINATOR[1:])
@@ -70,7 +70,7 @@ def realisation(*, corrected: bool = False) -> tuple[np.ndarray, np.ndarray, np.
 def paper17_model(
     profile: Profile, *, corrected: bool = False, dt: float | None = None
 ) -> LinearModel:
-    """Return eq (17) as printed, or with T_11 ``corrected``, about the profile's V_o."""
+    """Return eq (17), as printed or with T_11 ``corrected``, about the profile's hover voltage."""
     dt = profile.dt if dt is None else dt
     A, B, C = realisation(corrected=corrected)
     A_d, B_d = c2d_zoh(A, B, dt)

@@ -1,4 +1,4 @@
-"""The paper's models by name for a rig's profile (``--model hover``), and models from files."""
+"""Load a model for ``--model``: one of the paper's by name for a rig's profile, or a model file."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ BUILT_IN: Mapping[str, Callable[[Profile], Model]] = {
     "paper-17": _paper_17,
     "paper-17-corrected": lambda profile: _paper_17(profile, corrected=True),
 }
-"""The built-in models by the name for ``--model``."""
+"""Name for ``--model`` → function that makes the built-in model for a profile."""
 
 OLD_NAMES = {"paper-17-mended": "paper-17-corrected"}
 """Names of an earlier version, still read with a warning."""
 
 
 def load_model(name_or_path: str | Path, profile: Profile | None = None) -> Model:
-    """Return the model in a file, or a built-in one for this rig (default: the paper's profile).
+    """Return a built-in model for a rig's profile, or the model in a file.
 
-    A model file needs no profile. Raises UsageError for an unknown name, with the nearest one, and
-    RecordingError for a missing or unusable file.
+    The default is the paper's profile; a model file needs none. Raises UsageError for an unknown
+    name, with the nearest one, and RecordingError for a missing or unusable file.
     """
     text = str(name_or_path)
     if text in OLD_NAMES:

@@ -1,10 +1,10 @@
-"""The paper's published numbers as data, with whether and why each can be reproduced.
+"""The numbers in section III and Table II of the paper, and why each can be reproduced or not.
 
-Section III and Table II of the paper. Each column of Table II is headed with a model's name but
-holds the *difference* of that model from the experiment (E11); its "overshoot" is a peak value
-(E10). No number that involves the experiment or the identified model can be reproduced: the
-recording, its sample rate, start and fit were never published (E15), and the printed transfer
-functions (17) are unstable in the loop with K_g in every reading (E14).
+Each column of Table II is headed with a model's name but holds the *difference* of that model from
+the experiment (erratum E11); its "overshoot" is a peak value (E10). No number that involves the
+experiment or the identified model can be reproduced. The recording, its sample rate, start and fit
+were never published (E15). The transfer functions (17), printed or corrected, are unstable in
+closed loop with the gain K_g (E14).
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ HOVER_ROLL = "eqs (7)–(14) with errata E3–E6 corrected, 10° step, K_g"
 
 @dataclass(frozen=True)
 class Published:
-    """One printed number and whether it can be reproduced."""
+    """One number that the paper prints, and whether it can be reproduced."""
 
     axis: str
     subject: Subject
-    """For a difference: the model that is compared with the experiment."""
+    """Whose number it is; for a difference, the model that is compared with the experiment."""
     quantity: Quantity
     value_deg: float
     where: str
@@ -72,7 +72,7 @@ TEXT: tuple[Published, ...] = (
     Published("yaw", "hover", "peak", 0, "Fig 9", True, BY_SYMMETRY),
     Published("yaw", "hover", "error", 0, "Fig 9", True, BY_SYMMETRY),
 )
-"""The figures given in the text: peaks and errors of the experiment and of both models."""
+"""The numbers in the paper's text: peaks and errors of the experiment and of both models."""
 
 CAVEATS: tuple[str, ...] = (
     "Table II's columns are headed with a model's name but hold its difference from the "
@@ -89,7 +89,7 @@ CAVEATS: tuple[str, ...] = (
 
 
 def published(axis: str, subject: Subject, quantity: Quantity) -> Published | None:
-    """The printed number, or None where the paper prints none."""
+    """Return the number that the paper prints, or None if it prints none."""
     for number in (*TEXT, *TABLE_II):
         if (number.axis, number.subject, number.quantity) == (axis, subject, quantity):
             return number

@@ -1,7 +1,7 @@
-"""The reproducible part of the published table: the hover model's column.
+"""Reproduce the paper's numbers of the hover model; the others cannot be reproduced.
 
-The paper simulates the hover model: a 10° roll step from level, K_g of (14), no limits reached.
-With the contract's sampled controller the peak is 11.75° (11.85° in continuous time with ideal
+The paper simulates the hover model: a 10° roll step from level, gain K_g of eq (14), no limits hit.
+With this package's sampled controller the roll peak is 11.75° (11.85° in continuous time with ideal
 rates); the paper prints 12°. All other numbers need a recording that was never published.
 """
 
@@ -26,19 +26,19 @@ STEP_DEG, DURATION_S = 10.0, 10.0
 
 @dataclass(frozen=True)
 class Reproduced:
-    """A printed number with ours; NaN if it cannot be reproduced."""
+    """A number of the paper with the one simulated here, ``ours_deg``; NaN if not reproducible."""
 
     published: Published
     ours_deg: float
 
     def to_dict(self) -> dict[str, Any]:
-        """The row of ``compare --json``; None if the number cannot be reproduced."""
+        """Return the row of ``compare --json``; ``ours_deg`` is None if not reproducible."""
         ours = float(self.ours_deg)
         return {**asdict(self.published), "ours_deg": ours if isfinite(ours) else None}
 
 
 def paper_step(profile: Profile | None = None) -> LoopTask:
-    """The paper's task: a 10° roll step from level hover, 10 s, on the rig of Table I."""
+    """Return the paper's task: a 10° roll step from level hover, 10 s; default: Table I's rig."""
     profile = profile or default_profile()
     n = round(DURATION_S / profile.dt) + 1
     return LoopTask(
@@ -53,14 +53,14 @@ def paper_step(profile: Profile | None = None) -> LoopTask:
 
 
 def hover_metrics(hover: Model, profile: Profile | None = None) -> Mapping[str, AxisMetrics]:
-    """Step metrics per axis of the hover model in the paper's step."""
+    """Return the step metrics by axis of the hover model ``hover`` in the paper's roll step."""
     task = paper_step(profile)
     result = hover.fly(task)
     return step_metrics(result.t, result.angle, task.reference)
 
 
 def reproduce(hover: Model | None) -> tuple[Reproduced, ...]:
-    """All printed numbers with ours: the figures of the text, then Table II.
+    """Return all numbers of the paper with those simulated here, sorted by axis.
 
     ``hover`` is the corrected hover model of Table I's rig; with None nothing is simulated.
     """

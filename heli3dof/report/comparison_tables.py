@@ -1,6 +1,6 @@
-"""Tables of a comparison: step metrics, prediction errors, Table II, the published numbers.
+"""Tables of a comparison: step metrics, prediction errors, Table II, the paper's numbers.
 
-Each function returns a `Grid`, which `heli3dof.report.text_table` renders.
+A table is a `Grid`, which `heli3dof.report.text_table` renders.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ QUANTITIES = {
 
 
 def step_name(step: StepMetrics) -> str:
-    """The segment that an axis' metrics describe: ``0 → 10° at 5 s``, ``held at 0° from 5 s``."""
+    """Describe a segment of the reference, as ``0 → 10° at 5 s`` or ``held at 0° from 5 s``."""
     when = short(step.start_s, " s")
     if step.kind in ("step", "start"):
         return f"{short(step.from_deg)} → {short(step.set_deg, '°')} at {when}"
@@ -48,7 +48,7 @@ def step_name(step: StepMetrics) -> str:
 
 
 def metrics_table(flight: FlightComparison) -> Grid:
-    """The six metrics of the experiment and of each model, and their differences."""
+    """Return a table of the six step metrics of experiment and models, and their differences."""
     rows = []
     for i, axis in enumerate(AXES):
         measured = flight.experiment[axis].reported
@@ -81,7 +81,7 @@ METRIC_HEADS = ("peak °", "overshoot °", "overshoot %", "error °", "rise s", 
 
 
 def metrics_of(metrics: Mapping[str, AxisMetrics], title: str) -> Grid:
-    """The six metrics of one flight, with a row for each step of each axis."""
+    """Return a table of the six step metrics, with a row for each segment of each axis."""
     rows = [
         [axis, step_name(step), *_metric_cells(step.values())]
         for axis in AXES
@@ -99,7 +99,7 @@ def _metric_cells(values: Mapping[str, float], *, sign: bool = False) -> list[st
 
 
 def prediction_table(flight: FlightComparison) -> Grid | None:
-    """RMSE of the multi-step predictions by model, axis and horizon; None if there are none."""
+    """Return a table of prediction RMSE by model, axis and horizon; None if there are none."""
     if flight.held_still is None:
         return None
     horizons = list(flight.held_still.ahead_deg)
@@ -135,9 +135,10 @@ def _prediction_cells(
 
 
 def table_ii(flight: FlightComparison) -> Grid | None:
-    """The paper's Table II with ours: |model − experiment| of peak ("overshoot", E10) and error.
+    """Return a table like Table II of the paper, with the paper's numbers and this flight's.
 
-    None if the loop was not replayed.
+    The numbers are |model − experiment| of peak and steady error; the paper calls the peak
+    overshoot (E10). Returns None if the loop was not replayed.
     """
     if flight.why is not None:
         return None
@@ -171,7 +172,7 @@ def table_ii(flight: FlightComparison) -> Grid | None:
 
 
 def _subject(model: ModelComparison, models: Sequence[ModelComparison]) -> Subject | None:
-    """The paper's model that this one corresponds to: hover, or the first identified one."""
+    """Return which of the paper's models ``model`` corresponds to, hover or identified, or None."""
     if model.kind == "hover":
         return "hover"
     identified = [m for m in models if not m.kind.startswith(("hover", "paper"))]
@@ -184,7 +185,7 @@ def _printed(axis: str, subject: Subject | None, quantity: Quantity) -> str:
 
 
 def published_table(rows: Iterable[Reproduced]) -> Grid:
-    """Every published number with ours, or the reason why there is none."""
+    """Return a table of the paper's numbers with their reproduction, or why there is none."""
     cells = []
     reasons: dict[str, str] = {}
     for r in rows:
@@ -212,14 +213,14 @@ def published_table(rows: Iterable[Reproduced]) -> Grid:
 
 
 def flight_grids(flight: FlightComparison) -> list[Grid]:
-    """The tables of one flight: step metrics and Table II if replayed, prediction errors."""
+    """Return the tables of one flight: step metrics and Table II if replayed, predictions."""
     replayed = metrics_table(flight) if flight.why is None else None
     grids = (replayed, table_ii(flight), prediction_table(flight))
     return [g for g in grids if g is not None]
 
 
 def comparison_grids(comparison: Comparison, reproduced: Sequence[Reproduced] = ()) -> list[Grid]:
-    """The tables of all flights, then the published numbers."""
+    """Return the tables of all flights, then the one of the paper's numbers."""
     grids = [g for flight in comparison.flights for g in flight_grids(flight)]
     return [*grids, published_table(reproduced)] if reproduced else grids
 
@@ -227,7 +228,7 @@ def comparison_grids(comparison: Comparison, reproduced: Sequence[Reproduced] = 
 def comparison_renderables(
     comparison: Comparison, reproduced: Sequence[Reproduced] = ()
 ) -> list[RenderableType]:
-    """The tables of a comparison for the terminal, each followed by a blank line."""
+    """Return a comparison's tables for the terminal, each followed by a blank line."""
     from rich.padding import Padding
 
     below = (0, 0, 1, 0)

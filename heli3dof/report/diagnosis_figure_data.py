@@ -1,7 +1,7 @@
-"""The data of a diagnosis report's figures, from the diagnosis and its recordings.
+"""Compute the data of a diagnosis report's figures, from the diagnosis and its recordings.
 
-Nothing is fitted: the filter runs along the recordings once per finding, and the simulations before
-and after are replayed with each recording's references.
+Nothing is fitted. The filter runs along the recordings once per finding. Two refitted models are
+replayed with each recording's references: "before", without the causes, and "after", with them.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ from heli3dof.recording.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class Pictured:
-    """The data of the section's figures; None or empty ones are omitted."""
+    """The data of a diagnosis report's figures; a figure without data is omitted."""
 
     wrong: HowWrong | None = None
+    """The simulation error by horizon and axis"""
     evidence: Sequence[Evidence] = ()
-    """Of the findings that act as a torque"""
+    """Binned residual torque of each finding that acts as a torque"""
     leftovers: Sequence[Leftover] = ()
     leftover_evidence: Sequence[Evidence] = ()
     gain: Gain | None = None
@@ -39,7 +40,7 @@ class Pictured:
 def pictured(
     found: Diagnosis, recordings: Sequence[Recording], holdout: Sequence[Recording] = ()
 ) -> Pictured:
-    """The figures' data of a diagnosis; empty if the recordings are faulty."""
+    """Return the data of a diagnosis' figures; empty if the recordings are faulty."""
     f = found.fitted
     if f is None:
         return Pictured()

@@ -1,7 +1,8 @@
 """Figures of a diagnosis: a cause in the residual torque, and predictions before and after.
 
-Points are measured, with error bars of one standard error. The line is the fitted cause, which was
-fitted to the innovations, not to the points.
+"Before" is the refitted model without the causes, "after" the one with them. Points are measured
+residual torques, with error bars of one standard error. The line is the cause as fitted to the
+innovations, not to the points.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ if TYPE_CHECKING:
 BEFORE = Line(VERMILION, 1.5, (6, 1.5), 5)
 AFTER = Line(BLUE, 1.6, (), 6)
 ROOM = 1.35
-"""Vertical range of the figure over the range of its points (a convention)"""
+"""Ratio of the figure's vertical range to the range of its points (a convention)"""
 
 
 def evidence_figure(e: Evidence) -> Figure:
-    """The residual torque, binned over the cause's variable, and the fitted cause."""
+    """Draw the residual torque over the variable on which a cause depends, and the fitted cause."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -57,7 +58,7 @@ def evidence_figure(e: Evidence) -> Figure:
 
 
 def stretch_figure(before: HeldOut, after: HeldOut, worst: Worst, recording: str = "") -> Figure:
-    """The worst stretch of held-out data: measured, and 1 s predictions before and after."""
+    """Draw the worst stretch of held-out data with 1 s predictions, without and with the causes."""
     i = AXES.index(worst.axis)
     c = before.course
     margin = 0.5 * (worst.stop_s - worst.start_s)

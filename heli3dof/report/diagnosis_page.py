@@ -1,4 +1,4 @@
-"""The HTML page of a diagnosis: the diagnosis, its flights and their provenance."""
+"""Write the HTML page of a diagnosis: the diagnosis, its flights and their provenance."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def diagnosis_page(
     *,
     title: str = "",
 ) -> str:
-    """The HTML document; ``document`` is the contract's document of the same diagnosis."""
+    """Return the HTML page of ``found``; ``document`` is its ``diagnose --json`` document."""
     section = diagnosis_section(document, pictured(found, recordings, holdout))
     names = ", ".join(r.name for r in recordings)
     return flight_report(

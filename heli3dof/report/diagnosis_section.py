@@ -1,7 +1,8 @@
-"""A diagnosis as a section of the HTML report: verdict, tables, and a figure per cause.
+"""Write the section of the HTML report on a diagnosis: verdict, tables, and a figure per cause.
 
-Sentences and tables are written from the contract's document (`heli3dof.report.diagnosis_text`,
-`heli3dof.report.diagnosis_tables`). Figures and further tables are drawn from `Pictured`.
+The JSON document of ``diagnose --json`` gives the sentences (`heli3dof.report.diagnosis_text`) and
+tables (`heli3dof.report.diagnosis_tables`). Figures and further tables need data that it lacks;
+`heli3dof.report.diagnosis_figure_data` computes them.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from heli3dof.report.text_table import NONE, Grid, fixed
 def diagnosis_section(
     document: Document, p: Pictured = Pictured(), title: str = "Diagnosis"
 ) -> Section:
-    """Verdict, faults, next steps, simulation error, causes, gain and unmodelled effects."""
+    """Return the report's section on a diagnosis: its JSON ``document``, and figures from p."""
     bad = document["verdict"] == "bad_data"
     blocks = [key(words.verdict(document))]
     blocks += [warning(s) if bad else paragraph(s) for s in words.faults(document)]
@@ -88,7 +89,7 @@ def _unmodelled(document: Document, p: Pictured) -> list[str]:
 
 
 def error_table(w: HowWrong) -> Grid:
-    """RMSE and noise floor of the simulation per axis and horizon."""
+    """Return a table of the simulation's prediction RMSE and noise floor, per axis and horizon."""
     rows = [
         [f"{h:g}", *(fixed(float(x[k, i]), 3) for i in range(3) for x in (w.rmse_deg, w.floor_deg))]
         for k, h in enumerate(w.horizons_s)
@@ -107,7 +108,7 @@ def error_table(w: HowWrong) -> Grid:
 
 
 def unmodelled_table(leftovers: Sequence[Leftover]) -> Grid:
-    """The residual torques that no known cause explains."""
+    """Return a table of the residual torques that no known cause explains."""
     rows = [
         [
             r.axis,
@@ -125,7 +126,7 @@ def unmodelled_table(leftovers: Sequence[Leftover]) -> Grid:
 
 
 def replayed_table(replayed: Sequence[Replayed]) -> Grid:
-    """Overshoot and steady error as in Table II: measured, and by the models before and after."""
+    """Return a table like Table II: overshoot and steady error, without and with the causes."""
     rows = [
         [r.recording, r.axis, *(fixed(v, 2) for v in (*r.overshoot_deg, *r.steady_error_deg))]
         for r in replayed

@@ -1,7 +1,7 @@
 """The tables of a diagnosis, and its terminal output: tables and sentences in reading order.
 
-Everything is written from the contract's document (``heli3dof.diagnosis/1``), so a diagnosis read
-from a file looks like a new one. The sentences come from `heli3dof.report.diagnosis_text`.
+The input is the document of ``diagnose --json`` (schema ``heli3dof.diagnosis/1``), so a diagnosis
+read from a file looks like a new one. `heli3dof.report.diagnosis_text` writes the sentences.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from heli3dof.report.text_table import NONE, Grid, fixed
 
 
 def split_unit(key: str) -> tuple[str, str]:
-    """Split a contract key into name and unit.
+    """Split a parameter's key in the JSON document into name and unit.
 
     >>> split_unit("torque_Nm"), split_unit("ratio")
     (('torque', 'N·m'), ('ratio', ''))
@@ -48,7 +48,7 @@ UNITS = {
 
 
 def significant(value: float | None, std: float | None = None) -> str:
-    """A value with as many digits as show two digits of its standard deviation.
+    """Format a value with as many digits as show two digits of its standard deviation.
 
     >>> significant(0.030123, 0.00042), significant(1234.5, 20.0), significant(None)
     ('0.03012', '1234', '–')
@@ -62,7 +62,7 @@ def significant(value: float | None, std: float | None = None) -> str:
 
 
 def diagnosis_tables(document: Document) -> list[Grid | str]:
-    """Tables and sentences in reading order, without the empty ones."""
+    """Return a diagnosis' tables and sentences in reading order, without the empty ones."""
     out: list[Grid | str] = [words.verdict(document), *words.faults(document)]
     out += words.limits(document)
     for grid in (simulation_error(document), findings(document), gains(document)):
@@ -86,7 +86,7 @@ def diagnosis_tables(document: Document) -> list[Grid | str]:
 
 
 def simulation_error(document: Document) -> Grid:
-    """Prediction error of the simulation with the profile's numbers, and the noise floor."""
+    """Return a table of prediction errors with the profile's parameters, and the noise floor."""
     error = document["simulation_error"]
     rows = [
         [axis, _degrees(error[axis]["rmse_deg"]), _degrees(error[axis]["noise_floor_deg"])]
@@ -103,7 +103,7 @@ def simulation_error(document: Document) -> Grid:
 
 
 def _worst(error: Document) -> list[str]:
-    """The stretches with the largest errors, in one line."""
+    """Return a line that names the stretches with the largest errors."""
     stretches = [
         f"{axis} {fixed(w['start_s'], 1)} to {fixed(w['stop_s'], 1)} s of {w['recording']} "
         f"({fixed(w['rmse_deg'], 2, '°')})"
@@ -114,7 +114,7 @@ def _worst(error: Document) -> list[str]:
 
 
 def findings(document: Document) -> Grid:
-    """The causes: parameters with standard deviations, and the log-likelihood that each gains."""
+    """Return a table of the causes: parameters, standard deviations, gain in log-likelihood."""
     rows = []
     for f in document["findings"]:
         gain = fixed(number(f["gain"]["holdout_log_likelihood"]), 0)
@@ -135,7 +135,7 @@ def findings(document: Document) -> Grid:
 
 
 def gains(document: Document) -> Grid:
-    """Prediction error of the refitted base simulation and of the extended one, with intervals."""
+    """Return a table of prediction errors of the refitted models, without and with the causes."""
     heads = ["axis", "before °", "after °", "reduction °", "95 % interval", "noise floor °"]
     if not words.adopted(document):
         return Grid("", heads, [])
@@ -167,7 +167,7 @@ def gains(document: Document) -> Grid:
 
 
 def interval(ends: Sequence[float | None], digits: int = 3) -> str:
-    """The two ends of an interval; a dash where one is missing.
+    """Format the two ends of an interval; a dash if one is missing.
 
     >>> interval((0.1, 0.25)), interval((None, None))
     ('0.100 … 0.250', '–')
@@ -179,7 +179,7 @@ def interval(ends: Sequence[float | None], digits: int = 3) -> str:
 
 
 def calibration(document: Document) -> Grid:
-    """The base simulation's refitted parameters, and their difference from the profile's."""
+    """Return a table of the refitted rig parameters and their difference from the profile's."""
     rows = []
     for c in document["calibration"]:
         nominal, value = c["nominal"], c["value"]

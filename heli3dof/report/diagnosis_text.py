@@ -1,6 +1,7 @@
-"""The sentences of a diagnosis, written from the contract's document: verdict, causes, next steps.
+"""Write the sentences of a diagnosis from the JSON document of ``diagnose --json``.
 
-Each function returns or yields whole sentences. Those of `faults` and `next_steps` name an action.
+`verdict` and the functions that yield strings write whole sentences. Those of `faults` and
+`next_steps` name an action. docs/reference/contract.md defines the document's keys.
 """
 
 from __future__ import annotations
@@ -26,22 +27,22 @@ VERDICTS = {
 }
 UNCONFIRMED = "A further effect would fit better, but held-out data do not confirm it."
 LISTED = 6
-"""Names in a sentence; the others are counted."""
+"""Largest number of names in a sentence; it gives the number of the others."""
 NOISE_EXCESS = 1.5
-"""Ratio of the noise floor to the simulation error above which a sentence warns (a convention)."""
+"""Ratio of noise floor to simulation error, above which `limits` warns (a convention)."""
 SCALE_PREFIX = "encoder.scale."
 NEVER_SHOWN = frozenset({"encoder.offset.yaw"})
-"""Not identifiable from any flight (only a cable depends on yaw's zero), so no sentence."""
+"""Effects that no flight identifies (only a cable depends on yaw's zero): not mentioned."""
 
 
 def name_of(finding: Document) -> str:
-    """``friction.coulomb`` on ``yaw`` → ``friction.coulomb.yaw``."""
+    """Return a finding's name: effect ``friction.coulomb``, axis yaw → ``friction.coulomb.yaw``."""
     axis = finding.get("axis")
     return str(finding["effect"]) if axis is None else f"{finding['effect']}.{axis}"
 
 
 def variable(name: str) -> str:
-    """A variable's key in words.
+    """Return a variable's key in words.
 
     >>> variable("pitch*roll_rate")
     'pitch × roll rate'
@@ -50,7 +51,7 @@ def variable(name: str) -> str:
 
 
 def listed(names: Sequence[str], word: str = "and") -> str:
-    """Names joined for a sentence.
+    """Join names for a sentence.
 
     >>> listed(["a", "b", "c"]), listed(["a"], "or")
     ('a, b and c', 'a')
@@ -59,7 +60,7 @@ def listed(names: Sequence[str], word: str = "and") -> str:
 
 
 def summary_of(name: str) -> str:
-    """The catalogue's description of a cause; empty for a name that is not in it."""
+    """Return the effect catalogue's description of a cause; empty if it is not in the catalogue."""
     try:
         return term(name).effect.summary
     except UsageError:
@@ -67,7 +68,7 @@ def summary_of(name: str) -> str:
 
 
 def verdict(document: Document) -> str:
-    """The verdict in one or two sentences."""
+    """Return the verdict with its meaning, in one to three sentences."""
     word = str(document["verdict"])
     meaning = VERDICTS[word]
     if word == "nothing_found":
@@ -80,12 +81,12 @@ def verdict(document: Document) -> str:
 
 
 def possibly_off(document: Document) -> list[Document]:
-    """Calibrated parameters beyond the profile's tolerance, but not significantly."""
+    """Return calibrated parameters that exceed the profile's tolerance, but not significantly."""
     return [c for c in document["calibration"] if c.get("beyond_tolerance") == "not_surely"]
 
 
 def calibration_doubts(document: Document) -> Iterator[str]:
-    """One sentence per parameter of `possibly_off`, and how to settle them."""
+    """Yield a sentence per parameter of `possibly_off`, then how to measure them better."""
     doubtful = possibly_off(document)
     for c in doubtful:
         off = number(c["value"]) / c["nominal"] - 1
@@ -105,7 +106,7 @@ def calibration_doubts(document: Document) -> Iterator[str]:
 
 
 def faults(document: Document) -> Iterator[str]:
-    """The results of the integrity checks: what happened, the likely cause, what to do."""
+    """Yield a sentence per fault that the integrity checks found, with likely cause and remedy."""
     for f in document.get("integrity", ()):
         if not isinstance(f, Mapping):
             yield str(f)
@@ -117,7 +118,7 @@ def faults(document: Document) -> Iterator[str]:
 
 
 def limits(document: Document) -> Iterator[str]:
-    """Recordings that were not fitted, and simulation errors that are missing or unreliable."""
+    """Yield which recordings were not fitted, which simulation errors are missing or unreliable."""
     not_fitted = document.get("about", {}).get("not_fitted")
     if not_fitted:
         yield (
@@ -146,7 +147,7 @@ def limits(document: Document) -> Iterator[str]:
 
 
 def causes(document: Document) -> Iterator[str]:
-    """One paragraph per finding: what it is, its confidence, and what it is confounded with."""
+    """Yield a paragraph per finding: what it is, its confidence, what it is confounded with."""
     unmodelled = {rest["axis"] for rest in document["leftover"]}
     for f in document["findings"]:
         name = name_of(f)
@@ -172,7 +173,7 @@ def causes(document: Document) -> Iterator[str]:
 
 
 def _confounded(name: str, others: Sequence[str]) -> str:
-    """The causes that a finding is confounded with, and which measurement separates them."""
+    """Return what the finding ``name`` is confounded with, and which measurement separates them."""
     scales = [n for n in others if n.startswith(SCALE_PREFIX)]
     flights = flyable(name, others)
     weights = [n for n in others if n not in flights and n not in scales]
@@ -190,7 +191,7 @@ def _confounded(name: str, others: Sequence[str]) -> str:
 
 
 def turn_by_hand(scales: Sequence[str]) -> str:
-    """How to find a wrong number of counts per revolution.
+    """Return how to find a wrong encoder scale (counts per revolution).
 
     >>> turn_by_hand(["encoder.scale.yaw"])[:35]
     'turn yaw by hand through a known an'
@@ -203,7 +204,7 @@ def turn_by_hand(scales: Sequence[str]) -> str:
 
 
 def adopted(document: Document) -> bool:
-    """True when the model was extended; a faulty recording or a calibration extends nothing."""
+    """True if a cause was added to the model; faults and calibrations add none."""
     return any(
         f["gain"]["holdout_log_likelihood"] is not None or "measured_on" in f["gain"]
         for f in document["findings"]
@@ -211,7 +212,7 @@ def adopted(document: Document) -> bool:
 
 
 def unmodelled_effects(document: Document) -> Iterator[str]:
-    """One sentence per residual torque: its axis, and the variable that it depends on."""
+    """Yield a sentence per unexplained residual torque: its axis, and on what it depends."""
     for rest in document["leftover"]:
         share = number(rest["share"])
         text = (
@@ -229,7 +230,7 @@ def unmodelled_effects(document: Document) -> Iterator[str]:
 
 
 def not_adopted(document: Document) -> Iterator[str]:
-    """Candidates without a confirmed gain, and effects that are not identifiable."""
+    """Yield which candidates have no confirmed gain, and which effects are not identifiable."""
     for x in document.get("dropped", ()):
         span = x["gain"].get("holdout_log_likelihood_interval", (None, None))
         if span is None:  # compared by multi-step predictions
@@ -260,12 +261,12 @@ def not_adopted(document: Document) -> Iterator[str]:
 
 
 def equation_changes(document: Document) -> Iterator[str]:
-    """Simplifications of the body's equations that the recordings support."""
+    """Yield the simplifications of the equations of motion that the recordings support."""
     yield from map(str, document.get("about", {}).get("written", ()))
 
 
 def kept_terms(document: Document) -> Iterator[str]:
-    """Terms of the extended model that are not reported as causes, with estimate and prior."""
+    """Yield the extended model's terms that are not reported as causes, with estimate and prior."""
     for x in document.get("about", {}).get("kept_within_what_is_known", ()):
         sizes = ", ".join(
             f"{fixed(q['value'], 3)} ± {fixed(q['std'], 3)} {q['unit']} (prior: "
@@ -276,13 +277,13 @@ def kept_terms(document: Document) -> Iterator[str]:
 
 
 def model_deviations(document: Document) -> Iterator[str]:
-    """Deviations from the extended model, apart from the residual torques."""
+    """Yield what the extended model does not explain, apart from the residual torques."""
     for x in document.get("about", {}).get("still_hidden", ()):
         yield f"Not explained: {x['sentence']}"
 
 
 def next_steps(document: Document) -> Iterator[str]:
-    """What to do now, each with its command."""
+    """Yield what to do next, with the command."""
     if document["verdict"] == "bad_data":
         yield "Correct the log or record again, then run heli3dof diagnose again."
         return
@@ -325,7 +326,7 @@ def next_steps(document: Document) -> Iterator[str]:
 
 
 def percent(confidence: float | None) -> str:
-    """A confidence in percent, never rounded up to 100 %.
+    """Format a confidence in percent, above 99 % as ``> 99 %``.
 
     >>> percent(0.9999), percent(0.873), percent(None)
     ('> 99 %', '87 %', '–')
@@ -336,5 +337,5 @@ def percent(confidence: float | None) -> str:
 
 
 def number(value: float | None) -> float:
-    """The value; NaN for a missing one."""
+    """Return the value, or NaN for None."""
     return math.nan if value is None else float(value)

@@ -1,7 +1,8 @@
-"""The style of all figures, and their output as SVG or PNG: equal data give equal bytes.
+"""The style of all figures, and their output as SVG or PNG.
 
-The colours (Okabe and Ito) are distinct for colour-blind readers; line styles differ too, for grey
-prints. matplotlib is imported inside the functions, because it takes half a second.
+The same data give the same file, byte for byte. The colours (Okabe and Ito) are distinct for
+colour-blind readers; line styles differ too, for grey prints. matplotlib is imported inside the
+functions, because its import takes half a second.
 """
 
 from __future__ import annotations
@@ -87,14 +88,14 @@ IDENTIFIED = (
 
 
 def plain(text: str, most: int = 200) -> str:
-    """Text for a figure, shortened to ``most`` characters, without matplotlib's mathematics."""
+    """Return text for a figure: at most ``most`` characters, with $ escaped for matplotlib."""
     if len(text) > most:
         text = text[: most - 1] + "…"
     return text.replace("$", r"\$")
 
 
 def model_lines(kinds: list[str]) -> list[Line]:
-    """A line style per model by its kind; the hover models have their own in every figure."""
+    """Return a line style for each model kind; the hover models look the same in every figure."""
     lines: list[Line] = []
     identified = 0
     for kind in kinds:
@@ -109,7 +110,7 @@ def model_lines(kinds: list[str]) -> list[Line]:
 
 
 def to_svg(figure: Figure) -> str:
-    """The figure as SVG text, without date or random ids."""
+    """Return the figure as SVG text, without date or random ids."""
     import matplotlib
 
     buffer = io.StringIO()
@@ -119,7 +120,7 @@ def to_svg(figure: Figure) -> str:
 
 
 def to_png(figure: Figure) -> bytes:
-    """The figure as PNG at 150 dots per inch."""
+    """Return the figure as PNG at 150 dots per inch."""
     import matplotlib
 
     buffer = io.BytesIO()

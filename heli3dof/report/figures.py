@@ -1,8 +1,8 @@
-"""Figures 7–9 of the paper, and the overview of a flight, as matplotlib figures.
+"""Draw Figures 7–9 of the paper, and the overview of a flight, with matplotlib.
 
 Figure 7 is roll, 8 pitch, 9 yaw: reference, experiment and every model over time. If the controller
-is known, the models' curves are closed-loop replays; otherwise they are multi-step predictions in
-successive windows, each starting at the measured angles. The subtitle gives the numbers.
+is known, the models' curves are closed-loop replays. Otherwise they are multi-step predictions in
+successive windows, each starting at the measured angles. The subtitle gives peaks or RMSE.
 `heli3dof.report.figure_style` writes SVG or PNG.
 """
 
@@ -41,9 +41,9 @@ NUMBER = {"roll": 7, "pitch": 8, "yaw": 9}
 
 
 def comparison_figures(comparison: Comparison) -> dict[str, dict[str, Figure]]:
-    """Figures 7, 8 and 9: recording's name → axis → figure.
+    """Draw the paper's Figures 7, 8 and 9; the result is recording's name → axis → figure.
 
-    A repeated name is numbered. An axis that was not measured has no figure.
+    A repeated name gets a number. An axis that was not measured has no figure.
     """
     figures: dict[str, dict[str, Figure]] = {}
     for flight in comparison.flights:
@@ -56,7 +56,10 @@ def comparison_figures(comparison: Comparison) -> dict[str, dict[str, Figure]]:
 def comparison_plot(
     comparison: Comparison, axis: str = "roll", recording: str | None = None
 ) -> Figure:
-    """One of Figures 7–9: of the recording with that name, or of the first one."""
+    """Draw the paper's Figure 7, 8 or 9, by ``axis``, for the named or the first recording.
+
+    Raises UsageError if there is no such recording or angle.
+    """
     for flight in comparison.flights:
         if recording in (None, flight.recording.name) and axis in flight.recording.axes:
             return comparison_figure(flight, axis)
@@ -68,12 +71,12 @@ def comparison_plot(
 
 
 def axis_figures(flight: FlightComparison) -> dict[str, Figure]:
-    """Figures 7, 8 and 9 of one recording by axis; an axis that was not measured has none."""
+    """Draw the paper's Figures 7, 8 and 9 for one recording, by axis; one not measured has none."""
     return {axis: comparison_figure(flight, axis) for axis in AXES if axis in flight.recording.axes}
 
 
 def comparison_figure(flight: FlightComparison, axis: str) -> Figure:
-    """One of Figures 7–9 for one recording."""
+    """Draw the paper's Figure 7, 8 or 9, by ``axis``, for one recording."""
     i, recording = AXES.index(axis), flight.flown
     curves = [Curve("experiment", recording.t, np.degrees(recording.angle[:, i]), EXPERIMENT)]
     if recording.has_reference(axis):
@@ -96,7 +99,7 @@ def comparison_figure(flight: FlightComparison, axis: str) -> Figure:
 
 
 def flight_figure(recording: Recording) -> Figure:
-    """The recorded angles with their references, and both voltages."""
+    """Draw the recorded angles with their references, and both voltages, over time."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -156,7 +159,7 @@ def flight_figure(recording: Recording) -> Figure:
 
 
 def _subtitle(flight: FlightComparison, axis: str) -> str:
-    """Peaks of experiment and replays, or the RMSE of predictions."""
+    """Return the peaks of experiment and replays, or the RMSE of predictions, as text."""
     parts = []
     if flight.why is None:
         experiment = flight.experiment[axis].reported.peak_deg
@@ -175,7 +178,7 @@ def _subtitle(flight: FlightComparison, axis: str) -> str:
 
 
 def _list(parts: Sequence[str]) -> str:
-    """Parts joined by commas, with line breaks between parts only."""
+    """Join parts by commas; a line can break between parts only."""
     return ",  ".join(p.replace(" ", "\u00a0") for p in parts if p)
 
 

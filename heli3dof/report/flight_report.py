@@ -1,6 +1,6 @@
-"""The HTML report of flights: summary, warnings, flights, models, comparison, provenance.
+"""Write the HTML report of flights: summary, warnings, flights, models, comparison, provenance.
 
-``heli3dof report``, ``diagnose --report`` and ``demo`` write it.
+``heli3dof report``, ``diagnose --report`` and ``demo`` use it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from heli3dof.report.model_section import model_blocks
 from heli3dof.report.text_table import fixed
 
 LONG = 200
-"""Characters of a value above which it gets its own listing (a convention)"""
+"""Number of characters above which a metadata value gets its own listing (a convention)"""
 
 
 def flight_report(
@@ -54,11 +54,11 @@ def flight_report(
     lede: Sequence[str] = (),
     title: str = "",
 ) -> str:
-    """The HTML document.
+    """Return the report as an HTML document.
 
-    ``lede`` sentences come first, ``first`` sections before the flights, and ``extra`` ones (of an
-    identification, a diagnosis) after the comparison. ``reproduced`` is the result of
-    `heli3dof.paper.reproduction.reproduce`.
+    The sentences ``lede`` open the summary. The sections ``first`` come before the flights, and
+    ``extra`` (of an identification, for example) after the comparison. ``reproduced`` is the result
+    of `heli3dof.paper.reproduction.reproduce`.
     """
     names = ", ".join(r.name for r in recordings)
     warnings = _warnings(recordings, comparison)
@@ -98,7 +98,7 @@ def _flights(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _summary(r: Recording) -> dict[str, Any]:
-    """Plan, device, outcome, duration, rate, profile, controller and voltage range."""
+    """Return plan, device, outcome, duration, rate, profile, controller and voltage range."""
     gaps = np.diff(r.t) > 1.5 * r.dt
     return {
         "plan": _plan_name(r),
@@ -117,7 +117,7 @@ def _summary(r: Recording) -> dict[str, Any]:
 
 
 def _ending(r: Recording) -> list[str]:
-    """A flight's outcome, and its reason where recorded; empty for an imported log."""
+    """Return a flight's outcome, and its reason if recorded; empty for an imported log."""
     outcome, details = r.meta.get("outcome"), r.meta.get("outcome_details", {})
     if outcome is None:
         return []
@@ -149,7 +149,7 @@ def _comparison(comparison: Comparison) -> list[str]:
 
 
 def in_a_sentence(flight: FlightComparison) -> str:
-    """The result of one flight's comparison in a few sentences."""
+    """Return the result of one flight's comparison in a few sentences."""
     if not flight.models:
         return "No model was compared."
     if flight.why is None:
@@ -187,7 +187,7 @@ def _replay_sentence(flight: FlightComparison, m: ModelComparison) -> str:
 
 
 def _prediction_sentence(flight: FlightComparison) -> str:
-    """The roll error of predictions, which, unlike a replay, the controller does not reduce."""
+    """Return a sentence on the errors of roll predictions, which run without a controller."""
     if flight.held_still is None:
         return ""
     named = [(m.name, m.prediction) for m in flight.models]
@@ -224,7 +224,7 @@ def _provenance(recordings: Sequence[Recording]) -> list[str]:
 
 
 def _flat(meta: Mapping[str, Any], prefix: str = "") -> tuple[dict[str, Any], dict[str, Any]]:
-    """Metadata as short values under dotted names, and the values too long for a line."""
+    """Return metadata as (short values under dotted names, values that are too long for a line)."""
     short: dict[str, Any] = {}
     long: dict[str, Any] = {}
     for name, value in meta.items():

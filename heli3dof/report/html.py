@@ -1,7 +1,6 @@
-"""A self-contained HTML page: sections of blocks, without scripts or external links.
+"""Write a self-contained HTML page: sections of blocks, without scripts or external links.
 
-Figures are embedded. A block is a string of HTML from one of the functions here, which escape every
-text from a recording, a model or a file name.
+Figures are embedded. A block is a string of HTML from a function of this module, with text escaped.
 """
 
 from __future__ import annotations
@@ -104,39 +103,39 @@ footer { margin-top: 3rem; padding-top: 1rem; border-top: 1px solid var(--line);
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and its blocks, strings of HTML from the functions below."""
+    """A section of the page: a heading and its blocks, which are strings of HTML."""
 
     title: str
     blocks: Sequence[str]
 
 
 def paragraph(text: str) -> str:
-    """A paragraph of plain text."""
+    """Return a paragraph as HTML."""
     return f"<p>{html.escape(text)}</p>"
 
 
 def subheading(text: str) -> str:
-    """A heading inside a section."""
+    """Return a heading inside a section as HTML."""
     return f"<h3>{html.escape(text)}</h3>"
 
 
 def key(text: str) -> str:
-    """A highlighted sentence."""
+    """Return a highlighted sentence as HTML."""
     return f'<p class="key">{html.escape(text)}</p>'
 
 
 def warning(text: str) -> str:
-    """A warning."""
+    """Return a warning as HTML."""
     return f'<p class="warning">{html.escape(text)}</p>'
 
 
 def table(grid: Grid) -> str:
-    """A table with its notes."""
+    """Return a table with its notes as HTML."""
     return to_html(grid)
 
 
 def facts(values: Mapping[str, Any]) -> str:
-    """Names and values, one per line; values that are None are omitted."""
+    """Return names and values as HTML, one pair per line; values that are None are omitted."""
     rows = "".join(
         f"<dt>{html.escape(str(name))}</dt><dd>{html.escape(str(value))}</dd>"
         for name, value in values.items()
@@ -146,13 +145,13 @@ def facts(values: Mapping[str, Any]) -> str:
 
 
 def listing(value: Any) -> str:
-    """Structured data as indented JSON."""
+    """Return structured data as indented JSON in HTML."""
     text = json.dumps(value, ensure_ascii=False, indent=1, default=str)
     return f"<pre>{html.escape(text)}</pre>"
 
 
 def figure(drawn: Figure, alt: str) -> str:
-    """A figure as an embedded SVG image, with ``alt`` as its description."""
+    """Return a figure as an embedded SVG image in HTML, with ``alt`` as its description."""
     data = base64.b64encode(to_svg(drawn).encode("utf-8")).decode("ascii")
     return (
         f'<figure><img alt="{html.escape(alt, quote=True)}" '
@@ -161,7 +160,7 @@ def figure(drawn: Figure, alt: str) -> str:
 
 
 def page(title: str, subtitle: str, sections: Iterable[Section], *, footer: str = "") -> str:
-    """The HTML document. ``title``, ``subtitle`` and ``footer`` are plain text."""
+    """Return the HTML document. ``title``, ``subtitle`` and ``footer`` are plain text."""
     sections = [s for s in sections if s.blocks]
     links = "".join(
         f'<a href="#s{i}">{html.escape(s.title)}</a>' for i, s in enumerate(sections, 1)
@@ -181,7 +180,7 @@ def page(title: str, subtitle: str, sections: Iterable[Section], *, footer: str 
 
 
 def write_page(text: str, path: str | Path, *, force: bool = False) -> Path:
-    """Write the document. Raises OutputExists unless ``force``."""
+    """Write the page to a file. Raises OutputExists if it exists, unless ``force``."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     return write_file(path, text.encode("utf-8"), force=force)

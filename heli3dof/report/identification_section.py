@@ -1,8 +1,8 @@
-"""The results of an identification as tables for the terminal and as a section of the HTML report.
+"""Present an identification as tables for the terminal and as a section of the HTML report.
 
-Poles and parameters with standard deviations, fits on held-out data, residual tests, candidate
-orders; Bode diagrams of three channels with bands of two standard deviations, and the innovations
-of the longest held-out segment with their autocorrelation.
+The tables give poles and parameters with standard deviations, fits on held-out data, residual tests
+and candidate orders. The section adds Bode diagrams of three channels with bands of ± two standard
+deviations, and the innovations of the longest held-out segment with their autocorrelation.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ POINTS = 200
 LOWEST = 0.1
 """rad/s: flights of a minute have no information at lower frequencies."""
 MIXED = 0.8
-"""Correlation above which a pair of parameters gets a note (a convention)"""
+"""Absolute correlation above which a pair of parameters gets a note (a convention)"""
 
 
 def identification_tables(found: Identification) -> list[Grid]:
-    """The tables for a terminal, without empty ones."""
+    """Return the tables for the terminal, without empty ones."""
     grids = [
         parameters_table(found),
         poles_table(found),
@@ -36,7 +36,7 @@ def identification_tables(found: Identification) -> list[Grid]:
 
 
 def parameters_table(found: Identification) -> Grid:
-    """Physical parameters with standard deviations, their Cramér–Rao bounds and nominal values."""
+    """Return a table of the parameters with standard deviations and Cramér–Rao bounds."""
     rows, notes = [], ["σ: standard deviation; bound: the Cramér–Rao bound on it."]
     for name, p in found.found.parameters.items():
         numbers = (p.value, p.std, p.bound, p.nominal)
@@ -49,12 +49,12 @@ def parameters_table(found: Identification) -> Grid:
 
 
 def _short(name: str) -> str:
-    """``motor.lag.time_constant_s`` → ``motor.lag``; the unit has its own column."""
+    """Return the effect of a parameter: ``motor.lag.time_constant_s`` → ``motor.lag``."""
     return name.rpartition(".")[0] or name
 
 
 def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
-    """A sentence for each pair of highly correlated parameters."""
+    """Return a sentence for each pair of parameters that correlate by more than `MIXED`."""
     if correlation is None:
         return []
     return [
@@ -66,7 +66,7 @@ def _mixed(names: list[str], correlation: np.ndarray | None) -> list[str]:
 
 
 def poles_table(found: Identification) -> Grid:
-    """Continuous-time poles, a conjugate pair once, each part with its standard deviation."""
+    """Return a table of the continuous-time poles and their errors, conjugate pairs once."""
     rows = []
     for pole in found.poles:
         re, im = pole.value.real, pole.value.imag
@@ -82,7 +82,7 @@ def poles_table(found: Identification) -> Grid:
 
 
 def fits_table(found: Identification) -> Grid:
-    """Fit in percent per axis: one-step and multi-step predictions, and closed-loop replay."""
+    """Return a table of the fit (%) by axis: one-step and multi-step predictions, replay."""
     metrics = found.metrics
     scores = {
         ("one step" if h == 0 else f"{h:g} s ahead"): s for h, s in metrics.prediction.items()
@@ -99,7 +99,7 @@ def fits_table(found: Identification) -> Grid:
 
 
 def residuals_table(found: Identification) -> Grid:
-    """Tests of whiteness and of independence from past inputs, with their bounds."""
+    """Return a table of the tests for whiteness and for independence from past inputs."""
     rows = [
         [
             test.name,
@@ -121,7 +121,7 @@ def residuals_table(found: Identification) -> Grid:
 
 
 def candidates_table(found: Identification) -> Grid:
-    """The candidate orders and sampling intervals."""
+    """Return a table of the orders and sampling intervals that the order search tried."""
     rows = [
         [
             str(c.order),
@@ -143,7 +143,7 @@ def candidates_table(found: Identification) -> Grid:
 
 
 def identification_section(found: Identification) -> Section:
-    """The HTML section of one identification."""
+    """Return the report's section on one identification."""
     blocks = [paragraph(s) for s in found.sentences() if not s.startswith("Warning: ")]
     blocks += [warning(w) for w in found.warnings]
     blocks += [table(grid) for grid in identification_tables(found)]
@@ -165,7 +165,7 @@ def identification_section(found: Identification) -> Section:
 
 
 def bode_with_bands(found: Identification):  # type: ignore[no-untyped-def]
-    """Roll, pitch and yaw over the front motor; None for a model without a linear response."""
+    """Draw Bode diagrams from the front motor to each angle; None without a linear response."""
     omega = np.geomspace(LOWEST, 0.8 * np.pi / found.interval_s, POINTS)
     try:
         response, std = found.frequency_response(omega)

@@ -30,7 +30,7 @@ MIN_SPAN = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One curve: t (M,) s, y (M,) in the figure's unit; NaN breaks it."""
+    """One curve of a figure: t (M,) s, y (M,) in the figure's unit; NaN interrupts it."""
 
     label: str
     t: np.ndarray
@@ -45,10 +45,10 @@ class Curve:
 def angle_figure(
     curves: Sequence[Curve], *, title: str, subtitle: str, ylabel: str, frame: Sequence[str] = ()
 ) -> Figure:
-    """Angles over time with a label at each curve's end.
+    """Draw angles over time with a label at each curve's end.
 
-    ``frame`` names the curves that determine the vertical range; others may leave the axes, so that
-    a diverging model does not hide the rest.
+    ``frame`` names the curves that determine the vertical range. Others may leave the axes, so that
+    a diverging model does not flatten the rest.
     """
     import matplotlib
     from matplotlib.figure import Figure
@@ -76,7 +76,7 @@ def angle_figure(
 
 
 def headline(figure: Figure, title: str, height: float) -> None:
-    """The title of a figure ``height`` inches high, at its upper left."""
+    """Write the title of a figure ``height`` inches high at its upper left."""
     text = plain(title, TITLE_WIDTH)
     figure.text(0.015, 1 - 0.21 / height, text, fontsize=11.5, fontweight="bold", va="center")
 
@@ -94,7 +94,7 @@ def _marks(axes: Axes, c: Curve) -> None:
 
 
 def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]:
-    """The y range: all of the framed curves, and others up to one framed range beyond."""
+    """Return the y range: that of the curves in ``frame``, widened at most threefold for others."""
     framed = [c.y[np.isfinite(c.y)] for c in curves if not frame or c.label in frame]
     framed = [y for y in framed if len(y)]
     low = min((float(y.min()) for y in framed), default=-1.0)
@@ -111,7 +111,7 @@ def limits(curves: Sequence[Curve], frame: Sequence[str]) -> tuple[float, float]
 
 
 def label_ends(axes: Axes, curves: Sequence[Curve], gap: float = LABEL_GAP) -> None:
-    """Write each curve's name at the right edge, moved apart where names would overlap."""
+    """Write each curve's name at the right edge, at least ``gap`` (share of the height) apart."""
     low, high = axes.get_ylim()
     ends: list[tuple[float, Curve]] = []
     for c in curves:
@@ -169,7 +169,7 @@ def _label_exit(axes: Axes, c: Curve) -> None:
 
 
 def spread(places: np.ndarray, gap: float) -> np.ndarray:
-    """Sorted places moved apart to at least ``gap``, as little as possible and within 0…1.
+    """Move sorted places apart to at least ``gap``, as little as possible and within 0…1.
 
     >>> spread(np.array([0.5, 0.5]), 0.1).tolist()
     [0.45, 0.55]
@@ -187,7 +187,7 @@ def spread(places: np.ndarray, gap: float) -> np.ndarray:
 
 
 def _start(block: list[float], gap: float) -> float:
-    """Place of a block's first label: the block is centred, within 0…1."""
+    """Return the place of a block's first label: the block is centred on its mean, within 0…1."""
     length = gap * (len(block) - 1)
     return float(np.clip(np.mean(block) - length / 2, 0.0, max(1.0 - length, 0.0)))
 

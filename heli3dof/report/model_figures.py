@@ -1,12 +1,12 @@
-"""Figures of models: Bode diagrams with uncertainty bands, and residual tests.
+"""Draw Bode diagrams of models with uncertainty bands, and residuals with their autocorrelation.
 
-Magnitude 20 log₁₀ |G(jω)| (dB) and phase arg G(jω) (degrees) over ω (rad/s). A band is ± two
-standard deviations of G:
+A Bode diagram shows magnitude 20 log₁₀ |G(jω)| (dB) and phase arg G(jω) (degrees) over ω (rad/s). A
+band is ± two standard deviations of G:
 
     |G| ± 2σ_|G|,    arg G ± 2σ_|G|/|G|   (circular uncertainty, small against |G|)
 
-Residuals of a correct model are white: the autocorrelation R(τ)/R(0) is within ± 2.58/√N at 99 %
-of the lags.
+N residuals of a correct model are white: the autocorrelation R(τ)/R(0) is within ± 2.58/√N at 99 %
+of the lags τ.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LAGS_S = 0.5
 
 @dataclass(frozen=True, eq=False)
 class BodeCurve:
-    """One model on one channel: G (M,) complex over the figure's ω, σ_|G| (M,) or None."""
+    """A model's complex response G (M,) at M frequencies, and the standard deviation of |G|."""
 
     label: str
     kind: str
@@ -44,7 +44,7 @@ class BodeCurve:
 def bode_figure(
     omega: np.ndarray, channels: Mapping[str, Sequence[BodeCurve]], *, title: str
 ) -> Figure:
-    """Bode diagrams side by side, one column for each channel: ω (M,) rad/s.
+    """Draw Bode diagrams at ω (M,) rad/s, one column for each channel.
 
     ``channels`` maps a channel's name, as ``roll / front (rad/V)``, to the models' curves.
     """
@@ -106,7 +106,7 @@ def _db(size: np.ndarray) -> np.ndarray:
 
 
 def residual_figure(t: np.ndarray, residual: np.ndarray, *, title: str) -> Figure:
-    """One-step residuals and their autocorrelation: t (N,) s, residual (N, 3) rad."""
+    """Draw residuals (N, 3) rad over t (N,) s, and their autocorrelation."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -153,7 +153,7 @@ def residual_figure(t: np.ndarray, residual: np.ndarray, *, title: str) -> Figur
 def autocorrelation(
     residual: np.ndarray, dt: float, lags_s: float = LAGS_S
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Lags (L,) s, R(τ)/R(0) (L,), and the 99 % bound for white noise, 2.58/√N."""
+    """Return lags (L,) s, R(τ)/R(0) (L,), and the 99 % bound for white noise, 2.58/√N."""
     e = residual - residual.mean()
     n = len(e)
     lags = np.arange(min(round(lags_s / dt), n - 1) + 1)

@@ -1,7 +1,7 @@
-"""The report's section on models: orders, poles, closed-loop poles, Bode diagrams.
+"""Write the report's section on models: orders, poles, closed-loop poles, Bode diagrams.
 
-The channels follow the rig's symmetry: roll over the common voltage (V_F = V_B = V), pitch and yaw
-over the voltage difference (V_F = −V_B = V).
+The channels of the Bode diagrams follow the rig's symmetry: from the common voltage (V_F = V_B = V)
+to roll, from the difference (V_F = −V_B = V) to pitch and yaw. With the sampling interval Δt,
 
     G(jω) = C (e^{jωΔt} I − A)⁻¹ B,     ω up to 80 % of π/Δt
 """
@@ -31,7 +31,7 @@ HIGHEST = 100.0
 
 
 def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
-    """The blocks of the models' section; ``profile`` provides the controller."""
+    """Return the section's blocks of HTML; ``profile`` provides the controller."""
     if not models:
         return []
     blocks = [table(models_table(models, profile))]
@@ -44,7 +44,7 @@ def model_blocks(models: Sequence[Model], profile: Profile | None) -> list[str]:
 
 
 def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
-    """Name, kind, order, open-loop poles and closed-loop poles of each model."""
+    """Return a table of each model's name, kind, order, open-loop poles and closed-loop poles."""
     rows = []
     for m in models:
         order, poles = NONE, NONE
@@ -65,9 +65,10 @@ def models_table(models: Sequence[Model], profile: Profile | None) -> Grid:
 
 
 def plant_poles(model: LinearModel) -> np.ndarray:
-    """(n,) rad/s: log(z)/Δt; for a discretised continuous model, the continuous poles.
+    """Return the continuous-time poles (n,) of a discrete model, rad/s: log(z)/Δt.
 
-    The repeated z = 1 of a chain of integrators is ill-conditioned.
+    For a discretised continuous model they are computed from the continuous one, because the
+    repeated eigenvalue z = 1 of a chain of integrators is ill-conditioned.
     """
     if model.exact_hold:
         return np.asarray(np.linalg.eigvals(model.continuous().A))
@@ -76,7 +77,7 @@ def plant_poles(model: LinearModel) -> np.ndarray:
 
 
 def poles_text(poles: np.ndarray, most: int = 12) -> str:
-    """Poles by decreasing real part, conjugate pairs once, repeated ones counted.
+    """Format poles by decreasing real part, conjugate pairs once, repeated ones with their number.
 
     >>> poles_text(np.array([-1.5 - 0.79j, -0.1, -1.5 + 0.79j, 0.0, 0.0]))
     '0 (twice), −0.10, −1.50 ± 0.79j'
@@ -97,7 +98,7 @@ def poles_text(poles: np.ndarray, most: int = 12) -> str:
 def bode_of(
     models: Sequence[LinearModel], points: int = 240
 ) -> tuple[np.ndarray, dict[str, list[BodeCurve]]]:
-    """ω (M,) rad/s, and the models' curves by channel."""
+    """Return ω (``points``,) in rad/s, and the models' Bode curves by channel."""
     fastest = min(HIGHEST, *(0.8 * np.pi / m.dt for m in models))
     omega = np.geomspace(LOWEST, fastest, points)
     channels: dict[str, list[BodeCurve]] = {}
@@ -113,7 +114,7 @@ def bode_of(
 def discrete_response(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, dt: float, omega: np.ndarray
 ) -> np.ndarray:
-    """(M, 3, 2) complex: the frequency response of a discrete model at ω (M,) rad/s."""
+    """Return the complex frequency response (M, 3, 2) of a discrete model at ω (M,) rad/s."""
     z = np.exp(1j * omega * dt)
     n = len(A)
     resolvent = np.linalg.solve(

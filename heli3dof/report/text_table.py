@@ -19,7 +19,7 @@ MINUS = "−"
 
 @dataclass(frozen=True)
 class Grid:
-    """A title, column heads, rows of cells and notes. The first ``text_columns`` align left."""
+    """A table of strings. Its first ``text_columns`` columns align left, numbers right."""
 
     title: str
     columns: Sequence[str]
@@ -40,7 +40,7 @@ class Grid:
 
 
 def fixed(value: float, digits: int = 2, unit: str = "", *, sign: bool = False) -> str:
-    """A number with a minus sign, no negative zero, and a dash for NaN.
+    """Format a number with ``digits`` decimals, a true minus sign, and a dash for NaN.
 
     >>> fixed(-0.001, sign=True), fixed(-1.5, 1, "°"), fixed(2.0, 1, sign=True), fixed(np.nan)
     ('0.00', '−1.5°', '+2.0', '–')
@@ -53,7 +53,7 @@ def fixed(value: float, digits: int = 2, unit: str = "", *, sign: bool = False) 
 
 
 def short(value: float, unit: str = "") -> str:
-    """A number to one decimal without a trailing zero, for sentences.
+    """Format a number for a sentence: one decimal, without a trailing zero.
 
     >>> short(10.04, "°"), short(-27.5)
     ('10°', '−27.5')
@@ -63,7 +63,7 @@ def short(value: float, unit: str = "") -> str:
 
 
 def to_rich(grid: Grid) -> Group:
-    """The table for a terminal."""
+    """Render the table for a terminal."""
     from rich import box
     from rich.console import Group
     from rich.table import Table
@@ -99,7 +99,7 @@ def to_rich(grid: Grid) -> Group:
 
 
 def to_markdown(grid: Grid) -> str:
-    """The table in Markdown, with a bold title and the notes as a list."""
+    """Return the table in Markdown, with a bold title and the notes as a list."""
     lines = [f"**{_md(grid.title)}**", ""]
     lines.append("| " + " | ".join(_md(c) for c in grid.columns) + " |")
     marks = ["--:" if grid.is_number(i) else ":--" for i in range(len(grid.columns))]
@@ -111,7 +111,7 @@ def to_markdown(grid: Grid) -> str:
 
 
 def to_html(grid: Grid) -> str:
-    """The table in HTML with a caption; every text is escaped."""
+    """Return the table in HTML, with a caption and all text escaped."""
     heads = "".join(
         f'<th scope="col"{_css(grid, i)}>{html.escape(c)}</th>' for i, c in enumerate(grid.columns)
     )
@@ -137,7 +137,7 @@ def to_html(grid: Grid) -> str:
 
 
 def _groups(grid: Grid) -> bool:
-    """True if the first column repeats names, which are then printed once."""
+    """True if the first column repeats names; the table then prints each name once."""
     first = [row[0] for row in grid.rows]
     return len(set(first)) < len(first)
 

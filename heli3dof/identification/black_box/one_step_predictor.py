@@ -21,7 +21,7 @@ from numba import njit
 def filter_states(
     At: np.ndarray, B: np.ndarray, K: np.ndarray, u: np.ndarray, y: np.ndarray, x0: np.ndarray
 ) -> np.ndarray:
-    """States x̂ (N, n) of the predictor from x0 (n,), for u (N, m) and y (N, l)."""
+    """Return the one-step predictor's states (N, n) from x0 (n,), for inputs u, outputs y."""
     N, n = u.shape[0], At.shape[0]
     m, l = u.shape[1], y.shape[1]
     x = np.empty((N, n))
@@ -44,7 +44,7 @@ def filter_states(
 
 @njit(cache=True)
 def free_responses(At: np.ndarray, C: np.ndarray, N: int) -> np.ndarray:
-    """(N, l, n): C Ã^k = ∂ŷ[k]/∂x̂[0]."""
+    """Return C Ã^k (N, l, n), the output's sensitivity to the initial state; 0 below 1e-14."""
     n, l = At.shape[0], C.shape[0]
     out = np.zeros((N, l, n))
     row = C.copy()
@@ -77,9 +77,10 @@ def output_sensitivities(
     y: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Fill out (N, l, p) with ∂ŷ/∂θ and advance xi (n, p) past the last row.
+    """Fill ``out`` (N, l, p) with the output's sensitivity to p parameters θ, and advance ``xi``.
 
-    dW (n, n+m+l, p) holds ∂[Ã B K]/∂θ, dC (l, n, p) holds ∂C/∂θ.
+    dW (n, n+m+l, p) is ∂[Ã B K]/∂θ, dC (l, n, p) is ∂C/∂θ. xi (n, p) is ∂x̂/∂θ at the first row, and
+    then after the last. x (N, n) are the states of `filter_states`.
     """
     N, n = x.shape
     m, l, p = u.shape[1], y.shape[1], xi.shape[1]

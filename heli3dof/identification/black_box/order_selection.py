@@ -1,18 +1,18 @@
-"""The order search: fits of every order and interval, and the choice among them.
+"""Order search of the black boxes: fit every order at every sampling interval, and choose one fit.
 
-Order and interval decide how good a black box is in the loop. At 2 ms the encoders' grid dominates
-the innovations; over 40 to 80 ms the rig's own motion does, and the exact mean voltages are known.
-Each candidate maximises the likelihood of the innovations
-(`heli3dof.identification.black_box.pem`). The choice among candidates is by their use, on the
-*training* flights, as the mean fit over the axes of
+Order and interval decide how good a black box is in closed loop. At 2 ms the encoders' rounding
+dominates the innovations; over 40 to 80 ms the rig's own motion does, and the exact mean voltages
+are known. Each candidate maximises the likelihood of the innovations
+(`heli3dof.identification.black_box.pem`). Its score is the mean fit (%) over the axes, on the
+*training* flights, of
 
 * predictions 1 s ahead, and
 * the closed-loop replay, where the controller is known.
 
-Neither is the fitted criterion, so these in-sample scores do not favour a larger order. The replay
-rejects models that are good one step ahead and diverge in the loop; the prediction rejects poor
-noise models. The smallest order within `TIE` points of the best is taken. Held-out data are not
-used.
+Neither is the fitted criterion, so a larger order does not score better merely because it has more
+parameters. The replay rejects models that are good one step ahead and diverge in closed loop; the
+prediction rejects poor noise models. The smallest order within `TIE` of the best score is chosen.
+Held-out data are not used.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from heli3dof.model.linear.model import LinearModel
 INTERVALS_S = (0.04, 0.08)
 ORDERS = (6, 7, 8, 9, 10)
 PAST_S = 0.5
-"""s, the past window of the VARX."""
+"""s of past samples that the VARX regresses on"""
 TIE = 0.2
-"""Percent of fit: the smallest order this close to the best is taken."""
+"""Fit in percent: the smallest order whose score is this close to the best is chosen."""
 MEMORY_S = 2.0
-"""s, the longest time constant of a predictor. With little disturbance an unconstrained one grows
-to tens of seconds: it then remembers one flight's trim, which is wrong in the next."""
+"""s, the longest time constant of a predictor (pem). With little disturbance an unconstrained one
+grows to tens of seconds: it then remembers one flight's trim, which is wrong in the next."""
 SELECT_HORIZON_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class StateSpaceFit:
-    """A model at the control rate, and the fit behind it at ``interval_s``."""
+    """A black-box model at the control rate, its fit at ``interval_s``, and the data's means."""
 
     model: LinearModel
     state_space: StateSpace
@@ -59,7 +59,7 @@ class StateSpaceFit:
 
 @dataclass(frozen=True, eq=False)
 class Decimated:
-    """Training segments as deviations from their means, every ``interval_s``."""
+    """Data segments decimated to ``interval_s`` (s), as deviations from their common means."""
 
     data: tuple[Pair, ...]
     u_mean: np.ndarray
@@ -68,7 +68,7 @@ class Decimated:
 
 
 def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Decimated:
-    """Segments decimated to about ``interval_s``, a multiple of the control period."""
+    """Decimate the runs to about ``interval_s``, a multiple of the period; subtract the means."""
     factor = max(1, round(interval_s / prepared.dt))
     cut = segments(prepared, runs, factor)
     u_mean = np.vstack([s.u for s in cut]).mean(axis=0)
@@ -78,14 +78,17 @@ def decimated(prepared: Prepared, runs: Sequence[Run], interval_s: float) -> Dec
 
 
 def past_window(d: Decimated, largest_order: int) -> int:
-    """The VARX order: `PAST_S`, but enough for the states and at most a 30th of the rows."""
+    """Return the VARX order: `PAST_S` in samples, but enough for ``largest_order`` states.
+
+    It is at least ⌈largest_order/3⌉ + 2, and at most a 30th of the number of rows.
+    """
     rows = sum(len(u) for u, _ in d.data)
     want = max(round(PAST_S / d.interval_s), -(-largest_order // 3) + 2)
     return min(want, max(2, rows // 30))
 
 
 def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
-    """Order → PBSID-opt model, all from one VARX."""
+    """Return initial models by order, from PBSID-opt; one VARX serves all orders."""
     orders = sorted(orders)
     p = past_window(d, orders[-1])
     usable = [(u, y) for u, y in d.data if len(u) > p]
@@ -95,9 +98,9 @@ def starts(d: Decimated, orders: Iterable[int]) -> dict[int, StateSpace]:
 
 
 def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str) -> StateSpaceFit:
-    """The fit by ``method`` (pem, oe or pbsid) from a PBSID start, resampled to dt (s).
+    """Fit by ``method`` (pem, oe, pbsid) from the model ``start``, and resample to dt (s).
 
-    Raises NoContinuousModel where it cannot be resampled.
+    Raises NoContinuousModel where the fit cannot be resampled.
     """
     found = None
     model = start
@@ -124,7 +127,7 @@ def refine(method: str, d: Decimated, start: StateSpace, *, dt: float, name: str
 
 
 def selection_score(model: LinearModel, prepared: Prepared) -> float:
-    """Mean fit % on the training flights: 1 s ahead and, where possible, in closed-loop replay."""
+    """Return the mean fit (%) on the training flights: 1 s ahead and, if possible, in replay."""
     runs = prepared.train
     scores = [validation.score(validation.predictions(model, prepared, runs, SELECT_HORIZON_S))]
     if not validation.replay_obstacle(prepared, sorted({r.source for r in runs})):
@@ -141,9 +144,9 @@ def search(
     intervals_s: Sequence[float] = INTERVALS_S,
     name: str = "black box",
 ) -> tuple[StateSpaceFit, list[Candidate]]:
-    """The chosen fit, and all candidates in the order tried.
+    """Fit all orders and intervals; return the chosen fit and all candidates.
 
-    Raises RecordingError where no candidate can be used.
+    Raises RecordingError if no candidate can be used.
     """
     tried: list[tuple[Candidate, StateSpaceFit | None]] = []
     for interval_s in intervals_s:

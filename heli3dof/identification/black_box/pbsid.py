@@ -1,13 +1,14 @@
 """PBSID-opt: a state-space model in innovation form from closed-loop data, without iterations.
 
-With Ã = A − KC stable, ŷ depends (up to Ã^p) on the last p samples only:
+With Ã = A − KC stable, the prediction ŷ depends (up to Ã^p) on the last p samples only:
 
     ŷ[k] = Σ_{j=1..p} Ξ_j z[k−j] + d,     z = (u, y),     Ξ_j = C Ã^{j−1} [B K]
 
-1. Ξ by least squares (VARX, QR). The innovations are white, so feedback causes no bias.
+1. Find Ξ by least squares (VARX, QR). The innovations are white, so feedback causes no bias.
 2. The extended observability matrix times the controllability matrix, Γ 𝒦, is block upper
-   triangular Toeplitz in Ξ; x̂ = the first n right singular vectors of Γ 𝒦 Z_p.
-3. C, then e, then A, B, K by regressions on x̂.
+   triangular Toeplitz in Ξ. With Z_p the last p samples of every row, x̂ is the first n right
+   singular vectors of Γ 𝒦 Z_p.
+3. Find C, then the innovations e, then A, B, K by regressions on x̂.
 
 Source: Chiuso, "The role of vector autoregressive modeling in predictor-based subspace
 identification", Automatica 43 (2007) 1034–1048; van der Veen et al., IET Control Theory &
@@ -24,7 +25,10 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """Innovation form about a trim: A (n, n), B (n, m), C (l, n), K (n, l), d (l,), S (l, l)."""
+    """A discrete model about a trim in innovation form, with n states, m inputs and l outputs.
+
+    x[k+1] = A x[k] + B u[k] + K e[k],   y[k] = C x[k] + d + e[k],   S (l, l) the covariance of e.
+    """
 
     A: np.ndarray
     B: np.ndarray
@@ -45,7 +49,7 @@ class StateSpace:
 
 @dataclass(frozen=True, eq=False)
 class Varx:
-    """The high-order predictor: Ξ (p, l, m+l), d (l,), innovations and their covariance S."""
+    """A fitted VARX of order p: Ξ (p, l, m+l), d (l,), innovations, their covariance S (l, l)."""
 
     Xi: np.ndarray
     d: np.ndarray
@@ -63,14 +67,14 @@ Pair = tuple[np.ndarray, np.ndarray]
 
 
 def past(u: np.ndarray, y: np.ndarray, p: int) -> np.ndarray:
-    """(N − p, p(m+l)): row k − p holds z[k−1], …, z[k−p]."""
+    """Return the regressors (N − p, p(m+l)): row k − p holds z[k−1], …, z[k−p], z = (u, y)."""
     z = np.hstack([u, y])
     n = len(z) - p
     return np.hstack([z[p - j : p - j + n] for j in range(1, p + 1)])
 
 
 def varx(data: Sequence[Pair], p: int) -> Varx:
-    """The VARX predictor of order p by QR over all segments (rows that span a gap never mix)."""
+    """Fit a VARX of order p to segments by QR. Raises ValueError if they have too few rows."""
     usable = [(u, y) for u, y in data if len(u) > p]
     m, l = data[0][0].shape[1], data[0][1].shape[1]
     Z = np.vstack([past(u, y, p) for u, y in usable])
@@ -89,7 +93,7 @@ def varx(data: Sequence[Pair], p: int) -> Varx:
 
 
 def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray], np.ndarray]:
-    """The state sequences (N_i − p, n_max) of every segment, and the singular values."""
+    """Return the state sequence x̂ (N_i − p, n_max) of each segment, and the singular values."""
     p, l, w = fit.Xi.shape
     L = np.linalg.cholesky(np.linalg.inv(fit.S))
     GK = np.zeros((p * l, p * w))
@@ -106,7 +110,10 @@ def states(data: Sequence[Pair], fit: Varx, n_max: int) -> tuple[list[np.ndarray
 
 
 def realise(data: Sequence[Pair], x: Sequence[np.ndarray], p: int, n: int) -> StateSpace:
-    """A, B, C, K of order n by regression on the state sequences of `states`."""
+    """Return the state-space model of order n by regression on the state sequences ``x``.
+
+    ``x`` comes from `states`; p is the order of the VARX.
+    """
     usable = [(u[p:], y[p:]) for u, y in data if len(u) > p]
     m = usable[0][0].shape[1]
     X = np.vstack([xi[:, :n] for xi in x])
@@ -125,12 +132,12 @@ def realise(data: Sequence[Pair], x: Sequence[np.ndarray], p: int, n: int) -> St
 
 
 def pbsid(data: Sequence[Pair], n: int, p: int) -> StateSpace:
-    """PBSID-opt of order n with past window p."""
+    """Identify a model of order n by PBSID-opt, with a VARX of order p."""
     fit = varx(data, p)
     x, _ = states(data, fit, n)
     return realise(data, x, p, n)
 
 
 def _triangle(a: np.ndarray) -> np.ndarray:
-    """R of the QR factorisation, sufficient for least squares."""
+    """Return R of the QR factorisation of ``a``, which is sufficient for least squares."""
     return np.asarray(np.linalg.qr(a, mode="r"))

@@ -1,16 +1,16 @@
 """Prediction-error identification in innovation form, with exact sensitivities.
 
-The criterion is the Gaussian likelihood with the innovations' covariance eliminated,
+The criterion is the Gaussian likelihood of N innovations e, with their covariance S eliminated,
 
     V(θ) = ½ log det S(θ),      S = (1/N) Σ e[k] e[k]ᵀ
 
-minimised by Levenberg–Marquardt steps in the tangent space of (Ã, B, K, C). Of the n(n+m+2l)
-entries only n(m+2l) directions change the predictor; the others are changes of state coordinates
-(Ã → TÃT⁻¹ …). A QR at each iterate removes those ("data-driven local
-coordinates", McKelvey, Helmersson & Ribarits, Automatica 40 (2004) 1629–1635). The initial state of
-each segment enters linearly and is eliminated exactly (variable projection); the offset d is a
-parameter like the others. In terms of Ã and K, a stable predictor is one inequality, ρ(Ã) < 1, and
-A may have integrators or unstable poles.
+Levenberg–Marquardt steps in the tangent space of (Ã, B, K, C), Ã = A − K C, minimise it. With n
+states, m inputs and l outputs, only n(m+2l) directions of the n(n+m+2l) entries change the
+predictor. The others change the state coordinates (Ã → TÃT⁻¹ …). A QR at each iterate removes them
+("data-driven local coordinates", McKelvey, Helmersson & Ribarits, Automatica 40 (2004) 1629–1635).
+The initial state of each segment enters linearly and is eliminated (variable projection); the
+offset d is a parameter like the others. A stable predictor is one inequality, ρ(Ã) < 1 (spectral
+radius), while A may have integrators or unstable poles.
 """
 
 from __future__ import annotations
@@ -34,15 +34,16 @@ RHO_MAX = 1 - 1e-7
 
 @dataclass(frozen=True, eq=False)
 class PemFit:
-    """A fit with its covariance, in the state coordinates of ``model``."""
+    """The result of `pem`: the model, and the covariance of its p parameters."""
 
     model: StateSpace
     innovations: tuple[np.ndarray, ...]
     tangent: np.ndarray
-    """(n(n+m+2l), p): columns are the directions ∂vec([Ã B K], C) of the parameters."""
+    """(n(n+m+2l), p): each column is a parameter's direction ∂vec([Ã B K], C)."""
     covariance: np.ndarray
-    """(p, p): of the parameters along those directions, in sandwich form."""
+    """(p, p) of the parameters along those directions, in sandwich form"""
     cost: float
+    """V at the minimum"""
     iterations: int
     converged: bool
 
@@ -67,15 +68,16 @@ def pem(
     output_error: bool = False,
     rho_max: float = RHO_MAX,
 ) -> PemFit:
-    """Minimise V on the segments ``data`` from ``start``, whose K is stabilised if needed.
+    """Fit a state-space model to ``data``; minimise V = ½ log det of the innovations' covariance.
 
     Args:
         data: segments at one rate, u (N, m) and y (N, l), deviations from fixed trims.
-        start: for instance from `heli3dof.identification.black_box.pbsid.pbsid`.
-        max_iterations: most accepted steps.
+        start: for instance from `heli3dof.identification.black_box.pbsid.pbsid`. Its predictor is
+            made stable first.
+        max_iterations: largest number of steps.
         tolerance: the search ends when a step lowers V by less.
-        rho_max: largest ρ(Ã); steps beyond it are rejected.
-        output_error: fix K = 0, so e is the simulation error. Biased under feedback.
+        rho_max: largest spectral radius of Ã = A − K C; steps beyond it are rejected.
+        output_error: fix K = 0, so the innovation e is the simulation error; biased under feedback.
     """
     u_s = np.vstack([u for u, _ in data]).std(axis=0) + 1e-12
     y_s = np.vstack([y for _, y in data]).std(axis=0) + 1e-12
@@ -136,7 +138,7 @@ def pem(
 
 
 def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """The predictor in balanced coordinates."""
+    """Return W = [Ã B K] and C in balanced coordinates of the n states."""
     from scipy.linalg import cholesky, solve_discrete_lyapunov, svd
 
     At = W[:, :n]
@@ -156,7 +158,7 @@ def _balanced(W: np.ndarray, C: np.ndarray, n: int) -> tuple[np.ndarray, np.ndar
 
 
 def _evaluate(data, W, C, d, S, rho_max) -> _Point:  # type: ignore[no-untyped-def]
-    """Innovations with the best initial states, and the criterion; inf if ρ(Ã) > ``rho_max``."""
+    """Return innovations and cost at W = [Ã B K], C, d; the cost is ∞ if Ã is unstable."""
     n = W.shape[0]
     m = data[0][0].shape[1]
     At, B, K = (np.ascontiguousarray(a) for a in np.split(W, [n, n + m], axis=1))
@@ -184,7 +186,7 @@ def _evaluate(data, W, C, d, S, rho_max) -> _Point:  # type: ignore[no-untyped-d
 
 
 def _tangent(W: np.ndarray, C: np.ndarray, output_error: bool, m: int) -> np.ndarray:
-    """(entries, p): an orthonormal basis of the directions that change the predictor."""
+    """Return an orthonormal basis (entries, p) of the changes of W, C that alter the predictor."""
     n, l, w = W.shape[0], C.shape[0], W.shape[1]
     entries = n * w + l * n
     At, eye = W[:, :n], np.eye(n)
@@ -214,7 +216,7 @@ def _move(point: _Point, T: np.ndarray, step: np.ndarray, l: int):  # type: igno
 
 
 def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ignore[no-untyped-def]
-    """Information H (p+l, p+l) and gradient g of (θ, d), with the initial states eliminated."""
+    """Return information and gradient, initial states eliminated; with ``scores`` also Σ s sᵀ."""
     n, l = point.W.shape[0], point.C.shape[0]
     p = T.shape[1]
     w = point.W.size
@@ -254,7 +256,7 @@ def _gram(data, point: _Point, T: np.ndarray, scores: bool = False):  # type: ig
 
 
 def _score_blocks(F: np.ndarray, back: np.ndarray, n: int, block: int = 50) -> np.ndarray:
-    """Σ s sᵀ over sums of scores s in blocks; holds where innovations are slightly coloured."""
+    """Return Σ s sᵀ, s the sum of the scores of ``block`` rows; allows for coloured innovations."""
     F = F[:, :, n:] - F[:, :, :n] @ back
     s = np.einsum("kiq,ki->kq", F[:, :, :-1], F[:, :, -1])
     s = np.add.reduceat(s, np.arange(0, len(s), block), axis=0)

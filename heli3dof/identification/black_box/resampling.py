@@ -1,19 +1,23 @@
-"""From a fit at a decimated rate to a `LinearModel` at the control rate, exactly.
+"""Resample a fit at a decimated rate to the control rate, via continuous time.
 
-A, B at the interval T = q dt become A^{1/q} and the matching B via continuous time (the matrix
-logarithm of [A B; 0 I]). A mode on the negative real axis or at zero has no logarithm. It decays
-within one interval, so a mode at |λ| (at least 0.001) with the same static gain replaces it.
+A, B at the interval T = q dt become A^{1/q} and the matching B (by the matrix logarithm of
+[A B; 0 I]). The responses agree exactly at the instants of the fit, unless A has a real eigenvalue
+λ ≤ 0.001. Such a mode has no usable logarithm:
+
+* λ ≥ −0.5: it is replaced by a mode at |λ| (at least 0.001) with the same static gain.
+* λ < −0.5: it decays too slowly for that, and the fit is rejected.
 
 The gain K at the control rate is the Kalman gain for the process noise K S Kᵀ spread evenly over
 the q samples. On held-out flights it predicts 0.1 to 2.5 s ahead as well as the fit at its own
-rate, and better than a K fitted at 2 ms, where the encoders' grid dominates the innovations.
+rate. It predicts better than a K fitted at 2 ms, where the encoders' rounding dominates the
+innovations.
 
-The predictor's offset d becomes trims: y0 and u0 such that the predictor of
+The predictor's offset d becomes trims: y0 (rad) and u0 (V) such that the predictor of
 
     x[k+1] = A x[k] + B (V[k] − u0) + K e[k],  y[k] = C x[k] + y0 + e[k]
 
-has the same constant term. Of all such pairs, the smallest change is taken (yaw integrates, so its
-offset is carried by pitch and the voltages).
+has the same constant term. Of all such pairs, the one with the least ‖δy0‖² + ‖δu0/20‖² is taken,
+δ being the change from the data's means. Yaw integrates, so pitch and voltages carry its offset.
 """
 
 from __future__ import annotations
@@ -27,23 +31,23 @@ from heli3dof.identification.black_box.stabilisation import kalman_gain, with_st
 from heli3dof.model.discretisation import c2d_zoh, d2c_zoh
 
 FASTEST = 1e-3
-"""A mode with z below this decays within one sample."""
+"""A real eigenvalue λ of A up to this is replaced by max(|λ|, this)."""
 SLOWEST_NEGATIVE = -0.5
-"""A mode with z below this has no continuous equivalent."""
+"""A real eigenvalue of A below this has no continuous equivalent; the fit is rejected."""
 WELL_CONDITIONED = 1e6
-"""Condition of the eigenvectors below which modes are converted one by one."""
+"""Condition number of A's eigenvectors below which eigenvalues are converted one by one"""
 VOLT_FOR_RADIAN = 20.0
-"""V of trim that weigh as much as 1 rad, where the smallest trim change is chosen."""
+"""V: a trim change of this many volts weighs as much as one of 1 rad."""
 
 
 class NoContinuousModel(ValueError):
-    """The fit has a slow mode at half its sampling rate, which no continuous model has."""
+    """Raised if a fit has no continuous equivalent: a slow mode at half its sampling rate."""
 
 
 def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
-    """A, B with modes without a logarithm replaced, and the number of those modes.
+    """Replace real eigenvalues of A that have no usable logarithm; return A, B and their number.
 
-    Raises NoContinuousModel if such a mode is slow (z below `SLOWEST_NEGATIVE`).
+    Raises NoContinuousModel if one is below `SLOWEST_NEGATIVE`.
     """
     lam, V = np.linalg.eig(A)
     real = np.abs(lam.imag) <= 1e-9 * np.maximum(1, np.abs(lam))
@@ -59,10 +63,10 @@ def with_real_logarithm(A: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
-    """(A, B) in continuous time of a model at interval T (s). Raises NoContinuousModel.
+    """Return A and B in continuous time of a model at interval T (s). Raises NoContinuousModel.
 
-    Mode by mode, s = log(z)/T and b_s = b_z s/(z − 1), which is fast; by the matrix logarithm where
-    modes nearly coincide.
+    In modal coordinates, an eigenvalue z becomes s = log(z)/T, and its row b of B becomes
+    b s/(z − 1). Where eigenvalues nearly coincide, the matrix logarithm is used instead.
     """
     A, B, _ = with_real_logarithm(model.A, model.B)
     z, V = np.linalg.eig(A)
@@ -81,7 +85,7 @@ def continuous(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def at_rate(model: StateSpace, T: float, dt: float) -> StateSpace:
-    """The model of interval T (s), resampled to dt (s)."""
+    """Return the model of interval T (s) resampled to dt (s). Raises NoContinuousModel."""
     A, B = c2d_zoh(*continuous(model, T), dt)
     if not model.K.any():
         return replace(model, A=A, B=B)
@@ -96,7 +100,7 @@ def at_rate(model: StateSpace, T: float, dt: float) -> StateSpace:
 def trims(
     model: StateSpace, u_mean: np.ndarray, y_mean: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(u0, y0): trims equivalent to the offset d about the subtracted means of the data.
+    """Return the trims (u0, y0) that are equivalent to the model's offset d about the data's means.
 
     With G = (I − Ã)⁻¹:  [I − C G K] δy0 − C G B δu0 = d.
     """

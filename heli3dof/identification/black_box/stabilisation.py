@@ -1,4 +1,4 @@
-"""Stable initial models: a stable predictor, or a stable plant for output error."""
+"""Make a model stable: its predictor, by another K, or its plant, by moving poles of A."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def spectral_radius(A: np.ndarray) -> float:
 
 
 def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> np.ndarray | None:
-    """(n, l): the stationary predictor gain, or None where the Riccati equation has none."""
+    """Return the stationary Kalman gain (n, l) for noise covariances Q, R; None if none exists."""
     from scipy.linalg import LinAlgError, solve_discrete_are
 
     try:
@@ -28,10 +28,11 @@ def kalman_gain(A: np.ndarray, C: np.ndarray, Q: np.ndarray, R: np.ndarray) -> n
 
 
 def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
-    """The model, with K replaced by a Kalman gain if ρ(A − K C) exceeds ``rho``.
+    """Return the model, with a Kalman gain K if the spectral radius of A − K C exceeds ``rho``.
 
     PBSID's regression on estimated states does not guarantee a stable predictor. The process noise
-    is K S Kᵀ plus the smallest multiple of I that stabilises modes without noise.
+    is K S Kᵀ plus the first multiple of I, from 1e-6 to 1e4 of its trace, that gives a stable
+    predictor. If none does, the result is that of `stable_plant`.
     """
     if spectral_radius(model.At) <= rho:
         return model
@@ -45,7 +46,7 @@ def with_stable_predictor(model: StateSpace, rho: float = RHO) -> StateSpace:
 
 
 def stable_plant(model: StateSpace, rho: float = RHO) -> StateSpace:
-    """The model with K = 0 and all poles of A inside ``rho``, so that it can be simulated."""
+    """Return the model with K = 0 and the poles of A moved inside the circle of radius ``rho``."""
     lam, V = np.linalg.eig(model.A)
     size = np.maximum(np.abs(lam), 1e-300)
     # Slightly inside, so that rounding cannot move a pole outside.

@@ -1,4 +1,4 @@
-"""State-space black boxes: ``pem``, ``pbsid`` and ``oe``, order and interval chosen by search."""
+"""Fit the state-space black boxes ``pem``, ``pbsid`` and ``oe``; a search chooses their order."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ OPEN_RHO = 1 - 1e-6
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """The chosen state-space model, with standard deviations except for PBSID."""
+    """Fit a state-space black box and search its order. PBSID gives no standard deviations."""
     orders = ORDERS if request.order is None else (request.order,)
     chosen, tried = search(
         request.method, prepared, orders=orders, intervals_s=request.intervals_s, name=request.name
@@ -84,7 +84,7 @@ def _response(chosen: StateSpaceFit, omega: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def innovations(chosen: StateSpaceFit, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
-    """One-step prediction errors of ``chosen`` on each run, at the sampling interval of the fit."""
+    """Return one-step prediction errors and voltages of each run, at the interval of the fit."""
     ss = chosen.state_space
     if ss.K.any():
         ss = with_stable_predictor(ss, rho=OPEN_RHO)

@@ -3,10 +3,10 @@
     y_i(s) = Σ_j N_ij(s)/D(s) u_j(s) + I_i(s)/D(s) + c_i/s
     D(s) = (s² + a₁ s + a₀)(s² + b₁ s + b₀),  a, b > 0,      deg N, deg I ≤ 3
 
-It is fitted like the paper's toolbox does by default: *output error* with a stable denominator. For
-a given D all other coefficients enter linearly, so the search is over log(a₁, a₀, b₁, b₀) only
-(variable projection, Golub & Pereyra 1973). The input is held over each interval, and each segment
-has its own initial condition I.
+It is fitted as the paper's toolbox does by default: by *output error* with a stable denominator.
+For a given D all other coefficients enter linearly, so the search is over log(a₁, a₀, b₁, b₀) only
+(variable projection, Golub & Pereyra 1973). The input u is held over each interval. Each segment
+has its own initial condition I; the offsets c are common.
 
 The method exists to reproduce the paper. Output error assumes voltages that are independent of the
 disturbances, which does not hold in closed loop. And four stable poles cannot describe this plant,
@@ -25,14 +25,14 @@ from heli3dof.identification.transfer_function import TransferFunctions
 from heli3dof.model.discretisation import c2d_zoh
 
 STARTS = ((0.3, 0.2, 0.3, 1.2), (0.7, 0.3, 0.7, 1.25), (1.0, 0.05, 2.0, 4.0), (2.0, 1.0, 5.0, 20.0))
-"""(a₁, a₀, b₁, b₀); the second is close to the denominator of (17)."""
+"""Starts of the search, (a₁, a₀, b₁, b₀); the second is close to the denominator of (17)."""
 BLOCK_S = 2.0
-"""Block length for the scores' sums, since simulation errors are strongly coloured."""
+"""s: length of the blocks over which scores are summed; simulation errors are strongly coloured."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tf4Fit:
-    """The transfer functions, constant offsets c (3,) rad, error covariance S (3, 3) rad²."""
+    """Fitted transfer functions, offsets c (3,) rad, covariance S (3, 3) rad² of their errors."""
 
     transfer: TransferFunctions
     offset: np.ndarray
@@ -40,13 +40,13 @@ class Tf4Fit:
 
 
 def denominator(log_parameters: np.ndarray) -> np.ndarray:
-    """(5,) monic coefficients of D from log(a₁, a₀, b₁, b₀)."""
+    """Return the coefficients (5,) of (s² + a₁ s + a₀)(s² + b₁ s + b₀) from the logarithms."""
     a1, a0, b1, b0 = np.exp(log_parameters)
     return np.convolve([1.0, a1, a0], [1.0, b1, b0])
 
 
 def companion(den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """ẋ = A x + B u whose states are 1, s, s², s³ over D(s) times u."""
+    """Return A, B of ẋ = A x + B u with the states s^k/D(s) u, k = 0 … 3, where ``den`` is D."""
     n = len(den) - 1
     A = np.eye(n, k=1)
     A[-1] = -den[:0:-1]
@@ -56,7 +56,10 @@ def companion(den: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _regressors(data: Sequence[Pair], den: np.ndarray, T: float) -> np.ndarray:
-    """(ΣN, 8 + 4 per segment + 1): both voltages filtered by s^k/D, free responses, and ones."""
+    """Return regressors for the denominator ``den``: filtered voltages, free responses, ones.
+
+    Their shape is (ΣN, 8 + 4 per segment + 1). T (s) is the sampling interval.
+    """
     from scipy.signal import lfilter
 
     A, B = c2d_zoh(*companion(den), T)
@@ -90,7 +93,7 @@ def _regressors(data: Sequence[Pair], den: np.ndarray, T: float) -> np.ndarray:
 
 
 def fit_tf4(data: Sequence[Pair], T: float) -> Tf4Fit:
-    """Fit segments u (N, 2) V, y (N, 3) rad, deviations from trims, every T seconds."""
+    """Fit fourth-order transfer functions to segments u (N, 2) V, y (N, 3) rad, every T seconds."""
     from scipy.optimize import least_squares
 
     Y = np.vstack([y for _, y in data])
@@ -132,7 +135,7 @@ def _covariance(
     E: np.ndarray,
     size: np.ndarray,
 ) -> np.ndarray:
-    """The covariance of [den[1:], num.ravel()]: sandwich form, scores summed over `BLOCK_S`."""
+    """Return the sandwich covariance of the coefficients [den[1:], num.ravel()]."""
     q, outputs = X.shape[1], E.shape[1]
     p = 4 + q * outputs
     J = np.zeros((len(E), outputs, p))
@@ -176,7 +179,7 @@ def _covariance(
 
 
 def state_space(fit: Tf4Fit, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(A, B, C) at the interval dt (s): one companion block of four states per motor."""
+    """Return A, B, C at the interval dt (s), with one companion block of four states per motor."""
     A, B = companion(fit.transfer.den)
     m = fit.transfer.num.shape[1]
     Ad, Bd = c2d_zoh(np.kron(np.eye(m), A), np.kron(np.eye(m), B), dt)

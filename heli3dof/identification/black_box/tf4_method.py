@@ -1,4 +1,4 @@
-"""Method ``tf4``: the paper's form as a `LinearModel`; the fit is `black_box.tf4`'s."""
+"""Method ``tf4``: fit the paper's form, eq (17), by `black_box.tf4`, and return a `LinearModel`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FOURTH_ORDER = (
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """Fit eq (17)'s form. Raises UsageError for an order other than 4."""
+    """Fit transfer functions of the paper's form. Raises UsageError for an order other than 4."""
     if request.order not in (None, 4):
         raise UsageError(
             f"--method tf4 has order 4, not {request.order}.",
@@ -82,7 +82,10 @@ def _response(model: LinearModel, omega: np.ndarray) -> tuple[np.ndarray, np.nda
 def simulation_errors(
     model: LinearModel, prepared: Prepared, runs: Sequence[Run], interval_s: float
 ) -> Innovations:
-    """y minus the simulation from the best initial state of each segment."""
+    """Return per segment the simulation errors and the voltages, every ``interval_s`` s.
+
+    Each segment is simulated from the initial state that fits it best.
+    """
     d = decimated(prepared, runs, interval_s)
     at = model.at(interval_s)
     A, B, C = (np.ascontiguousarray(a) for a in (at.A, at.B, at.C))

@@ -1,13 +1,14 @@
 """Standard deviations of poles, transfer functions and frequency responses (delta method).
 
-The parameters of a fit change (Ã, B, K, C) along the columns of its tangent T; P is their
+The parameters of a fit change (Ã, B, K, C) along the columns of ``PemFit.tangent``, Θ; P is their
 covariance. Any smooth function f of the model has
 
-    cov f = F P Fᵀ,      F = ∂f/∂θ = ∂f/∂(Ã, B, K, C) · T
+    cov f = F P Fᵀ,      F = ∂f/∂θ = ∂f/∂(Ã, B, K, C) · Θ
 
 For a simple pole λ of A = Ã + K C with left and right eigenvectors w, v (wᴴv = 1),
-∂λ = wᴴ (∂Ã + ∂K C + K ∂C) v, and s = log(λ)/T gives ∂s = ∂λ/(λ T). Other functions are
-differentiated numerically. P describes noise only, not a wrong order or nonlinearity.
+∂λ = wᴴ (∂Ã + ∂K C + K ∂C) v. With the sampling interval T, s = log(λ)/T gives ∂s = ∂λ/(λ T). Other
+functions are differentiated numerically. P accounts for noise, not for a wrong order or
+nonlinearity.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from heli3dof.model.discretisation import Continuous, numerators
 
 
 def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
-    """The model with vec([Ã B K], C) changed by ``delta``."""
+    """Return the model with ``delta`` added to the entries of [Ã B K] and C, where Ã = A − K C."""
     n, m, l = model.order, model.B.shape[1], len(model.C)
     dW = delta[: n * (n + m + l)].reshape(n, n + m + l)
     C = model.C + delta[n * (n + m + l) :].reshape(l, n)
@@ -34,9 +35,9 @@ def moved(model: StateSpace, delta: np.ndarray) -> StateSpace:
 
 
 def poles(fit: PemFit, T: float) -> list[Pole]:
-    """Poles log(λ)/T with standard deviations; T in s.
+    """Return the continuous-time poles log(λ)/T, λ the eigenvalues of A, and their deviations.
 
-    A mode without a logarithm (z at or below zero) gives log|z|/T.
+    T (s) is the sampling interval. A real λ ≤ 0 has no real logarithm; its pole is log|λ|/T.
     """
     model = fit.model
     n, m, l = model.order, model.B.shape[1], len(model.C)
@@ -61,7 +62,7 @@ def poles(fit: PemFit, T: float) -> list[Pole]:
 
 
 def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:
-    """(q, q) covariance of f(model) (q,), by central differences along the parameters."""
+    """Return the covariance (q, q) of f(model) (q,) by central differences in the parameters."""
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
     columns = []
     for j, s in enumerate(std):
@@ -76,20 +77,26 @@ def propagate(fit: PemFit, f: Callable[[StateSpace], np.ndarray]) -> np.ndarray:
 
 
 def polynomials(model: StateSpace, T: float) -> tuple[np.ndarray, np.ndarray]:
-    """(num (3, 2, n+1), den (n+1,)) in continuous time, rad/V; see `model.convert.numerators`."""
+    """Return the continuous-time transfer functions num (3, 2, n+1) rad/V, den (n+1,).
+
+    T (s) is the sampling interval of ``model``.
+    """
     A, B = continuous(model, T)
     return numerators(Continuous(A, B, model.C, np.zeros((len(model.C), B.shape[1])), "hold"))
 
 
 def response(model: StateSpace, T: float, omega: np.ndarray) -> np.ndarray:
-    """(F, 3, 2) rad/V: C (jωI − A)⁻¹ B at ω (F,) rad/s."""
+    """Return the frequency response C (jωI − A)⁻¹ B (F, 3, 2) rad/V at ω (F,) rad/s.
+
+    A, B are continuous; T (s) is the sampling interval of ``model``.
+    """
     A, B = continuous(model, T)
     eye = np.eye(model.order)
     return np.array([model.C @ np.linalg.solve(1j * w * eye - A, B) for w in omega])
 
 
 def response_std(fit: PemFit, T: float, omega: np.ndarray) -> np.ndarray:
-    """(F, 3, 2) rad/V: standard deviation of |G − Ĝ|, √(var Re + var Im), at ω (F,) rad/s."""
+    """Return the standard deviation (F, 3, 2) rad/V of `response`, √(var Re + var Im)."""
 
     def parts(model: StateSpace) -> np.ndarray:
         G = response(model, T, omega).ravel()

@@ -1,17 +1,19 @@
-"""From an optimum to an estimate: values, standard deviations, bounds, correlations, verdicts.
+"""The estimate at a likelihood's maximum: values, standard deviations, bounds, verdicts.
 
-The noise model gives the information H = Σ w ∂c ∂cᵀ. The actual scatter of the scores s follows
-from their sums over blocks of half a second, B = Σ_b s_b s_bᵀ. With n parameters and m blocks
+The noise model gives the information H = Σ w ∂c ∂cᵀ, c being a predicted reading and w its
+information. Λ is the prior's precision. The scores s are the log-likelihood's gradients; their
+actual scatter follows from their sums over blocks of half a second, B = Σ_b s_b s_bᵀ. With n
+parameters and m blocks
 
-    κ = max(1, tr(H⁻¹ B)/n · m/(m − n))      cov = κ (H + Λ)⁻¹
+    κ = max(1, tr((H + Λ)⁻¹ B)/n · m/(m − n))      cov = κ (H + Λ)⁻¹
 
-so the intervals hold even where the noise model does not. κ is one number in place of the full
-sandwich H⁻¹ B H⁻¹, because with a hundred blocks each entry of B is uncertain by 10 to 20 %, their
-average by 2 to 5 %. Values below 1 are not used: blocks of half a second miss the scatter from slow
-drifts.
+κ widens the intervals where the scores scatter more than the noise model allows. It is one number
+in place of the full sandwich H⁻¹ B H⁻¹: with a hundred blocks each entry of B is uncertain by 10 to
+20 %, their average by 2 to 5 %. Values below 1 are not used, because blocks of half a second miss
+the scatter from slow drifts.
 
 The Cramér–Rao bound is that of the same rig with encoders whose rounding is white noise of variance
-Δ²/12, at the estimated process noise (its intensity scaled by √κ).
+Δ²/12 (Δ: encoder step), at the estimated process noise (its intensity scaled by √κ).
 """
 
 from __future__ import annotations
@@ -31,28 +33,29 @@ from heli3dof.model.physics.parametrisation import Free, Structure
 
 BLOCK_S = 0.5
 TIED = 0.9
-"""Parameters with a larger correlation trade off against each other."""
+"""Absolute correlation above which two parameters trade off against each other"""
 PRIOR_SPEAKS = 0.5
-"""A parameter whose σ exceeds this share of its prior's is not identifiable."""
+"""A parameter whose σ exceeds this share of its prior's σ is not identifiable."""
 VAGUE_LOG = 0.4
-"""A parameter whose logarithm has a larger σ is not identifiable."""
+"""σ of a parameter's logarithm above which it is not identifiable"""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether one parameter can be relied on."""
+    """The verdict on one parameter: whether the recordings identify it."""
 
     identifiable: bool
     absent: bool
-    """Within two standard deviations of having no effect."""
+    """True if the value is within two standard deviations of having no effect."""
     tied_with: tuple[str, ...]
+    """Parameters that correlate with it by more than `TIED`"""
     sentence: str
     """A warning; empty if there is none."""
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate(PhysicalFit):
-    """A fitted rig: n parameters in the order of ``structure.free``."""
+    """A maximum-likelihood fit of the n free parameters of a model ``structure``, in its order."""
 
     problem: Likelihood
     optimum: Optimum
@@ -67,12 +70,11 @@ class Estimate(PhysicalFit):
 
     @property
     def theta(self) -> np.ndarray:
-        """(n,) coordinates"""
         return self.optimum.theta
 
     @cached_property
     def inflation(self) -> float:
-        """κ ≥ 1; 1 where there are too few blocks to estimate it."""
+        """Factor κ by which the scores scatter more than the noise model allows; 1 if unknown."""
         o, n = self.optimum, len(self.free)
         scores = block_scores(self.problem.data, o, BLOCK_S)
         m = len(scores)
@@ -84,18 +86,18 @@ class Estimate(PhysicalFit):
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """(n, n) of the values, in their units"""
+        """Covariance (n, n) of the parameters in their units"""
         A = self.optimum.information + np.diag(self.problem.prior_precision)
         return np.asarray(self.inflation * np.linalg.inv(A) * np.outer(self.slopes, self.slopes))
 
     @cached_property
     def bound(self) -> np.ndarray:
-        """(n,) the Cramér–Rao bound on the standard deviations, in the units of the values."""
+        """Cramér–Rao bound (n,) on the standard deviations, in the parameters' units."""
         noise = self.optimum.noise * np.array([*[np.sqrt(self.inflation)] * 3, 1.0])
         return np.asarray(cramer_rao(self.problem, self.optimum.theta, noise) * self.slopes)
 
     def interval(self, z: float = 1.96) -> np.ndarray:
-        """(n, 2) confidence intervals; those of logarithms are symmetric in the logarithm."""
+        """Return confidence intervals (n, 2), ± z σ; for logarithms symmetric in the logarithm."""
         theta, sd = self.optimum.theta, self.std / self.slopes
         return np.column_stack(
             [self.problem.values(theta - z * sd), self.problem.values(theta + z * sd)]
@@ -103,7 +105,7 @@ class Estimate(PhysicalFit):
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """One per parameter."""
+        """A verdict per parameter"""
         prior = 1 / np.sqrt(self.problem.prior_precision)
         sd = self.std / self.slopes
         R = self.correlation
@@ -135,7 +137,7 @@ class Estimate(PhysicalFit):
 def estimate(
     problem: Likelihood, *, start: np.ndarray | None = None, noise: np.ndarray | None = None
 ) -> Estimate:
-    """The fit from the nominal rig, or from other starts if that does not converge."""
+    """Fit by maximum likelihood from ``start`` (n,); without convergence, from other values too."""
     if any(t.effect.starts for t in problem.structure.terms):
         start, noise = likeliest_start(
             problem, problem.prior_mean if start is None else start, noise
@@ -153,7 +155,7 @@ def estimate(
 
 
 def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
-    """(m, n) sums of the scores over blocks of ``block_s``; blocks do not cross runs."""
+    """Return sums (m, n) of the log-likelihood's gradient over ``block_s`` s each, within runs."""
     o = optimum
     which = np.zeros(len(data.t), dtype=np.int64)
     at = 0
@@ -166,7 +168,7 @@ def block_scores(data: Data, optimum: Optimum, block_s: float) -> np.ndarray:
 
 
 def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.ndarray:
-    """(n,) the bound on each coordinate's standard deviation, prior included; see the module."""
+    """Return the Cramér–Rao bound (n,) on each coordinate's standard deviation, prior included."""
     white = replace(
         problem,
         data=replace(problem.data, grid=np.zeros_like(problem.data.grid)),
@@ -179,21 +181,22 @@ def cramer_rao(problem: Likelihood, theta: np.ndarray, noise: np.ndarray) -> np.
 
 @dataclass(frozen=True)
 class Candidate:
-    """The score test of one more term, and its parameters' values."""
+    """The result of `score_test` for one term, with an estimate of its parameters."""
 
     name: str
     score: float
-    """χ² with as many degrees of freedom as the term has parameters: twice the log-likelihood
-    gained when all parameters are refitted, to second order."""
+    """Twice the log-likelihood gained when all parameters are refitted, to second order. If the rig
+    lacks the effect, it follows χ² with as many degrees of freedom as the term has parameters."""
     values: tuple[float, ...]
     """The estimate of one Gauss–Newton step, in the parameters' units."""
 
 
 def score_test(found: Estimate, term: Term) -> Candidate:
-    """Rao's score test of one more term: one linearisation, no fit (10 ms per parameter per 60 s).
+    """Test by Rao's score test whether the fit ``found`` needs one more ``term``.
 
-    The linearisation point is the term's absence. A logarithmic parameter has none, so its start is
-    used. The score of a term whose first order vanishes (`motor.saturation`) means little.
+    It takes one linearisation and no fit: 10 ms per parameter for 60 s of flight. The linearisation
+    point is the term's absence. A logarithmic parameter has no such value, so its start is used.
+    The score of a term whose first order vanishes (`motor.saturation`) means little.
     """
     wider = Structure(found.structure.profile, (*found.structure.terms, term))
     problem = replace(found.problem, structure=wider)
@@ -206,7 +209,7 @@ def score_test(found: Estimate, term: Term) -> Candidate:
     D = np.vstack([o.tangents, problem.tangents(theta, o.at, new)])
     g, H = score_and_information(o.at, D)
     A = H + np.diag(problem.prior_precision)
-    g[:old] = 0.0  # they are at their optimum
+    g[:old] = 0.0  # the fitted parameters are at their optimum
     inverse = np.linalg.inv(A)[np.ix_(new, new)]
     step = inverse @ g[new]
     score = float(g[new] @ step) / found.inflation

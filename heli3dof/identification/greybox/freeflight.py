@@ -2,14 +2,14 @@
 
 It suits real rigs with sampling jitter (`heli3dof.recording.logs.sampling_jitter`) or with
 unmodelled fast motion (`heli3dof.identification.greybox.noise_check`). The method ``greybox`` calls
-it where it detects either and no terms were given. The criterion stands in
-`heli3dof.identification.greybox.multistep`.
+it where it detects either and no terms were given. `heli3dof.identification.greybox.multistep`
+gives the criterion.
 
 `REAL_TERMS` are the effects that identified rigs needed: thrust as a power of rotor speed, a limit
 on spin-up, dry friction, inflow, the propellers' angular momentum, flapping, and the coupling of a
-body that hangs below its axis while yaw moves. Two more differ by recording: the offset of the
-pitch encoder (it is zeroed wherever the body hung), and the trim torque (``mass.imbalance``:
-weight, or thrust that falls as motors warm up). `PRIORS` are the expected sizes.
+body that hangs below its axis while yaw moves. Two more have a value per recording. One is the
+offset of the pitch encoder, which is zeroed at the angle at which the body hangs. The other is the
+trim torque (``mass.imbalance``: weight, or thrust that falls as motors warm up).
 """
 
 from __future__ import annotations
@@ -86,20 +86,22 @@ PRIORS: dict[str, tuple[float, float]] = {
     OFFSET: (0.0, 8.0),
     WEIGHT: (0.0, 0.1),
 }
-"""Parameter → prior mean and standard deviation, from identified rigs and propellers. Without them
-terms would cancel one another in flights about one trim: pitch damping and flapping act alike until
-yaw moves."""
+"""Parameter → prior mean and standard deviation, from identified rigs and propellers. Without
+priors, terms would cancel one another in flights about one trim: pitch damping and flapping act
+alike until yaw moves."""
 POSITIVE = ("friction.", "aero.flapping", "stiffness.pendulum")
-"""Effects that only dissipate energy or restore: bounded below by zero."""
+"""Effects that only dissipate energy or restore: their parameters are at least zero."""
 COMMON_STD = 0.15
 """Prior standard deviation of the logarithm of the inertias' common factor."""
 WINDOW_S = 3.0
+"""s: length of a window, which is predicted from its first row"""
 APART_S = 0.2
+"""s between the starts of windows"""
 LEAST_WINDOWS = 20
 LEAST_STARTS = 2
 """Recordings with fewer windows are left out."""
 PRIOR_SHARE = 0.7
-"""A parameter is reported as unreliable where its σ is above this share of its prior's."""
+"""A parameter whose σ exceeds this share of its prior's σ is reported as not identifiable."""
 INSTEAD = (
     "Fitted to free-run predictions of up to 3 s instead (method freeflight); "
     "--method greybox --terms NAME,… forces the likelihood."
@@ -107,7 +109,7 @@ INSTEAD = (
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """The multi-step fit to the training runs."""
+    """Fit physical parameters to the training runs by multi-step predictions."""
     sources = sorted({r.source for r in prepared.train})
     several = [_cut(prepared.recordings[i], prepared.train, i) for i in sources]
     found = fit_freeflight(several, request.terms or REAL_TERMS)
@@ -124,16 +126,17 @@ def fit_freeflight(
     *,
     say: Callable[[str], None] | None = None,
 ) -> MultiStepFit:
-    """Fit a rig with these terms to recordings with all three angles; ``say`` reports each round.
+    """Fit the terms ``names`` to recordings of one rig, each with all three angles.
 
-    Raises RecordingError where too few windows of 3 s lie between take-off, table and stops.
+    ``say`` is called with a line of progress per iteration. Raises RecordingError if fewer than
+    `LEAST_WINDOWS` windows of 3 s are clear of take-off, table and stops.
     """
     problem = problem_of(recordings, names)
     return search(problem, weak_start(problem, say=say), say=say)
 
 
 def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERMS) -> MultiStep:
-    """The least-squares problem: the recordings cut into windows, with this module's priors."""
+    """Return the least-squares problem: recordings cut into windows, with this module's priors."""
     structure = Structure(recordings[0].profile, terms(names))
     parts = [(r, flight_of(r)) for r in recordings]
     flights = [(r, f) for r, f in parts if len(f.starts) >= LEAST_STARTS]
@@ -168,7 +171,7 @@ def problem_of(recordings: Sequence[Recording], names: Sequence[str] = REAL_TERM
 
 
 def flight_of(recording: Recording) -> Flight:
-    """The recording with its windows' starts, every `APART_S`, where all rows are usable."""
+    """Return the recording as arrays, with the first rows of usable windows every `APART_S` s."""
     r = recording
     n, every = round(WINDOW_S / r.dt), max(1, round(APART_S / r.dt))
     bad = ~free_rows(r)
@@ -182,9 +185,9 @@ def flight_of(recording: Recording) -> Flight:
 
 
 def free_rows(recording: Recording) -> np.ndarray:
-    """(N,) bool: rows in flight that the rigid body may be fitted to.
+    """Return (N,) bool: the rows that the rigid-body model can be fitted to.
 
-    Take-off is usable from the end of the climb, seconds earlier than for a linear model
+    Rows after take-off count from the end of the climb, seconds earlier than for a linear model
     (`heli3dof.identification.row_selection`).
     """
     masks = unusable(recording)
@@ -197,19 +200,23 @@ def free_rows(recording: Recording) -> np.ndarray:
 
 
 def _airborne(recording: Recording) -> list[Stretch]:
-    """Stretches off the table without missing readings: where the filter runs."""
+    """Return the stretches of rows for the filter: off the table, without missing readings."""
     ok = ~table_of(recording)[1] & ~unusable(recording)["unread"]
     breaks = np.flatnonzero(np.diff(recording.t) > GAP * recording.dt) + 1
     return [Stretch(0, a, b) for a, b in stretches(ok, breaks) if b - a > 2]
 
 
 def _cut(recording: Recording, runs: Sequence[Run], source: int) -> Recording:
-    """The recording up to its last training row."""
+    """Return the recording up to its last training row."""
     return recording.rows(slice(0, max(r.stop for r in runs if r.source == source)))
 
 
 def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
-    """The fitted model; its predictions re-estimate parameters that differ by recording."""
+    """Return the fitted model, with its provenance.
+
+    A parameter that differs by recording (`VARYING`) gets its mean. When the model predicts a
+    recording, its filter estimates that parameter from the recording.
+    """
     return GreyBoxModel(
         name=name,
         profile=found.structure.profile,
@@ -229,7 +236,7 @@ def model_of(found: MultiStepFit, recordings: Sequence[Recording], name: str) ->
 
 
 def parameters(found: MultiStepFit) -> dict[str, Parameter]:
-    """Name → value with standard deviation, nominal value and verdict."""
+    """Return the parameters by name: value, standard deviation, nominal value, verdict."""
     out = {}
     std, prior = found.std, found.prior_std
     for f, v, s, p in zip(found.structure.free, found.values, std, prior, strict=True):
@@ -242,7 +249,7 @@ def parameters(found: MultiStepFit) -> dict[str, Parameter]:
 
 
 def warnings(found: MultiStepFit) -> tuple[str, ...]:
-    """Warnings: unidentifiable parameters, no convergence, values that differ by recording."""
+    """Return warnings: unidentifiable parameters, no convergence, values that vary by recording."""
     out = [p.verdict for p in parameters(found).values() if p.verdict]
     if not found.converged:
         out.append(f"The fit had not converged after {found.rounds} rounds: too little motion.")
@@ -254,5 +261,5 @@ def warnings(found: MultiStepFit) -> tuple[str, ...]:
 
 
 def handed_over(found: FitResult, reason: str) -> FitResult:
-    """The result, marked as fitted by ``freeflight``, with the reason as its first warning."""
+    """Return the result marked as fitted by ``freeflight``, with the reason as first warning."""
     return replace(found, method="freeflight", warnings=(f"{reason} {INSTEAD}", *found.warnings))

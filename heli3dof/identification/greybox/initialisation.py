@@ -1,8 +1,8 @@
-"""Initial values where the likelihood is flat at the nominal start: the likeliest of a few.
+"""Choose initial values of parameters whose likelihood is flat at the nominal value.
 
 An example is ``encoder.backlash``: a filter without backlash explains all of it by process noise,
-so its likelihood has no slope there. The likelihood is therefore evaluated at every value that the
-effect lists in ``starts`` (it can have several maxima), after the noise has adapted to each.
+so its likelihood has no slope there, and it can have several maxima. The likelihood is therefore
+evaluated at each value that the effect lists in ``starts``, after the noise has adapted to it.
 """
 
 from __future__ import annotations
@@ -13,16 +13,13 @@ from heli3dof.identification.greybox.likelihood import Likelihood
 from heli3dof.identification.greybox.maximum_likelihood import NOISE_START, better_noise
 
 SETTLING = 3
-"""Noise updates at each value."""
+"""Number of noise updates at each value, before the likelihood is evaluated there"""
 
 
 def likeliest_start(
     problem: Likelihood, theta: np.ndarray, noise: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(coordinates (n,), noise (4,)): ``theta`` with each such effect at its likeliest start.
-
-    The value in ``theta`` is one of those tried.
-    """
+    """Return ``theta`` (n,) with effects at the likeliest of their ``starts``, and the noise."""
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
     theta = theta.copy()
     for term in problem.structure.terms:

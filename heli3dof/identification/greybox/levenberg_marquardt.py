@@ -1,15 +1,15 @@
-"""Levenberg–Marquardt descent of residuals with a prior, within bounds.
+"""Levenberg–Marquardt minimisation of R residuals r(z) with a prior N(z_0, Λ⁻¹), within bounds.
 
     Q(z) = r(z)ᵀ r(z) + (z − z_0)ᵀ Λ (z − z_0),      D = ∂r/∂z by differences,  (dim, R)
 
 `descend` computes D in every round: dim evaluations of r per step. `follow_on` starts near a
-minimum with the tangents of a similar problem (without some rows or a term), and updates them from
+minimum with the tangents D of a similar problem (without some rows or a term). It updates them from
 every evaluation (Broyden), with d the step and w = diag(D Dᵀ + Λ) d:
 
     D ← D + w (r(z + d) − r(z) − Dᵀ d)ᵀ / (wᵀ d)
 
-It recomputes D only after a step gained less than half, or more than one and a half times, what D
-predicted.
+`follow_on` recomputes D after two failed steps in a row. Before it ends, it also does so if a step
+gained less than half, or more than one and a half times, what D predicted.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ DAMPING = 1e-3
 FRESH = 2
 """How often `follow_on` may recompute D."""
 ENOUGH = 30
-"""Largest number of evaluations in `follow_on`, differences aside."""
+"""Largest number of evaluations of r in `follow_on`, not counting those for differences."""
 KEPT = 0.5
-"""Share of a step's predicted gain; a larger deviation from the prediction triggers a new D."""
+"""Share of a step's predicted gain; if a gain deviated by more, D is recomputed before the end."""
 Residuals = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
-    """The cost Q, its prior and the bounds."""
+    """A least-squares problem: residuals r(z), the prior of z, and bounds."""
 
     residuals: Residuals
     centre: np.ndarray
-    """z_0 (dim,)"""
+    """(dim,) the prior mean z_0"""
     prior: np.ndarray
-    """Λ (dim, dim)"""
+    """(dim, dim) the prior's precision Λ"""
     low: np.ndarray
     high: np.ndarray
     difference: float
@@ -51,7 +51,7 @@ class LeastSquares:
         return float(r @ r + d @ self.prior @ d)
 
     def tangents(self, z: np.ndarray, r: np.ndarray, which: np.ndarray | None = None) -> np.ndarray:
-        """(len(which), R) rows of D; all rows by default."""
+        """Return ∂r/∂z (len(which), R) by differences, for coordinates ``which`` (default all)."""
         side = np.where(z + self.difference < self.high, self.difference, -self.difference)
         j = np.arange(len(z)) if which is None else which
         points = [z + side * (np.arange(len(z)) == i) for i in j]
@@ -59,7 +59,7 @@ class LeastSquares:
         return np.asarray((np.array(moved).reshape(len(j), len(r)) - r) / side[j, None])
 
     def step(self, z: np.ndarray, g: np.ndarray, H: np.ndarray, damping: float) -> np.ndarray:
-        """The end of a damped step; coordinates at a bound stay there, the others are re-solved."""
+        """Return z after a damped step; coordinates at a bound stay there, others are re-solved."""
         A = H + damping * np.diag(np.diag(H))
         stopped = ((z <= self.low) & (g > 0)) | ((z >= self.high) & (g < 0))
         d = np.zeros(len(z))
@@ -77,7 +77,7 @@ class LeastSquares:
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """The result of a descent."""
+    """The result of `descend` or `follow_on`."""
 
     z: np.ndarray
     cost: float
@@ -87,6 +87,7 @@ class Descent:
     """(dim, R), of the last round"""
     rounds: int
     settled: bool
+    """True if the search converged"""
 
 
 def descend(
@@ -95,7 +96,8 @@ def descend(
 ) -> Descent:  # fmt: skip
     """Minimise the cost from ``z``, until an iteration lowers it by less than ``settled``.
 
-    Ends after ``rounds`` iterations. Calls ``say(iteration, first cost, cost)`` after each.
+    It ends after ``rounds`` iterations at the latest, and calls ``say(iteration, cost at the start,
+    cost now)`` after each.
     """
     r = v.residuals(z)
     here = begun = v.cost(r, z)
@@ -125,9 +127,11 @@ def follow_on(
     v: LeastSquares, z: np.ndarray, tangents: np.ndarray | None, *, settled: float,
     share: float = 0.0, enough: int = ENOUGH, fresh: int = FRESH,
 ) -> Descent:  # fmt: skip
-    """Descend until a step's predicted gain is below ``settled``, or below ``share`` of the cost.
+    """Minimise the cost from ``z``, and update ``tangents`` (dim, R) instead of recomputing them.
 
-    ``tangents`` (dim, R) are the initial D; rows that are NaN are computed, all if it is None.
+    It ends when a step's predicted gain is below ``settled`` or below ``share`` of the cost, after
+    ``enough`` evaluations at the latest. Rows of ``tangents`` that are NaN are computed first, all
+    of them if it is None. Later they are recomputed ``fresh`` times at most.
     """
     r = v.residuals(z)
     here = begun = v.cost(r, z)

@@ -1,15 +1,16 @@
-"""The likelihood of recordings under a rig with given parameters, its score and information.
+"""The likelihood of recordings for a rig with given parameters, its score and information.
 
     ℓ(θ, a) = Σ_k Σ_i ln Z_ik + ln prior(θ)
 
-Z comes from the filter of `heli3dof.model.estimation.ekf_quantised`. θ is in the coordinates of
-`Free.inward` (logarithms, or units of the typical size). a (4,) is the noise: the intensities of
-the angular acceleration on roll, pitch and yaw, rad/s²/√Hz, and the sampling jitter, s. The prior
-N(start, spread²) of each parameter is weak: it only fixes parameters that the recordings carry no
-information about.
+Z_ik is the probability of reading k of axis i given all earlier readings, by the filter of
+`heli3dof.model.estimation.ekf_quantised`. θ (n,) are the parameters' coordinates: logarithms, or
+multiples of a typical size (`Free.inward`). a (4,) is the noise: the intensities of the angular
+acceleration on roll, pitch and yaw, rad/s²/√Hz, and the sampling jitter, s. The prior
+N(start, spread²) of each parameter is weak. It only fixes parameters about which the recordings
+carry no information.
 
-Far from the truth a simulation may diverge between two readings. Then ℓ = −∞, so a search rejects
-the point. Scores and tangents that diverged count as zero, so only the prior moves that coordinate.
+Far from the true parameters a simulation may diverge between two readings. Then ℓ = −∞, so a search
+rejects the point. Tangents that diverged count as zero, so only the prior moves that coordinate.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from heli3dof.model.estimation.filter_data import ENCODER_NOISE, Data, encoder_n
 from heli3dof.model.physics.parametrisation import Structure
 
 DIFFERENCE = 1e-4
-"""Step of the differences, in the coordinates (of the order of one)."""
+"""Step of the differences, in coordinates (which are of the order of one)."""
 DIVERGED = 1e4
 """rad per coordinate: a larger tangent means that the simulation diverges. In flights tangents stay
 below 10; with negative dry friction they reached 1e243, whose square overflows."""
@@ -31,10 +32,10 @@ below 10; with negative dry friction they reached 1e243, whose square overflows.
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """One run of the filter over E events (readings)."""
+    """The result of one run of the filter over E events (readings that update it)."""
 
     loglik: np.ndarray
-    """(3,) Σ ln Z by axis"""
+    """(3,) log-likelihood Σ ln Z by axis"""
     row: np.ndarray
     """(E,) the row of each event"""
     state: np.ndarray
@@ -44,14 +45,14 @@ class Pass:
     w: np.ndarray
     """(E,) predictions, scores ∂ln Z/∂c and informations −∂²ln Z/∂c²"""
     K: np.ndarray
-    """(E, 6)"""
+    """(E, 6) the filter's gains"""
     X: np.ndarray | None
-    """(N, 6) states after the update, or (N, 9) with the running Σ ln Z by axis, or None"""
+    """(N, 6) states after each row, or (N, 9) with the running Σ ln Z by axis, or None"""
 
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """The likelihood of data under a structure. Stateless: every method takes the point (θ, a)."""
+    """The likelihood of data for a model, at parameter coordinates θ (n,) and noise a (4,)."""
 
     data: Data
     structure: Structure
@@ -83,17 +84,17 @@ class Likelihood:
         return encoder_noise(self.data, self.noise_steps)
 
     def values(self, theta: np.ndarray) -> np.ndarray:
-        """(n,) coordinates → values in their units."""
+        """Convert coordinates (n,) to values in their units."""
         return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     def coordinates(self, values: np.ndarray) -> np.ndarray:
         return np.array([f.inward(v) for f, v in zip(self.structure.free, values, strict=True)])
 
     def run(self, theta: np.ndarray, a: np.ndarray, *, keep: int = 1) -> Pass:
-        """Run the filter at θ and a.
+        """Run the filter at the coordinates θ (n,) and the noise a (4,).
 
-        ``keep``: 0 the likelihood only, 1 also the events for `tangents`, 2 also the states X,
-        3 X with the running likelihood.
+        ``keep`` selects what is returned: 0 the likelihood only, 1 also the events for `tangents`,
+        2 also the states X, 3 also the running likelihood in X.
         """
         from heli3dof.model.estimation.ekf_quantised import filter_blocks
 
@@ -124,7 +125,11 @@ class Likelihood:
         return float(-0.5 * (self.prior_precision * (theta - self.prior_mean) ** 2).sum())
 
     def tangents(self, theta: np.ndarray, at: Pass, which: np.ndarray | None = None) -> np.ndarray:
-        """(n, E) ∂c/∂θ at fixed gains, for coordinates ``which`` (default all); 0 if `diverged`."""
+        """Return the predictions' derivatives ∂c/∂θ (n, E) at the events of the run ``at``.
+
+        The filter's gains are fixed. ``which`` selects coordinates (default all). A derivative that
+        `diverged` is returned as zero.
+        """
         from heli3dof.model.estimation.ekf_quantised import follow
 
         d = self.data
@@ -148,12 +153,15 @@ class Likelihood:
 
 
 def diverged(D: np.ndarray) -> np.ndarray:
-    """(n,) bool: which tangents (n, E) exceed `DIVERGED` or are not finite."""
+    """Return (n,) bool: which of the tangents D (n, E) exceed `DIVERGED` or are not finite."""
     return np.asarray(~(np.abs(D).max(axis=1, initial=0.0) < DIVERGED))
 
 
 def score_and_information(at: Pass, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Σ g ∂c (n,) and Σ w ∂c ∂cᵀ (n, n) of the likelihood, without the prior."""
+    """Return the likelihood's score (n,) and information (n, n), without the prior.
+
+    They are Σ g ∂c and Σ w ∂c ∂cᵀ over the E events of the run ``at``; D (n, E) is ∂c/∂θ.
+    """
     return D @ at.g, (D * at.w) @ D.T
 
 

@@ -1,8 +1,8 @@
 """Poles, transfer functions and frequency responses of a physical fit, with standard deviations.
 
-The model is linearised about hover. With f any of these figures, P the covariance of the parameters
-and F = ∂f/∂θ by differences, cov f = F P Fᵀ. `innovations` gives the errors for residual tests, and
-`fit_result` puts all together.
+The model is linearised about hover. With f any of these quantities, P the covariance of the
+parameters θ and F = ∂f/∂θ by differences, cov f = F P Fᵀ. `innovations` computes the errors for the
+residual tests. `fit_result` collects all in a `FitResult`.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from heli3dof.model.estimation.filter_data import Run
 from heli3dof.model.greybox.model import GreyBoxModel
 
 TEST_INTERVAL_S = 0.04
-"""Horizon of the errors in residual tests: at every sample, most of an error is rounding."""
+"""s: prediction horizon in residual tests; one sample ahead, most of an error is rounding."""
 STEP = 1e-2
-"""Step of the differences, in standard deviations."""
+"""Step of the differences, in standard deviations of each parameter"""
 
 
 def linear_figures(
@@ -38,7 +38,7 @@ def linear_figures(
     TransferFunctions,
     Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
 ]:
-    """Poles, transfer functions, and the response ω (F,) rad/s → (G, std) (F, 3, 2)."""
+    """Return poles, transfer functions, and a function ω (F,) rad/s → response G and its σ."""
     theta = found.theta
     sd = found.std / found.slopes
     cov = found.covariance / np.outer(found.slopes, found.slopes)
@@ -88,7 +88,7 @@ def linear_figures(
 
 
 def innovations(model: GreyBoxModel, prepared: Prepared, runs: Sequence[Run]) -> Innovations:
-    """Errors of consecutive predictions over `TEST_INTERVAL_S`, and the mean voltages of each."""
+    """Return errors of consecutive `TEST_INTERVAL_S` predictions, and the mean voltages in each."""
     q = max(1, round(TEST_INTERVAL_S / prepared.dt))
     E, U = [], []
     for run in runs:
@@ -110,7 +110,7 @@ def fit_result(
     parameters: Mapping[str, Parameter],
     warnings: tuple[str, ...],
 ) -> FitResult:
-    """The result of a method that fits physical parameters; dt (s) is the control period."""
+    """Return the `FitResult` of a physical method; ``dt`` (s) is the control period."""
     poles, transfer, response = linear_figures(found, dt)
     return FitResult(
         model=model,

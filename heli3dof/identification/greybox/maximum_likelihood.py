@@ -1,13 +1,14 @@
 """Maximum likelihood by Gauss–Newton steps on the innovations, with the noise estimated alongside.
 
-Each round runs the filter at θ and takes a Newton step of each axis's log noise intensity, from the
-likelihood at three intensities (the axes are nearly independent). Then, with tangents ∂m/∂θ at
-fixed gains, it solves
+Each round runs the filter at θ. It then takes a Newton step of each axis' log noise intensity, from
+the likelihood at three of them (the axes are nearly independent). Let c be the filter's prediction
+of a reading, g the score and w the information of that reading. With the tangents ∂c/∂θ at fixed
+filter gains, the round solves
 
-    (H + Λ + λ diag H) δ = Σ g ∂m − Λ (θ − θ_0),     H = Σ w ∂m ∂mᵀ,   Λ the prior's precision
+    (H + Λ + λ diag(H + Λ)) δ = Σ g ∂c − Λ (θ − θ_0),     H = Σ w ∂c ∂cᵀ,   Λ the prior's precision
 
-within the bounds; λ (Levenberg–Marquardt) grows until the likelihood does. The search ends when
-half the Newton decrement, the log-likelihood still to be gained, is below `TOLERANCE`.
+within the bounds. The Levenberg–Marquardt factor λ grows until the likelihood does. The search ends
+when half the Newton decrement, the log-likelihood still to be gained, is below `TOLERANCE`.
 """
 
 from __future__ import annotations
@@ -24,36 +25,36 @@ from heli3dof.identification.greybox.likelihood import (
 from heli3dof.parallel import parallel_map
 
 TOLERANCE = 2e-3
-"""Log-likelihood; corresponds to a step of 0.06 standard deviations."""
+"""Log-likelihood still to be gained at which the search ends: a step of 0.06 standard deviations"""
 ROUNDS = 25
 OTHER_ROUNDS = 12
-"""Rounds from each further start, tried where the first does not converge."""
+"""Largest number of rounds from each further start, tried if the first does not converge"""
 SURE = 3.0
-"""Log-likelihood: a step that predicts a smaller gain is accepted without evaluating the
-likelihood, which is rough at this scale (the score omits its terms in P; their expectation is
-zero)."""
+"""Log-likelihood: a step with a smaller predicted gain is accepted without evaluating the
+likelihood. That is rough at this scale: the score omits the terms by which the filter's covariance
+depends on θ; their expectation is zero."""
 AT_ONCE = 5
-"""Rounds of full steps. Dry friction makes the score rough at a tenth of a standard deviation, so
+"""Number of rounds with full steps. Dry friction makes the score rough at a tenth of σ, so that
 full steps may never converge. After these rounds, each step that reverses the previous direction
-shortens all later ones, the n-th time to 1/(n + 1) (Kesten, 1958). The steps then converge to the
-middle of the rough region, while a long way in one direction is still taken in full steps."""
+shortens all later ones: after n reversals to 1/(n + 1) (Kesten, 1958). The steps then converge to
+the middle of the rough region, but steps with a gain above `SURE` stay full."""
 NOISE_SETTLED = 0.05
 """Change of the log intensity at which the noise has converged."""
 NOISE_START = (0.03, 0.06, 0.02, 0.0)
-"""rad/s²/√Hz on roll, pitch, yaw, several times a quiet rig's so that a poor start does not
-diverge; and s, the sampling jitter."""
+"""Initial process noise on roll, pitch, yaw (rad/s²/√Hz) and sampling jitter (s). The noise is
+several times a quiet rig's, so that a poor start does not diverge."""
 NOISE_LOW, NOISE_HIGH = 1e-5, 30.0
 JITTERS = (0.001, 0.002, 0.004, 0.008)
-"""s; tried one after the other in the rounds `JITTER_ROUNDS`."""
+"""s of sampling jitter, tried one after the other in the rounds `JITTER_ROUNDS`."""
 JITTER_ROUNDS = (2, 5)
 JITTER_WORTH = 10.0
-"""Log-likelihood that a jitter must gain to be accepted."""
+"""Gain in log-likelihood above which a larger jitter is accepted."""
 _PROBE = 0.5  # step of the log intensity
 
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The maximum."""
+    """The maximum of likelihood times prior, with the filter's run at it."""
 
     theta: np.ndarray
     """(n,) coordinates"""
@@ -65,7 +66,7 @@ class Optimum:
     """(n, n) of the likelihood alone, in coordinates"""
     at: Pass
     tangents: np.ndarray
-    """(n, N, 3)"""
+    """(n, E) ∂c/∂θ at the run's E readings"""
     at_bound: np.ndarray
     """(n,) bool"""
     rounds: int
@@ -79,7 +80,7 @@ def maximise(
     *,
     rounds: int = ROUNDS,
 ) -> Optimum:
-    """The maximum near ``start`` (n,) coordinates (default: the prior's) and ``noise`` (4,)."""
+    """Find the maximum from ``start`` (n,), by default the prior mean, and ``noise`` (4,)."""
     low, high = problem.bounds
     theta = problem.prior_mean.copy() if start is None else np.clip(start, low, high)
     a = np.array(NOISE_START if noise is None else noise, dtype=float)
@@ -137,10 +138,10 @@ def maximise(
 def better_noise(
     problem: Likelihood, theta: np.ndarray, a: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """The noise (4,) after one Newton step of the log intensities, and the largest step.
+    """Return the noise (4,) after one Newton step of its log intensities, and the largest step.
 
-    Slope and curvature are differences over a factor of e^`_PROBE` either way, because the
-    likelihood is rough at smaller scales.
+    Slope and curvature are differences over a factor of e^`_PROBE` up and down, because the
+    likelihood is rough at smaller scales. Only measured ``axes`` (3,) bool move.
     """
     factor = np.array([np.exp(_PROBE)] * 3 + [1.0])
     at = (a, a * factor, a / factor)
@@ -155,7 +156,7 @@ def better_noise(
 
 
 def _better_jitter(problem: Likelihood, theta: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """The noise with the likeliest jitter; zero unless the gain exceeds `JITTER_WORTH`."""
+    """Return the noise with a larger jitter of `JITTERS` if that gains `JITTER_WORTH`, or 0."""
     best, best_loglik = 0.0, -np.inf
     for jitter in (0.0, *JITTERS):
         loglik = float(problem.run(theta, np.append(a[:3], jitter), keep=0).loglik.sum())

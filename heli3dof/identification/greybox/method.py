@@ -1,7 +1,8 @@
-"""The fit by maximum likelihood: `fit` for the method ``greybox``, `fit_greybox` for any terms.
+"""Fit physical parameters by maximum likelihood: `fit` for ``identify``, `fit_greybox` for scripts.
 
-`DEFAULT_TERMS` hold for every rig: pendulum stiffness, viscous friction, rotor lag, and constant
-torques on pitch and yaw (trims). Other effects are added by name.
+A term is an effect of the grey-box model, on one axis where it has one. `DEFAULT_TERMS` apply to
+every rig: pendulum stiffness, viscous friction, rotor lag, and constant torques on pitch and yaw
+(trims). Other effects are added by name.
 """
 
 from __future__ import annotations
@@ -41,12 +42,12 @@ DEFAULT_TERMS = (
 )
 LEAST_RUN_S = 0.5
 JITTER_SHARE = 0.2
-"""Share of the period: below this jitter the likelihood, whose filter models jitter, does better
-than the multi-step fit."""
+"""Share of the sample period. Below this jitter the likelihood, whose filter models jitter, gives
+better estimates than the multi-step fit."""
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """The likelihood's fit to the training runs and to the recordings that lack an angle."""
+    """Fit by maximum likelihood to the training runs and to the recordings that lack an angle."""
     chosen = DEFAULT_TERMS if request.terms is None else request.terms
     several = [*prepared.recordings, *request.partial]
     runs: list[Run] = list(prepared.train)
@@ -84,9 +85,10 @@ def compile_first(problem: Likelihood) -> None:
 
 
 def chosen_terms(words: str) -> tuple[str, ...]:
-    """Terms from ``+name,-name`` (changes to `DEFAULT_TERMS`) or ``name,name`` (a full list).
+    """Return the terms that ``--terms`` selects.
 
-    Raises UsageError for an unknown name, naming the nearest, or one to leave out that is absent.
+    ``words`` is ``+name,-name`` (adds to and removes from `DEFAULT_TERMS`) or ``name,name`` (a full
+    list). Raises UsageError for an unknown name, or for a ``-name`` that is not among the terms.
     """
     names = [w.strip() for w in words.split(",") if w.strip()]
     chosen = [] if names and names[0][0] not in "+-" else list(DEFAULT_TERMS)
@@ -113,15 +115,15 @@ def fit_greybox(
     read_every_s: float = 0.0,
     start: Mapping[str, float] | None = None,
 ) -> Estimate:
-    """Fit a rig with these terms to recordings of one rig; `model_of` makes the model.
+    """Fit physical parameters to recordings of one rig; `model_of` makes a model of the result.
 
-    A recording may hold a single angle (the others are fixed) and needs no known controller. Rows
-    on the table, at a stop, unread or with the motors off are left out.
+    A recording may hold a single angle (the other axes count as fixed) and needs no known
+    controller. `heli3dof.identification.row_selection` selects the rows.
 
     Args:
         recordings: one or several.
-        names: effects to include.
-        read_every_s: see `heli3dof.model.estimation.filter_data.data_of`.
+        names: the terms to fit, besides the inertias and the gravity torque.
+        read_every_s: use an angle only every so many seconds; 0: in every row.
         start: starting values by parameter name, in place of the nominal ones.
 
     Raises RecordingError where no rows are left, UsageError for an unknown term.
@@ -136,9 +138,9 @@ def fit_greybox(
 
 
 def usable_runs(recording: Recording, source: int) -> list[Stretch]:
-    """Stretches of usable rows, at least `LEAST_RUN_S` long.
+    """Return the stretches of usable rows of a recording, each at least `LEAST_RUN_S` s long.
 
-    A stretch ends at a gap of more than `LOST` periods.
+    A stretch ends at a gap of more than `LOST` periods. ``source`` is the recording's number.
     """
     bad = np.logical_or.reduce(list(unusable(recording).values()))
     breaks = np.flatnonzero(np.diff(recording.t) > LOST * recording.dt) + 1
@@ -147,7 +149,7 @@ def usable_runs(recording: Recording, source: int) -> list[Stretch]:
 
 
 def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> GreyBoxModel:
-    """The fitted model, ready to fly, predict and save, with its provenance."""
+    """Return the fitted model, ready to fly, predict and save, with its provenance."""
     extra: dict[str, Any] = {
         "method": "greybox",
         "recordings": [{"name": r.name, "sha256": r.digest} for r in recordings],
@@ -171,7 +173,7 @@ def model_of(found: Estimate, recordings: Sequence[Recording], name: str) -> Gre
 
 
 def parameters(found: Estimate) -> dict[str, Parameter]:
-    """Name → value with standard deviation, bound, nominal value and verdict."""
+    """Return the parameters by name: value, standard deviation, bound, nominal value, verdict."""
     return {
         f.name: Parameter(
             float(v), float(s), f.unit, float(b), f.start if f.term is None else f.null, w.sentence
@@ -183,7 +185,7 @@ def parameters(found: Estimate) -> dict[str, Parameter]:
 
 
 def warnings(found: Estimate) -> tuple[str, ...]:
-    """Warnings: unidentifiable parameters, simplified equations, bounds, unmodelled motion."""
+    """Return warnings about parameters, simplified equations, convergence, unmodelled motion."""
     out = [v.sentence for v in found.verdicts if v.sentence]
     out += [t.effect.summary for t in found.structure.formal]
     o = found.optimum

@@ -1,25 +1,26 @@
 """The multi-step fit: physical parameters that minimise errors of predictions up to 3 s ahead.
 
 It is for logs with sampling jitter or unmodelled fast motion. One step ahead, a sample taken at
-another time than its stamp is an error in proportion to the rate, which pulls every parameter that
-acts through accelerations towards zero. Over a second or more that error is negligible.
+another time than its stamp causes an error in proportion to the rate. That error pulls every
+parameter that acts through accelerations towards zero. Over a second or more it is negligible.
 
 Predictions run freely from the filter's states (`heli3dof.model.estimation.ekf_jitter`) at S starts
-k, to M horizons h_j. Minimised is
+k, to M horizons h_j; i is the axis, e the error in rad. The fit minimises
 
     Q(θ) = (T/τ)/(S M) Σ_k Σ_j Σ_i ρ(e_i[k, j]/s_i[j]) + (θ − θ_0)ᵀ Λ (θ − θ_0),
     ρ(u) = 2 c² (√(1 + (u/c)²) − 1),   c = `ROBUST`
 
-where T/τ is the number of independent windows in T seconds of flight (τ = `WINDOW_S`). The scales s
-are those of the errors, estimated again in each stage. Stages go from short horizons to long ones,
-because a poor start diverges over long ones. The search is
+where T/τ is the number of independent windows in T seconds of flight (τ = `WINDOW_S`). The fit runs
+in stages, from short horizons to long ones, because a poor start diverges over long ones. Each
+stage estimates the errors' scales s again. The search is
 `heli3dof.identification.greybox.levenberg_marquardt`; its tangents include the filter.
 
-Λ is the prior: weak for every term, and for the inertias their geometry. Lengths and a few masses
-determine the inertias' *ratios*. Their common factor (in units of K_f) follows from the thrust
-gain, which differs by a factor of two between rigs.
+θ_0 is the prior mean, Λ its precision, weak for every term. For the inertias it comes from
+geometry: lengths and a few masses determine the inertias' *ratios*. Their common factor (in units
+of K_f) follows from the thrust gain, which differs by a factor of two between rigs.
 
-A parameter named in ``varying`` has a value of its own in each recording, N(mean, spread²).
+A parameter named in ``varying`` has a value of its own in each recording, with the prior
+N(common value, ``varying``²).
 """
 
 from __future__ import annotations
@@ -40,16 +41,17 @@ from heli3dof.model.greybox.multistep import Flight, errors
 from heli3dof.model.physics.parametrisation import Structure
 
 STAGES_S = ((0.25, 0.5, 0.75, 1.0), (0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0))
+"""s: the horizons of each stage"""
 ROUNDS = 8
 WINDOW_S = 3.0
-"""Windows that start at least this far apart count as independent."""
+"""τ, s: windows that start at least this far apart count as independent."""
 ROBUST = 4.0
 RATIO_STD, COMMON_STD = 0.04, 0.5
-"""Prior standard deviations of logarithms: inertia ratios to roll's, and roll's inertia."""
+"""Prior standard deviations of logarithms: of the inertias' ratios to roll's, and of roll's"""
 DIFFERENCE = 1e-3
 SETTLED = 0.03
 NOISE_START = (0.08, 0.15, 0.06)
-"""rad/s²/√Hz"""
+"""rad/s²/√Hz: the process noise on roll, pitch, yaw before its first estimate"""
 JITTERS_S = (0.0, 0.001, 0.002, 0.004)
 FAR = 3.0
 """rad: larger errors count as this."""
@@ -57,15 +59,16 @@ FAR = 3.0
 
 @dataclass(frozen=True, eq=False)
 class MultiStep:
-    """The least-squares problem: flights with their filters' data, and a model structure.
+    """The least-squares problem of a multi-step fit: flights, their data, and a model structure.
 
-    Coordinates z (dim,): n common ones, then each flight's own values of ``varying``.
+    Its unknowns are coordinates z (dim,): parameters divided by their typical size, or logarithms.
+    n are common to all flights; then follow each flight's own values of those in ``varying``.
     """
 
     structure: Structure
     flights: tuple[Flight, ...]
     data: tuple[Data, ...]
-    """One per flight: its blocks, concatenated."""
+    """One per flight: its runs for the filter, concatenated."""
     rows: tuple[np.ndarray, ...]
     """(n_i,) per flight: data row → row of the flight; −1 where there is none."""
     varying: Mapping[str, float] = field(default_factory=dict)
@@ -85,7 +88,7 @@ class MultiStep:
 
     @cached_property
     def own(self) -> np.ndarray:
-        """(B,) indices of the parameters that vary by recording."""
+        """Indices (B,), among the n parameters, of those with a value per recording."""
         return np.array([self.structure.names.index(v) for v in self.varying], dtype=int)
 
     @property
@@ -137,7 +140,7 @@ class MultiStep:
         return L
 
     def values(self, z: np.ndarray, flight: int | None = None) -> np.ndarray:
-        """(n,) values in their units; with ``flight``, that recording's."""
+        """Return the parameters (n,) in their units at z; with ``flight``, of that recording."""
         theta = z[: self.n].copy()
         if flight is not None:
             b = len(self.own)
@@ -145,7 +148,7 @@ class MultiStep:
         return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     def states(self, z: np.ndarray, i: int, noise: np.ndarray) -> np.ndarray:
-        """(N, 6) filtered states at flight i's rows; NaN where there is none."""
+        """Return filtered angles, rates (N, 6) of flight i, rad and rad/s; NaN at unused rows."""
         flight = self.flights[i]
         X = np.full((len(flight.t), 6), np.nan)
         found = filter_jittered(
@@ -156,19 +159,19 @@ class MultiStep:
         return X
 
     def errors(self, z: np.ndarray, noise: np.ndarray, horizons_s: Sequence[float]) -> list[Any]:
-        """Per flight (S, M, 3) rad: prediction errors from S starts at M horizons."""
+        """Return prediction errors per flight: (S, M, 3) rad from S starts at M horizons."""
         out = []
         for i, flight in enumerate(self.flights):
             ahead = np.array([max(1, round(h / flight.dt)) for h in horizons_s])
             X = self.states(z, i, noise)
             e = errors(self.structure, self.values(z, i), flight, X, ahead)
             e = np.clip(np.nan_to_num(e, nan=FAR, posinf=FAR, neginf=-FAR), -FAR, FAR)
-            e[..., ~flight.free] = 0.0  # not measured
+            e[..., ~flight.free] = 0.0  # axes that were not measured
             out.append(e)
         return out
 
     def loglik(self, z: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """(3,) the filter's log-likelihood by axis."""
+        """Return the filter's log-likelihood (3,) by axis, at coordinates z and ``noise`` (4,)."""
         parts = [
             filter_jittered(self.structure, self.values(z, i), d, noise[:3], noise[3]).loglik
             for i, d in enumerate(self.data)
@@ -178,7 +181,7 @@ class MultiStep:
 
 @dataclass(frozen=True, eq=False)
 class MultiStepFit(PhysicalFit):
-    """The minimum."""
+    """The result of a multi-step fit: parameters that minimise the prediction errors."""
 
     problem: MultiStep
     z: np.ndarray
@@ -198,7 +201,7 @@ class MultiStepFit(PhysicalFit):
 
     @property
     def theta(self) -> np.ndarray:
-        """(n,) coordinates; for parameters that vary, the mean over recordings."""
+        """Coordinates (n,) of the parameters; the mean for those with a value per recording."""
         theta = self.z[: self.problem.n].copy()
         if len(self.problem.own):
             theta[self.problem.own] = self._own.mean(axis=0)
@@ -211,7 +214,7 @@ class MultiStepFit(PhysicalFit):
 
     @property
     def by_recording(self) -> dict[str, np.ndarray]:
-        """Parameter that varies → (flights,) values in its unit."""
+        """The values (flights,), by name, of each parameter with a value per recording."""
         free = self.structure.free
         return {
             free[j].name: np.array([free[j].outward(c) for c in self._own[:, b]])
@@ -220,13 +223,13 @@ class MultiStepFit(PhysicalFit):
 
     @property
     def prior_std(self) -> np.ndarray:
-        """(n,) the prior's standard deviations, in the units of the values."""
+        """The prior's standard deviations (n,), in the parameters' units."""
         n = self.problem.n
         return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.problem.prior))[:n]) * self.slopes)
 
     @cached_property
     def covariance(self) -> np.ndarray:
-        """(n, n) of the values in their units."""
+        """Covariance (n, n) of the parameters in their units."""
         p = self.problem
         H = self.tangents @ self.tangents.T + p.prior
         C = np.linalg.inv(H)[: p.n, : p.n]
@@ -234,12 +237,12 @@ class MultiStepFit(PhysicalFit):
 
 
 def robust(u: np.ndarray) -> np.ndarray:
-    """√ρ(u) with the sign of u."""
+    """Return √ρ(u) with the sign of u, ρ the robust cost in the module's docstring."""
     return np.asarray(np.sign(u) * ROBUST * np.sqrt(2 * (np.sqrt(1 + (u / ROBUST) ** 2) - 1)))
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """(M, 3) rad: RMS of errors (S, M, 3), each clipped at 1 rad; zeros were not measured."""
+    """Return the RMS (M, 3) rad of errors (S, M, 3), each limited to 1 rad; zeros are skipped."""
     there = np.maximum((e != 0).sum(axis=0), 1)
     size = np.sqrt((np.minimum(np.abs(e), 1.0) ** 2).sum(axis=0) / there)
     return np.asarray(np.maximum(size, np.radians(0.1)))
@@ -255,10 +258,11 @@ def search(
     fixed: np.ndarray | None = None,
     say: Callable[[str], None] | None = None,
 ) -> MultiStepFit:
-    """The minimum from ``start`` (dim,), stage by stage.
+    """Minimise the prediction errors from the coordinates ``start`` (dim,), stage by stage.
 
-    ``noise`` (4,) and ``fixed`` (M, 3) rad give the filter's noise and the scales s; by default
-    each stage estimates them. ``say`` receives a line per round.
+    ``noise`` (4,) and ``fixed`` (M, 3) rad give the filter's noise and the errors' scales; by
+    default each stage estimates them. ``rounds`` is the largest number of iterations per stage.
+    ``say`` is called with a line of progress per iteration.
     """
     p = problem
     z = p.start.copy() if start is None else start.copy()
@@ -284,7 +288,7 @@ def search(
 def valley(
     p: MultiStep, noise: np.ndarray, stage_s: Sequence[float], scale: np.ndarray
 ) -> LeastSquares:
-    """The cost Q of these flights at these horizons (s) and scales (M, 3) rad."""
+    """Return the least-squares cost for horizons ``stage_s`` (s), noise (4,), scales (M, 3) rad."""
     seconds = sum(len(f.starts) * _apart(f) for f in p.flights)
     size = len(stage_s) * sum(len(f.starts) for f in p.flights)
     weight = np.sqrt(seconds / WINDOW_S / size)
@@ -297,7 +301,7 @@ def valley(
 
 
 def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """(4,) the likeliest jitter, and intensities after Newton steps of their logarithms."""
+    """Return the filter's noise (4,): the likeliest jitter, and likelier noise intensities."""
     a = a.copy()
     tried = [p.loglik(z, np.append(a[:3], j)).sum() for j in JITTERS_S]
     a[3] = JITTERS_S[int(np.argmax(tried))]
@@ -316,7 +320,7 @@ def better_noise(p: MultiStep, z: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 
 def _apart(flight: Flight) -> float:
-    """s between starts of windows"""
+    """Return the time (s) between the starts of windows."""
     if len(flight.starts) < 2:
         return WINDOW_S
     return float(np.median(np.diff(flight.t[flight.starts])))

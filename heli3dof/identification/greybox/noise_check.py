@@ -1,16 +1,16 @@
-"""Tests whether a likelihood can be used: sampling jitter, and process noise that is not noise.
+"""Check whether the likelihood can be used: not with sampling jitter or unmodelled fast motion.
 
 One step ahead, unmodelled motion looks like a random torque, and the likelihood estimates a process
-noise to match. White angular acceleration of intensity a (rad/s²/√Hz) accumulates: from a known
-state, after h seconds, the angle of a free axis has the standard deviation
+noise to match. White angular acceleration of intensity a_i (rad/s²/√Hz) on axis i accumulates: from
+a known state, after h seconds, the angle has the standard deviation
 
     σ_i(h) = a_i √(h³/3)
 
-If predictions are better than that, the torque was not white: it changed sign from sample to sample
+If predictions are better than that, the torque is not white: it changes sign from sample to sample
 (vibration, for example). Then the likelihood, its standard deviations and its choice of causes
-cannot be trusted. The criterion, on any axis:
+cannot be trusted. The likelihood is rejected if, on any axis, both hold:
 
-* a_i exceeds `TIMES` × the intensity of known rigs (`heli3dof.model.greybox.prediction.NOISE`), and
+* a_i exceeds `TIMES` × the intensity of known rigs (`heli3dof.model.greybox.prediction.NOISE`).
 * σ_i(`HORIZON_S`) exceeds `OVER` × the prediction error of the refitted rigid body.
 
 Encoder backlash alone meets the second condition, a missing effect alone the first.
@@ -56,21 +56,21 @@ CLOCK = (
 
 @dataclass(frozen=True, eq=False)
 class NoiseCheck:
-    """The refitted rigid body: its process noise, and its prediction error."""
+    """The process noise and the prediction error of a rigid-body model refitted to recordings."""
 
     noise: np.ndarray
-    """(3,) a, rad/s²/√Hz"""
+    """(3,) intensity of the process noise, rad/s²/√Hz"""
     rmse_deg: np.ndarray
-    """(3,) degrees over `HORIZON_S`"""
+    """(3,) degrees, RMSE of predictions `HORIZON_S` ahead"""
 
     @property
     def expected_deg(self) -> np.ndarray:
-        """(3,) degrees, σ over `HORIZON_S` if the noise were white."""
+        """Error (3,) of predictions `HORIZON_S` ahead, degrees, that white noise would cause."""
         return np.asarray(np.degrees(self.noise * np.sqrt(HORIZON_S**3 / 3)))
 
     @property
     def overstated(self) -> np.ndarray:
-        """(3,) bool: axes that meet the criterion."""
+        """(3,) bool: the axes on which both conditions of the module's docstring hold."""
         loud = self.noise > TIMES * NOISE
         return np.asarray(loud & (self.expected_deg > OVER * self.rmse_deg))
 
@@ -81,9 +81,10 @@ class NoiseCheck:
 
 
 def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
-    """The check on recordings of one rig with all three angles; None if they are too short.
+    """Refit the rigid body to recordings of one rig, and return its noise and prediction error.
 
-    Raises RecordingError where nothing is usable.
+    The recordings need all three angles. Returns None if they are too short. Raises RecordingError
+    where no row is usable.
     """
     flights = [flight_of(r) for r in recordings]
     if sum(len(f.starts) for f in flights) < LEAST_WINDOWS:
@@ -105,9 +106,10 @@ def noise_check(recordings: Sequence[Recording]) -> NoiseCheck | None:
 
 
 def fit(prepared: Prepared, request: Request) -> FitResult:
-    """The method ``greybox``: the likelihood's fit, or ``freeflight``'s where it cannot be used.
+    """Fit for the method ``greybox``: by likelihood, or as ``freeflight`` if that cannot be used.
 
-    A request that names its terms always gets the likelihood.
+    The likelihood is always used if the request names its terms or has recordings that lack an
+    angle.
     """
     if request.terms is None and not request.partial and (reason := no_likelihood(prepared)):
         return freeflight.handed_over(freeflight.fit(prepared, request), reason)
@@ -115,9 +117,9 @@ def fit(prepared: Prepared, request: Request) -> FitResult:
 
 
 def no_likelihood(prepared: Prepared) -> str:
-    """Why the training recordings rule out a likelihood; empty where it can be used.
+    """Return why the training recordings rule out a likelihood, or an empty string.
 
-    Where the controller is known, only sampling jitter is tested.
+    If the controller of any of them is known, only sampling jitter is tested.
     """
     sources = [prepared.recordings[i] for i in sorted({r.source for r in prepared.train})]
     if any(r.profile.controller is not None for r in sources):
@@ -126,7 +128,7 @@ def no_likelihood(prepared: Prepared) -> str:
 
 
 def likelihood_obstacle(recordings: Sequence[Recording]) -> str:
-    """Why recordings with an unknown controller rule out a likelihood; empty where it can be used.
+    """Return why recordings with an unknown controller rule out a likelihood, or an empty string.
 
     Tests sampling jitter first, then the process noise.
     """

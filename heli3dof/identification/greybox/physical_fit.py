@@ -1,4 +1,4 @@
-"""`PhysicalFit`: what fits by likelihood and by multi-step prediction have in common."""
+"""`PhysicalFit`: base class of the fits by maximum likelihood and by multi-step predictions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from heli3dof.model.physics.parametrisation import Structure
 
 
 class PhysicalFit(ABC):
-    """n fitted parameters in the order of ``structure.free``; frozen."""
+    """Base class of a fit of the n free parameters of a model ``structure``, in its order."""
 
     @property
     @abstractmethod
@@ -20,15 +20,15 @@ class PhysicalFit(ABC):
     @property
     @abstractmethod
     def theta(self) -> np.ndarray:
-        """(n,) coordinates"""
+        """(n,) coordinates: a parameter's logarithm, or its value divided by a typical size"""
 
     @property
     @abstractmethod
     def covariance(self) -> np.ndarray:
-        """(n, n) of the values, in their units"""
+        """Covariance (n, n) of the parameters in their units"""
 
     def values_at(self, theta: np.ndarray) -> np.ndarray:
-        """(n,) coordinates → values in their units"""
+        """Convert coordinates (n,) to values in their units."""
         return np.array([f.outward(c) for f, c in zip(self.structure.free, theta, strict=True)])
 
     @cached_property
@@ -43,7 +43,7 @@ class PhysicalFit(ABC):
 
     @property
     def std(self) -> np.ndarray:
-        """(n,) in the units of the values"""
+        """Standard deviations (n,) in the parameters' units"""
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
     @property

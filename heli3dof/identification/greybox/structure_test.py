@@ -1,14 +1,15 @@
-"""Tests whether simplified equations of motion describe the rig better, before refitting them.
+"""Test whether simplified equations of motion describe the rig better than the full ones.
 
-Let a be the shares of the couplings and of the yaw inertia's variation that are left out
-(`heli3dof.model.effects.simplified_couplings`), C their tangents, g their score at the fit θ̂ of the
-full equations, and A the fit's information with the prior. To second order, leaving out a gains
+Two terms can be omitted: the inertia couplings and the yaw inertia's variation
+(`heli3dof.model.effects.simplified_couplings`). Let a (2,) be the omitted shares, and g their score
+at the fit θ̂ of the full equations. H is the information of (θ, a); A is H_θθ plus the prior's
+precision. To second order, the log-likelihood gained by omitting a is
 
     Δℓ(a) = a·g − ½ aᵀ V a,      V = H_aa − H_aθ A⁻¹ H_θa
 
-Each a is 0 or 1. If the best of the three combinations gains more than `SURE` × κ (κ: how much more
-the scores scatter than the noise model allows), the simplified equations are fitted. They replace
-the full ones if that fit gains as much.
+Each share is 0 or 1. κ is how much more the scores scatter than the noise model allows. If the best
+of the three combinations gains more than `SURE` × κ, the simplified equations are fitted. They
+replace the full ones if that fit gains as much.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ from heli3dof.model.physics.parametrisation import Structure
 SIMPLIFICATIONS = ("simplified.couplings", "simplified.yaw_inertia")
 COMBINATIONS = (np.array([1.0, 0.0]), np.array([0.0, 1.0]), np.array([1.0, 1.0]))
 SURE = 6.0
-"""Log-likelihood: odds of 400 to 1."""
+"""Required gain in log-likelihood, as a multiple of κ; e⁶ means odds of 400 to 1."""
 
 
 def with_simplifications(found: Estimate) -> Estimate:
-    """The fit, or the refit with simplified equations where that is better by `SURE` κ."""
+    """Return the fit, or a refit with simplified equations of motion if that is far likelier."""
     g, V = left_out(found)
     worth = [float(a @ g - 0.5 * a @ V @ a) for a in COMBINATIONS]
     best = int(np.argmax(worth))
@@ -45,7 +46,7 @@ def with_simplifications(found: Estimate) -> Estimate:
 
 
 def left_out(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
-    """(2,) g and (2, 2) V, per unit of a."""
+    """Return the log-likelihood's gradient (2,) and curvature (2, 2) in the omitted shares."""
     o, n, own = found.optimum, len(found.theta), found.structure
     wide = replace(
         found.problem, structure=Structure(own.profile, (*own.terms, *terms(SIMPLIFICATIONS)))

@@ -1,20 +1,20 @@
-"""Initial values for the multi-step fit, from the equations of motion in weak form.
+"""Find initial values for the multi-step fit, from the equations of motion in weak form.
 
-Let φ be a test function that vanishes with its slope at both ends of a span. Two integrations by
-parts move the derivatives from the measured angles q to φ:
+Let φ be a test function that vanishes with its slope at both ends of a time span. Two integrations
+by parts move the derivatives from the measured angles q to φ:
 
     ∫ φ″ q dt = ∫ φ q̈(q, q̇, F; θ) dt,      φ(τ) = (1 − τ²)³,  τ ∈ [−1, 1]
 
-So nothing is differentiated twice, and sampling jitter has little effect. q is the reading without
-the encoders' effects (∂q/∂reading included), q̇ its derivative by a local polynomial over
-`SMOOTH_S`, and the thrusts F follow from the voltages. Spans of `SPANS_S` cover all rows in flight.
-Minimised is
+So nothing is differentiated twice, and sampling jitter has little effect. q are the readings,
+corrected for the modelled encoder effects. q̇ is their derivative by a local polynomial over
+`SMOOTH_S`. The thrusts F follow from the voltages. Spans of `SPANS_S` (s) cover all rows in flight.
+With e the left side minus the right side, and the prior N(θ_0, Λ⁻¹), the fit minimises
 
     Σ (2 asinh(e/2s))² + (θ − θ_0)ᵀ Λ (θ − θ_0)
 
 where s is the errors' scale (1.48 × their median size), estimated again in each of `ROUNDS` rounds.
-Nothing is simulated, so the search converges in seconds, also from starts from which a simulation
-diverges. Noise in q and q̇ biases the result slightly: it is a start, not an estimate.
+Nothing is simulated, so the search converges in seconds, even from values at which a simulation
+diverges. Noise in q and q̇ biases the result slightly, so it only starts the multi-step fit.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ SMOOTH_S = 0.07
 ROUNDS = 4
 DIFFERENCE = 1e-4
 SETTLED = 1e-4
-"""Share of the cost: a step that promises less ends the search."""
+"""Share of the cost; the search ends when a step's predicted gain is smaller."""
 FAR = 20.0
-"""In scales: an error that is not finite counts as this."""
+"""Multiple of the scale s that replaces an error that is not finite"""
 
 
 def _along(s, first, address, par, mem, free, t, V, F, y, y_dot, out):  # type: ignore[no-untyped-def]
-    """Fill out (N, 6): angles without the encoders' effects, and the rig's accelerations."""
+    """Fill out (N, 6): angles corrected for encoder effects (rad), and accelerations (rad/s²)."""
     setup(s, first, address, par, mem)
     x, w = np.empty(6), np.zeros((3, 3))
     m, slope = np.empty(3), np.empty(3)
@@ -78,16 +78,16 @@ _along_compiled = compiled(_along, error_model="numpy", nogil=True)
 
 @dataclass(frozen=True, eq=False)
 class Span:
-    """A test function of L rows at n places of a flight."""
+    """A test function φ of L rows for the weak form, placed at n positions of a flight."""
 
     rows: np.ndarray
-    """(n,) their first rows"""
+    """(n,) the first row of each position"""
     phi: np.ndarray
     phi_2: np.ndarray
     """(L,) weights of ∫ φ · dt and ∫ φ″ · dt; those of φ sum to 1."""
 
     def integrals(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """(n, 3) rad/s²: ∫ φ″ q dt − ∫ φ a dt, for q and a (N, 3)."""
+        """Return ∫ φ″ q dt − ∫ φ a dt (n, 3) rad/s², for angles q, accelerations a, both (N, 3)."""
         each = np.lib.stride_tricks.sliding_window_view
         L = len(self.phi)
         if len(q) < L:
@@ -99,18 +99,18 @@ class Span:
 
 @dataclass(frozen=True, eq=False)
 class SmoothedFlight:
-    """A flight with smoothed readings and test functions."""
+    """A flight: readings, smoothed readings, their rates, and a test function per span length."""
 
     flight: Flight
     y: np.ndarray
     y_smooth: np.ndarray
     y_dot: np.ndarray
-    """(N, 3) rad, rad, rad/s"""
+    """(N, 3) rad, rad, rad/s; gaps in y are interpolated"""
     spans: tuple[Span, ...]
 
 
 def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
-    """The flight with smoothed readings, and test functions inside its windows."""
+    """Smooth a flight's readings, and place test functions in its windows of ``window_s`` s."""
     from scipy.signal import savgol_filter
 
     t, dt = flight.t, flight.dt
@@ -128,7 +128,7 @@ def log_of(flight: Flight, window_s: float = 3.0) -> SmoothedFlight:
 
 
 def span(free: np.ndarray, dt: float, width_s: float) -> Span:
-    """Test functions ``width_s`` long on free rows only."""
+    """Return a test function of ``width_s`` s, placed where all its rows are ``free`` (N,) bool."""
     n = round(width_s / dt)
     tau = np.linspace(-1, 1, n)
     phi = (1 - tau**2) ** 3
@@ -142,7 +142,7 @@ def span(free: np.ndarray, dt: float, width_s: float) -> Span:
 def residuals(
     problem: MultiStep, logs: Sequence[SmoothedFlight], z: np.ndarray
 ) -> list[np.ndarray]:
-    """Per span length: (n, 3) rad/s² over all flights."""
+    """Return the weak form's errors at coordinates z: an array (n, 3) rad/s² per span length."""
     found: list[list[np.ndarray]] = [[] for _ in SPANS_S]
     for i, log in enumerate(logs):
         values, f, st = problem.values(z, i), log.flight, problem.structure
@@ -162,7 +162,7 @@ def residuals(
 
 
 def scales(e: np.ndarray) -> np.ndarray:
-    """(3,) rad/s²: 1.48 × the median size of errors (n, 3)."""
+    """Return 1.48 × the median size (3,) of errors (n, 3); zeros were not measured, so skipped."""
     e = np.nan_to_num(e, nan=1e3, posinf=1e3, neginf=-1e3)
     out = np.ones(3)
     for i in range(3):  # a zero was not measured
@@ -175,7 +175,7 @@ def weak_start(
     problem: MultiStep, start: np.ndarray | None = None, rounds: int = ROUNDS, *,
     say: Callable[[str], None] | None = None,
 ) -> np.ndarray:  # fmt: skip
-    """(dim,) coordinates to start the multi-step fit from; ``say`` receives a line per round."""
+    """Return coordinates (dim,) to start the multi-step fit; ``say(line)`` reports progress."""
     logs = [log_of(f) for f in problem.flights]
     z = np.clip(problem.start if start is None else start, *problem.bounds)
     for n in range(rounds):

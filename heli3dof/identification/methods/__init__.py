@@ -1,6 +1,6 @@
-"""The methods of identification, one file each with a ``METHOD``.
+"""The identification methods: each file of this folder defines one as ``METHOD``.
 
-Other packages register theirs as entry points of the group `GROUP`:
+Another package adds a method by an entry point of the group ``heli3dof.methods``:
 ``my_method = "my_package.my_module:METHOD"``.
 """
 
@@ -20,7 +20,7 @@ GROUP = "heli3dof.methods"
 
 @cache
 def built_in() -> Mapping[str, Method]:
-    """Name → method, for the files of this folder."""
+    """Return the methods of this folder by name."""
     names = [m.name for m in pkgutil.iter_modules(__path__)]
     found = [importlib.import_module(f"{__name__}.{name}").METHOD for name in names]
     return {m.name: m for m in found}
@@ -28,7 +28,7 @@ def built_in() -> Mapping[str, Method]:
 
 @cache
 def methods() -> Mapping[str, Method]:
-    """Name → method, those of other packages included.
+    """Return all methods by name, including those of other packages.
 
     Logs a warning for a plug-in that does not load, and leaves it out.
     """
@@ -45,7 +45,7 @@ def methods() -> Mapping[str, Method]:
 
 
 def known_method(name: str) -> Method:
-    """The method of that name. Raises UsageError with the nearest name."""
+    """Return the method ``name``. Raises UsageError, which suggests the nearest known name."""
     if name in methods():
         return methods()[name]
     raise UsageError(
