@@ -81,7 +81,7 @@ def device_of(profile: Profile, options: RigOptions) -> Device:
     from .emulator.body import setup_of
     from .emulator.device import WATCHDOG_S, Device
     from .emulator.effect_spec import parse_hide
-    from .emulator.faults import Breaking, parse_faults
+    from .emulator.faults import FaultyPlant, parse_faults
     from .emulator.plant import Plant
 
     dt = 1 / (options.rate_hz or profile.loop.rate_hz)
@@ -102,7 +102,7 @@ def device_of(profile: Profile, options: RigOptions) -> Device:
         start_V=profile.motor.V_o if level else 0.0,
     )
     faults = parse_faults(options.fault)
-    breaking = Breaking(plant, faults) if faults else plant
+    breaking = FaultyPlant(plant, faults) if faults else plant
     return Device(breaking, v_max=profile.motor.v_max, watchdog_s=watchdog_s, held=level)
 
 

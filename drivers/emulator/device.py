@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from heli3dof.rig.interface import Flags
 
 from ..link.frames import Cause
-from .faults import Breaking
+from .faults import FaultyPlant
 
 if TYPE_CHECKING:
     from .plant import Plant
@@ -28,7 +28,7 @@ class Device:
 
     def __init__(
         self,
-        plant: Plant | Breaking,
+        plant: Plant | FaultyPlant,
         *,
         v_max: float,
         watchdog_s: float = WATCHDOG_S,
@@ -99,11 +99,11 @@ class Device:
         if self.held:
             return True
         arrived = self.plant.step(*self.v)
-        if isinstance(self.plant, Breaking):
+        if isinstance(self.plant, FaultyPlant):
             self._trip(self.plant)
         return arrived
 
-    def _trip(self, plant: Breaking) -> None:
+    def _trip(self, plant: FaultyPlant) -> None:
         """Set zero volts if the URL's ``fault=`` makes the amplifier stop in this period."""
         trip = plant.trip()
         if trip is None:

@@ -43,7 +43,7 @@ from ..link.frames import (
 )
 from .amplifier import STOPPED, Amplifier
 from .device import Device
-from .faults import Breaking
+from .faults import FaultyPlant
 
 if TYPE_CHECKING:
     from .plant import Truth
@@ -237,7 +237,7 @@ class Endpoint:
             plant = self._device.plant
             self._arrives = plant.step(*volts)
             self._jitter_us = round((plant.t - plant.periods * plant.dt) * 1e6)
-            trip = plant.trip() if isinstance(plant, Breaking) else None
+            trip = plant.trip() if isinstance(plant, FaultyPlant) else None
             if trip is not None:
                 flag, cause = trip
                 self._amplifier.stop(end, cause, flag)

@@ -112,7 +112,7 @@ def _unclear(text: str, problem: str, example: str) -> UsageError:
     )
 
 
-class Breaking:
+class FaultyPlant:
     """Wraps a `Plant` and adds faults; its interface is the plant's."""
 
     def __init__(self, plant: Plant, faults: tuple[Fault, ...]) -> None:

@@ -38,7 +38,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     from heli3dof.model.model_file import save_model
     from heli3dof.paper.reproduction import reproduce
     from heli3dof.report.comparison_tables import comparison_renderables
-    from heli3dof.report.diagnosis_figure_data import pictured
+    from heli3dof.report.diagnosis_figure_data import figure_data
     from heli3dof.report.diagnosis_section import diagnosis_section
     from heli3dof.report.flight_report import flight_report
     from heli3dof.report.html import write_page
@@ -80,7 +80,7 @@ def demo(seed: Seed = 1, as_json: AsJson = False, quiet: Quiet = False) -> None:
     document = to_document(diagnosis, str(extended))
     show_diagnosis(out, document)
     with out.working("Writing the report …"):
-        section = diagnosis_section(document, pictured(diagnosis, [train], [step]))
+        section = diagnosis_section(document, figure_data(diagnosis, [train], [step]))
         text = flight_report(
             [step],
             models=models,

@@ -159,7 +159,7 @@ def _swapped_columns(path: Path, profile: Path | None) -> list[Fault]:
 
     used = rig_profile(profile)
     try:
-        faults = integrity(import_log(path, used, believed=False))
+        faults = integrity(import_log(path, used, check_values=False))
     except RecordingError:
         return []
     return [f for f in faults if f.check == "columns.swapped"]

@@ -19,7 +19,7 @@ from heli3dof.comparison.prediction import (
     HORIZONS_S,
     STEPS_AVERAGED,
     STEPS_DRAWN,
-    HeldStill,
+    ConstantAngles,
     Predictions,
     common_rows,
     over_window_deg,
@@ -80,7 +80,7 @@ def compare_flight(
         _attempt(partial(predictions, m, flown, fits, steps=steps), reasons[i]) if fits else None
         for i, m in enumerate(models)
     ]
-    held = predictions(HeldStill(), flown, fits, steps=steps) if fits else None
+    held = predictions(ConstantAngles(), flown, fits, steps=steps) if fits else None
     rows = common_rows([p for p in (*made, held) if p is not None])
     return FlightComparison(
         recording=recording,
@@ -88,7 +88,7 @@ def compare_flight(
         experiment=_metrics(flown, flown.angle),
         loop="not replayed" if why else "replayed",
         why=why,
-        held_still=_prediction_error(flown, held, rows, fits),
+        constant_angles=_prediction_error(flown, held, rows, fits),
         models=tuple(
             _model_comparison(flown, m, r, p, rows, fits, tuple(reasons[i]))
             for i, (m, r, p) in enumerate(zip(models, replays, made, strict=True))

@@ -10,7 +10,7 @@
                      axes.<axis>          the six metrics, difference (the same six, model minus
                                           experiment), replay_rmse_deg
                      prediction           rmse_deg.<horizon>.<axis>, over_window_deg.<axis>
-                   held_still             prediction error of constant angles
+                   constant_angles             prediction error of constant angles
     published[]    the paper's number, the one simulated here, whether and why it is reproducible
 
 The six metrics are ``peak_deg overshoot_deg overshoot_percent steady_error_deg rise_time_s
@@ -71,7 +71,7 @@ def _flight(flight: FlightComparison) -> dict[str, Any]:
         "why_not_replayed": flight.why,
         "experiment": {axis: _axis(flight.experiment[axis]) for axis in AXES},
         "models": [_model(flight, m) for m in flight.models],
-        "held_still": _prediction(flight.held_still),
+        "held_still": _prediction(flight.constant_angles),
     }
 
 

@@ -39,7 +39,7 @@ class Predictions:
         return float(self.instants_s[-1])
 
 
-class HeldStill:
+class ConstantAngles:
     """The baseline predictor: the angles stay as they were when the prediction is made."""
 
     name = "constant angles"
@@ -54,7 +54,7 @@ class HeldStill:
 
 
 def predictions(
-    model: Model | HeldStill,
+    model: Model | ConstantAngles,
     recording: Recording,
     horizons_s: Sequence[float] = HORIZONS_S,
     *,

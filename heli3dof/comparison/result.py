@@ -69,7 +69,7 @@ class FlightComparison:
     """``replayed`` or ``not replayed``"""
     why: str | None
     """Why the loop was not replayed"""
-    held_still: PredictionError | None
+    constant_angles: PredictionError | None
     models: tuple[ModelComparison, ...]
 
     def difference(self, model: ModelComparison, axis: str) -> dict[str, float]:

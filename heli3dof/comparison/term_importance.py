@@ -16,7 +16,7 @@ import numpy as np
 
 from heli3dof.comparison.prediction import (
     STEPS_AVERAGED,
-    HeldStill,
+    ConstantAngles,
     over_window_deg,
     predictions,
     rmse_deg,
@@ -61,7 +61,7 @@ def without(model: GreyBoxModel, term: str) -> GreyBoxModel:
 
 
 def error_deg(
-    model: GreyBoxModel | HeldStill, recordings: Sequence[Recording], horizon_s: float
+    model: GreyBoxModel | ConstantAngles, recordings: Sequence[Recording], horizon_s: float
 ) -> np.ndarray:
     """Return the RMSE (3,) in degrees over prediction windows of ``horizon_s`` s."""
     squares = []

@@ -31,7 +31,7 @@ from heli3dof.diagnosis.refits import STAGE_S
 from heli3dof.errors import RecordingError
 from heli3dof.experiment.plan import Plan, load_plan, named_plans
 from heli3dof.identification.greybox.freeflight import problem_of
-from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, valley
+from heli3dof.identification.greybox.multistep import MultiStep, MultiStepFit, least_squares_problem
 from heli3dof.model.greybox.model import GreyBoxModel
 from heli3dof.parallel import parallel_map
 
@@ -150,7 +150,7 @@ def information(open_: Open, plan: Plan, seed: int) -> np.ndarray | None:
     z = np.concatenate([fit.theta, fit.theta[p.own]])
     # Neighbouring windows share nearly everything: every other one says as much.
     p = replace(p, flights=tuple(replace(f, starts=f.starts[::2]) for f in p.flights))
-    v = valley(p, fit.noise, STAGE_S, fit.scale)
+    v = least_squares_problem(p, fit.noise, STAGE_S, fit.scale)
     D = v.tangents(z, v.residuals(z))
     return marginal(D @ D.T + link(p), p.n)
 

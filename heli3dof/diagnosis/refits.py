@@ -13,7 +13,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from heli3dof.identification.greybox.levenberg_marquardt import FRESH, follow_on
-from heli3dof.identification.greybox.multistep import SETTLED, MultiStep, MultiStepFit, valley
+from heli3dof.identification.greybox.multistep import (
+    SETTLED,
+    MultiStep,
+    MultiStepFit,
+    least_squares_problem,
+)
 from heli3dof.identification.greybox.weak_form import weak_start
 from heli3dof.model.effects import terms
 from heli3dof.model.greybox.multistep import Flight
@@ -77,7 +82,7 @@ def warm(
     found: MultiStepFit, new: MultiStep, z: np.ndarray, D: np.ndarray | None, fresh: int = FRESH
 ) -> MultiStepFit:
     """The minimum of ``new`` next to ``z`` (dim,), whose tangents are about D (dim, R)."""
-    v = valley(new, found.noise, STAGE_S, found.scale)
+    v = least_squares_problem(new, found.noise, STAGE_S, found.scale)
     r = follow_on(v, z, D, settled=SETTLED, fresh=fresh)
     return MultiStepFit(new, r.z, found.noise, found.scale, r.cost, r.tangents, r.rounds, r.settled)
 
@@ -124,7 +129,7 @@ def folds_of(found: MultiStepFit) -> list[tuple[MultiStepFit, MultiStep]]:
         test = replace(p, flights=tuple(b for _, b in split))
         kept = [np.isin(f.starts, a.starts) for f, (a, _) in zip(p.flights, split, strict=True)]
         fit = warm(found, train, found.z, of_windows(found, np.concatenate(kept)))
-        v = valley(train, found.noise, STAGE_S, found.scale)
+        v = least_squares_problem(train, found.noise, STAGE_S, found.scale)
         D = v.tangents(fit.z, v.residuals(fit.z))  # many fits and a σ will rest on them
         return warm(found, train, fit.z, D), test
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from heli3dof.axes import AXES
 from heli3dof.comparison.metrics import AxisMetrics, StepMetrics
-from heli3dof.comparison.prediction import HeldStill
+from heli3dof.comparison.prediction import ConstantAngles
 from heli3dof.comparison.result import (
     Comparison,
     FlightComparison,
@@ -100,16 +100,16 @@ def _metric_cells(values: Mapping[str, float], *, sign: bool = False) -> list[st
 
 def prediction_table(flight: FlightComparison) -> Grid | None:
     """Return a table of prediction RMSE by model, axis and horizon; None if there are none."""
-    if flight.held_still is None:
+    if flight.constant_angles is None:
         return None
-    horizons = list(flight.held_still.ahead_deg)
-    window = flight.held_still.window_s
+    horizons = list(flight.constant_angles.ahead_deg)
+    window = flight.constant_angles.window_s
     rows = []
     for axis in flight.flown.axes:
         for m in flight.models:
             rows.append([axis, m.name, *_prediction_cells(m.prediction, axis, horizons)])
-        held = _prediction_cells(flight.held_still, axis, horizons)
-        rows.append([axis, HeldStill.name, *held])
+        held = _prediction_cells(flight.constant_angles, axis, horizons)
+        rows.append([axis, ConstantAngles.name, *held])
     heads = [f"{h:g} s ahead" for h in horizons]
     return Grid(
         f"Multi-step prediction, RMSE in degrees · {flight.recording.name}",

@@ -20,7 +20,7 @@ from heli3dof.recording.recording import Recording
 
 
 @dataclass(frozen=True, eq=False)
-class Pictured:
+class FigureData:
     """The data of a diagnosis report's figures; a figure without data is omitted."""
 
     wrong: HowWrong | None = None
@@ -37,22 +37,24 @@ class Pictured:
     """Names of the recordings on which the gain was measured"""
 
 
-def pictured(
+def figure_data(
     found: Diagnosis, recordings: Sequence[Recording], holdout: Sequence[Recording] = ()
-) -> Pictured:
+) -> FigureData:
     """Return the data of a diagnosis' figures; empty if the recordings are faulty."""
     f = found.fitted
     if f is None:
-        return Pictured()
+        return FigureData()
     if f.base is None or f.final is None:
-        return Pictured(f.wrong, leftovers=found.leftovers, gain=f.gain if found.findings else None)
+        return FigureData(
+            f.wrong, leftovers=found.leftovers, gain=f.gain if found.findings else None
+        )
     unseen = list(holdout) or list(recordings)
     flown: tuple[Replayed, ...] = ()
     if found.findings:
         base = model_of(f.base, list(recordings), "base")
         flown = replayed(base, f.model, unseen)
     seen = (evidence(f.final, x.choice.term, x.noise) for x in found.findings)
-    return Pictured(
+    return FigureData(
         f.wrong,
         [e for e in seen if e is not None],
         found.leftovers,

@@ -7,7 +7,7 @@ from typing import Any
 
 from heli3dof.diagnosis.result import Diagnosis
 from heli3dof.recording.recording import Recording
-from heli3dof.report.diagnosis_figure_data import pictured
+from heli3dof.report.diagnosis_figure_data import figure_data
 from heli3dof.report.diagnosis_section import diagnosis_section
 from heli3dof.report.flight_report import flight_report
 
@@ -21,7 +21,7 @@ def diagnosis_page(
     title: str = "",
 ) -> str:
     """Return the HTML page of ``found``; ``document`` is its ``diagnose --json`` document."""
-    section = diagnosis_section(document, pictured(found, recordings, holdout))
+    section = diagnosis_section(document, figure_data(found, recordings, holdout))
     names = ", ".join(r.name for r in recordings)
     return flight_report(
         [*recordings, *holdout], first=[section], title=title or f"Diagnosis: {names}"

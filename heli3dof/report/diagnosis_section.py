@@ -15,7 +15,7 @@ from heli3dof.diagnosis.how_wrong import HowWrong
 from heli3dof.diagnosis.leftover import Leftover
 from heli3dof.diagnosis.torque_evidence import Evidence
 from heli3dof.report import diagnosis_text as words
-from heli3dof.report.diagnosis_figure_data import Pictured
+from heli3dof.report.diagnosis_figure_data import FigureData
 from heli3dof.report.diagnosis_figures import evidence_figure, stretch_figure
 from heli3dof.report.diagnosis_tables import calibration, findings, gains
 from heli3dof.report.diagnosis_text import Document
@@ -24,7 +24,7 @@ from heli3dof.report.text_table import NONE, Grid, fixed
 
 
 def diagnosis_section(
-    document: Document, p: Pictured = Pictured(), title: str = "Diagnosis"
+    document: Document, p: FigureData = FigureData(), title: str = "Diagnosis"
 ) -> Section:
     """Return the report's section on a diagnosis: its JSON ``document``, and figures from p."""
     bad = document["verdict"] == "bad_data"
@@ -42,7 +42,7 @@ def diagnosis_section(
     return Section(title, blocks)
 
 
-def _causes(document: Document, p: Pictured) -> list[str]:
+def _causes(document: Document, p: FigureData) -> list[str]:
     grid = findings(document)
     if not grid.rows:
         return []
@@ -59,7 +59,7 @@ def _causes(document: Document, p: Pictured) -> list[str]:
     return blocks + [paragraph(s) for s in document.get("about", {}).get("explains", ())]
 
 
-def _gain(document: Document, p: Pictured) -> list[str]:
+def _gain(document: Document, p: FigureData) -> list[str]:
     if p.gain is None:
         return []
     blocks = [subheading("Gain of the extended model")]
@@ -75,7 +75,7 @@ def _gain(document: Document, p: Pictured) -> list[str]:
     return blocks
 
 
-def _unmodelled(document: Document, p: Pictured) -> list[str]:
+def _unmodelled(document: Document, p: FigureData) -> list[str]:
     sentences = (words.equation_changes, words.kept_terms, words.not_adopted)
     blocks = [paragraph(s) for each in sentences for s in each(document)]
     if p.leftovers:

@@ -168,9 +168,9 @@ def _subtitle(flight: FlightComparison, axis: str) -> str:
         for m in flight.models:
             parts.append(f"{m.name} {_replay_peak(flight, m, axis)}")
         return _list(parts)
-    window = flight.held_still.window_s if flight.held_still else np.nan
+    window = flight.constant_angles.window_s if flight.constant_angles else np.nan
     errors = [(m.name, m.prediction) for m in flight.models]
-    for name, error in (*errors, ("constant angles", flight.held_still)):
+    for name, error in (*errors, ("constant angles", flight.constant_angles)):
         if error is not None:
             value = error.over_window_deg[AXES.index(axis)]
             parts.append(f"{name} {fixed(value, 1, '°')}")

@@ -13,7 +13,7 @@ import numpy as np
 
 from heli3dof.axes import AXES, ROLL
 from heli3dof.comparison.metrics import flight_metrics
-from heli3dof.comparison.prediction import HeldStill
+from heli3dof.comparison.prediction import ConstantAngles
 from heli3dof.comparison.result import Comparison, FlightComparison, ModelComparison
 from heli3dof.model.base import Model
 from heli3dof.paper.reproduction import Reproduced
@@ -167,7 +167,7 @@ def in_a_sentence(flight: FlightComparison) -> str:
             for a in flight.flown.axes
         ]
         sentences.append(f"{m.name}: {', '.join(errors)}.")
-    window = flight.held_still.window_s if flight.held_still else 0.0
+    window = flight.constant_angles.window_s if flight.constant_angles else 0.0
     title = f"{flight.recording.name}, RMSE of predictions over {window:g} s"
     return f"{title}: " + " ".join(sentences)
 
@@ -188,15 +188,15 @@ def _replay_sentence(flight: FlightComparison, m: ModelComparison) -> str:
 
 def _prediction_sentence(flight: FlightComparison) -> str:
     """Return a sentence on the errors of roll predictions, which run without a controller."""
-    if flight.held_still is None:
+    if flight.constant_angles is None:
         return ""
     named = [(m.name, m.prediction) for m in flight.models]
     errors = [
         f"{fixed(p.over_window_deg[ROLL], 1, '°')} ({name})"
-        for name, p in (*named, (HeldStill.name, flight.held_still))
+        for name, p in (*named, (ConstantAngles.name, flight.constant_angles))
         if p is not None
     ]
-    window = flight.held_still.window_s
+    window = flight.constant_angles.window_s
     return f"RMSE of roll predictions over {window:g} s: {', '.join(errors)}."
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import heli3dof as h3
-from heli3dof.comparison.prediction import HeldStill
+from heli3dof.comparison.prediction import ConstantAngles
 from heli3dof.comparison.term_importance import error_deg, shares
 from heli3dof.diagnosis.backward import backward
 from heli3dof.diagnosis.diagnose import diagnose
@@ -128,13 +128,13 @@ def fitted_to_flights(
             "" if bar is None else "≤ " + _deg(np.array(bar)),
             None if bar is None else bool((error <= bar).all()),
             how=f"roll / pitch / yaw; free-run prediction of {', '.join(trial.test)}; angles held "
-            f"still there {_deg(error_deg(HeldStill(), flown, 3.0))}",
+            f"still there {_deg(error_deg(ConstantAngles(), flown, 3.0))}",
         ),
         Figure(
             f"{trial.rig}: grey box, over 3 s, from the end of the climb on",
             _deg(error_deg(model, free, 3.0)),
             how="roll / pitch / yaw; angles held still there "
-            f"{_deg(error_deg(HeldStill(), free, 3.0))}",
+            f"{_deg(error_deg(ConstantAngles(), free, 3.0))}",
         ),
     ]
     return figures + [

@@ -165,9 +165,9 @@ def test_on_a_real_log_the_hover_model_is_worse_than_constant_angles() -> None:
     log = load(rig / "closed-1b.csv", load_profile(rig / "profile.toml"))
     only = compare([log], [hover_model(log.profile)]).flights[0]
     assert only.loop == "not replayed"
-    assert only.held_still is not None
+    assert only.constant_angles is not None
     hover = only.models[0].prediction
     assert hover is not None
-    assert only.held_still.over_window_deg == pytest.approx([9.5, 7.1, 7.4], abs=0.1)
-    assert (hover.over_window_deg > 3 * only.held_still.over_window_deg).all()
+    assert only.constant_angles.over_window_deg == pytest.approx([9.5, 7.1, 7.4], abs=0.1)
+    assert (hover.over_window_deg > 3 * only.constant_angles.over_window_deg).all()
     json.dumps(comparison_document(compare([log], [hover_model(log.profile)])), allow_nan=False)

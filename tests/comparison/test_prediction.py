@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from heli3dof.comparison.prediction import (
-    HeldStill,
+    ConstantAngles,
     common_rows,
     over_window_deg,
     predictions,
@@ -23,7 +23,7 @@ def ramp(slope_deg_per_s: float = 2.0, duration_s: float = 12.0) -> Recording:
 
 def test_constant_angles_have_an_error_of_slope_times_horizon() -> None:
     recording = ramp()
-    made = predictions(HeldStill(), recording, (0.5, 1.0, 3.0))
+    made = predictions(ConstantAngles(), recording, (0.5, 1.0, 3.0))
     error = rmse_deg(recording, made)
     assert error[0.5] == pytest.approx([1.0, 0.0, 0.5])
     assert error[3.0] == pytest.approx([6.0, 0.0, 3.0])
@@ -32,7 +32,7 @@ def test_constant_angles_have_an_error_of_slope_times_horizon() -> None:
 def test_the_error_over_a_window_of_a_ramp_is_its_end_over_root_three() -> None:
     """√(1/T ∫₀ᵀ (a t)² dt) = aT/√3; the trapezoid over 30 instants adds 1/(4·30²)."""
     recording = ramp()
-    made = predictions(HeldStill(), recording, (3.0,))
+    made = predictions(ConstantAngles(), recording, (3.0,))
     assert over_window_deg(rmse_deg(recording, made), made)[0] == pytest.approx(
         6.0 / np.sqrt(3), rel=0.0003
     )
@@ -40,8 +40,8 @@ def test_the_error_over_a_window_of_a_ramp_is_its_end_over_root_three() -> None:
 
 def test_models_are_evaluated_on_the_same_rows() -> None:
     recording = ramp()
-    early = predictions(HeldStill(), recording, (1.0,))
-    late = predictions(HeldStill(), recording, (1.0,))
+    early = predictions(ConstantAngles(), recording, (1.0,))
+    late = predictions(ConstantAngles(), recording, (1.0,))
     late.ahead[1.0][:900] = np.nan
     rows = common_rows([early, late])
     assert rows[1.0][:, 0].sum() == len(recording) - 900
@@ -49,7 +49,7 @@ def test_models_are_evaluated_on_the_same_rows() -> None:
 
 def test_an_axis_that_one_model_lacks_is_evaluated_for_the_others() -> None:
     recording = ramp()
-    full, no_yaw = (predictions(HeldStill(), recording, (1.0,)) for _ in range(2))
+    full, no_yaw = (predictions(ConstantAngles(), recording, (1.0,)) for _ in range(2))
     for y in no_yaw.ahead.values():
         y[:, 2] = np.nan
     rows = common_rows([full, no_yaw])
@@ -59,7 +59,7 @@ def test_an_axis_that_one_model_lacks_is_evaluated_for_the_others() -> None:
 
 def test_stitched_windows_start_at_the_data() -> None:
     recording = ramp()
-    t, angle = stitched(recording, predictions(HeldStill(), recording, (3.0,)))
+    t, angle = stitched(recording, predictions(ConstantAngles(), recording, (3.0,)))
     starts = np.concatenate([[0], np.flatnonzero(np.isnan(t))[:-1] + 1])
     assert t[starts] == pytest.approx([0, 3, 6, 9])
     np.testing.assert_allclose(np.degrees(angle[starts, 0]), 2.0 * t[starts])

@@ -22,7 +22,7 @@ from heli3dof.identification.greybox.estimate import Estimate
 from heli3dof.identification.greybox.method import fit_greybox, model_of
 from heli3dof.model.effects import effects, term
 from heli3dof.recording.recording import Recording
-from heli3dof.report.diagnosis_figure_data import Pictured
+from heli3dof.report.diagnosis_figure_data import FigureData
 from heli3dof.report.diagnosis_figures import evidence_figure, stretch_figure
 from heli3dof.report.diagnosis_section import diagnosis_section
 from heli3dof.report.figure_style import to_svg
@@ -109,7 +109,7 @@ def test_the_section_has_tables_and_figures_and_is_reproducible(
     g = gain(before, after)
     model = model_of(with_friction, [recording], "extended")
     rest = Leftover("roll", "roll*pitch", 0.2, ((0.0, 0.0), (1.0, 0.1)), (0.1, 0.1), 30.0, 0.99)
-    everything = Pictured(
+    everything = FigureData(
         wrong=how_wrong(model, [recording], flights=1),
         evidence=(seen,),
         leftovers=(rest,),

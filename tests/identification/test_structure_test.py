@@ -13,7 +13,7 @@ from heli3dof.experiment.plan import load_plan
 from heli3dof.identification.greybox.method import fit_greybox
 from heli3dof.identification.greybox.structure_test import (
     SIMPLIFICATIONS,
-    left_out,
+    score_and_curvature,
     with_simplifications,
 )
 from heli3dof.identification.identify import Identification, identify
@@ -70,7 +70,7 @@ def test_a_missing_yaw_inertia_variation_is_detected_separately() -> None:
 def test_a_full_rigid_body_is_not_refitted() -> None:
     result = fit_greybox(flown())
     assert with_simplifications(result) is result
-    g, V = left_out(result)
+    g, V = score_and_curvature(result)
     # Leaving out everything would cost more than 100 of log-likelihood.
     assert g.sum() - 0.5 * V.sum() < -100
 

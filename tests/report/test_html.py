@@ -166,7 +166,7 @@ def test_the_first_sentences_give_each_models_errors() -> None:
     assert peak < 0
     assert f"hover peaks {-peak:.1f}° lower" in text
     assert "same peaks at the same height; its RMSE over the flight is 0.00°, 0.00°, 0.00°" in text
-    assert only.held_still is not None
-    still = only.held_still.over_window_deg[0]
+    assert only.constant_angles is not None
+    still = only.constant_angles.over_window_deg[0]
     assert "RMSE of roll predictions over 3 s" in text
     assert f"{still:.1f}° (constant angles)." in text

@@ -179,7 +179,7 @@ class _Flight:
                 monitor=self.judge_ramp,
                 asked_to_end=lambda: self.stop() or recorder.problem,
                 must_still_fall=must_still_fall,
-                hurried_steps=steps,
+                shortened_steps=steps,
             )
             steps = self.steps(limits.landing_s)
         known = int(sample.flags) if sample is not None and end.ending == "tripped" else 0

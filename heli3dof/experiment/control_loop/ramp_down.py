@@ -55,7 +55,7 @@ class Supervision:
     """Returns why to shorten: a request of the user or a failure of the recorder; else None"""
     must_still_fall: Callable[[], bool]
     """Returns True while the roll count is constant above the table, so the arm must still fall"""
-    hurried_steps: int
+    shortened_steps: int
     """Control periods that the rest of a shortened ramp may take"""
 
 
@@ -156,7 +156,7 @@ def ramp_to_zero(
                 requested = requested or supervision.asked_to_end()
                 if not hurried and (requested is not None or tripped is not None):
                     hurried = True
-                    ramp.shorten(supervision.hurried_steps)
+                    ramp.shorten(supervision.shortened_steps)
             voltage = ramp.advance(1 + skipped)
             before, lateness = sample, exchange.lateness
             sample = exchange.exchange(before, voltage)

@@ -34,9 +34,9 @@ from heli3dof.model.physics.parametrisation import Free, Structure
 BLOCK_S = 0.5
 TIED = 0.9
 """Absolute correlation above which two parameters trade off against each other"""
-PRIOR_SPEAKS = 0.5
+PRIOR_SHARE_MAX = 0.5
 """A parameter whose σ exceeds this share of its prior's σ is not identifiable."""
-VAGUE_LOG = 0.4
+LOG_STD_MAX = 0.4
 """σ of a parameter's logarithm above which it is not identifiable"""
 
 
@@ -116,7 +116,7 @@ class Estimate(PhysicalFit):
                 for i in np.argsort(-np.abs(R[j]))
                 if i != j and abs(R[j, i]) > TIED
             )
-            vague = sd[j] > PRIOR_SPEAKS * prior[j] or (f.log and sd[j] > VAGUE_LOG)
+            vague = sd[j] > PRIOR_SHARE_MAX * prior[j] or (f.log and sd[j] > LOG_STD_MAX)
             absent = (
                 f.term is not None and not f.log and abs(self.values[j] - f.null) < 2 * self.std[j]
             )

@@ -31,7 +31,7 @@ STEP = 1e-2
 """Step of the differences, in standard deviations of each parameter"""
 
 
-def linear_figures(
+def linear_quantities(
     found: PhysicalFit, dt: float
 ) -> tuple[
     tuple[Pole, ...],
@@ -111,7 +111,7 @@ def fit_result(
     warnings: tuple[str, ...],
 ) -> FitResult:
     """Return the `FitResult` of a physical method; ``dt`` (s) is the control period."""
-    poles, transfer, response = linear_figures(found, dt)
+    poles, transfer, response = linear_quantities(found, dt)
     return FitResult(
         model=model,
         order=model.linear(dt).order,

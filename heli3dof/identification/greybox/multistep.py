@@ -279,13 +279,13 @@ def search(
             if say is not None:
                 say(f"horizon {last:g} s, round {before + n}: cost {begun:.0f} → {here:.0f}")
 
-        v = valley(p, a, stage, scale)
+        v = least_squares_problem(p, a, stage, scale)
         found = descend(v, z, rounds=rounds, settled=SETTLED, say=report)
         z, count = found.z, count + found.rounds
     return MultiStepFit(p, z, a, scale, found.cost, found.tangents, count, found.settled)
 
 
-def valley(
+def least_squares_problem(
     p: MultiStep, noise: np.ndarray, stage_s: Sequence[float], scale: np.ndarray
 ) -> LeastSquares:
     """Return the least-squares cost for horizons ``stage_s`` (s), noise (4,), scales (M, 3) rad."""

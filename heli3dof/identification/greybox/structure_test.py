@@ -31,7 +31,7 @@ SURE = 6.0
 
 def with_simplifications(found: Estimate) -> Estimate:
     """Return the fit, or a refit with simplified equations of motion if that is far likelier."""
-    g, V = left_out(found)
+    g, V = score_and_curvature(found)
     worth = [float(a @ g - 0.5 * a @ V @ a) for a in COMBINATIONS]
     best = int(np.argmax(worth))
     if not worth[best] > SURE * found.inflation:
@@ -45,7 +45,7 @@ def with_simplifications(found: Estimate) -> Estimate:
     return second if won > SURE * max(found.inflation, second.inflation) else found
 
 
-def left_out(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
+def score_and_curvature(found: Estimate) -> tuple[np.ndarray, np.ndarray]:
     """Return the log-likelihood's gradient (2,) and curvature (2, 2) in the omitted shares."""
     o, n, own = found.optimum, len(found.theta), found.structure
     wide = replace(

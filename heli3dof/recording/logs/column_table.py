@@ -20,11 +20,11 @@ from heli3dof.rig.profile import Profile
 
 
 def recording_from_table(
-    table: Table, profile: Profile, meta: Mapping[str, Any], *, believed: bool = True
+    table: Table, profile: Profile, meta: Mapping[str, Any], *, check_values: bool = True
 ) -> Recording:
     """Check a table and convert it to a `Recording`; warnings are added to ``meta["warnings"]``.
 
-    ``believed=False`` skips the checks whether angles and voltages have the units in their names.
+    ``check_values=False`` skips the checks of whether angles and voltages have the units they name.
     Raises RecordingError for:
 
     * a missing required column, or no angle at all
@@ -51,7 +51,7 @@ def recording_from_table(
         log_validation.finite(table.source, name, columns[name], table.where)
     t = columns["t_s"]
     warnings += log_validation.time_increases(table.source, t, profile.dt, table.where)
-    if believed:
+    if check_values:
         warnings += log_validation.voltages(
             table.source, columns["v_front_V"], columns["v_back_V"], profile.motor.v_max
         )
@@ -82,7 +82,9 @@ def recording_from_table(
                 if name in columns:
                     arrays[array][:, i] = columns[name] * factor
                     used.add(name)
-    warnings += log_validation.punctual(t, arrays["angle"], profile.encoder.rad_per_count)
+    warnings += log_validation.hidden_jitter_warnings(
+        t, arrays["angle"], profile.encoder.rad_per_count
+    )
     channels = {name: values for name, values in columns.items() if name not in used}
     about = {**meta, "warnings": [*meta.get("warnings", []), *warnings]}
     return Recording(t=t, profile=profile, channels=channels, meta=about, **arrays)

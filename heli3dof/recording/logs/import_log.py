@@ -25,14 +25,14 @@ def is_log(path: str | Path) -> bool:
 
 def import_log(
     path: str | Path, profile: Profile | None, columns: str | Sequence[str] | None = None, *,
-    believed: bool = True,
+    check_values: bool = True,
 ) -> Recording:  # fmt: skip
     """Read another program's log (CSV, gzipped CSV, MAT, MCAP) as a `Recording`.
 
     * ``profile``: the rig's; None: the one in the file, which only MCAP can contain. Without
       ``[controller]``, the controller that flew is unknown.
     * ``columns``: names of the rows or columns of a matrix in a MAT file
-    * ``believed=False`` skips the checks whether angles and voltages have the units in their names
+    * ``check_values=False`` skips the checks of whether angles and voltages have the units they name
 
     Warnings are in ``Recording.meta["warnings"]``. Raises RecordingError or UsageError.
     """
@@ -59,7 +59,7 @@ def import_log(
         log={"file": path.name, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()},
     )
     del meta["started_utc"]  # the time of the import is not the time of the flight
-    return recording_from_table(table, profile, meta, believed=believed)
+    return recording_from_table(table, profile, meta, check_values=check_values)
 
 
 def _not_importable(path: Path) -> RecordingError:

@@ -133,7 +133,9 @@ def time_increases(source: str, t: np.ndarray, period_s: float, where: Where) ->
     return warnings
 
 
-def punctual(t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray) -> list[str]:
+def hidden_jitter_warnings(
+    t: np.ndarray, angle: np.ndarray, rad_per_count: np.ndarray
+) -> list[str]:
     """Return a warning if the angles (N, 3) rad show sampling jitter that ``t`` (N,) s does not.
 
     The method is in `heli3dof.recording.logs.sampling_jitter`.
